@@ -1,0 +1,6 @@
+"""`python -m pliant` is the `pliant` command."""
+
+from pliant.cli.app import main
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,40 @@
+"""Errors that Pliant shows to people: one or two sentences, no traceback, a documented exit code."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+
+
+class PliantError(Exception):
+    """Base of all errors that Pliant raises on purpose; `exit_code` is what the command line returns."""
+
+    exit_code = 2
+
+
+class UserError(PliantError):
+    """The input is wrong. The message says what, where, what is allowed, and what to do."""
+
+
+class MissingDependencyError(UserError):
+    """A plugin needs a package that is not installed; the message names the command that installs it."""
+
+
+class InvalidDesignError(UserError):
+    """A design breaks one of its family's geometric inequalities; the message says which and by how much."""
+
+
+class NotReachedError(PliantError):
+    """The work ran but did not reach what was asked (not converged, infeasible)."""
+
+    exit_code = 3
+
+
+class ContractError(PliantError):
+    """A plugin breaks its interface's contract; the message names the plugin and the clause."""
+
+
+def closest(word: str, known: Iterable[str]) -> str:
+    """Return `"; did you mean 'x'?"` for the closest known word, or an empty string."""
+    match = difflib.get_close_matches(word, list(known), n=1, cutoff=0.55)
+    return f"; did you mean '{match[0]}'?" if match else ""

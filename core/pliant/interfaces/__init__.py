@@ -1,0 +1,16 @@
+"""The contracts that plugins fill, one small file each.
+
+Who calls whom, in the order of a run:
+
+family   → `ActuatorFamily.problem`, `.mass`        a design becomes a boundary-value problem and masses
+material → `Material.evaluate`                      strain energy, stress and tangent of a deformation gradient
+fem      → `FEMBackend.solver`                      solved states with exact slopes
+surrogate→ `Surrogate.fit`                          states become a law τ(p, u)
+effect   → `Effect.apply`                           a model becomes a model with one more physical effect
+physics  → `PhysicsBackend.build`                   a chain becomes a simulation
+task     → `Task.run`                               a simulation becomes metrics
+optimizer→ `Optimizer.ask`, `.tell`                 metrics become better designs
+
+Every implementation is built by ``Class(config)`` with its own validated, frozen config model, a subclass of
+`pliant.interfaces.base.ComponentConfig`.
+"""

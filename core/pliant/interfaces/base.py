@@ -1,0 +1,34 @@
+"""What all interfaces share: the config model and the number of the contract."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pydantic import AliasGenerator, BaseModel, ConfigDict
+
+from pliant.units import strip_unit_suffix
+
+CONTRACT_VERSION = 1
+
+
+class FrozenModel(BaseModel):
+    """Typed, frozen, strict about unknown keys; ``wall_m`` may be written ``wall: 1.5 mm``."""
+
+    model_config = ConfigDict(
+        extra="forbid",
+        frozen=True,
+        populate_by_name=True,
+        validate_default=True,
+        allow_inf_nan=False,
+        alias_generator=AliasGenerator(validation_alias=strip_unit_suffix),
+    )
+
+    def canonical(self) -> dict[str, Any]:
+        """The config as JSON values under SI names: what provenance stores and keys are made of."""
+        return self.model_dump(mode="json")
+
+
+class ComponentConfig(FrozenModel):
+    """A study's block. `kind` names the plugin; a subclass narrows it: ``kind: Literal["mine"] = "mine"``."""
+
+    kind: str

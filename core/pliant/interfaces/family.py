@@ -1,0 +1,50 @@
+"""ActuatorFamily: a parameterised actuator module."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import ClassVar
+
+from pliant.interfaces.base import ComponentConfig
+from pliant.records.design import Design, ModuleMass
+from pliant.records.fem import ModuleProblem
+from pliant.records.law import JointKind
+
+
+class FamilyConfig(ComponentConfig):
+    """Base of a family's config: its design parameters, SI, unit in the name."""
+
+
+class ActuatorFamily(ABC):
+    """One design of a family: geometry, validity, mesh, masses.
+
+    Called by the pipeline: `__init__` when a study is read (it must be cheap and must raise
+    `pliant.errors.InvalidDesignError` with the inequality and by how much it is broken), `problem` by the FEM
+    stage, `mass` by the chain stage. Module frame: x along the chain toward the tip, bending about y, origin
+    at the joint's line; positive actuation turns the tip toward −z.
+    """
+
+    joint: ClassVar[JointKind] = "revolute"
+    axes: ClassVar[tuple[str, ...]] = ("y",)
+
+    def __init__(self, config: FamilyConfig) -> None:
+        self.config = config
+
+    @property
+    def design(self) -> Design:
+        """The design's parameters as a record."""
+        parameters = self.config.canonical()
+        return Design(family=parameters.pop("kind"), parameters=parameters)
+
+    @property
+    @abstractmethod
+    def module_length_m(self) -> float:
+        """Length l of one module along the chain."""
+
+    @abstractmethod
+    def problem(self, refinement: int = 1) -> ModuleProblem:
+        """The boundary-value problem of one module; `refinement` multiplies the elements along each edge."""
+
+    @abstractmethod
+    def mass(self, density_kg_m3: float) -> ModuleMass:
+        """Masses of the two halves about the joint at mid-module, in the module frame."""

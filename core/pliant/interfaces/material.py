@@ -1,0 +1,52 @@
+"""Material: a hyperelastic law."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+
+from pydantic import Field
+
+from pliant.interfaces.base import ComponentConfig
+from pliant.records.design import Array
+from pliant.units import Density
+
+
+class MaterialConfig(ComponentConfig):
+    """Base of a material's config: constants in Pa and the density."""
+
+    density_kg_m3: Density = Field(default=1150.0, gt=0)
+
+
+@dataclass(frozen=True, eq=False)
+class Hyperelastic:
+    """Strain energy density and its derivatives at points of any shape (...,).
+
+    Attributes:
+        energy: (...,) W in J/m³.
+        stress: (..., 3, 3) first Piola–Kirchhoff stress P = ∂W/∂F in Pa.
+        tangent: (..., 3, 3, 3, 3) A = ∂P/∂F in Pa.
+    """
+
+    energy: Array
+    stress: Array
+    tangent: Array
+
+
+class Material(ABC):
+    """An isotropic hyperelastic solid. FEM backends call `evaluate` with all quadrature points at once."""
+
+    def __init__(self, config: MaterialConfig) -> None:
+        self.config = config
+
+    @property
+    def density_kg_m3(self) -> float:
+        return self.config.density_kg_m3
+
+    @abstractmethod
+    def energy(self, F: Array) -> Array:
+        """W(F) in J/m³, shape (...,), of deformation gradients F of shape (..., 3, 3)."""
+
+    @abstractmethod
+    def evaluate(self, F: Array) -> Hyperelastic:
+        """W, P and A at deformation gradients F of shape (..., 3, 3); J = det F > 0 is the caller's duty."""

@@ -1,0 +1,101 @@
+"""PhysicsBackend: an engine that simulates a chain."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from types import TracebackType
+from typing import ClassVar
+
+from pliant.interfaces.base import ComponentConfig
+from pliant.records.chain import ChainModel
+from pliant.records.design import Array
+from pliant.records.law import JointKind
+from pliant.records.rollout import Equilibrium, Inputs
+
+
+class PhysicsConfig(ComponentConfig):
+    """Base of an engine's config."""
+
+
+@dataclass(frozen=True)
+class Capabilities:
+    """What an engine can do; the pipeline asks before it builds.
+
+    Attributes:
+        joints: kinds of joints it simulates.
+        dynamic: `step` advances inertia and damping; otherwise each step is an equilibrium.
+    """
+
+    joints: tuple[JointKind, ...]
+    dynamic: bool
+
+
+@dataclass(frozen=True, eq=False)
+class SimulationState:
+    """Snapshot: time, joint coordinates (n, a) and their rates (n, a)."""
+
+    time_s: float
+    position: Array
+    velocity: Array
+
+
+class Simulation(ABC):
+    """One chain in one engine. Tasks drive it: `apply`, then `settle` or `step`, then read `markers`.
+
+    The pressure or load given to `apply` holds until the next `apply`. Everything outside is SI and in the
+    conventions of contracts.md; scaling and quaternion order stay inside.
+    """
+
+    chain: ChainModel
+
+    @abstractmethod
+    def apply(self, inputs: Inputs) -> None:
+        """Set actuation and loads from now on."""
+
+    @abstractmethod
+    def settle(self) -> Equilibrium:
+        """Static equilibrium under the present inputs, reached from the present state.
+
+        Never raises for lack of convergence: `converged` is False and `residual` tells how far it is.
+        """
+
+    @abstractmethod
+    def step(self, duration_s: float) -> None:
+        """Advance by `duration_s`, in as many internal steps as the engine needs."""
+
+    @abstractmethod
+    def snapshot(self) -> SimulationState:
+        """The present state; `restore` brings it back exactly."""
+
+    @abstractmethod
+    def restore(self, state: SimulationState) -> None:
+        """Return to a snapshot."""
+
+    @abstractmethod
+    def markers(self) -> Array:
+        """(n + 2, 3) base, joints 1…n and tip in the world, as the engine itself has them."""
+
+    def close(self) -> None:  # noqa: B027 - an engine without resources has nothing to free
+        """Free the engine's resources."""
+
+    def __enter__(self) -> Simulation:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+
+class PhysicsBackend(ABC):
+    """An engine. The simulate stage calls `build` once per chain; one backend may build many."""
+
+    capabilities: ClassVar[Capabilities]
+
+    def __init__(self, config: PhysicsConfig) -> None:
+        self.config = config
+
+    @abstractmethod
+    def build(self, chain: ChainModel) -> Simulation:
+        """A simulation at rest: joint coordinates 0, no actuation, no velocity."""

@@ -1,0 +1,49 @@
+"""Surrogate: fits a joint law to FEM or bench data."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from pathlib import Path
+
+from pydantic import Field
+
+from pliant.interfaces.base import ComponentConfig
+from pliant.records.fem import FemDataset
+from pliant.records.law import FitReport, JointLaw, LawRecord
+
+
+class SurrogateConfig(ComponentConfig):
+    """Base of a surrogate's config. `data` fits a table from elsewhere instead of the FEM stage's states."""
+
+    data: Path | None = Field(default=None, description="CSV with pressure_pa, angle_rad, moment_n_m")
+
+
+@dataclass(frozen=True, eq=False)
+class FittedLaw:
+    """A law and its errors on the states of role "check", which the fit must not have seen."""
+
+    law: JointLaw
+    report: FitReport
+
+
+class Surrogate(ABC):
+    """A way to make a law. The fit stage calls `stated` first; if that is None, `fit` with a data set."""
+
+    def __init__(self, config: SurrogateConfig) -> None:
+        self.config = config
+
+    def stated(self) -> JointLaw | None:
+        """The law that the config states by its coefficients, or None if the law must be fitted."""
+        return None
+
+    @abstractmethod
+    def fit(self, data: FemDataset) -> FittedLaw:
+        """Fit states of role "fit" (values, and slopes where they are finite); score on role "check".
+
+        Raises `UserError` when there are too few states; says how many are needed.
+        """
+
+    @abstractmethod
+    def load(self, record: LawRecord) -> JointLaw:
+        """Make the law of a record written by `JointLaw.record`; both evaluate to the same bits."""

@@ -1,0 +1,1 @@
+"""Chain mechanics that all engines share: rotations, kinematics, efforts, statics."""

@@ -1,0 +1,85 @@
+"""The neutral chain: rigid pieces joined by laws. Every physics engine builds its own model from it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from pliant.records.design import Array, MassProperties
+from pliant.records.law import JointLaw
+
+GRAVITY_M_S2 = (0.0, 0.0, -9.81)
+
+
+@dataclass(frozen=True, eq=False)
+class Joint:
+    """Joint i of a chain.
+
+    Attributes:
+        law: index into `ChainModel.laws`.
+        offset_m: (3,) the joint's position in its parent body's frame.
+        rest_rotation: (3, 3) the joint's rest frame in the parent body's frame (rotation between segments).
+    """
+
+    law: int
+    offset_m: Array
+    rest_rotation: Array
+
+
+@dataclass(frozen=True)
+class Actuator:
+    """A chamber or tendon that acts on every joint: τ += sign · law(p, sign · u). `input` names its signal."""
+
+    input: str
+    sign: float = 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class ChainModel:
+    """N joints and N + 1 rigid bodies in a row; body 0 is fixed to the base, body i hangs on joint i − 1.
+
+    A body's frame has its origin at its own joint (body 0: at the base) and, at rest, the orientation of the
+    joint's rest frame; x runs toward the tip. World frame: z up. Units are SI.
+
+    Attributes:
+        joints, bodies, laws: see above; `bodies` has one entry more than `joints`.
+        tip_offset_m: (3,) the tip in the last body's frame.
+        base_position_m, base_rotation: pose of body 0 in the world, (3,) and (3, 3).
+        gravity_m_s2: (3,).
+        payload_kg: point mass hung at the tip.
+        actuators: one entry for a single chamber; two of opposite sign for opposed chambers.
+    """
+
+    joints: tuple[Joint, ...]
+    bodies: tuple[MassProperties, ...]
+    laws: tuple[JointLaw, ...]
+    tip_offset_m: Array
+    base_position_m: Array
+    base_rotation: Array
+    gravity_m_s2: Array = field(default_factory=lambda: np.array(GRAVITY_M_S2))
+    payload_kg: float = 0.0
+    actuators: tuple[Actuator, ...] = (Actuator("pressure_pa"),)
+
+    @property
+    def n_joints(self) -> int:
+        return len(self.joints)
+
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """Axes of the joint coordinates; all laws of a chain share them."""
+        return self.laws[0].axes
+
+    @property
+    def length_m(self) -> float:
+        """Length from base to tip at rest."""
+        return float(sum(np.linalg.norm(j.offset_m) for j in self.joints) + np.linalg.norm(self.tip_offset_m))
+
+    def with_(self, **changes: object) -> ChainModel:
+        """A copy with some fields replaced."""
+        return replace(self, **changes)  # type: ignore[arg-type]
+
+
+def default_base_rotation() -> Array:
+    """Chain x along world −z, y along world −y, z along world −x (contracts.md): columns are the axes."""
+    return np.array([[0.0, 0.0, -1.0], [0.0, -1.0, 0.0], [-1.0, 0.0, 0.0]])

@@ -1,0 +1,107 @@
+"""The joint law τ(p, u): what a surrogate leaves behind and every physics engine evaluates."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+
+from pliant.records.design import Array
+
+JointKind = Literal["revolute", "spherical", "prismatic"]
+
+
+@dataclass(frozen=True, eq=False)
+class Effort:
+    """τ and its slopes for n joints with a axes: tau (n, a), dtau_dp (n, a), dtau_du (n, a, a)."""
+
+    tau: Array
+    dtau_dp: Array
+    dtau_du: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Domain:
+    """The box in which a law was fitted: actuation (2,) as (low, high), deformation (a, 2)."""
+
+    actuation: Array
+    deformation: Array
+
+    def excess(self, actuation: Array, deformation: Array) -> Array:
+        """How far outside the box each joint is, (n, 1 + a): negative below, positive above, 0 inside."""
+        values = np.concatenate([np.asarray(actuation, float)[:, None], deformation], axis=1)
+        box = np.concatenate([self.actuation[None], self.deformation])
+        return np.minimum(values - box[:, 0], 0.0) + np.maximum(values - box[:, 1], 0.0)
+
+    @staticmethod
+    def unbounded(n_axes: int) -> Domain:
+        """A domain without limits, for stated laws that give none."""
+        return Domain(np.array([-np.inf, np.inf]), np.tile([-np.inf, np.inf], (n_axes, 1)))
+
+
+@dataclass(frozen=True, eq=False)
+class LawRecord:
+    """A law as data: the kind of surrogate that reads it, JSON values and arrays. No pickle."""
+
+    kind: str
+    values: Mapping[str, Any]
+    arrays: Mapping[str, Array]
+
+
+class JointLaw(ABC):
+    """τ(p, u) of one module's joint with u in the joint's own coordinates (contracts.md).
+
+    A revolute joint has one axis, a spherical one three (u is the rotation vector of the child in its parent's
+    rest frame), a prismatic one an extension in metres and a force in newtons. τ = −∂Π/∂u, and a stable law
+    has ∂τ/∂u < 0. Implementations are frozen; behaviour is added by wrapping, as effects do.
+    """
+
+    joint: JointKind
+    axes: tuple[str, ...]
+    actuation_name: str
+    domain: Domain
+
+    @abstractmethod
+    def evaluate(self, actuation: Array, deformation: Array) -> Effort:
+        """Effort and slopes of n joints at once.
+
+        Args:
+            actuation: (n,) in Pa or N.
+            deformation: (n, a) in rad or m.
+        """
+
+    def potential(self, actuation: Array, deformation: Array) -> Array:
+        """Π(p, u) − Π(p, 0) in J, shape (n,): minus the work of τ along the straight path from 0 to u.
+
+        The default integrates by 12-point Gauss–Legendre, exact for polynomial laws up to degree 23.
+        """
+        nodes, weights = np.polynomial.legendre.leggauss(12)
+        work = np.zeros(len(deformation))
+        for node, weight in zip((nodes + 1) / 2, weights / 2, strict=True):
+            tau = self.evaluate(actuation, node * deformation).tau
+            work += weight * np.einsum("na,na->n", tau, deformation)
+        return -work
+
+    @abstractmethod
+    def record(self) -> LawRecord:
+        """The law as data; `Surrogate.load` makes the same law of it."""
+
+
+@dataclass(frozen=True, eq=False)
+class FitReport:
+    """Errors of a law on states that were not fitted, in its effort's unit, and the fit's residuals.
+
+    `worst_of_range` is the worst absolute error divided by max − min of the effort over all states.
+    """
+
+    n_fitted: int
+    n_heldout: int
+    rmse: float
+    worst: float
+    worst_of_range: float
+    r2: float
+    effort_range: float
+    details: Mapping[str, Any]

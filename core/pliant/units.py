@@ -1,0 +1,142 @@
+"""Quantities at the boundary: people write "1.5 mm", Pliant keeps SI numbers with the unit in the name.
+
+A configuration field is declared as ``wall_m: Length`` and may be written ``wall: 1.5 mm``, ``wall: 0.0015``
+or ``wall_m: 0.0015`` in a study; bare numbers are SI.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from functools import cache
+from typing import Annotated, Any
+
+from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
+from pydantic_core import CoreSchema, PydanticCustomError, core_schema
+
+# Suffixes that name a unit in a field: "module_length_m" may be written "module_length".
+UNIT_SUFFIXES = {
+    "_kg_m3": "kg/m^3",
+    "_m_s2": "m/s^2",
+    "_n_m": "N*m",
+    "_m": "m",
+    "_pa": "Pa",
+    "_kg": "kg",
+    "_rad": "rad",
+    "_n": "N",
+    "_s": "s",
+}
+EXAMPLES = {
+    "m": "1.5 mm",
+    "Pa": "15 kPa",
+    "kg": "13 g",
+    "rad": "30 deg",
+    "N": "0.2 N",
+    "s": "2 s",
+    "N*m": "5 mN*m",
+    "kg/m^3": "1150 kg/m^3",
+    "m/s^2": "9.81 m/s^2",
+    "dimensionless": "0.49",
+}
+NAMES = {
+    "m": "a length",
+    "Pa": "a pressure or modulus",
+    "kg": "a mass",
+    "rad": "an angle",
+    "N": "a force",
+    "s": "a time",
+    "N*m": "a moment",
+    "kg/m^3": "a density",
+    "m/s^2": "an acceleration",
+    "dimensionless": "a pure number",
+}
+
+
+class UnitError(ValueError):
+    """A text is not a quantity of the wanted dimension."""
+
+
+@cache
+def _pint() -> Any:
+    import pint  # imported on first use: most commands never parse a unit
+
+    return pint.UnitRegistry(autoconvert_offset_to_baseunit=True)
+
+
+def parse_quantity(text: str, unit: str) -> float:
+    """Convert a written quantity such as ``"1.5 mm"`` to a float in `unit` (a key of `EXAMPLES`).
+
+    Raises `UnitError` with a sentence when the text is no quantity or has another dimension.
+    """
+    wanted = f"needs {NAMES.get(unit, unit)} such as '{EXAMPLES.get(unit, '1 ' + unit)}'"
+    stripped = text.strip()
+    # pint evaluates expressions; only "number unit" is a quantity here.
+    match = re.fullmatch(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([^\s\d(][^()=;]*)?", stripped)
+    if match is None:
+        raise UnitError(f"'{text}' is not a quantity; it {wanted}")
+    number, name = float(match[1]), (match[2] or "").strip()
+    if not name:
+        return number
+    registry = _pint()
+    try:
+        quantity = registry.Quantity(number, registry.parse_units(name.replace("%", "percent")))
+    except Exception as error:  # pint raises many kinds for one cause: the unit is not known
+        raise UnitError(f"'{text}' has an unknown unit '{name}'; it {wanted}") from error
+    try:
+        return float(quantity.to(unit).magnitude)
+    except Exception as error:
+        raise UnitError(f"'{text}' is {_kind_of(quantity, name)}; it {wanted}") from error
+
+
+def _kind_of(quantity: Any, name: str) -> str:
+    for unit, label in NAMES.items():
+        if quantity.check(_pint().Quantity(1.0, unit).dimensionality):
+            return label
+    return f"in {name}"
+
+
+def strip_unit_suffix(field: str) -> str:
+    """Return the name that people write: ``wall_m`` → ``wall``, ``kind`` → ``kind``."""
+    for suffix in UNIT_SUFFIXES:
+        if field.endswith(suffix):
+            return field.removesuffix(suffix)
+    return field
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """Annotation of a pydantic field: a float in `unit`, accepted as a number (SI) or as a text with a unit."""
+
+    unit: str
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        return core_schema.no_info_before_validator_function(self._parse, handler(source))
+
+    def __get_pydantic_json_schema__(
+        self, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        number = handler(schema)
+        text = {"type": "string", "examples": [EXAMPLES.get(self.unit, f"1 {self.unit}")]}
+        return {"anyOf": [number, text], "x-unit": self.unit}
+
+    def _parse(self, value: Any) -> Any:
+        if isinstance(value, bool):
+            raise PydanticCustomError("quantity", "it is true or false, not a number")
+        if not isinstance(value, str):
+            return value
+        try:
+            return parse_quantity(value, self.unit)
+        except UnitError as error:
+            raise PydanticCustomError("quantity", "{sentence}", {"sentence": str(error)}) from None
+
+
+Length = Annotated[float, Quantity("m")]
+Pressure = Annotated[float, Quantity("Pa")]
+Mass = Annotated[float, Quantity("kg")]
+Angle = Annotated[float, Quantity("rad")]
+Force = Annotated[float, Quantity("N")]
+Time = Annotated[float, Quantity("s")]
+Moment = Annotated[float, Quantity("N*m")]
+Density = Annotated[float, Quantity("kg/m^3")]
+Acceleration = Annotated[float, Quantity("m/s^2")]
+Ratio = Annotated[float, Quantity("dimensionless")]

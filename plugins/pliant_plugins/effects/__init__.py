@@ -1,0 +1,1 @@
+"""Effects that ship with Pliant."""

@@ -1,0 +1,1 @@
+"""Families that ship with Pliant."""

@@ -1,0 +1,1 @@
+"""Fem that ship with Pliant."""

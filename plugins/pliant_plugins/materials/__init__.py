@@ -1,0 +1,1 @@
+"""Materials that ship with Pliant."""

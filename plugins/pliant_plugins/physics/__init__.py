@@ -1,0 +1,1 @@
+"""Physics that ship with Pliant."""

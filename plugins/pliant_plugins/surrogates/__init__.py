@@ -1,0 +1,1 @@
+"""Surrogates that ship with Pliant."""
