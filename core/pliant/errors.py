@@ -35,6 +35,6 @@ class ContractError(PliantError):
 
 
 def closest(word: str, known: Iterable[str]) -> str:
-    """Return `"; did you mean 'x'?"` for the closest known word, or an empty string."""
+    """End a sentence about an unknown word: "; did you mean 'x'?" for the closest known word, else "."."""
     match = difflib.get_close_matches(word, list(known), n=1, cutoff=0.55)
-    return f"; did you mean '{match[0]}'?" if match else ""
+    return f"; did you mean '{match[0]}'?" if match else "."

@@ -1,0 +1,77 @@
+"""The `chain` block: how modules become a robot."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from pliant.interfaces.base import FrozenModel
+from pliant.records.chain import GRAVITY_M_S2
+from pliant.units import Acceleration, Angle, Length, Mass, Ratio
+
+Vector = tuple[Ratio, Ratio, Ratio]
+
+
+class SegmentConfig(FrozenModel):
+    """A run of equal modules. `family` holds the design parameters that differ from the study's family."""
+
+    modules: int = Field(ge=1, le=4096)
+    rotation_rad: Angle = Field(default=0.0, description="about the chain axis, relative to the base")
+    family: dict[str, Any] = Field(default_factory=dict)
+
+
+class BaseConfig(FrozenModel):
+    """Pose of the chain's base: a quaternion (w, x, y, z), or the direction of the chain axis and a roll."""
+
+    position_m: tuple[Length, Length, Length] = (0.0, 0.0, 0.0)
+    quaternion: tuple[Ratio, Ratio, Ratio, Ratio] | None = None
+    direction: Vector | None = None
+    roll_rad: Angle | None = None
+
+    @model_validator(mode="after")
+    def _one_way(self) -> BaseConfig:
+        if self.quaternion is not None and (self.direction is not None or self.roll_rad is not None):
+            raise ValueError("give either 'quaternion' or 'direction' and 'roll', not both")
+        for name in ("quaternion", "direction"):
+            vector = getattr(self, name)
+            if vector is not None and np.linalg.norm(vector) < 1e-9:
+                raise ValueError(f"'{name}' has no length")
+        return self
+
+
+class ActuatorConfig(FrozenModel):
+    """A chamber or tendon: `input` names its signal, `sign` the side on which it acts."""
+
+    input: str = Field(pattern=r"^(pressure(_\d+)?_pa|tendon_force(_\d+)?_n)$")
+    sign: float = 1.0
+
+    @model_validator(mode="after")
+    def _unit_sign(self) -> ActuatorConfig:
+        if abs(self.sign) != 1.0:
+            raise ValueError("'sign' must be 1 or -1")
+        return self
+
+
+class ChainConfig(FrozenModel):
+    """N equal modules, or segments of them; gravity, base pose, payload and actuators."""
+
+    modules: int | None = Field(default=None, ge=1, le=4096)
+    segments: tuple[SegmentConfig, ...] = ()
+    gravity_m_s2: tuple[Acceleration, Acceleration, Acceleration] = GRAVITY_M_S2
+    base: BaseConfig = BaseConfig()
+    payload_kg: Mass = Field(default=0.0, ge=0)
+    actuators: tuple[ActuatorConfig, ...] = ()
+    module_length_m: Length | None = Field(default=None, gt=0, description="only without a family")
+    module_mass_kg: Mass = Field(default=0.0, ge=0, description="only without a family; a uniform rod")
+
+    @model_validator(mode="after")
+    def _modules_or_segments(self) -> ChainConfig:
+        if (self.modules is None) == (not self.segments):
+            raise ValueError("give either 'modules' or 'segments'")
+        return self
+
+    def as_segments(self) -> tuple[SegmentConfig, ...]:
+        """The chain as segments, also when only `modules` is given."""
+        return self.segments or (SegmentConfig(modules=self.modules or 1),)

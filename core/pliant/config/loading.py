@@ -1,0 +1,215 @@
+"""Read a study: YAML 1.2 with line numbers, `extends`, overrides, validation by kind."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+from ruamel.yaml import YAML
+from ruamel.yaml.comments import CommentedMap, CommentedSeq
+from ruamel.yaml.constructor import DuplicateKeyError
+from ruamel.yaml.error import MarkedYAMLError, YAMLError
+
+from pliant.config.problems import sentences
+from pliant.config.study import BLOCKS, Study, normalised, study_model
+from pliant.errors import UserError
+from pliant.registry.discovery import Registry
+
+# Paths inside a study are relative to the file that states them.
+PATH_KEYS = (("surrogate", "data"), ("measurements", "file"))
+KeyPath = tuple[Any, ...]
+
+
+@dataclass
+class _Sources:
+    """Where each key was written: (file, line), or the override that set it."""
+
+    places: dict[KeyPath, str] = field(default_factory=dict)
+
+    def where(self, path: Sequence[Any]) -> str:
+        """The place of the nearest key that was written."""
+        for end in range(len(path), -1, -1):
+            place = self.places.get(tuple(path[:end]))
+            if place is not None:
+                return place
+        return ""
+
+
+def load_study(path: Path, registry: Registry, overrides: Sequence[str] = ()) -> Study:
+    """Read, merge and validate a study file.
+
+    Args:
+        path: the YAML file.
+        registry: the installed plugins.
+        overrides: "key=value" texts with dotted keys, as on the command line; list items by number.
+
+    Raises:
+        UserError: one line per problem, with file and line.
+    """
+    sources = _Sources()
+    raw = _read_with_bases(path, sources, ())
+    for override in overrides:
+        raw = _override(raw, override, sources)
+    raw = normalised(raw)
+    try:
+        model = study_model(raw, registry)
+    except UserError as error:
+        raise UserError(_place_of_kind(str(error), raw, sources) + str(error)) from None
+    try:
+        return model.model_validate(raw)
+    except ValidationError as error:
+        raise UserError(sentences(error, model, sources.where)) from None
+
+
+def _place_of_kind(message: str, raw: Mapping[str, Any], sources: _Sources) -> str:
+    for key, block in raw.items():
+        blocks = block if isinstance(block, list) else [block]
+        for index, item in enumerate(blocks):
+            kind = item.get("kind") if isinstance(item, Mapping) else None
+            if kind is not None and f"kind '{kind}'" in message:
+                path = (key, index, "kind") if isinstance(block, list) else (key, "kind")
+                place = sources.where(path)
+                return f"{place}: " if place else ""
+    return ""
+
+
+def read_yaml(path: Path) -> CommentedMap:
+    """One YAML file as ruamel's map; raises `UserError` with the line of a syntax error or duplicate key."""
+    try:
+        text = path.read_text(encoding="utf-8")
+    except FileNotFoundError:
+        raise UserError(f"{path}: no such file{_neighbours(path)}.") from None
+    except IsADirectoryError:
+        raise UserError(f"{path} is a folder; give a study file such as {path}/study.yaml.") from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise UserError(f"{path}: cannot be read ({error}).") from None
+    return _parse(text, path)
+
+
+def _parse(text: str, path: Path) -> CommentedMap:
+    yaml = YAML(typ="rt")
+    try:
+        data = yaml.load(text)
+    except DuplicateKeyError as error:
+        line = error.problem_mark.line + 1 if error.problem_mark else "?"
+        name = re.search(r'found duplicate key "([^"]*)"', str(error.problem))
+        key = f"'{name[1]}'" if name else "a key"
+        raise UserError(f"{path}, line {line}: key {key} stands twice; keep one.") from None
+    except MarkedYAMLError as error:
+        mark = error.problem_mark or error.context_mark
+        line = mark.line + 1 if mark else "?"
+        raise UserError(f"{path}, line {line}: this is not YAML ({error.problem}).") from None
+    except YAMLError as error:
+        raise UserError(f"{path}: this is not YAML ({error}).") from None
+    if not isinstance(data, CommentedMap):
+        raise UserError(f"{path}: a study is a list of 'key: value' lines; this file holds none.")
+    return data
+
+
+def _neighbours(path: Path) -> str:
+    folder = path.parent
+    names = sorted(p.name for p in folder.glob("*.y*ml"))[:5] if folder.is_dir() else []
+    return f"; {folder} holds {', '.join(names)}" if names else ""
+
+
+def _read_with_bases(path: Path, sources: _Sources, chain: tuple[Path, ...]) -> dict[str, Any]:
+    resolved = path.resolve()
+    if resolved in chain:
+        names = " → ".join(p.name for p in (*chain, resolved))
+        raise UserError(f"{path}: 'extends' runs in a circle ({names}).")
+    data = read_yaml(path)
+    here = _Sources()
+    own = _plain(data, path, here, ())
+    _absolute_paths(own, resolved.parent)
+    base_name = own.pop("extends", None)
+    if base_name is None:
+        base: dict[str, Any] = {}
+    elif isinstance(base_name, str):
+        base_path = path.parent / base_name
+        if not base_path.is_file():
+            place = here.where(("extends",))
+            raise UserError(f"{place}: 'extends: {base_name}' is no file beside it{_neighbours(base_path)}.")
+        base = _read_with_bases(base_path, sources, (*chain, resolved))
+    else:
+        raise UserError(f"{here.where(('extends',))}: 'extends' must be the name of one file.")
+    sources.places.update(here.places)
+    return merge(base, own)
+
+
+def _plain(node: Any, path: Path, sources: _Sources, at: KeyPath) -> Any:
+    """ruamel's tree as plain values, remembering each key's line."""
+    if isinstance(node, CommentedMap):
+        for key in node:
+            line = node.lc.key(key)[0] + 1
+            sources.places[(*at, key)] = f"{path}, line {line}"
+        return {str(key): _plain(value, path, sources, (*at, key)) for key, value in node.items()}
+    if isinstance(node, CommentedSeq):
+        return [_plain(value, path, sources, (*at, i)) for i, value in enumerate(node)]
+    if isinstance(node, bool) or node is None:
+        return node
+    for kind in (int, float, str):
+        if isinstance(node, kind):
+            return kind(node)
+    return node
+
+
+def _absolute_paths(study: dict[str, Any], folder: Path) -> None:
+    for block, key in PATH_KEYS:
+        inner = study.get(block)
+        if isinstance(inner, dict) and isinstance(inner.get(key), str):
+            inner[key] = str(folder / inner[key])
+
+
+def merge(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
+    """Deep merge; changing a block's `kind` clears the block, lists are replaced."""
+    result = dict(base)
+    for key, value in changes.items():
+        old = result.get(key)
+        if isinstance(old, str) and key in BLOCKS:
+            old = {"kind": old}
+        if isinstance(value, str) and key in BLOCKS:
+            value = {"kind": value}
+        if isinstance(old, Mapping) and isinstance(value, Mapping):
+            same = value.get("kind", old.get("kind")) == old.get("kind")
+            result[key] = merge(old, value) if same else dict(value)
+        else:
+            result[key] = value
+    return result
+
+
+def _override(raw: dict[str, Any], text: str, sources: _Sources) -> dict[str, Any]:
+    """Apply one "a.b=value"."""
+    key, equals, written = text.partition("=")
+    parts = key.strip().split(".")
+    if not equals or not all(parts):
+        raise UserError(f"'{text}' is not an override; write key=value, for example physics.kind=mujoco.")
+    try:
+        value = _plain(YAML(typ="rt").load(written), Path("override"), _Sources(), ())
+    except YAMLError:
+        value = written
+    if (parts[0], parts[-1]) in PATH_KEYS and isinstance(value, str):
+        value = str(Path(value).resolve())
+    path: KeyPath = tuple(int(p) if p.isdigit() else p for p in parts)
+    sources.places[path] = f"override {text}"
+    return merge(raw, _nested(raw, path, value, text))
+
+
+def _nested(raw: Any, path: KeyPath, value: Any, text: str) -> Any:
+    """The override as a mapping to merge; list items are set in a copy of the list."""
+    if not path:
+        return value
+    head, rest = path[0], path[1:]
+    if isinstance(head, int):
+        items = list(raw) if isinstance(raw, list) else []
+        if head >= len(items):
+            raise UserError(f"override '{text}': there is no item {head}; the list has {len(items)}.")
+        inner = _nested(items[head], rest, value, text)
+        both = isinstance(inner, Mapping) and isinstance(items[head], Mapping)
+        items[head] = merge({"": items[head]}, {"": inner})[""] if both else inner
+        return items
+    below = raw.get(head) if isinstance(raw, Mapping) else None
+    return {head: _nested(below, rest, value, text)}

@@ -1,0 +1,135 @@
+"""The components that ship with Pliant. Nothing heavy is imported here; see `pliant.registry.component`."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterable
+
+from pliant.registry.component import Component
+from pliant.registry.hookspecs import hookimpl
+
+HERE = "pliant_plugins"
+FINGER = {
+    "inner_radius": "2 mm",
+    "average_radius": "6 mm",
+    "wall": "1.5 mm",
+    "module_length": "11 mm",
+}
+STUDY_LAW = {"k_n": 1.637e-6, "m_a": -1.704e-6, "b_a": 0.0, "m_e": 0.1012, "b_e": 0.0245}
+NO_PYBULLET_WHEEL = (
+    f"PyBullet has no wheel for Python {sys.version_info.major}.{sys.version_info.minor} "
+    "(3.11 is the last); use Python 3.11, or physics 'quasistatic' or 'mujoco'"
+)
+
+
+@hookimpl
+def pliant_components() -> Iterable[Component]:
+    """All built-in components."""
+    return [*_modules(), *_engines(), *_effects()]
+
+
+def _modules() -> list[Component]:
+    return [
+        Component(
+            interface="family",
+            kind="bellow_bending",
+            config=f"{HERE}.families.bellow_bending.config:BellowBendingConfig",
+            implementation=f"{HERE}.families.bellow_bending.family:BellowBending",
+            summary="bellow with a strain-limiting plate on one side; pressure bends it",
+            example=FINGER,
+        ),
+        Component(
+            interface="material",
+            kind="neo_hookean",
+            config=f"{HERE}.materials.neo_hookean:NeoHookeanConfig",
+            implementation=f"{HERE}.materials.neo_hookean:NeoHookean",
+            summary="nearly incompressible neo-Hookean rubber",
+            example={"shear_modulus": "240 kPa"},
+        ),
+        Component(
+            interface="fem",
+            kind="skfem",
+            config=f"{HERE}.fem.skfem.config:SkfemConfig",
+            implementation=f"{HERE}.fem.skfem.backend:Skfem",
+            summary="scikit-fem discretisation in a bend frame, exact slopes, pardiso or SuperLU",
+            example={"pressure_max": "15 kPa"},
+            requires=("skfem",),
+            install="pip install scikit-fem",
+        ),
+        Component(
+            interface="surrogate",
+            kind="polynomial",
+            config=f"{HERE}.surrogates.polynomial.config:PolynomialConfig",
+            implementation=f"{HERE}.surrogates.polynomial.surrogate:Polynomial",
+            summary="polynomial law of adaptive degree from values and slopes, or the study's form",
+            example={"form": "study", "coefficients": STUDY_LAW, "odd": True},
+        ),
+    ]
+
+
+def _engines() -> list[Component]:
+    pybullet = "pip install 'pliant[pybullet]'" if sys.version_info < (3, 12) else NO_PYBULLET_WHEEL
+    return [
+        Component(
+            interface="physics",
+            kind="quasistatic",
+            config=f"{HERE}.physics.quasistatic.config:QuasistaticConfig",
+            implementation=f"{HERE}.physics.quasistatic.backend:Quasistatic",
+            summary="equilibria by Newton with exact Jacobian; residual and stability reported",
+        ),
+        Component(
+            interface="physics",
+            kind="mujoco",
+            config=f"{HERE}.physics.mujoco.config:MujocoConfig",
+            implementation=f"{HERE}.physics.mujoco.backend:Mujoco",
+            summary="MuJoCo dynamics, implicit in the laws' stiffness",
+            requires=("mujoco",),
+            install="pip install mujoco",
+        ),
+        Component(
+            interface="physics",
+            kind="pybullet",
+            config=f"{HERE}.physics.pybullet.config:PybulletConfig",
+            implementation=f"{HERE}.physics.pybullet.backend:Pybullet",
+            summary="Bullet multibody dynamics, an independent check",
+            requires=("pybullet",),
+            install=pybullet,
+        ),
+        Component(
+            interface="task",
+            kind="free_bending",
+            config=f"{HERE}.tasks.free_bending:FreeBendingConfig",
+            implementation=f"{HERE}.tasks.free_bending:FreeBending",
+            summary="actuate the chain and let it settle",
+            example={"pressure": "15 kPa"},
+        ),
+        Component(
+            interface="task",
+            kind="tip_load",
+            config=f"{HERE}.tasks.tip_load:TipLoadConfig",
+            implementation=f"{HERE}.tasks.tip_load:TipLoad",
+            summary="actuate the chain with a payload or a force at its tip",
+            example={"pressure": "15 kPa", "payload": "13 g"},
+        ),
+    ]
+
+
+def _effects() -> list[Component]:
+    summaries = {
+        "stiffness": ("Stiffness", "passive stiffness off by a factor", {"factor": 1.2}),
+        "actuation_gain": ("ActuationGain", "the actuation acts with another gain", {"gain": 0.9}),
+        "pressure_offset": ("PressureOffset", "the gauge is off by a constant", {"offset": "500 Pa"}),
+        "gravity_scale": ("GravityScale", "weights off by a factor", {"factor": 1.1}),
+        "sensor_bias": ("SensorBias", "the angle sensor is off by a constant", {"bias": "2 deg"}),
+    }
+    return [
+        Component(
+            interface="effect",
+            kind=kind,
+            config=f"{HERE}.effects.{kind}:{name}Config",
+            implementation=f"{HERE}.effects.{kind}:{name}",
+            summary=summary,
+            example=example,
+        )
+        for kind, (name, summary, example) in summaries.items()
+    ]
