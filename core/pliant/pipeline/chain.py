@@ -1,0 +1,105 @@
+"""Stage 3: modules and laws become a chain of rigid pieces (contracts.md, Frames)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pliant.config.chain import BaseConfig, ChainConfig
+from pliant.mechanics.rotations import exp_map, matrix_of_quaternion
+from pliant.records.chain import Actuator, ChainModel, Joint, default_base_rotation
+from pliant.records.design import Array, MassProperties, ModuleMass
+from pliant.records.law import JointLaw
+
+
+@dataclass(frozen=True, eq=False)
+class Module:
+    """What the chain needs to know of one module: its law, length and masses."""
+
+    law: JointLaw
+    length_m: float
+    mass: ModuleMass
+
+
+@dataclass(frozen=True, eq=False)
+class Segment:
+    """Equal modules in a row; `rotation_rad` turns them about the chain axis, relative to the base."""
+
+    module: Module
+    count: int
+    rotation_rad: float
+
+
+def rod_module(law: JointLaw, length_m: float, mass_kg: float) -> Module:
+    """A module without a family: a thin uniform rod."""
+    half = mass_kg / 2
+
+    def piece(centre: float) -> MassProperties:
+        inertia = half * (length_m / 2) ** 2 / 12
+        return MassProperties(half, np.array([centre, 0.0, 0.0]), np.diag([0.0, inertia, inertia]))
+
+    return Module(law, length_m, ModuleMass(piece(-length_m / 4), piece(length_m / 4)))
+
+
+def build_chain(config: ChainConfig, segments: Sequence[Segment]) -> ChainModel:
+    """Rigid pieces l/2, l, …, l, l/2 between base, joints and tip; each module's mass goes to its two halves.
+
+    A segment's rotation is about the chain axis and relative to the base frame, so that the rest frame of its
+    first joint is turned by the difference to the segment before it.
+    """
+    modules = [(s.module, s.rotation_rad) for s in segments for _ in range(s.count)]
+    laws = list(dict.fromkeys(module.law for module, _ in modules))
+    joints: list[Joint] = []
+    bodies: list[MassProperties] = []
+    previous_rotation, before = 0.0, 0.0
+    tail = MassProperties.none()
+    for module, rotation in modules:
+        turn = exp_map(np.array([rotation - previous_rotation, 0.0, 0.0]))
+        offset = np.array([before + module.length_m / 2, 0.0, 0.0])
+        # The start half moves with the parent body, whose axes are turned back by `turn`.
+        start = module.mass.start.rotated(turn).shifted(offset)
+        bodies.append(tail.joined(start))
+        joints.append(Joint(laws.index(module.law), offset, turn))
+        tail, before, previous_rotation = module.mass.end, module.length_m / 2, rotation
+    bodies.append(tail)
+    return ChainModel(
+        joints=tuple(joints),
+        bodies=tuple(bodies),
+        laws=tuple(laws),
+        tip_offset_m=np.array([before, 0.0, 0.0]),
+        base_position_m=np.array(config.base.position_m, float),
+        base_rotation=base_rotation(config.base),
+        gravity_m_s2=np.array(config.gravity_m_s2, float),
+        payload_kg=config.payload_kg,
+        actuators=_actuators(config, laws[0]),
+    )
+
+
+def base_rotation(base: BaseConfig) -> Array:
+    """Rotation of the base in the world, (3, 3); see contracts.md for `direction` and `roll`."""
+    if base.quaternion is not None:
+        quaternion = np.array(base.quaternion, float)
+        return matrix_of_quaternion(quaternion / np.linalg.norm(quaternion))
+    rest = default_base_rotation()
+    if base.direction is not None:
+        rest = _smallest_rotation(np.array(base.direction, float)) @ rest
+    return rest @ exp_map(np.array([base.roll_rad or 0.0, 0.0, 0.0]))
+
+
+def _smallest_rotation(direction: Array) -> Array:
+    """The smallest rotation that takes world −z to `direction`; a half turn about world y for +z."""
+    target = direction / np.linalg.norm(direction)
+    down = np.array([0.0, 0.0, -1.0])
+    axis = np.cross(down, target)
+    sine, cosine = float(np.linalg.norm(axis)), float(down @ target)
+    if sine < 1e-12:
+        return np.eye(3) if cosine > 0 else exp_map(np.array([0.0, np.pi, 0.0]))
+    return exp_map(axis / sine * np.arctan2(sine, cosine))
+
+
+def _actuators(config: ChainConfig, law: JointLaw) -> tuple[Actuator, ...]:
+    if config.actuators:
+        return tuple(Actuator(a.input, a.sign) for a in config.actuators)
+    return (Actuator(law.actuation_name),)

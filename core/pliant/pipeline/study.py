@@ -1,0 +1,183 @@
+"""A study through its stages: which blocks it has decides which stages run."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from pliant.config.study import Study, varied
+from pliant.errors import MissingDependencyError, UserError
+from pliant.interfaces.family import ActuatorFamily, FamilyConfig
+from pliant.interfaces.physics import PhysicsConfig
+from pliant.interfaces.surrogate import SurrogateConfig
+from pliant.pipeline.chain import Module, Segment, build_chain, rod_module
+from pliant.pipeline.dataset import fem_stage
+from pliant.pipeline.simulate import ChainSource, simulate_stage
+from pliant.pipeline.surrogate import LawStage, law_stage
+from pliant.pipeline.workbench import Workbench
+from pliant.records.chain import ChainModel
+from pliant.records.rollout import TaskResult
+from pliant.store.store import Artifact
+
+
+@dataclass(frozen=True)
+class DesignStages:
+    """One distinct design of the chain: its config (None for a law without a family), data and law."""
+
+    family: FamilyConfig | None
+    fem: Artifact | None
+    law: LawStage
+
+
+@dataclass(frozen=True)
+class EngineRun:
+    """One engine's answer to the task, or why it was skipped."""
+
+    kind: str
+    artifact: Artifact | None
+    skipped: str = ""
+
+    @property
+    def result(self) -> TaskResult | None:
+        """The task's result, if it ran."""
+        return self.artifact.value if self.artifact else None
+
+
+@dataclass(frozen=True)
+class StudyRun:
+    """Everything that a study's stages made."""
+
+    study: Study
+    designs: tuple[DesignStages, ...]
+    chain: ChainModel | None = None
+    engines: tuple[EngineRun, ...] = ()
+    wall_s: float = 0.0
+    unused: tuple[str, ...] = field(default=())
+
+
+def fem_of_study(bench: Workbench, study: Study) -> tuple[Artifact, ...]:
+    """The FEM data of each distinct design of the study."""
+    study.need("family", "FEM")
+    return tuple(_fem(bench, study, family) for family in _distinct_families(study))
+
+
+def laws_of_study(bench: Workbench, study: Study) -> tuple[DesignStages, ...]:
+    """Data and law of each distinct design of the study."""
+    surrogate = study.surrogate or _default(bench, "surrogate", "polynomial", SurrogateConfig)
+    families: Sequence[FamilyConfig | None] = _distinct_families(study) or [None]
+    needs_fem = surrogate.data is None and bench.build("surrogate", surrogate).stated() is None
+    designs = []
+    for family in families:
+        fem = _fem(bench, study, family) if needs_fem and family is not None else None
+        designs.append(DesignStages(family, fem, law_stage(bench, surrogate, fem)))
+    return tuple(designs)
+
+
+def simulate_study(bench: Workbench, study: Study) -> StudyRun:
+    """All stages up to the task in the study's engine and in those of `cross_check`."""
+    started = time.perf_counter()
+    study.need("chain", "a simulation")
+    task = study.need("task", "a simulation")
+    physics = study.physics or _default(bench, "physics", "quasistatic", PhysicsConfig)
+    # An engine or task that cannot be built must say so before minutes of FEM.
+    bench.build("physics", physics)
+    bench.build("task", task)
+    designs = laws_of_study(bench, study)
+    source = _chain_source(bench, study, designs)
+    engines = [EngineRun(physics.kind, simulate_stage(bench, source, physics, task, study.effects))]
+    for other in study.cross_check:
+        try:
+            artifact = simulate_stage(bench, source, other, task, study.effects)
+            engines.append(EngineRun(other.kind, artifact))
+        except MissingDependencyError as error:
+            bench.progress.note(f"skipped: {error}")
+            engines.append(EngineRun(other.kind, None, skipped=str(error)))
+    wall_s = time.perf_counter() - started
+    return StudyRun(study, designs, source.chain, tuple(engines), wall_s, tuple(study.unused()))
+
+
+def _fem(bench: Workbench, study: Study, family: FamilyConfig) -> Artifact:
+    return fem_stage(bench, family, study.need("material", "FEM"), study.need("fem", "FEM"))
+
+
+def _default(bench: Workbench, interface: str, kind: str, base: type[Any]) -> Any:
+    return bench.registry.get(interface, kind).config_model()(kind=kind)
+
+
+def _segment_families(study: Study) -> list[FamilyConfig | None]:
+    """The family config of each segment, its changes applied and validated."""
+    if study.chain is None:
+        return [study.family]
+    result: list[FamilyConfig | None] = []
+    for number, segment in enumerate(study.chain.as_segments()):
+        if segment.family and study.family is None:
+            raise UserError(f"chain.segments.{number} changes a family, but the study has no 'family' block.")
+        try:
+            changed = varied(study.family, segment.family) if segment.family and study.family else study.family
+        except ValueError as error:
+            raise UserError(f"chain.segments.{number}.family: {error}") from None
+        result.append(changed)  # type: ignore[arg-type]
+    return result
+
+
+def _distinct_families(study: Study) -> list[FamilyConfig]:
+    distinct: dict[str, FamilyConfig] = {}
+    for family in _segment_families(study):
+        if family is not None:
+            distinct.setdefault(repr(family.canonical()), family)
+    return list(distinct.values())
+
+
+def _chain_source(bench: Workbench, study: Study, designs: Sequence[DesignStages]) -> ChainSource:
+    chain = study.need("chain", "a simulation")
+    modules = {repr(d.family.canonical()) if d.family else "": _module(bench, study, d) for d in designs}
+    segments = []
+    for segment, family in zip(chain.as_segments(), _segment_families(study), strict=True):
+        module = modules[repr(family.canonical()) if family else ""]
+        segments.append(Segment(module, segment.modules, segment.rotation_rad))
+    surrogate = study.surrogate.canonical() if study.surrogate else {"kind": "polynomial"}
+    surrogate.pop("data", None)  # its content is in the law's key
+    config = {
+        "chain": chain.canonical(),
+        "surrogate": surrogate,
+        "family": study.family.canonical() if study.family else None,
+        "density_kg_m3": _density(bench, study),
+    }
+    families = [study.family] if study.family else []
+    components = [bench.component("family", family) for family in families]
+    components.append(bench.registry.get("surrogate", surrogate["kind"]))
+    inputs = {f"law{number}": design.law.key for number, design in enumerate(designs)}
+    return ChainSource(build_chain(chain, segments), config, inputs, components)
+
+
+def _density(bench: Workbench, study: Study) -> float | None:
+    return float(study.material.density_kg_m3) if study.material else None
+
+
+def _module(bench: Workbench, study: Study, design: DesignStages) -> Module:
+    chain = study.need("chain", "a simulation")
+    if design.family is None:
+        if chain.module_length_m is None:
+            raise UserError(
+                "a chain without a 'family' block needs 'chain.module_length', for example '11 mm'."
+            )
+        return rod_module(design.law.law, chain.module_length_m, chain.module_mass_kg)
+    if chain.module_length_m is not None or chain.module_mass_kg:
+        raise UserError(
+            "'chain.module_length' and 'chain.module_mass' are for chains without a 'family' block; "
+            "here the family gives both."
+        )
+    family: ActuatorFamily = bench.build("family", design.family)
+    density = _density(bench, study)
+    if density is None:
+        weightless = not np.any(chain.gravity_m_s2)
+        if not weightless:
+            raise UserError(
+                "the modules' weight needs a 'material' block with a density (or set chain.gravity to [0, 0, 0])."
+            )
+        density = 1000.0  # inertia only; no weight acts
+    return Module(design.law.law, family.module_length_m, family.mass(density))

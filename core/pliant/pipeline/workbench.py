@@ -1,0 +1,57 @@
+"""What every stage needs at hand: the plugins, the store, someone to tell."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from pliant.interfaces.base import ComponentConfig
+from pliant.pipeline.progress import Progress, Silent
+from pliant.registry.component import Component
+from pliant.registry.discovery import Registry
+from pliant.store.fingerprint import code_fingerprint, versions
+from pliant.store.store import Artifact, ArtifactStore, Recipe
+
+
+@dataclass(frozen=True)
+class Workbench:
+    """The surroundings of a run; handed from stage to stage, never global."""
+
+    registry: Registry
+    store: ArtifactStore
+    progress: Progress = field(default_factory=Silent)
+
+    def component(self, interface: str, config: ComponentConfig) -> Component:
+        """The plugin of a config."""
+        return self.registry.get(interface, config.kind)
+
+    def build(self, interface: str, config: ComponentConfig) -> Any:
+        """The built plugin of a config."""
+        return self.registry.build(interface, config)
+
+    def make(
+        self,
+        stage: str,
+        compute: Callable[[Path], Any],
+        *,
+        components: Sequence[Component],
+        modules: Sequence[str],
+        config: Mapping[str, Any],
+        inputs: Mapping[str, str],
+    ) -> Artifact:
+        """Run one stage through the store.
+
+        Args:
+            stage: its name, the folder in the store.
+            compute: does the work; see `ArtifactStore.make`.
+            components: the plugins whose code the result depends on.
+            modules: Pliant's own modules whose code it depends on.
+            config: JSON values it depends on.
+            inputs: name → key of the artifacts it is made from.
+        """
+        code = code_fingerprint([*modules, *(c.implementation.partition(":")[0] for c in components)])
+        libraries = versions([module for c in components for module in c.requires])
+        recipe = Recipe(stage, config, inputs, code, libraries)
+        return self.store.make(recipe, compute, self.progress.note)

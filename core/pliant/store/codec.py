@@ -1,0 +1,79 @@
+"""Records as JSON and arrays, without pickle: only the classes listed here can come back out of a file."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from pliant.records.design import Design, MassProperties, ModuleMass
+from pliant.records.fem import FemDataset, FemState, ModuleShape
+from pliant.records.law import FitReport, LawRecord
+from pliant.records.rollout import Equilibrium, OutsideDomain, Rollout, TaskResult
+
+RECORDS: dict[str, type[Any]] = {
+    cls.__name__: cls
+    for cls in (
+        Design,
+        MassProperties,
+        ModuleMass,
+        FemDataset,
+        FemState,
+        ModuleShape,
+        FitReport,
+        LawRecord,
+        Equilibrium,
+        OutsideDomain,
+        Rollout,
+        TaskResult,
+    )
+}
+
+Arrays = dict[str, np.ndarray]
+
+
+def encode(value: Any, arrays: Arrays) -> Any:
+    """JSON tree of a value; arrays are moved to `arrays` and referred to by name."""
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        name = type(value).__name__
+        if RECORDS.get(name) is not type(value):
+            raise TypeError(f"{name} is no storable record")
+        fields = {f.name: encode(getattr(value, f.name), arrays) for f in dataclasses.fields(value)}
+        return {"__record__": name, "fields": fields}
+    if isinstance(value, np.ndarray):
+        if value.dtype == object:
+            raise TypeError("object arrays cannot be stored")
+        name = f"a{len(arrays):04d}"
+        arrays[name] = value
+        return {"__array__": name}
+    if isinstance(value, np.generic):
+        return value.item()
+    if isinstance(value, Mapping):
+        return {str(key): encode(item, arrays) for key, item in value.items()}
+    if isinstance(value, tuple):
+        return {"__tuple__": [encode(item, arrays) for item in value]}
+    if isinstance(value, list):
+        return [encode(item, arrays) for item in value]
+    if value is None or isinstance(value, bool | int | float | str):
+        return value
+    raise TypeError(f"{type(value).__name__} cannot be stored")
+
+
+def decode(tree: Any, arrays: Mapping[str, np.ndarray]) -> Any:
+    """The value of a JSON tree written by `encode`; raises `ValueError` for anything else."""
+    if isinstance(tree, list):
+        return [decode(item, arrays) for item in tree]
+    if not isinstance(tree, dict):
+        return tree
+    if "__array__" in tree:
+        return arrays[tree["__array__"]]
+    if "__tuple__" in tree:
+        return tuple(decode(item, arrays) for item in tree["__tuple__"])
+    if "__record__" in tree:
+        cls = RECORDS.get(tree["__record__"])
+        if cls is None:
+            raise ValueError(f"unknown record '{tree['__record__']}'")
+        return cls(**{name: decode(item, arrays) for name, item in tree["fields"].items()})
+    return {key: decode(item, arrays) for key, item in tree.items()}
