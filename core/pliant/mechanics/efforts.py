@@ -1,0 +1,123 @@
+"""Efforts of all joints of a chain from its laws and actuators: τ(q) = Σ_k s_k · law(p_k, s_k q)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from pliant.errors import UserError
+from pliant.records.chain import ChainModel
+from pliant.records.design import Array
+from pliant.records.law import JointLaw
+from pliant.records.rollout import OutsideDomain
+
+# Excesses below this are rounding, not extrapolation.
+DOMAIN_ROUNDING = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class ChainEffort:
+    """tau (n, a); dtau_dp (n, a) for each input's name; dtau_du (n, a, a)."""
+
+    tau: Array
+    dtau_dp: Mapping[str, Array]
+    dtau_du: Array
+
+
+@dataclass(frozen=True, eq=False)
+class _LawGroup:
+    law: JointLaw
+    joints: Array
+
+
+class JointEfforts:
+    """Evaluates a chain's laws; joints with the same law and all actuators go through one vectorised call."""
+
+    def __init__(self, chain: ChainModel) -> None:
+        self.actuators = chain.actuators
+        self.shape = (chain.n_joints, len(chain.axes))
+        self._signs = np.array([actuator.sign for actuator in chain.actuators], float)
+        of_joint = np.array([joint.law for joint in chain.joints])
+        self._groups = [
+            _LawGroup(law, np.flatnonzero(of_joint == k)) for k, law in enumerate(chain.laws) if k in of_joint
+        ]
+
+    def values(self, actuation: Mapping[str, float]) -> Array:
+        """(actuators,) the value of each actuator's input.
+
+        Raises:
+            UserError: an input of the chain has no value.
+        """
+        missing = sorted({a.input for a in self.actuators} - set(actuation))
+        if missing:
+            given = ", ".join(sorted(actuation)) or "none"
+            raise UserError(f"the chain is driven by {', '.join(missing)}, which has no value (given: {given})")
+        return np.array([actuation[actuator.input] for actuator in self.actuators], float)
+
+    def evaluate(self, q: Array, actuation: Mapping[str, float]) -> ChainEffort:
+        """Effort and slopes of all joints at coordinates q (n, a)."""
+        values = self.values(actuation)
+        n, a = self.shape
+        tau, dtau_du = np.zeros((n, a)), np.zeros((n, a, a))
+        dtau_dp = {actuator.input: np.zeros((n, a)) for actuator in self.actuators}
+        signs = self._signs
+        for group in self._groups:
+            pressures, deformations = self._stack(group, q, values)
+            effort = group.law.evaluate(pressures, deformations)
+            shape = (len(signs), len(group.joints), a)
+            tau[group.joints] += np.einsum("k,kna->na", signs, effort.tau.reshape(shape))
+            dtau_du[group.joints] += np.einsum("k,knab->nab", signs**2, effort.dtau_du.reshape(*shape, a))
+            by_input = signs[:, None, None] * effort.dtau_dp.reshape(shape)
+            for actuator, slope in zip(self.actuators, by_input, strict=True):
+                dtau_dp[actuator.input][group.joints] += slope
+        return ChainEffort(tau, dtau_dp, dtau_du)
+
+    def potential(self, q: Array, actuation: Mapping[str, float]) -> float:
+        """Σ Π(p, s q) − Π(p, 0) over joints and actuators, in J."""
+        values = self.values(actuation)
+        return float(
+            sum(group.law.potential(*self._stack(group, q, values)).sum() for group in self._groups)
+        )
+
+    def outside_domain(
+        self, q: Array, actuation: Mapping[str, float], time_s: float = 0.0
+    ) -> tuple[OutsideDomain, ...]:
+        """Where laws are used outside the box of their data, or where their slope is not negative.
+
+        `variable` is the input's name, `angle_rad` (`angle_x_rad`… on a spherical joint, `extension_m` on a
+        prismatic one) or `dtau_du`; `excess` is in the variable's unit and in the joint's own coordinates.
+        """
+        values = self.values(actuation)
+        found: list[OutsideDomain] = []
+        for group in self._groups:
+            names = _deformation_names(group.law)
+            for actuator, value in zip(self.actuators, values, strict=True):
+                pressures = np.full(len(group.joints), value)
+                excess = group.law.domain.excess(pressures, actuator.sign * q[group.joints])
+                excess[:, 1:] *= actuator.sign
+                for row, column in np.argwhere(np.abs(excess) > DOMAIN_ROUNDING):
+                    variable = (actuator.input, *names)[column]
+                    found.append(
+                        OutsideDomain(int(group.joints[row]) + 1, time_s, variable, float(excess[row, column]))
+                    )
+        slopes = self.evaluate(q, actuation).dtau_du
+        largest = np.linalg.eigvalsh(0.5 * (slopes + slopes.transpose(0, 2, 1)))[:, -1]
+        found += [
+            OutsideDomain(int(i) + 1, time_s, "dtau_du", float(largest[i])) for i in np.flatnonzero(largest >= 0.0)
+        ]
+        return tuple(sorted(found, key=lambda entry: (entry.module, entry.variable)))
+
+    def _stack(self, group: _LawGroup, q: Array, values: Array) -> tuple[Array, Array]:
+        """Actuation (k·m,) and deformation (k·m, a) of a group's m joints under all k actuators."""
+        joints = q[group.joints]
+        return np.repeat(values, len(joints)), (self._signs[:, None, None] * joints).reshape(-1, q.shape[1])
+
+
+def _deformation_names(law: JointLaw) -> tuple[str, ...]:
+    if law.joint == "prismatic":
+        return ("extension_m",)
+    if law.joint == "revolute":
+        return ("angle_rad",)
+    return tuple(f"angle_{axis}_rad" for axis in law.axes)

@@ -1,0 +1,127 @@
+"""Forward kinematics of a chain in joint coordinates q (n, a).
+
+Body i + 1 hangs on joint i: its origin is P = p + R (offset) of its parent and its orientation
+R_parent · rest · exp(B q), where the columns of B (3, a) are the joint's axes. A prismatic joint moves the
+child by q along its axis instead.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pliant.errors import ContractError
+from pliant.mechanics.rotations import exp_map, left_jacobian
+from pliant.records.chain import ChainModel
+from pliant.records.design import Array
+from pliant.records.law import JointKind
+
+AXES = {"x": 0, "y": 1, "z": 2}
+MAIN_AXIS = "y"
+
+
+@dataclass(frozen=True, eq=False)
+class Pose:
+    """A chain in space, world frame.
+
+    Attributes:
+        origins: (n + 1, 3) body origins; body i + 1 has its own at joint i.
+        rotations: (n + 1, 3, 3) body orientations.
+        rest_frames: (n, 3, 3) rest frames of the joints: parent's orientation times rest rotation.
+        directions: (n, 3, a) angular velocity of the child per rate of each coordinate (prismatic: velocity).
+    """
+
+    origins: Array
+    rotations: Array
+    rest_frames: Array
+    directions: Array
+
+
+@dataclass(frozen=True, eq=False)
+class ChainGeometry:
+    """What of a chain does not move: joint kind, axes and offsets, as arrays."""
+
+    kind: JointKind
+    axes: tuple[str, ...]
+    basis: Array
+    offsets: Array
+    rest_rotations: Array
+    tip_offset: Array
+    base_position: Array
+    base_rotation: Array
+
+    @staticmethod
+    def of(chain: ChainModel) -> ChainGeometry:
+        """Geometry of a chain.
+
+        Raises:
+            ContractError: the chain's lists do not fit together or its laws differ in kind or axes.
+        """
+        _check(chain)
+        law = chain.laws[0]
+        return ChainGeometry(
+            kind=law.joint,
+            axes=law.axes,
+            basis=np.eye(3)[:, [AXES[axis] for axis in law.axes]],
+            offsets=np.array([joint.offset_m for joint in chain.joints], float),
+            rest_rotations=np.array([joint.rest_rotation for joint in chain.joints], float),
+            tip_offset=np.asarray(chain.tip_offset_m, float),
+            base_position=np.asarray(chain.base_position_m, float),
+            base_rotation=np.asarray(chain.base_rotation, float),
+        )
+
+    @property
+    def n_joints(self) -> int:
+        return len(self.offsets)
+
+    @property
+    def main(self) -> int:
+        """Column of the main bending axis, or of the only axis."""
+        return self.axes.index(MAIN_AXIS) if MAIN_AXIS in self.axes else 0
+
+    def rotation_vectors(self, q: Array) -> Array:
+        """(n, 3) rotation vectors of the joints."""
+        vectors: Array = q @ self.basis.T
+        return vectors
+
+    def forward(self, q: Array) -> Pose:
+        """The pose at joint coordinates q (n, a)."""
+        n = self.n_joints
+        origins, rotations = np.empty((n + 1, 3)), np.empty((n + 1, 3, 3))
+        origins[0], rotations[0] = self.base_position, self.base_rotation
+        prismatic = self.kind == "prismatic"
+        phi = self.rotation_vectors(q)
+        turns = self.rest_rotations if prismatic else self.rest_rotations @ exp_map(phi)
+        for i in range(n):
+            rotations[i + 1] = rotations[i] @ turns[i]
+        rest_frames = rotations[:-1] @ self.rest_rotations
+        links = np.einsum("nij,nj->ni", rotations[:-1], self.offsets)
+        if prismatic:
+            links += np.einsum("nij,nj->ni", rest_frames, phi)
+            directions = rest_frames @ self.basis
+        else:
+            directions = rest_frames @ (left_jacobian(phi) @ self.basis)
+        origins[1:] = self.base_position + np.cumsum(links, axis=0)
+        return Pose(origins, rotations, rest_frames, directions)
+
+    def markers(self, q: Array) -> Array:
+        """(n + 2, 3) base, joints 1…n and tip; a joint's marker is the origin of the body it carries."""
+        pose = self.forward(q)
+        tip = pose.origins[-1] + pose.rotations[-1] @ self.tip_offset
+        return np.concatenate([pose.origins, tip[None]])
+
+
+def _check(chain: ChainModel) -> None:
+    if not chain.joints or not chain.laws:
+        raise ContractError("a chain needs at least one joint and one law")
+    if len(chain.bodies) != chain.n_joints + 1:
+        raise ContractError(f"a chain of {chain.n_joints} joints has {chain.n_joints + 1} bodies, not {len(chain.bodies)}")
+    first = chain.laws[0]
+    if any(law.joint != first.joint or law.axes != first.axes for law in chain.laws):
+        raise ContractError("all laws of a chain must share the joint kind and the axes")
+    n_axes = 3 if first.joint == "spherical" else 1
+    if len(set(first.axes)) != n_axes or not set(first.axes) <= set(AXES):
+        raise ContractError(f"a {first.joint} law has {n_axes} of the axes x, y, z, not {first.axes}")
+    if any(not 0 <= joint.law < len(chain.laws) for joint in chain.joints):
+        raise ContractError("a joint names a law that the chain does not have")

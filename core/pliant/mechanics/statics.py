@@ -1,0 +1,195 @@
+"""Statics of a chain in joint coordinates, all of it derived from one total potential.
+
+    Π(q) = Σ Π_joint(q) − Σ_k F_k · x_k(q) + M Σ_i q_i,main
+    residual r = −∂Π/∂q = τ + Q,   stiffness H = ∂²Π/∂q²
+
+F_k are the dead forces (body weights, payload, tip force) at points x_k. With ω_j the directions of joint j,
+P_j its position, G_j = Σ_{k≥j} (x_k − P_j) × F_k and T_j = Σ_{k≥j} [(x_k − P_j) F_kᵀ − ((x_k − P_j)·F_k) I]:
+
+    Q_j = ω_jᵀ G_j,   ∂²V/∂q_i∂q_j = −ω_iᵀ T_j ω_j  (i < j),
+
+and on the diagonal block also −(∂ω_j/∂q_j) G_j; distinct joints see the same expression because the proximal
+one turns everything beyond it. The opposing end moment M is carried by every joint of the chain; along the main axis
+its work is M Σ q, which for a planar chain is exactly a moment on the tip body.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from pliant.errors import UserError
+from pliant.mechanics.efforts import JointEfforts
+from pliant.mechanics.kinematics import ChainGeometry, Pose
+from pliant.mechanics.rotations import left_jacobian_transpose_slope
+from pliant.records.chain import ChainModel
+from pliant.records.design import Array
+from pliant.records.rollout import Inputs
+
+# Curvature below this share of the largest is neutral within rounding, not unstable.
+NEUTRAL_SHARE = 1e-10
+
+
+@dataclass(frozen=True, eq=False)
+class Loads:
+    """Everything that drives a chain at one instant; a straight path between two of them is a continuation."""
+
+    actuation: Mapping[str, float]
+    gravity_m_s2: Array
+    tip_force_n: Array = field(default_factory=lambda: np.zeros(3))
+    moment_n_m: float = 0.0
+
+    @staticmethod
+    def of(chain: ChainModel, inputs: Inputs) -> Loads:
+        """The chain's gravity with the inputs' actuation and loads.
+
+        Raises:
+            UserError: an end moment on a prismatic chain.
+        """
+        if inputs.moment_n_m and chain.laws[0].joint == "prismatic":
+            raise UserError("a chain of prismatic joints takes no end moment: leave moment_n_m at 0")
+        gravity = np.asarray(chain.gravity_m_s2, float)
+        force = np.array(inputs.tip_force_n, float)
+        return Loads(dict(inputs.actuation), gravity, force, float(inputs.moment_n_m))
+
+    @staticmethod
+    def none(chain: ChainModel) -> Loads:
+        """No actuation, no gravity, no load: the chain is straight."""
+        return Loads({actuator.input: 0.0 for actuator in chain.actuators}, np.zeros(3))
+
+    def between(self, other: Loads, fraction: float) -> Loads:
+        """The loads at `fraction` of the straight path from these (0) to the others (1)."""
+        keep, take = 1.0 - fraction, fraction
+        names = {**self.actuation, **other.actuation}
+        return Loads(
+            {k: keep * self.actuation.get(k, 0.0) + take * other.actuation.get(k, 0.0) for k in names},
+            keep * self.gravity_m_s2 + take * other.gravity_m_s2,
+            keep * self.tip_force_n + take * other.tip_force_n,
+            keep * self.moment_n_m + take * other.moment_n_m,
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Balance:
+    """residual (n, a) in N·m (N on prismatic joints) and stiffness (n·a, n·a), the Hessian of Π."""
+
+    residual: Array
+    stiffness: Array
+
+
+class ChainStatics:
+    """Residual, stiffness and potential of one chain."""
+
+    def __init__(self, chain: ChainModel) -> None:
+        self.geometry = ChainGeometry.of(chain)
+        self.efforts = JointEfforts(chain)
+        moving = chain.bodies[1:]
+        self._mass = np.array([body.mass_kg for body in moving] + [chain.payload_kg], float)
+        self._arm = np.array([body.com_m for body in moving] + [chain.tip_offset_m], float)
+        n = self.geometry.n_joints
+        self._body = np.minimum(np.arange(1, n + 2), n)
+
+    def residual(self, q: Array, loads: Loads) -> Array:
+        """(n, a) unbalanced effort of each joint coordinate."""
+        pose = self.geometry.forward(q)
+        moment, force, _ = self._beyond(pose, loads)
+        return self.effort(q, loads) + self._generalised(pose, moment, force)
+
+    def balance(self, q: Array, loads: Loads) -> Balance:
+        """Residual and its negative slope, analytic; symmetric where the laws derive from an energy."""
+        pose = self.geometry.forward(q)
+        moment, force, torsor = self._beyond(pose, loads)
+        effort = self.efforts.evaluate(q, loads.actuation)
+        residual = self._with_moment(effort.tau, loads) + self._generalised(pose, moment, force)
+        n, a = q.shape
+        stiffness = self._load_stiffness(q, pose, moment, torsor).reshape(n, a, n, a)
+        joints = np.arange(n)
+        stiffness[joints, :, joints, :] -= effort.dtau_du
+        return Balance(residual, stiffness.reshape(n * a, n * a))
+
+    def load_stiffness(self, q: Array, loads: Loads) -> Array:
+        """(n·a, n·a) Hessian of the potential of weights, payload and tip force."""
+        pose = self.geometry.forward(q)
+        moment, _, torsor = self._beyond(pose, loads)
+        return self._load_stiffness(q, pose, moment, torsor)
+
+    def effort(self, q: Array, loads: Loads) -> Array:
+        """(n, a) efforts of the laws less the end moment: what an engine applies at its joints."""
+        return self._with_moment(self.efforts.evaluate(q, loads.actuation).tau, loads)
+
+    def potential(self, q: Array, loads: Loads) -> float:
+        """Total potential Π in J; its constant is arbitrary."""
+        points = self._points(self.geometry.forward(q))
+        work = float(np.einsum("ki,ki->", self._forces(loads), points))
+        opposed = loads.moment_n_m * float(q[:, self.geometry.main].sum())
+        return self.efforts.potential(q, loads.actuation) - work + opposed
+
+    def _with_moment(self, tau: Array, loads: Loads) -> Array:
+        if loads.moment_n_m:
+            tau = tau.copy()
+            tau[:, self.geometry.main] -= loads.moment_n_m
+        return tau
+
+    def _forces(self, loads: Loads) -> Array:
+        forces = self._mass[:, None] * loads.gravity_m_s2
+        forces[-1] += loads.tip_force_n
+        return forces
+
+    def _points(self, pose: Pose) -> Array:
+        arms = np.einsum("kij,kj->ki", pose.rotations[self._body], self._arm)
+        points: Array = pose.origins[self._body] + arms
+        return points
+
+    def _beyond(self, pose: Pose, loads: Loads) -> tuple[Array, Array, Array]:
+        """(moment (n, 3), force (n, 3), Σ r Fᵀ (n, 3, 3)) about each joint of the forces beyond it."""
+        forces, points = self._forces(loads), self._points(pose)
+        force = np.cumsum(forces[::-1], axis=0)[::-1][:-1]
+        products = points[:, :, None] * forces[:, None, :]
+        torsor = np.cumsum(products[::-1], axis=0)[::-1][:-1]
+        torsor = torsor - pose.origins[1:, :, None] * force[:, None, :]
+        moment = np.stack(
+            [
+                torsor[:, 1, 2] - torsor[:, 2, 1],
+                torsor[:, 2, 0] - torsor[:, 0, 2],
+                torsor[:, 0, 1] - torsor[:, 1, 0],
+            ],
+            axis=1,
+        )
+        return moment, force, torsor
+
+    def _generalised(self, pose: Pose, moment: Array, force: Array) -> Array:
+        acting = force if self.geometry.kind == "prismatic" else moment
+        generalised: Array = np.einsum("nia,ni->na", pose.directions, acting)
+        return generalised
+
+    def _load_stiffness(self, q: Array, pose: Pose, moment: Array, torsor: Array) -> Array:
+        n, a = q.shape
+        if self.geometry.kind == "prismatic":
+            return np.zeros((n, n))
+        trace = np.trace(torsor, axis1=1, axis2=2)
+        turned = (torsor - trace[:, None, None] * np.eye(3)) @ pose.directions
+        left = pose.directions.transpose(1, 0, 2).reshape(3, n * a)
+        blocks = -(left.T @ turned.transpose(1, 0, 2).reshape(3, n * a)).reshape(n, a, n, a)
+        joints = np.arange(n)
+        blocks[joints, :, joints, :] -= self._own_slopes(q, pose, moment)
+        upper = joints[:, None] < joints[None, :]
+        blocks = np.where(upper[:, None, :, None], blocks, blocks.transpose(2, 3, 0, 1))
+        diagonal = blocks[joints, :, joints, :]
+        blocks[joints, :, joints, :] = 0.5 * (diagonal + diagonal.transpose(0, 2, 1))
+        return blocks.reshape(n * a, n * a)
+
+    def _own_slopes(self, q: Array, pose: Pose, moment: Array) -> Array:
+        """(n, a, a) Gᵀ ∂ω/∂q of each joint's own coordinates; zero on a hinge."""
+        basis = self.geometry.basis
+        seen = np.einsum("nij,ni->nj", pose.rest_frames, moment)
+        slope = left_jacobian_transpose_slope(self.geometry.rotation_vectors(q), seen)
+        own: Array = basis.T @ slope @ basis
+        return own
+
+
+def is_stable(stiffness: Array) -> bool:
+    """Whether the symmetric part of a stiffness has no negative eigenvalue beyond rounding."""
+    eigenvalues = np.linalg.eigvalsh(0.5 * (stiffness + stiffness.T))
+    return bool(eigenvalues[0] >= -NEUTRAL_SHARE * max(abs(eigenvalues[-1]), abs(eigenvalues[0])))
