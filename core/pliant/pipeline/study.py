@@ -12,8 +12,6 @@ import numpy as np
 from pliant.config.study import Study, varied
 from pliant.errors import MissingDependencyError, UserError
 from pliant.interfaces.family import ActuatorFamily, FamilyConfig
-from pliant.interfaces.physics import PhysicsConfig
-from pliant.interfaces.surrogate import SurrogateConfig
 from pliant.pipeline.chain import Module, Segment, build_chain, rod_module
 from pliant.pipeline.dataset import fem_stage
 from pliant.pipeline.simulate import ChainSource, simulate_stage
@@ -59,6 +57,15 @@ class StudyRun:
     unused: tuple[str, ...] = field(default=())
 
 
+DEFAULT_SURROGATE = "polynomial"
+DEFAULT_PHYSICS = "quasistatic"
+
+
+def surrogate_kind(study: Study) -> str:
+    """The kind of surrogate that the study names, or the default."""
+    return study.surrogate.kind if study.surrogate else DEFAULT_SURROGATE
+
+
 def fem_of_study(bench: Workbench, study: Study) -> tuple[Artifact, ...]:
     """The FEM data of each distinct design of the study."""
     study.need("family", "FEM")
@@ -67,7 +74,7 @@ def fem_of_study(bench: Workbench, study: Study) -> tuple[Artifact, ...]:
 
 def laws_of_study(bench: Workbench, study: Study) -> tuple[DesignStages, ...]:
     """Data and law of each distinct design of the study."""
-    surrogate = study.surrogate or _default(bench, "surrogate", "polynomial", SurrogateConfig)
+    surrogate = study.surrogate or _default(bench, "surrogate", DEFAULT_SURROGATE)
     families: Sequence[FamilyConfig | None] = _distinct_families(study) or [None]
     needs_fem = surrogate.data is None and bench.build("surrogate", surrogate).stated() is None
     designs = []
@@ -82,7 +89,7 @@ def simulate_study(bench: Workbench, study: Study) -> StudyRun:
     started = time.perf_counter()
     study.need("chain", "a simulation")
     task = study.need("task", "a simulation")
-    physics = study.physics or _default(bench, "physics", "quasistatic", PhysicsConfig)
+    physics = study.physics or _default(bench, "physics", DEFAULT_PHYSICS)
     # An engine or task that cannot be built must say so before minutes of FEM.
     bench.build("physics", physics)
     bench.build("task", task)
@@ -104,7 +111,7 @@ def _fem(bench: Workbench, study: Study, family: FamilyConfig) -> Artifact:
     return fem_stage(bench, family, study.need("material", "FEM"), study.need("fem", "FEM"))
 
 
-def _default(bench: Workbench, interface: str, kind: str, base: type[Any]) -> Any:
+def _default(bench: Workbench, interface: str, kind: str) -> Any:
     return bench.registry.get(interface, kind).config_model()(kind=kind)
 
 
@@ -139,7 +146,7 @@ def _chain_source(bench: Workbench, study: Study, designs: Sequence[DesignStages
     for segment, family in zip(chain.as_segments(), _segment_families(study), strict=True):
         module = modules[repr(family.canonical()) if family else ""]
         segments.append(Segment(module, segment.modules, segment.rotation_rad))
-    surrogate = study.surrogate.canonical() if study.surrogate else {"kind": "polynomial"}
+    surrogate = study.surrogate.canonical() if study.surrogate else {"kind": DEFAULT_SURROGATE}
     surrogate.pop("data", None)  # its content is in the law's key
     config = {
         "chain": chain.canonical(),

@@ -66,7 +66,11 @@ class Component:
         if missing is not None:
             how = self.install or f"pip install {missing}"
             raise MissingDependencyError(f"{self.label} needs {missing}: {how}.")
-        return _load(self.implementation)(config)
+        try:
+            implementation = _load(self.implementation)
+        except (ImportError, AttributeError) as error:
+            raise ContractError(f"{self.label} of {self.package}: {self.implementation}: {error}.") from error
+        return implementation(config)
 
     @property
     def label(self) -> str:

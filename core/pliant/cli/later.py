@@ -1,0 +1,42 @@
+"""The verbs of contracts.md whose issue has not landed: they say so and exit with 2."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Annotated
+
+import typer
+
+from pliant.cli.options import JsonFile, Quiet
+from pliant.cli.session import session
+from pliant.errors import UserError
+
+NOT_BUILT = {
+    "optimize": "the study's search, then the check of the winner by direct FEM",
+    "compare": "model against measurements: errors, noise floor, where it fails",
+    "diagnose": "which physical effect is missing, how sure, what to measure next",
+    "extend": "fits an effect and writes a new study that contains it",
+    "improve": "compare → diagnose → extend until the noise floor or an honest stop",
+}
+ANYTHING = {"allow_extra_args": True, "ignore_unknown_options": True}
+
+
+def add_to(app: typer.Typer) -> None:
+    """Add the verbs that are not built yet."""
+    for name, purpose in NOT_BUILT.items():
+        app.command(name, context_settings=ANYTHING, help=f"Not built yet: {purpose}.")(_saying(name))
+
+
+def _saying(name: str) -> Callable[..., None]:
+    def verb(
+        study: Annotated[str, typer.Argument(metavar="STUDY.yaml")] = "",
+        json: JsonFile = None,
+        quiet: Quiet = False,
+    ) -> None:
+        with session(name, json, quiet):
+            raise UserError(
+                f"'pliant {name}' is not built yet in this version; run, fem, fit, simulate, report, "
+                "plugins, check, schema and new-plugin are."
+            )
+
+    return verb

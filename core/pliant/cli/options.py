@@ -1,0 +1,28 @@
+"""Options that several verbs share (contracts.md, Commands)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+StudyFile = Annotated[Path, typer.Argument(metavar="STUDY.yaml", help="The study file.")]
+Overrides = Annotated[
+    list[str] | None,
+    typer.Argument(metavar="[KEY=VALUE]...", help="Changes to the study, e.g. physics.kind=mujoco."),
+]
+JsonFile = Annotated[
+    str | None,
+    typer.Option("--json", metavar="FILE", help="Write the result as JSON; '-' is standard output."),
+]
+Quiet = Annotated[bool, typer.Option("--quiet", help="Say nothing but errors.")]
+StoreFolder = Annotated[
+    Path,
+    typer.Option(
+        "--store",
+        envvar="PLIANT_STORE",
+        help="Folder of cached results; share it between studies and processes.",
+    ),
+]
+DEFAULT_STORE = Path(".pliant/store")

@@ -1,0 +1,128 @@
+"""One call of the command line: where it prints, what it returns, how it ends."""
+
+from __future__ import annotations
+
+import json
+import math
+import sys
+import tempfile
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import typer
+from rich.console import Console
+
+from pliant import __version__
+from pliant.cli.bars import TerminalProgress
+from pliant.config.loading import load_study
+from pliant.config.study import Study
+from pliant.errors import PliantError, UserError
+from pliant.pipeline.workbench import Workbench
+from pliant.registry.discovery import Registry, discover
+from pliant.store.store import ArtifactStore, write_atomically
+
+INTERRUPTED = 130
+
+
+@dataclass
+class Session:
+    """The surroundings of one verb. `result` becomes the JSON, `say` prints for people."""
+
+    command: str
+    json_target: str | None = None
+    quiet: bool = False
+    result: dict[str, Any] = field(default_factory=dict)
+    exit_code: int = 0
+
+    def __post_init__(self) -> None:
+        # With JSON on standard output, words for people go to standard error.
+        self.out = Console(stderr=self.json_target == "-", highlight=False, soft_wrap=True)
+        self.err = Console(stderr=True, highlight=False)
+        self.registry: Registry = discover()
+
+    def say(self, text: object = "") -> None:
+        """Print for people, unless --quiet."""
+        if not self.quiet:
+            self.out.print(text)
+
+    def study(self, path: Path, overrides: Sequence[str] | None) -> Study:
+        """Read the study, and say which of its keys no stage of this version reads."""
+        study = load_study(path, self.registry, overrides or ())
+        if study.unused():
+            self.progress.note(f"{', '.join(study.unused())}: read, but not used by '{self.command}' yet.")
+        return study
+
+    @property
+    def progress(self) -> TerminalProgress:
+        """Progress on standard error."""
+        return TerminalProgress(self.err, self.quiet)
+
+    def bench(self, store: Path) -> Workbench:
+        """A workbench on this store."""
+        return Workbench(self.registry, ArtifactStore(store), self.progress)
+
+
+@contextmanager
+def session(command: str, json_target: str | None, quiet: bool) -> Iterator[Session]:
+    """Run a verb: errors become one message and an exit code, the result becomes JSON."""
+    here = Session(command, json_target, quiet)
+    try:
+        if json_target not in (None, "-"):
+            check_writable(Path(str(json_target)).parent)
+        yield here
+        _write_json(here)
+    except PliantError as error:
+        here.err.print(f"[bold red]error:[/] {_escape(str(error))}", soft_wrap=True)
+        raise typer.Exit(error.exit_code) from None
+    except KeyboardInterrupt:
+        here.err.print("interrupted; finished work is kept, run the same command to go on.")
+        raise typer.Exit(INTERRUPTED) from None
+    if here.exit_code:
+        raise typer.Exit(here.exit_code)
+
+
+def check_writable(folder: Path) -> None:
+    """Make the folder and try to write in it; raises `UserError` before any work is done."""
+    missing = [p for p in (folder, *folder.parents) if not p.exists()]
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        tempfile.TemporaryFile(dir=folder).close()
+    except OSError as error:
+        for made in missing:
+            if made.is_dir():
+                made.rmdir()
+        cause = error.strerror or type(error).__name__
+        raise UserError(f"{folder} cannot be written ({cause}); choose another folder.") from None
+
+
+def _write_json(here: Session) -> None:
+    if here.json_target is None:
+        return
+    data = {"pliant": __version__, "command": here.command, **here.result}
+    text = json.dumps(plain(data), indent=1, allow_nan=False)
+    if here.json_target == "-":
+        sys.stdout.write(text + "\n")
+    else:
+        write_atomically(Path(here.json_target), text + "\n")
+
+
+def plain(value: Any) -> Any:
+    """Arrays and numpy numbers as JSON values; what is not finite becomes null."""
+    if isinstance(value, Mapping):
+        return {str(key): plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(item) for item in value]
+    if hasattr(value, "tolist"):
+        return plain(value.tolist())
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    if isinstance(value, Path):
+        return str(value)
+    return value
+
+
+def _escape(text: str) -> str:
+    return text.replace("[", r"\[")

@@ -1,0 +1,193 @@
+"""The verbs that run a study's stages: run, fem, fit, simulate, report."""
+
+from __future__ import annotations
+
+import os
+import time
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from pliant.cli import summaries
+from pliant.cli.options import DEFAULT_STORE, JsonFile, Overrides, Quiet, StoreFolder, StudyFile
+from pliant.cli.session import Session, check_writable, plain, session
+from pliant.pipeline.study import StudyRun, fem_of_study, laws_of_study, simulate_study, surrogate_kind
+from pliant.pipeline.tables import write_table
+from pliant.report.folder import finished, read_folder, table_name, write_folder
+from pliant.store.store import write_atomically
+
+OutFolder = Annotated[
+    Path | None, typer.Option("--out", metavar="DIR", help="Output folder; runs/<name> by default.")
+]
+NOT_CONVERGED = 3
+
+
+def run(
+    study: StudyFile,
+    overrides: Overrides = None,
+    out: OutFolder = None,
+    store: StoreFolder = DEFAULT_STORE,
+    json: JsonFile = None,
+    quiet: Quiet = False,
+) -> None:
+    """Run the stages that the study declares, from FEM to report; cached stages are not recomputed."""
+    with session("run", json, quiet) as here:
+        loaded = here.study(study, overrides)
+        folder = out or Path("runs") / loaded.name
+        check_writable(folder)
+        started = time.perf_counter()
+        bench = here.bench(store)
+        if loaded.chain is None or loaded.task is None:
+            done = StudyRun(loaded, laws_of_study(bench, loaded))
+        else:
+            done = simulate_study(bench, loaded)
+        here.result.update(_run_result(done, folder))
+        write_folder(folder, done, plain(here.result))
+        page = _report(here, bench, done, folder)
+        _say_run(here, done)
+        here.result["wall_s"] = time.perf_counter() - started
+        here.say(f"report   {page}   ({here.result['wall_s']:.1f} s in all)")
+        _exit_unless_converged(here, done)
+
+
+def fem(
+    study: StudyFile,
+    overrides: Overrides = None,
+    out: OutFolder = None,
+    store: StoreFolder = DEFAULT_STORE,
+    json: JsonFile = None,
+    quiet: Quiet = False,
+) -> None:
+    """Only the FEM data set; resumes where it was interrupted."""
+    with session("fem", json, quiet) as here:
+        loaded = here.study(study, overrides)
+        folder = out or Path("runs") / loaded.name
+        check_writable(folder)
+        artifacts = fem_of_study(here.bench(store), loaded)
+        tables = [folder / table_name(number) for number in range(len(artifacts))]
+        for artifact, table in zip(artifacts, tables, strict=True):
+            write_table(artifact.value, table)
+        here.result.update(summaries.fem(artifacts, [str(t) for t in tables]))
+        for line in summaries.fem_lines(artifacts):
+            here.say(line)
+        here.say(f"table    {', '.join(map(str, tables))}")
+        if here.result["failed"]:
+            here.exit_code = NOT_CONVERGED
+
+
+def fit(
+    study: StudyFile,
+    overrides: Overrides = None,
+    store: StoreFolder = DEFAULT_STORE,
+    json: JsonFile = None,
+    quiet: Quiet = False,
+) -> None:
+    """The joint law from the data set; prints its errors on states left out."""
+    with session("fit", json, quiet) as here:
+        loaded = here.study(study, overrides)
+        designs = laws_of_study(here.bench(store), loaded)
+        results = [summaries.fit(design) for design in designs]
+        here.result.update(results[0] if len(results) == 1 else {"designs": results})
+        for design in designs:
+            for line in summaries.fit_lines(design):
+                here.say(line)
+
+
+def simulate(
+    study: StudyFile,
+    overrides: Overrides = None,
+    store: StoreFolder = DEFAULT_STORE,
+    json: JsonFile = None,
+    quiet: Quiet = False,
+) -> None:
+    """The chain in the chosen physics under the study's task."""
+    with session("simulate", json, quiet) as here:
+        loaded = here.study(study, overrides).model_copy(update={"cross_check": ()})
+        done = simulate_study(here.bench(store), loaded)
+        here.result.update(summaries.simulation(done.engines[0]))
+        for line in summaries.simulation_lines(done.engines[0]):
+            here.say(line)
+        for name, value in (done.engines[0].result.metrics if done.engines[0].result else {}).items():
+            here.say(f"  {name:<24} {value:.6g}" if isinstance(value, float) else f"  {name:<24} {value}")
+        _exit_unless_converged(here, done)
+
+
+def report(
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="The --out folder of 'pliant run'.")],
+    json: JsonFile = None,
+    quiet: Quiet = False,
+) -> None:
+    """A self-contained HTML report of a finished run."""
+    with session("report", json, quiet) as here:
+        from pliant.report.page import render  # matplotlib takes a second to import
+
+        run_read = read_folder(folder, here.registry)
+        check_writable(folder)
+        page = folder / "report.html"
+        write_atomically(page, render(run_read).html)
+        here.result["report"] = page
+        here.say(f"report   {page}")
+
+
+def _run_result(done: StudyRun, folder: Path) -> dict[str, Any]:
+    result: dict[str, Any] = {"study": done.study.name, "out": str(folder)}
+    artifacts = [d.fem for d in done.designs if d.fem is not None]
+    if artifacts:
+        tables = [str(folder / table_name(n)) for n, d in enumerate(done.designs) if d.fem is not None]
+        result["fem"] = summaries.fem(artifacts, tables)
+    fits = [summaries.fit(design) for design in done.designs]
+    result["fit"] = fits[0] if len(fits) == 1 else fits
+    if done.engines:
+        result["simulate"] = summaries.simulation(done.engines[0])
+        result["cross_check"] = [summaries.simulation(engine) for engine in done.engines[1:]]
+        result["largest_marker_distance_m"] = summaries.largest_distance_m(done.engines)
+    result["unused"] = list(done.unused)
+    return result
+
+
+def _report(here: Session, bench: Any, done: StudyRun, folder: Path) -> Path:
+    """The page, from the store when nothing that it shows has changed."""
+
+    def compute(partial: Path) -> dict[str, Any]:
+        from pliant.report.page import render  # matplotlib takes a second to import
+
+        made = render(finished(done, plain(here.result)))
+        return {"html": made.html, "pictures": dict(made.pictures)}
+
+    keys = {f"artifact{n}": m["key"] for n, m in enumerate(finished(done, {}).provenance)}
+    artifact = bench.make(
+        "report",
+        compute,
+        components=[bench.registry.get("surrogate", surrogate_kind(done.study))],
+        modules=["pliant.report.page"],
+        config={"study": done.study.canonical(), "skipped": [e.skipped for e in done.engines]},
+        inputs=keys,
+    )
+    page = folder / "report.html"
+    write_atomically(page, artifact.value["html"])
+    (folder / "pictures").mkdir(exist_ok=True)
+    for name, png in artifact.value["pictures"].items():
+        temporary = folder / "pictures" / f".{name}.png"
+        temporary.write_bytes(png.tobytes())
+        os.replace(temporary, folder / "pictures" / f"{name}.png")
+    return page
+
+
+def _say_run(here: Session, done: StudyRun) -> None:
+    for design in done.designs:
+        lines = summaries.fem_lines([design.fem]) if design.fem else []
+        for line in lines + summaries.fit_lines(design):
+            here.say(line)
+    for engine in done.engines:
+        for line in summaries.simulation_lines(engine):
+            here.say(line)
+    distance = summaries.largest_distance_m(done.engines)
+    if distance is not None:
+        here.say(f"engines  agree within {1e3 * distance:.5f} mm")
+
+
+def _exit_unless_converged(here: Session, done: StudyRun) -> None:
+    ran = [engine.result for engine in done.engines if engine.result is not None]
+    if not all(result.final.converged for result in ran):
+        here.exit_code = NOT_CONVERGED

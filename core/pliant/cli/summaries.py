@@ -1,0 +1,151 @@
+"""Stage results as JSON (contracts.md) and as lines for people."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from pliant.pipeline.study import DesignStages, EngineRun
+from pliant.records.fem import FemDataset
+from pliant.records.rollout import TaskResult
+from pliant.store.store import Artifact
+
+
+def stage(artifact: Artifact) -> dict[str, Any]:
+    """Where a result came from."""
+    manifest = artifact.manifest
+    return {
+        "stage": manifest["stage"],
+        "key": artifact.key,
+        "cached": artifact.cached,
+        "wall_s": manifest["wall_s"],
+    }
+
+
+def fem(artifacts: Sequence[Artifact], tables: Sequence[str]) -> dict[str, Any]:
+    """The `fem` result."""
+    data: list[FemDataset] = [a.value for a in artifacts]
+    return {
+        "n_states": sum(len(d) for d in data),
+        "failed": [dict(f) for d in data for f in d.failed],
+        "self_contact": sum(int(np.sum(d.status == "self_contact")) for d in data),
+        "wall_s": sum(a.manifest["wall_s"] for a in artifacts),
+        "csv": tables[0] if len(tables) == 1 else list(tables),
+        "stages": [stage(a) for a in artifacts],
+    }
+
+
+def fem_lines(artifacts: Sequence[Artifact]) -> list[str]:
+    """The `fem` result for people."""
+    lines = []
+    for artifact in artifacts:
+        d: FemDataset = artifact.value
+        contact = int(np.sum(d.status == "self_contact"))
+        free = d.branch == "free"
+        lines.append(
+            f"FEM      {len(d)} states ({contact} with self-contact, {len(d.failed)} failed), "
+            f"free angle {np.degrees(d.angle_rad[free].max()):.2f}° at {d.actuation[free].max() / 1e3:g} kPa, "
+            f"{_time(artifact)}"
+        )
+    return lines
+
+
+def fit(design: DesignStages) -> dict[str, Any]:
+    """The `fit` result of one design."""
+    law, report = design.law.law, design.law.report
+    record = law.record()
+    result: dict[str, Any] = {
+        "kind": record.kind,
+        "parameters": {**record.values, **record.arrays},
+        "domain": {"actuation": law.domain.actuation, "deformation": law.domain.deformation},
+        "wall_s": design.law.artifact.manifest["wall_s"] if design.law.artifact else 0.0,
+    }
+    if report is not None:
+        result["heldout"] = {
+            "rmse": report.rmse,
+            "worst": report.worst,
+            "worst_of_range": report.worst_of_range,
+            "r2": report.r2,
+            "n": report.n_heldout,
+        }
+        result["n_fitted"] = report.n_fitted
+        result["study_form"] = report.details.get("study_form")
+    if design.law.artifact is not None:
+        result["stages"] = [stage(design.law.artifact)]
+    return result
+
+
+def fit_lines(design: DesignStages) -> list[str]:
+    """The `fit` result for people."""
+    report = design.law.report
+    if report is None or design.law.artifact is None:
+        return ["law      stated by its coefficients"]
+    lines = [
+        f"law      worst error {100 * report.worst_of_range:.3f} % of the range on {report.n_heldout} states "
+        f"left out ({report.n_fitted} fitted), R² {report.r2:.6f}, {_time(design.law.artifact)}"
+    ]
+    study_form = report.details.get("study_form")
+    if study_form:
+        lines.append(f"         the study's form: {100 * study_form['worst_of_range']:.2f} %")
+    return lines
+
+
+def simulation(engine: EngineRun) -> dict[str, Any]:
+    """The `simulate` result of one engine."""
+    if engine.artifact is None:
+        return {"kind": engine.kind, "skipped": engine.skipped}
+    result: TaskResult = engine.artifact.value
+    final = result.final
+    return {
+        "kind": engine.kind,
+        "tip_m": final.tip_m,
+        "markers_m": final.markers_m,
+        "joint_angles_rad": final.joint_angles[:, 0]
+        if final.joint_angles.shape[1] == 1
+        else final.joint_angles,
+        "converged": final.converged,
+        "stable": final.stable,
+        "residual": final.residual,
+        "wall_s": final.wall_s,
+        "outside_domain": [vars(entry) for entry in final.outside_domain],
+        "metrics": result.metrics,
+        "stages": [stage(engine.artifact)],
+    }
+
+
+def largest_distance_m(engines: Sequence[EngineRun]) -> float | None:
+    """Largest distance of a marker between the first engine and any other that ran."""
+    markers = [e.result.final.markers_m for e in engines if e.result is not None]
+    if len(markers) < 2:
+        return None
+    return float(max(np.linalg.norm(m - markers[0], axis=1).max() for m in markers[1:]))
+
+
+def simulation_lines(engine: EngineRun) -> list[str]:
+    """The `simulate` result for people."""
+    if engine.artifact is None:
+        return [f"{engine.kind:<12} skipped: {engine.skipped}"]
+    result: TaskResult = engine.artifact.value
+    x, y, z = 1e3 * result.final.tip_m
+    state = "settled" if result.final.converged else "NOT CONVERGED"
+    line = (
+        f"{engine.kind:<12} tip ({x:.3f}, {y:.3f}, {z:.3f}) mm, {state}, residual {result.final.residual:.1e}, "
+        f"{_time(engine.artifact)}"
+    )
+    outside = result.final.outside_domain
+    if not outside:
+        return [line]
+    worst = max(outside, key=lambda entry: abs(entry.excess))
+    return [
+        line,
+        f"             outside the law's domain at {len(outside)} places, "
+        f"worst: module {worst.module}, {worst.variable} by {worst.excess:.3g}",
+    ]
+
+
+def _time(artifact: Artifact) -> str:
+    wall = artifact.manifest["wall_s"]
+    text = f"{wall:.1f} s" if wall >= 0.1 else f"{1e3 * wall:.1f} ms"
+    return f"{text}, from the store" if artifact.cached else text
