@@ -1,0 +1,58 @@
+# Everything sets itself up: `make demo` and `make test` need git, make and Python >= 3.11, nothing else.
+# Python 3.11 is preferred because PyBullet has no wheel for later ones.
+PYTHON ?= $(shell for p in python3.11 python3.12 python3.13 python3; do \
+	$$p -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && echo $$p && break; done)
+VENV := .venv
+BIN := $(VENV)/bin
+PIP_INSTALL := PIP_CONSTRAINT=$(CURDIR)/constraints.txt $(BIN)/python -m pip install --quiet --disable-pip-version-check
+
+.PHONY: demo test test-all lint types imports check bench docs freeze clean
+
+demo: $(VENV)/.run  ## FEM → law → finger in three engines → report
+	$(BIN)/pliant run examples/first_finger/finger.yaml --out runs/first-finger
+	$(BIN)/pliant run examples/first_finger/loaded.yaml --out runs/loaded-finger
+
+test: $(VENV)/.dev  ## the fast suite
+	$(BIN)/python -m pytest -n 2 --dist loadgroup
+
+test-all: $(VENV)/.dev  ## the slow suite too
+	$(BIN)/python -m pytest -n 2 --dist loadgroup -m ""
+
+lint: $(VENV)/.dev
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+
+types: $(VENV)/.dev
+	$(BIN)/mypy
+
+imports: $(VENV)/.dev  ## who may import whom
+	$(BIN)/lint-imports
+
+check: lint types imports test
+
+bench: $(VENV)/.run  ## the figures of docs and notes, as JSON in benchmarks/out
+	$(BIN)/python benchmarks/fem_bending.py
+	$(BIN)/python benchmarks/law_error.py
+	$(BIN)/python benchmarks/engines_agree.py
+
+docs: $(VENV)/.run  ## the reference pages that are generated from the code
+	$(BIN)/python docs/generate.py
+
+freeze: $(VENV)/.dev
+	$(BIN)/python -m pip freeze --exclude-editable
+
+clean:
+	rm -rf $(VENV) .pliant runs
+
+$(VENV)/.python:
+	@test -n "$(PYTHON)" || { echo "Pliant needs Python 3.11 or later; none was found."; exit 1; }
+	$(PYTHON) -m venv $(VENV)
+	@touch $@
+
+$(VENV)/.run: $(VENV)/.python pyproject.toml constraints.txt
+	$(PIP_INSTALL) --editable '.[all]'
+	@touch $@
+
+$(VENV)/.dev: $(VENV)/.run
+	$(PIP_INSTALL) --editable '.[all,dev]'
+	@touch $@
