@@ -1,0 +1,1 @@
+"""Bellow with a strain-limiting plate along one side: pressure bends it about the plate."""

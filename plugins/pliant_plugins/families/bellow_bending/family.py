@@ -1,0 +1,70 @@
+"""The bending bellow as an `ActuatorFamily`."""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+
+from pliant.interfaces.family import ActuatorFamily
+from pliant.records.design import MassProperties, ModuleMass
+from pliant.records.fem import ModuleMesh, ModuleProblem
+from pliant_plugins.families.bellow_bending.config import BellowBendingConfig
+from pliant_plugins.families.bellow_bending.geometry import BellowGeometry
+from pliant_plugins.families.bellow_bending.hex27 import quadrature
+from pliant_plugins.families.bellow_bending.mesh import build_mesh
+
+
+class BellowBending(ActuatorFamily):
+    """One design of the bending bellow.
+
+    A module runs from mid-trough to mid-trough with its joint at mid-crest, on the plate's mid-plane: modules
+    meet at the narrow section, where the tube ends anyway and least mass crosses the border. The solved piece
+    is the half that moves with the child, x ∈ [0, l/2], cut by the mirror plane y = 0.
+    """
+
+    def __init__(self, config: BellowBendingConfig) -> None:
+        super().__init__(config)
+        self.geometry = BellowGeometry(
+            config.inner_radius_m, config.average_radius_m, config.wall_m, config.module_length_m
+        )
+        self.geometry.check()
+
+    @property
+    def module_length_m(self) -> float:
+        return self.geometry.module_length_m
+
+    def problem(self, refinement: int = 1) -> ModuleProblem:
+        """Half a module, half its width: the angle is half the joint's, the energy a quarter of the module's.
+
+        The pinned node, at the origin, removes the rigid motion along z; the line z = 0, whose strain is e,
+        is the plate's mid-plane.
+        """
+        return ModuleProblem(
+            mesh=build_mesh(self.geometry, refinement),
+            span_m=self.geometry.half_length_m,
+            reference_z_m=0.0,
+            angle_scale=2.0,
+            energy_scale=4.0,
+            fixed={"start": (0,), "end": (0,), "symmetry": (1,), "pin": (2,)},
+        )
+
+    @cached_property
+    def _mesh(self) -> ModuleMesh:
+        return build_mesh(self.geometry)
+
+    def mass(self, density_kg_m3: float) -> ModuleMass:
+        """Masses of the two halves, by Gauss quadrature over the mesh and its mirror images."""
+        point, volume = quadrature(self._mesh.nodes_m, self._mesh.cells)
+        mass = density_kg_m3 * volume.ravel()
+        x, y, z = point.reshape(-1, 3).T
+        total = 2 * mass.sum()
+        com = 2 * np.array([mass @ x, 0.0, mass @ z]) / total
+        rx, rz = x - com[0], z - com[2]
+        xx, yy, zz, xz = (2 * (mass @ product) for product in (rx * rx, y * y, rz * rz, rx * rz))
+        inertia = np.array([[yy + zz, 0.0, -xz], [0.0, xx + zz, 0.0], [-xz, 0.0, xx + yy]])
+        mirror = np.diag([-1.0, 1.0, 1.0])
+        return ModuleMass(
+            start=MassProperties(total, mirror @ com, mirror @ inertia @ mirror),
+            end=MassProperties(total, com, inertia),
+        )

@@ -1,0 +1,178 @@
+"""Structured 27-node hexahedra of half a convolution, y ≥ 0: two grids that share the crest's foot.
+
+*Wall*: grid [i, j, k] along the profile, around the axis (j = 0 at the plate) and through the thickness.
+*Plate*: grid [I, J, m] along x, along y and downwards; its top takes the wall's outer nodes over the crest's
+foot, [I ≤ i1, J ≤ j1].
+
+The plate's top plane z = −Rc cuts the crest's outer surface where (Rc + t) − (a + t)(1 − cos α) = Rc / cos φ.
+With P² = (a + t)(1 − cos α)/t and Q² = (Rc/cos φ − Rc)/t that curve is the circle P² + Q² = 1, and the foot a
+quarter disc. The elliptic map (s, q) → (s √(1 − β q²), q √(1 − β s²)) carries a square grid onto it; β = ½
+would be exact with a straight angle at one node, the slightly smaller value leaves a small fillet there.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pliant.records.design import Array
+from pliant.records.fem import IntArray, ModuleMesh
+from pliant_plugins.families.bellow_bending.geometry import BellowGeometry
+from pliant_plugins.families.bellow_bending.hex27 import boundary_faces
+
+SQUIRCLE = 0.42  # β
+WIDEST_FOOT = 0.85  # of R: what lies beyond belongs to the plate's side strip
+
+
+@dataclass(frozen=True)
+class Counts:
+    """Elements along each edge of the two grids."""
+
+    foot_x: int
+    shoulder: int
+    flank: int
+    trough: int
+    foot_y: int
+    around: int
+    wall: int
+    plate: int
+    overhang: int
+    side: int
+
+    @staticmethod
+    def of(geometry: BellowGeometry, refinement: int) -> Counts:
+        """Counts of a design: all fixed but the flank's, which follows its length."""
+        flank = int(np.ceil(geometry.flank_m / (0.2 * geometry.module_length_m)))
+        base = (2, 2, flank, 3, 3, 7, 1, 1, 2, 1)
+        return Counts(*(refinement * n for n in base))
+
+
+def build_mesh(geometry: BellowGeometry, refinement: int = 1) -> ModuleMesh:
+    """Mesh of x ∈ [0, l/2], y ≥ 0 in the module frame, origin on the plate's mid-plane under the crest.
+
+    Node sets: `start` (x = 0), `end` (x = l/2), `symmetry` (y = 0), `pin` (the origin's node).
+    """
+    counts = Counts.of(geometry, refinement)
+    wall = _wall(geometry, counts)
+    foot = (2 * counts.foot_x + 1, 2 * counts.foot_y + 1)
+    plate = _plate(geometry, counts, wall[: foot[0], : foot[1], -1])
+
+    wall_ids = np.arange(wall[..., 0].size).reshape(wall.shape[:3])
+    shared = np.zeros(plate.shape[:3], bool)
+    shared[: foot[0], : foot[1], 0] = True
+    plate_ids = np.empty(plate.shape[:3], np.int64)
+    plate_ids[shared] = wall_ids[: foot[0], : foot[1], -1].ravel()
+    plate_ids[~shared] = wall_ids.size + np.arange((~shared).sum())
+
+    nodes = np.vstack([wall.reshape(-1, 3), plate[~shared]])
+    # the wall's grid (profile, around, outward) is left-handed in the module frame, the plate's (x, y, down) too
+    cells = np.vstack([_cells(wall_ids[:, ::-1]), _cells(plate_ids[:, :, ::-1])])
+    inner = _faces(wall_ids[:, :, 0])
+    return ModuleMesh(nodes, cells, inner, boundary_faces(cells), _node_sets(geometry, nodes))
+
+
+def _wall(geometry: BellowGeometry, counts: Counts) -> Array:
+    """Wall nodes [i, j, k, 3] in the module frame."""
+    alpha, phi = _crest_angles(geometry, counts)
+    depth = geometry.wall_m * np.linspace(0, 1, 2 * counts.wall + 1)
+    x, radius = geometry.crest(alpha[..., None], depth)
+    # past the crest the lines run straight along the profile
+    rest_phi = phi[-1]
+    parts = [(x, radius, phi)]
+    if counts.flank:
+        fraction = np.linspace(0, 1, 2 * counts.flank + 1)[1:, None]
+        parts.append(_spread(*geometry.flank(fraction, depth), rest_phi))
+    angle = np.linspace(0, np.pi / 2, 2 * counts.trough + 1)[1:, None]
+    parts.append(_spread(*geometry.trough(angle, depth), rest_phi))
+    x, radius, phi = (np.concatenate(p) for p in zip(*parts, strict=True))
+    y = radius * np.sin(phi)[..., None]
+    z = geometry.axis_height_m - radius * np.cos(phi)[..., None]
+    nodes = np.stack([x, y, z], axis=-1)
+    # sin π and cos π/2 leave rounding on the mirror planes
+    nodes[:, -1, :, 1] = 0.0
+    nodes[-1, ..., 0] = geometry.half_length_m
+    return nodes
+
+
+def _spread(x: Array, radius: Array, phi: Array) -> tuple[Array, Array, Array]:
+    """Profile points [i, k] repeated around the axis: x and radius [i, j, k], angles [i, j]."""
+    shape = (x.shape[0], len(phi), x.shape[1])
+    return (
+        np.broadcast_to(x[:, None], shape),
+        np.broadcast_to(radius[:, None], shape),
+        np.broadcast_to(phi, shape[:2]),
+    )
+
+
+def _crest_angles(geometry: BellowGeometry, counts: Counts) -> tuple[Array, Array]:
+    """Angles [i, j] of the crest's nodes: α along the arc, φ around the axis from the plate."""
+    a, t, Rc = geometry.arc_radius_m, geometry.wall_m, geometry.crest_radius_m
+    i1, j1 = 2 * counts.foot_x, 2 * counts.foot_y
+    i, j = np.arange(i1 + 2 * counts.shoulder + 1)[:, None], np.arange(j1 + 2 * counts.around + 1)[None]
+    s, q = np.minimum(i / i1, 1.0), np.minimum(j / j1, 1.0)
+    past_i, past_j = (
+        np.maximum(i - i1, 0) / (2 * counts.shoulder),
+        np.maximum(j - j1, 0) / (2 * counts.around),
+    )
+    # the foot's curved edges straighten out with distance from it
+    P = s * np.sqrt(1 - SQUIRCLE * q**2 * (1 - past_j))
+    Q = _foot_width(geometry) * q * np.sqrt(1 - SQUIRCLE * s**2 * (1 - past_i))
+    alpha = np.arccos(1 - t * P**2 / (a + t))
+    phi = np.arccos(Rc / (Rc + t * Q**2))
+    return alpha + (np.pi / 2 - alpha) * past_i, phi + (np.pi - phi) * past_j
+
+
+def _foot_width(geometry: BellowGeometry) -> float:
+    """Largest Q of the foot: 1, or less where the crest is wider than the plate can carry."""
+    t, Rc = geometry.wall_m, geometry.crest_radius_m
+    sine = WIDEST_FOOT * geometry.average_radius_m / (Rc + t)
+    return float(min(1.0, np.sqrt((Rc / np.sqrt(1 - sine**2) - Rc) / t)))
+
+
+def _plate(geometry: BellowGeometry, counts: Counts, foot: Array) -> Array:
+    """Plate nodes [I, J, m, 3]: columns that hang from the foot and, beside it, from the plate's top plane."""
+    t, half, R = geometry.wall_m, geometry.half_length_m, geometry.average_radius_m
+    edge_x, edge_y = foot[-1], foot[:, -1]  # the foot's far edges along x and along y
+    f = np.linspace(0, 1, 2 * counts.overhang + 1)[1:, None, None]
+    g = np.linspace(0, 1, 2 * counts.side + 1)[1:, None]
+    # where the foot's lines arrive at the end plane and at the plate's side
+    corner = foot[-1, -1]
+    y_end = edge_x[:, 1] * (0.5 * (corner[1] + edge_y[0, 1]) / corner[1])
+    x_side = edge_y[:, 0] * (0.5 * (corner[0] + edge_x[0, 0]) / corner[0])
+    end = np.stack([np.full_like(y_end, half), y_end, np.full_like(y_end, t)], axis=-1)
+    side = np.stack([x_side, np.full_like(x_side, R), np.full_like(x_side, t)], axis=-1)
+
+    beyond_x = edge_x + f * (end - edge_x)
+    beyond_y = edge_y[:, None] + g * (side - edge_y)[:, None]
+    far = np.array([half, R, t])
+    both = (1 - f) * ((1 - g) * corner + g * side[-1]) + f * ((1 - g) * end[-1] + g * far)
+    top = np.block([[[foot], [beyond_y]], [[beyond_x], [both]]])
+
+    plate = np.repeat(top[:, :, None], 2 * counts.plate + 1, axis=2)
+    m = np.linspace(0, 1, 2 * counts.plate + 1)
+    plate[..., 2] += m * (-t - top[..., 2])[..., None]
+    return plate
+
+
+def _cells(ids: IntArray) -> IntArray:
+    """Cells (m, 27) of a grid of node ids [i, j, k] with two intervals per element."""
+    windows = np.lib.stride_tricks.sliding_window_view(ids, (3, 3, 3))[::2, ::2, ::2]
+    return np.ascontiguousarray(windows.transpose(0, 1, 2, 5, 4, 3)).reshape(-1, 27)
+
+
+def _faces(ids: IntArray) -> IntArray:
+    """Faces (f, 9) of a grid [i, j]; local node a + 3b with a along i."""
+    windows = np.lib.stride_tricks.sliding_window_view(ids, (3, 3))[::2, ::2]
+    return np.ascontiguousarray(windows.transpose(0, 1, 3, 2)).reshape(-1, 9)
+
+
+def _node_sets(geometry: BellowGeometry, nodes: Array) -> dict[str, IntArray]:
+    near = 1e-9 * geometry.module_length_m
+    distance = np.linalg.norm(nodes, axis=1)
+    return {
+        "start": np.flatnonzero(np.abs(nodes[:, 0]) < near),
+        "end": np.flatnonzero(np.abs(nodes[:, 0] - geometry.half_length_m) < near),
+        "symmetry": np.flatnonzero(np.abs(nodes[:, 1]) < near),
+        "pin": np.flatnonzero(distance < near),
+    }

@@ -1,0 +1,21 @@
+"""Options of the scikit-fem backend."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from pydantic import Field
+
+from pliant.interfaces.fem import FemConfig
+
+
+class SkfemConfig(FemConfig):
+    """Newton's tolerance is the root-mean-square strain that the last, already quadratic, step adds."""
+
+    kind: Literal["skfem"] = "skfem"
+    linear_solver: Literal["auto", "pardiso", "superlu"] = Field(
+        default="auto", description="auto: pardiso where pypardiso is installed, SuperLU otherwise"
+    )
+    tolerance: float = Field(default=1e-6, gt=0, le=1e-3, description="strain of the last Newton step")
+    max_iterations: int = Field(default=20, ge=2, le=200, description="Newton steps before a step is halved")
+    max_halvings: int = Field(default=6, ge=0, le=20, description="how often a load step may be halved")

@@ -1,0 +1,108 @@
+"""Direct solvers for the symmetric matrix over the free displacements.
+
+Both keep the structure: the pattern never changes within a problem, only the values do.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import weakref
+from typing import Any, Literal, Protocol
+
+import numpy as np
+from scipy import sparse
+
+from pliant.errors import MissingDependencyError
+from pliant.records.design import Array
+from pliant_plugins.fem.skfem.assembly import Pattern
+
+
+class SingularMatrixError(ArithmeticError):
+    """The matrix could not be factorised."""
+
+
+class LinearSolver(Protocol):
+    """Solves K Z = B for values of K on the pattern it was made for."""
+
+    name: str
+
+    def solve(self, values: Array, right: Array) -> Array:
+        """Factorise K from its upper triangle's `values` (nnz,) and solve for `right` (n, k).
+
+        Raises `SingularMatrixError`.
+        """
+
+
+class Pardiso:
+    """MKL's LDLᵀ with Bunch–Kaufman pivots (matrix type −2); the symbolic phase is done once."""
+
+    name = "pardiso"
+    _ANALYSE, _FACTORISE, _SOLVE, _SYMMETRIC_INDEFINITE = 11, 22, 33, -2
+
+    def __init__(self, pattern: Pattern) -> None:
+        try:
+            from pypardiso import PyPardisoSolver
+            from pypardiso.pardiso_wrapper import PyPardisoError
+        except ImportError as error:
+            raise MissingDependencyError(
+                "fem.linear_solver 'pardiso' needs pypardiso: pip install 'pliant[fast]'"
+            ) from error
+        self._error = PyPardisoError
+        self._mkl = PyPardisoSolver(mtype=self._SYMMETRIC_INDEFINITE)
+        self._pattern, self._analysed = pattern, False
+
+    def solve(self, values: Array, right: Array) -> Array:
+        n = self._pattern.size
+        matrix = sparse.csr_matrix((values, self._pattern.indices, self._pattern.indptr), shape=(n, n))
+        nothing = np.zeros((n, 1))
+        try:
+            if not self._analysed:
+                self._run(self._ANALYSE, matrix, nothing)
+                self._analysed = True
+                weakref.finalize(self, self._mkl.free_memory, everything=True)
+            self._run(self._FACTORISE, matrix, nothing)
+            return self._run(self._SOLVE, matrix, np.asfortranarray(right))
+        except self._error as error:
+            raise SingularMatrixError(str(error)) from error
+
+    def _run(self, phase: int, matrix: Any, right: Array) -> Array:
+        # pypardiso's public methods repeat the symbolic phase for every new matrix
+        self._mkl.set_phase(phase)
+        return np.asarray(self._mkl._call_pardiso(matrix, right))
+
+
+class SuperLU:
+    """SciPy's SuperLU in symmetric mode: always there, several times slower."""
+
+    name = "superlu"
+
+    def __init__(self, pattern: Pattern) -> None:
+        self._pattern = pattern
+
+    def solve(self, values: Array, right: Array) -> Array:
+        from scipy.sparse.linalg import splu
+
+        n = self._pattern.size
+        upper = sparse.csr_matrix((values, self._pattern.indices, self._pattern.indptr), shape=(n, n))
+        matrix = (upper + sparse.triu(upper, 1).T).tocsc()
+        try:
+            factor = splu(
+                matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=1e-3, options={"SymmetricMode": True}
+            )
+        except RuntimeError as error:
+            raise SingularMatrixError(str(error)) from error
+        return np.asarray(factor.solve(right))
+
+
+def linear_solver(kind: Literal["auto", "pardiso", "superlu"], pattern: Pattern) -> LinearSolver:
+    """The solver of that name; `auto` takes pardiso where it works. Raises `MissingDependencyError`."""
+    if kind == "superlu":
+        return SuperLU(pattern)
+    if kind == "pardiso":
+        return Pardiso(pattern)
+    if importlib.util.find_spec("pypardiso") is None:
+        return SuperLU(pattern)
+    try:
+        return Pardiso(pattern)
+    except MissingDependencyError:
+        return SuperLU(pattern)

@@ -1,0 +1,141 @@
+"""Newton's method from one equilibrium to a neighbouring one, under pressure, moment or rotation control."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pliant.records.design import Array
+from pliant_plugins.fem.skfem.assembly import Assembler
+from pliant_plugins.fem.skfem.condense import Point, Reduced, newton_step
+from pliant_plugins.fem.skfem.linear import LinearSolver, SingularMatrixError
+
+SHORTEST = 1 / 32  # fraction of a Newton step below which the line search gives up
+
+
+@dataclass(frozen=True)
+class Control:
+    """What is prescribed: pressure, and the angle θ or, where it is None, the opposing moment on the piece."""
+
+    pressure: float
+    theta: float | None
+    moment: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Equilibrium:
+    """A converged point with its reduced system, ready to be left again."""
+
+    point: Point
+    reduced: Reduced
+    iterations: int
+
+
+class DivergedError(ArithmeticError):
+    """Newton's method did not converge, even in the smallest load steps."""
+
+
+class Newton:
+    """Solves the equilibria of one assembled problem."""
+
+    def __init__(
+        self,
+        assembler: Assembler,
+        solver: LinearSolver,
+        tolerance: float,
+        max_iterations: int,
+        max_halvings: int,
+    ) -> None:
+        self.assembler, self.solver = assembler, solver
+        self.max_iterations, self.max_halvings = max_iterations, max_halvings
+        shear = assembler.material.evaluate(np.eye(3)).tangent[0, 1, 0, 1]
+        # a uniform shear of that size stores this much: the decrement's natural scale
+        self._enough = float(tolerance**2 * shear * assembler.volume_m3)
+
+    def at(self, x: Array, pressure: float) -> Equilibrium:
+        """The system at x, which the caller knows to be an equilibrium."""
+        point = self._evaluate(x, pressure)
+        if point is None:
+            raise DivergedError("the state to start from has inverted cells")
+        return Equilibrium(point, self._reduce(point), 0)
+
+    def advance(self, start: Equilibrium, target: Control) -> Equilibrium:
+        """Equilibrium at `target`, in one step or, where that fails, in halved ones.
+
+        Raises `DivergedError`.
+        """
+        here, reached, length, count = start, 0.0, 1.0, 0
+        while reached < 1.0:
+            goal = min(reached + length, 1.0)
+            try:
+                here = self._step(here, _between(start.point, target, goal))
+            except (DivergedError, SingularMatrixError) as error:
+                length /= 2
+                if length < 0.5**self.max_halvings:
+                    raise DivergedError(f"{error}; stopped after {reached:.0%} of the load step") from error
+                continue
+            reached, count = goal, count + here.iterations
+        return Equilibrium(here.point, here.reduced, count)
+
+    def _step(self, start: Equilibrium, target: Control) -> Equilibrium:
+        """One load step: tangent predictor, then Newton with a line search."""
+        step = newton_step(start.point, start.reduced, self.assembler.pattern, *_fields(target))
+        point = self._evaluate(start.point.x + step, target.pressure)
+        for iteration in range(1, self.max_iterations + 1):
+            if point is None:
+                raise DivergedError("the tangent predictor inverts cells")
+            reduced = self._reduce(point)
+            step = newton_step(point, reduced, self.assembler.pattern, *_fields(target))
+            decrement = self._work(point, step, target)
+            if decrement <= self._enough:
+                final = self._evaluate(point.x + step, target.pressure)
+                if final is None:
+                    raise DivergedError("the last step inverts cells")
+                return Equilibrium(final, self._reduce(final), iteration + 1)
+            point = self._search(point, step, decrement, target)
+        raise DivergedError(f"no convergence in {self.max_iterations} Newton steps")
+
+    def _search(self, point: Point, step: Array, decrement: float, target: Control) -> Point:
+        """The first of 1, ½, ¼ … of the step after which the residual works less along it."""
+        length = 1.0
+        while length >= SHORTEST:
+            trial = self._evaluate(point.x + length * step, target.pressure)
+            if trial is not None and self._work(trial, step, target) <= 0.9 * decrement:
+                return trial
+            length /= 2
+        raise DivergedError("the line search found no better point")
+
+    def _work(self, point: Point, step: Array, target: Control) -> float:
+        """|residual · step| over the unknowns, in J."""
+        residual = point.residual
+        residual[-2] = residual[-2] + target.moment if target.theta is None else 0.0
+        return abs(float(residual @ step))
+
+    def _evaluate(self, x: Array, pressure: float) -> Point | None:
+        if not (np.all(np.isfinite(x)) and x[-1] > -1):
+            return None
+        energy = self.assembler.strain_energy(x)
+        return None if energy is None else Point(x, pressure, energy, self.assembler.cavity(x))
+
+    def _reduce(self, point: Point) -> Reduced:
+        reduced = point.reduce(self.assembler.pattern, self.solver)
+        if not np.all(np.isfinite(reduced.solved)):
+            raise SingularMatrixError("the tangent stiffness is singular")
+        return reduced
+
+
+def _fields(control: Control) -> tuple[float, float | None, float]:
+    return control.pressure, control.theta, control.moment
+
+
+def _between(start: Point, target: Control, fraction: float) -> Control:
+    """The control on the straight way from `start` to `target`."""
+
+    def mix(a: float, b: float) -> float:
+        return b if fraction == 1.0 else a + fraction * (b - a)
+
+    pressure = mix(start.pressure, target.pressure)
+    if target.theta is None:
+        return Control(pressure, None, mix(start.moment, target.moment))
+    return Control(pressure, mix(float(start.x[-2]), target.theta))
