@@ -1,0 +1,190 @@
+"""Write docs/reference/: one page per interface and kind, from the code. Run by `make docs`.
+
+    python docs/generate.py          write the pages
+    python docs/generate.py --check  exit with 1 if a page is missing or stale
+"""
+
+from __future__ import annotations
+
+import ast
+import importlib.util
+import inspect
+import sys
+from pathlib import Path
+from typing import Any
+
+from pydantic_core import PydanticUndefined
+
+from pliant.interfaces.base import FrozenModel
+from pliant.registry.component import INTERFACES, Component
+from pliant.registry.discovery import Registry, discover
+from pliant.units import UNIT_SUFFIXES, strip_unit_suffix
+
+REFERENCE = Path(__file__).parent / "reference"
+OURS = "pliant "  # packages whose pages live here; others bring their own docs
+STUDY_KEY = {"effect": "effects"}
+INTERFACE_CLASS = {
+    "family": "ActuatorFamily",
+    "material": "Material",
+    "fem": "FEMBackend",
+    "surrogate": "Surrogate",
+    "effect": "Effect",
+    "physics": "PhysicsBackend",
+    "task": "Task",
+    "optimizer": "Optimizer",
+}
+
+
+def pages(registry: Registry) -> dict[Path, str]:
+    """Path → text of every reference page."""
+    made = {REFERENCE / "index.md": _index(registry)}
+    for interface in INTERFACES:
+        made[REFERENCE / interface / "index.md"] = _interface_page(interface, registry)
+        for component in _ours(registry, interface):
+            made[REFERENCE / interface / f"{component.kind}.md"] = _kind_page(component)
+    return made
+
+
+def _ours(registry: Registry, interface: str) -> list[Component]:
+    return [c for c in registry.of(interface) if c.package.startswith(OURS)]
+
+
+def _index(registry: Registry) -> str:
+    lines = ["# Reference", "", "Generated from the code by `make docs`.", ""]
+    for interface in INTERFACES:
+        kinds = ", ".join(f"[{c.kind}]({interface}/{c.kind}.md)" for c in _ours(registry, interface))
+        lines.append(f"- [{INTERFACE_CLASS[interface]}]({interface}/index.md): {kinds or 'no kind ships yet'}")
+    return "\n".join(lines) + "\n"
+
+
+def _interface_page(interface: str, registry: Registry) -> str:
+    name = INTERFACE_CLASS[interface]
+    module = importlib.import_module(f"pliant.interfaces.{interface}")
+    cls = getattr(module, name)
+    lines = [f"# {name}", "", inspect.getdoc(cls) or "", "", "## Methods", ""]
+    for method, function in vars(cls).items():
+        wanted = inspect.isfunction(function) or isinstance(function, property)
+        if wanted and not method.startswith("_"):
+            lines += [*_method(method, function), ""]
+    kinds = _ours(registry, interface)
+    lines += ["## Kinds that ship", ""]
+    lines += [f"- [{c.kind}]({c.kind}.md): {c.summary}" for c in kinds] or ["None yet."]
+    return "\n".join(lines) + "\n"
+
+
+def _method(name: str, function: Any) -> list[str]:
+    target = function.fget if isinstance(function, property) else function
+    signature = "" if isinstance(function, property) else str(inspect.signature(target))
+    return [f"### `{name}{signature.replace('self, ', '').replace('self', '')}`", "", inspect.getdoc(target) or ""]
+
+
+def _kind_page(component: Component) -> str:
+    model = component.config_model()
+    lines = [
+        f"# {component.interface}: {component.kind}",
+        "",
+        f"{component.summary[0].upper()}{component.summary[1:]}.",
+        "",
+        *_requirement(component),
+        "```yaml",
+        *_example(component),
+        "```",
+        "",
+        "## Keys",
+        "",
+        *_keys(model),
+        "",
+        "## What it does",
+        "",
+        _docstring(component.implementation),
+        "",
+        f"Check it: `pliant check {component.interface} {component.kind}`. "
+        f"Contract: [{INTERFACE_CLASS[component.interface]}](index.md).",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _requirement(component: Component) -> list[str]:
+    if not component.requires:
+        return []
+    extra = "pip install 'pliant[pybullet]' (Python 3.11)" if component.kind == "pybullet" else component.install
+    return [f"Needs {', '.join(component.requires)}: `{extra}`.", ""]
+
+
+def _example(component: Component) -> list[str]:
+    key = STUDY_KEY.get(component.interface, component.interface)
+    inner = ", ".join([f"kind: {component.kind}", *(f"{k}: {_flow(v)}" for k, v in component.example.items())])
+    return [f"{key}: [{{{inner}}}]" if key == "effects" else f"{key}: {{{inner}}}"]
+
+
+def _flow(value: Any) -> str:
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"{k}: {_flow(v)}" for k, v in value.items()) + "}"
+    return str(value).lower() if isinstance(value, bool) else str(value)
+
+
+def _keys(model: type[FrozenModel]) -> list[str]:
+    rows = ["| key | unit | default | allowed | meaning |", "|---|---|---|---|---|"]
+    for name, field in model.model_fields.items():
+        if name == "kind":
+            continue
+        unit = next((u for suffix, u in UNIT_SUFFIXES.items() if name.endswith(suffix)), "")
+        default = "required" if field.default is PydanticUndefined and field.is_required() else f"`{_default(field)}`"
+        rows.append(
+            f"| `{strip_unit_suffix(name)}` | {unit} | {default} | {_limits(field)} | {field.description or ''} |"
+        )
+    return rows if len(rows) > 2 else ["It has no keys but `kind`."]
+
+
+def _default(field: Any) -> str:
+    value = field.get_default(call_default_factory=True)
+    return repr(value.canonical()) if isinstance(value, FrozenModel) else repr(value)
+
+
+def _limits(field: Any) -> str:
+    parts = []
+    for limit in field.metadata:
+        for attribute, sign in (("gt", ">"), ("ge", "≥"), ("lt", "<"), ("le", "≤")):
+            bound = getattr(limit, attribute, None)
+            if bound is not None:
+                parts.append(f"{sign} {bound:g}")
+    text = str(field.annotation)
+    if "Literal" in text:
+        parts.append(text[text.index("Literal[") + 8 : text.index("]", text.index("Literal["))])
+    return ", ".join(parts)
+
+
+def _docstring(reference: str) -> str:
+    """Docstring of "module:Class" without importing it: an engine need not be installed to be documented."""
+    module, _, name = reference.partition(":")
+    spec = importlib.util.find_spec(module)
+    assert spec is not None
+    assert spec.origin is not None
+    tree = ast.parse(Path(spec.origin).read_text(encoding="utf-8"))
+    for node in tree.body:
+        if isinstance(node, ast.ClassDef) and node.name == name:
+            own = ast.get_docstring(node) or ""
+            return "\n\n".join(part for part in (own, ast.get_docstring(tree) or "") if part)
+    raise LookupError(f"{reference} is not defined where its manifest says")
+
+
+def main() -> int:
+    """Write or check the pages."""
+    registry = discover()
+    made = pages(registry)
+    if "--check" in sys.argv:
+        stale = [p for p, text in made.items() if not p.is_file() or p.read_text(encoding="utf-8") != text]
+        for path in stale:
+            print(f"{path} is missing or stale; run 'make docs'.")
+        return 1 if stale else 0
+    for path in set(REFERENCE.rglob("*.md")) - set(made):
+        path.unlink()
+    for path, text in made.items():
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text, encoding="utf-8")
+    print(f"{len(made)} pages in {REFERENCE}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,190 @@
+"""Studies from YAML: merging, overrides, and one sentence with the line for each mistake."""
+
+import json
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from pliant.config.loading import load_study, merge
+from pliant.config.schema import study_schema
+from pliant.errors import UserError
+from pliant.registry.discovery import discover
+
+REGISTRY = discover()
+STUDY = """\
+pliant: 1
+name: finger
+family:
+  kind: bellow_bending
+  inner_radius: 2 mm
+  average_radius: 6 mm
+  wall: 1.5 mm
+  module_length: 11 mm
+material: {kind: neo_hookean, shear_modulus: 240 kPa}
+fem: {kind: skfem, pressure_max: 15 kPa}
+chain: {modules: 8}
+physics: quasistatic
+task: {kind: free_bending, pressure: 15 kPa}
+"""
+
+
+@pytest.fixture
+def write(tmp_path):
+    def writer(text, name="study.yaml"):
+        path = tmp_path / name
+        path.write_text(text)
+        return path
+
+    return writer
+
+
+def problem(path, overrides=()):
+    with pytest.raises(UserError) as caught:
+        load_study(Path(path), REGISTRY, overrides)
+    text = str(caught.value)
+    assert "Traceback" not in text
+    return text
+
+
+def test_a_study_is_typed_by_its_kinds(write):
+    study = load_study(write(STUDY), REGISTRY)
+    assert study.family.wall_m == pytest.approx(0.0015)
+    assert study.physics.kind == "quasistatic"
+    assert study.chain.gravity_m_s2 == (0.0, 0.0, -9.81)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("physics: quasistatic", "physics: mojoco", ["line 12", "'mojoco'; did you mean 'mujoco'?"]),
+        ("wall: 1.5 mm", "wal: 1.5 mm", ["line 7", "'wal' is not a key of family; did you mean 'wall'?"]),
+        ("wall: 1.5 mm", "wall: 35 kPa", ["line 7", "'35 kPa' is a pressure", "a length such as '1.5 mm'"]),
+        ("wall: 1.5 mm", "wall: [1]", ["line 7", "family.wall"]),
+        ("modules: 8", "modules: 0", ["line 11", "chain.modules", "greater than or equal to 1"]),
+        ("modules: 8", "modules: 8, modules: 9", ["line 11", "'modules' stands twice"]),
+        ("name: finger", "name: a/b", ["line 2", "name"]),
+        ("name: finger", "name: finger\nname: twice", ["'name' stands twice"]),
+        ("name: finger\n", "", ["'name' is missing"]),
+        ("  wall: 1.5 mm\n", "", ["line 3", "'family.wall' is missing"]),
+        ("chain: {modules: 8}", "chain: {modules: 8", ["line 12", "not YAML"]),
+        ("chain: {modules: 8}", "chain: 8", ["line 11", "needs a block"]),
+        ("kind: bellow_bending", "knd: bellow_bending", ["family.kind", "did you mean 'kind'?"]),
+        ("pliant: 1", "pliant: 2", ["line 1", "pliant"]),
+        ("pressure: 15 kPa}", "pressure: 15 kPa}\neffects: [{kind: stifness}]", ["did you mean 'stiffness'?"]),
+    ],
+)
+def test_each_mistake_has_its_line_and_its_sentence(write, old, new, words):
+    assert old in STUDY
+    text = problem(write(STUDY.replace(old, new, 1)))
+    for word in words:
+        assert word in text
+
+
+def test_several_mistakes_are_told_together(write):
+    text = problem(write(STUDY.replace("wall: 1.5 mm", "wal: 1 mm").replace("modules: 8", "modules: no")))
+    assert "'wal'" in text
+    assert "chain.modules" in text
+
+
+def test_a_missing_file_names_its_neighbours(write):
+    path = write(STUDY)
+    assert "study.yaml" in problem(path.parent / "stdy.yaml")
+
+
+@pytest.mark.parametrize("content", ["", "just text", "- 1\n- 2\n"])
+def test_a_file_that_is_no_study(write, content):
+    assert "holds none" in problem(write(content))
+
+
+def test_yaml_1_2_rules(write):
+    study = load_study(write(STUDY.replace("name: finger", "name: no") + "surrogate: {kind: polynomial}\n"), REGISTRY)
+    assert study.name == "no"
+    study = load_study(write(STUDY.replace("15 kPa}\nchain", "1.5e4}\nchain")), REGISTRY)
+    assert study.fem.pressure_max_pa == 15000.0
+
+
+def test_extends_merges_and_a_new_kind_clears_the_block(write):
+    write(STUDY, "base.yaml")
+    child = write("extends: base.yaml\nname: child\nchain: {modules: 5}\nphysics: {kind: mujoco}\n", "child.yaml")
+    study = load_study(child, REGISTRY)
+    assert (study.name, study.chain.modules, study.physics.kind) == ("child", 5, "mujoco")
+    assert study.family.wall_m == pytest.approx(0.0015)
+
+
+def test_a_mistake_in_the_base_names_the_base(write):
+    write(STUDY.replace("wall:", "wal:"), "base.yaml")
+    assert "base.yaml, line 7" in problem(write("extends: base.yaml\nname: child\n", "child.yaml"))
+
+
+def test_extends_in_a_circle_or_into_nothing(write):
+    write("extends: b.yaml\nname: a\n", "a.yaml")
+    b = write("extends: a.yaml\nname: b\n", "b.yaml")
+    assert "circle" in problem(b)
+    assert "no file beside it" in problem(write("extends: nowhere.yaml\nname: a\n", "c.yaml"))
+
+
+def test_overrides(write):
+    path = write(STUDY)
+    study = load_study(path, REGISTRY, ["physics.kind=mujoco", "family.wall=2 mm", "chain.gravity=[0, 0, 0]"])
+    assert study.physics.kind == "mujoco"
+    assert study.family.wall_m == pytest.approx(0.002)
+    assert study.chain.gravity_m_s2 == (0.0, 0.0, 0.0)
+    assert load_study(path, REGISTRY, ["physics=pybullet"]).physics.kind == "pybullet"
+
+
+def test_override_of_a_list_item(write):
+    path = write(STUDY + "effects: [{kind: stiffness, factor: 1.2}]\n")
+    assert load_study(path, REGISTRY, ["effects.0.factor=1.3"]).effects[0].factor == 1.3
+    assert "there is no item 4" in problem(path, ["effects.4.factor=1"])
+
+
+@pytest.mark.parametrize(
+    ("override", "words"),
+    [("family.wall", "is not an override"), ("=3", "is not an override"), ("chain.modules=x", "override chain.modules=x")],
+)
+def test_wrong_overrides(write, override, words):
+    assert words in problem(write(STUDY), [override])
+
+
+def test_paths_are_relative_to_the_file_that_states_them(write, tmp_path):
+    (tmp_path / "sub").mkdir()
+    (tmp_path / "sub" / "base.yaml").write_text("name: b\nsurrogate: {kind: polynomial, data: law.csv}\n")
+    child = write("extends: sub/base.yaml\nname: child\n")
+    assert load_study(child, REGISTRY).surrogate.data == tmp_path / "sub" / "law.csv"
+
+
+keys = st.sampled_from(["a", "b", "c"])
+trees = st.recursive(
+    st.integers() | st.text(max_size=3), lambda inner: st.dictionaries(keys, inner, max_size=3), max_leaves=8
+)
+blocks = st.dictionaries(keys, trees, max_size=3)
+
+
+@given(blocks, blocks)
+def test_merging_keeps_what_is_not_named_and_takes_what_is(base, changes):
+    result = merge(base, changes)
+    assert set(result) == set(base) | set(changes)
+    for key, value in changes.items():
+        if not isinstance(value, dict):
+            assert result[key] == value
+    for key in set(base) - set(changes):
+        assert result[key] == base[key]
+
+
+@given(blocks)
+def test_merging_with_itself_or_nothing_changes_nothing(block):
+    assert merge(block, block) == block
+    assert merge(block, {}) == block
+    assert merge({}, block) == block
+
+
+def test_schema_lists_every_installed_kind():
+    schema = study_schema(REGISTRY)
+    text = json.dumps(schema)
+    for component in REGISTRY.components:
+        if component.interface not in ("optimizer",):
+            assert f'"{component.kind}"' in text
+    references = {part.split('"')[0] for part in text.split('"#/$defs/')[1:]}
+    assert references <= set(schema["$defs"])

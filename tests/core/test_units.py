@@ -1,0 +1,97 @@
+"""Quantities at the boundary."""
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from pydantic import ValidationError
+
+from pliant.interfaces.base import FrozenModel
+from pliant.units import EXAMPLES, Length, Pressure, UnitError, parse_quantity, strip_unit_suffix
+
+FACTORS = {
+    ("mm", "m"): 1e-3,
+    ("cm", "m"): 1e-2,
+    ("m", "m"): 1.0,
+    ("kPa", "Pa"): 1e3,
+    ("MPa", "Pa"): 1e6,
+    ("bar", "Pa"): 1e5,
+    ("g", "kg"): 1e-3,
+    ("deg", "rad"): math.pi / 180,
+    ("mN*m", "N*m"): 1e-3,
+    ("%", "dimensionless"): 1e-2,
+    ("kg/m^3", "kg/m^3"): 1.0,
+    ("g/cm^3", "kg/m^3"): 1e3,
+    ("m/s^2", "m/s^2"): 1.0,
+}
+
+
+class Part(FrozenModel):
+    wall_m: Length
+    pressure_max_pa: Pressure = 0.0
+
+
+@given(
+    number=st.floats(-1e6, 1e6, allow_nan=False),
+    units=st.sampled_from(sorted(FACTORS)),
+    space=st.sampled_from(["", " ", "  "]),
+)
+def test_number_and_unit_give_the_number_times_the_factor(number, units, space):
+    written, unit = units
+    value = parse_quantity(f"{number!r}{space}{written}", unit)
+    assert value == pytest.approx(number * FACTORS[units], rel=1e-12, abs=1e-300)
+
+
+@given(text=st.text(max_size=20), unit=st.sampled_from(sorted(EXAMPLES)))
+def test_any_text_is_a_number_or_a_sentence(text, unit):
+    try:
+        assert isinstance(parse_quantity(text, unit), float)
+    except UnitError as error:
+        assert EXAMPLES[unit] in str(error)
+
+
+@pytest.mark.parametrize(
+    ("text", "unit", "words"),
+    [
+        ("35 kPa", "m", "is a pressure or modulus; it needs a length such as '1.5 mm'"),
+        ("2 mm", "Pa", "is a length; it needs a pressure or modulus"),
+        ("3 blorps", "m", "unknown unit 'blorps'"),
+        ("mm", "m", "is not a quantity"),
+        ("", "m", "is not a quantity"),
+        ("__import__('os')", "m", "is not a quantity"),
+        ("1 (2", "m", "is not a quantity"),
+    ],
+)
+def test_wrong_texts_say_what_is_needed(text, unit, words):
+    with pytest.raises(UnitError, match=".*"):
+        parse_quantity(text, unit)
+    try:
+        parse_quantity(text, unit)
+    except UnitError as error:
+        assert words in str(error)
+
+
+@pytest.mark.parametrize("written", [{"wall": "1.5 mm"}, {"wall": 0.0015}, {"wall_m": 0.0015}, {"wall_m": "1.5 mm"}])
+def test_fields_may_be_written_with_or_without_their_unit(written):
+    assert Part.model_validate(written).wall_m == pytest.approx(0.0015)
+
+
+def test_canonical_form_is_si_under_full_names():
+    part = Part.model_validate({"wall": "1.5 mm", "pressure_max": "15 kPa"})
+    assert part.canonical() == {"wall_m": pytest.approx(0.0015), "pressure_max_pa": pytest.approx(15e3)}
+
+
+@pytest.mark.parametrize("value", [True, float("nan"), float("inf"), [1], None])
+def test_what_is_no_number_is_refused(value):
+    with pytest.raises(ValidationError):
+        Part.model_validate({"wall": value})
+
+
+@pytest.mark.parametrize(
+    ("field", "written"),
+    [("wall_m", "wall"), ("shear_modulus_pa", "shear_modulus"), ("density_kg_m3", "density"), ("kind", "kind"),
+     ("gravity_m_s2", "gravity"), ("angles", "angles"), ("payload_kg", "payload")],
+)
+def test_suffix_names_a_unit(field, written):
+    assert strip_unit_suffix(field) == written

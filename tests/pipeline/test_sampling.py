@@ -1,0 +1,112 @@
+"""Sampling: which states, resumed without solving anything twice, failures recorded."""
+
+import numpy as np
+import pytest
+
+from pliant.errors import NotReachedError
+from pliant.interfaces.fem import FemConfig, ModuleSolver, StateNotConvergedError
+from pliant.pipeline.progress import Silent
+from pliant.pipeline.sampling import levels, sample
+from pliant.records.fem import FemState
+
+CONFIG = FemConfig(kind="any", pressure_max_pa=10.0, pressures=4, angles=5, check_states=6)
+
+
+class Springs(ModuleSolver):
+    """τ = p − 20 u: the free angle at 10 Pa is 0.5 rad."""
+
+    def __init__(self, stop_after=10**9, refuse=lambda p, u: False):
+        self.solved = []
+        self.stop_after, self.refuse = stop_after, refuse
+
+    def _state(self, p, u, branch):
+        if len(self.solved) >= self.stop_after:
+            raise KeyboardInterrupt
+        if self.refuse(p, u):
+            raise StateNotConvergedError("Newton stopped")
+        self.solved.append((p, u))
+        return FemState(p, u, p - 20 * u, 1.0, -20.0, 0.0, 0.0, branch, "ok", 1, 0.0, np.array([p, u]))
+
+    def rest(self):
+        return self._state(0.0, 0.0, "free")
+
+    def free(self, actuation, start):
+        assert start.actuation <= actuation
+        return self._state(actuation, actuation / 20, "free")
+
+    def constrained(self, actuation, angle_rad, start):
+        return self._state(actuation, angle_rad, "constrained")
+
+    def deformed_nodes(self, state):
+        return np.zeros((1, 3))
+
+
+class Counting(Silent):
+    def begin(self, title, total, done=0):
+        self.total, self.count = total, done
+        return self
+
+    def advance(self, steps=1):
+        self.count += steps
+
+
+def test_levels_include_both_ends():
+    points = levels(-1.0, 3.0, 7)
+    assert points[0] == pytest.approx(-1.0)
+    assert points[-1] == pytest.approx(3.0)
+    assert np.all(np.diff(points) > 0)
+
+
+def test_the_data_cover_the_promised_box(tmp_path):
+    solver = Springs()
+    sampling = sample(solver, CONFIG, tmp_path, Silent())
+    fit = [s.state for s in sampling.solved if s.target.role == "fit"]
+    pressures, angles = {s.actuation for s in fit}, np.array([s.angle_rad for s in fit])
+    assert min(pressures) == 0.0
+    assert max(pressures) == pytest.approx(10.0)
+    for pressure in pressures:
+        here = [s.angle_rad for s in fit if s.actuation == pressure]
+        assert min(here) == pytest.approx(-0.5 * 0.5)
+        assert max(here) == pytest.approx(1.2 * 0.5)
+    assert angles.max() == pytest.approx(0.6)
+
+
+def test_check_states_lie_inside_and_are_not_fitted(tmp_path):
+    sampling = sample(Springs(), CONFIG, tmp_path, Silent())
+    check = [s.state for s in sampling.solved if s.target.role == "check"]
+    fitted = {(s.state.actuation, s.state.angle_rad) for s in sampling.solved if s.target.role == "fit"}
+    assert len(check) == 6
+    for state in check:
+        assert 0 <= state.actuation <= 10
+        assert -0.25 <= state.angle_rad <= 0.6
+        assert (state.actuation, state.angle_rad) not in fitted
+
+
+@pytest.mark.parametrize("interrupted_at", [0, 1, 3, 4, 17, 29])
+def test_an_interrupted_sampling_solves_nothing_twice(tmp_path, interrupted_at):
+    whole = sample(Springs(), CONFIG, tmp_path / "whole", Silent()) if (tmp_path / "whole").mkdir() is None else None
+    part = tmp_path / "part"
+    part.mkdir()
+    first = Springs(stop_after=interrupted_at)
+    with pytest.raises(KeyboardInterrupt):
+        sample(first, CONFIG, part, Silent())
+    second, bar = Springs(), Counting()
+    resumed = sample(second, CONFIG, part, bar)
+    assert not set(first.solved) & set(second.solved)
+    assert bar.count == bar.total
+    assert len(resumed.solved) == len(whole.solved)
+    for a, b in zip(resumed.solved, whole.solved, strict=True):
+        assert (a.state.actuation, a.state.angle_rad) == (b.state.actuation, b.state.angle_rad)
+
+
+def test_a_state_that_fails_is_a_record_with_its_cause(tmp_path):
+    solver = Springs(refuse=lambda p, u: u > 0.55)
+    sampling = sample(solver, CONFIG, tmp_path, Silent())
+    assert len(sampling.failed) >= 4
+    assert {f["cause"] for f in sampling.failed} == {"Newton stopped"}
+    assert all(f["angle_rad"] > 0.55 for f in sampling.failed)
+
+
+def test_a_free_branch_that_stops_is_an_error(tmp_path):
+    with pytest.raises(NotReachedError, match="free branch stopped: Newton stopped"):
+        sample(Springs(refuse=lambda p, u: p > 5), CONFIG, tmp_path, Silent())
