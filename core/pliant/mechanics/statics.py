@@ -55,6 +55,11 @@ class Loads:
         return Loads(dict(inputs.actuation), gravity, force, float(inputs.moment_n_m))
 
     @staticmethod
+    def unactuated(chain: ChainModel) -> Loads:
+        """The chain's gravity alone."""
+        return Loads.of(chain, Inputs({actuator.input: 0.0 for actuator in chain.actuators}))
+
+    @staticmethod
     def none(chain: ChainModel) -> Loads:
         """No actuation, no gravity, no load: the chain is straight."""
         return Loads({actuator.input: 0.0 for actuator in chain.actuators}, np.zeros(3))
@@ -189,7 +194,15 @@ class ChainStatics:
         return own
 
 
-def is_stable(stiffness: Array) -> bool:
-    """Whether the symmetric part of a stiffness has no negative eigenvalue beyond rounding."""
-    eigenvalues = np.linalg.eigvalsh(0.5 * (stiffness + stiffness.T))
-    return bool(eigenvalues[0] >= -NEUTRAL_SHARE * max(abs(eigenvalues[-1]), abs(eigenvalues[0])))
+def unstable_mode(stiffness: Array) -> Array | None:
+    """(n·a,) the most negative mode of a stiffness, None where it has none beyond rounding (a stable state)."""
+    symmetric = 0.5 * (stiffness + stiffness.T)
+    try:
+        np.linalg.cholesky(symmetric)
+        return None
+    except np.linalg.LinAlgError:
+        values, modes = np.linalg.eigh(symmetric)
+    if values[0] >= -NEUTRAL_SHARE * np.abs(values).max():
+        return None
+    mode: Array = modes[:, 0]
+    return mode

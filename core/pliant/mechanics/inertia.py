@@ -1,0 +1,50 @@
+"""Inertia of a chain in joint coordinates, and the fastest rates that an explicit engine must resolve."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pliant.mechanics.kinematics import ChainGeometry
+from pliant.records.chain import ChainModel
+from pliant.records.design import Array, MassProperties
+
+
+def regular(piece: MassProperties, mass_floor_kg: float, inertia_floor_kg_m2: float) -> MassProperties:
+    """A piece that a dynamics engine can move: mass and inertia raised to small floors.
+
+    A share of the inertia's own trace keeps slender pieces on the right side of the triangle inequality.
+    """
+    inertia = np.asarray(piece.inertia_kg_m2, float)
+    floor = inertia_floor_kg_m2 + 1e-9 * float(np.trace(inertia))
+    return MassProperties(max(piece.mass_kg, mass_floor_kg), piece.com_m, inertia + floor * np.eye(3))
+
+
+def mass_matrix(chain: ChainModel, q: Array) -> Array:
+    """(n·a, n·a) mass matrix at joint coordinates q (n, a), payload included."""
+    geometry = ChainGeometry.of(chain)
+    pose = geometry.forward(q)
+    n, a = q.shape
+    pieces = [*chain.bodies[1:], MassProperties(chain.payload_kg, chain.tip_offset_m, np.zeros((3, 3)))]
+    body = np.minimum(np.arange(1, n + 2), n)
+    rotations = pose.rotations[body]
+    points = pose.origins[body] + np.einsum("kij,kj->ki", rotations, np.array([p.com_m for p in pieces]))
+    moves = np.arange(n)[None, :] < body[:, None]
+    spin = np.where(moves[:, :, None, None], pose.directions[None], 0.0)
+    if geometry.kind == "prismatic":
+        velocity, spin = spin, np.zeros_like(spin)
+    else:
+        arms = points[:, None, :] - pose.origins[None, 1:, :]
+        velocity = np.cross(spin, arms[..., None], axisa=2, axisb=2, axisc=2)
+    inertia = rotations @ np.array([p.inertia_kg_m2 for p in pieces]) @ rotations.transpose(0, 2, 1)
+    mass = np.array([p.mass_kg for p in pieces])
+    matrix = np.einsum("k,kixa,kjxb->iajb", mass, velocity, velocity, optimize=True)
+    matrix += np.einsum("kixa,kxy,kjyb->iajb", spin, inertia, spin, optimize=True)
+    return matrix.reshape(n * a, n * a)
+
+
+def longest_explicit_step(mass: Array, stiffness: Array, damping: float, courant: float = 0.5) -> float:
+    """Step (s) that resolves the fastest oscillation and the fastest decay: courant / max(ω, rate)."""
+    inverse = np.linalg.inv(mass)
+    fastest = float(np.abs(np.linalg.eigvals(inverse @ stiffness)).max()) ** 0.5
+    decay = damping * float(np.linalg.eigvalsh(0.5 * (inverse + inverse.T))[-1])
+    return courant / max(fastest, decay, 1e-12)

@@ -1,0 +1,102 @@
+"""Settling a chain inside a dynamics engine: dynamic relaxation with kinetic damping (Cundall 1976).
+
+The engine moves in pseudo-time with its own forces. Whenever the unbalanced effort works against the motion the
+kinetic energy has peaked, and the chain is halted: no damping constant has to be tuned. The state is judged by
+the common statics at the engine's own joint coordinates, so an engine with other conventions never converges.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from pliant.mechanics.statics import ChainStatics, Loads, unstable_mode
+from pliant.records.design import Array
+
+# A step that turns a joint further than this is undone and repeated with more caution.
+LONGEST_TURN = 0.4
+# Size of the nudge that leaves an equilibrium which is not a minimum.
+NUDGE = 1e-3
+MAX_CAUTION = 1e6
+# Share of the caution that an accepted step keeps.
+REGAIN = 0.8
+
+
+class Mover(Protocol):
+    """A chain in an engine, as the relaxation drives it."""
+
+    @property
+    def q(self) -> Array:
+        """(n, a) joint coordinates."""
+
+    @property
+    def rates(self) -> Array:
+        """(n, a) their rates."""
+
+    def halt(self, q: Array) -> None:
+        """Put the chain at q without velocity."""
+
+    def relax_step(self, loads: Loads, q: Array, load_stiffness: Array, caution: float) -> None:
+        """One pseudo-time step under the true forces from q, which is where the chain is.
+
+        Args:
+            load_stiffness: (n,) bound of the loads' stiffness at each joint, to be added to the law's own.
+            caution: factor ≥ 1 on all numerical stiffness or inertia; larger means shorter moves.
+        """
+
+
+@dataclass(frozen=True, eq=False)
+class Relaxed:
+    """Where a relaxation ended; residual is the largest unbalanced effort."""
+
+    q: Array
+    residual: float
+    converged: bool
+    stable: bool
+    steps: int
+
+
+def relax(
+    mover: Mover, statics: ChainStatics, loads: Loads, tolerance: float, max_steps: int, reach: float = 1.0
+) -> Relaxed:
+    """Relax from the present state; ends halted, at a minimum of the potential or with `converged` False.
+
+    `reach` converts turns to joint coordinates (1 for angles, a length for prismatic joints).
+    """
+    q = mover.q
+    mover.halt(q)
+    caution = 1.0
+    size, stable = np.inf, False
+    for step in range(max_steps):
+        residual = statics.residual(q, loads)
+        size = float(np.abs(residual).max())
+        if size <= tolerance:
+            mode = unstable_mode(statics.balance(q, loads).stiffness)
+            stable = mode is None
+            if mode is None:
+                mover.halt(q)
+                return Relaxed(q, size, True, True, step)
+            q = q + NUDGE * reach * (mode / np.abs(mode).max()).reshape(q.shape)
+            mover.halt(q)
+        elif np.sum(residual * mover.rates) < 0.0:
+            mover.halt(q)
+        mover.relax_step(loads, q, _joint_bounds(statics, q, loads), caution)
+        moved = mover.q
+        if np.isfinite(moved).all() and np.abs(moved - q).max() <= LONGEST_TURN * reach:
+            q, caution = moved, max(1.0, REGAIN * caution)
+            continue
+        caution *= 2.0
+        mover.halt(q)
+        if caution > MAX_CAUTION:
+            break
+    mover.halt(q)
+    return Relaxed(q, size, False, stable, max_steps)
+
+
+def _joint_bounds(statics: ChainStatics, q: Array, loads: Loads) -> Array:
+    """(n,) half the row sums of |load stiffness|: a mode needs half its stiffness in the metric to descend."""
+    rows = np.abs(statics.load_stiffness(q, loads)).sum(axis=1).reshape(q.shape)
+    bounds: Array = 0.5 * rows.max(axis=1)
+    return bounds

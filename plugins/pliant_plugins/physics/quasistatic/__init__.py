@@ -1,0 +1,1 @@
+"""Static equilibrium of a chain by Newton's method in joint coordinates."""

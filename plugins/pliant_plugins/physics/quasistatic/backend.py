@@ -1,0 +1,114 @@
+"""The quasi-static engine: every state is an equilibrium under the present inputs."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from pliant.interfaces.physics import Capabilities, PhysicsBackend, Simulation, SimulationState
+from pliant.mechanics.statics import Balance, ChainStatics, Loads
+from pliant.records.chain import ChainModel
+from pliant.records.design import Array
+from pliant.records.rollout import Equilibrium, Inputs
+from pliant_plugins.physics.quasistatic.config import QuasistaticConfig
+from pliant_plugins.physics.quasistatic.newton import NewtonOptions, Solution, minimise
+
+
+@dataclass(frozen=True, eq=False)
+class _Problem:
+    statics: ChainStatics
+    loads: Loads
+
+    def balance(self, q: Array) -> Balance:
+        return self.statics.balance(q, self.loads)
+
+    def potential(self, q: Array) -> float:
+        return self.statics.potential(q, self.loads)
+
+
+class QuasistaticSimulation(Simulation):
+    """A chain that is always in equilibrium; it has no velocity."""
+
+    def __init__(self, chain: ChainModel, config: QuasistaticConfig) -> None:
+        self.chain = chain
+        self._config = config
+        self._statics = ChainStatics(chain)
+        reach = config.max_turn
+        if chain.laws[0].joint == "prismatic":
+            reach *= chain.length_m / chain.n_joints
+        self._options = NewtonOptions(config.tolerance, config.max_iterations, reach)
+        self._time_s = 0.0
+        self._q = np.zeros((chain.n_joints, len(chain.axes)))
+        # The last loads whose equilibrium is known: continuation starts there.
+        self._settled_q, self._settled_loads = self._q, Loads.none(chain)
+        self._loads = Loads.unactuated(chain)
+
+    def apply(self, inputs: Inputs) -> None:
+        self._statics.efforts.values(inputs.actuation)
+        self._loads = Loads.of(self.chain, inputs)
+
+    def settle(self) -> Equilibrium:
+        start = time.perf_counter()
+        solution = minimise(_Problem(self._statics, self._loads), self._q, self._options)
+        if not solution.converged:
+            solution = self._continue(solution)
+        self._q = solution.q
+        if solution.converged:
+            self._settled_q, self._settled_loads = solution.q, self._loads
+        outside = self._statics.efforts.outside_domain(self._q, self._loads.actuation, self._time_s)
+        return Equilibrium(
+            joint_angles=self._q.copy(),
+            markers_m=self.markers(),
+            residual=solution.residual,
+            converged=solution.converged,
+            stable=solution.stable,
+            iterations=solution.iterations,
+            wall_s=time.perf_counter() - start,
+            outside_domain=outside,
+        )
+
+    def step(self, duration_s: float) -> None:
+        self._time_s += duration_s
+        self.settle()
+
+    def snapshot(self) -> SimulationState:
+        return SimulationState(self._time_s, self._q.copy(), np.zeros_like(self._q))
+
+    def restore(self, state: SimulationState) -> None:
+        self._time_s, self._q = state.time_s, state.position.copy()
+
+    def markers(self) -> Array:
+        return self._statics.geometry.markers(self._q)
+
+    def _continue(self, direct: Solution) -> Solution:
+        """Walk from the last settled loads to the present ones in steps that shrink on failure.
+
+        Ends with the better of the direct attempt and the walk when both fail.
+        """
+        q, done, step = self._settled_q, 0.0, 0.5
+        iterations, last = direct.iterations, direct
+        while done < 1.0 and step >= self._config.smallest_step:
+            target = min(1.0, done + step)
+            loads = self._settled_loads.between(self._loads, target)
+            last = minimise(_Problem(self._statics, loads), q, self._options)
+            iterations += last.iterations
+            if last.converged:
+                q, done, step = last.q, target, 2.0 * step
+            else:
+                step *= 0.5
+        if done < 1.0:
+            return Solution(direct.q, direct.residual, False, direct.stable, iterations)
+        return Solution(q, last.residual, True, last.stable, iterations)
+
+
+class Quasistatic(PhysicsBackend):
+    """Statics by Newton's method with the analytic stiffness of `pliant.mechanics.statics`."""
+
+    capabilities: ClassVar[Capabilities] = Capabilities(("revolute", "spherical", "prismatic"), dynamic=False)
+    config: QuasistaticConfig
+
+    def build(self, chain: ChainModel) -> QuasistaticSimulation:
+        return QuasistaticSimulation(chain, self.config)
