@@ -1,7 +1,8 @@
 """A chain inside PyBullet: joint coordinates in and out, explicit torques of the laws at every step.
 
-PyBullet writes quaternions x, y, z, w. A spherical joint's rate and torque are in the child's frame: dφ/dt = Jᵣ⁻¹ ω
-and the torque of an effort τ is Jᵣ⁻ᵀ τ.
+PyBullet writes quaternions x, y, z, w. A spherical joint's rate and torque are in the child's frame, dφ/dt = Jᵣ⁻¹ ω
+and torque = Jᵣ⁻ᵀ τ, and Bullet's child frame is the link's *principal* frame, not its URDF frame: rotation, rate
+and torque of such a joint are turned by the principal axes on their way in and out.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from pliant.mechanics.statics import ChainStatics, Loads
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
 from pliant_plugins.physics.pybullet.loader import load_pybullet
-from pliant_plugins.physics.pybullet.urdf import chain_urdf, moving
+from pliant_plugins.physics.pybullet.urdf import chain_urdf, moving, principal
 
 UNLIMITED_VELOCITY = 1e9
 # Explicit relaxation is stable from inertia = h² k on; this margin covers coupling between the joints.
@@ -40,6 +41,8 @@ class BulletChain:
         self._geometry = statics.geometry
         self._ball = self._geometry.kind == "spherical"
         self._model = chain.with_(bodies=tuple(moving(body) for body in chain.bodies))
+        # (n, 3, 3) principal axes of the moving bodies, as columns.
+        self._principal = np.array([principal(body)[1] for body in self._model.bodies[1:]])
         self._settle_timestep_s = settle_timestep_s
         self._joints = list(range(chain.n_joints))
         self._tip = chain.n_joints
@@ -70,15 +73,15 @@ class BulletChain:
         if not self._ball:
             return velocity.reshape(-1, 1)
         phi = self._geometry.rotation_vectors(self._coordinates(states))
-        rates: Array = np.einsum("nij,nj->ni", right_jacobian_inverse(phi), velocity) @ self._geometry.basis
-        return rates
+        rates: Array = _times(right_jacobian_inverse(phi), _times(self._principal, velocity))
+        return rates @ self._geometry.basis
 
     def place(self, q: Array, rates: Array) -> None:
         """Set joint coordinates and their rates."""
         if self._ball:
             phi, phi_rates = self._geometry.rotation_vectors(q), self._geometry.rotation_vectors(rates)
-            positions = np.roll(quaternion_of_vector(phi), -1, axis=1)
-            rates = np.einsum("nij,nj->ni", right_jacobian(phi), phi_rates)
+            positions = np.roll(quaternion_of_vector(self._to_principal(phi)), -1, axis=1)
+            rates = self._to_principal(_times(right_jacobian(phi), phi_rates))
         else:
             positions = q
         self.bullet.resetJointStatesMultiDof(
@@ -94,7 +97,8 @@ class BulletChain:
         torque = self.statics.effort(q, loads) - damping * rates
         if self._ball:
             inverse = right_jacobian_inverse(self._geometry.rotation_vectors(q))
-            torque = np.einsum("nji,nj->ni", inverse, self._geometry.rotation_vectors(torque))
+            torque = _times(inverse.transpose(0, 2, 1), self._geometry.rotation_vectors(torque))
+            torque = self._to_principal(torque)
         self.bullet.setJointMotorControlMultiDofArray(
             self.body,
             self._joints,
@@ -170,8 +174,12 @@ class BulletChain:
         positions = np.array([state[0] for state in states], float)
         if not self._ball:
             return positions.reshape(-1, 1)
-        coordinates: Array = vector_of_quaternion(np.roll(positions, 1, axis=1)) @ self._geometry.basis
+        phi = _times(self._principal, vector_of_quaternion(np.roll(positions, 1, axis=1)))
+        coordinates: Array = phi @ self._geometry.basis
         return coordinates
+
+    def _to_principal(self, vectors: Array) -> Array:
+        return _times(self._principal.transpose(0, 2, 1), vectors)
 
     def _load(self, chain: ChainModel) -> int:
         gravity = [float(value) for value in chain.gravity_m_s2]
@@ -222,3 +230,8 @@ class BulletChain:
             self.bullet.changeDynamics(
                 self.body, joint, localInertiaDiagonal=list(moment), physicsClientId=self.client
             )
+
+
+def _times(matrices: Array, vectors: Array) -> Array:
+    product: Array = np.einsum("nij,nj->ni", matrices, vectors)
+    return product

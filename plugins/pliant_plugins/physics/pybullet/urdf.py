@@ -38,6 +38,8 @@ def chain_urdf(chain: ChainModel) -> str:
     _add_link(root, "tip", MassProperties(chain.payload_kg, np.zeros(3), np.zeros((3, 3))))
     tip = _add_joint(root, "tip", "fixed", f"body_{chain.n_joints}", "tip")
     _add_origin(tip, chain.tip_offset_m, np.eye(3))
+    # Bullet's parser refuses long lines.
+    ElementTree.indent(root)
     return ElementTree.tostring(root, encoding="unicode")
 
 
@@ -46,11 +48,17 @@ def moving(piece: MassProperties) -> MassProperties:
     return regular(piece, MASS_FLOOR_KG, INERTIA_FLOOR_KG_M2)
 
 
-def _add_link(root: ElementTree.Element, name: str, piece: MassProperties) -> None:
-    inertial = ElementTree.SubElement(ElementTree.SubElement(root, "link", name=name), "inertial")
+def principal(piece: MassProperties) -> tuple[Array, Array]:
+    """Principal moments (3,) and right-handed principal axes (3, 3) as columns; Bullet's link frame."""
     moments, axes = np.linalg.eigh(piece.inertia_kg_m2)
     if np.linalg.det(axes) < 0.0:
         axes[:, 0] *= -1.0
+    return moments, axes
+
+
+def _add_link(root: ElementTree.Element, name: str, piece: MassProperties) -> None:
+    inertial = ElementTree.SubElement(ElementTree.SubElement(root, "link", name=name), "inertial")
+    moments, axes = principal(piece)
     _add_origin(inertial, piece.com_m, axes)
     ElementTree.SubElement(inertial, "mass", value=repr(float(piece.mass_kg)))
     ixx, iyy, izz = (repr(max(float(moment), 0.0)) for moment in moments)
