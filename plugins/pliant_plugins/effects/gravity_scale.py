@@ -1,0 +1,45 @@
+"""Weights that differ from the model's.
+
+    g' = f g
+
+for the pieces of the chain and its payload: masses are known worse than gravity (fittings, hoses, a density
+from a data sheet), and in statics a mass and gravity enter only as their product, the weight.
+
+Signature: an error that grows toward the base (the moment arm), changes with the orientation of the base
+and is gone where the chain hangs straight or lies on a table; independent of rate and history.
+Nearest look-alike: `stiffness`: both sag more under gravity, but weights change nothing in a load-free
+bend on a table. `inertia` differs in motion only.
+"""
+
+from __future__ import annotations
+
+from typing import ClassVar, Literal
+
+from pydantic import Field
+
+from pliant.interfaces.effect import Effect, EffectConfig, EffectParameter, Model, Place
+from pliant.units import Ratio
+
+BOUNDS = (0.0, 10.0)
+
+
+class GravityScaleConfig(EffectConfig):
+    """f, true weight / model's."""
+
+    kind: Literal["gravity_scale"] = "gravity_scale"
+    factor: Ratio = Field(default=1.0, ge=BOUNDS[0], le=BOUNDS[1])
+
+
+class GravityScale(Effect):
+    """Scales the gravity of the chain."""
+
+    place: ClassVar[Place] = "chain"
+    parameters: ClassVar[tuple[EffectParameter, ...]] = (
+        EffectParameter("factor", "1", neutral=1.0, bounds=BOUNDS, plausible=(0.8, 1.3)),
+    )
+    config: GravityScaleConfig
+
+    def apply(self, model: Model) -> Model:
+        """The model with its chain's gravity scaled."""
+        gravity = self.config.factor * model.chain.gravity_m_s2
+        return model.with_(chain=model.chain.with_(gravity_m_s2=gravity))

@@ -1,0 +1,1 @@
+"""Polynomial joint laws: fitted with the degree that the data support, or stated by coefficients."""

@@ -1,0 +1,101 @@
+"""What a study may say about a polynomial surrogate."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import BeforeValidator, ConfigDict, Field, model_validator
+from pydantic_core import PydanticCustomError
+
+from pliant.interfaces.base import FrozenModel
+from pliant.interfaces.surrogate import SurrogateConfig
+from pliant.units import Angle, UnitError, parse_quantity
+
+
+def _actuation(value: Any) -> Any:
+    """A pressure or a tendon force: which one is not known before the data are."""
+    if not isinstance(value, str):
+        return value
+    for unit in ("Pa", "N"):
+        try:
+            return parse_quantity(value, unit)
+        except UnitError:
+            continue
+    raise PydanticCustomError(
+        "quantity",
+        "'{text}' is neither a pressure such as '15 kPa' nor a force such as '8 N'",
+        {"text": value},
+    )
+
+
+Actuation = Annotated[float, BeforeValidator(_actuation)]
+
+
+class StudyCoefficients(FrozenModel):
+    """Coefficients of τ(p, u) = k_n p + (m_a p + b_a) u − (m_e u²/2 + b_e u), in Pa (or N), rad and N·m."""
+
+    # "k_n" is a name, not a field "k" in newtons.
+    model_config = ConfigDict(alias_generator=None)
+
+    k_n: float = Field(description="effort per actuation at u = 0")
+    m_a: float = Field(description="change of that slope with u")
+    b_a: float = Field(default=0.0, description="only b_a − b_e has an effect")
+    m_e: float = Field(description="elastic stiffening")
+    b_e: float = Field(description="elastic stiffness at u = 0")
+
+
+class StatedDomain(FrozenModel):
+    """The box in which a stated law holds, each side as [low, high]; a missing side is unbounded."""
+
+    actuation: tuple[Actuation, Actuation] | None = None
+    deformation: tuple[Angle, Angle] | None = None
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Self:
+        for name in ("actuation", "deformation"):
+            side = getattr(self, name)
+            if side is not None and not side[0] < side[1]:
+                raise PydanticCustomError(
+                    "domain",
+                    "domain.{name} needs [low, high] with low < high, not [{low}, {high}]",
+                    {"name": name, "low": side[0], "high": side[1]},
+                )
+        return self
+
+
+class PolynomialConfig(SurrogateConfig):
+    """A polynomial law τ(p, u).
+
+    `form: adaptive` fits a polynomial whose degree is chosen by cross-validation; `form: study` fits the
+    published five-coefficient form, or states it by `coefficients`.
+    """
+
+    kind: Literal["polynomial"] = "polynomial"
+    form: Literal["adaptive", "study"] = "adaptive"
+    max_degree: int = Field(default=9, ge=1, le=12, description="largest degree that form adaptive tries")
+    odd: bool = Field(
+        default=False, description="form study with u|u| for u²: softens the same way both ways"
+    )
+    coefficients: StudyCoefficients | None = Field(default=None, description="states a law of form study")
+    domain: StatedDomain | None = Field(default=None, description="box in which the stated law holds")
+    actuation_name: Literal["pressure_pa", "tendon_force_n"] = Field(
+        default="pressure_pa", description="input of a stated law"
+    )
+    axis: Literal["x", "y", "z"] = Field(default="y", description="axis of a stated law")
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        problem = None
+        if self.form != "study" and self.coefficients is not None:
+            problem = "coefficients state a law of the study's form: add 'form: study'"
+        elif self.form != "study" and self.odd:
+            problem = "odd replaces u² by u|u| in the study's form: add 'form: study' or leave it out"
+        elif self.coefficients is None and self.domain is not None:
+            problem = (
+                "domain belongs to a law stated by coefficients; a fitted law's domain is the box of its data"
+            )
+        elif self.coefficients is not None and self.data is not None:
+            problem = "coefficients state the law and data fits one: give only one of them"
+        if problem:
+            raise PydanticCustomError("polynomial", "{problem}", {"problem": problem})
+        return self

@@ -1,0 +1,130 @@
+"""Which states are fitted and which are scored; what is wrong with them is said in one sentence."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pliant.errors import UserError
+from pliant.records.fem import FemDataset
+from pliant.records.law import Domain
+
+Mask = NDArray[np.bool_]
+
+MINIMUM_STATES = 6
+HELD_OUT_SHARE = 0.2
+HELD_OUT_SEED = 0
+# Repeats of a bench test scatter; a tenth of the range is a mistake.
+CONTRADICTION = 0.1
+
+
+@dataclass(frozen=True, eq=False)
+class Split:
+    """States to fit, states to score, the range of the effort over both, and how they were chosen."""
+
+    fit: FemDataset
+    check: FemDataset
+    effort_range: float
+    held_out: str
+    excluded: dict[str, int]
+
+    @property
+    def domain(self) -> Domain:
+        """The box of the fitted states."""
+        p, u = self.fit.actuation, self.fit.angle_rad
+        return Domain(np.array([p.min(), p.max()]), np.array([[u.min(), u.max()]]))
+
+
+def rows(data: FemDataset, keep: Mask) -> FemDataset:
+    """The states chosen by a mask (n,)."""
+    names = ("actuation", "angle_rad", "moment_n_m", "dmoment_dp", "dmoment_du", "energy_j")
+    labels = ("branch", "status", "role")
+    return replace(data, shapes=(), **{name: getattr(data, name)[keep] for name in (*names, *labels)})
+
+
+def split(data: FemDataset) -> Split:
+    """Check the data, leave out states that the FEM stage does not trust, choose those to score.
+
+    States of role "check" are scored; data without any hold out a seeded fifth of the states inside the box.
+    Raises `UserError` for numbers that are not finite, contradictions and too few states.
+    """
+    _finite(data)
+    trusted = data.status == "ok"
+    names, counts = np.unique(data.status[~trusted], return_counts=True)
+    excluded = {str(name): int(count) for name, count in zip(names, counts, strict=True)}
+    _agreeing(data, trusted)
+    usable = rows(data, trusted)
+    fit, check = rows(usable, usable.role == "fit"), rows(usable, usable.role == "check")
+    held_out = "states of role check"
+    if len(check) == 0 and len(fit) >= MINIMUM_STATES:
+        chosen = _hold_out(fit)
+        fit, check = rows(fit, ~chosen), rows(fit, chosen)
+        held_out = (
+            f"no state has role check: {len(check)} of {len(usable)} held out at random, seed {HELD_OUT_SEED}"
+        )
+    _enough(fit, check, excluded)
+    return Split(fit, check, float(np.ptp(usable.moment_n_m)), held_out, excluded)
+
+
+def _finite(data: FemDataset) -> None:
+    for name, label in (
+        ("actuation", data.actuation_name),
+        ("angle_rad", "angle_rad"),
+        ("moment_n_m", "moment_n_m"),
+    ):
+        bad = np.flatnonzero(~np.isfinite(getattr(data, name)))
+        if bad.size:
+            value = getattr(data, name)[bad[0]]
+            raise UserError(f"{label} is {value} in state {bad[0] + 1}: a state needs a finite number")
+
+
+def _agreeing(data: FemDataset, trusted: Mask) -> None:
+    index = np.flatnonzero(trusted)
+    if index.size < 2:
+        return
+    p, u, moment = data.actuation[index], data.angle_rad[index], data.moment_n_m[index]
+    order = np.lexsort((moment, u, p))
+    same = (np.diff(p[order]) == 0) & (np.diff(u[order]) == 0)
+    apart = np.flatnonzero(same & (np.diff(moment[order]) > CONTRADICTION * np.ptp(moment)))
+    if apart.size:
+        first, second = sorted((index[order[apart[0]]], index[order[apart[0] + 1]]))
+        raise UserError(
+            f"states {first + 1} and {second + 1} contradict each other: at {data.actuation_name} = "
+            f"{data.actuation[first]:g} and angle_rad = {data.angle_rad[first]:g} one has the moment "
+            f"{data.moment_n_m[first]:g} N·m, the other {data.moment_n_m[second]:g} N·m"
+        )
+
+
+def _hold_out(data: FemDataset) -> Mask:
+    """Mask of the held-out states; those on the border of the box stay in the fit and span the domain."""
+    inside = np.ones(len(data), bool)
+    for values in (data.actuation, data.angle_rad):
+        inside &= (values > values.min()) & (values < values.max())
+    wanted = max(1, round(HELD_OUT_SHARE * len(data)))
+    candidates = np.flatnonzero(inside)
+    if candidates.size < wanted:
+        candidates = np.arange(len(data))
+    chosen = np.zeros(len(data), bool)
+    chosen[np.random.default_rng(HELD_OUT_SEED).choice(candidates, wanted, replace=False)] = True
+    return chosen
+
+
+def _enough(fit: FemDataset, check: FemDataset, excluded: dict[str, int]) -> None:
+    left_out = "".join(f"; {n} with status '{name}' are not trusted" for name, n in excluded.items())
+    if len(fit) < MINIMUM_STATES:
+        raise UserError(
+            f"a polynomial law needs at least {MINIMUM_STATES} states to fit besides those that score it, "
+            f"and there are {len(fit)} (and {len(check)} to score){left_out}"
+        )
+    for values, label in ((fit.actuation, fit.actuation_name), (fit.angle_rad, "angle_rad")):
+        if np.ptp(values) == 0:
+            raise UserError(
+                f"all {len(fit)} states have the same {label} ({values[0]:g}): a law of it needs two levels"
+            )
+    if np.ptp(fit.moment_n_m) == 0:
+        raise UserError(
+            f"all {len(fit)} states have the moment {fit.moment_n_m[0]:g} N·m: add states with an external "
+            "moment (the constrained branch)"
+        )

@@ -1,0 +1,109 @@
+"""The polynomial surrogate: states in, law and honest errors out."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pliant.errors import UserError
+from pliant.interfaces.surrogate import FittedLaw, Surrogate
+from pliant.records.fem import FemDataset
+from pliant.records.law import FitReport, LawRecord
+from pliant_plugins.surrogates.polynomial import scoring
+from pliant_plugins.surrogates.polynomial.config import PolynomialConfig
+from pliant_plugins.surrogates.polynomial.fit import Candidate, fit_adaptive
+from pliant_plugins.surrogates.polynomial.law import KIND, PolynomialLaw, largest_slope
+from pliant_plugins.surrogates.polynomial.states import Split, split
+from pliant_plugins.surrogates.polynomial.study_form import fit_study, stated_domain, study_law
+
+
+class Polynomial(Surrogate):
+    """Joint laws that are polynomials in pressure and angle (`PolynomialLaw`).
+
+    Form "adaptive" fits values and slopes by least squares and chooses the degree by cross-validation; form
+    "study" is the published one (see `study_form`). `FitReport.details` holds the cross-validation table, the
+    residuals and the errors of the study's form on the same states.
+    """
+
+    config: PolynomialConfig
+
+    def __init__(self, config: PolynomialConfig) -> None:
+        super().__init__(config)
+
+    def stated(self) -> PolynomialLaw | None:
+        """The law of the config's coefficients, or None."""
+        config = self.config
+        if config.coefficients is None:
+            return None
+        domain = stated_domain(config.domain)
+        return study_law(config.coefficients, config.odd, domain, config.actuation_name, config.axis)
+
+    def fit(self, data: FemDataset) -> FittedLaw:
+        """Fit the trusted states of role "fit" and score the law on those of role "check".
+
+        Raises `UserError`, in one sentence, for too few states, non-finite numbers and contradictions.
+        """
+        states = split(data)
+        if self.config.form == "study":
+            coefficients = fit_study(states.fit, self.config.odd)
+            law = study_law(coefficients, self.config.odd, states.domain, data.actuation_name, data.axis)
+            parameters: dict[str, Any] = coefficients.canonical()
+            choice: dict[str, Any] = {"form": "study", "odd": self.config.odd}
+        else:
+            chosen, candidates = fit_adaptive(states.fit, states.domain, self.config.max_degree)
+            law = chosen.law
+            parameters = {
+                "coefficients": law.coefficients.tolist(),
+                "actuation_map": law.actuation_map.tolist(),
+                "deformation_map": law.deformation_map.tolist(),
+            }
+            choice = {"form": "adaptive", **_choice(chosen, candidates)}
+        return FittedLaw(law, _report(law, states, {**choice, "parameters": parameters}))
+
+    def load(self, record: LawRecord) -> PolynomialLaw:
+        """The law of a record that `PolynomialLaw.record` wrote."""
+        if record.kind != KIND:
+            raise UserError(f"surrogate '{KIND}' cannot read a law of kind '{record.kind}'")
+        return PolynomialLaw.of_record(record)
+
+
+def _choice(chosen: Candidate, candidates: list[Candidate]) -> dict[str, Any]:
+    """The chosen degree and the table it was chosen from; errors are shares of the fitted effort's range."""
+    table = [
+        {
+            "degree": c.degree,
+            "actuation_degree": c.actuation_degree,
+            "terms": c.n_terms,
+            "rmse_of_range": c.rmse,
+            "standard_error": c.rmse_se,
+            "stable": c.largest_slope < 0,
+            "chosen": c is chosen,
+        }
+        for c in candidates
+    ]
+    return {
+        "degree": chosen.degree,
+        "actuation_degree": chosen.actuation_degree,
+        "terms": chosen.n_terms,
+        "cross_validation": table,
+    }
+
+
+def _report(law: PolynomialLaw, states: Split, details: dict[str, Any]) -> FitReport:
+    slope = largest_slope(law)
+    return FitReport(
+        n_fitted=len(states.fit),
+        n_heldout=len(states.check),
+        effort_range=states.effort_range,
+        **scoring.errors(law, states.check, states.effort_range),
+        details={
+            **details,
+            "held_out": states.held_out,
+            "excluded": states.excluded,
+            "largest_slope": slope,
+            "stable": slope < 0,
+            "coverage": scoring.coverage(states.fit, states.domain),
+            "slope_errors": scoring.slope_errors(law, states.check),
+            "residuals": scoring.residuals(law, states.check),
+            "study_form": scoring.study_beside(states, bool(details.get("odd", False))),
+        },
+    )

@@ -1,0 +1,367 @@
+"""Fitting polynomial laws: recovery, slopes, choice of degree, scores, messages, published data."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from pydantic import ValidationError
+
+from pliant.errors import UserError
+from pliant.records.design import Design
+from pliant.records.fem import FemDataset
+from pliant.records.law import LawRecord
+from pliant_plugins.surrogates.polynomial.config import PolynomialConfig
+from pliant_plugins.surrogates.polynomial.surrogate import Polynomial
+
+REFERENCE = Path(__file__).parents[2] / ".." / "shared" / "data" / "reference"
+
+
+def dataset(p, u, moment, by_p=None, by_u=None, check=None) -> FemDataset:
+    p, u, moment = (np.asarray(values, float) for values in (p, u, moment))
+    nan = np.full(len(p), np.nan)
+    role = np.full(len(p), "fit") if check is None else np.where(check, "check", "fit")
+    return FemDataset(
+        Design("test", {}),
+        "y",
+        "pressure_pa",
+        p,
+        u,
+        moment,
+        nan if by_p is None else by_p,
+        nan if by_u is None else by_u,
+        nan,
+        np.full(len(p), "constrained"),
+        np.full(len(p), "ok"),
+        role,
+    )
+
+
+def module(p, u):
+    """A smooth module that is no polynomial: τ and its slopes."""
+    q = p / 15e3
+    tau = 0.024 * q * (1 + 0.15 * q) * np.exp(-1.2 * u) - 0.012 * np.sinh(2.5 * u) / (1 + 0.3 * q)
+    by_p = (0.024 * (1 + 0.3 * q) * np.exp(-1.2 * u) + 0.0036 * np.sinh(2.5 * u) / (1 + 0.3 * q) ** 2) / 15e3
+    by_u = -0.0288 * q * (1 + 0.15 * q) * np.exp(-1.2 * u) - 0.03 * np.cosh(2.5 * u) / (1 + 0.3 * q)
+    return tau, by_p, by_u
+
+
+def grid(n_p: int, n_u: int):
+    """Chebyshev–Lobatto levels of pressure and angle, and 40 states between them to score."""
+    levels = [(1 - np.cos(np.pi * np.arange(n) / (n - 1))) / 2 for n in (n_p, n_u)]
+    p, u = (values.ravel() for values in np.meshgrid(15e3 * levels[0], -0.2 + 0.65 * levels[1]))
+    rng = np.random.default_rng(1)
+    check = np.arange(len(p) + 40) >= len(p)
+    return np.append(p, rng.uniform(0, 15e3, 40)), np.append(u, rng.uniform(-0.2, 0.45, 40)), check
+
+
+def fem_like(n_p: int = 6, n_u: int = 7, slopes: bool = True) -> FemDataset:
+    p, u, check = grid(n_p, n_u)
+    tau, by_p, by_u = module(p, u)
+    return dataset(p, u, tau, by_p if slopes else None, by_u if slopes else None, check)
+
+
+def fit(data: FemDataset, **config):
+    return Polynomial(PolynomialConfig(**config)).fit(data)
+
+
+@pytest.mark.parametrize("degree", [1, 2, 3, 5])
+def test_a_polynomial_is_recovered_and_its_degree_is_found(degree: int) -> None:
+    p, u, check = grid(8, 9)
+    x, v = p / 15e3, u / 0.45
+    rng = np.random.default_rng(degree)
+    table = (
+        1e-4 * rng.normal(size=(degree + 1, degree + 1)) * (np.add.outer(*[range(degree + 1)] * 2) <= degree)
+    )
+    table[0, 1], table[0, degree], table[degree, 0] = -0.03, table[0, degree] - 1e-3, table[degree, 0] + 1e-3
+    fitted = fit(dataset(p, u, np.polynomial.polynomial.polyval2d(x, v, table), check=check))
+    assert fitted.report.details["degree"] == degree
+    assert fitted.report.worst_of_range < 1e-11
+    effort = fitted.law.evaluate(p, u[:, None])
+    by_v = np.polynomial.polynomial.polyval2d(x, v, np.polynomial.polynomial.polyder(table, axis=1)) / 0.45
+    np.testing.assert_allclose(effort.dtau_du[:, 0, 0], by_v, rtol=1e-9)
+
+
+def test_a_fem_like_data_set_is_fitted_to_a_hundred_thousandth() -> None:
+    report = fit(fem_like()).report
+    assert report.worst_of_range < 1e-5
+    assert report.details["stable"]
+    assert report.details["slope_errors"]["dmoment_du"] < 1e-4
+    assert (report.n_fitted, report.n_heldout) == (42, 40)
+
+
+def test_on_few_states_slopes_are_worth_a_factor_of_ten() -> None:
+    with_slopes, values_only = (fit(fem_like(3, 4, slopes)).report.rmse for slopes in (True, False))
+    assert with_slopes < values_only / 10
+
+
+def test_slopes_that_are_missing_in_some_states_are_left_out() -> None:
+    data = fem_like()
+    by_u = data.dmoment_du.copy()
+    by_u[::3] = np.nan
+    assert fit(replace(data, dmoment_du=by_u)).report.worst_of_range < 1e-4
+
+
+def test_noise_is_not_fitted() -> None:
+    """At 1 % noise the chosen law is nearer to the truth than the highest degree, and than the noise."""
+    data = fem_like(10, 12, slopes=False)
+    noise = 0.01 * np.ptp(data.moment_n_m) * np.random.default_rng(0).normal(size=len(data))
+    noisy = replace(data, moment_n_m=data.moment_n_m + np.where(data.role == "fit", noise, 0.0))
+    report = fit(noisy).report
+    assert report.details["terms"] <= 10
+    assert report.rmse < 0.6 * noise.std()
+    crowded = max(report.details["cross_validation"], key=lambda row: row["terms"])
+    chosen = next(row for row in report.details["cross_validation"] if row["chosen"])
+    assert chosen["rmse_of_range"] < crowded["rmse_of_range"]
+
+
+def test_the_cross_validated_error_is_honest_on_a_grid() -> None:
+    """With single states left out it would be far too small: rows and columns give them away."""
+    report = fit(fem_like(4, 5, slopes=False)).report
+    chosen = next(row for row in report.details["cross_validation"] if row["chosen"])
+    assert report.rmse / report.effort_range < 3 * chosen["rmse_of_range"]
+
+
+def test_fitting_twice_gives_the_same_bits() -> None:
+    first, second = (fit(fem_like()).law.record().arrays["coefficients"] for _ in range(2))
+    np.testing.assert_array_equal(first, second)
+
+
+def test_load_makes_the_fitted_law_and_refuses_another_kind() -> None:
+    law = fit(fem_like()).law
+    surrogate = Polynomial(PolynomialConfig())
+    p, u = np.linspace(-3e3, 20e3, 50), np.linspace(-0.5, 0.8, 50)[:, None]
+    np.testing.assert_array_equal(surrogate.load(law.record()).evaluate(p, u).tau, law.evaluate(p, u).tau)
+    with pytest.raises(UserError, match="cannot read a law of kind 'neural'"):
+        surrogate.load(LawRecord("neural", {}, {}))
+
+
+def test_check_states_are_never_fitted() -> None:
+    data = fem_like()
+    wrong = replace(data, moment_n_m=np.where(data.role == "check", 7.0, data.moment_n_m))
+    np.testing.assert_array_equal(
+        fit(wrong).law.record().arrays["coefficients"], fit(data).law.record().arrays["coefficients"]
+    )
+    assert fit(wrong).report.worst > 6
+
+
+def test_report_fields_agree_with_its_residuals() -> None:
+    data = fem_like()
+    report = fit(data, max_degree=3).report
+    kept = report.details["residuals"]
+    missed = np.array(kept["predicted_n_m"]) - kept["moment_n_m"]
+    assert report.rmse == pytest.approx(np.sqrt(np.mean(missed**2)))
+    assert report.worst == pytest.approx(np.abs(missed).max())
+    assert report.effort_range == np.ptp(data.moment_n_m)
+    assert report.worst_of_range == report.worst / report.effort_range
+    assert report.details["study_form"]["rmse"] > report.rmse
+    assert kept["actuation"] == data.actuation[data.role == "check"].tolist()
+
+
+def test_data_without_check_states_hold_out_a_fifth() -> None:
+    data = fem_like(6, 7).select("fit")
+    report = fit(data).report
+    assert (report.n_fitted, report.n_heldout) == (34, 8)
+    assert "no state has role check" in report.details["held_out"]
+    np.testing.assert_array_equal(fit(data).law.domain.actuation, [0, 15e3])
+
+
+def test_states_that_fem_does_not_trust_are_left_out_and_counted() -> None:
+    data = fem_like()
+    status = data.status.astype("<U16")
+    status[[3, 50]] = "self_contact"
+    moment = data.moment_n_m.copy()
+    moment[3] += 1.0
+    report = fit(replace(data, status=status, moment_n_m=moment)).report
+    assert report.details["excluded"] == {"self_contact": 2}
+    assert (report.n_fitted, report.n_heldout) == (41, 39)
+    assert report.worst_of_range < 1e-4
+
+
+def test_a_box_with_empty_corners_gets_a_stable_law() -> None:
+    """Pressure ramps of a bench: no state at low pressure and large angle, where high degrees swing."""
+    rng = np.random.default_rng(5)
+    p = rng.uniform(0, 15e3, 200)
+    u = 0.45 * p / 15e3 * rng.uniform(0.6, 1.0, 200)
+    moment = module(p, u)[0] + 2e-5 * rng.normal(size=200)
+    details = fit(dataset(p, u, moment)).report.details
+    assert any(not row["stable"] for row in details["cross_validation"])
+    assert details["stable"]
+    assert 0.1 < details["coverage"] < 0.5
+
+
+# -- messages --------------------------------------------------------------------------------------
+
+
+def spoiled(**columns) -> FemDataset:
+    data = fem_like(slopes=False)
+    return replace(data, **{name: np.array(change(getattr(data, name))) for name, change in columns.items()})
+
+
+def put(index: int, value: float):
+    def change(column):
+        column = column.copy()
+        column[index] = value
+        return column
+
+    return change
+
+
+def spread(column):
+    return np.linspace(-0.2, 0.45, len(column))
+
+
+def contradicting() -> FemDataset:
+    return spoiled(
+        actuation=lambda p: put(20, p[8])(p),
+        angle_rad=lambda u: put(20, u[8])(u),
+        moment_n_m=lambda m: put(20, m[8] + 0.01)(m),
+    )
+
+
+@pytest.mark.parametrize(
+    ("data", "sentence"),
+    [
+        (fem_like(2, 2), "needs at least 6 states to fit besides those that score it, and there are 4"),
+        (fem_like(2, 2).select("fit"), "and there are 4"),
+        (spoiled(moment_n_m=put(4, np.nan)), "moment_n_m is nan in state 5"),
+        (spoiled(actuation=put(0, np.inf)), "pressure_pa is inf in state 1"),
+        (contradicting(), "states 9 and 21 contradict each other: at pressure_pa = "),
+        (
+            spoiled(actuation=lambda p: 0 * p + 5e3, angle_rad=spread),
+            "all 42 states have the same pressure_pa .5000.",
+        ),
+        (
+            spoiled(moment_n_m=lambda m: 0 * m),
+            "all 42 states have the moment 0 N·m: add states with an external",
+        ),
+        (
+            spoiled(angle_rad=lambda u: 1e-5 * np.arange(len(u)), actuation=lambda p: np.arange(len(p))),
+            "on one line",
+        ),
+        (
+            spoiled(status=lambda s: np.full(len(s), "self_contact")),
+            "82 with status 'self_contact' are not trusted",
+        ),
+    ],
+    ids=[
+        "few",
+        "few, no check",
+        "nan",
+        "inf",
+        "contradiction",
+        "one pressure",
+        "no moments",
+        "line",
+        "untrusted",
+    ],
+)
+def test_bad_data_get_one_sentence(data: FemDataset, sentence: str) -> None:
+    with pytest.raises(UserError, match=sentence):
+        fit(data)
+
+
+def test_the_study_form_says_when_the_states_do_not_determine_it() -> None:
+    with pytest.raises(UserError, match="four coefficients and the 42 states determine only"):
+        fit(spoiled(actuation=spread, angle_rad=spread), form="study")
+
+
+# -- config ----------------------------------------------------------------------------------------
+
+LAW = {"k_n": 1.637e-6, "m_a": -1.704e-6, "b_a": 0.0, "m_e": 0.1012, "b_e": 0.0245}
+
+
+@pytest.mark.parametrize(
+    ("config", "sentence"),
+    [
+        ({"coefficients": LAW}, "add 'form: study'"),
+        ({"odd": True}, "odd replaces"),
+        (
+            {"form": "study", "domain": {"actuation": [0, 1]}},
+            "domain belongs to a law stated by coefficients",
+        ),
+        ({"form": "study", "coefficients": LAW, "data": "a.csv"}, "give only one of them"),
+        (
+            {"form": "study", "coefficients": LAW, "domain": {"deformation": [0.2, 0.1]}},
+            "domain.deformation needs .low, high. with low < high",
+        ),
+        (
+            {"form": "study", "coefficients": LAW, "domain": {"actuation": ["1 mm", 2]}},
+            "'1 mm' is neither a pressure",
+        ),
+        ({"form": "study", "coefficients": {"k_n": 1e-6}}, "Field required"),
+    ],
+)
+def test_contradictory_configs_are_refused(config: dict, sentence: str) -> None:
+    with pytest.raises(ValidationError, match=sentence):
+        PolynomialConfig(**config)
+
+
+def test_a_stated_law_has_its_stated_domain_in_any_unit() -> None:
+    config = PolynomialConfig(
+        form="study",
+        odd=True,
+        coefficients=LAW,
+        domain={"actuation": ["0 kPa", "15 kPa"], "deformation": ["-10 deg", 0.6]},
+    )
+    law = Polynomial(config).stated()
+    np.testing.assert_allclose(law.domain.actuation, [0, 15e3])
+    np.testing.assert_allclose(law.domain.deformation, [[-np.pi / 18, 0.6]])
+    assert abs(law.evaluate(np.array([15e3]), np.array([[0.359718]])).tau[0, 0]) < 1e-7
+    assert law.domain.excess(np.array([16e3]), np.array([[0.0]]))[0, 0] == pytest.approx(1e3)
+
+
+def test_a_tendon_law_can_be_stated_and_a_fitted_one_is_not_stated() -> None:
+    config = PolynomialConfig(
+        form="study", coefficients=LAW, actuation_name="tendon_force_n", domain={"actuation": ["0 N", "8 N"]}
+    )
+    law = Polynomial(config).stated()
+    assert law.actuation_name == "tendon_force_n"
+    np.testing.assert_array_equal(law.domain.actuation, [0, 8])
+    assert not np.isfinite(law.domain.deformation).any()
+    assert Polynomial(PolynomialConfig()).stated() is None
+
+
+# -- the published data ----------------------------------------------------------------------------
+
+
+def published(name: str, forward_only: bool = False, unseen: bool = False) -> FemDataset:
+    """Published states. Unless `unseen`, all are fitted and scored, as for the figures quoted."""
+    path = REFERENCE / name
+    if not path.exists():
+        pytest.skip(f"the study's data are not here: {path.resolve()}")
+    table = np.genfromtxt(path, delimiter=",", names=True)
+    p, u, moment = table["pressure_pa"], 2 * table["half_angle_rad"], table["moment_n_m"]
+    keep = u >= 0 if forward_only else np.isfinite(u)
+    p, u, moment = p[keep], u[keep], moment[keep]
+    if unseen:
+        return dataset(p, u, moment)
+    both = np.repeat([False, True], len(p))
+    return dataset(np.tile(p, 2), np.tile(u, 2), np.tile(moment, 2), check=both)
+
+
+@pytest.mark.parametrize(
+    ("name", "forward_only", "odd", "rms", "worst"),
+    [
+        ("bellow_bending_fem.csv", True, False, 0.0037, 0.0125),
+        ("helical_y_fem_R5.66_l4.72.csv", False, False, 0.0033, 0.0207),
+        ("helical_y_fem_R5.66_l4.72.csv", False, True, 0.0225, 0.1174),
+    ],
+    ids=["bending", "helical", "helical odd"],
+)
+def test_the_study_form_reaches_the_known_accuracy(name, forward_only, odd, rms, worst) -> None:
+    report = fit(published(name, forward_only), form="study", odd=odd).report
+    assert report.rmse / report.effort_range == pytest.approx(rms, rel=0.02)
+    assert report.worst_of_range == pytest.approx(worst, rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("name", "worst"), [("bellow_bending_fem.csv", 1e-3), ("helical_y_fem_R5.66_l4.72.csv", 3e-4)]
+)
+def test_the_adaptive_form_goes_below_half_a_percent_on_states_not_seen(name: str, worst: float) -> None:
+    report = fit(published(name, unseen=True)).report
+    assert report.worst_of_range < worst
+    assert report.details["stable"]
+    assert report.worst_of_range < report.details["study_form"]["worst_of_range"] / 5
