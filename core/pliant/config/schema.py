@@ -8,12 +8,15 @@ from pydantic.json_schema import GenerateJsonSchema, models_json_schema
 
 from pliant import __version__
 from pliant.config.study import BLOCK_LISTS, BLOCKS, Study
+from pliant.errors import ContractError
+from pliant.registry.component import Component
 from pliant.registry.discovery import Registry
 
 
 def study_schema(registry: Registry) -> dict[str, Any]:
     """JSON schema (draft 2020-12) of a study file under the installed plugins."""
-    components = [c for i in dict.fromkeys([*BLOCKS.values(), *BLOCK_LISTS.values()]) for c in registry.of(i)]
+    interfaces = dict.fromkeys([*BLOCKS.values(), *BLOCK_LISTS.values()])
+    components = [c for i in interfaces for c in registry.of(i) if _usable(c)]
     models: list[Any] = [Study, *(c.config_model() for c in components)]
     references, top = models_json_schema(
         [(model, "validation") for model in models],
@@ -41,6 +44,15 @@ def study_schema(registry: Registry) -> dict[str, Any]:
     # A study that extends another may leave out anything.
     schema.pop("required", None)
     return schema
+
+
+def _usable(component: Component) -> bool:
+    """Whether the config model can be imported; a broken plugin must not take the schema with it."""
+    try:
+        component.config_model()
+    except ContractError:
+        return False
+    return True
 
 
 def _alternatives(by_interface: dict[str, list[Any]], registry: Registry, interface: str) -> list[Any]:

@@ -48,7 +48,7 @@ class Component:
 
     def config_model(self) -> type[ComponentConfig]:
         """Import the config model."""
-        model = _load(self.config)
+        model = self._load(self.config)
         if not (isinstance(model, type) and issubclass(model, ComponentConfig)):
             raise ContractError(f"{self.label}: '{self.config}' is not a subclass of ComponentConfig.")
         return model
@@ -66,18 +66,17 @@ class Component:
         if missing is not None:
             how = self.install or f"pip install {missing}"
             raise MissingDependencyError(f"{self.label} needs {missing}: {how}.")
+        return self._load(self.implementation)(config)
+
+    def _load(self, reference: str) -> Any:
+        module, _, name = reference.partition(":")
         try:
-            implementation = _load(self.implementation)
-        except (ImportError, AttributeError) as error:
-            raise ContractError(f"{self.label} of {self.package}: {self.implementation}: {error}.") from error
-        return implementation(config)
+            return getattr(importlib.import_module(module), name)
+        except Exception as error:  # a plugin's module may fail in any way
+            cause = f"{type(error).__name__}: {error}"
+            raise ContractError(f"{self.label} of {self.package}: {reference} cannot be used ({cause}).") from error
 
     @property
     def label(self) -> str:
         """How messages name it: physics 'pybullet'."""
         return f"{self.interface} '{self.kind}'"
-
-
-def _load(reference: str) -> Any:
-    module, _, name = reference.partition(":")
-    return getattr(importlib.import_module(module), name)
