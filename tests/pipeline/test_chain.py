@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pliant.config.chain import BaseConfig, ChainConfig
-from pliant.mechanics.kinematics import forward
+from pliant.mechanics.kinematics import ChainGeometry
 from pliant.pipeline.chain import Segment, base_rotation, build_chain, rod_module
 from pliant.records.law import Domain, Effort, JointLaw, LawRecord
 
@@ -101,7 +101,7 @@ def test_a_rotated_segment_keeps_its_masses_in_its_own_frame():
 
 def test_markers_at_rest_lie_on_the_chain():
     chain = chain_of(3, base={"position": [0, 0, 1]})
-    markers = forward(chain, np.zeros((3, 1))).markers_m
+    markers = ChainGeometry.of(chain).markers(np.zeros((3, 1)))
     assert markers[:, 2] == pytest.approx(1 - np.array([0, 0.005, 0.015, 0.025, 0.03]))
 
 
