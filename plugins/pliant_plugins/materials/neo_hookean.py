@@ -52,10 +52,9 @@ class NeoHookean(Material):
             + K J ((2J − 1) G_ij G_kl − (J − 1) G_il G_kj),   μ̄ = μ J^(−2/3).
         """
         mu, K = self.shear_modulus_pa, self.bulk_modulus_pa
-        cofactor, J = _cofactor(F)
+        J, G = np.linalg.det(F), np.swapaxes(np.linalg.inv(F), -1, -2)
         I1 = np.einsum("...ij,...ij->...", F, F)
         mu_bar = mu * J ** (-2 / 3)
-        G = cofactor / J[..., None, None]
         energy = mu / 2 * (J ** (-2 / 3) * I1 - 3) + K / 2 * (J - 1) ** 2
         pressure = K * (J - 1) * J
         stress = mu_bar[..., None, None] * F + (pressure - mu_bar * I1 / 3)[..., None, None] * G
@@ -73,10 +72,3 @@ class NeoHookean(Material):
         diagonal = tangent.reshape(*J.shape, 81)[..., ::10]
         diagonal += mu_bar[..., None]
         return Hyperelastic(energy, stress, tangent)
-
-
-def _cofactor(F: Array) -> tuple[Array, Array]:
-    """Cofactors J F⁻ᵀ (..., 3, 3) and J (...,): rows are cross products of F's other two rows."""
-    rows = [F[..., i, :] for i in range(3)]
-    cofactor = np.stack([np.cross(rows[i - 2], rows[i - 1]) for i in range(3)], axis=-2)
-    return cofactor, np.einsum("...j,...j->...", rows[0], cofactor[..., 0, :])

@@ -51,7 +51,7 @@ class BellowGeometry:
 
     @property
     def axis_height_m(self) -> float:
-        """Height of the tube's axis above the plate's mid-plane, Rc + t: z of the axis in the module frame."""
+        """z of the tube's axis in the module frame: Rc + t above the plate's mid-plane."""
         return self.crest_radius_m + self.wall_m
 
     def check(self) -> None:
@@ -70,25 +70,25 @@ class BellowGeometry:
         size = max(l, 2 * (self.crest_radius_m + t))
         if size > LARGEST_MODULE_M:
             raise InvalidDesignError(
-                f"bellow_bending needs a module size ≤ {_mm(LARGEST_MODULE_M)}, but the largest of length and "
-                f"diameter is {_mm(size)}, over by {_mm(size - LARGEST_MODULE_M)}: were units forgotten? "
+                f"bellow_bending needs module_length and outer diameter ≤ {_mm(LARGEST_MODULE_M)}, "
+                f"but the larger is {_mm(size)}, over by {_mm(size - LARGEST_MODULE_M)}: were units forgotten? "
                 "Bare numbers are metres; write '11 mm'."
             )
         slack = (R - r) - l / 4
         if slack < -1e-6 * l:
             raise InvalidDesignError(
-                f"bellow_bending needs average_radius − inner_radius ≥ module_length/4 (room for the arcs), but "
-                f"{_mm(R - r)} < {_mm(l / 4)}, short by {_mm(-slack)}."
+                f"bellow_bending needs average_radius − inner_radius ≥ module_length/4 (room for the arcs), "
+                f"but {_mm(R - r)} < {_mm(l / 4)}, short by {_mm(-slack)}."
             )
         slack = l / 4 - t
         if slack <= 1e-6 * l:
             raise InvalidDesignError(
-                f"bellow_bending needs module_length/4 > wall (the outer arc at the trough collapses otherwise), "
+                f"bellow_bending needs module_length/4 > wall (or the trough's outer arc collapses), "
                 f"but {_mm(l / 4)} ≤ {_mm(t)}, short by {_mm(abs(slack))}."
             )
 
     def wall_volume(self, inner: float, outer: float) -> float:
-        """Volume (m³) of one module's wall between the offsets `inner` and `outer` of the profile, in closed form.
+        """Volume (m³) of one module's wall between two offsets of the profile, in closed form.
 
         Pappus: ∫ 2π ρ dA over two crest arcs, two flanks and two trough arcs. With inner = −t/2, outer = t/2
         (the profile as mid-surface) it is the published bellow volume 2 (V1 + V2 + V3).
@@ -143,7 +143,7 @@ class BellowGeometry:
         return float(2 * np.pi * (crest + trough))
 
     def crest(self, angle: Array, depth: Array) -> tuple[Array, Array]:
-        """(x, radius) on the crest's arc at `angle` from the crest and `depth` ∈ [0, t] outside the cavity."""
+        """(x, radius) on the crest's arc, `angle` from mid-crest, `depth` ∈ [0, t] outside the cavity."""
         arc = self.arc_radius_m
         return (arc + depth) * np.sin(angle), self.crest_radius_m - arc + (arc + depth) * np.cos(angle)
 

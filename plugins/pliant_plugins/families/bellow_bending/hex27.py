@@ -57,7 +57,7 @@ def tabulate_face(order: int = 3) -> tuple[Array, Array, Array]:
 
 
 def quadrature(nodes_m: Array, cells: IntArray, order: int = 3) -> tuple[Array, Array]:
-    """Points (m, q, 3) and signed volumes (m, q) of the cells' Gauss points; negative where one is inverted."""
+    """Gauss points (m, q, 3) and their signed volumes (m, q), negative where a cell is inverted."""
     N, dN, weight = tabulate(order)
     corner = nodes_m[cells]
     jacobian = np.einsum("eai,qaj->eqij", corner, dN)

@@ -66,7 +66,7 @@ def build_mesh(geometry: BellowGeometry, refinement: int = 1) -> ModuleMesh:
     plate_ids[~shared] = wall_ids.size + np.arange((~shared).sum())
 
     nodes = np.vstack([wall.reshape(-1, 3), plate[~shared]])
-    # the wall's grid (profile, around, outward) is left-handed in the module frame, the plate's (x, y, down) too
+    # both grids are left-handed in the module frame: one index runs backwards
     cells = np.vstack([_cells(wall_ids[:, ::-1]), _cells(plate_ids[:, :, ::-1])])
     inner = _faces(wall_ids[:, :, 0])
     return ModuleMesh(nodes, cells, inner, boundary_faces(cells), _node_sets(geometry, nodes))
@@ -131,7 +131,7 @@ def _foot_width(geometry: BellowGeometry) -> float:
 
 
 def _plate(geometry: BellowGeometry, counts: Counts, foot: Array) -> Array:
-    """Plate nodes [I, J, m, 3]: columns that hang from the foot and, beside it, from the plate's top plane."""
+    """Plate nodes [I, J, m, 3]: columns that hang from the foot and, beside it, from the top plane."""
     t, half, R = geometry.wall_m, geometry.half_length_m, geometry.average_radius_m
     edge_x, edge_y = foot[-1], foot[:, -1]  # the foot's far edges along x and along y
     f = np.linspace(0, 1, 2 * counts.overhang + 1)[1:, None, None]

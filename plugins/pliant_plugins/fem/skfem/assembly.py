@@ -10,6 +10,7 @@ are products of small matrices. Global columns (θ, e) are kept apart from the s
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,9 +18,11 @@ import numpy as np
 from pliant.interfaces.material import Material
 from pliant.records.design import Array
 from pliant.records.fem import IntArray, ModuleProblem
-from pliant_plugins.fem.skfem.basis import cell_data, face_data
+from pliant_plugins.fem.skfem.basis import CellData, cell_data, face_data
 from pliant_plugins.fem.skfem.cavity import volume
-from pliant_plugins.fem.skfem.kinematics import BendFrame, Pointwise, strain_energy
+from pliant_plugins.fem.skfem.kinematics import BendFrame, Pointwise, SolidDensity, strain_energy
+
+Rows = tuple[Array, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +66,7 @@ class Pattern:
 
 @dataclass(frozen=True, eq=False)
 class Scatter:
-    """Where local entries go: dofs (m, k) and, for the chosen entries of (m, k, k), their slot in the matrix."""
+    """Where local entries go: dofs (m, k); for the chosen entries of (m, k, k), their slot in the matrix."""
 
     dofs: IntArray
     chosen: IntArray
@@ -91,7 +94,7 @@ class Assembler:
         # slopes of the reference position along the faces' coordinates, which the axial strain e stretches
         self._face_X = np.einsum("fa,qja->fqj", mesh.nodes_m[self.faces.nodes, 0], self.faces.slope)
 
-    def _operators(self) -> tuple[tuple[Array, ...], tuple[Array, ...]]:
+    def _operators(self) -> tuple[Rows, Rows]:
         """Rows B_c (m or 1, q, rows, nodes) of the local variables, for c = x, y, z."""
         cells, faces = self.cells, self.faces
         value = np.broadcast_to(cells.value[None, :, None], (*cells.weight.shape, 1, 27))
@@ -110,7 +113,7 @@ class Assembler:
         S = self.cells.gradient.reshape(m, 3 * q, 27) @ local
         S = S.reshape(m, q, 3, 3).transpose(0, 1, 3, 2)
         zeta = local[:, :, 2] @ self.cells.value.T - self.frame.reference_z_m
-        density = strain_energy(self.frame, self.material, S, zeta, x[-2], x[-1])
+        density = strain_energy(self.frame, self.material, self.cells, S, zeta, x[-2], x[-1])
         if density is None:
             return None
         return self._gather(density, self.cells.weight, self._cell_rows, self._cell_scatter)
@@ -125,40 +128,62 @@ class Assembler:
         weight = np.broadcast_to(self.faces.weight, y.shape)
         return self._gather(density, weight, self._face_rows, self._face_scatter)
 
-    def _gather(self, density: Pointwise, weight: Array, rows: tuple[Array, ...], scatter: Scatter) -> Terms:
+    def _gather(self, density: Pointwise, weight: Array, rows: Rows, scatter: Scatter) -> Terms:
         """Sum a density over the quadrature points and send it to the dofs."""
         gradient = weight[..., None] * density.gradient
         hessian = weight[..., None, None] * density.hessian
-        # local right-hand sides: gradient, and the Hessian's columns of θ and e
+        # right-hand sides: the gradient, and the Hessian's columns of θ and e
         columns = np.concatenate([gradient[..., None], hessian[..., -2:]], axis=-1)
         local = _project(rows, columns)
-        total = [np.bincount(scatter.dofs.ravel(), local[..., i].ravel(), self.size) for i in range(3)]
-        globals_ = columns[..., -2:, :].sum(axis=(0, 1))
-        total = [np.concatenate([vector, globals_[:, i]]) for i, vector in enumerate(total)]
         stiffness = _stiffness(rows, hessian)
-        matrix = np.bincount(
-            scatter.slot, stiffness.ravel()[scatter.chosen], minlength=len(self.pattern.indices)
+        if isinstance(density, SolidDensity):
+            a, c = _through_dilatation(density, self.cells, rows)
+            stiffness += a[:, :-2] @ np.swapaxes(c[:, :-2], 1, 2) + c[:, :-2] @ np.swapaxes(a[:, :-2], 1, 2)
+            local[..., 1:] += a @ np.swapaxes(c[:, -2:], 1, 2) + c @ np.swapaxes(a[:, -2:], 1, 2)
+        return self._scatter(float(np.sum(weight * density.value)), local, stiffness, scatter)
+
+    def _scatter(self, value: float, local: Array, stiffness: Array, scatter: Scatter) -> Terms:
+        """Local columns (m, k + 2, 3) and matrices (m, k, k) to the dofs; the last two rows are θ and e."""
+        totals = np.empty((self.size + 2, 3))
+        for i in range(3):
+            totals[:-2, i] = np.bincount(scatter.dofs.ravel(), local[:, :-2, i].ravel(), self.size)
+        totals[-2:] = local[:, -2:].sum(axis=0)
+        chosen = np.asarray(stiffness.ravel()[scatter.chosen], float)
+        matrix = np.bincount(scatter.slot, chosen, minlength=len(self.pattern.indices)).astype(
+            float, copy=False
         )
-        return Terms(float(np.sum(weight * density.value)), total[0], matrix, np.stack(total[1:], axis=1))
+        return Terms(value, totals[:, 0], matrix, totals[:, 1:])
 
 
-def _spans(rows: tuple[Array, ...]) -> list[slice]:
+def _through_dilatation(density: SolidDensity, cells: CellData, rows: Rows) -> tuple[Array, Array]:
+    """Factors a, c (m, k + 2, 4) of the Hessian's part a cᵀ + c aᵀ that a cell's dilatation Ĵ carries.
+
+    a_k = ∂(∫ φ_k J)/∂x, b_k = ∫ φ_k ∂²W/∂x∂Ĵ, D_kl = ∫ φ_k φ_l ∂²W/∂Ĵ², and c = b + ½ a D.
+    """
+    weighted = cells.weight[..., None] * cells.modes
+    a = _project(rows, density.volume[..., None] * weighted[..., None, :])
+    b = _project(rows, density.coupling[..., None] * weighted[..., None, :])
+    D = np.swapaxes(weighted * density.curvature[..., None], 1, 2) @ cells.modes
+    return a, b + 0.5 * (a @ D)
+
+
+def _spans(rows: Rows) -> list[slice]:
     """Places of each component's variables in g."""
     ends = np.cumsum([0] + [block.shape[2] for block in rows])
-    return [slice(a, b) for a, b in zip(ends[:-1], ends[1:], strict=True)]
+    return [slice(a, b) for a, b in itertools.pairwise(ends)]
 
 
-def _project(rows: tuple[Array, ...], columns: Array) -> Array:
-    """Σ_q B_cᵀ columns: (m, 3 · nodes, k), component by component."""
+def _project(rows: Rows, columns: Array) -> Array:
+    """Σ_q B_cᵀ columns: (m, 3 · nodes + 2, k), component by component, then the plain sums for θ and e."""
     m, _, _, k = columns.shape
     parts = []
     for block, span in zip(rows, _spans(rows), strict=True):
         flat = block.reshape(block.shape[0], -1, block.shape[-1])
         parts.append(np.swapaxes(flat, 1, 2) @ columns[:, :, span].reshape(m, -1, k))
-    return np.concatenate(parts, axis=1)
+    return np.concatenate([*parts, columns[:, :, -2:].sum(axis=1)], axis=1)
 
 
-def _stiffness(rows: tuple[Array, ...], hessian: Array) -> Array:
+def _stiffness(rows: Rows, hessian: Array) -> Array:
     """Σ_q Bᵀ H B: (m, 3 · nodes, 3 · nodes), component by component; blocks below the diagonal stay zero."""
     m, nodes, spans = len(hessian), rows[0].shape[-1], _spans(rows)
     out = np.zeros((m, 3 * nodes, 3 * nodes))

@@ -1,6 +1,7 @@
 """Basis data of a module's mesh: shape functions at the quadrature points, and the dof map.
 
-scikit-fem's `ElementHex2`, `ElementQuad2` and their quadrature; the arrays below are all that the assembly uses.
+scikit-fem's `ElementHex2`, `ElementQuad2` and their quadrature; the assembly uses no more than the
+arrays below.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from skfem.refdom import RefQuad
 from pliant.errors import ContractError
 from pliant.records.design import Array
 from pliant.records.fem import IntArray, ModuleMesh
+from pliant_plugins.fem.skfem.dilatation import cell_modes
 
 ORDER = 5  # integrates with three Gauss points along each edge
 
@@ -29,12 +31,14 @@ class CellData:
         gradient: (m, q, 3, 27) ∂N/∂X_j.
         value: (q, 27) N.
         weight: (m, q) reference volumes.
+        modes: (m, q, 4) orthonormal linear functions for the cells' dilatation.
     """
 
     nodes: IntArray
     gradient: Array
     value: Array
     weight: Array
+    modes: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,11 +54,12 @@ class FaceData:
 def cell_data(mesh: ModuleMesh) -> CellData:
     """Tabulate the cells. Raises `ContractError` when one is inverted."""
     element = ElementHex2()
+    # lexicographic position of each of scikit-fem's local nodes
     lattice = np.rint(2 * element.doflocs).astype(int) @ (
         1,
         3,
         9,
-    )  # lexicographic position of each local node
+    )
     nodes = np.ascontiguousarray(mesh.cells[:, lattice])
     vertices, corners = np.unique(nodes[:, :8], return_inverse=True)
     corners = corners.reshape(-1, 8)
@@ -67,7 +72,9 @@ def cell_data(mesh: ModuleMesh) -> CellData:
         raise ContractError("the family's mesh has inverted cells: det ∂X/∂ξ ≤ 0 at a quadrature point")
     gradient = np.stack([field[0].grad for field in basis.basis], axis=-1).transpose(1, 2, 0, 3)
     value = np.stack([element.lbasis(basis.X, i)[0] for i in range(27)], axis=-1)
-    return CellData(nodes, np.ascontiguousarray(gradient), value, np.array(basis.dx))
+    weight = np.array(basis.dx)
+    modes = cell_modes(value @ mesh.nodes_m[nodes], weight)
+    return CellData(nodes, np.ascontiguousarray(gradient), value, weight, modes)
 
 
 def face_data(faces: IntArray) -> FaceData:

@@ -1,13 +1,13 @@
 """The cavity's volume as the potential of pressure: Π = U − p V.
 
-In section coordinates a volume element is λ ds dy dz. The field (0, y λ, 0) has divergence λ, and end planes and
-the mirror plane y = 0 add nothing, so
+In section coordinates a volume element is λ ds dy dz. The field (0, y λ, 0) has divergence λ, and the end
+planes and the mirror plane y = 0 add nothing, so
 
     V = −∫ y λ n_y dA     over the wetted faces, n dA = ∂s/∂a × ∂s/∂b da db pointing into the cavity.
 
 The thrust on the end sections is thereby exact and the stiffness of pressure symmetric.
-At a point V's density depends on g = (s_a, s_b, y, ζ, z_a, z_b, θ, e), with s_a = ∂(X + v_x)/∂a; the axial strain
-adds e ∂X/∂a.
+At a point V's density depends on g = (s_a, s_b, y, ζ, z_a, z_b, θ, e), with s_a = ∂(X + v_x)/∂a; the axial
+strain adds e ∂X/∂a.
 """
 
 from __future__ import annotations

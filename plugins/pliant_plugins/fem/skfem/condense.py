@@ -67,7 +67,7 @@ def newton_step(
     theta: float | None,
     moment: float,
 ) -> Array:
-    """Newton's step from `point` towards `pressure` and an angle or, where `theta` is None, an opposing moment.
+    """Newton's step towards `pressure` and an angle or, where `theta` is None, an opposing moment.
 
     Pressure, angle and all dofs move together along the tangent, so that no part is left behind.
     """

@@ -2,13 +2,13 @@
 
     s = (1 + e) X + v_x,  y = Y + v_y,  ζ = Z + v_z − z₀      section coordinates of a material point
     κ = θ / ((1 + e) L),  λ = 1 + κ ζ                          curvature of the line ζ = 0, stretch of a fibre
-    F = diag(λ, 1, 1) (S + e e₁⊗e₁),  S = I + ∇v               deformation gradient, up to the section's rotation
+    F = diag(λ, 1, 1) (S + e e₁⊗e₁),  S = I + ∇v               deformation gradient, less the rotation
 
 With v_x = 0 on both end planes they stay plane, and the end section is turned by exactly θ; θ and e are two
 unknowns beside v. The section's rotation drops out of any objective energy. (design.md, section 3.)
 
-At a point everything depends on twelve variables g = (S₁₁ … S₃₃, ζ, θ, e): this module gives a density's value,
-gradient and Hessian in them; `assembly` carries those to the nodes.
+At a point everything depends on twelve variables g = (S₁₁ … S₃₃, ζ, θ, e): this module gives a density's
+value, gradient and Hessian in them; `assembly` carries those to the nodes.
 """
 
 from __future__ import annotations
@@ -19,8 +19,10 @@ import numpy as np
 
 from pliant.interfaces.material import Material
 from pliant.records.design import Array
+from pliant_plugins.fem.skfem.basis import CellData
+from pliant_plugins.fem.skfem.dilatation import averaged
 
-ZETA, THETA, STRAIN = 9, 10, 11  # places of ζ, θ, e in g
+ZETA, STRAIN = 9, 11  # places of ζ and e in g; θ lies between
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,30 +72,48 @@ class BendFrame:
         return np.stack([x, y, self.reference_z_m + drop + zeta * np.cos(turn)], axis=-1)
 
 
+@dataclass(frozen=True, eq=False)
+class SolidDensity(Pointwise):
+    """Strain energy density, with what completes its Hessian through the cell's dilatation Ĵ.
+
+    `volume` = ∂J/∂g and `coupling` = ∂²W/∂g∂Ĵ (m, q, 12), `curvature` = ∂²W/∂Ĵ² (m, q); see `dilatation`.
+    """
+
+    volume: Array
+    coupling: Array
+    curvature: Array
+
+
 def strain_energy(
-    frame: BendFrame, material: Material, S: Array, zeta: Array, theta: float, strain: float
-) -> Pointwise | None:
+    frame: BendFrame,
+    material: Material,
+    cells: CellData,
+    S: Array,
+    zeta: Array,
+    theta: float,
+    strain: float,
+) -> SolidDensity | None:
     """Strain energy density W(F(g)) at points S (m, q, 3, 3), ζ (m, q); `None` where a cell is inverted."""
     stretch, d_stretch, dd_stretch = frame.stretch(zeta, theta, strain)
     first_row = S[..., 0, :] + strain * np.array([1.0, 0.0, 0.0])
     F = S.copy()
     F[..., 0, :] = stretch[..., None] * first_row
-    if not _positive(F):
+    law = averaged(material, F, cells.modes, cells.weight)
+    if law is None:
         return None
-    law = material.evaluate(F)
-    P0 = law.stress[..., 0, :]
 
     # ∂F/∂g (9 × 12): only the first row of F depends on more than S
     dF = np.zeros((*zeta.shape, 9, 12))
-    row = np.arange(3)
+    row, other = np.arange(3), np.arange(3, 9)
     dF[..., row, row] = stretch[..., None]
-    dF[..., np.arange(3, 9), np.arange(3, 9)] = 1.0
+    dF[..., other, other] = 1.0
     dF[..., :3, ZETA:] = first_row[..., :, None] * d_stretch[..., None, :]
     dF[..., 0, STRAIN] += stretch
 
-    gradient = (law.stress.reshape(*zeta.shape, 1, 9) @ dF)[..., 0, :]
-    hessian = np.swapaxes(dF, -1, -2) @ (law.tangent.reshape(*zeta.shape, 9, 9) @ dF)
+    pulled = np.stack([law.stress, law.volume, law.coupling], axis=-2) @ dF
+    hessian = np.swapaxes(dF, -1, -2) @ (law.tangent @ dF)
     # P : ∂²F/∂g²
+    P0 = law.stress[..., :3]
     coupling = P0[..., :, None] * d_stretch[..., None, :]
     hessian[..., :3, ZETA:] += coupling
     hessian[..., ZETA:, :3] += np.swapaxes(coupling, -1, -2)
@@ -101,10 +121,6 @@ def strain_energy(
     hessian[..., ZETA:, ZETA:] += work[..., None, None] * dd_stretch
     hessian[..., ZETA:, STRAIN] += P0[..., :1] * d_stretch
     hessian[..., STRAIN, ZETA:] += P0[..., :1] * d_stretch
-    return Pointwise(law.energy, gradient, hessian)
-
-
-def _positive(F: Array) -> bool:
-    """Whether all F are finite with det F > 0."""
-    det = np.einsum("...i,...i->...", F[..., 0, :], np.cross(F[..., 1, :], F[..., 2, :]))
-    return bool(np.all(det > 0))  # a NaN is not > 0
+    return SolidDensity(
+        law.energy, pulled[..., 0, :], hessian, pulled[..., 1, :], pulled[..., 2, :], law.curvature
+    )

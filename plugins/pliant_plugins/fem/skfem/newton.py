@@ -16,7 +16,7 @@ SHORTEST = 1 / 32  # fraction of a Newton step below which the line search gives
 
 @dataclass(frozen=True)
 class Control:
-    """What is prescribed: pressure, and the angle θ or, where it is None, the opposing moment on the piece."""
+    """What is prescribed: pressure, and the angle θ or, where that is None, the piece's opposing moment."""
 
     pressure: float
     theta: float | None
