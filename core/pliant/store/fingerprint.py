@@ -15,6 +15,17 @@ from collections.abc import Iterable
 from pathlib import Path
 
 OURS = ("pliant", "pliant_plugins")
+# What only carries values about; what it does to them is in the config, and so in the key, already.
+MACHINERY = (
+    "pliant",
+    "pliant.errors",
+    "pliant.units",
+    "pliant.interfaces.base",
+    "pliant.registry",
+    "pliant.store",
+    "pliant.pipeline.progress",
+    "pliant.pipeline.workbench",
+)
 
 
 def code_fingerprint(modules: Iterable[str]) -> str:
@@ -33,7 +44,7 @@ def code_closure(modules: Iterable[str]) -> dict[str, Path]:
     queue = start
     while queue:
         name = queue.pop()
-        if name in found or name.partition(".")[0] not in followed:
+        if name in found or name.partition(".")[0] not in followed or _is_machinery(name):
             continue
         path = _source(name)
         if path is None:
@@ -41,6 +52,10 @@ def code_closure(modules: Iterable[str]) -> dict[str, Path]:
         found[name] = path
         queue += _imports(path, name)
     return found
+
+
+def _is_machinery(name: str) -> bool:
+    return name in MACHINERY or name.startswith(("pliant.registry.", "pliant.store."))
 
 
 def versions(modules: Iterable[str]) -> dict[str, str]:
