@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pliant.errors import UserError
 from pliant.records.chain import ChainModel
@@ -29,7 +30,7 @@ class ChainEffort:
 @dataclass(frozen=True, eq=False)
 class _LawGroup:
     law: JointLaw
-    joints: Array
+    joints: NDArray[np.intp]
 
 
 class JointEfforts:
@@ -53,7 +54,9 @@ class JointEfforts:
         missing = sorted({a.input for a in self.actuators} - set(actuation))
         if missing:
             given = ", ".join(sorted(actuation)) or "none"
-            raise UserError(f"the chain is driven by {', '.join(missing)}, which has no value (given: {given})")
+            raise UserError(
+                f"the chain is driven by {', '.join(missing)}, which has no value (given: {given})"
+            )
         return np.array([actuation[actuator.input] for actuator in self.actuators], float)
 
     def evaluate(self, q: Array, actuation: Mapping[str, float]) -> ChainEffort:
@@ -77,9 +80,7 @@ class JointEfforts:
     def potential(self, q: Array, actuation: Mapping[str, float]) -> float:
         """Σ Π(p, s q) − Π(p, 0) over joints and actuators, in J."""
         values = self.values(actuation)
-        return float(
-            sum(group.law.potential(*self._stack(group, q, values)).sum() for group in self._groups)
-        )
+        return float(sum(group.law.potential(*self._stack(group, q, values)).sum() for group in self._groups))
 
     def outside_domain(
         self, q: Array, actuation: Mapping[str, float], time_s: float = 0.0
@@ -100,12 +101,15 @@ class JointEfforts:
                 for row, column in np.argwhere(np.abs(excess) > DOMAIN_ROUNDING):
                     variable = (actuator.input, *names)[column]
                     found.append(
-                        OutsideDomain(int(group.joints[row]) + 1, time_s, variable, float(excess[row, column]))
+                        OutsideDomain(
+                            int(group.joints[row]) + 1, time_s, variable, float(excess[row, column])
+                        )
                     )
         slopes = self.evaluate(q, actuation).dtau_du
         largest = np.linalg.eigvalsh(0.5 * (slopes + slopes.transpose(0, 2, 1)))[:, -1]
         found += [
-            OutsideDomain(int(i) + 1, time_s, "dtau_du", float(largest[i])) for i in np.flatnonzero(largest >= 0.0)
+            OutsideDomain(int(i) + 1, time_s, "dtau_du", float(largest[i]))
+            for i in np.flatnonzero(largest >= 0.0)
         ]
         return tuple(sorted(found, key=lambda entry: (entry.module, entry.variable)))
 

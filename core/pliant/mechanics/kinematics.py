@@ -116,7 +116,9 @@ def _check(chain: ChainModel) -> None:
     if not chain.joints or not chain.laws:
         raise ContractError("a chain needs at least one joint and one law")
     if len(chain.bodies) != chain.n_joints + 1:
-        raise ContractError(f"a chain of {chain.n_joints} joints has {chain.n_joints + 1} bodies, not {len(chain.bodies)}")
+        raise ContractError(
+            f"a chain of {chain.n_joints} joints has {chain.n_joints + 1} bodies, not {len(chain.bodies)}"
+        )
     first = chain.laws[0]
     if any(law.joint != first.joint or law.axes != first.axes for law in chain.laws):
         raise ContractError("all laws of a chain must share the joint kind and the axes")

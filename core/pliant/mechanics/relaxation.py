@@ -1,8 +1,9 @@
 """Settling a chain inside a dynamics engine: dynamic relaxation with kinetic damping (Cundall 1976).
 
-The engine moves in pseudo-time with its own forces. Whenever the unbalanced effort works against the motion the
-kinetic energy has peaked, and the chain is halted: no damping constant has to be tuned. The state is judged by
-the common statics at the engine's own joint coordinates, so an engine with other conventions never converges.
+The engine moves in pseudo-time with its own forces. Whenever the unbalanced effort works against the motion
+the kinetic energy has peaked, and the chain is halted: no damping constant has to be tuned. The state is
+judged by the common statics at the engine's own joint coordinates, so an engine with other conventions never
+converges.
 """
 
 from __future__ import annotations
@@ -96,7 +97,7 @@ def relax(
 
 
 def _joint_bounds(statics: ChainStatics, q: Array, loads: Loads) -> Array:
-    """(n,) half the row sums of |load stiffness|: a mode needs half its stiffness in the metric to descend."""
+    """(n,) half the row sums of |load stiffness|: a mode descends if the metric has half its stiffness."""
     rows = np.abs(statics.load_stiffness(q, loads)).sum(axis=1).reshape(q.shape)
     bounds: Array = 0.5 * rows.max(axis=1)
     return bounds

@@ -115,7 +115,9 @@ def quaternion_of_matrix(rotation: Array) -> Array:
     trace = np.trace(R, axis1=-2, axis2=-1)
     outer[..., 0, 0] = 1.0 + trace
     outer[..., 1:, 1:] = R + np.swapaxes(R, -1, -2) + (1.0 - trace)[..., None, None] * np.eye(3)
-    axial = np.stack([R[..., 2, 1] - R[..., 1, 2], R[..., 0, 2] - R[..., 2, 0], R[..., 1, 0] - R[..., 0, 1]], -1)
+    axial = np.stack(
+        [R[..., 2, 1] - R[..., 1, 2], R[..., 0, 2] - R[..., 2, 0], R[..., 1, 0] - R[..., 0, 1]], -1
+    )
     outer[..., 0, 1:] = axial
     outer[..., 1:, 0] = axial
     best = np.argmax(np.diagonal(outer, axis1=-2, axis2=-1), axis=-1)

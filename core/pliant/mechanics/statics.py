@@ -8,9 +8,9 @@ P_j its position, G_j = Σ_{k≥j} (x_k − P_j) × F_k and T_j = Σ_{k≥j} [(x
 
     Q_j = ω_jᵀ G_j,   ∂²V/∂q_i∂q_j = −ω_iᵀ T_j ω_j  (i < j),
 
-and on the diagonal block also −(∂ω_j/∂q_j) G_j; distinct joints see the same expression because the proximal
-one turns everything beyond it. The opposing end moment M is carried by every joint of the chain; along the main axis
-its work is M Σ q, which for a planar chain is exactly a moment on the tip body.
+because the proximal joint turns everything beyond it; the diagonal block has −Gᵀ ∂ω_j/∂q_j too. The opposing
+end moment M is carried by every joint: its potential M Σ q is exactly that of a moment on the tip body where
+the chain is planar, and keeps the chain conservative where it is not.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ NEUTRAL_SHARE = 1e-10
 
 @dataclass(frozen=True, eq=False)
 class Loads:
-    """Everything that drives a chain at one instant; a straight path between two of them is a continuation."""
+    """What drives a chain at one instant; a straight path between two of them is a continuation."""
 
     actuation: Mapping[str, float]
     gravity_m_s2: Array
@@ -195,7 +195,7 @@ class ChainStatics:
 
 
 def unstable_mode(stiffness: Array) -> Array | None:
-    """(n·a,) the most negative mode of a stiffness, None where it has none beyond rounding (a stable state)."""
+    """(n·a,) the most negative mode of a stiffness; None in a stable state, which has none beyond rounding."""
     symmetric = 0.5 * (stiffness + stiffness.T)
     try:
         np.linalg.cholesky(symmetric)

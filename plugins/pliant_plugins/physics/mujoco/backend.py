@@ -51,7 +51,9 @@ class MujocoSimulation(Simulation):
             stable=relaxed.stable,
             iterations=relaxed.steps,
             wall_s=time.perf_counter() - start,
-            outside_domain=self._statics.efforts.outside_domain(relaxed.q, self._loads.actuation, self._time_s),
+            outside_domain=self._statics.efforts.outside_domain(
+                relaxed.q, self._loads.actuation, self._time_s
+            ),
         )
 
     def step(self, duration_s: float) -> None:

@@ -1,7 +1,7 @@
 """A chain inside MuJoCo: joint coordinates in and out, efforts of the laws applied at every step.
 
-A ball joint's dofs are the angular velocity ω in the child's frame, dφ/dt = Jᵣ⁻¹ ω; an effort τ conjugate to φ
-is the torque Jᵣ⁻ᵀ τ there, so the work is the same in both coordinates.
+A ball joint's dofs are the angular velocity ω in the child's frame, dφ/dt = Jᵣ⁻¹ ω; an effort τ conjugate to
+φ is the torque Jᵣ⁻ᵀ τ there, so the work is the same in both coordinates.
 """
 
 from __future__ import annotations

@@ -48,7 +48,9 @@ def chain_mjcf(chain: ChainModel, integrator: str) -> str:
         if geometry.kind != "spherical":
             joint.set("axis", _text(geometry.basis[:, 0]))
     tip = ElementTree.SubElement(parent, "body", name="tip", pos=_text(chain.tip_offset_m))
-    ElementTree.SubElement(tip, "inertial", pos="0 0 0", mass=repr(float(chain.payload_kg)), diaginertia="0 0 0")
+    ElementTree.SubElement(
+        tip, "inertial", pos="0 0 0", mass=repr(float(chain.payload_kg)), diaginertia="0 0 0"
+    )
     return ElementTree.tostring(root, encoding="unicode")
 
 

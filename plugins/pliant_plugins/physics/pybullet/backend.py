@@ -52,7 +52,9 @@ class PybulletSimulation(Simulation):
             stable=relaxed.stable,
             iterations=relaxed.steps,
             wall_s=time.perf_counter() - start,
-            outside_domain=self._statics.efforts.outside_domain(relaxed.q, self._loads.actuation, self._time_s),
+            outside_domain=self._statics.efforts.outside_domain(
+                relaxed.q, self._loads.actuation, self._time_s
+            ),
         )
 
     def step(self, duration_s: float) -> None:
@@ -63,11 +65,12 @@ class PybulletSimulation(Simulation):
         n_steps = math.ceil(duration_s / longest - 1e-9)
         self._engine.set_timestep(duration_s / n_steps)
         for _ in range(n_steps):
-            self._engine.advance(self._loads, self._engine.q, self._engine.rates, damping)
+            q, rates = self._engine.state()
+            self._engine.advance(self._loads, q, rates, damping)
         self._time_s += duration_s
 
     def snapshot(self) -> SimulationState:
-        return SimulationState(self._time_s, self._engine.q, self._engine.rates)
+        return SimulationState(self._time_s, *self._engine.state())
 
     def restore(self, state: SimulationState) -> None:
         self._time_s = state.time_s

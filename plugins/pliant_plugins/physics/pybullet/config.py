@@ -14,8 +14,8 @@ class PybulletConfig(PhysicsConfig):
     """``physics: {kind: pybullet}``.
 
     Attributes:
-        timestep_s: longest internal step of `step`; the stiffness of the joints usually asks for shorter ones,
-            which are then taken.
+        timestep_s: longest internal step of `step`; the stiffness of the joints usually asks for shorter
+            ones, which are then taken.
         joint_damping: physical viscous damping of every joint coordinate in `step`, N·m·s/rad (N·s/m on
             prismatic joints). It does not change equilibria.
         tolerance: largest unbalanced effort of a settled chain, N·m (N on prismatic joints).

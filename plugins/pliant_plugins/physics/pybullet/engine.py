@@ -1,8 +1,8 @@
 """A chain inside PyBullet: joint coordinates in and out, explicit torques of the laws at every step.
 
-PyBullet writes quaternions x, y, z, w. A spherical joint's rate and torque are in the child's frame, dφ/dt = Jᵣ⁻¹ ω
-and torque = Jᵣ⁻ᵀ τ, and Bullet's child frame is the link's *principal* frame, not its URDF frame: rotation, rate
-and torque of such a joint are turned by the principal axes on their way in and out.
+PyBullet writes quaternions x, y, z, w. A spherical joint's rate and torque are in the child's frame,
+dφ/dt = Jᵣ⁻¹ ω and torque = Jᵣ⁻ᵀ τ, and Bullet's child frame is the link's *principal* frame, not its URDF
+frame: rotation, rate and torque of such a joint are turned by the principal axes on their way in and out.
 """
 
 from __future__ import annotations
@@ -63,18 +63,25 @@ class BulletChain:
     @property
     def q(self) -> Array:
         """(n, a) joint coordinates."""
-        return self._coordinates(self._states())
+        return self.state()[0]
 
     @property
     def rates(self) -> Array:
         """(n, a) dq/dt."""
-        states = self._states()
+        return self.state()[1]
+
+    def state(self) -> tuple[Array, Array]:
+        """Joint coordinates and their rates, both (n, a), read at once."""
+        states: tuple[tuple[tuple[float, ...], ...], ...] = self.bullet.getJointStatesMultiDof(
+            self.body, self._joints, physicsClientId=self.client
+        )
+        positions = np.array([state[0] for state in states], float)
         velocity = np.array([state[1] for state in states], float)
         if not self._ball:
-            return velocity.reshape(-1, 1)
-        phi = self._geometry.rotation_vectors(self._coordinates(states))
-        rates: Array = _times(right_jacobian_inverse(phi), _times(self._principal, velocity))
-        return rates @ self._geometry.basis
+            return positions, velocity
+        phi = _times(self._principal, vector_of_quaternion(np.roll(positions, 1, axis=1)))
+        phi_rates = _times(right_jacobian_inverse(phi), _times(self._principal, velocity))
+        return phi @ self._geometry.basis, phi_rates @ self._geometry.basis
 
     def place(self, q: Array, rates: Array) -> None:
         """Set joint coordinates and their rates."""
@@ -120,8 +127,8 @@ class BulletChain:
     def relax_step(self, loads: Loads, q: Array, load_stiffness: Array, caution: float) -> None:
         """One pseudo-time step (`pliant.mechanics.relaxation`) against inertia scaled to the stiffness.
 
-        Statics does not depend on moments of inertia, so they are free; prismatic joints move mass, which is not
-        free because it weighs, and take a shorter step instead.
+        Statics does not depend on moments of inertia, so they are free; prismatic joints move mass, which is
+        not free because it weighs, and take a shorter step instead.
         """
         if self._geometry.kind == "prismatic":
             mass = mass_matrix(self._model, q)
@@ -163,20 +170,6 @@ class BulletChain:
         )
         # Entries 4 and 5 are the link's own frame; 0 and 1 would be its centre of mass.
         return np.array([self._geometry.base_position, *(state[4] for state in states)], float)
-
-    def _states(self) -> tuple[tuple[tuple[float, ...], ...], ...]:
-        states: tuple[tuple[tuple[float, ...], ...], ...] = self.bullet.getJointStatesMultiDof(
-            self.body, self._joints, physicsClientId=self.client
-        )
-        return states
-
-    def _coordinates(self, states: tuple[tuple[tuple[float, ...], ...], ...]) -> Array:
-        positions = np.array([state[0] for state in states], float)
-        if not self._ball:
-            return positions.reshape(-1, 1)
-        phi = _times(self._principal, vector_of_quaternion(np.roll(positions, 1, axis=1)))
-        coordinates: Array = phi @ self._geometry.basis
-        return coordinates
 
     def _to_principal(self, vectors: Array) -> Array:
         return _times(self._principal.transpose(0, 2, 1), vectors)

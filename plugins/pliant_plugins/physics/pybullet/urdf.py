@@ -14,8 +14,8 @@ from pliant.records.chain import ChainModel
 from pliant.records.design import Array, MassProperties
 
 JOINT_TYPES = {"revolute": "continuous", "spherical": "spherical", "prismatic": "prismatic"}
-# A body without mass or inertia would make Bullet's recursion singular. The mass floor weighs 1e-11 N; the inertia
-# floor is that of a 1 g piece of 1 mm and bounds the step that explicit stiffness needs.
+# A body without mass or inertia would make Bullet's recursion singular. The mass floor weighs 1e-11 N; the
+# inertia floor is that of a 1 g piece of 1 mm and bounds the step that explicit stiffness needs.
 MASS_FLOOR_KG = 1e-12
 INERTIA_FLOOR_KG_M2 = 1e-9
 
@@ -28,7 +28,11 @@ def chain_urdf(chain: ChainModel) -> str:
     for i in range(chain.n_joints):
         _add_link(root, f"body_{i + 1}", moving(chain.bodies[i + 1]))
         joint = _add_joint(
-            root, f"joint_{i + 1}", JOINT_TYPES[geometry.kind], "base" if i == 0 else f"body_{i}", f"body_{i + 1}"
+            root,
+            f"joint_{i + 1}",
+            JOINT_TYPES[geometry.kind],
+            "base" if i == 0 else f"body_{i}",
+            f"body_{i + 1}",
         )
         _add_origin(joint, geometry.offsets[i], geometry.rest_rotations[i])
         ElementTree.SubElement(joint, "axis", xyz=_text(geometry.basis[:, 0]))

@@ -99,8 +99,8 @@ def _step(balance: Balance, positive: bool) -> Array:
         return newton
     values, modes = np.linalg.eigh(0.5 * (balance.stiffness + balance.stiffness.T))
     magnitude = np.abs(values)
-    magnitude = np.maximum(magnitude, 1e-8 * magnitude.max() + np.finfo(float).tiny)
-    descent: Array = modes @ ((modes.T @ right) / magnitude)
+    floor = 1e-8 * magnitude.max() + np.finfo(float).tiny
+    descent: Array = modes @ ((modes.T @ right) / np.maximum(magnitude, floor))
     return descent
 
 
