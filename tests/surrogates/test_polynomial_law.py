@@ -153,6 +153,13 @@ def test_worked_number_of_the_contracts() -> None:
     np.testing.assert_allclose(tau(law, p, u), [by_hand, mirrored], rtol=1e-13)
 
 
+def test_only_the_difference_of_b_a_and_b_e_acts() -> None:
+    shifted = WORKED.model_copy(update={"b_a": 0.01, "b_e": 0.0345})
+    p, u = states()
+    laws = [study_law(coefficients, True, BOX) for coefficients in (WORKED, shifted)]
+    np.testing.assert_allclose(tau(laws[0], p, u), tau(laws[1], p, u), rtol=1e-9, atol=1e-15)
+
+
 def test_the_study_form_without_odd_softens_one_way_only() -> None:
     even, odd = (study_law(WORKED, flag, Domain.unbounded(1)) for flag in (False, True))
     p, u = np.zeros(2), np.array([[0.3], [-0.3]])
