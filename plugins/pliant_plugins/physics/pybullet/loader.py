@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import ctypes
 import importlib
+import os
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from types import ModuleType
 
 from pliant.errors import MissingDependencyError
@@ -18,7 +22,8 @@ def load_pybullet() -> ModuleType:
         MissingDependencyError: it is not installed.
     """
     try:
-        return importlib.import_module("pybullet")
+        with _silent_standard_output():
+            return importlib.import_module("pybullet")
     except ImportError as error:
         sentence = "physics 'pybullet' needs pybullet: pip install 'pliant[pybullet]'"
         if sys.version_info[:2] > LAST_PYTHON:
@@ -28,3 +33,19 @@ def load_pybullet() -> ModuleType:
                 "use Python 3.11, or physics 'quasistatic' or 'mujoco')"
             )
         raise MissingDependencyError(sentence) from error
+
+
+@contextmanager
+def _silent_standard_output() -> Iterator[None]:
+    """PyBullet prints its build time from C when imported, which would spoil JSON on standard output."""
+    sys.stdout.flush()
+    saved = os.dup(1)
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    try:
+        os.dup2(nowhere, 1)
+        yield
+        ctypes.CDLL(None).fflush(None)  # C buffers the line until later otherwise
+    finally:
+        os.dup2(saved, 1)
+        os.close(saved)
+        os.close(nowhere)
