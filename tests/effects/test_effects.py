@@ -235,6 +235,8 @@ def test_bias_shifts_each_reported_angle_and_no_position() -> None:
         "angle_rad": 0.3,
         "tip_angle_rad": np.array([0.1, 0.2]),
         "joint_2_angle_rad": -0.1,
+        "bend_angle_rad": 0.4,
+        "max_joint_angle_rad": 0.2,
         "joint_angles_rad": [[0.1], [0.2]],
         "angle_error_rad": 0.5,
         "tip_x_m": 0.05,
@@ -244,7 +246,8 @@ def test_bias_shifts_each_reported_angle_and_no_position() -> None:
     np.testing.assert_allclose(after["tip_angle_rad"], [0.1 + b, 0.2 + b])
     assert after["joint_2_angle_rad"] == pytest.approx(b - 0.1)
     np.testing.assert_allclose(after["joint_angles_rad"], [[0.1 + b], [0.2 + b]])
-    assert (after["angle_error_rad"], after["tip_x_m"]) == (0.5, 0.05)
+    assert after["bend_angle_rad"] == pytest.approx(0.4 + b)
+    assert (after["angle_error_rad"], after["tip_x_m"], after["max_joint_angle_rad"]) == (0.5, 0.05, 0.2)
     assert list(after) == list(metrics)
     assert metrics["joint_angles_rad"] == [[0.1], [0.2]]
 

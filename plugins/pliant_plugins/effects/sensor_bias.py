@@ -2,9 +2,10 @@
 
     y' = y + b
 
-for every angle that the task reports: `angle_rad`, `tip_angle_rad`, `joint_1_angle_rad`… and
-`joint_angles_rad` among its metrics (the zero error of an encoder or of a camera's calibration; the offset of
-a linear transducer model). The chain, its markers and its efforts stay as they are: a sensor has no torque.
+for every angle that the task reports among its metrics: `angle_rad`, `bend_angle_rad`, `tip_angle_rad`,
+`joint_1_angle_rad`… and `joint_angles_rad` (the zero error of an encoder or of a camera's calibration; the
+offset of a linear transducer model). The chain, its markers and its efforts stay as they are: a sensor has
+no torque.
 
 Signature: the same shift at every pressure and load, at rest too; positions measured otherwise do not
 show it.
@@ -28,7 +29,7 @@ from pliant.records.rollout import TaskResult
 from pliant.units import Angle
 
 BOUNDS = (-np.pi, np.pi)
-READING = re.compile(r"((tip|joint_\d+)_)?angle_rad|joint_angles_rad")
+READING = re.compile(r"((bend|tip|joint_\d+)_)?angle_rad|joint_angles_rad")
 
 
 class SensorBiasConfig(EffectConfig):
