@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ctypes
 import importlib
 import os
 import sys
@@ -22,7 +21,7 @@ def load_pybullet() -> ModuleType:
         MissingDependencyError: it is not installed.
     """
     try:
-        with _silent_standard_output():
+        with _silent_standard_error():
             return importlib.import_module("pybullet")
     except ImportError as error:
         sentence = "physics 'pybullet' needs pybullet: pip install 'pliant[pybullet]'"
@@ -36,16 +35,15 @@ def load_pybullet() -> ModuleType:
 
 
 @contextmanager
-def _silent_standard_output() -> Iterator[None]:
-    """PyBullet prints its build time from C when imported, which would spoil JSON on standard output."""
-    sys.stdout.flush()
-    saved = os.dup(1)
+def _silent_standard_error() -> Iterator[None]:
+    """PyBullet prints its build time from C when imported, in the middle of the progress bars."""
+    sys.stderr.flush()
+    saved = os.dup(2)
     nowhere = os.open(os.devnull, os.O_WRONLY)
     try:
-        os.dup2(nowhere, 1)
+        os.dup2(nowhere, 2)
         yield
-        ctypes.CDLL(None).fflush(None)  # C buffers the line until later otherwise
     finally:
-        os.dup2(saved, 1)
+        os.dup2(saved, 2)
         os.close(saved)
         os.close(nowhere)
