@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pliant.errors import ContractError
-from pliant.mechanics.rotations import exp_map, left_jacobian
+from pliant.mechanics.rotations import exp_map, left_jacobian, skew
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
 from pliant.records.law import JointKind
@@ -90,20 +90,28 @@ class ChainGeometry:
         n = self.n_joints
         origins, rotations = np.empty((n + 1, 3)), np.empty((n + 1, 3, 3))
         origins[0], rotations[0] = self.base_position, self.base_rotation
-        prismatic = self.kind == "prismatic"
         phi = self.rotation_vectors(q)
-        turns = self.rest_rotations if prismatic else self.rest_rotations @ exp_map(phi)
+        turns = self.rest_rotations @ self._turns(q, phi)
         for i in range(n):
             rotations[i + 1] = rotations[i] @ turns[i]
         rest_frames = rotations[:-1] @ self.rest_rotations
         links = np.einsum("nij,nj->ni", rotations[:-1], self.offsets)
-        if prismatic:
+        if self.kind == "prismatic":
             links += np.einsum("nij,nj->ni", rest_frames, phi)
-            directions = rest_frames @ self.basis
-        else:
-            directions = rest_frames @ (left_jacobian(phi) @ self.basis)
+        spherical = self.kind == "spherical"
+        directions = rest_frames @ (left_jacobian(phi) @ self.basis if spherical else self.basis)
         origins[1:] = self.base_position + np.cumsum(links, axis=0)
         return Pose(origins, rotations, rest_frames, directions)
+
+    def _turns(self, q: Array, phi: Array) -> Array:
+        """(n, 3, 3) or (1, 3, 3) rotations of the joints themselves."""
+        if self.kind == "prismatic":
+            return np.eye(3)[None]
+        if self.kind == "spherical":
+            return exp_map(phi)
+        hinge = skew(self.basis[:, 0])
+        angle = q[:, :, None]
+        return np.asarray(np.eye(3) + np.sin(angle) * hinge + 2 * np.sin(0.5 * angle) ** 2 * (hinge @ hinge))
 
     def markers(self, q: Array) -> Array:
         """(n + 2, 3) base, joints 1…n and tip; a joint's marker is the origin of the body it carries."""

@@ -30,10 +30,9 @@ def skew(vector: Array) -> Array:
 def exp_map(phi: Array) -> Array:
     """Rotation matrix (..., 3, 3) of the rotation vector φ (..., 3) by Rodrigues' formula."""
     theta_sq, theta = _angles(phi)
-    K = skew(phi)
-    a = np.sinc(theta / np.pi)
-    b = 0.5 * np.sinc(theta / (2 * np.pi)) ** 2
-    rotation: Array = a[..., None, None] * K + b[..., None, None] * _square(phi, theta_sq)
+    half = _half_sinc(theta)
+    a, b = half * np.cos(0.5 * theta), 0.5 * half**2
+    rotation: Array = a[..., None, None] * skew(phi) + b[..., None, None] * _square(phi, theta_sq)
     return rotation + np.eye(3)
 
 
@@ -45,7 +44,7 @@ def log_map(rotation: Array) -> Array:
 def left_jacobian(phi: Array) -> Array:
     """J(φ), (..., 3, 3): angular velocity in the parent frame per rate of φ."""
     theta_sq, theta = _angles(phi)
-    b = 0.5 * np.sinc(theta / (2 * np.pi)) ** 2
+    b = 0.5 * _half_sinc(theta) ** 2
     c = _c(theta, theta_sq)
     jacobian: Array = b[..., None, None] * skew(phi) + c[..., None, None] * _square(phi, theta_sq)
     return jacobian + np.eye(3)
@@ -74,7 +73,7 @@ def left_jacobian_transpose_slope(phi: Array, moment: Array) -> Array:
     Differentiates Jᵀg = g − b φ×g + c (φ (φ·g) − θ² g); its skew part is ½ [..]× of the structure equation.
     """
     theta_sq, theta = _angles(phi)
-    b = (0.5 * np.sinc(theta / (2 * np.pi)) ** 2)[..., None, None]
+    b = (0.5 * _half_sinc(theta) ** 2)[..., None, None]
     c = _c(theta, theta_sq)[..., None, None]
     db, dc = _slopes_over_angle(theta, theta_sq)
     along = np.einsum("...i,...i->...", phi, moment)[..., None]
@@ -88,9 +87,9 @@ def left_jacobian_transpose_slope(phi: Array, moment: Array) -> Array:
 
 def quaternion_of_vector(phi: Array) -> Array:
     """Unit quaternion (..., 4) of a rotation vector."""
-    half = 0.5 * np.linalg.norm(phi, axis=-1)
-    vector = 0.5 * np.sinc(half / np.pi)[..., None] * phi
-    return np.concatenate([np.cos(half)[..., None], vector], axis=-1)
+    theta = np.linalg.norm(phi, axis=-1)
+    vector = 0.5 * _half_sinc(theta)[..., None] * phi
+    return np.concatenate([np.cos(0.5 * theta)[..., None], vector], axis=-1)
 
 
 def vector_of_quaternion(quaternion: Array) -> Array:
@@ -138,6 +137,12 @@ def matrix_of_quaternion(quaternion: Array) -> Array:
 def _angles(phi: Array) -> tuple[Array, Array]:
     theta_sq = np.einsum("...i,...i->...", phi, phi)
     return theta_sq, np.sqrt(theta_sq)
+
+
+def _half_sinc(theta: Array) -> Array:
+    """sin(θ/2) / (θ/2): a and b follow from it without cancellation."""
+    half = np.maximum(0.5 * theta, 1e-12)
+    return np.asarray(np.sin(half) / half)
 
 
 def _square(phi: Array, theta_sq: Array) -> Array:

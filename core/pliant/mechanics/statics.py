@@ -178,7 +178,8 @@ class ChainStatics:
         left = pose.directions.transpose(1, 0, 2).reshape(3, n * a)
         blocks = -(left.T @ turned.transpose(1, 0, 2).reshape(3, n * a)).reshape(n, a, n, a)
         joints = np.arange(n)
-        blocks[joints, :, joints, :] -= self._own_slopes(q, pose, moment)
+        if self.geometry.kind == "spherical":
+            blocks[joints, :, joints, :] -= self._own_slopes(q, pose, moment)
         upper = joints[:, None] < joints[None, :]
         blocks = np.where(upper[:, None, :, None], blocks, blocks.transpose(2, 3, 0, 1))
         diagonal = blocks[joints, :, joints, :]
@@ -186,7 +187,7 @@ class ChainStatics:
         return blocks.reshape(n * a, n * a)
 
     def _own_slopes(self, q: Array, pose: Pose, moment: Array) -> Array:
-        """(n, a, a) Gᵀ ∂ω/∂q of each joint's own coordinates; zero on a hinge."""
+        """(n, a, a) Gᵀ ∂ω/∂q of each joint's own coordinates; a hinge has none."""
         basis = self.geometry.basis
         seen = np.einsum("nij,ni->nj", pose.rest_frames, moment)
         slope = left_jacobian_transpose_slope(self.geometry.rotation_vectors(q), seen)
@@ -195,7 +196,7 @@ class ChainStatics:
 
 
 def unstable_mode(stiffness: Array) -> Array | None:
-    """(n·a,) the most negative mode of a stiffness; None in a stable state, which has none beyond rounding."""
+    """(n·a,) the most negative mode of a stiffness; None in a stable state (none beyond rounding)."""
     symmetric = 0.5 * (stiffness + stiffness.T)
     try:
         np.linalg.cholesky(symmetric)

@@ -61,8 +61,8 @@ class DriveConfig(TaskConfig):
 def ramp(simulation: Simulation, config: DriveConfig, tip_force_n: Sequence[float] = (0, 0, 0)) -> TaskResult:
     """Settle at each level of the actuation, loads constant; metrics are those of the last level.
 
-    The history's time is the share of the ramp. `outside_domain` of the result holds the worst entry of each
-    joint and variable over the whole ramp.
+    The history's time is the share of the ramp. `iterations` and `wall_s` of the result are those of it;
+    its `outside_domain` holds the worst entry of each joint and variable over all levels.
     """
     chain = simulation.chain
     full = config.actuation(chain)
@@ -72,7 +72,12 @@ def ramp(simulation: Simulation, config: DriveConfig, tip_force_n: Sequence[floa
     for share in shares.tolist():
         simulation.apply(Inputs({name: share * value for name, value in full.items()}, force))
         levels.append(simulation.settle())
-    final = replace(levels[-1], outside_domain=_worst_outside(shares, levels))
+    final = replace(
+        levels[-1],
+        iterations=sum(level.iterations for level in levels),
+        wall_s=sum(level.wall_s for level in levels),
+        outside_domain=_worst_outside(shares, levels),
+    )
     rollout = Rollout(
         time_s=shares,
         actuation=shares[:, None] * np.array(list(full.values())),

@@ -26,13 +26,18 @@ from pliant_plugins.physics.mujoco.mjcf import INERTIA_FLOOR_KG_M2, MASS_FLOOR_K
 FALLBACK = "mujoco {} has no integrator 'discrete' (3.13 or later has): using implicitfast with shorter steps"
 
 
+def has_discrete_integrator() -> bool:
+    """Whether this MuJoCo takes joint stiffness implicitly."""
+    return hasattr(mujoco.mjtIntegrator, "mjINT_DISCRETE")
+
+
 class MujocoChain:
     """The compiled model and its data."""
 
     def __init__(self, chain: ChainModel, statics: ChainStatics) -> None:
         self.statics = statics
         self._chain = chain
-        self.implicit = hasattr(mujoco.mjtIntegrator, "mjINT_DISCRETE")
+        self.implicit = has_discrete_integrator()
         if not self.implicit:
             warnings.warn(FALLBACK.format(mujoco.__version__), RuntimeWarning, stacklevel=2)
         document = chain_mjcf(chain, "discrete" if self.implicit else "implicitfast")

@@ -95,13 +95,10 @@ def _step(balance: Balance, positive: bool) -> Array:
     right = balance.residual.ravel()
     if positive:
         # The stiffness as it is, not its symmetric part: laws fitted without an energy stay quadratic.
-        newton: Array = np.linalg.solve(balance.stiffness, right)
-        return newton
+        return np.asarray(np.linalg.solve(balance.stiffness, right), float)
     values, modes = np.linalg.eigh(0.5 * (balance.stiffness + balance.stiffness.T))
-    magnitude = np.abs(values)
-    floor = 1e-8 * magnitude.max() + np.finfo(float).tiny
-    descent: Array = modes @ ((modes.T @ right) / np.maximum(magnitude, floor))
-    return descent
+    floor = 1e-8 * float(np.abs(values).max()) + np.finfo(float).tiny
+    return np.asarray(modes @ ((modes.T @ right) / np.maximum(np.abs(values), floor)), float)
 
 
 def _search(

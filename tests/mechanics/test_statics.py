@@ -1,0 +1,174 @@
+"""Residual, stiffness and potential: one is the derivative of the other, for every kind of joint."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from pliant.errors import ContractError, UserError
+from pliant.mechanics.inertia import mass_matrix
+from pliant.mechanics.rotations import exp_map
+from pliant.mechanics.statics import ChainStatics, Loads, unstable_mode
+from pliant.records.chain import Actuator, ChainModel
+from pliant.records.design import Array
+from pliant.records.law import Domain
+from pliant.records.rollout import Inputs
+
+
+def state(chain: ChainModel, seed: int = 1) -> tuple[ChainStatics, Array, Loads]:
+    random = np.random.default_rng(seed)
+    turn = 0.01 if chain.laws[0].joint == "prismatic" else 0.8
+    q = turn * random.normal(size=(chain.n_joints, len(chain.axes)))
+    moment = 0.0 if chain.laws[0].joint == "prismatic" else 3e-3
+    inputs = Inputs({a.input: 1e4 for a in chain.actuators}, 0.1 * random.normal(size=3), moment)
+    return ChainStatics(chain), q, Loads.of(chain, inputs)
+
+
+def nudges(q: Array, step: float) -> list[Array]:
+    return [step * unit.reshape(q.shape) for unit in np.eye(q.size)]
+
+
+def test_residual_is_minus_the_slope_of_the_potential(chain: ChainModel) -> None:
+    statics, q, loads = state(chain)
+    step = 1e-6
+    slope = [
+        (statics.potential(q + d, loads) - statics.potential(q - d, loads)) / (2 * step)
+        for d in nudges(q, step)
+    ]
+    np.testing.assert_allclose(statics.residual(q, loads).ravel(), -np.array(slope), atol=2e-9)
+
+
+def test_stiffness_is_minus_the_slope_of_the_residual_and_symmetric(chain: ChainModel) -> None:
+    statics, q, loads = state(chain)
+    balance, step = statics.balance(q, loads), 1e-6
+    columns = [
+        (statics.residual(q + d, loads) - statics.residual(q - d, loads)).ravel() / (2 * step)
+        for d in nudges(q, step)
+    ]
+    np.testing.assert_allclose(balance.stiffness, -np.array(columns).T, atol=1e-8)
+    np.testing.assert_allclose(balance.stiffness, balance.stiffness.T, atol=1e-16)
+    np.testing.assert_array_equal(balance.residual, statics.residual(q, loads))
+
+
+def test_closed_path_does_no_work(spherical_chain: ChainModel) -> None:
+    """∮ r·dq = 0 around a random polygon: neither the laws nor the loads can pump energy."""
+    statics, _, loads = state(spherical_chain)
+    random = np.random.default_rng(3)
+    corners = 0.7 * random.normal(size=(4, spherical_chain.n_joints, 3))
+    nodes, weights = np.polynomial.legendre.leggauss(24)
+    work, scale = 0.0, 0.0
+    for start, end in zip(corners, np.roll(corners, -1, axis=0), strict=True):
+        for node, weight in zip((nodes + 1) / 2, weights / 2, strict=True):
+            power = np.sum(statics.residual(start + node * (end - start), loads) * (end - start))
+            work, scale = work + weight * power, scale + weight * abs(power)
+    assert abs(work) < 1e-10 * scale
+
+
+def test_rotating_base_gravity_and_force_together_rotates_everything(chain: ChainModel) -> None:
+    statics, q, loads = state(chain)
+    turn = exp_map(np.array([0.4, -1.1, 0.7]))
+    turned = chain.with_(
+        base_rotation=turn @ chain.base_rotation,
+        base_position_m=turn @ chain.base_position_m,
+        gravity_m_s2=turn @ chain.gravity_m_s2,
+    )
+    other = ChainStatics(turned)
+    there = Loads(loads.actuation, turn @ loads.gravity_m_s2, turn @ loads.tip_force_n, loads.moment_n_m)
+    np.testing.assert_allclose(other.residual(q, there), statics.residual(q, loads), atol=1e-15)
+    np.testing.assert_allclose(other.geometry.markers(q), statics.geometry.markers(q) @ turn.T, atol=1e-15)
+
+
+def test_order_of_axes_is_only_a_name(spherical_chain: ChainModel) -> None:
+    """A law that lists its axes as z, x, y gives the same residual, permuted."""
+    statics, q, loads = state(spherical_chain)
+    order = [2, 0, 1]
+
+    class Permuted(type(spherical_chain.laws[0])):  # type: ignore[misc]
+        def evaluate(self, actuation: Array, deformation: Array) -> object:
+            effort = super().evaluate(actuation, deformation[:, np.argsort(order)])
+            return type(effort)(
+                effort.tau[:, order], effort.dtau_dp[:, order], effort.dtau_du[:, order][:, :, order]
+            )
+
+    law = Permuted("spherical")
+    law.axes = ("z", "x", "y")
+    other = ChainStatics(spherical_chain.with_(laws=(law, law)))
+    np.testing.assert_allclose(
+        other.residual(q[:, order], loads), statics.residual(q, loads)[:, order], atol=1e-16
+    )
+
+
+def test_opposed_actuators_cancel_at_rest(chain: ChainModel) -> None:
+    opposed = chain.with_(actuators=(Actuator("pressure_1_pa", 1.0), Actuator("pressure_2_pa", -1.0)))
+    efforts = ChainStatics(opposed).efforts
+    rest = np.zeros((chain.n_joints, len(chain.axes)))
+    both = efforts.evaluate(rest, {"pressure_1_pa": 1e4, "pressure_2_pa": 1e4})
+    np.testing.assert_allclose(both.tau, 0.0, atol=1e-18)
+    np.testing.assert_array_equal(both.dtau_dp["pressure_1_pa"], -both.dtau_dp["pressure_2_pa"])
+    swapped = efforts.evaluate(-rest + 0.1, {"pressure_1_pa": 2e3, "pressure_2_pa": 7e3})
+    mirrored = efforts.evaluate(rest - 0.1, {"pressure_1_pa": 7e3, "pressure_2_pa": 2e3})
+    np.testing.assert_allclose(swapped.tau, -mirrored.tau, atol=1e-17)
+
+
+def test_permuting_equal_laws_changes_nothing(chain: ChainModel) -> None:
+    statics, q, loads = state(chain)
+    joints = tuple(type(j)(1 - j.law, j.offset_m, j.rest_rotation) for j in chain.joints)
+    swapped = ChainStatics(chain.with_(joints=joints, laws=chain.laws[::-1]))
+    np.testing.assert_array_equal(swapped.residual(q, loads), statics.residual(q, loads))
+
+
+def test_mass_matrix_gives_the_kinetic_energy(chain: ChainModel) -> None:
+    statics, q, _ = state(chain)
+    rates = np.random.default_rng(5).normal(size=q.shape)
+    step = 1e-6
+    before, after = (statics.geometry.forward(q + s * rates) for s in (-step, step))
+    energy = 0.0
+    middle = statics.geometry.forward(q)
+    for i, body in enumerate(chain.bodies):
+        spin = (after.rotations[i] - before.rotations[i]) @ middle.rotations[i].T / (2 * step)
+        omega = np.array([spin[2, 1], spin[0, 2], spin[1, 0]])
+        positions = [p.origins[i] + p.rotations[i] @ body.com_m for p in (before, after)]
+        velocity = (positions[1] - positions[0]) / (2 * step)
+        inertia = middle.rotations[i] @ body.inertia_kg_m2 @ middle.rotations[i].T
+        energy += 0.5 * body.mass_kg * velocity @ velocity + 0.5 * omega @ inertia @ omega
+    tips = [statics.geometry.markers(q + s * rates)[-1] for s in (-step, step)]
+    energy += 0.5 * chain.payload_kg * np.sum(((tips[1] - tips[0]) / (2 * step)) ** 2)
+    matrix = mass_matrix(chain, q)
+    np.testing.assert_allclose(0.5 * rates.ravel() @ matrix @ rates.ravel(), energy, rtol=1e-7)
+    np.testing.assert_allclose(matrix, matrix.T, rtol=1e-12, atol=1e-20)
+
+
+def test_leaving_the_domain_is_reported_in_joint_coordinates(chain: ChainModel) -> None:
+    law = type(chain.laws[0])(
+        chain.laws[0].joint, Domain(np.array([0.0, 8e3]), np.tile([-0.5, 0.3], (len(chain.axes), 1)))
+    )
+    opposed = chain.with_(
+        laws=(law, law), actuators=(Actuator("pressure_1_pa"), Actuator("pressure_2_pa", -1.0))
+    )
+    q = np.zeros((chain.n_joints, len(chain.axes)))
+    q[2, 0] = 0.4
+    found = ChainStatics(opposed).efforts.outside_domain(q, {"pressure_1_pa": 9e3, "pressure_2_pa": 0.0}, 1.5)
+    pressures = [entry for entry in found if entry.variable == "pressure_1_pa"]
+    assert [entry.module for entry in pressures] == [1, 2, 3, 4, 5]
+    assert all(entry.excess == pytest.approx(1e3) and entry.time_s == 1.5 for entry in pressures)
+    (bent,) = [entry for entry in found if entry.variable != "pressure_1_pa"]
+    assert (bent.module, bent.excess) == (3, pytest.approx(0.1))
+
+
+def test_unstable_mode_of_an_upright_pendulum() -> None:
+    assert unstable_mode(np.diag([1.0, 2.0])) is None
+    assert unstable_mode(np.diag([0.0, 2.0])) is None
+    mode = unstable_mode(np.diag([-1.0, 2.0]))
+    assert mode is not None
+    np.testing.assert_allclose(np.abs(mode), [1.0, 0.0])
+
+
+def test_inputs_that_the_chain_cannot_use(spherical_chain: ChainModel, chain: ChainModel) -> None:
+    statics, q, _ = state(spherical_chain)
+    with pytest.raises(UserError, match="pressure_pa, which has no value"):
+        statics.efforts.evaluate(q, {"pressure_1_pa": 1.0})
+    with pytest.raises(ContractError, match="6 bodies"):
+        ChainStatics(chain.with_(bodies=chain.bodies[1:]))
+    if chain.laws[0].joint == "prismatic":
+        with pytest.raises(UserError, match="no end moment"):
+            Loads.of(chain, Inputs({"pressure_pa": 0.0}, moment_n_m=1.0))

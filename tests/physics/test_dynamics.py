@@ -1,0 +1,78 @@
+"""Snapshots, and the motion of the dynamic engines."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pliant.interfaces.physics import PhysicsBackend
+from pliant.records.chain import ChainModel
+from pliant.records.rollout import Inputs
+from pliant_plugins.physics.mujoco.backend import Mujoco
+from pliant_plugins.physics.mujoco.config import MujocoConfig
+from pliant_plugins.physics.pybullet.backend import Pybullet
+from pliant_plugins.physics.pybullet.config import PybulletConfig
+
+PUSH = Inputs({"pressure_pa": 10e3}, tip_force_n=np.array([0.02, 0.01, 0.0]))
+
+
+def test_restore_brings_the_state_back(engine: PhysicsBackend, heavy_chain: ChainModel) -> None:
+    exact = not engine.capabilities.dynamic
+    with engine.build(heavy_chain) as simulation:
+        simulation.apply(PUSH)
+        simulation.step(0.01)
+        before = simulation.snapshot()
+        simulation.step(0.005)
+        after = simulation.snapshot()
+        simulation.restore(before)
+        back = simulation.snapshot()
+        simulation.step(0.005)
+        again = simulation.snapshot()
+    assert back.time_s == before.time_s
+    for one, other in ((before, back), (after, again)):
+        np.testing.assert_allclose(one.position, other.position, rtol=0, atol=0 if exact else 1e-12)
+        scale = max(1.0, float(np.abs(one.velocity).max()))
+        np.testing.assert_allclose(one.velocity, other.velocity, rtol=0, atol=1e-12 * scale)
+
+
+def test_engines_move_alike(heavy_chain: ChainModel, dynamic_engine: PhysicsBackend) -> None:
+    """10 ms of free motion at small steps: PyBullet's markers follow MuJoCo's within 1 % of the distance moved."""
+    step, damping = 2e-5, 1e-5
+    fine: PhysicsBackend = Mujoco(MujocoConfig(timestep_s=step, joint_damping=damping))
+    other: PhysicsBackend = (
+        Mujoco(MujocoConfig(timestep_s=2.5e-4, joint_damping=damping))
+        if isinstance(dynamic_engine, Mujoco)
+        else Pybullet(PybulletConfig(timestep_s=step, joint_damping=damping))
+    )
+    paths = []
+    for backend in (fine, other):
+        with backend.build(heavy_chain) as simulation:
+            simulation.apply(PUSH)
+            start = simulation.markers()
+            simulation.step(0.01)
+            paths.append(simulation.markers() - start)
+    moved = np.linalg.norm(paths[0], axis=1).max()
+    tolerance = 0.01 if isinstance(dynamic_engine, Pybullet) else 0.2
+    assert moved > 1e-4
+    assert np.linalg.norm(paths[0] - paths[1], axis=1).max() < tolerance * moved
+
+
+def test_damped_motion_ends_in_the_equilibrium(
+    dynamic_engine: PhysicsBackend, loaded_finger: ChainModel
+) -> None:
+    config = type(dynamic_engine.config)(joint_damping=3e-3)
+    with type(dynamic_engine)(config).build(loaded_finger) as simulation:
+        simulation.apply(Inputs({"pressure_pa": 15e3}))
+        settled = simulation.settle().markers_m
+        simulation.apply(Inputs({"pressure_pa": 14.5e3}))
+        simulation.step(0.05)
+        simulation.apply(Inputs({"pressure_pa": 15e3}))
+        simulation.step(0.6)
+        np.testing.assert_allclose(simulation.markers(), settled, atol=2e-4)
+
+
+def test_time_advances_by_what_was_asked(engine: PhysicsBackend, massless_finger: ChainModel) -> None:
+    with engine.build(massless_finger) as simulation:
+        simulation.apply(Inputs({"pressure_pa": 1e3}))
+        simulation.step(0.0007)
+        simulation.step(0.0)
+        assert simulation.snapshot().time_s == 0.0007

@@ -1,0 +1,82 @@
+"""Documents that the engines read, and what happens where an engine is missing."""
+
+from __future__ import annotations
+
+import sys
+
+import mujoco
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from pliant.errors import MissingDependencyError
+from pliant.interfaces.physics import PhysicsBackend
+from pliant.mechanics.inertia import mass_matrix
+from pliant.records.chain import ChainModel
+from pliant.records.rollout import Inputs
+from pliant_plugins.physics.mujoco import engine as engine_module
+from pliant_plugins.physics.mujoco.backend import Mujoco
+from pliant_plugins.physics.mujoco.config import MujocoConfig
+from pliant_plugins.physics.mujoco.mjcf import chain_mjcf
+from pliant_plugins.physics.pybullet.backend import Pybullet
+from pliant_plugins.physics.pybullet.config import PybulletConfig
+from pliant_plugins.physics.pybullet.urdf import roll_pitch_yaw
+
+
+def turn(axis: int, angle: float) -> np.ndarray:
+    first, second = (axis + 1) % 3, (axis + 2) % 3
+    matrix = np.eye(3)
+    matrix[first, first] = matrix[second, second] = np.cos(angle)
+    matrix[second, first], matrix[first, second] = np.sin(angle), -np.sin(angle)
+    return matrix
+
+
+@given(
+    st.floats(-4, 4), st.one_of(st.floats(-2, 2), st.sampled_from([np.pi / 2, -np.pi / 2])), st.floats(-4, 4)
+)
+def test_roll_pitch_yaw(roll: float, pitch: float, yaw: float) -> None:
+    rotation = turn(2, yaw) @ turn(1, pitch) @ turn(0, roll)
+    back = roll_pitch_yaw(rotation)
+    np.testing.assert_allclose(turn(2, back[2]) @ turn(1, back[1]) @ turn(0, back[0]), rotation, atol=1e-14)
+
+
+def test_mujoco_has_the_same_mass_matrix(heavy_chain: ChainModel) -> None:
+    """Masses, inertias, offsets and payload arrive in MuJoCo as they were given."""
+    model = mujoco.MjModel.from_xml_string(chain_mjcf(heavy_chain, "implicitfast"))
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    theirs = np.zeros((model.nv, model.nv))
+    mujoco.mj_fullM(model, data, theirs)
+    ours = mass_matrix(heavy_chain, np.zeros((heavy_chain.n_joints, len(heavy_chain.axes))))
+    np.testing.assert_allclose(theirs, ours, rtol=1e-6, atol=1e-11)
+
+
+def test_pybullet_missing_is_one_sentence(
+    monkeypatch: pytest.MonkeyPatch, massless_finger: ChainModel
+) -> None:
+    monkeypatch.setitem(sys.modules, "pybullet", None)
+    with pytest.raises(MissingDependencyError, match=r"pip install 'pliant\[pybullet\]'"):
+        Pybullet(PybulletConfig()).build(massless_finger)
+
+
+def test_close_twice(engine: PhysicsBackend, massless_finger: ChainModel) -> None:
+    simulation = engine.build(massless_finger)
+    simulation.close()
+    simulation.close()
+
+
+def test_engines_without_the_discrete_integrator_say_so(
+    monkeypatch: pytest.MonkeyPatch, loaded_finger: ChainModel, quasistatic: PhysicsBackend
+) -> None:
+    """An older MuJoCo falls back to implicitfast, warns, and finds the same equilibrium."""
+    monkeypatch.setattr(engine_module, "has_discrete_integrator", lambda: False)
+    with pytest.warns(RuntimeWarning, match="implicitfast"):
+        simulation = Mujoco(MujocoConfig()).build(loaded_finger)
+    tips = []
+    for chain in (simulation, quasistatic.build(loaded_finger)):
+        chain.apply(Inputs({"pressure_pa": 15e3}))
+        tips.append(chain.settle().tip_m)
+    np.testing.assert_allclose(tips[0], tips[1], atol=1e-6)
+    simulation.step(0.01)
+    np.testing.assert_allclose(simulation.markers()[-1], tips[0], atol=1e-6)
