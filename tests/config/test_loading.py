@@ -72,7 +72,11 @@ def test_a_study_is_typed_by_its_kinds(write):
         ("chain: {modules: 8}", "chain: 8", ["line 11", "needs a block"]),
         ("kind: bellow_bending", "knd: bellow_bending", ["family.kind", "did you mean 'kind'?"]),
         ("pliant: 1", "pliant: 2", ["line 1", "pliant"]),
-        ("pressure: 15 kPa}", "pressure: 15 kPa}\neffects: [{kind: stifness}]", ["did you mean 'stiffness'?"]),
+        (
+            "pressure: 15 kPa}",
+            "pressure: 15 kPa}\neffects: [{kind: stifness}]",
+            ["did you mean 'stiffness'?"],
+        ),
     ],
 )
 def test_each_mistake_has_its_line_and_its_sentence(write, old, new, words):
@@ -99,7 +103,9 @@ def test_a_file_that_is_no_study(write, content):
 
 
 def test_yaml_1_2_rules(write):
-    study = load_study(write(STUDY.replace("name: finger", "name: no") + "surrogate: {kind: polynomial}\n"), REGISTRY)
+    study = load_study(
+        write(STUDY.replace("name: finger", "name: no") + "surrogate: {kind: polynomial}\n"), REGISTRY
+    )
     assert study.name == "no"
     study = load_study(write(STUDY.replace("15 kPa}\nchain", "1.5e4}\nchain")), REGISTRY)
     assert study.fem.pressure_max_pa == 15000.0
@@ -107,7 +113,9 @@ def test_yaml_1_2_rules(write):
 
 def test_extends_merges_and_a_new_kind_clears_the_block(write):
     write(STUDY, "base.yaml")
-    child = write("extends: base.yaml\nname: child\nchain: {modules: 5}\nphysics: {kind: mujoco}\n", "child.yaml")
+    child = write(
+        "extends: base.yaml\nname: child\nchain: {modules: 5}\nphysics: {kind: mujoco}\n", "child.yaml"
+    )
     study = load_study(child, REGISTRY)
     assert (study.name, study.chain.modules, study.physics.kind) == ("child", 5, "mujoco")
     assert study.family.wall_m == pytest.approx(0.0015)
@@ -142,7 +150,11 @@ def test_override_of_a_list_item(write):
 
 @pytest.mark.parametrize(
     ("override", "words"),
-    [("family.wall", "is not an override"), ("=3", "is not an override"), ("chain.modules=x", "override chain.modules=x")],
+    [
+        ("family.wall", "is not an override"),
+        ("=3", "is not an override"),
+        ("chain.modules=x", "override chain.modules=x"),
+    ],
 )
 def test_wrong_overrides(write, override, words):
     assert words in problem(write(STUDY), [override])

@@ -72,7 +72,9 @@ def test_wrong_texts_say_what_is_needed(text, unit, words):
         assert words in str(error)
 
 
-@pytest.mark.parametrize("written", [{"wall": "1.5 mm"}, {"wall": 0.0015}, {"wall_m": 0.0015}, {"wall_m": "1.5 mm"}])
+@pytest.mark.parametrize(
+    "written", [{"wall": "1.5 mm"}, {"wall": 0.0015}, {"wall_m": 0.0015}, {"wall_m": "1.5 mm"}]
+)
 def test_fields_may_be_written_with_or_without_their_unit(written):
     assert Part.model_validate(written).wall_m == pytest.approx(0.0015)
 
@@ -90,8 +92,15 @@ def test_what_is_no_number_is_refused(value):
 
 @pytest.mark.parametrize(
     ("field", "written"),
-    [("wall_m", "wall"), ("shear_modulus_pa", "shear_modulus"), ("density_kg_m3", "density"), ("kind", "kind"),
-     ("gravity_m_s2", "gravity"), ("angles", "angles"), ("payload_kg", "payload")],
+    [
+        ("wall_m", "wall"),
+        ("shear_modulus_pa", "shear_modulus"),
+        ("density_kg_m3", "density"),
+        ("kind", "kind"),
+        ("gravity_m_s2", "gravity"),
+        ("angles", "angles"),
+        ("payload_kg", "payload"),
+    ],
 )
 def test_suffix_names_a_unit(field, written):
     assert strip_unit_suffix(field) == written

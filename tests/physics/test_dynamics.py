@@ -35,7 +35,7 @@ def test_restore_brings_the_state_back(engine: PhysicsBackend, heavy_chain: Chai
 
 
 def test_engines_move_alike(heavy_chain: ChainModel, dynamic_engine: PhysicsBackend) -> None:
-    """10 ms of free motion at small steps: PyBullet's markers follow MuJoCo's within 1 % of the distance moved."""
+    """10 ms of free motion at small steps: PyBullet follows MuJoCo within 1 % of the distance moved."""
     step, damping = 2e-5, 1e-5
     fine: PhysicsBackend = Mujoco(MujocoConfig(timestep_s=step, joint_damping=damping))
     other: PhysicsBackend = (

@@ -26,7 +26,7 @@ def test_worked_number_of_the_contracts(engine: PhysicsBackend, massless_finger:
 def test_weights_and_payload(
     engine: PhysicsBackend, quasistatic: PhysicsBackend, heavy_chain: ChainModel
 ) -> None:
-    """All kinds of joints, own weight and 13 g: markers of every engine within 1 µm of the quasi-static ones."""
+    """All kinds of joints, own weight and 13 g: every engine within 1 µm of the quasi-static one."""
     inputs = Inputs({"pressure_pa": 12e3}, tip_force_n=np.array([0.02, 0.01, -0.03]))
     with engine.build(heavy_chain) as simulation:
         simulation.apply(inputs)

@@ -91,7 +91,9 @@ def test_a_rotated_segment_keeps_its_masses_in_its_own_frame():
     from pliant.records.design import ModuleMass
 
     rod = rod_module(Spring(), 0.01, 0.002)
-    heavy = replace(rod, mass=ModuleMass(*(m.shifted(np.array([0, 0, 0.003])) for m in (rod.mass.start, rod.mass.end))))
+    heavy = replace(
+        rod, mass=ModuleMass(*(m.shifted(np.array([0, 0, 0.003])) for m in (rod.mass.start, rod.mass.end)))
+    )
     config = ChainConfig(modules=2)
     chain = build_chain(config, [Segment(heavy, 1, 0.0), Segment(heavy, 1, np.pi)])
     middle = chain.bodies[1]

@@ -84,7 +84,11 @@ def test_check_states_lie_inside_and_are_not_fitted(tmp_path):
 
 @pytest.mark.parametrize("interrupted_at", [0, 1, 3, 4, 17, 29])
 def test_an_interrupted_sampling_solves_nothing_twice(tmp_path, interrupted_at):
-    whole = sample(Springs(), CONFIG, tmp_path / "whole", Silent()) if (tmp_path / "whole").mkdir() is None else None
+    whole = (
+        sample(Springs(), CONFIG, tmp_path / "whole", Silent())
+        if (tmp_path / "whole").mkdir() is None
+        else None
+    )
     part = tmp_path / "part"
     part.mkdir()
     first = Springs(stop_after=interrupted_at)

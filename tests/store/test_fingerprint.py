@@ -58,7 +58,9 @@ def test_editing_code_or_a_helper_changes_it(package, file):
 def test_editing_a_comment_a_docstring_or_another_module_does_not(package):
     before = fingerprint(package)
     maths = package / "helpers" / "maths.py"
-    maths.write_text(maths.read_text().replace("# a comment", "# another").replace("Twice x.", "Two times x."))
+    maths.write_text(
+        maths.read_text().replace("# a comment", "# another").replace("Twice x.", "Two times x.")
+    )
     (package / "other.py").write_text("VALUE = 3\n")
     assert fingerprint(package) == before
 

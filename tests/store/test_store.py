@@ -20,7 +20,11 @@ def recipe(**changes):
 
 
 def value():
-    return {"design": Design("bellow", {"wall_m": 0.1}), "x": np.arange(6.0).reshape(2, 3), "t": (1, "two", None)}
+    return {
+        "design": Design("bellow", {"wall_m": 0.1}),
+        "x": np.arange(6.0).reshape(2, 3),
+        "t": (1, "two", None),
+    }
 
 
 def test_a_second_make_computes_nothing_and_reads_the_same_bits(tmp_path):
@@ -41,7 +45,13 @@ def test_a_second_make_computes_nothing_and_reads_the_same_bits(tmp_path):
 
 @pytest.mark.parametrize(
     "change",
-    [{"stage": "fit"}, {"config": {"a": 2}}, {"inputs": {"d": "1"}}, {"code": "d"}, {"libraries": {"numpy": "9"}}],
+    [
+        {"stage": "fit"},
+        {"config": {"a": 2}},
+        {"inputs": {"d": "1"}},
+        {"code": "d"},
+        {"libraries": {"numpy": "9"}},
+    ],
 )
 def test_every_ingredient_changes_the_key(change):
     assert recipe(**change).key != recipe().key

@@ -12,7 +12,14 @@ import typer
 from pliant.cli import summaries
 from pliant.cli.options import DEFAULT_STORE, JsonFile, Overrides, Quiet, StoreFolder, StudyFile
 from pliant.cli.session import Session, check_writable, plain, session
-from pliant.pipeline.study import StudyRun, fem_of_study, laws_of_study, simulate_study, surrogate_kind
+from pliant.pipeline.study import (
+    StudyRun,
+    check_study,
+    fem_of_study,
+    laws_of_study,
+    simulate_study,
+    surrogate_kind,
+)
 from pliant.pipeline.tables import write_table
 from pliant.report.folder import finished, read_folder, table_name, write_folder
 from pliant.store.store import write_atomically
@@ -35,9 +42,10 @@ def run(
     with session("run", json, quiet) as here:
         loaded = here.study(study, overrides)
         folder = out or Path("runs") / loaded.name
-        check_writable(folder)
         started = time.perf_counter()
         bench = here.bench(store)
+        check_study(bench, loaded)
+        check_writable(folder)
         if loaded.chain is None or loaded.task is None:
             done = StudyRun(loaded, laws_of_study(bench, loaded))
         else:
@@ -63,8 +71,11 @@ def fem(
     with session("fem", json, quiet) as here:
         loaded = here.study(study, overrides)
         folder = out or Path("runs") / loaded.name
+        bench = here.bench(store)
+        loaded.need("family", "FEM")
+        check_study(bench, loaded)
         check_writable(folder)
-        artifacts = fem_of_study(here.bench(store), loaded)
+        artifacts = fem_of_study(bench, loaded)
         tables = [folder / table_name(number) for number in range(len(artifacts))]
         for artifact, table in zip(artifacts, tables, strict=True):
             write_table(artifact.value, table)

@@ -83,12 +83,12 @@ def fit_lines(design: DesignStages) -> list[str]:
     if report is None or design.law.artifact is None:
         return ["law      stated by its coefficients"]
     lines = [
-        f"law      worst error {100 * report.worst_of_range:.3f} % of the range on {report.n_heldout} states "
-        f"left out ({report.n_fitted} fitted), R² {report.r2:.6f}, {_time(design.law.artifact)}"
+        f"law      worst error {100 * report.worst_of_range:.2g} % of the range on {report.n_heldout} states "
+        f"left out ({report.n_fitted} fitted), R² {report.r2:.7g}, {_time(design.law.artifact)}"
     ]
     study_form = report.details.get("study_form")
     if study_form:
-        lines.append(f"         the study's form: {100 * study_form['worst_of_range']:.2f} %")
+        lines.append(f"         the study's form: {100 * study_form['worst_of_range']:.2g} %")
     return lines
 
 

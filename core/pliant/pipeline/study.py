@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from pliant.config.study import Study, varied
+from pliant.config.study import BLOCKS, Study, varied
 from pliant.errors import MissingDependencyError, UserError
 from pliant.interfaces.family import ActuatorFamily, FamilyConfig
 from pliant.pipeline.chain import Module, Segment, build_chain, rod_module
@@ -66,6 +66,20 @@ def surrogate_kind(study: Study) -> str:
     return study.surrogate.kind if study.surrogate else DEFAULT_SURROGATE
 
 
+def check_study(bench: Workbench, study: Study) -> None:
+    """Build every plugin that the study names, so that a wrong design or a missing package shows at once.
+
+    Engines of `cross_check` may be missing: they are skipped later.
+    """
+    for family in _distinct_families(study):
+        bench.build("family", family)
+    for key, interface in BLOCKS.items():
+        if getattr(study, key) is not None:
+            bench.build(interface, getattr(study, key))
+    for effect in study.effects:
+        bench.build("effect", effect)
+
+
 def fem_of_study(bench: Workbench, study: Study) -> tuple[Artifact, ...]:
     """The FEM data of each distinct design of the study."""
     study.need("family", "FEM")
@@ -90,9 +104,7 @@ def simulate_study(bench: Workbench, study: Study) -> StudyRun:
     study.need("chain", "a simulation")
     task = study.need("task", "a simulation")
     physics = study.physics or _default(bench, "physics", DEFAULT_PHYSICS)
-    # An engine or task that cannot be built must say so before minutes of FEM.
-    bench.build("physics", physics)
-    bench.build("task", task)
+    check_study(bench, study)
     designs = laws_of_study(bench, study)
     source = _chain_source(bench, study, designs)
     engines = [EngineRun(physics.kind, simulate_stage(bench, source, physics, task, study.effects))]
@@ -124,7 +136,9 @@ def _segment_families(study: Study) -> list[FamilyConfig | None]:
         if segment.family and study.family is None:
             raise UserError(f"chain.segments.{number} changes a family, but the study has no 'family' block.")
         try:
-            changed = varied(study.family, segment.family) if segment.family and study.family else study.family
+            changed = (
+                varied(study.family, segment.family) if segment.family and study.family else study.family
+            )
         except ValueError as error:
             raise UserError(f"chain.segments.{number}.family: {error}") from None
         result.append(changed)  # type: ignore[arg-type]

@@ -1,0 +1,87 @@
+"""Errors of the joint law on FEM states left out: adaptive degree, the study's form, with and without slopes.
+
+python benchmarks/law_error.py        prints, and writes benchmarks/out/law_error.json
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from pathlib import Path
+
+import numpy as np
+
+from pliant.config.loading import load_study
+from pliant.errors import UserError
+from pliant.pipeline.study import fem_of_study
+from pliant.pipeline.workbench import Workbench
+from pliant.records.fem import FemDataset
+from pliant.registry.discovery import discover
+from pliant.store.store import ArtifactStore, write_atomically
+from pliant_plugins.surrogates.polynomial.config import PolynomialConfig
+from pliant_plugins.surrogates.polynomial.surrogate import Polynomial
+
+ROOT = Path(__file__).parent.parent
+OUT = ROOT / "benchmarks" / "out"
+
+
+def main() -> None:
+    """Fit the demo's data set in several ways and print the worst errors of the torque range."""
+    registry = discover()
+    bench = Workbench(registry, ArtifactStore(ROOT / ".pliant" / "store"))
+    study = load_study(ROOT / "examples" / "first_finger" / "finger.yaml", registry)
+    data: FemDataset = fem_of_study(bench, study)[0].value
+    results = {"n_fitted": len(data.select("fit")), "n_heldout": len(data.select("check"))}
+    print(f"{results['n_fitted']} states fitted, {results['n_heldout']} left out; worst error / range, R²")
+    fits = {
+        "adaptive": (PolynomialConfig(), data),
+        "adaptive, values only": (PolynomialConfig(), without_slopes(data)),
+        "study's form": (PolynomialConfig(form="study"), data),
+    }
+    for name, (config, states) in fits.items():
+        report = Polynomial(config).fit(states).report
+        results[name] = {"worst_of_range": report.worst_of_range, "r2": report.r2}
+        print(f"{name:<24} {100 * report.worst_of_range:10.2g} %   {report.r2:.8f}")
+    for count in (6, 8, 10, 14, 20):
+        worst = {}
+        for name, source in (("with slopes", data), ("without", without_slopes(data))):
+            worst[name] = spread_fit_error(source, count)
+        results[f"{count} states"] = worst
+        cells = ", ".join(f"{name} {_percent(error)}" for name, error in worst.items())
+        print(f"{count:>2} states: {cells}")
+    OUT.mkdir(exist_ok=True)
+    write_atomically(OUT / "law_error.json", json.dumps(results, indent=1))
+
+
+def without_slopes(data: FemDataset) -> FemDataset:
+    """The same states, slopes unknown."""
+    unknown = np.full(len(data), np.nan)
+    return dataclasses.replace(data, dmoment_dp=unknown, dmoment_du=unknown)
+
+
+def spread_fit_error(data: FemDataset, count: int) -> float | None:
+    """Worst error of the range when only `count` well-spread fit states are used; None if they are too few."""
+    fit = np.flatnonzero(data.role == "fit")
+    points = np.stack([data.actuation, data.angle_rad], axis=1) / [
+        np.ptp(data.actuation),
+        np.ptp(data.angle_rad),
+    ]
+    chosen = [int(fit[0])]
+    while len(chosen) < count:  # farthest point next
+        distance = np.linalg.norm(points[fit][:, None] - points[chosen], axis=2).min(axis=1)
+        chosen.append(int(fit[np.argmax(distance)]))
+    keep = np.isin(np.arange(len(data)), chosen) | (data.role == "check")
+    columns = [f.name for f in dataclasses.fields(data) if isinstance(getattr(data, f.name), np.ndarray)]
+    subset = dataclasses.replace(data, **{name: getattr(data, name)[keep] for name in columns})
+    try:
+        return Polynomial(PolynomialConfig()).fit(subset).report.worst_of_range
+    except UserError:  # too few states for any polynomial: a gap in this table
+        return None
+
+
+def _percent(error: float | None) -> str:
+    return "-" if error is None else f"{100 * error:.2g} %"
+
+
+if __name__ == "__main__":
+    main()

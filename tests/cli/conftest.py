@@ -1,0 +1,96 @@
+"""A command line to call in-process and studies to call it with."""
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from pliant.cli.app import app
+
+STATED = """\
+pliant: 1
+name: stated
+surrogate:
+  kind: polynomial
+  form: study
+  odd: true
+  coefficients: {k_n: 1.637e-6, m_a: -1.704e-6, b_a: 0, m_e: 0.1012, b_e: 0.0245}
+chain: {modules: 8, module_length: 11 mm, gravity: [0, 0, 0]}
+physics: quasistatic
+task: {kind: free_bending, pressure: 15 kPa}
+"""
+FINGER = """\
+pliant: 1
+name: finger
+family:
+  kind: bellow_bending
+  inner_radius: 2 mm
+  average_radius: 6 mm
+  wall: 1.5 mm
+  module_length: 11 mm
+material: {kind: neo_hookean, shear_modulus: 240 kPa}
+fem: {kind: skfem, pressure_max: 15 kPa, pressures: 3, angles: 3, check_states: 2}
+chain: {modules: 4}
+physics: quasistatic
+task: {kind: free_bending, pressure: 15 kPa}
+"""
+
+
+@dataclass
+class Call:
+    """What one call printed and returned."""
+
+    code: int
+    out: str
+    err: str
+
+
+@pytest.fixture
+def workplace(tmp_path, monkeypatch):
+    """An empty current folder."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.delenv("PLIANT_STORE", raising=False)
+    return tmp_path
+
+
+@pytest.fixture
+def pliant(workplace):
+    """Call the command; a traceback is a failure of the test."""
+
+    def call(*arguments):
+        result = CliRunner().invoke(app, [str(a) for a in arguments])
+        if result.exception is not None and not isinstance(result.exception, SystemExit):
+            raise result.exception
+        return Call(result.exit_code, result.stdout, result.stderr)
+
+    return call
+
+
+@pytest.fixture
+def write(workplace):
+    """Write a study and return its path."""
+
+    def writer(text, name="study.yaml"):
+        path = workplace / name
+        path.write_text(text)
+        return path
+
+    return writer
+
+
+@pytest.fixture
+def read():
+    """Read a JSON result."""
+    return lambda path: json.loads(Path(path).read_text())
+
+
+@pytest.fixture
+def stated():
+    return STATED
+
+
+@pytest.fixture
+def finger():
+    return FINGER

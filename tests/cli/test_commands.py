@@ -1,0 +1,138 @@
+"""The verbs: results as JSON, exit codes, cached stages, interruption."""
+
+import json
+
+import pytest
+
+
+def test_simulate_prints_and_writes_the_contracts_keys(pliant, write, read, stated):
+    call = pliant("simulate", write(stated), "--json", "out.json")
+    assert call.code == 0
+    result = read("out.json")
+    assert (result["pliant"], result["command"]) == ("0.1.0", "simulate")
+    keys = {
+        "tip_m",
+        "markers_m",
+        "joint_angles_rad",
+        "converged",
+        "residual",
+        "wall_s",
+        "outside_domain",
+        "metrics",
+    }
+    assert keys <= set(result)
+    assert result["joint_angles_rad"] == pytest.approx([0.359718] * 8, abs=1e-6)
+    assert result["tip_m"] == pytest.approx([0.059451, 0, -0.007889], abs=1e-6)
+    assert len(result["markers_m"]) == 10
+    assert "settled" in call.out
+
+
+def test_json_on_standard_output_is_all_there_is(pliant, write, stated):
+    call = pliant("simulate", write(stated), "--json", "-")
+    assert json.loads(call.out)["command"] == "simulate"
+
+
+def test_quiet_says_nothing(pliant, write, stated):
+    call = pliant("run", write(stated), "--quiet")
+    assert (call.code, call.out, call.err) == (0, "", "")
+
+
+@pytest.mark.parametrize("engine", ["quasistatic", "mujoco", "pybullet"])
+def test_one_word_swaps_the_engine(pliant, write, read, stated, engine):
+    if engine == "pybullet":
+        pytest.importorskip("pybullet", reason="PyBullet has wheels up to Python 3.11 only")
+    assert pliant("simulate", write(stated), f"physics.kind={engine}", "--json", "out.json").code == 0
+    assert read("out.json")["tip_m"] == pytest.approx([0.059451, 0, -0.007889], abs=2e-6)
+
+
+def test_a_second_run_recomputes_nothing(pliant, write, read, stated):
+    study = write(stated)
+    assert pliant("run", study, "cross_check=[mujoco]", "--json", "a.json").code == 0
+    assert pliant("run", study, "cross_check=[mujoco]", "--json", "b.json").code == 0
+    first, second = read("a.json"), read("b.json")
+    assert not first["simulate"]["stages"][0]["cached"]
+    for engine in (second["simulate"], *second["cross_check"]):
+        assert engine["stages"][0]["cached"]
+    assert first["simulate"]["tip_m"] == second["simulate"]["tip_m"]
+
+
+def test_another_pressure_recomputes(pliant, write, read, stated):
+    study = write(stated)
+    pliant("simulate", study)
+    pliant("simulate", study, "task.pressure=12 kPa", "--json", "b.json")
+    assert not read("b.json")["stages"][0]["cached"]
+
+
+def test_run_leaves_a_folder_that_report_can_read(pliant, write, workplace, stated):
+    assert pliant("run", write(stated)).code == 0
+    folder = workplace / "runs" / "stated"
+    assert {"run.json", "study.json", "report.html", "data"} <= {p.name for p in folder.iterdir()}
+    made = (folder / "report.html").read_text()
+    (folder / "report.html").unlink()
+    (workplace / ".pliant").rename(workplace / "elsewhere")
+    assert pliant("report", folder).code == 0
+    assert (folder / "report.html").read_text() == made
+
+
+def test_a_damaged_run_folder_says_so(pliant, write, workplace, stated):
+    assert pliant("run", write(stated)).code == 0
+    (workplace / "runs/stated/data/simulate0_quasistatic/arrays.npz").write_bytes(b"x")
+    call = pliant("report", "runs/stated")
+    assert call.code == 2
+    assert "is damaged" in call.err
+
+
+def test_what_no_stage_reads_is_said(pliant, write, stated):
+    call = pliant("simulate", write(stated + "noise: {pressure: 0.5 kPa}\n"))
+    assert call.code == 0
+    assert "noise: read, but not used" in call.err
+
+
+def test_an_effect_changes_the_answer(pliant, write, read, stated):
+    study = write(stated + "effects: [{kind: pressure_offset, offset: -1 kPa}]\n")
+    pliant("simulate", study, "--json", "less.json")
+    pliant("simulate", study, "effects=[]", "task.pressure=14 kPa", "--json", "same.json")
+    assert read("less.json")["tip_m"] == pytest.approx(read("same.json")["tip_m"], abs=1e-9)
+
+
+def test_a_law_that_cannot_settle_exits_with_3(pliant, write, stated):
+    unstable = stated.replace("b_e: 0.0245", "b_e: -0.5").replace("m_e: 0.1012", "m_e: 0")
+    call = pliant("simulate", write(unstable))
+    assert call.code == 3
+
+
+def test_fit_of_a_table_from_elsewhere(pliant, write, read, workplace, stated):
+    rows = ["pressure_pa,angle_rad,moment_n_m"]
+    for p in range(0, 15001, 2500):
+        for u in (-0.1, 0.0, 0.1, 0.2, 0.3, 0.4):
+            rows.append(f"{p},{u},{1.6e-6 * p - (0.02 + 1.7e-6 * p) * u - 0.05 * u * abs(u)}")
+    (workplace / "bench.csv").write_text("\n".join(rows) + "\n")
+    text = stated[: stated.index("surrogate:")] + "surrogate: {kind: polynomial, data: bench.csv}\n"
+    study = write(text + stated[stated.index("chain:") :])
+    assert pliant("fit", study, "--json", "fit.json").code == 0
+    result = read("fit.json")
+    assert set(result["heldout"]) >= {"rmse", "worst", "worst_of_range", "r2"}
+    assert result["heldout"]["worst_of_range"] < 0.02
+    assert pliant("simulate", study).code == 0
+
+
+def test_plugins_lists_kinds_and_schema_is_a_schema(pliant, read):
+    call = pliant("plugins", "--json", "p.json")
+    assert "bellow_bending" in call.out
+    assert read("p.json")["failed"] == []
+    assert json.loads(pliant("schema").out)["$schema"].startswith("https://json-schema.org")
+    pliant("schema", "--json", "s.json", "--quiet")
+    assert read("s.json")["schema"]["properties"]["physics"]["oneOf"]
+
+
+def test_check_runs_the_conformance_suite(pliant, read):
+    call = pliant("check", "effect", "stiffness", "--json", "c.json")
+    assert call.code == 0
+    assert read("c.json")["failed"] == 0
+    assert read("c.json")["passed"] >= 5
+
+
+def test_version_and_help(pliant):
+    assert pliant("--version").out.strip() == "pliant 0.1.0"
+    for verb in ("run", "fem", "fit", "simulate", "report", "plugins", "check", "schema", "new-plugin"):
+        assert "--json" in pliant(verb, "--help").out
