@@ -57,6 +57,8 @@ class _Lines:
         self.console, self.title, self.total = console, title, total
         self.first, self.done = done, done
         self.started = self.said = time.monotonic()
+        if done:
+            console.print(f"{title}: going on from {done}/{total}")
 
     def advance(self, steps: int = 1) -> None:
         self.done += steps

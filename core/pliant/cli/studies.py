@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import time
 from pathlib import Path
 from typing import Annotated, Any
@@ -181,7 +180,7 @@ def _report(here: Session, bench: Any, done: StudyRun, folder: Path) -> Path:
     for name, png in artifact.value["pictures"].items():
         temporary = folder / "pictures" / f".{name}.png"
         temporary.write_bytes(png.tobytes())
-        os.replace(temporary, folder / "pictures" / f"{name}.png")
+        temporary.replace(folder / "pictures" / f"{name}.png")
     return page
 
 

@@ -8,7 +8,6 @@ serve polynomials best (Trefethen, Approximation Theory and Approximation Practi
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -176,5 +175,5 @@ class _Saved:
         self.names[name] = place
         temporary = self.index.with_suffix(".tmp")
         temporary.write_text(json.dumps(self.names))
-        os.replace(temporary, self.index)
+        temporary.replace(self.index)
         return state

@@ -1,0 +1,201 @@
+"""The whole way: geometry → FEM → law → finger in the engines → report; cached, interrupted, edited."""
+
+import importlib.util
+import json
+import os
+import signal
+import subprocess
+import sys
+import textwrap
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+ROOT = Path(__file__).parents[2]
+EXAMPLES = ROOT / "examples" / "first_finger"
+SMALL = ["fem.pressures=4", "fem.angles=5", "fem.check_states=4"]
+HAS_PYBULLET = importlib.util.find_spec("pybullet") is not None
+
+
+def pliant(*arguments, cwd, check=True, **environment):
+    command = [sys.executable, "-m", "pliant", *map(str, arguments)]
+    env = {**os.environ, **{k: str(v) for k, v in environment.items()}}
+    result = subprocess.run(command, cwd=cwd, env=env, capture_output=True, text=True, timeout=300, check=False)
+    assert not check or result.returncode == 0, result.stderr
+    return result
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory):
+    """The two studies of `make demo`, with fewer states; shared by the tests of this file."""
+    folder = tmp_path_factory.mktemp("runs")
+    results = {}
+    for name in ("finger", "loaded"):
+        pliant("run", EXAMPLES / f"{name}.yaml", *SMALL, "--out", name, "--json", f"{name}.json", cwd=folder)
+        results[name] = json.loads((folder / f"{name}.json").read_text())
+    return folder, results
+
+
+def test_the_engines_agree_within_a_hundredth_of_a_millimetre(runs):
+    for result in runs[1].values():
+        assert result["largest_marker_distance_m"] < 1e-5
+        ran = [e for e in result["cross_check"] if "skipped" not in e]
+        assert len(ran) == (2 if HAS_PYBULLET else 1)
+        for engine in (result["simulate"], *ran):
+            assert engine["converged"]
+            assert engine["residual"] < 1e-6
+
+
+def test_an_engine_without_a_wheel_is_skipped_with_its_cause(runs):
+    if HAS_PYBULLET:
+        pytest.skip("PyBullet is installed here")
+    skipped = [e["skipped"] for e in runs[1]["finger"]["cross_check"] if "skipped" in e]
+    assert "pybullet" in skipped[0]
+
+
+def test_the_law_holds_on_states_left_out(runs):
+    assert runs[1]["finger"]["fit"]["heldout"]["worst_of_range"] < 0.005
+
+
+def test_the_finger_bends_toward_world_x_and_weight_pulls_it_down(runs):
+    free, loaded = (np.array(runs[1][name]["simulate"]["tip_m"]) for name in ("finger", "loaded"))
+    assert free[0] > 0.04
+    assert loaded[2] < free[2] - 0.01
+    assert abs(free[1]) < 1e-9
+
+
+def test_the_loaded_study_reuses_fem_and_law(runs):
+    loaded = runs[1]["loaded"]
+    assert loaded["fem"]["stages"][0]["cached"]
+    assert loaded["fit"]["stages"][0]["cached"]
+
+
+def test_the_table_has_the_contracts_columns(runs):
+    header = (runs[0] / "finger" / "fem.csv").read_text().splitlines()[0].split(",")
+    assert header[:9] == [
+        "pressure_pa", "axis", "angle_rad", "moment_n_m", "dmoment_dp", "dmoment_du", "energy_j", "branch", "status",
+    ]  # fmt: skip
+    assert "wall_m" in header
+
+
+def test_the_report_is_one_page(runs):
+    page = (runs[0] / "loaded" / "report.html").read_text()
+    assert "loaded-finger" in page
+    assert "src=\"http" not in page
+    assert list((runs[0] / "loaded" / "pictures").glob("*.png"))
+
+
+def test_a_second_run_recomputes_nothing_and_is_quick(runs):
+    started = time.perf_counter()
+    pliant("run", EXAMPLES / "finger.yaml", *SMALL, "--out", "finger", "--json", "again.json", cwd=runs[0])
+    again = json.loads((runs[0] / "again.json").read_text())
+    stages = [*again["fem"]["stages"], *again["fit"]["stages"], *again["simulate"]["stages"]]
+    assert all(stage["cached"] for stage in stages)
+    assert time.perf_counter() - started < 10
+
+
+def test_an_interrupted_fem_goes_on_where_it_was(tmp_path):
+    arguments = [sys.executable, "-m", "pliant", "fem", str(EXAMPLES / "finger.yaml"), *SMALL]
+    process = subprocess.Popen(arguments, cwd=tmp_path, stderr=subprocess.PIPE, text=True)
+    index = []
+    deadline = time.monotonic() + 120
+    while len(index) < 4 and time.monotonic() < deadline:
+        time.sleep(0.1)
+        found = list(tmp_path.glob(".pliant/store/fem/*.partial/states.json"))
+        index = json.loads(found[0].read_text()) if found else []
+    process.send_signal(signal.SIGINT)
+    _, err = process.communicate(timeout=60)
+    assert process.returncode == 130, err
+    assert "run the same command to go on" in " ".join(err.split())
+    assert not (tmp_path / "runs").exists() or not list((tmp_path / "runs").rglob("*.csv"))
+    (partial,) = tmp_path.glob(".pliant/store/fem/*.partial")
+    kept = json.loads((partial / "states.json").read_text())
+    assert len(kept) >= 4
+    resumed = pliant("fem", EXAMPLES / "finger.yaml", *SMALL, "--json", "out.json", cwd=tmp_path)
+    assert f"going on from {len(kept)}/" in resumed.stderr
+    result = json.loads((tmp_path / "out.json").read_text())
+    assert result["n_states"] == 4 + 4 * 5 + 4
+
+
+EFFECT = '''
+from typing import ClassVar, Literal
+
+from pliant.interfaces.effect import Effect, EffectConfig, EffectParameter
+from edited_plugin import helper
+
+
+class LeakyConfig(EffectConfig):
+    kind: Literal["leaky"] = "leaky"
+    share: float = 0.1
+
+
+class Leaky(Effect):
+    place: ClassVar = "input"
+    parameters: ClassVar = (EffectParameter("share", "", 0.0, (0.0, 1.0), (0.0, 0.3)),)
+
+    def apply(self, model):
+        return model.with_(inputs=(*model.inputs, helper.scaled(1 - self.config.share)))
+'''
+HELPER = '''
+import dataclasses
+
+
+def scaled(factor):
+    def change(inputs):
+        return dataclasses.replace(inputs, actuation={k: factor * v for k, v in inputs.actuation.items()})
+    return change
+'''
+MANIFEST = '''
+from pliant.registry.component import Component
+from pliant.registry.hookspecs import hookimpl
+
+
+@hookimpl
+def pliant_components():
+    return [Component("effect", "leaky", "edited_plugin.effect:LeakyConfig", "edited_plugin.effect:Leaky", "test")]
+'''
+
+
+@pytest.fixture
+def edited_plugin(tmp_path):
+    """A third-party package on the path, as pip would leave it."""
+    site = tmp_path / "site"
+    package, info = site / "edited_plugin", site / "edited_plugin-1.0.dist-info"
+    package.mkdir(parents=True)
+    info.mkdir()
+    for name, text in {"__init__": "", "effect": EFFECT, "helper": HELPER, "manifest": MANIFEST}.items():
+        (package / f"{name}.py").write_text(textwrap.dedent(text))
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: edited-plugin\nVersion: 1.0\n")
+    (info / "entry_points.txt").write_text("[pliant]\nedited = edited_plugin.manifest\n")
+    return package
+
+
+def test_editing_a_plugins_helper_recomputes_exactly_what_depends_on_it(tmp_path, edited_plugin):
+    table = tmp_path / "law.csv"
+    rows = [f"{p},{u},{1.6e-6 * p - 0.03 * u - 1e-6 * p * u}" for p in range(0, 15001, 3000) for u in (0, 0.2, 0.4)]
+    table.write_text("\n".join(["pressure_pa,angle_rad,moment_n_m", *rows]))
+    study = tmp_path / "study.yaml"
+    study.write_text(
+        "name: edited\nsurrogate: {kind: polynomial, data: law.csv}\n"
+        "chain: {modules: 3, module_length: 11 mm, gravity: [0, 0, 0]}\nphysics: quasistatic\n"
+        "task: {kind: free_bending, pressure: 10 kPa}\neffects: [leaky]\n"
+    )
+
+    def cached():
+        call = ["run", study, "--json", "out.json"]
+        pliant(*call, cwd=tmp_path, PYTHONPATH=edited_plugin.parent, PYTHONDONTWRITEBYTECODE=1)
+        result = json.loads((tmp_path / "out.json").read_text())
+        return result["fit"]["stages"][0]["cached"], result["simulate"]["stages"][0]["cached"], result["simulate"]["tip_m"]
+
+    assert cached()[:2] == (False, False)
+    fit, simulation, before = cached()
+    assert (fit, simulation) == (True, True)
+    helper = edited_plugin / "helper.py"
+    helper.write_text(helper.read_text().replace("factor * v", "factor * v * 1.1"))
+    fit, simulation, after = cached()
+    assert (fit, simulation) == (True, False)
+    assert after != before
+    helper.write_text(helper.read_text() + "\n# only a comment\n")
+    assert cached()[:2] == (True, True)
