@@ -74,7 +74,10 @@ class Simulation(ABC):
 
     @abstractmethod
     def markers(self) -> Array:
-        """(n + 2, 3) base, joints 1…n and tip in the world, as the engine itself has them."""
+        """(n + 2, 3) base, joints 1…n and tip in the world, as the engine itself has them.
+
+        A joint's marker is the origin of the body that it carries: on a prismatic joint it moves with q.
+        """
 
     def close(self) -> None:  # noqa: B027 - an engine without resources has nothing to free
         """Free the engine's resources."""

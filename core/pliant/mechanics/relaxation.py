@@ -73,6 +73,8 @@ def relax(
     for step in range(max_steps):
         residual = statics.residual(q, loads)
         size = float(np.abs(residual).max())
+        if not np.isfinite(size):
+            break
         if size <= tolerance:
             mode = unstable_mode(statics.balance(q, loads).stiffness)
             stable = mode is None

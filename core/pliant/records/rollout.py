@@ -18,7 +18,9 @@ class Inputs:
     Attributes:
         actuation: value of each actuator's input, e.g. ``{"pressure_pa": 15e3}``.
         tip_force_n: (3,) dead force at the tip, world frame.
-        moment_n_m: external moment at the last joint that opposes the actuation (main axis).
+        moment_n_m: external end moment about the main axis that opposes the actuation. It is carried by every
+            joint: its potential is moment · Σ main-axis coordinates, on a planar chain that of a moment on the
+            tip body. Prismatic chains take none.
     """
 
     actuation: Mapping[str, float]
@@ -28,7 +30,12 @@ class Inputs:
 
 @dataclass(frozen=True)
 class OutsideDomain:
-    """A law was used outside the box of its data: joint number from 1, variable, how far, when."""
+    """A law was used outside the box of its data: joint number from 1, variable, how far, when.
+
+    `variable` is the input's name, `angle_rad` (`angle_x_rad`… on a spherical joint, `extension_m` on a
+    prismatic one), or `dtau_du` where the law's slope is not negative. `excess` is in the variable's unit and in
+    joint coordinates: negative below the box, positive above.
+    """
 
     module: int
     time_s: float

@@ -6,6 +6,7 @@ A ball joint's dofs are the angular velocity ω in the child's frame, dφ/dt = J
 
 from __future__ import annotations
 
+import math
 import warnings
 
 import mujoco
@@ -21,6 +22,7 @@ from pliant.mechanics.rotations import (
 from pliant.mechanics.statics import ChainStatics, Loads
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
+from pliant_plugins.physics.mujoco.config import MujocoConfig
 from pliant_plugins.physics.mujoco.mjcf import INERTIA_FLOOR_KG_M2, MASS_FLOOR_KG, chain_mjcf
 
 FALLBACK = "mujoco {} has no integrator 'discrete' (3.13 or later has): using implicitfast with shorter steps"
@@ -34,8 +36,9 @@ def has_discrete_integrator() -> bool:
 class MujocoChain:
     """The compiled model and its data."""
 
-    def __init__(self, chain: ChainModel, statics: ChainStatics) -> None:
+    def __init__(self, chain: ChainModel, statics: ChainStatics, config: MujocoConfig) -> None:
         self.statics = statics
+        self._config = config
         self._chain = chain
         self.implicit = has_discrete_integrator()
         if not self.implicit:
@@ -126,6 +129,26 @@ class MujocoChain:
     def halt(self, q: Array) -> None:
         """Put the chain at q without velocity."""
         self.place(q, np.zeros_like(q))
+
+    def begin_relaxing(self) -> None:
+        """Pseudo-time of the settle step, without physical damping."""
+        self.set_stepping(self._config.settle_timestep_s, damping=0.0)
+
+    def end_relaxing(self) -> None:
+        """`travel` sets its own step, damping and armature."""
+
+    def travel(self, loads: Loads, duration_s: float) -> None:
+        """Advance in real time in equal steps no longer than the config's (without implicit stiffness: stable)."""
+        damping, longest = self._config.joint_damping, self._config.timestep_s
+        if not self.implicit:
+            longest = min(longest, self.stable_step(loads, damping))
+        n_steps = math.ceil(duration_s / longest - 1e-9)
+        self.set_stepping(duration_s / n_steps, damping)
+        for _ in range(n_steps):
+            self.advance(loads, self.q)
+
+    def close(self) -> None:
+        """MuJoCo frees its memory with the object."""
 
     def relax_step(self, loads: Loads, q: Array, load_stiffness: Array, caution: float) -> None:
         """One pseudo-time step (`pliant.mechanics.relaxation`): the loads' stiffness is made implicit too."""

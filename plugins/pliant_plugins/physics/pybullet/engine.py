@@ -7,6 +7,7 @@ frame: rotation, rate and torque of such a joint are turned by the principal axe
 
 from __future__ import annotations
 
+import math
 import tempfile
 from pathlib import Path
 
@@ -23,6 +24,7 @@ from pliant.mechanics.rotations import (
 from pliant.mechanics.statics import ChainStatics, Loads
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
+from pliant_plugins.physics.pybullet.config import PybulletConfig
 from pliant_plugins.physics.pybullet.loader import load_pybullet
 from pliant_plugins.physics.pybullet.urdf import chain_urdf, moving, principal
 
@@ -35,15 +37,15 @@ PRISMATIC_COURANT = 0.9
 class BulletChain:
     """One client in DIRECT mode with one fixed multibody."""
 
-    def __init__(self, chain: ChainModel, statics: ChainStatics, settle_timestep_s: float) -> None:
+    def __init__(self, chain: ChainModel, statics: ChainStatics, config: PybulletConfig) -> None:
         self.statics = statics
+        self._config = config
         self.bullet = load_pybullet()
         self._geometry = statics.geometry
         self._ball = self._geometry.kind == "spherical"
         self._model = chain.with_(bodies=tuple(moving(body) for body in chain.bodies))
         # (n, 3, 3) principal axes of the moving bodies, as columns.
         self._principal = np.array([principal(body)[1] for body in self._model.bodies[1:]])
-        self._settle_timestep_s = settle_timestep_s
         self._joints = list(range(chain.n_joints))
         self._tip = chain.n_joints
         self._relaxing_inertia = np.zeros(chain.n_joints)
@@ -124,6 +126,16 @@ class BulletChain:
             )
         self.bullet.stepSimulation(physicsClientId=self.client)
 
+    def travel(self, loads: Loads, duration_s: float) -> None:
+        """Advance in real time in equal steps, no longer than explicit stiffness and damping allow."""
+        damping = self._config.joint_damping
+        longest = min(self._config.timestep_s, self.stable_step(loads, damping))
+        n_steps = math.ceil(duration_s / longest - 1e-9)
+        self.set_timestep(duration_s / n_steps)
+        for _ in range(n_steps):
+            q, rates = self.state()
+            self.advance(loads, q, rates, damping)
+
     def relax_step(self, loads: Loads, q: Array, load_stiffness: Array, caution: float) -> None:
         """One pseudo-time step (`pliant.mechanics.relaxation`) against inertia scaled to the stiffness.
 
@@ -137,7 +149,7 @@ class BulletChain:
         else:
             slopes = self.statics.efforts.evaluate(q, loads.actuation).dtau_du
             own = np.abs(np.linalg.eigvalsh(0.5 * (slopes + slopes.transpose(0, 2, 1)))).max(axis=1)
-            wanted = INERTIA_MARGIN * caution * self._settle_timestep_s**2 * (own + load_stiffness)
+            wanted = INERTIA_MARGIN * caution * self._config.settle_timestep_s**2 * (own + load_stiffness)
             # Raising a few links at a time would unbalance the modes: all of them get headroom together.
             if (wanted > self._relaxing_inertia).any():
                 self._relaxing_inertia = np.maximum(1.5 * wanted, self._relaxing_inertia)
@@ -147,7 +159,7 @@ class BulletChain:
     def begin_relaxing(self) -> None:
         """Pseudo-time: the settle step, and inertia that the first step will choose."""
         self._relaxing_inertia = np.zeros(len(self._joints))
-        self.set_timestep(self._settle_timestep_s)
+        self.set_timestep(self._config.settle_timestep_s)
 
     def end_relaxing(self) -> None:
         """Give the links their own inertia back."""

@@ -1,0 +1,137 @@
+"""One finger in all engines: where each of them settles, how far apart, and how long it takes.
+
+    python benchmarks/engines_agree.py    prints, and writes benchmarks/out/engines_agree.json
+
+Eight modules of 11 mm and 1.6 g with the published law (odd form) at 15 kPa; the modules' centre of mass lies
+10 mm beside the hinge line. Own weight, then 13 g at the tip, in one jump from the straight chain. Times are
+the median of five, on one thread, compared as ratios to the quasi-static engine of the same run.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import statistics
+import time
+from itertools import combinations
+from pathlib import Path
+from typing import Any
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+
+import numpy as np
+
+from pliant.errors import MissingDependencyError
+from pliant.interfaces.physics import PhysicsBackend
+from pliant.records.chain import ChainModel, Joint, default_base_rotation
+from pliant.records.design import MassProperties
+from pliant.records.rollout import Equilibrium, Inputs
+from pliant.store.store import write_atomically
+from pliant_plugins.physics.mujoco.backend import Mujoco
+from pliant_plugins.physics.mujoco.config import MujocoConfig
+from pliant_plugins.physics.pybullet.backend import Pybullet
+from pliant_plugins.physics.pybullet.config import PybulletConfig
+from pliant_plugins.physics.quasistatic.backend import Quasistatic
+from pliant_plugins.physics.quasistatic.config import QuasistaticConfig
+from pliant_plugins.surrogates.polynomial.config import PolynomialConfig, StudyCoefficients
+from pliant_plugins.surrogates.polynomial.surrogate import Polynomial
+
+OUT = Path(__file__).parent / "out" / "engines_agree.json"
+MODULES, LENGTH_M, MODULE_KG, COM_OFFSET_M = 8, 0.011, 0.0016, 0.010
+PRESSURE_PA = 15e3
+REPEATS = 5
+
+
+def main() -> None:
+    """Settle the finger in every engine that is installed."""
+    engines: list[PhysicsBackend] = [
+        Quasistatic(QuasistaticConfig()),
+        Mujoco(MujocoConfig()),
+        Pybullet(PybulletConfig()),
+    ]
+    results: dict[str, Any] = {}
+    for name, payload in (("own weight", 0.0), ("13 g at the tip", 0.013)):
+        print(f"{name}:")
+        results[name] = compare(finger(payload), engines)
+    OUT.parent.mkdir(exist_ok=True)
+    write_atomically(OUT, json.dumps(results, indent=1))
+
+
+def compare(chain: ChainModel, engines: list[PhysicsBackend]) -> dict[str, Any]:
+    """Tips, residuals, times and pairwise distances of one chain; engines not installed are skipped."""
+    settled: dict[str, Equilibrium] = {}
+    seconds: dict[str, float] = {}
+    skipped: dict[str, str] = {}
+    for engine in engines:
+        kind = engine.config.kind
+        try:
+            settled[kind], seconds[kind] = settle(engine, chain)
+        except MissingDependencyError as error:
+            skipped[kind] = str(error)
+            print(f"  {kind:12s} skipped: {error}")
+    table = {}
+    for kind, final in settled.items():
+        ratio = seconds[kind] / seconds["quasistatic"]
+        tip = final.tip_m * 1e3
+        print(
+            f"  {kind:12s} tip ({tip[0]:.4f}, {tip[1]:.4f}, {tip[2]:.4f}) mm  residual {final.residual:.1e}"
+            f" N·m  {final.iterations:4d} iterations  {ratio:6.1f} × quasi-static"
+        )
+        table[kind] = {
+            "tip_m": final.tip_m.tolist(),
+            "residual_n_m": final.residual,
+            "converged": final.converged,
+            "iterations": final.iterations,
+            "wall_s": seconds[kind],
+            "wall_over_quasistatic": ratio,
+        }
+    distances = {
+        f"{one}-{other}": float(
+            np.linalg.norm(settled[one].markers_m - settled[other].markers_m, axis=1).max() * 1e3
+        )
+        for one, other in combinations(settled, 2)
+    }
+    for pair, distance in distances.items():
+        print(f"  {pair}: largest marker distance {distance:.1e} mm")
+    return {"engines": table, "largest_marker_distance_mm": distances, "skipped": skipped}
+
+
+def settle(engine: PhysicsBackend, chain: ChainModel) -> tuple[Equilibrium, float]:
+    """The equilibrium reached from the straight chain, and the median time of `apply` and `settle`."""
+    times = []
+    for _ in range(REPEATS):
+        with engine.build(chain) as simulation:
+            start = time.perf_counter()
+            simulation.apply(Inputs({"pressure_pa": PRESSURE_PA}))
+            final = simulation.settle()
+            times.append(time.perf_counter() - start)
+    return final, statistics.median(times)
+
+
+def finger(payload_kg: float) -> ChainModel:
+    """The chain; a module's mass is a 20 × 22 mm block, shared by its two halves."""
+    coefficients = StudyCoefficients(k_n=1.637e-6, m_a=-1.704e-6, m_e=0.1012, b_e=0.0245)
+    law = Polynomial(PolynomialConfig(form="study", coefficients=coefficients, odd=True)).stated()
+    assert law is not None
+
+    def piece(modules: float, centre_m: float) -> MassProperties:
+        sides = np.array([modules * LENGTH_M, 0.020, 0.022])
+        mass = modules * MODULE_KG
+        inertia = mass / 12 * np.diag(np.sum(sides**2) - sides**2)
+        return MassProperties(mass, np.array([centre_m, 0.0, COM_OFFSET_M]), inertia)
+
+    along = np.array([LENGTH_M, 0.0, 0.0])
+    inner = piece(1.0, LENGTH_M / 2)
+    return ChainModel(
+        joints=tuple(Joint(0, along * (1.0 if i else 0.5), np.eye(3)) for i in range(MODULES)),
+        bodies=(piece(0.5, LENGTH_M / 4), *[inner] * (MODULES - 1), piece(0.5, LENGTH_M / 4)),
+        laws=(law,),
+        tip_offset_m=along / 2,
+        base_position_m=np.zeros(3),
+        base_rotation=default_base_rotation(),
+        payload_kg=payload_kg,
+    )
+
+
+if __name__ == "__main__":
+    main()

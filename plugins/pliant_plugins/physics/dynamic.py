@@ -1,0 +1,98 @@
+"""What simulations in dynamics engines share: inputs, settling by relaxation, time and snapshots."""
+
+from __future__ import annotations
+
+import time
+from typing import Protocol
+
+from pliant.interfaces.physics import Simulation, SimulationState
+from pliant.mechanics.relaxation import Mover, relax
+from pliant.mechanics.statics import ChainStatics, Loads
+from pliant.records.chain import ChainModel
+from pliant.records.design import Array
+from pliant.records.rollout import Equilibrium, Inputs
+
+
+class Engine(Mover, Protocol):
+    """A chain inside a dynamics engine."""
+
+    def begin_relaxing(self) -> None:
+        """Switch to the pseudo-time of the relaxation."""
+
+    def end_relaxing(self) -> None:
+        """Switch back to the chain's own inertia and damping."""
+
+    def travel(self, loads: Loads, duration_s: float) -> None:
+        """Advance in real time."""
+
+    def place(self, q: Array, rates: Array) -> None:
+        """Set joint coordinates and their rates."""
+
+    def markers(self) -> Array:
+        """(n + 2, 3) base, joints and tip from the engine's own kinematics."""
+
+    def close(self) -> None:
+        """Free the engine's resources; a second call does nothing."""
+
+
+class DynamicSimulation(Simulation):
+    """A chain in an engine with inertia; `settle` relaxes it to rest."""
+
+    def __init__(
+        self,
+        chain: ChainModel,
+        statics: ChainStatics,
+        engine: Engine,
+        tolerance: float,
+        max_settle_steps: int,
+    ) -> None:
+        self.chain = chain
+        self._statics, self._engine = statics, engine
+        self._tolerance, self._max_settle_steps = tolerance, max_settle_steps
+        self._loads = Loads.unactuated(chain)
+        self._time_s = 0.0
+        prismatic = statics.geometry.kind == "prismatic"
+        self._reach = chain.length_m / chain.n_joints if prismatic else 1.0
+
+    def apply(self, inputs: Inputs) -> None:
+        self._statics.efforts.values(inputs.actuation)
+        self._loads = Loads.of(self.chain, inputs)
+
+    def settle(self) -> Equilibrium:
+        start = time.perf_counter()
+        self._engine.begin_relaxing()
+        try:
+            relaxed = relax(
+                self._engine, self._statics, self._loads, self._tolerance, self._max_settle_steps, self._reach
+            )
+        finally:
+            self._engine.end_relaxing()
+        outside = self._statics.efforts.outside_domain(relaxed.q, self._loads.actuation, self._time_s)
+        return Equilibrium(
+            joint_angles=relaxed.q,
+            markers_m=self.markers(),
+            residual=relaxed.residual,
+            converged=relaxed.converged,
+            stable=relaxed.stable,
+            iterations=relaxed.steps,
+            wall_s=time.perf_counter() - start,
+            outside_domain=outside,
+        )
+
+    def step(self, duration_s: float) -> None:
+        if duration_s > 0.0:
+            self._engine.travel(self._loads, duration_s)
+            self._time_s += duration_s
+
+    def snapshot(self) -> SimulationState:
+        return SimulationState(self._time_s, self._engine.q, self._engine.rates)
+
+    def restore(self, state: SimulationState) -> None:
+        self._time_s = state.time_s
+        self._engine.place(state.position, state.velocity)
+
+    def markers(self) -> Array:
+        return self._engine.markers()
+
+    def close(self) -> None:
+        self._engine.close()
