@@ -71,8 +71,8 @@ class BellowGeometry:
         if size > LARGEST_MODULE_M:
             raise InvalidDesignError(
                 f"bellow_bending needs module_length and outer diameter ≤ {_mm(LARGEST_MODULE_M)}, "
-                f"but the larger is {_mm(size)}, over by {_mm(size - LARGEST_MODULE_M)}: were units forgotten? "
-                "Bare numbers are metres; write '11 mm'."
+                f"but the larger is {_mm(size)}, over by {_mm(size - LARGEST_MODULE_M)} "
+                "(were units forgotten: bare numbers are metres, write '11 mm')."
             )
         slack = (R - r) - l / 4
         if slack < -1e-6 * l:

@@ -111,10 +111,8 @@ def _crest_angles(geometry: BellowGeometry, counts: Counts) -> tuple[Array, Arra
     i1, j1 = 2 * counts.foot_x, 2 * counts.foot_y
     i, j = np.arange(i1 + 2 * counts.shoulder + 1)[:, None], np.arange(j1 + 2 * counts.around + 1)[None]
     s, q = np.minimum(i / i1, 1.0), np.minimum(j / j1, 1.0)
-    past_i, past_j = (
-        np.maximum(i - i1, 0) / (2 * counts.shoulder),
-        np.maximum(j - j1, 0) / (2 * counts.around),
-    )
+    past_i = np.maximum(i - i1, 0) / (2 * counts.shoulder)
+    past_j = np.maximum(j - j1, 0) / (2 * counts.around)
     # the foot's curved edges straighten out with distance from it
     P = s * np.sqrt(1 - SQUIRCLE * q**2 * (1 - past_j))
     Q = _foot_width(geometry) * q * np.sqrt(1 - SQUIRCLE * s**2 * (1 - past_i))

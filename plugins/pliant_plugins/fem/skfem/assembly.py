@@ -12,13 +12,14 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
 from pliant.interfaces.material import Material
 from pliant.records.design import Array
 from pliant.records.fem import IntArray, ModuleProblem
-from pliant_plugins.fem.skfem.basis import CellData, cell_data, face_data
+from pliant_plugins.fem.skfem.basis import cell_data, face_data
 from pliant_plugins.fem.skfem.cavity import volume
 from pliant_plugins.fem.skfem.kinematics import BendFrame, Pointwise, SolidDensity, strain_energy
 
@@ -76,11 +77,13 @@ class Scatter:
 class Assembler:
     """Assembles the strain energy U(x) and the cavity volume V(x) of one problem."""
 
-    def __init__(self, problem: ModuleProblem, material: Material) -> None:
+    def __init__(
+        self, problem: ModuleProblem, material: Material, dilatation: Literal["cell", "point"] = "cell"
+    ) -> None:
         mesh = problem.mesh
         self.problem, self.material = problem, material
         self.frame = BendFrame(problem.span_m, problem.reference_z_m)
-        self.cells, self.faces = cell_data(mesh), face_data(mesh.cavity)
+        self.cells, self.faces = cell_data(mesh, dilatation), face_data(mesh.cavity)
         self.size = mesh.nodes_m.size
         self.volume_m3 = float(self.cells.weight.sum())
         fixed = np.zeros(self.size, bool)
@@ -136,8 +139,8 @@ class Assembler:
         columns = np.concatenate([gradient[..., None], hessian[..., -2:]], axis=-1)
         local = _project(rows, columns)
         stiffness = _stiffness(rows, hessian)
-        if isinstance(density, SolidDensity):
-            a, c = _through_dilatation(density, self.cells, rows)
+        if isinstance(density, SolidDensity) and self.cells.modes is not None:
+            a, c = _through_dilatation(density, weight, self.cells.modes, rows)
             stiffness += a[:, :-2] @ np.swapaxes(c[:, :-2], 1, 2) + c[:, :-2] @ np.swapaxes(a[:, :-2], 1, 2)
             local[..., 1:] += a @ np.swapaxes(c[:, -2:], 1, 2) + c @ np.swapaxes(a[:, -2:], 1, 2)
         return self._scatter(float(np.sum(weight * density.value)), local, stiffness, scatter)
@@ -155,15 +158,17 @@ class Assembler:
         return Terms(value, totals[:, 0], matrix, totals[:, 1:])
 
 
-def _through_dilatation(density: SolidDensity, cells: CellData, rows: Rows) -> tuple[Array, Array]:
+def _through_dilatation(
+    density: SolidDensity, weight: Array, modes: Array, rows: Rows
+) -> tuple[Array, Array]:
     """Factors a, c (m, k + 2, 4) of the Hessian's part a cᵀ + c aᵀ that a cell's dilatation Ĵ carries.
 
     a_k = ∂(∫ φ_k J)/∂x, b_k = ∫ φ_k ∂²W/∂x∂Ĵ, D_kl = ∫ φ_k φ_l ∂²W/∂Ĵ², and c = b + ½ a D.
     """
-    weighted = cells.weight[..., None] * cells.modes
+    weighted = weight[..., None] * modes
     a = _project(rows, density.volume[..., None] * weighted[..., None, :])
     b = _project(rows, density.coupling[..., None] * weighted[..., None, :])
-    D = np.swapaxes(weighted * density.curvature[..., None], 1, 2) @ cells.modes
+    D = np.swapaxes(weighted * density.curvature[..., None], 1, 2) @ modes
     return a, b + 0.5 * (a @ D)
 
 

@@ -31,7 +31,7 @@ class SkfemSolver(ModuleSolver):
 
     def __init__(self, config: SkfemConfig, problem: ModuleProblem, material: Material) -> None:
         self.problem = problem
-        self.assembler = Assembler(problem, material)
+        self.assembler = Assembler(problem, material, config.dilatation)
         self.linear = linear_solver(config.linear_solver, self.assembler.pattern)
         self.newton = Newton(
             self.assembler, self.linear, config.tolerance, config.max_iterations, config.max_halvings

@@ -7,6 +7,7 @@ arrays below.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from skfem import CellBasis, ElementHex2, ElementQuad2, MeshHex1, MeshHex2
@@ -31,14 +32,14 @@ class CellData:
         gradient: (m, q, 3, 27) ∂N/∂X_j.
         value: (q, 27) N.
         weight: (m, q) reference volumes.
-        modes: (m, q, 4) orthonormal linear functions for the cells' dilatation.
+        modes: (m, q, 4) orthonormal linear functions for the cells' dilatation, or None to leave it local.
     """
 
     nodes: IntArray
     gradient: Array
     value: Array
     weight: Array
-    modes: Array
+    modes: Array | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,15 +52,11 @@ class FaceData:
     weight: Array  # (q,)
 
 
-def cell_data(mesh: ModuleMesh) -> CellData:
+def cell_data(mesh: ModuleMesh, dilatation: Literal["cell", "point"] = "cell") -> CellData:
     """Tabulate the cells. Raises `ContractError` when one is inverted."""
     element = ElementHex2()
     # lexicographic position of each of scikit-fem's local nodes
-    lattice = np.rint(2 * element.doflocs).astype(int) @ (
-        1,
-        3,
-        9,
-    )
+    lattice = np.rint(2 * element.doflocs).astype(int) @ (1, 3, 9)
     nodes = np.ascontiguousarray(mesh.cells[:, lattice])
     vertices, corners = np.unique(nodes[:, :8], return_inverse=True)
     corners = corners.reshape(-1, 8)
@@ -73,7 +70,7 @@ def cell_data(mesh: ModuleMesh) -> CellData:
     gradient = np.stack([field[0].grad for field in basis.basis], axis=-1).transpose(1, 2, 0, 3)
     value = np.stack([element.lbasis(basis.X, i)[0] for i in range(27)], axis=-1)
     weight = np.array(basis.dx)
-    modes = cell_modes(value @ mesh.nodes_m[nodes], weight)
+    modes = cell_modes(value @ mesh.nodes_m[nodes], weight) if dilatation == "cell" else None
     return CellData(nodes, np.ascontiguousarray(gradient), value, weight, modes)
 
 

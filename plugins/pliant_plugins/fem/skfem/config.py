@@ -16,6 +16,11 @@ class SkfemConfig(FemConfig):
     linear_solver: Literal["auto", "pardiso", "superlu"] = Field(
         default="auto", description="auto: pardiso where pypardiso is installed, SuperLU otherwise"
     )
+    dilatation: Literal["cell", "point"] = Field(
+        default="cell",
+        description="cell: volume ratio averaged per cell, no locking; point: plain displacement cells, which "
+        "lock at ν near ½ (only to compare with codes that use them)",
+    )
     tolerance: float = Field(default=1e-6, gt=0, le=1e-3, description="strain of the last Newton step")
     max_iterations: int = Field(default=20, ge=2, le=200, description="Newton steps before a step is halved")
     max_halvings: int = Field(default=6, ge=0, le=20, description="how often a load step may be halved")

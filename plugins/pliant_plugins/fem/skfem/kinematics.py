@@ -20,7 +20,7 @@ import numpy as np
 from pliant.interfaces.material import Material
 from pliant.records.design import Array
 from pliant_plugins.fem.skfem.basis import CellData
-from pliant_plugins.fem.skfem.dilatation import averaged
+from pliant_plugins.fem.skfem.dilatation import averaged, pointwise
 
 ZETA, STRAIN = 9, 11  # places of ζ and e in g; θ lies between
 
@@ -98,7 +98,7 @@ def strain_energy(
     first_row = S[..., 0, :] + strain * np.array([1.0, 0.0, 0.0])
     F = S.copy()
     F[..., 0, :] = stretch[..., None] * first_row
-    law = averaged(material, F, cells.modes, cells.weight)
+    law = pointwise(material, F) if cells.modes is None else averaged(material, F, cells.modes, cells.weight)
     if law is None:
         return None
 

@@ -1,0 +1,351 @@
+"""The scikit-fem backend by law: derivatives, patch tests, exact solutions, reciprocity, controls, restarts."""
+
+from __future__ import annotations
+
+import importlib.util
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy import sparse
+
+from pliant.errors import ContractError, UserError
+from pliant.interfaces.fem import StateNotConvergedError
+from pliant.records.fem import FemState, ModuleMesh, ModuleProblem
+from pliant_plugins.families.bellow_bending.config import BellowBendingConfig
+from pliant_plugins.families.bellow_bending.family import BellowBending
+from pliant_plugins.families.bellow_bending.hex27 import boundary_faces
+from pliant_plugins.families.bellow_bending.mesh import _cells, _faces
+from pliant_plugins.fem.skfem.assembly import Assembler, Terms
+from pliant_plugins.fem.skfem.backend import Skfem, SkfemSolver
+from pliant_plugins.fem.skfem.config import SkfemConfig
+from pliant_plugins.materials.neo_hookean import NeoHookean, NeoHookeanConfig
+
+MU, NU = 240e3, 0.49
+SIZE = np.array([4e-3, 2e-3, 3e-3])  # of the box
+WALL_Y = 1e-3  # the box stands this far from the mirror plane: the gap is its cavity
+
+
+def material(mu: float = MU, nu: float = NU) -> NeoHookean:
+    return NeoHookean(NeoHookeanConfig(shear_modulus_pa=mu, poisson_ratio=nu))
+
+
+def backend(**options: object) -> Skfem:
+    return Skfem(SkfemConfig.model_validate({"pressure_max_pa": 15e3, **options}))
+
+
+def bellow() -> BellowBending:
+    lengths = {"inner_radius": 2e-3, "average_radius": 6e-3, "wall": 1.5e-3, "module_length": 11e-3}
+    return BellowBending(BellowBendingConfig.model_validate(lengths))
+
+
+def box(distortion: float = 0.0) -> ModuleProblem:
+    """A block of 2 × 2 × 2 cells at y ∈ [1, 3] mm, z ∈ [0, 3] mm, inner nodes moved at random."""
+    axes = [np.linspace(0, size, 5) for size in SIZE]
+    nodes = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
+    moved = distortion * SIZE * np.random.default_rng(0).uniform(-1, 1, (3, 3, 3, 3))
+    nodes[1:-1, 1:-1, 1:-1] += moved
+    nodes[..., 1] += WALL_Y
+    ids = np.arange(125).reshape(5, 5, 5)
+    cells = _cells(ids)
+    x = nodes.reshape(-1, 3)
+    sets = {
+        "start": ids[0].ravel(),
+        "end": ids[-1].ravel(),
+        "pin": ids[0, 0, :1],
+        "symmetry": ids[0, 0, :1],
+    }
+    mesh = ModuleMesh(x, cells, _faces(ids[:, 0]), boundary_faces(cells), sets)
+    fixed = {"start": (0,), "end": (0,), "pin": (2,), "symmetry": (1,)}
+    # the second pinned height removes the rotation about x, the first the rise
+    sets["level"] = ids[0, -1, :1]
+    return ModuleProblem(mesh, SIZE[0], 0.5e-3, 1.0, 1.0, {**fixed, "level": (2,)})
+
+
+@pytest.fixture(scope="module")
+def solver() -> SkfemSolver:
+    return backend().solver(bellow().problem(), material())
+
+
+@pytest.fixture(scope="module")
+def states(solver: SkfemSolver) -> dict[str, FemState]:
+    """rest, a free state at 6 kPa, one held 0.05 rad below it."""
+    rest = solver.rest()
+    free = solver.free(6e3, solver.free(2e3, rest))
+    return {"rest": rest, "free": free, "held": solver.constrained(6e3, free.angle_rad - 0.05, free)}
+
+
+def random_point(assembler: Assembler, size: float) -> tuple[np.ndarray, np.ndarray]:
+    """An admissible x and a direction, θ and e included."""
+    rng = np.random.default_rng(4)
+    x, d = np.zeros((2, assembler.size + 2))
+    free = assembler.pattern.free
+    x[free], d[free] = size * rng.standard_normal((2, len(free)))
+    x[-2:], d[-2:] = (0.12, 0.02), (0.3, 0.1)
+    return x, d
+
+
+def times(assembler: Assembler, terms: Terms, d: np.ndarray) -> np.ndarray:
+    """Hessian · d over the free dofs and the two globals."""
+    pattern = assembler.pattern
+    upper = sparse.csr_matrix((terms.matrix, pattern.indices, pattern.indptr), shape=(pattern.size,) * 2)
+    matrix = upper + sparse.triu(upper, 1).T
+    v = d[pattern.free]
+    border = terms.border[pattern.free]
+    return np.concatenate([matrix @ v + border @ d[-2:], border.T @ v + terms.border[-2:] @ d[-2:]])
+
+
+@pytest.mark.parametrize("what", ["strain_energy", "cavity"])
+@pytest.mark.parametrize("dilatation", ["cell", "point"])
+def test_gradient_and_hessian_against_differences(what: str, dilatation: str) -> None:
+    assembler = Assembler(box(0.03), material(), dilatation)  # type: ignore[arg-type]
+    x, d = random_point(assembler, 2e-5)
+    h = 1e-5
+    evaluate = getattr(assembler, what)
+    here, ahead, behind = evaluate(x), evaluate(x + h * d), evaluate(x - h * d)
+    assert here.gradient @ d == pytest.approx((ahead.value - behind.value) / (2 * h), rel=1e-7)
+    keep = np.append(assembler.pattern.free, [assembler.size, assembler.size + 1])
+    slope = ((ahead.gradient - behind.gradient) / (2 * h))[keep]
+    product = times(assembler, here, d)
+    assert np.linalg.norm(product - slope) < 1e-7 * np.linalg.norm(slope)
+    # the globals' rows are small in that norm
+    assert np.allclose(product[-2:], slope[-2:], rtol=1e-6)
+
+
+def test_globals_alone_against_differences() -> None:
+    """Every θ, e entry by itself: a wrong sign hides in a whole-matrix test."""
+    assembler = Assembler(box(0.03), material())
+    x, _ = random_point(assembler, 2e-5)
+    for what in (assembler.strain_energy, assembler.cavity):
+        for i in (-2, -1):
+            d, h = np.zeros_like(x), 1e-5
+            d[i] = h
+            ahead, behind, here = what(x + d), what(x - d), what(x)
+            assert here is not None and ahead is not None and behind is not None
+            slope = (ahead.gradient - behind.gradient) / (2 * h)
+            assert np.allclose(here.border[-2:, i], slope[-2:], rtol=1e-6)
+
+
+@pytest.mark.parametrize("dilatation", ["cell", "point"])
+def test_patch(dilatation: str) -> None:
+    """A homogeneous deformation: W · volume in all, no force inside, on distorted cells."""
+    law = material()
+    assembler = Assembler(box(0.06), law, dilatation)  # type: ignore[arg-type]
+    nodes = assembler.problem.mesh.nodes_m
+    gradient = np.array([[0.0, 0.0, 0.0], [0.02, 0.03, -0.05], [0.01, 0.04, -0.02]])
+    x = np.concatenate([(nodes @ gradient.T).ravel(), [0.0, 0.07]])
+    F = np.eye(3) + gradient
+    F[0, 0] += 0.07
+    terms = assembler.strain_energy(x)
+    assert terms is not None
+    assert terms.value == pytest.approx(float(law.energy(F)) * np.prod(SIZE), rel=1e-12)
+    forces = terms.gradient[:-2].reshape(5, 5, 5, 3)
+    assert np.abs(forces[1:-1, 1:-1, 1:-1]).max() < 1e-12 * np.abs(forces).max()
+
+
+def test_rigid_shift_is_free() -> None:
+    assembler = Assembler(box(), material())
+    x = np.zeros(assembler.size + 2)
+    x[1:-2:3], x[2:-2:3] = 1e-3, -2e-3
+    terms = assembler.strain_energy(x)
+    assert terms is not None
+    assert abs(terms.value) < 1e-15
+    assert np.abs(terms.gradient[:-2]).max() < 1e-9
+
+
+@pytest.mark.parametrize("nu", [0.3, 0.49])
+def test_pure_bending_of_a_bar_is_exact(nu: float) -> None:
+    """dM/dθ at rest is −E I / L (St. Venant), whichever line the strain e is measured on."""
+    state = backend().solver(box(), material(nu=nu)).rest()
+    young, inertia = 2 * MU * (1 + nu), SIZE[1] * SIZE[2] ** 3 / 12
+    assert state.dmoment_du == pytest.approx(-young * inertia / SIZE[0], rel=1e-9)
+
+
+def test_cavity_of_a_bent_box_in_closed_form() -> None:
+    """V = ∫ y₀ λ ds dz between the mirror plane and the wall y = y₀."""
+    assembler = Assembler(box(), material())
+    x = np.zeros(assembler.size + 2)
+    theta, strain, z0 = 0.3, 0.05, assembler.frame.reference_z_m
+    x[-2:] = theta, strain
+    length = (1 + strain) * SIZE[0]
+    exact = WALL_Y * length * (SIZE[2] + theta / length * ((SIZE[2] - z0) ** 2 - z0**2) / 2)
+    assert assembler.cavity(x).value == pytest.approx(exact, rel=1e-12)
+
+
+def test_cavity_of_the_bellow_at_rest(solver: SkfemSolver, states: dict[str, FemState]) -> None:
+    assert solver.cavity_volume(states["rest"]) == pytest.approx(bellow().geometry.cavity_volume(), rel=5e-4)
+
+
+def test_rest(solver: SkfemSolver, states: dict[str, FemState]) -> None:
+    rest = states["rest"]
+    assert (rest.actuation, rest.angle_rad, rest.status) == (0.0, 0.0, "ok")
+    assert rest.energy_j == pytest.approx(0, abs=1e-12)
+    assert rest.moment_n_m == pytest.approx(0, abs=1e-12)
+    again = solver.free(0.0, states["free"])
+    assert abs(again.angle_rad) < 1e-9
+    assert np.abs(again.solution).max() < 1e-9
+
+
+def test_signs(solver: SkfemSolver, states: dict[str, FemState]) -> None:
+    """Pressure bends towards −z, the plate's side; the holding moment is positive; stable laws fall."""
+    rest, free, held = states["rest"], states["free"], states["held"]
+    for state in states.values():
+        assert state.dmoment_dp > 0 > state.dmoment_du
+        assert state.status == "ok"
+    assert free.angle_rad > 0
+    assert abs(free.moment_n_m) < 1e-9
+    assert held.moment_n_m > 0
+    assert free.energy_j > 0 and free.axial_strain > 0
+    blocked = solver.constrained(1e3, 0.0, rest)
+    assert blocked.moment_n_m > 0
+    end = solver.problem.mesh.node_sets["end"]
+    assert solver.deformed_nodes(free)[end, 2].mean() < solver.problem.mesh.nodes_m[end, 2].mean()
+
+
+def test_deformed_end_sections_are_plane_and_turned(solver: SkfemSolver, states: dict[str, FemState]) -> None:
+    free, mesh = states["free"], solver.problem.mesh
+    placed = solver.deformed_nodes(free)
+    assert np.abs(placed[mesh.node_sets["start"], 0]).max() < 1e-12
+    theta = free.angle_rad / 2
+    end = placed[mesh.node_sets["end"]]
+    along = end @ np.array([np.cos(theta), 0.0, -np.sin(theta)])
+    assert np.ptp(along) < 1e-12
+    straight = solver.deformed_nodes(states["rest"])
+    assert np.allclose(straight, mesh.nodes_m, atol=1e-15)
+
+
+def test_slopes_against_converged_differences(solver: SkfemSolver, states: dict[str, FemState]) -> None:
+    held = states["held"]
+    p, u = held.actuation, held.angle_rad
+    dp, du = 20.0, 1e-3
+    up, down = (solver.constrained(p + s * dp, u, held).moment_n_m for s in (1, -1))
+    assert held.dmoment_dp == pytest.approx((up - down) / (2 * dp), rel=1e-6)
+    up, down = (solver.constrained(p, u + s * du, held).moment_n_m for s in (1, -1))
+    assert held.dmoment_du == pytest.approx((up - down) / (2 * du), rel=1e-5)
+
+
+def test_maxwell(solver: SkfemSolver, states: dict[str, FemState]) -> None:
+    """∂V/∂u at constant p is ∂τ/∂p at constant u: both are −∂²Π/∂p∂u."""
+    held, du = states["held"], 1e-3
+    ahead, behind = (
+        solver.cavity_volume(solver.constrained(held.actuation, held.angle_rad + s * du, held))
+        for s in (1, -1)
+    )
+    assert (ahead - behind) / (2 * du) == pytest.approx(held.dmoment_dp, rel=1e-5)
+
+
+def test_energy_is_the_work_put_in(solver: SkfemSolver, states: dict[str, FemState]) -> None:
+    """ΔU = ∫ p dV along the free branch, by Gauss–Legendre in p of V's slope, taken by parts."""
+    low, high = states["free"], solver.free(7e3, states["free"])
+    node, weight = np.polynomial.legendre.leggauss(3)
+    pressure = 6.5e3 + 0.5e3 * node
+    inside = sum(
+        w * 0.5e3 * solver.cavity_volume(solver.free(float(p), low))
+        for p, w in zip(pressure, weight, strict=True)
+    )
+    ends = 7e3 * solver.cavity_volume(high) - 6e3 * solver.cavity_volume(low)
+    assert high.energy_j - low.energy_j == pytest.approx(ends - inside, rel=1e-7)
+
+
+def test_only_pressure_over_modulus_matters(states: dict[str, FemState]) -> None:
+    stiff = backend().solver(bellow().problem(), material(mu=2 * MU))
+    free = stiff.free(12e3, stiff.free(4e3, stiff.rest()))
+    assert free.angle_rad == pytest.approx(states["free"].angle_rad, rel=1e-9)
+    assert free.energy_j == pytest.approx(2 * states["free"].energy_j, rel=1e-9)
+
+
+def test_rotation_control_both_ways_and_back(solver: SkfemSolver, states: dict[str, FemState]) -> None:
+    free = states["free"]
+    back = solver.constrained(6e3, -0.05, solver.constrained(6e3, 0.05, free))
+    beyond = solver.constrained(6e3, 1.2 * free.angle_rad, free)
+    assert back.angle_rad == pytest.approx(-0.05, abs=1e-15)
+    assert back.moment_n_m > states["held"].moment_n_m > 0 > beyond.moment_n_m
+    at_free = solver.constrained(6e3, free.angle_rad, beyond)
+    assert at_free.moment_n_m == pytest.approx(0, abs=1e-8)
+    released = solver.free(6e3, back)
+    assert released.angle_rad == pytest.approx(free.angle_rad, abs=1e-8)
+    assert np.allclose(released.solution, free.solution, atol=1e-9)
+
+
+def test_pressure_and_angle_may_move_together(solver: SkfemSolver, states: dict[str, FemState]) -> None:
+    direct = solver.constrained(6e3, states["held"].angle_rad, states["rest"])
+    assert direct.moment_n_m == pytest.approx(states["held"].moment_n_m, rel=1e-7)
+
+
+def test_restart_from_a_saved_state(states: dict[str, FemState]) -> None:
+    held = states["held"]
+    saved = replace(held, solution=np.frombuffer(held.solution.tobytes()).copy())
+    other = backend().solver(bellow().problem(), material())
+    again = other.constrained(held.actuation, held.angle_rad, saved)
+    for name in ("moment_n_m", "dmoment_dp", "dmoment_du", "energy_j", "axial_strain"):
+        assert getattr(again, name) == pytest.approx(getattr(held, name), rel=1e-8), name
+    further = other.free(7e3, saved)
+    assert abs(further.moment_n_m) < 1e-8
+
+
+@pytest.mark.skipif(importlib.util.find_spec("pypardiso") is None, reason="pypardiso is not installed")
+def test_pardiso_and_superlu_agree(states: dict[str, FemState]) -> None:
+    found = []
+    for kind in ("pardiso", "superlu"):
+        solver = backend(linear_solver=kind).solver(bellow().problem(), material())
+        assert solver.linear.name == kind
+        found.append(solver.constrained(6e3, states["held"].angle_rad, states["held"]))
+    for name in ("moment_n_m", "dmoment_dp", "dmoment_du", "energy_j"):
+        assert getattr(found[0], name) == pytest.approx(getattr(found[1], name), rel=1e-8), name
+
+
+def test_plain_cells_lock_and_averaged_ones_do_not(states: dict[str, FemState]) -> None:
+    """Why dilatation is averaged: from ν = 0.49 to 0.4995 the plain cells stiffen several times more."""
+
+    def stiffness(dilatation: str, nu: float) -> float:
+        solver = backend(dilatation=dilatation).solver(bellow().problem(), material(nu=nu))
+        return -solver.rest().dmoment_du
+
+    averaged = stiffness("cell", 0.4995) / stiffness("cell", 0.49)
+    plain = stiffness("point", 0.4995) / stiffness("point", 0.49)
+    assert averaged == pytest.approx(1.01, abs=0.02)
+    assert plain - 1 > 3 * (averaged - 1)
+
+
+def test_convolutions_that_meet_are_marked(solver: SkfemSolver, states: dict[str, FemState]) -> None:
+    bent, state = states["rest"], states["rest"]
+    for angle in np.arange(-0.1, -1.0, -0.1):
+        state = solver.constrained(0.0, float(angle), state)
+        if state.status == "self_contact":
+            break
+        bent = state
+    assert state.status == "self_contact"
+    assert bent.status == "ok"
+    skin = np.unique(solver.problem.mesh.skin)
+    theta = state.angle_rad / 2
+    placed = solver.deformed_nodes(state)[skin]
+    hinge = solver.deformed_nodes(state)[solver.problem.mesh.node_sets["end"]].mean(axis=0)
+    # material stands beyond the end plane in space, or before the start plane
+    beyond = (placed - hinge) @ np.array([np.cos(theta), 0.0, -np.sin(theta)])
+    assert max(beyond.max(), -placed[:, 0].min()) > 1e-7
+
+
+def test_an_impossible_state_is_an_error_that_names_it(
+    solver: SkfemSolver, states: dict[str, FemState]
+) -> None:
+    with pytest.raises(StateNotConvergedError, match="no free equilibrium at 1e\\+08 Pa"):
+        solver.free(1e8, states["rest"])
+    # and the solver is not spoilt by it
+    assert solver.free(6e3, states["rest"]).angle_rad == pytest.approx(states["free"].angle_rad, rel=1e-8)
+
+
+def test_foreign_problems_and_states_are_refused(solver: SkfemSolver, states: dict[str, FemState]) -> None:
+    problem = bellow().problem()
+    with pytest.raises(UserError, match="tendon_force_n"):
+        backend().solver(replace(problem, actuation="tendon_force_n"), material())
+    with pytest.raises(UserError, match="frame"):
+        backend().solver(replace(problem, frame="spatial"), material())  # type: ignore[arg-type]
+    with pytest.raises(UserError, match="another mesh"):
+        solver.free(1e3, replace(states["rest"], solution=np.zeros(7)))
+
+
+def test_inverted_cells_are_the_family_s_fault() -> None:
+    problem = box()
+    mesh = replace(problem.mesh, cells=problem.mesh.cells[:, ::-1])
+    with pytest.raises(ContractError, match="inverted"):
+        backend().solver(replace(problem, mesh=mesh), material())
