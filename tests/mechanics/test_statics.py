@@ -11,7 +11,7 @@ from pliant.mechanics.rotations import exp_map
 from pliant.mechanics.statics import ChainStatics, Loads, unstable_mode
 from pliant.records.chain import Actuator, ChainModel
 from pliant.records.design import Array
-from pliant.records.law import Domain
+from pliant.records.law import Domain, JointKind
 from pliant.records.rollout import Inputs
 
 
@@ -172,3 +172,17 @@ def test_inputs_that_the_chain_cannot_use(spherical_chain: ChainModel, chain: Ch
     if chain.laws[0].joint == "prismatic":
         with pytest.raises(UserError, match="no end moment"):
             Loads.of(chain, Inputs({"pressure_pa": 0.0}, moment_n_m=1.0))
+
+
+def test_laws_of_a_chain_must_agree(chain: ChainModel) -> None:
+    first = chain.laws[0]
+    kind: JointKind = "prismatic" if first.joint != "prismatic" else "revolute"
+    with pytest.raises(ContractError, match="share the joint kind"):
+        ChainStatics(chain.with_(laws=(first, type(first)(kind))))
+    odd = type(first)(first.joint)
+    odd.axes = ("x", "w")
+    with pytest.raises(ContractError, match="of the axes x, y, z"):
+        ChainStatics(chain.with_(laws=(odd, odd)))
+    stray = type(chain.joints[0])(7, chain.joints[0].offset_m, chain.joints[0].rest_rotation)
+    with pytest.raises(ContractError, match="does not have"):
+        ChainStatics(chain.with_(joints=(stray, *chain.joints[1:])))
