@@ -1,0 +1,52 @@
+"""Conformance suites for plugin authors: what the contracts say, as checks that name the likely cause.
+
+One file per interface holds its checks; `suite` runs them, `pytest_helpers` turns them into tests, `samples`,
+`box` and `stand_ins` are the laws, chains, problems and small implementations that checks and tests use.
+"""
+
+from functools import partial
+
+from pliant.testing.pytest_helpers import bound_checks, parametrize_with_checks
+from pliant.testing.suite import (
+    BoundCheck,
+    Check,
+    CheckFailure,
+    CheckOutcome,
+    CheckSkipped,
+    Subject,
+    check_component,
+    checks_for,
+    run_checks,
+)
+
+# One name per interface: the whole suite of a component that must be of this interface.
+check_family = partial(check_component, interface="family")
+check_material = partial(check_component, interface="material")
+check_fem = partial(check_component, interface="fem")
+check_surrogate = partial(check_component, interface="surrogate")
+check_effect = partial(check_component, interface="effect")
+check_physics = partial(check_component, interface="physics")
+check_task = partial(check_component, interface="task")
+check_optimizer = partial(check_component, interface="optimizer")
+
+__all__ = [
+    "BoundCheck",
+    "Check",
+    "CheckFailure",
+    "CheckOutcome",
+    "CheckSkipped",
+    "Subject",
+    "bound_checks",
+    "check_component",
+    "check_effect",
+    "check_family",
+    "check_fem",
+    "check_material",
+    "check_optimizer",
+    "check_physics",
+    "check_surrogate",
+    "check_task",
+    "checks_for",
+    "parametrize_with_checks",
+    "run_checks",
+]

@@ -1,0 +1,202 @@
+"""Checks that every component passes: its config, its example, its manifest entry."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from collections.abc import Iterator
+from typing import Any, get_args
+
+from pydantic import BaseModel, ValidationError
+
+from pliant.interfaces.base import ComponentConfig
+from pliant.interfaces.effect import Effect, EffectConfig
+from pliant.interfaces.family import ActuatorFamily, FamilyConfig
+from pliant.interfaces.fem import FEMBackend, FemConfig
+from pliant.interfaces.material import Material, MaterialConfig
+from pliant.interfaces.optimizer import Optimizer, OptimizerConfig
+from pliant.interfaces.physics import PhysicsBackend, PhysicsConfig
+from pliant.interfaces.surrogate import Surrogate, SurrogateConfig
+from pliant.interfaces.task import Task, TaskConfig
+from pliant.testing.suite import Subject, Suite, require
+from pliant.units import UNIT_SUFFIXES, Quantity
+
+suite = Suite("common")
+
+BASES: dict[str, tuple[type[ComponentConfig], type[Any]]] = {
+    "family": (FamilyConfig, ActuatorFamily),
+    "material": (MaterialConfig, Material),
+    "fem": (FemConfig, FEMBackend),
+    "surrogate": (SurrogateConfig, Surrogate),
+    "effect": (EffectConfig, Effect),
+    "physics": (PhysicsConfig, PhysicsBackend),
+    "task": (TaskConfig, Task),
+    "optimizer": (OptimizerConfig, Optimizer),
+}
+HEAVY = (
+    "skfem",
+    "ngsolve",
+    "mujoco",
+    "pybullet",
+    "pypardiso",
+    "torch",
+    "jax",
+    "tensorflow",
+    "sklearn",
+    "optuna",
+    "trimesh",
+    "meshio",
+    "numba",
+    "matplotlib",
+)
+
+
+@suite.check("the config model subclasses its interface's config (`FamilyConfig`, `FemConfig`, …).")
+def config_subclasses_the_interface(subject: Subject) -> None:
+    base, _ = BASES[subject.component.interface]
+    require(
+        issubclass(subject.model, base),
+        f"{subject.model.__name__} is no {base.__name__}: the study would take it for another block",
+    )
+
+
+@suite.check('`kind: Literal["mine"] = "mine"` narrows the config to the kind that the manifest names.')
+def config_names_its_kind(subject: Subject) -> None:
+    kind = subject.component.kind
+    field = subject.model.model_fields["kind"]
+    require(
+        get_args(field.annotation) == (kind,),
+        f"{subject.model.__name__}.kind is {field.annotation}, not Literal['{kind}']",
+    )
+    require(
+        field.default == kind,
+        f"{subject.model.__name__}.kind has the default {field.default!r}, not '{kind}'",
+    )
+
+
+@suite.check("the manifest's `example` is a valid block, with `kind` left out.")
+def example_is_valid(subject: Subject) -> None:
+    require("kind" not in subject.component.example, "the example holds 'kind'; leave it out")
+    try:
+        subject.config  # noqa: B018 - validating is the test
+    except ValidationError as error:
+        raise_from = "; ".join(f"{'.'.join(map(str, e['loc']))}: {e['msg']}" for e in error.errors())
+        require(False, f"the example does not validate: {raise_from}")
+
+
+@suite.check("configs are strict: an unknown key is an error, so that a typing mistake is never silent.")
+def config_refuses_unknown_keys(subject: Subject) -> None:
+    values = {**subject.config.model_dump(), "no_such_key": 1}
+    try:
+        subject.model.model_validate(values)
+    except ValidationError:
+        return
+    require(
+        False, "the unknown key 'no_such_key' was accepted: model_config was replaced without extra='forbid'"
+    )
+
+
+@suite.check("configs are frozen: what provenance stores is what ran.")
+def config_is_frozen(subject: Subject) -> None:
+    config = subject.config
+    for name in subject.model.model_fields:
+        try:
+            setattr(config, name, getattr(config, name))
+        except ValidationError:
+            continue
+        require(False, f"field '{name}' could be assigned: model_config was replaced without frozen=True")
+
+
+@suite.check("`canonical()` gives JSON values under SI names, and validating them gives the same config.")
+def config_survives_json(subject: Subject) -> None:
+    for config in (subject.config, subject.plain_config):
+        text = json.dumps(config.canonical(), allow_nan=False)
+        again = subject.model.model_validate(json.loads(text))
+        require(
+            again.canonical() == config.canonical(),
+            "the config read back from its own JSON differs: a field's serialised form is not one it accepts",
+        )
+
+
+@suite.check("a quantity's field is named with its SI unit (`wall_m`, `pressure_pa`).")
+def quantities_carry_their_unit(subject: Subject) -> None:
+    for name, annotation, metadata in _fields(subject.model):
+        for unit in {q.unit for q in _quantities((annotation, *metadata))} - {"dimensionless"}:
+            suffixes = [suffix for suffix, u in UNIT_SUFFIXES.items() if u == unit]
+            require(
+                any(name.endswith(suffix) for suffix in suffixes),
+                f"field '{name}' is a quantity in {unit} but does not end in {' or '.join(suffixes)}",
+            )
+
+
+@suite.check("the config's module is light: it is imported whenever any study is read.")
+def config_imports_nothing_heavy(subject: Subject) -> None:
+    component = subject.component
+    forbidden = sorted({*HEAVY, *(module.partition(".")[0] for module in component.requires)})
+    module = component.config.partition(":")[0]
+    code = (
+        f"import sys; sys.path[:0] = {sys.path!r}; before = set(sys.modules); import {module}; "
+        f"print(*(m for m in {forbidden!r} if m in set(sys.modules) - before))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    last = (done.stderr.strip().splitlines() or ["no message"])[-1]
+    require(done.returncode == 0, f"{module} cannot be imported in a fresh interpreter: {last}")
+    heavy = done.stdout.split()
+    require(
+        not heavy, f"{module} imports {', '.join(heavy)}: move that import to the implementation's module"
+    )
+
+
+@suite.check("the implementation is a concrete subclass of its interface, built by `Class(config)`.")
+def implementation_fills_the_interface(subject: Subject) -> None:
+    _, base = BASES[subject.component.interface]
+    built = subject.build()
+    require(isinstance(built, base), f"{type(built).__name__} does not subclass {base.__name__}")
+    require(
+        getattr(built, "config", None) is not None,
+        f"{type(built).__name__} has no `config`: call super().__init__(config)",
+    )
+
+
+@suite.check("building reads the config and never changes it.")
+def building_leaves_the_config_alone(subject: Subject) -> None:
+    config = subject.config
+    before = json.dumps(config.canonical(), sort_keys=True)
+    built = subject.build(config)
+    after = json.dumps(config.canonical(), sort_keys=True)
+    require(after == before, f"the config changed from {before} to {after} when the component was built")
+    require(
+        json.dumps(built.config.canonical(), sort_keys=True) == before,
+        "the built component carries another config than the one it was given",
+    )
+
+
+@suite.check("`summary` is one line for `pliant plugins`; config and implementation have docstrings.")
+def describes_itself(subject: Subject) -> None:
+    summary = subject.component.summary
+    require(summary.strip() and "\n" not in summary, f"the summary is {summary!r}, not one line")
+    bases = BASES[subject.component.interface]
+    for thing, base in zip((subject.model, type(subject.build())), bases, strict=True):
+        own = thing.__dict__.get("__doc__")
+        require(own and own != base.__doc__, f"{thing.__name__} has no docstring of its own")
+
+
+def _fields(model: type[BaseModel]) -> Iterator[tuple[str, Any, tuple[Any, ...]]]:
+    for name, field in model.model_fields.items():
+        yield name, field.annotation, tuple(field.metadata)
+
+
+def _quantities(items: tuple[Any, ...]) -> Iterator[Quantity]:
+    """Quantity annotations anywhere inside annotations such as `tuple[Length, ...] | None`."""
+    for item in items:
+        if isinstance(item, Quantity):
+            yield item
+        else:
+            yield from _quantities((*get_args(item), *getattr(item, "__metadata__", ())))
+
+
+def quantity_of(model: type[BaseModel], name: str) -> Quantity | None:
+    """The quantity of a field, or None where it is a plain number, text or block."""
+    field = model.model_fields[name]
+    return next(_quantities((field.annotation, *field.metadata)), None)

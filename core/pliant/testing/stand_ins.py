@@ -1,0 +1,140 @@
+"""Small complete implementations that checks use beside the component under test: a solid and an engine."""
+
+from __future__ import annotations
+
+import time
+from typing import Literal
+
+import numpy as np
+
+from pliant.interfaces.material import Hyperelastic, Material, MaterialConfig
+from pliant.interfaces.physics import Capabilities, PhysicsBackend, PhysicsConfig, Simulation, SimulationState
+from pliant.mechanics.statics import ChainStatics, Loads
+from pliant.records.chain import ChainModel
+from pliant.records.design import Array
+from pliant.records.rollout import Equilibrium, Inputs
+
+TOLERANCE_N_M = 1e-12
+CONTINUATION_STEPS = 8
+
+
+class CiarletConfig(MaterialConfig):
+    """Lamé constants λ and μ."""
+
+    kind: Literal["ciarlet_sample"] = "ciarlet_sample"
+    lame_pa: float = 1.5e5
+    shear_modulus_pa: float = 1e5
+
+
+class Ciarlet(Material):
+    """W = μ/2 (I₁ − 3 − 2 ln J) + λ/2 (ln J)², P = μ (F − F⁻ᵀ) + λ ln J F⁻ᵀ (Ciarlet 1988, §4.10)."""
+
+    config: CiarletConfig
+
+    def energy(self, F: Array) -> Array:
+        log_j = np.log(np.linalg.det(F))
+        mu, lam = self.config.shear_modulus_pa, self.config.lame_pa
+        invariant = np.einsum("...ij,...ij->...", F, F)
+        return np.asarray(mu / 2 * (invariant - 3 - 2 * log_j) + lam / 2 * log_j**2)
+
+    def evaluate(self, F: Array) -> Hyperelastic:
+        mu, lam = self.config.shear_modulus_pa, self.config.lame_pa
+        G = np.swapaxes(np.linalg.inv(F), -1, -2)
+        log_j = np.log(np.linalg.det(F))[..., None, None]
+        stress = mu * (F - G) + lam * log_j * G
+        crossed = np.einsum("...il,...kj->...ijkl", G, G)
+        outer = np.einsum("...ij,...kl->...ijkl", G, G)
+        unit = np.einsum("ik,jl->ijkl", np.eye(3), np.eye(3))
+        tangent = mu * unit + (mu - lam * log_j[..., None, None]) * crossed + lam * outer
+        return Hyperelastic(self.energy(F), stress, tangent)
+
+    @property
+    def young_pa(self) -> float:
+        """E at small strain."""
+        mu, lam = self.config.shear_modulus_pa, self.config.lame_pa
+        return mu * (3 * lam + 2 * mu) / (lam + mu)
+
+    @property
+    def poisson(self) -> float:
+        """ν at small strain."""
+        mu, lam = self.config.shear_modulus_pa, self.config.lame_pa
+        return lam / (2 * (lam + mu))
+
+
+def sample_material() -> Ciarlet:
+    """A soft solid with ν = 0.3."""
+    return Ciarlet(CiarletConfig())
+
+
+class StandInConfig(PhysicsConfig):
+    """The stand-in engine has no settings."""
+
+    kind: Literal["stand_in"] = "stand_in"
+
+
+class StandIn(PhysicsBackend):
+    """Equilibria by plain Newton with a few load steps: enough for short chains, no more."""
+
+    capabilities = Capabilities(joints=("revolute", "spherical", "prismatic"), dynamic=False)
+
+    def build(self, chain: ChainModel) -> StandInSimulation:
+        return StandInSimulation(chain)
+
+
+class StandInSimulation(Simulation):
+    """A chain at rest until `apply` and `settle`."""
+
+    def __init__(self, chain: ChainModel) -> None:
+        self.chain = chain
+        self.statics = ChainStatics(chain)
+        self.q = np.zeros((chain.n_joints, len(chain.axes)))
+        self.loads = Loads.none(chain)
+        self.applied = self.loads
+        self.time_s = 0.0
+
+    def apply(self, inputs: Inputs) -> None:
+        self.statics.efforts.values(inputs.actuation)
+        self.applied = Loads.of(self.chain, inputs)
+
+    def settle(self) -> Equilibrium:
+        started = time.perf_counter()
+        iterations = 0
+        before = self.loads
+        for fraction in np.linspace(0, 1, CONTINUATION_STEPS + 1)[1:]:
+            iterations += self._newton(before.between(self.applied, float(fraction)))
+        self.loads = self.applied
+        residual = float(np.abs(self.statics.residual(self.q, self.loads)).max())
+        stiffness = self.statics.balance(self.q, self.loads).stiffness
+        return Equilibrium(
+            joint_angles=self.q.copy(),
+            markers_m=self.markers(),
+            residual=residual,
+            converged=residual < 1e3 * TOLERANCE_N_M,
+            stable=bool(np.linalg.eigvalsh(0.5 * (stiffness + stiffness.T))[0] > 0),
+            iterations=iterations,
+            wall_s=time.perf_counter() - started,
+            outside_domain=self.statics.efforts.outside_domain(self.q, self.loads.actuation, self.time_s),
+        )
+
+    def _newton(self, loads: Loads) -> int:
+        for iteration in range(30):
+            balance = self.statics.balance(self.q, loads)
+            if np.abs(balance.residual).max() < TOLERANCE_N_M:
+                return iteration
+            step = np.linalg.solve(balance.stiffness, balance.residual.ravel())
+            longest = 0.5 / max(0.5, float(np.abs(step).max()))
+            self.q = self.q + longest * step.reshape(self.q.shape)
+        return 30
+
+    def step(self, duration_s: float) -> None:
+        self.time_s += duration_s
+        self.settle()
+
+    def snapshot(self) -> SimulationState:
+        return SimulationState(self.time_s, self.q.copy(), np.zeros_like(self.q))
+
+    def restore(self, state: SimulationState) -> None:
+        self.time_s, self.q = state.time_s, state.position.copy()
+
+    def markers(self) -> Array:
+        return self.statics.geometry.markers(self.q)

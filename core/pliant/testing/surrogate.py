@@ -1,0 +1,281 @@
+"""Checks of a `Surrogate` and of the joint laws that it makes."""
+
+from __future__ import annotations
+
+import io
+import json
+from dataclasses import replace
+
+import numpy as np
+
+from pliant.errors import UserError
+from pliant.interfaces.surrogate import FittedLaw, Surrogate
+from pliant.records.fem import FemDataset
+from pliant.records.law import JointLaw
+from pliant.store.codec import decode, encode
+from pliant.testing.samples import linear_law, softening_law, table_of
+from pliant.testing.suite import CheckSkipped, Subject, Suite, require, require_close
+
+suite = Suite("surrogate")
+COLUMNS = (
+    "actuation",
+    "angle_rad",
+    "moment_n_m",
+    "dmoment_dp",
+    "dmoment_du",
+    "energy_j",
+    "branch",
+    "status",
+    "role",
+)
+
+
+def _data(subject: Subject) -> FemDataset:
+    """States of a law with curvature and a little scatter, so that no form fits them exactly."""
+    return subject.once("table", lambda: table_of(softening_law(), noise_n_m=2e-5))
+
+
+def _surrogate(subject: Subject) -> Surrogate:
+    """Built from defaults: the example may state a law instead of fitting one."""
+    surrogate: Surrogate = subject.build(subject.plain_config)
+    return surrogate
+
+
+def _fitted(subject: Subject) -> FittedLaw:
+    return subject.once("fitted", lambda: _surrogate(subject).fit(_data(subject)))
+
+
+def _rows(data: FemDataset, keep: np.ndarray) -> FemDataset:
+    return replace(data, **{name: getattr(data, name)[keep] for name in COLUMNS})
+
+
+def _points(data: FemDataset) -> tuple[np.ndarray, np.ndarray]:
+    """Points inside the data's box."""
+    random = np.random.default_rng(11)
+    u = data.angle_rad
+    return data.actuation.max() * random.random(20), (u.min() + np.ptp(u) * random.random(20))[:, None]
+
+
+@suite.check("`fit` reproduces what its data say: a linear law to 2 % of the effort's range.")
+def fits_a_linear_law(subject: Subject) -> None:
+    law = linear_law()
+    data = table_of(law)
+    fitted = _surrogate(subject).fit(data).law
+    p, u = _points(data)
+    wanted = law.evaluate(p, u).tau
+    require_close(
+        fitted.evaluate(p, u).tau,
+        wanted,
+        "τ (N·m) of a fitted linear law is off: units, scaling, or the moment's sign",
+        atol=0.02 * float(np.ptp(data.moment_n_m)),
+    )
+
+
+@suite.check('the report holds the errors on states of role "check", and their number.')
+def reports_its_errors_honestly(subject: Subject) -> None:
+    fitted, check = _fitted(subject), _data(subject).select("check")
+    missed = fitted.law.evaluate(check.actuation, check.angle_rad[:, None]).tau[:, 0] - check.moment_n_m
+    report = fitted.report
+    require(
+        report.n_heldout == len(check),
+        f"n_heldout is {report.n_heldout}, there are {len(check)} check states",
+    )
+    wanted = {
+        "rmse": float(np.sqrt(np.mean(missed**2))),
+        "worst": float(np.abs(missed).max()),
+        "worst_of_range": float(np.abs(missed).max() / np.ptp(_data(subject).moment_n_m)),
+        "r2": 1 - float(np.sum(missed**2) / np.sum((check.moment_n_m - check.moment_n_m.mean()) ** 2)),
+    }
+    for name, value in wanted.items():
+        require_close(
+            getattr(report, name), value, f"the report's {name} is not that of the check states", rtol=1e-6
+        )
+
+
+@suite.check('the fit does not see states of role "check".')
+def check_states_are_not_fitted(subject: Subject) -> None:
+    data = _data(subject)
+    spoiled = np.where(data.role == "check", 1.5 * data.moment_n_m + 1e-3, data.moment_n_m)
+    law = _surrogate(subject).fit(replace(data, moment_n_m=spoiled)).law
+    p, u = _points(data)
+    require(
+        np.array_equal(law.evaluate(p, u).tau, _fitted(subject).law.evaluate(p, u).tau),
+        "the law changed when only the check states' moments did: they were fitted, or chose the model",
+    )
+
+
+@suite.check("`evaluate` gives the exact slopes ∂τ/∂p and ∂τ/∂u, shapes (n, a) and (n, a, a).")
+def slopes_are_derivatives(subject: Subject) -> None:
+    p, u = _points(_data(subject))
+    for law in _laws(subject):
+        effort = law.evaluate(p, u)
+        shapes = [effort.tau.shape, effort.dtau_dp.shape, effort.dtau_du.shape]
+        require(shapes == [(20, 1), (20, 1), (20, 1, 1)], f"tau, dtau_dp and dtau_du have shapes {shapes}")
+        h, k = 1.0, 1e-5
+        in_p = (law.evaluate(p + h, u).tau - law.evaluate(p - h, u).tau) / (2 * h)
+        in_u = (law.evaluate(p, u + k).tau - law.evaluate(p, u - k).tau) / (2 * k)
+        require_close(effort.dtau_dp, in_p, "dtau_dp is not the slope of tau", rtol=1e-4)
+        require_close(effort.dtau_du[:, :, 0], in_u, "dtau_du is not the slope of tau", rtol=1e-4)
+
+
+@suite.check("laws are vectorised: joints evaluated together or one by one give the same.")
+def joints_do_not_affect_each_other(subject: Subject) -> None:
+    p, u = _points(_data(subject))
+    for law in _laws(subject):
+        together = law.evaluate(p, u)
+        single = [law.evaluate(p[i : i + 1], u[i : i + 1]) for i in range(len(p))]
+        for name in ("tau", "dtau_dp", "dtau_du"):
+            one_by_one = np.concatenate([getattr(e, name) for e in single])
+            require_close(
+                getattr(together, name),
+                one_by_one,
+                f"{name} depends on which other joints are evaluated",
+                rtol=1e-9,
+            )
+
+
+@suite.check(
+    "`load(record)` gives a law that evaluates to the same bits, through JSON and arrays without pickle."
+)
+def record_gives_the_same_bits(subject: Subject) -> None:
+    p, u = _points(_data(subject))
+    for law in _laws(subject):
+        record = law.record()
+        require(
+            record.kind == subject.component.kind,
+            f"the record's kind is '{record.kind}', so that surrogate '{subject.component.kind}' would not "
+            "be asked",
+        )
+        arrays: dict[str, np.ndarray] = {}
+        text = json.dumps(encode(record, arrays))
+        file = io.BytesIO()
+        np.savez(file, allow_pickle=False, **arrays)
+        file.seek(0)
+        with np.load(file, allow_pickle=False) as stored:
+            again = subject.build(subject.plain_config).load(decode(json.loads(text), dict(stored)))
+        one, two = law.evaluate(p, u), again.evaluate(p, u)
+        for name in ("tau", "dtau_dp", "dtau_du"):
+            require(
+                np.array_equal(getattr(one, name), getattr(two, name)),
+                f"{name} of the loaded law differs: the record rounds a number or leaves one out",
+            )
+        require(
+            (again.joint, again.axes, again.actuation_name) == (law.joint, law.axes, law.actuation_name),
+            "joint, axes or actuation_name are lost in the record",
+        )
+        require(
+            np.array_equal(again.domain.actuation, law.domain.actuation)
+            and np.array_equal(again.domain.deformation, law.domain.deformation),
+            "the domain is lost in the record",
+        )
+
+
+@suite.check("τ = −∂Π/∂u with Π(p, 0) = 0: no simulation can gain energy from the law.")
+def effort_derives_from_the_potential(subject: Subject) -> None:
+    p, u = _points(_data(subject))
+    step = 1e-4
+    for law in _laws(subject):
+        rest = law.potential(p, np.zeros_like(u))
+        require_close(rest, np.zeros(20), "the potential at u = 0 is not zero", atol=1e-15)
+        slope = -(law.potential(p, u + step) - law.potential(p, u - step)) / (2 * step)
+        require_close(slope, law.evaluate(p, u).tau[:, 0], "τ is not −∂Π/∂u", rtol=1e-4)
+
+
+@suite.check("a law knows its domain: the box of its data, and how far outside a point lies.")
+def domain_is_the_box_of_the_data(subject: Subject) -> None:
+    data = _data(subject).select("fit")
+    domain = _fitted(subject).law.domain
+    box = [data.actuation.min(), data.actuation.max(), data.angle_rad.min(), data.angle_rad.max()]
+    require_close(
+        [*domain.actuation, *domain.deformation[0]],
+        box,
+        "the domain is not the box of the fitted states: extrapolation would not be flagged",
+        rtol=1e-6,
+    )
+
+
+@suite.check("laws answer outside their domain with finite numbers; the excess is flagged, not hidden.")
+def stays_finite_outside_the_domain(subject: Subject) -> None:
+    law = _fitted(subject).law
+    p, u = np.array([0.0, 3e4, -5e3, 3e4]), np.array([[1.2], [0.2], [-0.8], [1.2]])
+    effort = law.evaluate(p, u)
+    require(
+        all(np.all(np.isfinite(values)) for values in (effort.tau, effort.dtau_dp, effort.dtau_du)),
+        "τ or a slope is not finite outside the domain: engines pass through such points on their way",
+    )
+    require(np.all(np.any(law.domain.excess(p, u) != 0, axis=1)), "points outside the domain are not flagged")
+
+
+@suite.check("data of a stable joint give a stable law: ∂τ/∂u < 0 in the domain.")
+def law_is_stable(subject: Subject) -> None:
+    slope = _fitted(subject).law.evaluate(*_points(_data(subject))).dtau_du[:, 0, 0]
+    require(
+        np.all(slope < 0),
+        f"∂τ/∂u reaches {slope.max():.3g} N·m/rad where the data fall: sign, or overfitting",
+    )
+
+
+@suite.check("too few states raise `UserError`, which says how many are needed.")
+def says_when_there_are_too_few_states(subject: Subject) -> None:
+    data = _data(subject)
+    try:
+        _surrogate(subject).fit(_rows(data, np.array([3])))
+    except UserError as error:
+        require(any(c.isdigit() for c in str(error)), f"the message names no number of states: '{error}'")
+        return
+    require(False, "a law was fitted to a single state")
+
+
+@suite.check("slopes may be NaN (data from elsewhere): then values alone are fitted.")
+def fits_values_without_slopes(subject: Subject) -> None:
+    law = linear_law()
+    data = table_of(law)
+    blank = np.full(len(data), np.nan)
+    fitted = _surrogate(subject).fit(replace(data, dmoment_dp=blank, dmoment_du=blank)).law
+    p, u = _points(data)
+    require_close(
+        fitted.evaluate(p, u).tau,
+        law.evaluate(p, u).tau,
+        "τ (N·m) is off when the data have no slopes",
+        atol=0.02 * float(np.ptp(data.moment_n_m)),
+    )
+
+
+@suite.check("a moment that is not a number raises `UserError`; it is never fitted or dropped in silence.")
+def refuses_values_that_are_not_numbers(subject: Subject) -> None:
+    data = _data(subject)
+    moments = data.moment_n_m.copy()
+    moments[5] = np.nan
+    try:
+        _surrogate(subject).fit(replace(data, moment_n_m=moments))
+    except UserError:
+        return
+    require(False, "a table with a NaN moment was fitted without a word")
+
+
+@suite.check("the same data give the same law, bit by bit: results are stored under the data's key.")
+def is_deterministic(subject: Subject) -> None:
+    p, u = _points(_data(subject))
+    again = _surrogate(subject).fit(_data(subject)).law
+    require(
+        np.array_equal(again.evaluate(p, u).tau, _fitted(subject).law.evaluate(p, u).tau),
+        "two fits of the same data differ: a random start without a fixed seed",
+    )
+
+
+@suite.check("`stated` gives the law that the config states, or None.")
+def stated_law_is_complete(subject: Subject) -> None:
+    stated = subject.build().stated()
+    if stated is None:
+        raise CheckSkipped(f"the example of {subject.component.label} states no law")
+    require(isinstance(stated, JointLaw), f"stated() gave {stated!r}, no JointLaw")
+    require(
+        stated.domain.actuation.shape == (2,), "the stated law has no domain; Domain.unbounded says 'none'"
+    )
+    require(len(stated.axes) == stated.domain.deformation.shape[0], "the domain does not fit the law's axes")
+
+
+def _laws(subject: Subject) -> list[JointLaw]:
+    """The fitted law, and the stated one if the example states it."""
+    stated = subject.build().stated()
+    return [_fitted(subject).law, *([stated] if stated is not None else [])]

@@ -1,0 +1,304 @@
+"""The stand-in engine as the good one, and engines with one wrong convention each."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Literal
+
+import numpy as np
+
+from pliant.interfaces.physics import Capabilities, SimulationState
+from pliant.mechanics.rotations import exp_map
+from pliant.records.chain import ChainModel, default_base_rotation
+from pliant.records.design import Array
+from pliant.records.rollout import Equilibrium, Inputs
+from pliant.registry.component import Component
+from pliant.testing.stand_ins import StandIn, StandInConfig, StandInSimulation
+from spoiled import Spoils
+
+
+class EngineConfig(StandInConfig):
+    """No settings."""
+
+    kind: Literal["small"] = "small"  # type: ignore[assignment]
+
+
+class Engine(StandIn):
+    """The stand-in; `simulation` is what it builds, from the chain that `seen` gives."""
+
+    simulation: type[StandInSimulation] = StandInSimulation
+
+    def build(self, chain: ChainModel) -> StandInSimulation:
+        return self.simulation(self.seen(chain))
+
+    def seen(self, chain: ChainModel) -> ChainModel:
+        return chain
+
+
+spoils = Spoils(
+    Component("physics", "small", "spoiled.physics:EngineConfig", "spoiled.physics:Engine", "plain Newton")
+)
+
+
+@spoils.by("declares_its_capabilities", "joints")
+class UnknownJoint(Engine):
+    """A joint that Pliant does not have."""
+
+    capabilities = Capabilities(joints=("universal",), dynamic=False)  # type: ignore[arg-type]
+
+
+class Millimetres(StandInSimulation):
+    def markers(self) -> Array:
+        return 1e3 * super().markers()
+
+
+@spoils.by("starts_straight", "markers .* of the straight chain")
+class Scaled(Engine):
+    """Its own length unit comes out."""
+
+    simulation = Millimetres
+
+
+class Preloaded(StandInSimulation):
+    def settle(self) -> Equilibrium:
+        good = super().settle()
+        return replace(good, joint_angles=good.joint_angles + 1e-4)
+
+
+@spoils.by("stays_at_rest_without_loads", "without any load")
+class FrictionMotors(Engine):
+    """A joint that keeps a little angle."""
+
+    simulation = Preloaded
+
+
+class WeakPressure(StandInSimulation):
+    def apply(self, inputs: Inputs) -> None:
+        super().apply(replace(inputs, actuation={k: 0.99 * v for k, v in inputs.actuation.items()}))
+
+
+@spoils.by("gives_the_worked_number", "joint angles")
+class LosesPressure(Engine):
+    """One per cent less pressure."""
+
+    simulation = WeakPressure
+
+
+@spoils.by("balances_a_weight", "under the module's own weight")
+class Weightless(Engine):
+    """Forgets the last body's weight."""
+
+    def seen(self, chain: ChainModel) -> ChainModel:
+        return chain.with_(bodies=(*chain.bodies[:-1], replace(chain.bodies[-1], mass_kg=0.0)))
+
+
+class Sloppy(StandInSimulation):
+    def settle(self) -> Equilibrium:
+        good = super().settle()
+        self.q = 0.99 * self.q
+        return replace(good, joint_angles=self.q.copy(), markers_m=self.markers())
+
+
+@spoils.by("settles_in_equilibrium", "the unbalanced effort is")
+class StopsEarly(Engine):
+    """Stops one per cent before equilibrium and says that it converged."""
+
+    simulation = Sloppy
+
+
+class OldMarkers(StandInSimulation):
+    def settle(self) -> Equilibrium:
+        before = self.markers()
+        return replace(super().settle(), markers_m=before)
+
+
+@spoils.by("markers_follow_the_kinematics", "do not belong to joint_angles")
+class StaleMarkers(Engine):
+    """Reads positions before the engine updated them."""
+
+    simulation = OldMarkers
+
+
+@spoils.by("turns_with_its_base", "markers .* of the moved chain")
+class FixedBase(Engine):
+    """Always hangs from the default base."""
+
+    def seen(self, chain: ChainModel) -> ChainModel:
+        return chain.with_(base_rotation=default_base_rotation())
+
+
+@spoils.by("payload_is_a_weight_at_the_tip", "payload does not move the tip")
+class NoPayload(Engine):
+    """Ignores the payload."""
+
+    def seen(self, chain: ChainModel) -> ChainModel:
+        return chain.with_(payload_kg=0.0)
+
+
+class HelpingMoment(StandInSimulation):
+    def apply(self, inputs: Inputs) -> None:
+        super().apply(replace(inputs, moment_n_m=-inputs.moment_n_m))
+
+
+@spoils.by("moment_opposes_actuation", "under an opposing moment")
+class Helps(Engine):
+    """The moment acts along the actuation."""
+
+    simulation = HelpingMoment
+
+
+@spoils.by("opposed_actuators_cancel", "equal opposed pressures")
+class Unsigned(Engine):
+    """Takes every chamber for the first."""
+
+    def seen(self, chain: ChainModel) -> ChainModel:
+        return chain.with_(actuators=tuple(replace(a, sign=1.0) for a in chain.actuators))
+
+
+class Defaulting(StandInSimulation):
+    def apply(self, inputs: Inputs) -> None:
+        zero = {a.input: 0.0 for a in self.chain.actuators}
+        super().apply(replace(inputs, actuation={**zero, **inputs.actuation}))
+
+
+@spoils.by("refuses_missing_inputs", "without a value for it")
+class AssumesZero(Engine):
+    """A missing pressure is 0."""
+
+    simulation = Defaulting
+
+
+class Silent(StandInSimulation):
+    def settle(self) -> Equilibrium:
+        return replace(super().settle(), outside_domain=())
+
+
+@spoils.by("reports_extrapolation", "reported were \\[\\]")
+class SaysNothing(Engine):
+    """Never reports extrapolation."""
+
+    simulation = Silent
+
+
+class Optimist(StandInSimulation):
+    def settle(self) -> Equilibrium:
+        return replace(super().settle(), converged=True, stable=True)
+
+
+@spoils.by("admits_that_it_did_not_converge", "called converged and stable")
+class AlwaysFine(Engine):
+    """Always converged, always stable."""
+
+    simulation = Optimist
+
+
+class Aliased(StandInSimulation):
+    def snapshot(self) -> SimulationState:
+        return SimulationState(self.time_s, self.q, np.zeros_like(self.q))
+
+    def settle(self) -> Equilibrium:
+        kept = self.q
+        good = super().settle()
+        kept[:] = self.q
+        self.q = kept
+        return good
+
+
+@spoils.by("restores_a_snapshot", "copy it")
+class SharesItsState(Engine):
+    """Its snapshot is a view."""
+
+    simulation = Aliased
+
+
+class WholeSteps(StandInSimulation):
+    def step(self, duration_s: float) -> None:
+        super().step(0.05 * round(duration_s / 0.05))
+
+
+@spoils.by("steps_forward_in_time", "passed in two steps")
+class CoarseClock(Engine):
+    """Advances by whole internal steps of 50 ms only."""
+
+    simulation = WholeSteps
+
+
+class Shared(StandInSimulation):
+    last: dict[str, Array] = {}
+
+    def settle(self) -> Equilibrium:
+        good = super().settle()
+        self.last["q"] = self.q
+        return good
+
+    def markers(self) -> Array:
+        q = self.last.get("q", self.q)
+        return self.statics.geometry.markers(np.resize(q, self.q.shape))
+
+
+@spoils.by("simulations_are_independent", "shared state")
+class OneWorld(Engine):
+    """All simulations live in one world."""
+
+    simulation = Shared
+
+
+class ClosesOnce(StandInSimulation):
+    open = True
+
+    def close(self) -> None:
+        if not self.open:
+            raise RuntimeError("not connected")
+        self.open = False
+
+
+@spoils.by("closes_cleanly", "RuntimeError")
+class Disconnects(Engine):
+    """Raises when it is closed twice."""
+
+    simulation = ClosesOnce
+
+
+@spoils.by("leaves_the_chain_alone", "changed in place")
+class ScalesMasses(Engine):
+    """Converts inertias in the caller's arrays."""
+
+    def seen(self, chain: ChainModel) -> ChainModel:
+        for body in chain.bodies:
+            body.inertia_kg_m2[:] *= 1e4
+        return chain
+
+
+class ChildFrame(StandInSimulation):
+    """Applies τ as a torque in the child's frame: equilibrium of another, non-conservative problem."""
+
+    def settle(self) -> Equilibrium:
+        good = super().settle()
+        if self.chain.laws[0].joint != "spherical":
+            return good
+        for i, phi in enumerate(self.q):
+            self.q[i] = exp_map(0.02 * phi) @ phi + 0.01 * np.cross(phi, [0.0, 0.0, 1.0])
+        return replace(good, joint_angles=self.q.copy(), markers_m=self.markers())
+
+
+@spoils.by(
+    "spherical_efforts_are_energy_consistent", "applied as a torque in the parent's or the child's frame"
+)
+class TorqueInChildFrame(Engine):
+    """Its spherical joints balance torques instead of conjugate efforts."""
+
+    simulation = ChildFrame
+
+
+class Doubled(StandInSimulation):
+    def settle(self) -> Equilibrium:
+        good = super().settle()
+        slides = self.chain.laws[0].joint == "prismatic"
+        return replace(good, joint_angles=good.joint_angles * (1e3 if slides else 1.0))
+
+
+@spoils.by("prismatic_joints_extend", "extension")
+class SlidesInMillimetres(Engine):
+    """Extensions in its own unit."""
+
+    simulation = Doubled
