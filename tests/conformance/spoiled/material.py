@@ -108,17 +108,16 @@ class FlatOnly(Solid):
     """Only (n, 3, 3)."""
 
     def evaluate(self, F: Array) -> Hyperelastic:
-        good = super().evaluate(F.reshape(-1, 3, 3))
-        return good
+        return super().evaluate(F.reshape(-1, 3, 3))
 
 
 @spoils.by("leaves_its_input_alone", "changed in place")
 class Writes(Solid):
-    """Subtracts the unit tensor in place."""
+    """Scales F in place."""
 
     def energy(self, F: Array) -> Array:
         good = super().energy(F)
-        F -= UNIT
+        F *= 1.001
         return good
 
 

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 
 from pliant.interfaces.physics import Capabilities, SimulationState
-from pliant.mechanics.rotations import exp_map
+from pliant.mechanics.rotations import left_jacobian
 from pliant.records.chain import ChainModel, default_base_rotation
 from pliant.records.design import Array
 from pliant.records.rollout import Equilibrium, Inputs
@@ -224,7 +224,7 @@ class CoarseClock(Engine):
 
 
 class Shared(StandInSimulation):
-    last: dict[str, Array] = {}
+    last: ClassVar[dict[str, Array]] = {}
 
     def settle(self) -> Equilibrium:
         good = super().settle()
@@ -269,15 +269,19 @@ class ScalesMasses(Engine):
         return chain
 
 
-class ChildFrame(StandInSimulation):
-    """Applies τ as a torque in the child's frame: equilibrium of another, non-conservative problem."""
+class NaiveTorques(StandInSimulation):
+    """Balances τ itself, as a torque in the joint's rest frame, against the loads' moments Jᵀ⁻¹ Q."""
 
     def settle(self) -> Equilibrium:
         good = super().settle()
         if self.chain.laws[0].joint != "spherical":
             return good
-        for i, phi in enumerate(self.q):
-            self.q[i] = exp_map(0.02 * phi) @ phi + 0.01 * np.cross(phi, [0.0, 0.0, 1.0])
+        for _ in range(400):
+            tau = self.statics.effort(self.q, self.loads)
+            loads = self.statics.residual(self.q, self.loads) - tau
+            transposed = left_jacobian(self.q).transpose(0, 2, 1)
+            unbalanced = tau + np.linalg.solve(transposed, loads[..., None])[..., 0]
+            self.q = self.q + 4.0 * unbalanced
         return replace(good, joint_angles=self.q.copy(), markers_m=self.markers())
 
 
@@ -287,7 +291,7 @@ class ChildFrame(StandInSimulation):
 class TorqueInChildFrame(Engine):
     """Its spherical joints balance torques instead of conjugate efforts."""
 
-    simulation = ChildFrame
+    simulation = NaiveTorques
 
 
 class Doubled(StandInSimulation):
