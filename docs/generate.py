@@ -1,7 +1,7 @@
 """Write docs/reference/: one page per interface and kind, from the code. Run by `make docs`.
 
-    python docs/generate.py          write the pages
-    python docs/generate.py --check  exit with 1 if a page is missing or stale
+python docs/generate.py          write the pages
+python docs/generate.py --check  exit with 1 if a page is missing or stale
 """
 
 from __future__ import annotations
@@ -15,6 +15,8 @@ from typing import Any
 
 from pydantic_core import PydanticUndefined
 
+from pliant.config.chain import ActuatorConfig, BaseConfig, ChainConfig, SegmentConfig
+from pliant.config.study import Study
 from pliant.interfaces.base import FrozenModel
 from pliant.registry.component import INTERFACES, Component
 from pliant.registry.discovery import Registry, discover
@@ -23,6 +25,20 @@ from pliant.units import UNIT_SUFFIXES, strip_unit_suffix
 REFERENCE = Path(__file__).parent / "reference"
 OURS = "pliant "  # packages whose pages live here; others bring their own docs
 STUDY_KEY = {"effect": "effects"}
+# Folders that hold one file per kind; elsewhere a kind has a folder of its own.
+PLURALS = ("materials", "tasks", "effects", "families", "surrogates", "optimizers")
+STUDY_BLOCKS = {
+    ChainConfig: "chain",
+    SegmentConfig: "chain.segments[]",
+    BaseConfig: "chain.base",
+    ActuatorConfig: "chain.actuators[]",
+}
+STUDY_INTRODUCTION = [
+    "YAML 1.2. A block with a `kind` belongs to that plugin: see its page. `physics: mujoco` is short for",
+    "`physics: {kind: mujoco}`. `extends: other.yaml` merges another study first; changing a block's `kind` clears",
+    "the block. On the command line, `key=value` overrides follow the file: `physics.kind=mujoco`,",
+    "`chain.modules=6`, `effects.0.factor=1.2`. `pliant schema` prints a JSON schema for editors.",
+]
 INTERFACE_CLASS = {
     "family": "ActuatorFamily",
     "material": "Material",
@@ -37,7 +53,7 @@ INTERFACE_CLASS = {
 
 def pages(registry: Registry) -> dict[Path, str]:
     """Path → text of every reference page."""
-    made = {REFERENCE / "index.md": _index(registry)}
+    made = {REFERENCE / "index.md": _index(registry), REFERENCE / "study.md": _study_page()}
     for interface in INTERFACES:
         made[REFERENCE / interface / "index.md"] = _interface_page(interface, registry)
         for component in _ours(registry, interface):
@@ -51,31 +67,77 @@ def _ours(registry: Registry, interface: str) -> list[Component]:
 
 def _index(registry: Registry) -> str:
     lines = ["# Reference", "", "Generated from the code by `make docs`.", ""]
+    lines.append("- [Study file](study.md): every key of a study")
     for interface in INTERFACES:
         kinds = ", ".join(f"[{c.kind}]({interface}/{c.kind}.md)" for c in _ours(registry, interface))
-        lines.append(f"- [{INTERFACE_CLASS[interface]}]({interface}/index.md): {kinds or 'no kind ships yet'}")
+        lines.append(
+            f"- [{INTERFACE_CLASS[interface]}]({interface}/index.md): {kinds or 'no kind ships yet'}"
+        )
     return "\n".join(lines) + "\n"
+
+
+def _study_page() -> str:
+    lines = ["# Study file", "", *STUDY_INTRODUCTION, "", *_keys(Study), ""]
+    for model in (ChainConfig, SegmentConfig, BaseConfig, ActuatorConfig):
+        lines += [
+            f"## {STUDY_BLOCKS[model]}",
+            "",
+            _markdown(inspect.getdoc(model) or ""),
+            "",
+            *_keys(model),
+            "",
+        ]
+    return "\n".join(lines)
 
 
 def _interface_page(interface: str, registry: Registry) -> str:
     name = INTERFACE_CLASS[interface]
     module = importlib.import_module(f"pliant.interfaces.{interface}")
-    cls = getattr(module, name)
-    lines = [f"# {name}", "", inspect.getdoc(cls) or "", "", "## Methods", ""]
+    main = getattr(module, name)
+    others = [
+        cls
+        for cls in vars(module).values()
+        if inspect.isclass(cls) and cls.__module__ == module.__name__ and cls is not main
+    ]
+    lines = [f"# {name}", "", f"`pliant.interfaces.{interface}`", "", *_class_text(main)]
+    kinds = _ours(registry, interface)
+    lines += ["## Kinds that ship", ""]
+    lines += [f"- [{c.kind}]({c.kind}.md): {c.summary}" for c in kinds] or ["None yet."]
+    for cls in others:
+        lines += ["", f"## {cls.__name__}", "", *_class_text(cls)]
+    return "\n".join(lines).rstrip() + "\n"
+
+
+def _class_text(cls: type[Any]) -> list[str]:
+    lines = [_markdown(inspect.getdoc(cls) or ""), ""]
+    if issubclass(cls, FrozenModel):
+        return lines + ([*_keys(cls), ""] if len(cls.model_fields) > 1 else [])
     for method, function in vars(cls).items():
         wanted = inspect.isfunction(function) or isinstance(function, property)
         if wanted and not method.startswith("_"):
             lines += [*_method(method, function), ""]
-    kinds = _ours(registry, interface)
-    lines += ["## Kinds that ship", ""]
-    lines += [f"- [{c.kind}]({c.kind}.md): {c.summary}" for c in kinds] or ["None yet."]
-    return "\n".join(lines) + "\n"
+    return lines
 
 
 def _method(name: str, function: Any) -> list[str]:
-    target = function.fget if isinstance(function, property) else function
-    signature = "" if isinstance(function, property) else str(inspect.signature(target))
-    return [f"### `{name}{signature.replace('self, ', '').replace('self', '')}`", "", inspect.getdoc(target) or ""]
+    if isinstance(function, property):
+        return [f"### `{name}`", "", _markdown(inspect.getdoc(function.fget) or "")]
+    signature = inspect.signature(function)
+    shown = [p for p in signature.parameters.values() if p.name != "self"]
+    text = f"{name}{signature.replace(parameters=shown)}".replace("'", "")
+    return [f"### `{text}`", "", _markdown(inspect.getdoc(function) or "")]
+
+
+def _markdown(docstring: str) -> str:
+    """Google-style sections and formulas keep their layout as quoted blocks."""
+    lines, block = [], False
+    for line in docstring.splitlines():
+        indented = line.startswith("    ")
+        if indented and not block:
+            lines.append("")
+        lines.append(line)
+        block = indented
+    return "\n".join(lines)
 
 
 def _kind_page(component: Component) -> str:
@@ -96,8 +158,7 @@ def _kind_page(component: Component) -> str:
         "",
         "## What it does",
         "",
-        _docstring(component.implementation),
-        "",
+        *_docstrings(component.implementation),
         f"Check it: `pliant check {component.interface} {component.kind}`. "
         f"Contract: [{INTERFACE_CLASS[component.interface]}](index.md).",
     ]
@@ -107,13 +168,17 @@ def _kind_page(component: Component) -> str:
 def _requirement(component: Component) -> list[str]:
     if not component.requires:
         return []
-    extra = "pip install 'pliant[pybullet]' (Python 3.11)" if component.kind == "pybullet" else component.install
+    extra = (
+        "pip install 'pliant[pybullet]' (Python 3.11)" if component.kind == "pybullet" else component.install
+    )
     return [f"Needs {', '.join(component.requires)}: `{extra}`.", ""]
 
 
 def _example(component: Component) -> list[str]:
     key = STUDY_KEY.get(component.interface, component.interface)
-    inner = ", ".join([f"kind: {component.kind}", *(f"{k}: {_flow(v)}" for k, v in component.example.items())])
+    inner = ", ".join(
+        [f"kind: {component.kind}", *(f"{k}: {_flow(v)}" for k, v in component.example.items())]
+    )
     return [f"{key}: [{{{inner}}}]" if key == "effects" else f"{key}: {{{inner}}}"]
 
 
@@ -129,7 +194,11 @@ def _keys(model: type[FrozenModel]) -> list[str]:
         if name == "kind":
             continue
         unit = next((u for suffix, u in UNIT_SUFFIXES.items() if name.endswith(suffix)), "")
-        default = "required" if field.default is PydanticUndefined and field.is_required() else f"`{_default(field)}`"
+        default = (
+            "required"
+            if field.default is PydanticUndefined and field.is_required()
+            else f"`{_default(field)}`"
+        )
         rows.append(
             f"| `{strip_unit_suffix(name)}` | {unit} | {default} | {_limits(field)} | {field.description or ''} |"
         )
@@ -154,18 +223,25 @@ def _limits(field: Any) -> str:
     return ", ".join(parts)
 
 
-def _docstring(reference: str) -> str:
-    """Docstring of "module:Class" without importing it: an engine need not be installed to be documented."""
+def _docstrings(reference: str) -> list[str]:
+    """Docstrings of the class and of its package's files, read without importing: an engine may be missing."""
     module, _, name = reference.partition(":")
     spec = importlib.util.find_spec(module)
     assert spec is not None
     assert spec.origin is not None
-    tree = ast.parse(Path(spec.origin).read_text(encoding="utf-8"))
-    for node in tree.body:
-        if isinstance(node, ast.ClassDef) and node.name == name:
-            own = ast.get_docstring(node) or ""
-            return "\n\n".join(part for part in (own, ast.get_docstring(tree) or "") if part)
-    raise LookupError(f"{reference} is not defined where its manifest says")
+    source = Path(spec.origin)
+    tree = ast.parse(source.read_text(encoding="utf-8"))
+    classes = {node.name: node for node in tree.body if isinstance(node, ast.ClassDef)}
+    if name not in classes:
+        raise LookupError(f"{reference} is not defined where its manifest says")
+    lines = [_markdown(ast.get_docstring(classes[name]) or ""), ""]
+    alone = source.parent.name in PLURALS
+    for path in [source] if alone else sorted(source.parent.glob("*.py")):
+        text = ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))) or ""
+        if path.name in ("__init__.py", "config.py") or not text:
+            continue
+        lines += [f"**`{path.name}`** {_markdown(text)}", ""]
+    return lines
 
 
 def main() -> int:

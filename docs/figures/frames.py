@@ -14,13 +14,23 @@ OUT = Path(__file__).parent.parent / "pictures" / "frames.png"
 BLUE, ORANGE, GREY, DARK = "#0072B2", "#D55E00", "#9a9a9a", "#222222"
 
 
-def arrow(ax: Axes, start: tuple[float, float], end: tuple[float, float], text: str, color: str = DARK) -> None:
+def arrow(
+    ax: Axes, start: tuple[float, float], end: tuple[float, float], text: str, color: str = DARK
+) -> None:
     """An axis arrow with its name at the tip."""
-    ax.add_patch(FancyArrowPatch(start, end, arrowstyle="-|>", mutation_scale=16, lw=1.8, color=color, zorder=5))
+    ax.add_patch(
+        FancyArrowPatch(start, end, arrowstyle="-|>", mutation_scale=16, lw=1.8, color=color, zorder=5)
+    )
     d = np.subtract(end, start)
     ax.annotate(
-        text, end, xytext=tuple(9 * d / np.linalg.norm(d)), textcoords="offset points", ha="center", va="center",
-        color=color, fontsize=12,
+        text,
+        end,
+        xytext=tuple(9 * d / np.linalg.norm(d)),
+        textcoords="offset points",
+        ha="center",
+        va="center",
+        color=color,
+        fontsize=12,
     )
 
 
@@ -28,7 +38,9 @@ def out_of_page(ax: Axes, at: tuple[float, float], text: str, into: bool, color:
     """An axis that stands on the page."""
     ax.plot(*at, "o", ms=13, mfc="white", mec=color, mew=1.8, zorder=6)
     ax.plot(*at, "x" if into else ".", ms=7, color=color, mew=1.8, zorder=7)
-    ax.annotate(text, at, xytext=(-16, -14), textcoords="offset points", ha="center", color=color, fontsize=12)
+    ax.annotate(
+        text, at, xytext=(-16, -14), textcoords="offset points", ha="center", color=color, fontsize=12
+    )
 
 
 def module(ax: Axes) -> None:
@@ -63,11 +75,29 @@ def bending(ax: Axes) -> None:
     arc = np.linspace(0, -u, 40)
     ax.plot(1.15 * np.cos(arc), 1.15 * np.sin(arc), color=DARK, lw=1.2)
     ax.text(1.32, -0.42, "u > 0", fontsize=12)
-    ax.add_patch(FancyArrowPatch((0.45, 0.65), (0.95, 0.1), connectionstyle="arc3,rad=-0.35", arrowstyle="-|>",
-                                 mutation_scale=16, lw=1.8, color=BLUE))
+    ax.add_patch(
+        FancyArrowPatch(
+            (0.45, 0.65),
+            (0.95, 0.1),
+            connectionstyle="arc3,rad=-0.35",
+            arrowstyle="-|>",
+            mutation_scale=16,
+            lw=1.8,
+            color=BLUE,
+        )
+    )
     ax.text(0.98, 0.52, "effort τ(p, u)", color=BLUE, fontsize=11)
-    ax.add_patch(FancyArrowPatch((0.55, -1.25), (1.05, -1.75), connectionstyle="arc3,rad=-0.4", arrowstyle="<|-",
-                                 mutation_scale=16, lw=1.8, color=ORANGE))
+    ax.add_patch(
+        FancyArrowPatch(
+            (0.55, -1.25),
+            (1.05, -1.75),
+            connectionstyle="arc3,rad=-0.4",
+            arrowstyle="<|-",
+            mutation_scale=16,
+            lw=1.8,
+            color=ORANGE,
+        )
+    )
     ax.text(1.12, -1.35, "opposing\nmoment M", color=ORANGE, fontsize=11, va="center")
     ax.text(-1.45, -2.15, "equilibrium: τ(p, u) = M\nstable: ∂τ/∂u < 0", fontsize=11, va="center")
     ax.set_title("Signs at a joint", fontsize=13, pad=12)
@@ -99,7 +129,9 @@ def world(ax: Axes) -> None:
     arrow(ax, origin, (origin[0], origin[1] + 0.75), "Z", ORANGE)
     out_of_page(ax, origin, "Y", into=True, color=ORANGE)
     ax.text(origin[0] + 0.35, origin[1] - 0.42, "world", color=ORANGE, fontsize=11, ha="center")
-    ax.add_patch(FancyArrowPatch((-0.9, -1.6), (-0.9, -2.3), arrowstyle="-|>", mutation_scale=16, lw=1.8, color=DARK))
+    ax.add_patch(
+        FancyArrowPatch((-0.9, -1.6), (-0.9, -2.3), arrowstyle="-|>", mutation_scale=16, lw=1.8, color=DARK)
+    )
     ax.text(-1.0, -1.95, "g", fontsize=12, ha="right")
     ax.set_title("World frame, default base pose", fontsize=13, pad=12)
     ax.set_xlim(-1.5, 2.7)

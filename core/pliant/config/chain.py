@@ -17,18 +17,22 @@ Vector = tuple[Ratio, Ratio, Ratio]
 class SegmentConfig(FrozenModel):
     """A run of equal modules. `family` holds the design parameters that differ from the study's family."""
 
-    modules: int = Field(ge=1, le=4096)
+    modules: int = Field(ge=1, le=4096, description="number of equal modules")
     rotation_rad: Angle = Field(default=0.0, description="about the chain axis, relative to the base")
-    family: dict[str, Any] = Field(default_factory=dict)
+    family: dict[str, Any] = Field(
+        default_factory=dict, description="parameters that differ, e.g. {wall: 2 mm}"
+    )
 
 
 class BaseConfig(FrozenModel):
     """Pose of the chain's base: a quaternion (w, x, y, z), or the direction of the chain axis and a roll."""
 
-    position_m: tuple[Length, Length, Length] = (0.0, 0.0, 0.0)
-    quaternion: tuple[Ratio, Ratio, Ratio, Ratio] | None = None
-    direction: Vector | None = None
-    roll_rad: Angle | None = None
+    position_m: tuple[Length, Length, Length] = Field(default=(0.0, 0.0, 0.0), description="in the world")
+    quaternion: tuple[Ratio, Ratio, Ratio, Ratio] | None = Field(default=None, description="w, x, y, z")
+    direction: Vector | None = Field(default=None, description="where chain x points, in the world")
+    roll_rad: Angle | None = Field(
+        default=None, description="about the chain axis, with or without direction"
+    )
 
     @model_validator(mode="after")
     def _one_way(self) -> BaseConfig:
@@ -44,8 +48,10 @@ class BaseConfig(FrozenModel):
 class ActuatorConfig(FrozenModel):
     """A chamber or tendon: `input` names its signal, `sign` the side on which it acts."""
 
-    input: str = Field(pattern=r"^(pressure(_\d+)?_pa|tendon_force(_\d+)?_n)$")
-    sign: float = 1.0
+    input: str = Field(
+        pattern=r"^(pressure(_\d+)?_pa|tendon_force(_\d+)?_n)$", description="name of the signal"
+    )
+    sign: float = Field(default=1.0, description="1 or -1: the side on which it acts")
 
     @model_validator(mode="after")
     def _unit_sign(self) -> ActuatorConfig:
@@ -57,12 +63,16 @@ class ActuatorConfig(FrozenModel):
 class ChainConfig(FrozenModel):
     """N equal modules, or segments of them; gravity, base pose, payload and actuators."""
 
-    modules: int | None = Field(default=None, ge=1, le=4096)
-    segments: tuple[SegmentConfig, ...] = ()
-    gravity_m_s2: tuple[Acceleration, Acceleration, Acceleration] = GRAVITY_M_S2
-    base: BaseConfig = BaseConfig()
-    payload_kg: Mass = Field(default=0.0, ge=0)
-    actuators: tuple[ActuatorConfig, ...] = ()
+    modules: int | None = Field(default=None, ge=1, le=4096, description="number of equal modules")
+    segments: tuple[SegmentConfig, ...] = Field(default=(), description="instead of `modules`")
+    gravity_m_s2: tuple[Acceleration, Acceleration, Acceleration] = Field(
+        default=GRAVITY_M_S2, description="in the world; [0, 0, 0] switches weight off"
+    )
+    base: BaseConfig = Field(default=BaseConfig(), description="pose of the base")
+    payload_kg: Mass = Field(default=0.0, ge=0, description="hung at the tip")
+    actuators: tuple[ActuatorConfig, ...] = Field(
+        default=(), description="opposed chambers or tendons; one chamber by default"
+    )
     module_length_m: Length | None = Field(default=None, gt=0, description="only without a family")
     module_mass_kg: Mass = Field(default=0.0, ge=0, description="only without a family; a uniform rod")
 

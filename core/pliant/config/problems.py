@@ -42,7 +42,11 @@ def _sentence(detail: Any, model: type[FrozenModel]) -> str:
     if kind == "missing":
         return f"key '{key}' is missing."
     if kind == "quantity":
-        return f"'{key}': {detail['ctx']['sentence']}." if "sentence" in detail["ctx"] else f"'{key}': {detail['msg']}."
+        return (
+            f"'{key}': {detail['ctx']['sentence']}."
+            if "sentence" in detail["ctx"]
+            else f"'{key}': {detail['msg']}."
+        )
     if kind == "value_error":
         return f"'{key}': {detail['msg'].removeprefix('Value error, ')}."
     if kind in ("model_type", "model_attributes_type", "dict_type"):

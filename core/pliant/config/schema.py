@@ -57,5 +57,7 @@ def _usable(component: Component) -> bool:
 
 def _alternatives(by_interface: dict[str, list[Any]], registry: Registry, interface: str) -> list[Any]:
     kinds = registry.kinds(interface)
-    short = [{"enum": kinds, "description": "the kind alone, everything else at its default"}] if kinds else []
+    short = (
+        [{"enum": kinds, "description": "the kind alone, everything else at its default"}] if kinds else []
+    )
     return [*by_interface.get(interface, []), *short] or [{"type": "object"}]

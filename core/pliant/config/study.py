@@ -41,22 +41,44 @@ class Study(FrozenModel):
 
     pliant: Literal[1] = Field(default=1, description="format version")
     name: str = Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$", description="names the output folder")
-    family: FamilyConfig | None = None
-    material: MaterialConfig | None = None
-    fem: FemConfig | None = None
-    surrogate: SurrogateConfig | None = None
-    chain: ChainConfig | None = None
-    physics: PhysicsConfig | None = None
-    cross_check: tuple[PhysicsConfig, ...] = ()
-    task: TaskConfig | None = None
-    effects: tuple[EffectConfig, ...] = ()
-    optimizer: OptimizerConfig | None = None
-    measurements: dict[str, Any] | None = None
-    sweep: dict[str, list[Any]] | None = None
-    meta_model: dict[str, Any] | None = None
-    search: dict[str, Any] | None = None
-    noise: dict[str, Any] | None = None
-    protocols: list[dict[str, Any]] | None = None
+    family: FamilyConfig | None = Field(
+        default=None, description="the actuator module and its design parameters"
+    )
+    material: MaterialConfig | None = Field(default=None, description="what it is made of")
+    fem: FemConfig | None = Field(default=None, description="which states are solved, and by what")
+    surrogate: SurrogateConfig | None = Field(
+        default=None, description="how data become a law; polynomial by default"
+    )
+    chain: ChainConfig | None = Field(default=None, description="how modules become a robot")
+    physics: PhysicsConfig | None = Field(default=None, description="the engine; quasistatic by default")
+    cross_check: tuple[PhysicsConfig, ...] = Field(
+        default=(), description="engines that run the same task, for comparison"
+    )
+    task: TaskConfig | None = Field(default=None, description="what the robot does")
+    effects: tuple[EffectConfig, ...] = Field(
+        default=(), description="physical effects, applied in this order"
+    )
+    optimizer: OptimizerConfig | None = Field(
+        default=None, description="for design; not used by this version"
+    )
+    measurements: dict[str, Any] | None = Field(
+        default=None, description="bench data; not used by this version"
+    )
+    sweep: dict[str, list[Any]] | None = Field(
+        default=None, description="designs to solve; not used by this version"
+    )
+    meta_model: dict[str, Any] | None = Field(
+        default=None, description="laws of unseen designs; not used by this version"
+    )
+    search: dict[str, Any] | None = Field(
+        default=None, description="what to optimise; not used by this version"
+    )
+    noise: dict[str, Any] | None = Field(
+        default=None, description="uncertainty of the task; not used by this version"
+    )
+    protocols: list[dict[str, Any]] | None = Field(
+        default=None, description="runs that the bench can do; not used by this version"
+    )
 
     def need(self, key: str, what: str) -> Any:
         """The block `key`, or a `UserError` that says which command needs it."""

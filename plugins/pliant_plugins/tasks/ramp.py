@@ -20,16 +20,16 @@ from pliant.units import Force, Pressure
 
 
 class DriveConfig(TaskConfig):
-    """Actuation of a task: a pressure or a tendon force, reached in equal steps from zero.
+    """Actuation of a task: a pressure or a tendon force, reached in equal steps from zero."""
 
-    Attributes:
-        pressure_pa, tendon_force_n: exactly one of them.
-        steps: levels from zero to the full actuation that the history records; 1 goes there directly.
-    """
-
-    pressure_pa: Pressure | None = None
-    tendon_force_n: Force | None = None
-    steps: int = Field(default=11, ge=1, le=100_000)
+    pressure_pa: Pressure | None = Field(default=None, description="full pressure; this or tendon_force")
+    tendon_force_n: Force | None = Field(default=None, description="full tendon force; this or pressure")
+    steps: int = Field(
+        default=11,
+        ge=1,
+        le=100_000,
+        description="recorded levels from zero; 1 goes to the full value at once",
+    )
 
     @model_validator(mode="after")
     def _one_drive(self) -> DriveConfig:

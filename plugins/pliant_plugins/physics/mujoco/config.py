@@ -11,20 +11,19 @@ from pliant.units import Time
 
 
 class MujocoConfig(PhysicsConfig):
-    """``physics: {kind: mujoco}``.
-
-    Attributes:
-        timestep_s: longest internal step of `step`.
-        joint_damping: physical viscous damping of every joint coordinate in `step`, N·m·s/rad (N·s/m on
-            prismatic joints). It does not change equilibria.
-        tolerance: largest unbalanced effort of a settled chain, N·m (N on prismatic joints).
-        settle_timestep_s: pseudo-time step of the relaxation in `settle`.
-        max_settle_steps: steps after which `settle` gives up.
-    """
+    """``physics: {kind: mujoco}``."""
 
     kind: Literal["mujoco"] = "mujoco"
-    timestep_s: Time = Field(2e-3, gt=0.0)
-    joint_damping: float = Field(1e-4, ge=0.0)
-    tolerance: float = Field(1e-9, gt=0.0)
-    settle_timestep_s: Time = Field(0.05, gt=0.0)
-    max_settle_steps: int = Field(10000, ge=1)
+    timestep_s: Time = Field(2e-3, gt=0.0, description="longest internal step of `step`")
+    joint_damping: float = Field(
+        1e-4,
+        ge=0.0,
+        description="viscous damping of every joint coordinate in `step`, N·m·s/rad; equilibria do not depend on it",
+    )
+    tolerance: float = Field(
+        1e-9, gt=0.0, description="largest unbalanced effort of a settled chain, N·m (N on prismatic joints)"
+    )
+    settle_timestep_s: Time = Field(
+        0.05, gt=0.0, description="pseudo-time step of the relaxation in `settle`"
+    )
+    max_settle_steps: int = Field(10000, ge=1, description="steps after which `settle` gives up")

@@ -11,21 +11,23 @@ from pliant.units import Time
 
 
 class PybulletConfig(PhysicsConfig):
-    """``physics: {kind: pybullet}``.
-
-    Attributes:
-        timestep_s: longest internal step of `step`; the stiffness of the joints usually asks for shorter
-            ones, which are then taken.
-        joint_damping: physical viscous damping of every joint coordinate in `step`, N·m·s/rad (N·s/m on
-            prismatic joints). It does not change equilibria.
-        tolerance: largest unbalanced effort of a settled chain, N·m (N on prismatic joints).
-        settle_timestep_s: pseudo-time step of the relaxation in `settle`; inertia is scaled to it.
-        max_settle_steps: steps after which `settle` gives up.
-    """
+    """``physics: {kind: pybullet}``."""
 
     kind: Literal["pybullet"] = "pybullet"
-    timestep_s: Time = Field(1 / 2400, gt=0.0)
-    joint_damping: float = Field(1e-4, ge=0.0)
-    tolerance: float = Field(1e-8, gt=0.0)
-    settle_timestep_s: Time = Field(0.02, gt=0.0)
-    max_settle_steps: int = Field(20000, ge=1)
+    timestep_s: Time = Field(
+        1 / 2400,
+        gt=0.0,
+        description="longest internal step of `step`; the stiffness of the joints usually asks for shorter ones, which are then taken",
+    )
+    joint_damping: float = Field(
+        1e-4,
+        ge=0.0,
+        description="viscous damping of every joint coordinate in `step`, N·m·s/rad; equilibria do not depend on it",
+    )
+    tolerance: float = Field(
+        1e-8, gt=0.0, description="largest unbalanced effort of a settled chain, N·m (N on prismatic joints)"
+    )
+    settle_timestep_s: Time = Field(
+        0.02, gt=0.0, description="pseudo-time step of the relaxation in `settle`; inertia is scaled to it"
+    )
+    max_settle_steps: int = Field(20000, ge=1, description="steps after which `settle` gives up")

@@ -10,18 +10,27 @@ from pliant.interfaces.physics import PhysicsConfig
 
 
 class QuasistaticConfig(PhysicsConfig):
-    """``physics: {kind: quasistatic}``.
-
-    Attributes:
-        tolerance: largest unbalanced effort of a converged equilibrium, N·m (N on prismatic joints).
-        max_iterations: Newton iterations on one load level before the path to it is cut in smaller steps.
-        max_turn: longest move of one joint in one iteration, as an angle (rad) or, on prismatic joints, as a
-            share of the module length.
-        smallest_step: share of the path between two loads below which continuation gives up.
-    """
+    """``physics: {kind: quasistatic}``."""
 
     kind: Literal["quasistatic"] = "quasistatic"
-    tolerance: float = Field(1e-9, gt=0.0)
-    max_iterations: int = Field(60, ge=1)
-    max_turn: float = Field(0.5, gt=0.0)
-    smallest_step: float = Field(1 / 256, gt=0.0, le=1.0)
+    tolerance: float = Field(
+        1e-9,
+        gt=0.0,
+        description="largest unbalanced effort of a converged equilibrium, N·m (N on prismatic joints)",
+    )
+    max_iterations: int = Field(
+        60,
+        ge=1,
+        description="Newton iterations on one load level before the path to it is cut in smaller steps",
+    )
+    max_turn: float = Field(
+        0.5,
+        gt=0.0,
+        description="longest move of one joint in one iteration, as an angle (rad) or, on prismatic joints, as a share of the module length",
+    )
+    smallest_step: float = Field(
+        1 / 256,
+        gt=0.0,
+        le=1.0,
+        description="share of the path between two loads below which continuation gives up",
+    )
