@@ -1,0 +1,135 @@
+"""The headline: the finger as a body of FEM modules beside its law and its pose in the engines."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from pliant.records.design import Array
+from pliant.report import units
+from pliant.report.figures import body, raster, style
+from pliant.report.figures.chain_pose import draw_poses, views
+from pliant.report.figures.law import draw_law
+from pliant.report.figures.module_shape import can_show, show, stretch_bar, stretch_limits
+from pliant.report.folder import FinishedRun
+from pliant.report.reading import (
+    actuation,
+    base_pose,
+    chain_config,
+    gravity,
+    history_levels,
+    module_designs,
+    ran,
+)
+
+WIDTH_PX, HEIGHT_PX = 1640, 700
+BODY_PX = 610  # height of the body's image
+GHOSTS = 2  # poses between rest and full actuation
+AZIMUTH, ELEVATION = np.radians(-24.0), np.radians(12.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Bodies:
+    """The finger at rest, on the way, and settled, with the settled modules' shapes and its path of ends."""
+
+    rest: raster.Surface
+    between: list[tuple[float, raster.Surface, Array]]
+    settled: raster.Surface
+    sections: list[body.SectionShape]
+    path: Array
+
+
+def finger_picture(run: FinishedRun) -> style.Png:
+    """Body, law and poses in one wide picture; what the run does not have is left out."""
+    bodies = finger_bodies(run)
+    panels = [*(["body"] if bodies else []), "law", *(["pose"] if ran(run) else [])]
+    ratios = {"body": 1.5, "law": 1.0, "pose": 1.0}
+    width = WIDTH_PX if len(panels) == 3 else 620 * len(panels)
+    with style.canvas(width, HEIGHT_PX if len(panels) > 1 else 560) as figure:
+        axes: dict[str, Any] = figure.subplot_mosaic([panels], width_ratios=[ratios[p] for p in panels])
+        if bodies:
+            draw_bodies(figure, axes["body"], run, bodies)
+        draw_law(axes["law"], run, run.designs[0], compact=True)
+        if ran(run):
+            draw_poses(axes["pose"], run, views(run)[0])
+            if len(ran(run)) > 1:
+                axes["pose"].set_title(f"{axes['pose'].get_title(loc='left')}, {len(ran(run))} engines")
+        figure.set_layout_engine("constrained", w_pad=0.08, h_pad=0.09, wspace=0.03)
+        return style.png(figure)
+
+
+def finger_bodies(run: FinishedRun) -> Bodies | None:
+    """The finger's bodies, or None where the shapes do not describe its modules.
+
+    Each module has the free FEM shape at the present pressure, bent to its joint's angle in the first engine.
+    """
+    data = [d.fem for d in run.designs]
+    modules, given, engines = module_designs(run), actuation(run), ran(run)
+    chain = chain_config(run)
+    planar = all(d.law.joint == "revolute" and d.law.axes == ("y",) for d in run.designs)
+    if not engines or modules is None or given is None or chain is None or len(chain.actuators) > 1:
+        return None
+    if not planar or not all(can_show(d) for d in data):
+        return None
+    shapes = [d.shapes for d in data if d is not None]
+    sections = [body.unrolled(s) for s in shapes]
+    position, rotation = base_pose(run)
+    designs, turns = modules
+
+    def at(value: float, angles: Array) -> tuple[list[body.SectionShape], raster.Surface, Array]:
+        pieces = [body.at_actuation(s, c, value) for s, c in zip(shapes, sections, strict=True)]
+        surface, path = body.finger([pieces[d] for d in designs], angles, np.array(turns), position, rotation)
+        return pieces, surface, path
+
+    final = engines[0].result.final.joint_angles[:, 0]
+    if len(final) != len(designs):
+        return None
+    levels = history_levels(engines[0].result, GHOSTS)
+    between = [(value, *at(value, angles[:, 0])[1:]) for value, angles, _ in levels]
+    pieces, settled, path = at(given[1], final)
+    return Bodies(at(0.0, 0 * final)[1], between, settled, pieces, path)
+
+
+def draw_bodies(figure: Any, axes: Any, run: FinishedRun, bodies: Bodies) -> None:
+    """Rest and intermediate poses as ghosts, the settled finger coloured by the stretch of its skin."""
+    camera = finger_camera(run)
+    left, right, bottom, top = raster.box_of(
+        [bodies.rest, bodies.settled, *(b for _, b, _ in bodies.between)], camera, 0.002
+    )
+    foot = bottom - 0.13 * (top - bottom)  # room for the scales
+    scale = BODY_PX / max(top - foot, 0.9 * (right - left))
+    window = raster.Window((left, right, bottom, top), scale)
+    rough, limits = replace(window, fine=1), stretch_limits(bodies.sections)
+    image = raster.draw(bodies.rest, camera, rough, raster.Look(colour="#e3e6ec", opacity=0.5))
+    for number, (_, surface, _) in enumerate(bodies.between):
+        ghost = raster.Look(colour="#e9dcc6", opacity=0.22 + 0.1 * number)
+        image = raster.over(raster.draw(surface, camera, rough, ghost), image)
+    look = raster.Look(style.stretch_map(), limits)
+    image = raster.over(raster.draw(bodies.settled, camera, window, look), image)
+    show(axes, image, window)
+    axes.set_ylim(1e3 * foot, 1e3 * top)
+    axes.set_anchor("N")
+    bar_mm = style.round_length(0.3e3 * (right - left))
+    style.scale_bar(axes, 1e3 * left + 2, 1e3 * (foot + 0.045 * (top - foot)), bar_mm, f"{bar_mm:g} mm")
+    inset = axes.inset_axes((0.52, 0.06, 0.45, 0.018))
+    stretch_bar(figure, inset, limits, "horizontal")
+    inset.tick_params(labelsize=8)
+    inset.xaxis.label.set_size(8)
+    inset.xaxis.set_label_position("top")
+    given = actuation(run)
+    pressure = units.of_actuation(given[0]).text(given[1]) if given else ""
+    axes.set_title(f"{len(bodies.path) - 1} FEM modules, at rest and at {pressure}")
+
+
+def finger_camera(run: FinishedRun) -> raster.Camera:
+    """A view onto the bending plane, from a little beside and above it."""
+    _, rotation = base_pose(run)
+    toward, along = rotation[:, 1], rotation[:, 0]
+    up = np.array([0.0, 0.0, 1.0])
+    if np.linalg.norm(gravity(run)) > 0:
+        up = -gravity(run)
+    if np.linalg.norm(np.cross(up, toward)) < 0.3 * np.linalg.norm(up):
+        up = -along
+    return raster.Camera.looking(toward, up).tilted(AZIMUTH, ELEVATION)

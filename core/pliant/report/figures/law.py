@@ -1,0 +1,218 @@
+"""The joint law τ(p, u) with the states it comes from, and what it misses of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from matplotlib.colors import Normalize
+from matplotlib.lines import Line2D
+from numpy.typing import NDArray
+
+from pliant.records.design import Array
+from pliant.records.fem import FemDataset
+from pliant.report import units
+from pliant.report.figures import style
+from pliant.report.folder import DesignResult, FinishedRun
+from pliant.report.reading import actuation, law_of, main_axis, ran, study_form, study_form_effort
+
+CURVES = 7  # levels that are drawn where the data have more
+MANY = 400  # states beyond which points are drawn small
+FALLBACK_ANGLE = 0.5  # rad, where nothing else bounds a stated law
+
+
+@dataclass(frozen=True, eq=False)
+class Groups:
+    """Masks of a data set's states: fitted, checked, not trusted."""
+
+    fit: NDArray[np.bool_]
+    check: NDArray[np.bool_]
+    untrusted: NDArray[np.bool_]
+
+    @staticmethod
+    def of(data: FemDataset) -> Groups:
+        """Not trusted: every status but "ok"."""
+        trusted = data.status == "ok"
+        check = data.role == "check"
+        return Groups(trusted & ~check, trusted & check, ~trusted)
+
+
+def law_picture(run: FinishedRun, design: DesignResult) -> style.Png:
+    """Curves and states on the left; residuals of the law and of the study's form on the right."""
+    wide = design.fem is not None
+    with style.canvas(1560 if wide else 1000, 720) as figure:
+        if not wide:
+            draw_law(figure.subplots(), run, design)
+        else:
+            axes: dict[str, Any] = figure.subplot_mosaic(
+                [["law", "fitted"], ["law", "study"]] if study_form(design) else [["law", "fitted"]],
+                width_ratios=[1.25, 1],
+            )
+            draw_law(axes["law"], run, design)
+            draw_residuals(axes["fitted"], design)
+            if study_form(design):
+                draw_residuals(axes["study"], design, of_study=True)
+        figure.set_layout_engine("constrained", w_pad=0.09, h_pad=0.09, wspace=0.04)
+        return style.png(figure)
+
+
+def draw_law(axes: Any, run: FinishedRun, design: DesignResult, compact: bool = False) -> None:
+    """τ over u, one curve per level of actuation, with the states as points of the level's colour."""
+    law, data = design.law, design.fem
+    p_unit, u_unit = units.of_actuation(law.actuation_name), units.of_deformation(law)
+    effort = units.of_effort(law)
+    levels, (low, high) = curve_levels(run, design), angle_range(run, design)
+    u = np.linspace(low, high, 201)
+    colours, norm = style.pressure_map(), Normalize(float(levels.min()), float(levels.max()) or 1.0)
+    axes.axhline(0, color=style.SOFT, lw=0.9, zorder=1)
+    ends = []
+    for level in levels:
+        tau = effort.factor * law_of(design, np.full(len(u), level), u)
+        axes.plot(u * u_unit.factor, tau, color=colours(norm(level)), lw=1.5, zorder=2)
+        ends.append(float(tau[-1]))
+    if data is not None:
+        _states(axes, data, colours, norm, u_unit, effort)
+    axes.margins(x=0.03)
+    left, right = axes.get_xlim()
+    axes.set_xlim(left, right + (0.15 if compact else 0.1) * (right - left))
+    labels = [units.number(level * p_unit.factor, 3) for level in levels]
+    labels[-1] += f" {p_unit.name}"
+    for label, level, end, place in zip(labels, levels, ends, _apart(ends, axes.get_ylim()), strict=True):
+        axes.annotate(
+            label,
+            (high * u_unit.factor, end),
+            (high * u_unit.factor + 0.02 * (right - left), place),
+            textcoords="data",
+            ha="left",
+            va="center",
+            fontsize=8,
+            color=colours(norm(level)),
+        )
+    axis = law.axes[main_axis(law, data.axis if data else "y")]
+    symbol = "extension" if law.joint == "prismatic" else "joint angle"
+    axes.set_xlabel(
+        f"{symbol} $u$ about {axis} ({u_unit.name})" if len(law.axes) > 1 else f"{symbol} $u$ ({u_unit.name})"
+    )
+    axes.set_ylabel(rf"effort $\tau$ ({effort.name})")
+    source = "law and FEM states" if data is not None and data.design.family != "table" else "law and data"
+    source = source if data is not None else "stated by its coefficients"
+    axes.set_title("Joint law τ(p, u)" if compact else f"Joint law τ(p, u): {source}")
+    _legend(axes, data)
+
+
+def draw_residuals(axes: Any, design: DesignResult, of_study: bool = False) -> None:
+    """Law − state in percent of the effort's range, over u."""
+    data, fit = design.fem, design.fit
+    assert data is not None
+    scale = fit.effort_range if fit else float(np.ptp(data.moment_n_m)) or 1.0
+    form = study_form(design) if of_study else None
+    if form is not None:
+        predicted = study_form_effort(form, data.actuation, data.angle_rad)
+    else:
+        predicted = law_of(design, data.actuation, data.angle_rad)
+    missed = 100 * (predicted - data.moment_n_m) / scale
+    groups, u_unit = Groups.of(data), units.of_deformation(design.law)
+    size = 9 if len(data) > MANY else 26
+    axes.axhline(0, color=style.SOFT, lw=0.9, zorder=1)
+    x = data.angle_rad * u_unit.factor
+    dot, kite = style.SERIES[0], style.SERIES[1]
+    axes.scatter(x[groups.fit], missed[groups.fit], size, color=dot, linewidths=0, zorder=3)
+    axes.scatter(
+        x[groups.check],
+        missed[groups.check],
+        1.3 * size,
+        marker="D",
+        facecolor="white",
+        edgecolor=kite,
+        zorder=4,
+    )
+    largest = float(np.abs(missed[groups.fit | groups.check]).max(initial=0.0)) or 1.0
+    axes.set_ylim(-1.22 * largest, 1.22 * largest)
+    axes.yaxis.set_major_formatter(lambda value, _: units.number(float(value), 2))
+    axes.set_xlabel(f"joint angle $u$ ({u_unit.name})")
+    axes.set_ylabel("% of effort range")
+    name = "Study's form − state" if of_study else "Law − state"
+    axes.set_title(f"{name}, worst {units.percent(largest / 100)}")
+
+
+def _apart(heights: Sequence[float], limits: tuple[float, float]) -> Array:
+    """Heights of labels, moved as little as needed to stand a line of text apart."""
+    gap = 0.042 * (limits[1] - limits[0])
+    order = np.argsort(heights, kind="stable")
+    places = np.array(heights, float)[order]
+    for _ in range(200):
+        for k in range(len(places) - 1):
+            short = gap - (places[k + 1] - places[k])
+            if short > 1e-9:
+                places[k] -= short / 2
+                places[k + 1] += short / 2
+    result = np.empty_like(places)
+    result[order] = places
+    return result
+
+
+def curve_levels(run: FinishedRun, design: DesignResult) -> Array:
+    """Levels of actuation to draw: those of the data if they are few."""
+    if design.fem is not None:
+        groups = Groups.of(design.fem)
+        grid = np.unique(design.fem.actuation[~groups.check])
+        if len(grid) <= CURVES:
+            return np.asarray(grid)
+        return np.linspace(float(grid[0]), float(grid[-1]), CURVES - 1)
+    low, high = design.law.domain.actuation
+    given = actuation(run)
+    high = high if np.isfinite(high) else (given[1] if given else 1.0)
+    low = low if np.isfinite(low) else min(0.0, high)
+    return np.linspace(float(low), float(high), CURVES - 1)
+
+
+def angle_range(run: FinishedRun, design: DesignResult) -> tuple[float, float]:
+    """Range of u to draw: the data's, the stated domain, or what the engines used."""
+    if design.fem is not None:
+        trusted = ~Groups.of(design.fem).untrusted
+        u = design.fem.angle_rad[trusted] if trusted.any() else design.fem.angle_rad
+        return float(u.min()), float(u.max())
+    axis = main_axis(design.law)
+    low, high = (float(v) for v in design.law.domain.deformation[axis])
+    used = [r.result.final.joint_angles[:, axis] for r in ran(run)]
+    largest = max((float(np.abs(u).max()) for u in used), default=FALLBACK_ANGLE) or FALLBACK_ANGLE
+    return (low if np.isfinite(low) else -0.5 * largest), (high if np.isfinite(high) else 1.2 * largest)
+
+
+def _states(
+    axes: Any, data: FemDataset, colours: Any, norm: Any, u_unit: units.Unit, effort: units.Unit
+) -> None:
+    groups = Groups.of(data)
+    size = 8 if len(data) > MANY else 24
+    x, y = data.angle_rad * u_unit.factor, data.moment_n_m * effort.factor
+    shade = colours(norm(data.actuation))
+    g = groups.fit
+    axes.scatter(x[g], y[g], size, color=shade[g], edgecolor="white", linewidths=0.4, zorder=4)
+    g = groups.check
+    axes.scatter(
+        x[g], y[g], 1.5 * size, marker="D", facecolor="white", edgecolor=shade[g], linewidths=1.2, zorder=5
+    )
+    g = groups.untrusted
+    if g.any():
+        axes.scatter(x[g], y[g], 1.3 * size, marker="x", color=style.WARN, linewidths=1.2, zorder=5)
+
+
+def _legend(axes: Any, data: FemDataset | None) -> None:
+    if data is None:
+        return
+    groups = Groups.of(data)
+
+    def entry(label: str, **look: Any) -> Line2D:
+        return Line2D([], [], ls="", label=label, **look)
+
+    handles = [entry(f"fitted ({groups.fit.sum()})", marker="o", color=style.SOFT, ms=5)]
+    if groups.check.any():
+        handles.append(
+            entry(f"left out ({groups.check.sum()})", marker="D", mfc="white", mec=style.SOFT, ms=5)
+        )
+    if groups.untrusted.any():
+        label = f"self-contact, not used ({groups.untrusted.sum()})"
+        handles.append(entry(label, marker="x", color=style.WARN, ms=5.5))
+    axes.legend(handles=handles, loc="upper right", handletextpad=0.3)

@@ -1,0 +1,106 @@
+"""One look for all pictures: fonts, colours, sizes; figures as PNG bytes that depend on their content only."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import matplotlib
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import Colormap, LinearSegmentedColormap
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+Png = NDArray[np.uint8]
+
+DPI = 150
+INK, SOFT, FAINT, PAPER = "#1d2433", "#5c6577", "#c9ced8", "#ffffff"
+# Okabe and Ito's palette: told apart with every common colour blindness.
+SERIES = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
+WARN = "#D55E00"
+
+RC: dict[str, Any] = {
+    "font.family": "DejaVu Sans",
+    "font.size": 9.5,
+    "axes.titlesize": 10.5,
+    "axes.titleweight": "bold",
+    "axes.titlelocation": "left",
+    "axes.titlepad": 8,
+    "axes.labelsize": 9.5,
+    "axes.labelcolor": INK,
+    "axes.edgecolor": SOFT,
+    "axes.linewidth": 0.8,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "grid.color": "#e6e9ef",
+    "grid.linewidth": 0.7,
+    "text.color": INK,
+    "xtick.color": SOFT,
+    "ytick.color": SOFT,
+    "xtick.labelcolor": INK,
+    "ytick.labelcolor": INK,
+    "legend.frameon": False,
+    "legend.fontsize": 8.5,
+    "lines.linewidth": 1.6,
+    "figure.facecolor": PAPER,
+    "axes.unicode_minus": True,
+    "svg.hashsalt": "pliant",
+}
+
+
+@contextmanager
+def canvas(width_px: int, height_px: int) -> Iterator[Figure]:
+    """A figure of this size in the house style; the style holds inside the block only."""
+    with matplotlib.rc_context(RC):
+        figure = Figure(figsize=(width_px / DPI, height_px / DPI), dpi=DPI)
+        FigureCanvasAgg(figure)
+        yield figure
+
+
+def png(figure: Figure) -> Png:
+    """The figure as PNG bytes, without date or software version."""
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png", dpi=DPI, metadata={"Software": None})
+    return np.frombuffer(buffer.getvalue(), dtype=np.uint8)
+
+
+def pressure_map() -> Colormap:
+    """Colours of actuation levels: dark to green; yellow, unreadable on white, is left out."""
+    return _part("viridis", 0.0, 0.74)
+
+
+def stretch_map() -> Colormap:
+    """Colours of the surface stretch on a shaded body: pale where the rubber is at rest."""
+    return LinearSegmentedColormap.from_list(
+        "stretch", ["#f2ead9", "#f5cf9a", "#f09a5e", "#d65a5b", "#9b2f70", "#5a1a6b"]
+    )
+
+
+def bare(axes: Any) -> None:
+    """An axis without frame, ticks and grid, with equal scales."""
+    axes.set_axis_off()
+    axes.set_aspect("equal")
+
+
+def scale_bar(axes: Any, x: float, y: float, length: float, label: str) -> None:
+    """A bar of this length in data units, with its label above the middle."""
+    axes.plot([x, x + length], [y, y], color=INK, lw=2.2, solid_capstyle="butt", zorder=10)
+    axes.annotate(
+        label, (x + length / 2, y), (0, 3), textcoords="offset points", ha="center", va="bottom", fontsize=8.5
+    )
+
+
+def round_length(target: float) -> float:
+    """The largest of 1, 2, 5 × 10ⁿ that is not above `target`."""
+    power = 10.0 ** np.floor(np.log10(target))
+    return float(max(f * power for f in (1.0, 2.0, 5.0) if f * power <= target * (1 + 1e-9)))
+
+
+def _part(name: str, low: float, high: float) -> Colormap:
+    whole = matplotlib.colormaps[name]
+    return LinearSegmentedColormap.from_list(f"{name}-part", whole(np.linspace(low, high, 128)))

@@ -1,0 +1,157 @@
+"""A finished run as one self-contained HTML page: no script, no network, pictures inside."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pliant import __version__
+from pliant.report.facts import (
+    Table,
+    coefficients,
+    engine_table,
+    input_table,
+    law_table,
+    metrics_table,
+    provenance_table,
+    time_tables,
+)
+from pliant.report.figures.chain_pose import chain_pose
+from pliant.report.figures.finger import finger_picture
+from pliant.report.figures.law import law_picture
+from pliant.report.figures.module_shape import can_show, module_shape
+from pliant.report.folder import FinishedRun
+from pliant.report.reading import ran
+from pliant.report.template import page_template
+from pliant.report.words import gravity_words, result_sentence, warnings
+
+SHAPES_SHOWN = 6  # designs whose mesh is drawn
+
+
+@dataclass(frozen=True, eq=False)
+class Page:
+    """The report: a page, and its pictures as the bytes of PNG files (uint8) by name."""
+
+    html: str
+    pictures: Mapping[str, NDArray[np.uint8]]
+
+
+@dataclass(frozen=True, eq=False)
+class Picture:
+    """A picture of the page."""
+
+    name: str
+    caption: str
+    png: NDArray[np.uint8]
+
+    @property
+    def data_url(self) -> str:
+        """The picture as text that an <img> shows."""
+        return "data:image/png;base64," + base64.b64encode(self.png.tobytes()).decode("ascii")
+
+
+@dataclass(frozen=True, eq=False)
+class Section:
+    """A part of the page: pictures, then tables, then a line of small print."""
+
+    title: str
+    pictures: tuple[Picture, ...] = ()
+    tables: tuple[Table, ...] = ()
+    note: str = ""
+
+
+def render(run: FinishedRun) -> Page:
+    """Draw and write the report. The same run gives the same bytes."""
+    hero = Picture("finger", _hero_caption(run), finger_picture(run))
+    sections = [s for s in (_meshes(run), _laws(run), _poses(run), *_tables(run)) if s is not None]
+    text = page_template().render(
+        title=str(run.study.get("name", "Pliant run")),
+        sentence=result_sentence(run),
+        hero=hero,
+        warnings=warnings(run),
+        sections=sections,
+        version=run.provenance[0].get("pliant", __version__) if run.provenance else __version__,
+    )
+    pictures = {p.name: p.png for p in (hero, *(p for s in sections for p in s.pictures))}
+    return Page(text, pictures)
+
+
+def _hero_caption(run: FinishedRun) -> str:
+    parts = []
+    if any(can_show(d.fem) for d in run.designs) and ran(run):
+        parts.append(
+            "FEM shape of one module at this pressure, bent to each joint's angle and stacked; ghosts show the rest "
+            "state and levels on the way, colour the stretch of the skin"
+        )
+    parts.append("the joint law with the states behind it")
+    if ran(run):
+        parts.append(f"the chain's pose {gravity_words(run)}")
+    text = "; ".join(parts)
+    return text[0].upper() + text[1:] + "."
+
+
+def _meshes(run: FinishedRun) -> Section | None:
+    shown = [(n, d) for n, d in enumerate(run.designs) if can_show(d.fem)][:SHAPES_SHOWN]
+    if not shown:
+        return None
+    pictures = tuple(
+        Picture(
+            _numbered("module_shape", n),
+            f"{d.name}: the mesh at rest and on the free branch, orthographic, one scale. Only a quarter is solved; "
+            "the rest are mirror images.",
+            module_shape(d.fem),
+        )
+        for n, d in shown
+        if d.fem is not None
+    )
+    return Section("One module, undeformed and deformed", pictures)
+
+
+def _laws(run: FinishedRun) -> Section:
+    pictures = tuple(
+        Picture(_numbered("law", n), _law_caption(run, n), law_picture(run, d))
+        for n, d in enumerate(run.designs)
+    )
+    table = law_table(run)
+    stated = [d for d in run.designs if d.fit is None]
+    note = f"Stated law: {coefficients(stated[0])}" if stated else ""
+    return Section("The joint law τ(p, u)", pictures, (table,) if table else (), note)
+
+
+def _law_caption(run: FinishedRun, number: int) -> str:
+    design = run.designs[number]
+    name = f"{design.name}: " if len(run.designs) > 1 else ""
+    text = f"{name}τ is the external moment that opposes actuation; where it is zero the module is free."
+    if len(design.law.axes) > 1:
+        text += " The other axes are held at zero."
+    if design.fem is not None:
+        text += " Right: law minus state in percent of the effort's range, filled = fitted, open = left out."
+    return text
+
+
+def _poses(run: FinishedRun) -> Section | None:
+    if not ran(run):
+        return None
+    caption = "Markers are base, joints and tip, at equal scales; faint lines are levels of the actuation."
+    tables = [t for t in (engine_table(run), metrics_table(run)) if t is not None]
+    return Section(
+        "The finger in the engines", (Picture("chain_pose", caption, chain_pose(run)),), tuple(tables)
+    )
+
+
+def _tables(run: FinishedRun) -> list[Section]:
+    found = []
+    if times := time_tables(run):
+        found.append(Section("Times", tables=tuple(times)))
+    found.append(Section("Inputs", tables=(input_table(run),)))
+    if run.provenance:
+        found.append(Section("Provenance", tables=(provenance_table(run),)))
+    return found
+
+
+def _numbered(name: str, number: int) -> str:
+    return name if number == 0 else f"{name}_{number + 1}"

@@ -1,0 +1,166 @@
+"""The run in words: the result as one sentence, and everything that a reader must be warned of."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pliant.report import units
+from pliant.report.folder import DesignResult, FinishedRun
+from pliant.report.reading import (
+    Ran,
+    actuation,
+    chain_config,
+    distances_m,
+    main_axis,
+    payload_kg,
+    ran,
+    skipped,
+)
+
+LISTED = 12  # entries that a warning spells out
+
+
+@dataclass(frozen=True)
+class Warned:
+    """A warning: one sentence and, where there are several cases, a list of them."""
+
+    sentence: str
+    items: tuple[str, ...] = ()
+
+
+def result_sentence(run: FinishedRun) -> str:
+    """What came out: the bend, how well the engines agree, how well the law fits."""
+    parts = [_bend(run), _agreement(ran(run)), _law_error(run)]
+    text = "; ".join(part for part in parts if part)
+    return text[0].upper() + text[1:] + "."
+
+
+def warnings(run: FinishedRun) -> list[Warned]:
+    """Everything that limits the result, the gravest first."""
+    found: list[Warned] = []
+    for engine in ran(run):
+        found += _engine_warnings(engine, run)
+    for design in run.designs:
+        found += _law_warnings(design, len(run.designs) > 1)
+    for other in skipped(run):
+        found.append(Warned(f"Engine {other.kind} was skipped: {other.skipped or 'no cause was given'}"))
+    unused = run.summary.get("unused") or []
+    if unused:
+        found.append(Warned(f"The study sets {', '.join(unused)}, which no stage of this version reads."))
+    return found
+
+
+def _bend(run: FinishedRun) -> str:
+    engines, given = ran(run), actuation(run)
+    law = run.designs[0].law
+    if not engines:
+        return f"a joint law of one module, no chain simulated ({run.study.get('name', 'study')})"
+    final = engines[0].result.final
+    joints = final.joint_angles
+    at = f" at {units.of_actuation(given[0]).text(given[1])}" if given else ""
+    load = payload_kg(run)
+    under = f" with {units.SHOWN['kg'].text(load)} at its tip" if load else ""
+    name = f"{len(joints)}-module finger" if len(joints) > 1 else "one-joint finger"
+    total = float(joints[:, main_axis(law)].sum())
+    verb = "extends by" if law.joint == "prismatic" else "bends"
+    size = (
+        f"{units.fixed(1e3 * total, 2)} mm"
+        if law.joint == "prismatic"
+        else f"{units.fixed(np.degrees(total), 1)}°"
+    )
+    if not final.converged:
+        return f"{name} did not settle{at}{under} in {engines[0].kind}"
+    return f"{name} {verb} {size}{at}{under}"
+
+
+def _agreement(engines: list[Ran]) -> str:
+    if len(engines) < 2:
+        return ""
+    worst = max(float(d.max()) for d in distances_m(engines))
+    numbers = {2: "two", 3: "three", 4: "four"}
+    return f"{numbers.get(len(engines), str(len(engines)))} engines agree within {units.small_length(worst)}"
+
+
+def _law_error(run: FinishedRun) -> str:
+    fits = [d.fit for d in run.designs if d.fit is not None]
+    if not fits:
+        return "the law is stated by its coefficients"
+    worst = max(fit.worst_of_range for fit in fits)
+    data = [d.fem for d in run.designs if d.fem is not None]
+    source = "the table's states" if data and data[0].design.family == "table" else "FEM"
+    return f"law within {units.percent(worst)} of {source} on states left out"
+
+
+def _engine_warnings(engine: Ran, run: FinishedRun) -> list[Warned]:
+    final, law = engine.result.final, run.designs[0].law
+    found = []
+    if not final.converged:
+        unit = units.of_effort(law)
+        residual = unit.text(final.residual, 2)
+        found.append(Warned(f"{engine.kind} did not converge; unbalanced effort {residual}."))
+    if final.stable is False:
+        found.append(
+            Warned(f"{engine.kind} settled in an unstable equilibrium: the energy has no minimum there.")
+        )
+    if final.outside_domain:
+        p_unit, u_unit = units.of_actuation(law.actuation_name), units.of_deformation(law)
+        entries = sorted(final.outside_domain, key=lambda e: -abs(e.excess))
+        items = [
+            f"module {e.module}: {e.variable} by {_unit_of(e.variable, p_unit, u_unit).text(e.excess, 3)}"
+            for e in entries[:LISTED]
+        ]
+        sentence = f"{engine.kind} used the law outside its domain at {len(entries)} places"
+        found.append(Warned(sentence + _rest(len(entries)) + ".", tuple(items)))
+    return found
+
+
+def _unit_of(variable: str, actuation_unit: units.Unit, deformation_unit: units.Unit) -> units.Unit:
+    """Actuations are named by their input, joint coordinates by their axis."""
+    return actuation_unit if variable.endswith(("_pa", "_n")) or variable == "actuation" else deformation_unit
+
+
+def _law_warnings(design: DesignResult, named: bool) -> list[Warned]:
+    found = []
+    prefix = f"{design.name}: " if named else ""
+    if design.fit is not None and design.fit.details.get("stable") is False:
+        found.append(Warned(f"{prefix}the law is unstable (∂τ/∂u ≥ 0) somewhere in its domain."))
+    if design.fem is None:
+        return found
+    contact = int(np.sum(design.fem.status == "self_contact"))
+    if contact:
+        found.append(
+            Warned(
+                f"{prefix}{contact} of {len(design.fem)} states have touching convolutions; the model has no "
+                "contact, so the law is not fitted to them."
+            )
+        )
+    other = (design.fem.status != "ok") & (design.fem.status != "self_contact")
+    if other.any():
+        names = ", ".join(sorted(set(design.fem.status[other].tolist())))
+        found.append(Warned(f"{prefix}{int(other.sum())} states are not trusted ({names})."))
+    failed = design.fem.failed
+    if failed:
+        items = tuple(_failed(entry, design) for entry in failed[:LISTED])
+        found.append(Warned(f"{prefix}{len(failed)} states failed{_rest(len(failed))}.", items))
+    return found
+
+
+def _failed(entry: object, design: DesignResult) -> str:
+    assert isinstance(entry, dict)
+    unit = units.of_actuation(design.law.actuation_name)
+    value, angle = entry.get("actuation"), entry.get("angle_rad")
+    where = unit.text(float(value)) if isinstance(value, int | float) else "unknown actuation"
+    where += f", {units.DEGREES.text(float(angle), 3)}" if isinstance(angle, int | float) else ", free"
+    return f"{where}: {entry.get('cause', 'no cause recorded')}"
+
+
+def _rest(count: int) -> str:
+    return f" (the first {LISTED} are listed)" if count > LISTED else ""
+
+
+def gravity_words(run: FinishedRun) -> str:
+    """Whether weight acts, for captions."""
+    chain = chain_config(run)
+    return "under gravity" if chain is not None and any(chain.gravity_m_s2) else "without gravity"
