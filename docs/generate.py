@@ -207,7 +207,9 @@ def _keys(model: type[FrozenModel]) -> list[str]:
 
 def _default(field: Any) -> str:
     value = field.get_default(call_default_factory=True)
-    return repr(value.canonical()) if isinstance(value, FrozenModel) else repr(value)
+    if isinstance(value, FrozenModel):
+        return "all defaults"
+    return {None: "none", (): "[]"}.get(value if value is None or value == () else 0, repr(value))
 
 
 def _limits(field: Any) -> str:

@@ -92,9 +92,7 @@ def schema(json: JsonFile = None, quiet: Quiet = False) -> None:
 def new_plugin(
     name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the package, e.g. my-finger.")],
     interface: Annotated[str, typer.Option("--interface", help="What it shall fill.")] = "effect",
-    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Parent folder of the package.")] = Path(
-        "."
-    ),
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Parent folder of the package.")] = Path(),
     json: JsonFile = None,
     quiet: Quiet = False,
 ) -> None:

@@ -15,16 +15,15 @@ from pliant_plugins.tasks.ramp import DriveConfig, ramp
 
 
 class TipLoadConfig(DriveConfig):
-    """``task: {kind: tip_load, pressure: 15 kPa, payload: 13 g}``.
-
-    Attributes:
-        payload_kg: point mass at the tip; left out, the chain's own payload stays.
-        tip_force_n: dead force at the tip, world frame. Both act at every level of the ramp.
-    """
+    """``task: {kind: tip_load, pressure: 15 kPa, payload: 13 g}``; loads act at every level of the ramp."""
 
     kind: Literal["tip_load"] = "tip_load"
-    payload_kg: Mass | None = Field(default=None, ge=0.0)
-    tip_force_n: tuple[Force, Force, Force] = (0.0, 0.0, 0.0)
+    payload_kg: Mass | None = Field(
+        default=None, ge=0.0, description="point mass at the tip; left out, the chain's own payload stays"
+    )
+    tip_force_n: tuple[Force, Force, Force] = Field(
+        default=(0.0, 0.0, 0.0), description="dead force at the tip, world frame"
+    )
 
 
 class TipLoad(Task):
