@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import itertools
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +22,7 @@ from pliant_plugins.families.bellow_bending.hex27 import (
 from pliant_plugins.families.bellow_bending.mesh import build_mesh
 
 COEFFICIENTS = Path(__file__).parents[3] / "shared/data/reference/gripper_poly_coefficients.csv"
-GRID = [(r, R, t, l) for r in (2, 5) for R in (6, 7.5, 9) for t in (1.5, 2) for l in (8, 10, 12)]
+GRID = list(itertools.product((2, 5), (6, 7.5, 9), (1.5, 2), (8, 10, 12)))
 
 
 def bellow(r: float, R: float, t: float, l: float) -> BellowGeometry:  # noqa: E741

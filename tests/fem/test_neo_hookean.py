@@ -16,8 +16,8 @@ def law() -> NeoHookean:
     return NeoHookean(NeoHookeanConfig(shear_modulus_pa=MU, poisson_ratio=NU))
 
 
-@pytest.fixture
-def F() -> np.ndarray:
+@pytest.fixture(name="F")
+def deformations() -> np.ndarray:
     rng = np.random.default_rng(0)
     return np.eye(3) + 0.15 * rng.standard_normal((4, 5, 3, 3))
 

@@ -10,7 +10,7 @@ from pliant.interfaces.fem import FemConfig
 
 
 class SkfemConfig(FemConfig):
-    """Newton's tolerance is the root-mean-square strain that the last, already quadratic, step adds."""
+    """Newton's tolerance is the strain, root mean square, that its last step adds; the error left is its square."""
 
     kind: Literal["skfem"] = "skfem"
     linear_solver: Literal["auto", "pardiso", "superlu"] = Field(
@@ -22,5 +22,5 @@ class SkfemConfig(FemConfig):
         "lock at ν near ½ (only to compare with codes that use them)",
     )
     tolerance: float = Field(default=1e-6, gt=0, le=1e-3, description="strain of the last Newton step")
-    max_iterations: int = Field(default=20, ge=2, le=200, description="Newton steps before a step is halved")
+    max_iterations: int = Field(default=15, ge=2, le=200, description="Newton steps before a step is halved")
     max_halvings: int = Field(default=6, ge=0, le=20, description="how often a load step may be halved")

@@ -11,6 +11,8 @@ from pliant_plugins.fem.skfem.assembly import Assembler
 from pliant_plugins.fem.skfem.condense import Point, Reduced, newton_step
 from pliant_plugins.fem.skfem.linear import LinearSolver, SingularMatrixError
 
+TOO_LONG = 0.05  # strain (root mean square) of the first correction: beyond, two half steps are cheaper
+ON_THE_WAY = 1e-3  # strain at which an intermediate step is good enough to go on from
 SHORTEST = 1 / 32  # fraction of a Newton step below which the line search gives up
 
 
@@ -51,7 +53,8 @@ class Newton:
         self.max_iterations, self.max_halvings = max_iterations, max_halvings
         shear = assembler.material.evaluate(np.eye(3)).tangent[0, 1, 0, 1]
         # a uniform shear of that size stores this much: the decrement's natural scale
-        self._enough = float(tolerance**2 * shear * assembler.volume_m3)
+        self._unit = float(shear * assembler.volume_m3)
+        self._enough = tolerance**2 * self._unit
 
     def at(self, x: Array, pressure: float) -> Equilibrium:
         """The system at x, which the caller knows to be an equilibrium."""
@@ -61,7 +64,7 @@ class Newton:
         return Equilibrium(point, self._reduce(point), 0)
 
     def advance(self, start: Equilibrium, target: Control) -> Equilibrium:
-        """Equilibrium at `target`, in one step or, where that fails, in halved ones.
+        """Equilibrium at `target`, in one step or, where that fails or is too long, in shorter ones.
 
         Raises `DivergedError`.
         """
@@ -69,17 +72,23 @@ class Newton:
         while reached < 1.0:
             goal = min(reached + length, 1.0)
             try:
-                here = self._step(here, _between(start.point, target, goal))
+                last = length <= 0.5**self.max_halvings
+                here = self._step(here, _between(start.point, target, goal), goal == 1.0, last)
             except (DivergedError, SingularMatrixError) as error:
                 length /= 2
                 if length < 0.5**self.max_halvings:
                     raise DivergedError(f"{error}; stopped after {reached:.0%} of the load step") from error
                 continue
-            reached, count = goal, count + here.iterations
+            reached, count, length = goal, count + here.iterations, 2 * length
         return Equilibrium(here.point, here.reduced, count)
 
-    def _step(self, start: Equilibrium, target: Control) -> Equilibrium:
-        """One load step: tangent predictor, then Newton with a line search."""
+    def _step(self, start: Equilibrium, target: Control, final: bool, patient: bool) -> Equilibrium:
+        """One load step: tangent predictor, then Newton with a line search.
+
+        A step that is not `final` ends near equilibrium. Unless `patient`, a step is given up at once where the
+        predictor leaves much to correct.
+        """
+        enough = self._enough if final else max(self._enough, ON_THE_WAY**2 * self._unit)
         step = newton_step(start.point, start.reduced, self.assembler.pattern, *_fields(target))
         point = self._evaluate(start.point.x + step, target.pressure)
         for iteration in range(1, self.max_iterations + 1):
@@ -88,11 +97,13 @@ class Newton:
             reduced = self._reduce(point)
             step = newton_step(point, reduced, self.assembler.pattern, *_fields(target))
             decrement = self._work(point, step, target)
-            if decrement <= self._enough:
-                final = self._evaluate(point.x + step, target.pressure)
-                if final is None:
+            if decrement <= enough:
+                found = self._evaluate(point.x + step, target.pressure)
+                if found is None:
                     raise DivergedError("the last step inverts cells")
-                return Equilibrium(final, self._reduce(final), iteration + 1)
+                return Equilibrium(found, self._reduce(found), iteration + 1)
+            if iteration == 1 and not patient and decrement > TOO_LONG**2 * self._unit:
+                raise DivergedError("the load step is too long")
             point = self._search(point, step, decrement, target)
         raise DivergedError(f"no convergence in {self.max_iterations} Newton steps")
 
