@@ -1,0 +1,26 @@
+"""What this package brings to Pliant. Imported at every start of Pliant, so nothing heavy is imported here."""
+
+from collections.abc import Iterable
+
+from pliant.registry.component import Component
+from pliant.registry.hookspecs import hookimpl
+
+
+@hookimpl
+def pliant_components() -> Iterable[Component]:
+    """The family."""
+    return [
+        Component(
+            interface="family",
+            kind="eccentric_tube",
+            config="pliant_eccentric_tube.config:EccentricTubeConfig",
+            implementation="pliant_eccentric_tube.family:EccentricTube",
+            summary="rubber tube with its bore off the axis; pressure bends it toward the thick side",
+            example={
+                "outer_radius": "6 mm",
+                "bore_radius": "3.5 mm",
+                "offset": "1.2 mm",
+                "module_length": "12 mm",
+            },
+        )
+    ]

@@ -1,0 +1,87 @@
+"""`pliant new-plugin`: each skeleton installs and passes its own tests as generated; wrong names are refused."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from pliant.cli.new_plugin import EXAMPLES, create_package
+from pliant.errors import UserError
+
+
+@pytest.fixture(scope="module")
+def skeletons(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    folder = tmp_path_factory.mktemp("skeletons")
+    for interface in EXAMPLES:
+        create_package(f"my-{interface}", folder, interface)
+    return {interface: folder / f"my-{interface}" for interface in EXAMPLES}
+
+
+@pytest.fixture(scope="module")
+def environment(new_environment: Callable[[], Any], skeletons: dict[str, Path]) -> Any:
+    made = new_environment()
+    made.install(list(skeletons.values()))
+    return made
+
+
+@pytest.mark.parametrize("interface", EXAMPLES)
+def test_passes_its_own_tests(environment: Any, skeletons: dict[str, Path], interface: str) -> None:
+    done = environment.run("-m", "pytest", "-q", "-p", "no:cacheprovider", cwd=skeletons[interface])
+    assert done.returncode == 0, done.stdout[-3000:]
+
+
+def test_gives_the_files_that_it_wrote(tmp_path: Path) -> None:
+    files = create_package("pliant-lossy_Supply", tmp_path / "new", "effect")
+    root = tmp_path / "new" / "pliant-lossy_Supply"
+    assert sorted(files) == sorted(path for path in root.rglob("*") if path.is_file())
+    manifest = (root / "src" / "pliant_lossy_supply" / "manifest.py").read_text()
+    assert 'kind="lossy_supply"' in manifest
+    assert [path.name for path in (tmp_path / "new").iterdir()] == ["pliant-lossy_Supply"]
+
+
+@pytest.mark.parametrize(
+    ("name", "interface", "says"),
+    [
+        ("my finger", "effect", "no name for a package"),
+        ("-finger", "effect", "no name for a package"),
+        ("../up", "effect", "no name for a package"),
+        ("json", "effect", "would hide"),
+        ("pliant", "effect", "would hide"),
+        ("effect", "effect", "cannot be a kind"),
+        ("my-finger", "familly", "is no interface; did you mean 'family'"),
+        ("my-finger", "fem", "has no skeleton yet"),
+    ],
+)
+def test_wrong_names_are_refused_and_nothing_is_written(
+    tmp_path: Path, name: str, interface: str, says: str
+) -> None:
+    with pytest.raises(UserError, match=says):
+        create_package(name, tmp_path, interface)
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_folder_that_is_not_empty_stays_as_it_is(tmp_path: Path) -> None:
+    (tmp_path / "my-finger").mkdir()
+    (tmp_path / "my-finger" / "notes.txt").write_text("mine")
+    with pytest.raises(UserError, match="not empty"):
+        create_package("my-finger", tmp_path)
+    assert [p.name for p in tmp_path.rglob("*")] == ["my-finger", "notes.txt"]
+
+
+def test_a_folder_that_cannot_be_written_is_named(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(UserError, match="cannot be written"):
+        create_package("my-finger", tmp_path / "file")
+
+
+def test_an_interruption_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(self: Path, text: str, encoding: str | None = None) -> int:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(Path, "write_text", fail)
+    with pytest.raises(UserError, match="No space left"):
+        create_package("my-finger", tmp_path)
+    assert not list(tmp_path.iterdir())

@@ -1,0 +1,101 @@
+"""A third-party family beside broken packages, in a fresh environment: found, checked, run from a study file."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+SMALL = ["fem.pressures=3", "fem.angles=4", "fem.check_states=3", "chain.modules=2"]
+
+
+@pytest.fixture(scope="module")
+def environment(new_environment: Callable[[], Any], contrib: Path, broken_packages: list[Path]) -> Any:
+    made = new_environment()
+    made.install([contrib, *broken_packages])
+    return made
+
+
+@pytest.fixture(scope="module")
+def listed(environment: Any) -> dict[str, Any]:
+    """What `pliant plugins` says there."""
+    done = environment.run("-m", "pliant", "plugins", "--json", "-", "--quiet")
+    assert done.returncode == 0, done.stderr
+    result: dict[str, Any] = json.loads(done.stdout)
+    return result
+
+
+def test_third_party_family_is_found(listed: dict[str, Any]) -> None:
+    packages = {(c["interface"], c["kind"]): c["package"] for c in listed["components"]}
+    assert packages["family", "eccentric_tube"] == "pliant-eccentric-tube 0.1.0"
+    assert packages["material", "neo_hookean"].startswith("pliant ")
+    assert ("family", "bellow_bending") not in packages  # a broken package defines it a second time
+
+
+@pytest.mark.parametrize(
+    ("name", "package", "cause"),
+    [
+        (
+            "broken_import",
+            "broken_import 0.1",
+            "ModuleNotFoundError: No module named 'a_module_that_nobody_has'",
+        ),
+        (
+            "broken_answer",
+            "broken_answer 0.1",
+            "TypeError: pliant_components returned 'effect', which is no Component",
+        ),
+    ],
+)
+def test_broken_package_is_named_with_its_cause(
+    listed: dict[str, Any], name: str, package: str, cause: str
+) -> None:
+    failed = {failure["name"]: failure for failure in listed["failed"]}
+    assert failed[name]["package"].replace("-", "_") == package
+    assert failed[name]["cause"] == cause
+
+
+def test_kind_defined_twice_names_both_packages(listed: dict[str, Any]) -> None:
+    (clash,) = [failure for failure in listed["failed"] if "bellow_bending" in failure["name"]]
+    assert "defined twice" in clash["cause"]
+    assert "pliant 0" in clash["package"]
+    assert "broken" in clash["package"]
+
+
+def test_third_party_family_passes_its_own_tests(environment: Any, contrib: Path) -> None:
+    done = environment.run("-m", "pytest", "-q", "-p", "no:cacheprovider", contrib / "tests", cwd=contrib)
+    assert done.returncode == 0, done.stdout[-2000:]
+
+
+def test_conformance_by_command(environment: Any) -> None:
+    done = environment.run("-m", "pliant", "check", "family", "eccentric_tube", "--json", "-", "--quiet")
+    assert done.returncode == 0, done.stderr
+    result = json.loads(done.stdout)
+    assert result["failed"] == 0
+    assert result["passed"] > 20
+
+
+def test_study_runs_with_the_third_party_family(environment: Any, contrib: Path, tmp_path: Path) -> None:
+    study = contrib / "examples" / "eccentric_tube.yaml"
+    done = environment.run(
+        "-m", "pliant", "simulate", study, *SMALL, "--json", "result.json", "--quiet", cwd=tmp_path
+    )
+    assert done.returncode == 0, done.stderr
+    result = json.loads((tmp_path / "result.json").read_text())
+    assert result["converged"]
+    # bends toward the thick side: positive, toward world +x
+    assert all(angle > 0.01 for angle in result["joint_angles_rad"])
+    assert result["tip_m"][0] > 1e-4
+
+
+def test_twice_defined_kind_is_refused_in_a_study(environment: Any, contrib: Path, tmp_path: Path) -> None:
+    study = tmp_path / "study.yaml"
+    example = (contrib / "examples" / "eccentric_tube.yaml").read_text()
+    study.write_text(example.replace("kind: eccentric_tube", "kind: bellow_bending"))
+    done = environment.run("-m", "pliant", "simulate", study, cwd=tmp_path)
+    assert done.returncode == 2
+    assert "bellow_bending" in done.stderr
+    assert "uninstall one of them" in " ".join(done.stderr.split())
