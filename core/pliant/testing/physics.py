@@ -26,6 +26,7 @@ from pliant.testing.samples import (
 from pliant.testing.suite import Subject, Suite, require, require_close
 
 suite = Suite("physics")
+suite.checks.extend(loads.checks)
 KINDS = ("revolute", "spherical", "prismatic")
 
 
@@ -196,6 +197,3 @@ def leaves_the_chain_alone(subject: Subject) -> None:
     before = chain_numbers(chain)
     settled_under(subject, chain, pressed())
     require(np.array_equal(before, chain_numbers(chain)), "an array of the chain was changed in place")
-
-
-suite.checks.extend(loads.checks)

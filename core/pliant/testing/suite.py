@@ -13,7 +13,7 @@ from typing import Any, Literal, TypeVar
 
 import numpy as np
 
-from pliant.errors import ContractError, MissingDependencyError
+from pliant.errors import ContractError, MissingDependencyError, PliantError
 from pliant.interfaces.base import ComponentConfig
 from pliant.registry.component import Component
 
@@ -225,6 +225,9 @@ def check_component(component: Component, interface: str | None = None) -> None:
 
 
 def _described(error: Exception) -> str:
+    """The error in words; its place only where it was not raised on purpose."""
+    if isinstance(error, PliantError):
+        return f"{type(error).__name__}: {' '.join(str(error).split())}"
     place = traceback.extract_tb(error.__traceback__)[-1]
     text = " ".join(str(error).split()) or "without a message"
     return f"{type(error).__name__} in {place.name} ({place.filename}:{place.lineno}): {text}"
