@@ -111,9 +111,15 @@ def time_tables(run: FinishedRun) -> list[Table]:
 
 
 def input_table(run: FinishedRun) -> Table:
-    """The study with all defaults, in readable units."""
-    rows = [row for key, block in run.study.items() if key != "pliant" for row in _inputs(key, block)]
-    return Table("Inputs", ["block", "key", "value"], rows, "Defaults included.", numeric=9)
+    """The study with all defaults, in readable units, one row per block."""
+    rows: list[Cells] = []
+    for key, value in run.study.items():
+        blocks = value if isinstance(value, list) else [value]
+        for block in blocks:
+            texts = [f"{name} {text}".strip() for name, text in _inputs(block)]
+            if key != "pliant" and texts:
+                rows.append([_words(key), " · ".join(texts)])
+    return Table("Inputs", ["block", "values, defaults included"], rows, numeric=9)
 
 
 def provenance_table(run: FinishedRun) -> Table:
@@ -189,23 +195,19 @@ def _stage_name(manifest: Mapping[str, Any]) -> str:
     return f"{manifest.get('stage', '?')}{kind}"
 
 
-def _inputs(block: str, value: Any, key: str = "") -> Iterator[Cells]:
-    """Rows of a study's block; what is not set is left out."""
+def _inputs(value: Any, key: str = "") -> Iterator[tuple[str, str]]:
+    """Names and texts of a block's values; what is not set is left out."""
     if value is None or value == [] or value == {}:
         return
     if isinstance(value, Mapping) and key != "coefficients":
         for inner, item in value.items():
-            yield from _inputs(block, item, f"{key}.{inner}" if key else inner)
+            yield from _inputs(item, f"{key} {inner}".strip())
     elif isinstance(value, list) and any(isinstance(item, Mapping) for item in value):
         for number, item in enumerate(value):
-            yield from _inputs(
-                f"{block} {number + 1}" if not key else block,
-                item,
-                f"{key} {number + 1}".strip() if key else "",
-            )
+            yield from _inputs(item, f"{key} {number + 1}".strip())
     else:
-        label, unit = units.of_field(key or block)
-        yield [block, _words(label) if key else "", _quantity(value, unit)]
+        label, unit = units.of_field(key)
+        yield ("" if key == "kind" else _words(label)), _quantity(value, unit)
 
 
 def _quantity(value: Any, unit: units.Unit) -> str:

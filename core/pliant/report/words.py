@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 
 import numpy as np
@@ -34,6 +35,7 @@ def result_sentence(run: FinishedRun) -> str:
     """What came out: the bend, how well the engines agree, how well the law fits."""
     parts = [_bend(run), _agreement(ran(run)), _law_error(run)]
     text = "; ".join(part for part in parts if part)
+    text = re.sub(r"(?<=\d) (?=%|kPa|[mµn]?m\b|g\b|N\b)", "\u00a0", text)  # no line break before a unit
     return text[0].upper() + text[1:] + "."
 
 

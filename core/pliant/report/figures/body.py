@@ -133,7 +133,7 @@ def _unroll(shape: ModuleShape, rest: ModuleShape, planes: Mapping[str, NDArray[
     lids = {name: np.asarray(nodes[rest.faces].all(axis=1)) for name, nodes in planes.items()}
     end, theta = planes["end"], shape.angle_rad / 2
     x, y, z = shape.points_m.T
-    stretch = _skin_stretch(rest.points_m, shape.points_m, rest.faces)
+    stretch = _skin_stretch(rest.points_m, shape.points_m, rest.faces, np.any(list(lids.values()), axis=0))
     if abs(theta) < STRAIGHT:
         return SectionShape(shape.points_m, float(x[end].mean()), rest.faces, stretch, lids)
     # the end section is a plane through the centre of curvature, at x = 0 and z = −radius
@@ -144,8 +144,11 @@ def _unroll(shape: ModuleShape, rest: ModuleShape, planes: Mapping[str, NDArray[
     return SectionShape(section, radius * theta, rest.faces, stretch, lids)
 
 
-def _skin_stretch(rest: Array, deformed: Array, faces: IntArray) -> Array:
-    """(n,) largest principal stretch in the skin's plane, averaged over the faces at each point."""
+def _skin_stretch(rest: Array, deformed: Array, faces: IntArray, lid: NDArray[np.bool_]) -> Array:
+    """(n,) largest principal stretch in the skin's plane, averaged over the faces at each point.
+
+    Lids count only where no real skin does: what they show is a section, not a surface.
+    """
     s = np.array([0.0, 0.5, 1.0])[:, None]
     L, D = np.eye(3), np.hstack([4 * s - 3, 4 - 8 * s, 4 * s - 1])
     dA = np.einsum("qb,pa->qpba", L, D).reshape(9, 9)
@@ -161,9 +164,10 @@ def _skin_stretch(rest: Array, deformed: Array, faces: IntArray) -> Array:
     ratio = np.linalg.solve(before, after)
     half, determinant = np.trace(ratio, axis1=-2, axis2=-1) / 2, np.linalg.det(ratio)
     largest = np.sqrt(half + np.sqrt(np.maximum(half**2 - determinant, 0.0)))
-    total = np.bincount(faces.ravel(), largest.ravel(), minlength=len(rest))
-    count = np.bincount(faces.ravel(), minlength=len(rest))
-    return np.asarray(total / np.maximum(count, 1))
+    weight = np.repeat(np.where(lid, 1e-6, 1.0), 9)
+    total = np.bincount(faces.ravel(), weight * largest.ravel(), minlength=len(rest))
+    count = np.bincount(faces.ravel(), weight, minlength=len(rest))
+    return np.asarray(total / np.maximum(count, 1e-9))
 
 
 def _about_y(angle: float) -> Array:

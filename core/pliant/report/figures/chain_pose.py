@@ -121,28 +121,34 @@ def draw_distances(axes: Any, engines: list[Ran]) -> None:
     if worst == 0:
         axes.text(0.5, 0.5, "identical", transform=axes.transAxes, ha="center")
         return
-    axes.set_ylim(0.5e6 * floor, 5e6 * worst)
+    least = min(float(d[d > floor].min(initial=worst)) for d in distances)
+    axes.set_ylim(0.3e6 * least, 5e6 * worst)
     axes.legend(loc="lower right")
 
 
 def _levels(axes: Any, run: FinishedRun, engine: Ran, plane: tuple[int, int]) -> None:
-    law = run.designs[0].law
-    unit = units.of_actuation(law.actuation_name)
-    centre = None
-    for value, _, markers in history_levels(engine.result, LEVELS):
+    """Faint poses at lower levels; a level is labelled where its tip is clear of those labelled before."""
+    unit = units.of_actuation(run.designs[0].law.actuation_name)
+    labelled = [np.array([v[-1] for v in _flat(engine.markers_m, plane)])]
+    clear = 0.06 * 1e3 * float(np.ptp(_all_points(run), axis=0).max())
+    for value, _, markers in reversed(history_levels(engine.result, LEVELS)):
         x, y = _flat(markers, plane)
         axes.plot(x, y, color=style.SERIES[0], alpha=0.28, lw=1.1, zorder=2)
-        out = np.array([x[-1] - x[-2], y[-1] - y[-2]])
-        centre = out / max(float(np.linalg.norm(out)), 1e-9)
+        tip = np.array([x[-1], y[-1]])
+        if min(float(np.linalg.norm(tip - other)) for other in labelled) < clear:
+            continue
+        labelled.append(tip)
+        out = tip - [x[-2], y[-2]]
+        out = out / max(float(np.linalg.norm(out)), 1e-9)
         axes.annotate(
             unit.text(value, 3),
-            (x[-1], y[-1]),
-            tuple(9 * centre),
+            tuple(tip),
+            tuple(9 * out),
             textcoords="offset points",
             fontsize=7.5,
             color=style.SOFT,
-            ha="left" if centre[0] > 0.35 else ("right" if centre[0] < -0.35 else "center"),
-            va="bottom" if centre[1] > 0.35 else ("top" if centre[1] < -0.35 else "center"),
+            ha="left" if out[0] > 0.35 else ("right" if out[0] < -0.35 else "center"),
+            va="bottom" if out[1] > 0.35 else ("top" if out[1] < -0.35 else "center"),
         )
 
 

@@ -120,7 +120,8 @@ def draw_bodies(figure: Any, axes: Any, run: FinishedRun, bodies: Bodies) -> Non
     inset.xaxis.set_label_position("top")
     given = actuation(run)
     pressure = units.of_actuation(given[0]).text(given[1]) if given else ""
-    axes.set_title(f"{len(bodies.path) - 1} FEM modules, at rest and at {pressure}")
+    count = len(bodies.path) - 1
+    axes.set_title(f"{count} FEM module{'s' * (count > 1)}, at rest and at {pressure}")
 
 
 def finger_camera(run: FinishedRun) -> raster.Camera:

@@ -114,7 +114,7 @@ def draw_residuals(axes: Any, design: DesignResult, of_study: bool = False) -> N
         predicted = law_of(design, data.actuation, data.angle_rad)
     missed = 100 * (predicted - data.moment_n_m) / scale
     groups, u_unit = Groups.of(data), units.of_deformation(design.law)
-    size = 9 if len(data) > MANY else 26
+    size = 4 if len(data) > MANY else 26
     axes.axhline(0, color=style.SOFT, lw=0.9, zorder=1)
     x = data.angle_rad * u_unit.factor
     dot, kite = style.SERIES[0], style.SERIES[1]
@@ -126,6 +126,7 @@ def draw_residuals(axes: Any, design: DesignResult, of_study: bool = False) -> N
         marker="D",
         facecolor="white",
         edgecolor=kite,
+        linewidths=0.6 if len(data) > MANY else 1.2,
         zorder=4,
     )
     largest = float(np.abs(missed[groups.fit | groups.check]).max(initial=0.0)) or 1.0
@@ -185,14 +186,22 @@ def _states(
     axes: Any, data: FemDataset, colours: Any, norm: Any, u_unit: units.Unit, effort: units.Unit
 ) -> None:
     groups = Groups.of(data)
-    size = 8 if len(data) > MANY else 24
+    many = len(data) > MANY
+    size = 3 if many else 24
     x, y = data.angle_rad * u_unit.factor, data.moment_n_m * effort.factor
     shade = colours(norm(data.actuation))
     g = groups.fit
-    axes.scatter(x[g], y[g], size, color=shade[g], edgecolor="white", linewidths=0.4, zorder=4)
+    axes.scatter(x[g], y[g], size, color=shade[g], edgecolor="white", linewidths=0 if many else 0.4, zorder=4)
     g = groups.check
     axes.scatter(
-        x[g], y[g], 1.5 * size, marker="D", facecolor="white", edgecolor=shade[g], linewidths=1.2, zorder=5
+        x[g],
+        y[g],
+        1.5 * size,
+        marker="D",
+        facecolor="white",
+        edgecolor=shade[g],
+        linewidths=0.5 if many else 1.2,
+        zorder=5,
     )
     g = groups.untrusted
     if g.any():
