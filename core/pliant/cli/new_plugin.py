@@ -28,6 +28,7 @@ EXAMPLES = {
     "family": ("{}", "rectangular tube with its cavity off the axis"),
     "material": ('{"c10": "60 kPa", "c20": "5 kPa"}', "Yeoh rubber, nearly incompressible"),
     "optimizer": ("{}", "uniform random search"),
+    "physics": ("{}", "equilibria by plain Newton, for short chains"),
     "surrogate": ("{}", "linear law by least squares"),
     "task": ('{"pressure": "10 kPa", "force": [0, 0, "-20 mN"]}', "hold a force at the tip"),
 }
