@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pliant.report.figures import body, raster
+from pliant.report.figures import body, raster, shading
 from pliant.report.units import number, of_field, percent, seconds, small_length
 
 LENGTH, FREE = 0.011, 0.36
@@ -67,11 +67,11 @@ def test_picture_of_a_face_has_its_area_and_faces_away_are_not_drawn() -> None:
     square = raster.Surface(points, np.arange(9)[None], np.ones(9))
     camera = raster.Camera.looking(np.array([0.0, 0.0, 1.0]), np.array([0.0, 1.0, 0.0]))
     window = raster.Window((-0.5, 1.5, -0.5, 1.5), 100)
-    image = raster.draw(square, camera, window, raster.Look())
+    image = raster.draw(square, camera, window, shading.Look())
     assert image.shape == (200, 200, 4)
     assert image[..., 3].sum() == pytest.approx(100 * 100, rel=0.02)
     away = raster.Surface(points, np.arange(9)[None][:, raster.TRANSPOSED], np.ones(9))
-    assert raster.draw(away, camera, window, raster.Look())[..., 3].sum() == 0
+    assert raster.draw(away, camera, window, shading.Look())[..., 3].sum() == 0
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ import numpy as np
 
 from pliant.records.design import Array
 from pliant.report import units
-from pliant.report.figures import body, raster, style
+from pliant.report.figures import body, raster, shading, style
 from pliant.report.figures.chain_pose import draw_poses, views
 from pliant.report.figures.law import draw_law
 from pliant.report.figures.module_shape import can_show, show, stretch_bar, stretch_limits
@@ -102,11 +102,11 @@ def draw_bodies(figure: Any, axes: Any, run: FinishedRun, bodies: Bodies) -> Non
     scale = BODY_PX / max(top - foot, 0.9 * (right - left))
     window = raster.Window((left, right, bottom, top), scale)
     rough, limits = replace(window, fine=1), stretch_limits(bodies.sections)
-    image = raster.draw(bodies.rest, camera, rough, raster.Look(colour="#e3e6ec", opacity=0.5))
+    image = raster.draw(bodies.rest, camera, rough, shading.Look(colour="#e3e6ec", opacity=0.5))
     for number, (_, surface, _) in enumerate(bodies.between):
-        ghost = raster.Look(colour="#e9dcc6", opacity=0.22 + 0.1 * number)
+        ghost = shading.Look(colour="#e9dcc6", opacity=0.22 + 0.1 * number)
         image = raster.over(raster.draw(surface, camera, rough, ghost), image)
-    look = raster.Look(style.stretch_map(), limits)
+    look = shading.Look(style.stretch_map(), limits)
     image = raster.over(raster.draw(bodies.settled, camera, window, look), image)
     show(axes, image, window)
     axes.set_ylim(1e3 * foot, 1e3 * top)

@@ -11,7 +11,7 @@ from matplotlib.colors import Normalize
 
 from pliant.records.fem import FemDataset, ModuleShape
 from pliant.report import units
-from pliant.report.figures import body, raster, style
+from pliant.report.figures import body, raster, shading, style
 
 HEIGHT_PX = 620
 MESH_LINE = 0.45  # pixels
@@ -31,12 +31,12 @@ def module_shape(data: FemDataset) -> style.Png:
     last = max(data.shapes, key=lambda shape: shape.actuation)
     rest, free = body.unrolled([data.shapes[0], last])
     theta, camera, limits = last.angle_rad / 2, module_camera(), stretch_limits([free])
-    coloured = raster.Look(style.stretch_map(), limits, mesh_lines=MESH_LINE)
+    coloured = shading.Look(style.stretch_map(), limits, mesh_lines=MESH_LINE)
     bodies = [
         (
             "At rest, cut open",
             body.cut_module(rest, 0.0),
-            raster.Look(colour="#e9e5dc", mesh_lines=MESH_LINE),
+            shading.Look(colour="#e9e5dc", mesh_lines=MESH_LINE),
         ),
         (_title(data, last), body.cut_module(free, theta), coloured),
         ("The whole module", body.module(free, theta), coloured),
@@ -68,7 +68,7 @@ def module_camera() -> raster.Camera:
     return front.tilted(AZIMUTH, ELEVATION)
 
 
-def show(axes: Any, image: raster.Image, window: raster.Window) -> None:
+def show(axes: Any, image: shading.Image, window: raster.Window) -> None:
     """Put a drawn body on an axis whose unit is the millimetre."""
     style.bare(axes)
     left, right, bottom, top = (1e3 * v for v in window.box)
