@@ -197,11 +197,11 @@ class SwappedHalves(Box):
         return ModuleMass(good.end, good.start)
 
 
-@spoils.by_config("parameters_have_units", "'wall' is a plain float")
+@spoils.by_config("parameters_have_units", "'gap' is a plain float")
 class PlainNumbers(BoxConfig):
-    """A wall in whatever unit."""
+    """A gap in whatever unit."""
 
-    wall: float = 1.5e-3
+    gap: float = 1.5e-3
 
 
 @spoils.by("impossible_designs_are_refused", "wall_m = -0.001 m was accepted")
