@@ -15,7 +15,7 @@ from pliant.units import Density
 class MaterialConfig(ComponentConfig):
     """Base of a material's config: constants in Pa and the density."""
 
-    density_kg_m3: Density = Field(default=1150.0, gt=0)
+    density_kg_m3: Density = Field(default=1150.0, gt=0, description="mass per volume at rest")
 
 
 @dataclass(frozen=True, eq=False)

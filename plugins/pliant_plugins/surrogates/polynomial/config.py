@@ -71,7 +71,9 @@ class PolynomialConfig(SurrogateConfig):
     """
 
     kind: Literal["polynomial"] = "polynomial"
-    form: Literal["adaptive", "study"] = "adaptive"
+    form: Literal["adaptive", "study"] = Field(
+        default="adaptive", description="adaptive: degree by cross-validation; study: the published form"
+    )
     max_degree: int = Field(default=9, ge=1, le=12, description="largest degree that form adaptive tries")
     odd: bool = Field(
         default=False, description="form study with u|u| for u²: softens the same way both ways"
