@@ -17,11 +17,10 @@ from pliant.pipeline.study import (
     fem_of_study,
     laws_of_study,
     simulate_study,
-    surrogate_kind,
 )
 from pliant.pipeline.tables import write_table
-from pliant.report.folder import finished, read_folder, table_name, write_folder
-from pliant.store.store import write_atomically
+from pliant.report.folder import read_folder, table_name, write_folder
+from pliant.report.stage import report_stage, write_page
 
 OutFolder = Annotated[
     Path | None, typer.Option("--out", metavar="DIR", help="Output folder; runs/<name> by default.")
@@ -51,7 +50,7 @@ def run(
             done = simulate_study(bench, loaded)
         here.result.update(_run_result(done, folder))
         write_folder(folder, done, plain(here.result))
-        page = _report(here, bench, done, folder)
+        page = report_stage(bench, done, plain(here.result), folder)
         _say_run(here, done)
         here.result["wall_s"] = time.perf_counter() - started
         here.say(f"report   {page}   ({here.result['wall_s']:.1f} s in all)")
@@ -134,8 +133,8 @@ def report(
 
         run_read = read_folder(folder, here.registry)
         check_writable(folder)
-        page = folder / "report.html"
-        write_atomically(page, render(run_read).html)
+        made = render(run_read)
+        page = write_page(folder, made.html, made.pictures)
         here.result["report"] = page
         here.say(f"report   {page}")
 
@@ -154,34 +153,6 @@ def _run_result(done: StudyRun, folder: Path) -> dict[str, Any]:
         result["largest_marker_distance_m"] = summaries.largest_distance_m(done.engines)
     result["unused"] = list(done.unused)
     return result
-
-
-def _report(here: Session, bench: Any, done: StudyRun, folder: Path) -> Path:
-    """The page, from the store when nothing that it shows has changed."""
-
-    def compute(partial: Path) -> dict[str, Any]:
-        from pliant.report.page import render  # matplotlib takes a second to import
-
-        made = render(finished(done, plain(here.result)))
-        return {"html": made.html, "pictures": dict(made.pictures)}
-
-    keys = {f"artifact{n}": m["key"] for n, m in enumerate(finished(done, {}).provenance)}
-    artifact = bench.make(
-        "report",
-        compute,
-        components=[bench.registry.get("surrogate", surrogate_kind(done.study))],
-        modules=["pliant.report.page"],
-        config={"study": done.study.canonical(), "skipped": [e.skipped for e in done.engines]},
-        inputs=keys,
-    )
-    page = folder / "report.html"
-    write_atomically(page, artifact.value["html"])
-    (folder / "pictures").mkdir(exist_ok=True)
-    for name, png in artifact.value["pictures"].items():
-        temporary = folder / "pictures" / f".{name}.png"
-        temporary.write_bytes(png.tobytes())
-        temporary.replace(folder / "pictures" / f"{name}.png")
-    return page
 
 
 def _say_run(here: Session, done: StudyRun) -> None:

@@ -25,7 +25,7 @@ class ModuleMesh:
         cells: (m, 27) node ids in lexicographic order, local node i + 3j + 9k at (ξ, η, ζ) = (i, j, k)/2.
         cavity: (f, 9) node ids of the wetted faces, local node a + 3b; ∂x/∂a × ∂x/∂b points out of the
             solid, into the cavity.
-        skin: (g, 9) node ids of all boundary faces, for pictures and contact checks.
+        skin: (g, 9) node ids of all boundary faces, normals out of the solid, for pictures and contact.
         node_sets: named node ids. Every family gives `start` (x = 0) and `end` (x = span).
     """
 

@@ -1,9 +1,9 @@
 """The folder of a finished run: everything that a report needs, readable on another machine.
 
-    run.json      the result of the command (contracts.md) with the provenance of every artifact
-    study.json    the study with all defaults, SI
-    fem.csv       the data set(s) as a table
-    data/…        the artifacts themselves
+run.json      the result of the command (contracts.md) with the provenance of every artifact
+study.json    the study with all defaults, SI
+fem.csv       the data set(s) as a table
+data/…        the artifacts themselves
 """
 
 from __future__ import annotations
@@ -91,7 +91,9 @@ def read_folder(folder: Path, registry: Registry) -> FinishedRun:
         study = json.loads((folder / "study.json").read_text())
         artifacts = {name: load_artifact(folder / "data" / name) for name in index["artifacts"]}
     except (FileNotFoundError, NotADirectoryError):
-        raise UserError(f"{folder} holds no finished run (no run.json); give the --out folder of 'pliant run'.") from None
+        raise UserError(
+            f"{folder} holds no finished run (no run.json); give the --out folder of 'pliant run'."
+        ) from None
     except (CorruptedError, ValueError, KeyError) as error:
         raise UserError(f"{folder} is damaged ({error}); run the study again.") from None
     designs = _read_designs(artifacts, study, registry)
@@ -159,5 +161,3 @@ def _replace_copy(source: Path, target: Path) -> None:
     shutil.copytree(source, fresh)
     shutil.rmtree(target, ignore_errors=True)
     fresh.rename(target)
-
-

@@ -1,0 +1,53 @@
+"""Stage 5: a finished run becomes its page, from the store when nothing that it shows has changed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from pliant.pipeline.study import StudyRun, surrogate_kind
+from pliant.pipeline.workbench import Workbench
+from pliant.report.folder import finished
+from pliant.report.template import digest
+from pliant.store.fingerprint import versions
+from pliant.store.store import write_atomically
+
+
+def report_stage(bench: Workbench, run: StudyRun, summary: Mapping[str, Any], folder: Path) -> Path:
+    """Render the page, or find it in the store, and write it with its pictures; returns the page's path."""
+    read = finished(run, summary)
+
+    def compute(partial: Path) -> dict[str, Any]:
+        from pliant.report.page import render  # matplotlib takes a second to import
+
+        made = render(read)
+        return {"html": made.html, "pictures": dict(made.pictures)}
+
+    artifact = bench.make(
+        "report",
+        compute,
+        components=[bench.registry.get("surrogate", surrogate_kind(run.study))],
+        modules=["pliant.report.page"],
+        config={
+            "study": run.study.canonical(),
+            "skipped": [engine.skipped for engine in run.engines],
+            "template": digest(),
+            "libraries": versions(["matplotlib", "jinja2"]),
+        },
+        inputs={f"artifact{number}": manifest["key"] for number, manifest in enumerate(read.provenance)},
+    )
+    return write_page(folder, artifact.value["html"], artifact.value["pictures"])
+
+
+def write_page(folder: Path, html: str, pictures: Mapping[str, Any]) -> Path:
+    """Write `report.html` and `pictures/*.png`; `pictures` maps names to PNG bytes as uint8 arrays."""
+    page = folder / "report.html"
+    write_atomically(page, html)
+    (folder / "pictures").mkdir(exist_ok=True)
+    for name, png in pictures.items():
+        target = folder / "pictures" / f"{name}.png"
+        temporary = target.with_name(f".{name}.png")
+        temporary.write_bytes(png.tobytes())
+        temporary.replace(target)
+    return page
