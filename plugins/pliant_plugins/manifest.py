@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterable
+from typing import Any
 
 from pliant.registry.component import Component
 from pliant.registry.hookspecs import hookimpl
@@ -115,7 +116,7 @@ def _engines() -> list[Component]:
 
 
 def _effects() -> list[Component]:
-    summaries = {
+    summaries: dict[str, tuple[str, str, dict[str, Any]]] = {
         "stiffness": ("Stiffness", "passive stiffness off by a factor", {"factor": 1.2}),
         "actuation_gain": ("ActuationGain", "the actuation acts with another gain", {"gain": 0.9}),
         "pressure_offset": ("PressureOffset", "the gauge is off by a constant", {"offset": "500 Pa"}),

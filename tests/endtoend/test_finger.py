@@ -22,7 +22,9 @@ HAS_PYBULLET = importlib.util.find_spec("pybullet") is not None
 def pliant(*arguments, cwd, check=True, **environment):
     command = [sys.executable, "-m", "pliant", *map(str, arguments)]
     env = {**os.environ, **{k: str(v) for k, v in environment.items()}}
-    result = subprocess.run(command, cwd=cwd, env=env, capture_output=True, text=True, timeout=300, check=False)
+    result = subprocess.run(
+        command, cwd=cwd, env=env, capture_output=True, text=True, timeout=300, check=False
+    )
     assert not check or result.returncode == 0, result.stderr
     return result
 
@@ -83,7 +85,7 @@ def test_the_table_has_the_contracts_columns(runs):
 def test_the_report_is_one_page(runs):
     page = (runs[0] / "loaded" / "report.html").read_text()
     assert "loaded-finger" in page
-    assert "src=\"http" not in page
+    assert 'src="http' not in page
     assert list((runs[0] / "loaded" / "pictures").glob("*.png"))
 
 
@@ -119,7 +121,7 @@ def test_an_interrupted_fem_goes_on_where_it_was(tmp_path):
     assert result["n_states"] == 4 + 4 * 5 + 4
 
 
-EFFECT = '''
+EFFECT = """
 from typing import ClassVar, Literal
 
 from pliant.interfaces.effect import Effect, EffectConfig, EffectParameter
@@ -137,8 +139,8 @@ class Leaky(Effect):
 
     def apply(self, model):
         return model.with_(inputs=(*model.inputs, helper.scaled(1 - self.config.share)))
-'''
-HELPER = '''
+"""
+HELPER = """
 import dataclasses
 
 
@@ -146,8 +148,8 @@ def scaled(factor):
     def change(inputs):
         return dataclasses.replace(inputs, actuation={k: factor * v for k, v in inputs.actuation.items()})
     return change
-'''
-MANIFEST = '''
+"""
+MANIFEST = """
 from pliant.registry.component import Component
 from pliant.registry.hookspecs import hookimpl
 
@@ -155,7 +157,7 @@ from pliant.registry.hookspecs import hookimpl
 @hookimpl
 def pliant_components():
     return [Component("effect", "leaky", "edited_plugin.effect:LeakyConfig", "edited_plugin.effect:Leaky", "test")]
-'''
+"""
 
 
 @pytest.fixture
@@ -174,7 +176,11 @@ def edited_plugin(tmp_path):
 
 def test_editing_a_plugins_helper_recomputes_exactly_what_depends_on_it(tmp_path, edited_plugin):
     table = tmp_path / "law.csv"
-    rows = [f"{p},{u},{1.6e-6 * p - 0.03 * u - 1e-6 * p * u}" for p in range(0, 15001, 3000) for u in (0, 0.2, 0.4)]
+    rows = [
+        f"{p},{u},{1.6e-6 * p - 0.03 * u - 1e-6 * p * u}"
+        for p in range(0, 15001, 3000)
+        for u in (0, 0.2, 0.4)
+    ]
     table.write_text("\n".join(["pressure_pa,angle_rad,moment_n_m", *rows]))
     study = tmp_path / "study.yaml"
     study.write_text(
@@ -187,7 +193,8 @@ def test_editing_a_plugins_helper_recomputes_exactly_what_depends_on_it(tmp_path
         call = ["run", study, "--json", "out.json"]
         pliant(*call, cwd=tmp_path, PYTHONPATH=edited_plugin.parent, PYTHONDONTWRITEBYTECODE=1)
         result = json.loads((tmp_path / "out.json").read_text())
-        return result["fit"]["stages"][0]["cached"], result["simulate"]["stages"][0]["cached"], result["simulate"]["tip_m"]
+        fit, simulation = (result[stage]["stages"][0]["cached"] for stage in ("fit", "simulate"))
+        return fit, simulation, result["simulate"]["tip_m"]
 
     assert cached()[:2] == (False, False)
     fit, simulation, before = cached()

@@ -91,7 +91,7 @@ class TerminalProgress:
 
     def note(self, text: str) -> None:
         # A corrupted artifact or a skipped engine must be heard even with --quiet.
-        self.console.print(f"note: {text}", highlight=False, soft_wrap=True)
+        self.console.print(f"note: {text}", highlight=False, soft_wrap=True, markup=False)
 
 
 class _Nothing:

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from rich.markup import escape
 from rich.table import Table
 
 from pliant.cli.options import JsonFile, Quiet
@@ -36,12 +37,15 @@ def plugins(json: JsonFile = None, quiet: Quiet = False) -> None:
                         "unavailable": state,
                     }
                 )
-                text = component.summary + (f" [yellow](unavailable: {state})[/]" if state else "")
+                text = escape(component.summary) + (
+                    f" [yellow](unavailable: {escape(state)})[/]" if state else ""
+                )
                 table.add_row(interface, component.kind, component.package, text)
         here.say(table)
         failures = [vars(failure) for failure in here.registry.failures]
         for failure in failures:
-            here.say(f"[red]failed[/]   {failure['name']} ({failure['package']}): {failure['cause']}")
+            text = f"{failure['name']} ({failure['package']}): {failure['cause']}"
+            here.say(f"[red]failed[/]   {escape(text)}", markup=True)
         here.result.update({"components": rows, "failed": failures})
 
 
@@ -63,7 +67,7 @@ def check(
         outcomes = run_checks(here.registry.get(interface, kind))
         marks = {"passed": "[green]passed[/] ", "failed": "[red]FAILED[/] ", "skipped": "[yellow]skipped[/]"}
         for outcome in outcomes:
-            here.say(f"{marks[outcome.status]}  {outcome.name}")
+            here.say(f"{marks[outcome.status]}  {outcome.name}", markup=True)
             if outcome.message:
                 here.say(f"           {outcome.message}")
         counts = {state: sum(o.status == state for o in outcomes) for state in marks}
@@ -104,4 +108,4 @@ def new_plugin(
         here.result["files"] = [str(path) for path in files]
         for path in files:
             here.say(str(path))
-        here.say(f"\nnext: pip install -e {out / name}[test] && pytest {out / name}")
+        here.say(f"\nnext: pip install -e '{out / name}[test]' && pytest {out / name}")

@@ -14,6 +14,7 @@ from typing import Any
 
 import typer
 from rich.console import Console
+from rich.markup import escape
 
 from pliant import __version__
 from pliant.cli.bars import TerminalProgress
@@ -43,10 +44,10 @@ class Session:
         self.err = Console(stderr=True, highlight=False)
         self.registry: Registry = discover()
 
-    def say(self, text: object = "") -> None:
-        """Print for people, unless --quiet."""
+    def say(self, text: object = "", markup: bool = False) -> None:
+        """Print for people, unless --quiet; `markup` reads rich's tags, so foreign text must be escaped."""
         if not self.quiet:
-            self.out.print(text)
+            self.out.print(text, markup=markup)
 
     def study(self, path: Path, overrides: Sequence[str] | None) -> Study:
         """Read the study, and say which of its keys no stage of this version reads."""
@@ -75,7 +76,7 @@ def session(command: str, json_target: str | None, quiet: bool) -> Iterator[Sess
         yield here
         _write_json(here)
     except PliantError as error:
-        here.err.print(f"[bold red]error:[/] {_escape(str(error))}", soft_wrap=True)
+        here.err.print(f"[bold red]error:[/] {escape(str(error))}", soft_wrap=True)
         raise typer.Exit(error.exit_code) from None
     except KeyboardInterrupt:
         here.err.print("interrupted; finished work is kept, run the same command to go on.")
@@ -122,7 +123,3 @@ def plain(value: Any) -> Any:
     if isinstance(value, Path):
         return str(value)
     return value
-
-
-def _escape(text: str) -> str:
-    return text.replace("[", r"\[")

@@ -73,7 +73,9 @@ def as_dataset(
     )
 
 
-def _shapes(problem: ModuleProblem, solver: ModuleSolver, solved: tuple[Sampled, ...]) -> tuple[ModuleShape, ...]:
+def _shapes(
+    problem: ModuleProblem, solver: ModuleSolver, solved: tuple[Sampled, ...]
+) -> tuple[ModuleShape, ...]:
     """The skin at rest and on the free branch."""
     free = [s.state for s in solved if s.target.branch == "free"]
     nodes, faces = np.unique(problem.mesh.skin, return_inverse=True)

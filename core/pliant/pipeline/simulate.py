@@ -69,9 +69,7 @@ def simulate_stage(
     )
 
 
-def run_task(
-    backend: PhysicsBackend, task: Task, effects: Sequence[Effect], chain: ChainModel
-) -> TaskResult:
+def run_task(backend: PhysicsBackend, task: Task, effects: Sequence[Effect], chain: ChainModel) -> TaskResult:
     """Apply the effects to the prepared chain, simulate it under the task, map the result."""
     model = Model(task.prepare(chain))
     for effect in effects:

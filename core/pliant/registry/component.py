@@ -74,7 +74,9 @@ class Component:
             return getattr(importlib.import_module(module), name)
         except Exception as error:  # a plugin's module may fail in any way
             cause = f"{type(error).__name__}: {error}"
-            raise ContractError(f"{self.label} of {self.package}: {reference} cannot be used ({cause}).") from error
+            raise ContractError(
+                f"{self.label} of {self.package}: {reference} cannot be used ({cause})."
+            ) from error
 
     @property
     def label(self) -> str:

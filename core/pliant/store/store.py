@@ -119,7 +119,9 @@ class ArtifactStore:
         try:
             return load_artifact(folder)
         except CorruptedError as error:
-            note(f"artifact {folder.parent.name}/{folder.name[:8]} is corrupted ({error}); computing it anew.")
+            note(
+                f"artifact {folder.parent.name}/{folder.name[:8]} is corrupted ({error}); computing it anew."
+            )
             aside = folder.with_name(folder.name + ".corrupted")
             shutil.rmtree(aside, ignore_errors=True)
             try:
@@ -148,7 +150,7 @@ class ArtifactStore:
                 "files": {name: _digest(temporary / name) for name in (VALUE, ARRAYS)},
             }
             (temporary / MANIFEST).write_text(json.dumps(manifest, indent=1))
-            os.replace(temporary, folder)
+            temporary.replace(folder)
         finally:
             shutil.rmtree(temporary, ignore_errors=True)
 
@@ -202,8 +204,8 @@ def write_atomically(path: Path, text: str) -> None:
     try:
         with os.fdopen(handle, "w", encoding="utf-8") as file:
             file.write(text)
-        os.chmod(name, 0o644)
-        os.replace(name, path)
+        Path(name).chmod(0o644)
+        Path(name).replace(path)
     except BaseException:
         Path(name).unlink(missing_ok=True)
         raise

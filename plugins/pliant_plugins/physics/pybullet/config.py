@@ -17,7 +17,7 @@ class PybulletConfig(PhysicsConfig):
     timestep_s: Time = Field(
         1 / 2400,
         gt=0.0,
-        description="longest internal step of `step`; the stiffness of the joints usually asks for shorter ones, which are then taken",
+        description="longest internal step of `step`; stiff joints ask for shorter ones, which are then taken",
     )
     joint_damping: float = Field(
         1e-4,

@@ -26,7 +26,7 @@ class QuasistaticConfig(PhysicsConfig):
     max_turn: float = Field(
         0.5,
         gt=0.0,
-        description="longest move of one joint in one iteration, as an angle (rad) or, on prismatic joints, as a share of the module length",
+        description="longest move of a joint per iteration, in rad (prismatic joints: share of the module length)",
     )
     smallest_step: float = Field(
         1 / 256,
