@@ -7,7 +7,7 @@ import stat
 import pytest
 
 
-def refuses(call, *words):
+def assert_refused(call, *words):
     assert call.code == 2, call.err
     assert call.out == ""
     assert call.err.startswith("error: ")
@@ -16,26 +16,26 @@ def refuses(call, *words):
     assert call.err.count(". ") <= 3, "one or two sentences"
 
 
-def leaves_nothing(folder, *known):
+def assert_nothing_left(folder, *known):
     assert sorted(p.name for p in folder.iterdir()) == sorted(known)
 
 
 def test_unknown_kind(pliant, write, workplace, stated):
     call = pliant("run", write(stated.replace("physics: quasistatic", "physics: mojoco")))
-    refuses(call, "study.yaml, line 9", "unknown physics kind 'mojoco'; did you mean 'mujoco'?")
-    leaves_nothing(workplace, "study.yaml")
+    assert_refused(call, "study.yaml, line 9", "unknown physics kind 'mojoco'; did you mean 'mujoco'?")
+    assert_nothing_left(workplace, "study.yaml")
 
 
 def test_unknown_key(pliant, write, workplace, finger):
     call = pliant("run", write(finger.replace("  wall:", "  wal:")))
-    refuses(call, "line 7", "'wal' is not a key of family; did you mean 'wall'?")
-    leaves_nothing(workplace, "study.yaml")
+    assert_refused(call, "line 7", "'wal' is not a key of family; did you mean 'wall'?")
+    assert_nothing_left(workplace, "study.yaml")
 
 
 def test_wrong_unit(pliant, write, workplace, finger):
     call = pliant("fem", write(finger.replace("1.5 mm", "35 kPa")))
-    refuses(call, "line 7", "'35 kPa' is a pressure or modulus", "length such as '1.5 mm'")
-    leaves_nothing(workplace, "study.yaml")
+    assert_refused(call, "line 7", "'35 kPa' is a pressure or modulus", "length such as '1.5 mm'")
+    assert_nothing_left(workplace, "study.yaml")
 
 
 @pytest.mark.parametrize(
@@ -53,29 +53,29 @@ def test_wrong_unit(pliant, write, workplace, finger):
 )
 @pytest.mark.parametrize("verb", ["run", "fem", "fit", "simulate"])
 def test_design_outside_the_familys_validity(pliant, write, workplace, finger, old, new, words, verb):
-    refuses(pliant(verb, write(finger.replace(old, new))), *words)
-    leaves_nothing(workplace, "study.yaml")
+    assert_refused(pliant(verb, write(finger.replace(old, new))), *words)
+    assert_nothing_left(workplace, "study.yaml")
 
 
 def test_bare_numbers_in_millimetres_are_noticed(pliant, write, finger):
     text = finger.replace("2 mm", "2").replace("6 mm", "6").replace("1.5 mm", "1.5").replace("11 mm", "11")
-    refuses(pliant("fem", write(text)), "were units forgotten")
+    assert_refused(pliant("fem", write(text)), "were units forgotten")
 
 
 def test_yaml_syntax_error(pliant, write, workplace, stated):
-    refuses(pliant("run", write(stated.replace("modules: 8,", "modules: 8: 9,"))), "line 8", "not YAML")
-    leaves_nothing(workplace, "study.yaml")
+    assert_refused(pliant("run", write(stated.replace("modules: 8,", "modules: 8: 9,"))), "line 8", "not YAML")
+    assert_nothing_left(workplace, "study.yaml")
 
 
 def test_duplicate_key(pliant, write, workplace, stated):
-    refuses(pliant("run", write(stated + "name: again\n")), "line 11", "'name' stands twice")
-    leaves_nothing(workplace, "study.yaml")
+    assert_refused(pliant("run", write(stated + "name: again\n")), "line 11", "'name' stands twice")
+    assert_nothing_left(workplace, "study.yaml")
 
 
 def test_missing_file(pliant, write, workplace, stated):
     write(stated)
-    refuses(pliant("run", "studi.yaml"), "studi.yaml: no such file", "study.yaml")
-    leaves_nothing(workplace, "study.yaml")
+    assert_refused(pliant("run", "studi.yaml"), "studi.yaml: no such file", "study.yaml")
+    assert_nothing_left(workplace, "study.yaml")
 
 
 @pytest.mark.parametrize("verb", ["run", "simulate"])
@@ -85,7 +85,7 @@ def test_missing_optional_package(pliant, write, workplace, stated, monkeypatch,
         importlib.util, "find_spec", lambda name, *a: None if name == "mujoco" else real(name, *a)
     )
     call = pliant(verb, write(stated), "physics=mujoco")
-    refuses(call, "physics 'mujoco' needs mujoco: pip install mujoco")
+    assert_refused(call, "physics 'mujoco' needs mujoco: pip install mujoco")
 
 
 def test_a_missing_package_is_found_before_the_fem(pliant, write, workplace, finger, monkeypatch):
@@ -93,7 +93,7 @@ def test_a_missing_package_is_found_before_the_fem(pliant, write, workplace, fin
     monkeypatch.setattr(
         importlib.util, "find_spec", lambda name, *a: None if name == "mujoco" else real(name, *a)
     )
-    refuses(pliant("simulate", write(finger), "physics=mujoco"), "needs mujoco")
+    assert_refused(pliant("simulate", write(finger), "physics=mujoco"), "needs mujoco")
     assert not (workplace / ".pliant").exists()
 
 
@@ -114,7 +114,7 @@ def test_a_missing_engine_in_the_cross_check_is_skipped_with_its_cause(
 def test_unwritable_output(pliant, write, workplace, stated, option):
     (workplace / "occupied").write_text("a file, no folder")
     target = "occupied/x.json" if option == "--json" else "occupied/deeper"
-    refuses(pliant("run", write(stated), option, target), "cannot be written")
+    assert_refused(pliant("run", write(stated), option, target), "cannot be written")
     assert (workplace / "occupied").read_text() == "a file, no folder"
 
 
@@ -123,7 +123,7 @@ def test_read_only_folder(pliant, write, workplace, stated):
     folder = workplace / "locked"
     folder.mkdir()
     folder.chmod(stat.S_IRUSR | stat.S_IXUSR)
-    refuses(pliant("run", write(stated), "--out", folder / "run"), "cannot be written")
+    assert_refused(pliant("run", write(stated), "--out", folder / "run"), "cannot be written")
 
 
 def test_corrupted_artifact_is_detected_recomputed_and_said(pliant, write, workplace, stated):
@@ -148,25 +148,25 @@ def test_corrupted_artifact_is_detected_recomputed_and_said(pliant, write, workp
     ],
 )
 def test_a_study_that_says_too_little(pliant, write, stated, change, words):
-    refuses(pliant("simulate", write(stated.replace(*change))), *words)
+    assert_refused(pliant("simulate", write(stated.replace(*change))), *words)
 
 
 def test_fem_of_a_study_without_a_family(pliant, write, stated):
-    refuses(pliant("fem", write(stated)), "has no 'family' block; FEM needs one")
+    assert_refused(pliant("fem", write(stated)), "has no 'family' block; FEM needs one")
 
 
 def test_a_law_without_data(pliant, write, stated):
     text = stated[: stated.index("surrogate:")] + stated[stated.index("chain:") :]
-    refuses(pliant("fit", write(text)), "needs data")
+    assert_refused(pliant("fit", write(text)), "needs data")
 
 
 @pytest.mark.parametrize("verb", ["optimize", "compare", "diagnose", "extend", "improve"])
 def test_verbs_that_are_not_built_yet_say_so(pliant, write, stated, verb):
-    refuses(pliant(verb, write(stated), "--effect", "x"), "is not built yet")
+    assert_refused(pliant(verb, write(stated), "--effect", "x"), "is not built yet")
 
 
 def test_report_of_a_folder_that_holds_no_run(pliant, workplace):
-    refuses(pliant("report", "nowhere"), "holds no finished run")
+    assert_refused(pliant("report", "nowhere"), "holds no finished run")
 
 
 @pytest.mark.parametrize(
@@ -178,7 +178,7 @@ def test_report_of_a_folder_that_holds_no_run(pliant, workplace):
     ],
 )
 def test_plugin_verbs(pliant, arguments, words):
-    refuses(pliant(*arguments), *words)
+    assert_refused(pliant(*arguments), *words)
 
 
 def test_an_unknown_option_or_verb_exits_with_2(pliant):
