@@ -168,20 +168,47 @@ def test_data_without_check_states_hold_out_a_fifth() -> None:
     data = fem_like(6, 7).select("fit")
     report = fit(data).report
     assert (report.n_fitted, report.n_heldout) == (34, 8)
-    assert "no state has role check" in report.details["held_out"]
+    assert "no state has role check in the domain" in report.details["held_out"]
     np.testing.assert_array_equal(fit(data).law.domain.actuation, [0, 15e3])
 
 
+def with_status(data: FemDataset, states: list[int], status: str) -> FemDataset:
+    statuses = data.status.astype("<U16")
+    statuses[states] = status
+    return replace(data, status=statuses)
+
+
 def test_states_that_fem_does_not_trust_are_left_out_and_counted() -> None:
-    data = fem_like()
-    status = data.status.astype("<U16")
-    status[[3, 50]] = "self_contact"
+    data = with_status(fem_like(), [3, 50], "suspect")
     moment = data.moment_n_m.copy()
     moment[3] += 1.0
-    report = fit(replace(data, status=status, moment_n_m=moment)).report
-    assert report.details["excluded"] == {"self_contact": 2}
+    report = fit(replace(data, moment_n_m=moment)).report
+    assert report.details["excluded"] == {"suspect": 2}
     assert (report.n_fitted, report.n_heldout) == (41, 39)
     assert report.worst_of_range < 1e-4
+
+
+def test_check_states_outside_the_fitted_box_are_not_scored() -> None:
+    data = fem_like()
+    angle = data.angle_rad.copy()
+    moved = np.flatnonzero(data.role == "check")[:3]
+    angle[moved] += 1.0
+    report = fit(replace(data, angle_rad=angle)).report
+    assert report.details["excluded"] == {"outside the fitted box": 3}
+    assert report.n_heldout == int(np.sum(data.role == "check")) - 3
+    assert report.worst_of_range < 1e-4
+
+
+def test_self_contact_ends_the_domain_and_fills_its_corners() -> None:
+    data = fem_like()
+    lowest = np.flatnonzero((data.role == "fit") & (data.angle_rad == data.angle_rad.min()))
+    middle = np.abs(data.angle_rad - data.angle_rad.mean()) + 1e9 * (data.role != "fit")
+    inside = int(np.argmin(middle))
+    fitted = fit(with_status(data, [*lowest.tolist(), inside], "self_contact"))
+    assert fitted.law.domain.deformation[0, 0] > data.angle_rad.min()
+    assert fitted.report.details["in_contact"] == 1
+    assert fitted.report.details["excluded"]["self_contact"] == len(lowest)
+    assert fitted.report.n_fitted == int(np.sum(data.role == "fit")) - len(lowest)
 
 
 def test_a_box_with_empty_corners_gets_a_stable_law() -> None:
@@ -280,7 +307,7 @@ def test_bad_data_get_one_sentence(data: FemDataset, sentence: str) -> None:
 
 
 def test_the_study_form_says_when_the_states_do_not_determine_it() -> None:
-    with pytest.raises(UserError, match="four coefficients and the 42 states determine only"):
+    with pytest.raises(UserError, match="four coefficients and the 34 states determine only"):
         fit(spoiled(actuation=spread, angle_rad=spread), form="study")
 
 

@@ -134,8 +134,8 @@ def _law_warnings(design: DesignResult, named: bool) -> list[Warned]:
     if contact:
         found.append(
             Warned(
-                f"{prefix}{contact} of {len(design.fem)} states have touching convolutions; the model has no "
-                "contact, so the law is not fitted to them."
+                f"{prefix}{contact} of {len(design.fem)} states have touching convolutions. The model has no "
+                "contact: the law's domain ends where they take over, and inside it they are too soft."
             )
         )
     other = (design.fem.status != "ok") & (design.fem.status != "self_contact")

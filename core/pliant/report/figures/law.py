@@ -222,6 +222,6 @@ def _legend(axes: Any, data: FemDataset | None) -> None:
             entry(f"left out ({groups.check.sum()})", marker="D", mfc="white", mec=style.SOFT, ms=5)
         )
     if groups.untrusted.any():
-        label = f"self-contact, not used ({groups.untrusted.sum()})"
+        label = f"in self-contact ({groups.untrusted.sum()})"
         handles.append(entry(label, marker="x", color=style.WARN, ms=5.5))
     axes.legend(handles=handles, loc="upper right", handletextpad=0.3)

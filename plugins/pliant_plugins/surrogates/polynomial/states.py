@@ -16,25 +16,26 @@ Mask = NDArray[np.bool_]
 MINIMUM_STATES = 6
 HELD_OUT_SHARE = 0.2
 HELD_OUT_SEED = 0
+IN_CONTACT = "self_contact"
 # Repeats of a bench test scatter; a tenth of the range is a mistake.
 CONTRADICTION = 0.1
 
 
 @dataclass(frozen=True, eq=False)
 class Split:
-    """States to fit, states to score, the range of the effort over both, and how they were chosen."""
+    """States to fit, states to score, the law's domain, the range of the effort, how they were chosen.
+
+    `excluded` counts the states that are neither fitted nor scored, `in_contact` those that are fitted or
+    scored although convolutions touch there: the law then has the stiffness of a module without contact.
+    """
 
     fit: FemDataset
     check: FemDataset
+    domain: Domain
     effort_range: float
     held_out: str
     excluded: dict[str, int]
-
-    @property
-    def domain(self) -> Domain:
-        """The box of the fitted states."""
-        p, u = self.fit.actuation, self.fit.angle_rad
-        return Domain(np.array([p.min(), p.max()]), np.array([[u.min(), u.max()]]))
+    in_contact: int
 
 
 def rows(data: FemDataset, keep: Mask) -> FemDataset:
@@ -45,27 +46,48 @@ def rows(data: FemDataset, keep: Mask) -> FemDataset:
 
 
 def split(data: FemDataset) -> Split:
-    """Check the data, leave out states that the FEM stage does not trust, choose those to score.
+    """Check the data, bound the domain by trusted states, choose which states are fitted and which scored.
 
-    States of role "check" are scored; data without any hold out a seeded fifth of the states inside the box.
+    The domain is the box of the fit states with status "ok": it ends where self-contact takes over. Inside it
+    states in self-contact are used too, since a corner without data would be extrapolated. States of role
+    "check" are scored; data without any hold out a seeded fifth of the states inside the box.
     Raises `UserError` for numbers that are not finite, contradictions and too few states.
     """
     _finite(data)
-    trusted = data.status == "ok"
-    names, counts = np.unique(data.status[~trusted], return_counts=True)
+    converged = (data.status == "ok") | (data.status == IN_CONTACT)
+    _agreeing(data, converged)
+    trusted = rows(data, (data.status == "ok") & (data.role == "fit"))
+    _enough(trusted, data)
+    domain = _box(trusted)
+    outside = _outside(domain, data)
+    usable = rows(data, converged & ~outside)
+    reason = np.where(data.status == "ok", "outside the fitted box", data.status)
+    names, counts = np.unique(reason[outside | ~converged], return_counts=True)
     excluded = {str(name): int(count) for name, count in zip(names, counts, strict=True)}
-    _agreeing(data, trusted)
-    usable = rows(data, trusted)
     fit, check = rows(usable, usable.role == "fit"), rows(usable, usable.role == "check")
     held_out = "states of role check"
-    if len(check) == 0 and len(fit) >= MINIMUM_STATES:
+    if len(check) == 0:
         chosen = _hold_out(fit)
         fit, check = rows(fit, ~chosen), rows(fit, chosen)
         held_out = (
-            f"no state has role check: {len(check)} of {len(usable)} held out at random, seed {HELD_OUT_SEED}"
+            f"no state has role check in the domain: {len(check)} of {len(usable)} held out at random, "
+            f"seed {HELD_OUT_SEED}"
         )
-    _enough(fit, check, excluded)
-    return Split(fit, check, float(np.ptp(usable.moment_n_m)), held_out, excluded)
+        _enough(fit, data)
+    contact = int(np.sum(usable.status == IN_CONTACT))
+    return Split(fit, check, domain, float(np.ptp(usable.moment_n_m)), held_out, excluded, contact)
+
+
+def _box(data: FemDataset) -> Domain:
+    p, u = data.actuation, data.angle_rad
+    return Domain(np.array([p.min(), p.max()]), np.array([[u.min(), u.max()]]))
+
+
+def _outside(domain: Domain, data: FemDataset) -> Mask:
+    """States outside the box by more than rounding."""
+    excess = np.abs(domain.excess(data.actuation, data.angle_rad[:, None]))
+    size = np.array([np.ptp(domain.actuation), np.ptp(domain.deformation[0])])
+    return np.any(excess > 1e-9 * size, axis=1)
 
 
 def _finite(data: FemDataset) -> None:
@@ -111,12 +133,15 @@ def _hold_out(data: FemDataset) -> Mask:
     return chosen
 
 
-def _enough(fit: FemDataset, check: FemDataset, excluded: dict[str, int]) -> None:
-    left_out = "".join(f"; {n} with status '{name}' are not trusted" for name, n in excluded.items())
+def _enough(fit: FemDataset, data: FemDataset) -> None:
+    names, counts = np.unique(data.status[data.status != "ok"], return_counts=True)
+    left_out = "".join(
+        f"; {n} with status '{name}' are not trusted" for name, n in zip(names, counts, strict=True)
+    )
     if len(fit) < MINIMUM_STATES:
         raise UserError(
             f"a polynomial law needs at least {MINIMUM_STATES} states to fit besides those that score it, "
-            f"and there are {len(fit)} (and {len(check)} to score){left_out}"
+            f"and there are {len(fit)}{left_out}"
         )
     for values, label in ((fit.actuation, fit.actuation_name), (fit.angle_rad, "angle_rad")):
         if np.ptp(values) == 0:

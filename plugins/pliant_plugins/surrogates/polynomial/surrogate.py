@@ -38,7 +38,7 @@ class Polynomial(Surrogate):
         return study_law(config.coefficients, config.odd, domain, config.actuation_name, config.axis)
 
     def fit(self, data: FemDataset) -> FittedLaw:
-        """Fit the trusted states of role "fit" and score the law on those of role "check".
+        """Fit the states of role "fit" and score the law on those of role "check" (see `states.split`).
 
         Raises `UserError`, in one sentence, for too few states, non-finite numbers and contradictions.
         """
@@ -99,6 +99,7 @@ def _report(law: PolynomialLaw, states: Split, details: dict[str, Any]) -> FitRe
             **details,
             "held_out": states.held_out,
             "excluded": states.excluded,
+            "in_contact": states.in_contact,
             "largest_slope": slope,
             "stable": slope < 0,
             "coverage": scoring.coverage(states.fit, states.domain),
