@@ -11,11 +11,11 @@ from scipy import sparse
 
 from pliant.errors import ContractError, UserError
 from pliant.interfaces.fem import StateNotConvergedError
+from pliant.meshing.grids import grid_cells, grid_faces
+from pliant.meshing.hexahedra import boundary_faces
 from pliant.records.fem import FemState, ModuleMesh, ModuleProblem
 from pliant_plugins.families.bellow_bending.config import BellowBendingConfig
 from pliant_plugins.families.bellow_bending.family import BellowBending
-from pliant_plugins.families.bellow_bending.hex27 import boundary_faces
-from pliant_plugins.families.bellow_bending.mesh import _cells, _faces
 from pliant_plugins.fem.skfem.assembly import Assembler, Terms
 from pliant_plugins.fem.skfem.backend import Skfem, SkfemSolver
 from pliant_plugins.fem.skfem.config import SkfemConfig
@@ -47,7 +47,7 @@ def box(distortion: float = 0.0) -> ModuleProblem:
     nodes[1:-1, 1:-1, 1:-1] += moved
     nodes[..., 1] += WALL_Y
     ids = np.arange(125).reshape(5, 5, 5)
-    cells = _cells(ids)
+    cells = grid_cells(ids)
     x = nodes.reshape(-1, 3)
     sets = {
         "start": ids[0].ravel(),
@@ -55,7 +55,7 @@ def box(distortion: float = 0.0) -> ModuleProblem:
         "pin": ids[0, 0, :1],
         "symmetry": ids[0, 0, :1],
     }
-    mesh = ModuleMesh(x, cells, _faces(ids[:, 0]), boundary_faces(cells), sets)
+    mesh = ModuleMesh(x, cells, grid_faces(ids[:, 0]), boundary_faces(cells)[0], sets)
     fixed = {"start": (0,), "end": (0,), "pin": (2,), "symmetry": (1,)}
     # the second pinned height removes the rotation about x, the first the rise
     sets["level"] = ids[0, -1, :1]

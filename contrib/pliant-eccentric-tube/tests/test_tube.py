@@ -7,8 +7,8 @@ from pliant_eccentric_tube.family import EccentricTube
 from pliant_eccentric_tube.section import Section
 
 from pliant.errors import InvalidDesignError
+from pliant.meshing.hexahedra import cell_volumes
 from pliant.registry.discovery import discover
-from pliant.testing.hexahedra import cell_volumes
 from pliant.testing.stand_ins import sample_material
 
 FINGER = {"outer_radius": "6 mm", "bore_radius": "3.5 mm", "offset": "1.2 mm", "module_length": "12 mm"}
@@ -29,6 +29,14 @@ def test_centroid_of_the_wall_is_that_of_the_mass(tube: EccentricTube) -> None:
     # 6² and 3.5² mm² times 1.2 mm: −12.25 · 1.2 / 23.75 mm
     assert tube.section.centroid_m == pytest.approx(-0.618947e-3, rel=1e-5)
     assert tube.mass(1150.0).end.com_m[2] == pytest.approx(tube.section.centroid_m, rel=1e-12)
+
+
+def test_masses_are_those_of_the_round_section(tube: EccentricTube) -> None:
+    end, section, half = tube.mass(1150.0).end, tube.section, 6e-3
+    mass = 1150.0 * section.area_m2 * half
+    assert end.mass_kg == pytest.approx(mass, rel=1e-6)
+    across = 1150.0 * half * section.second_moment_m4 + mass * half**2 / 12
+    assert end.inertia_kg_m2[1, 1] == pytest.approx(across, rel=1e-6)
 
 
 def test_small_pressure_bends_it_as_a_beam(tube: EccentricTube) -> None:

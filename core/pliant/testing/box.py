@@ -8,16 +8,11 @@ area and centroid of the cavity, z_e that of the solid section.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 
-import numpy as np
-from numpy.typing import NDArray
-
-from pliant.records.design import Array
-from pliant.records.fem import IntArray, ModuleMesh, ModuleProblem
-from pliant.testing.hexahedra import boundary_faces
+from pliant.meshing.grids import block, carved, grid_cells, grid_lines, module_sets, numbered
+from pliant.meshing.hexahedra import CENTRE, boundary_faces
+from pliant.records.fem import ModuleMesh, ModuleProblem
 
 # Lattice lines across the section, in m; the cavity is the cell y < Y[1], Z[1] < z < Z[2].
 Y = (0.0, 3e-3, 4.5e-3)
@@ -83,42 +78,10 @@ def box_problem(
 
 def box_mesh(shape: BoxShape = BoxShape(), refinement: int = 1) -> ModuleMesh:
     """Structured 27-node hexahedra of the half section, without those of the cavity."""
-    lines = [_subdivided(ends, 2 * refinement) for ends in ((0.0, shape.half_length_m), shape.y, shape.z)]
-    lattice = np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1)
-    ids = np.arange(lattice[..., 0].size).reshape(lattice.shape[:3])
-    corners = np.stack(
-        np.meshgrid(*[np.arange(0, len(line) - 1, 2) for line in lines], indexing="ij"), axis=-1
-    )
-    cells: IntArray = np.array(
-        [
-            ids[i : i + 3, j : j + 3, k : k + 3].transpose(2, 1, 0).ravel()
-            for i, j, k in corners.reshape(-1, 3)
-        ]
-    )
-    # local node 13 is a cell's centre
-    cells = cells[~_in_cavity(shape, lattice.reshape(-1, 3)[cells[:, 13]])]
-    used, flat = np.unique(cells, return_inverse=True)
-    cells = flat.reshape(-1, 27)
-    nodes = lattice.reshape(-1, 3)[used]
+    lines = (grid_lines(ends, refinement) for ends in ((0.0, shape.half_length_m), shape.y, shape.z))
+    nodes, ids = numbered(block(*lines))
+    cells = grid_cells(ids)
+    y, z = nodes[cells[:, CENTRE], 1:].T
+    nodes, cells, cavity = carved(nodes, cells, (y < shape.y[1]) & (z > shape.z[1]) & (z < shape.z[2]))
     skin, _ = boundary_faces(cells)
-    middle = nodes[skin[:, 4]]
-    on_cut = (middle[:, 0] == 0.0) | (middle[:, 0] == shape.half_length_m) | (middle[:, 1] == 0.0)
-    sets = {
-        "start": np.flatnonzero(nodes[:, 0] == 0.0),
-        "end": np.flatnonzero(nodes[:, 0] == shape.half_length_m),
-        "symmetry": np.flatnonzero(nodes[:, 1] == 0.0),
-        "pin": np.flatnonzero((nodes == 0.0).all(axis=1)),
-    }
-    return ModuleMesh(nodes, cells, skin[_in_cavity(shape, middle) & ~on_cut], skin, sets)
-
-
-def _in_cavity(shape: BoxShape, points: Array) -> NDArray[np.bool_]:
-    y, z = points[:, 1], points[:, 2]
-    inside: NDArray[np.bool_] = (y <= shape.y[1]) & (z >= shape.z[1]) & (z <= shape.z[2])
-    return inside
-
-
-def _subdivided(ends: Sequence[float], parts: int) -> Array:
-    """Lattice lines with `parts` intervals between neighbouring ends; the ends are kept exactly."""
-    pieces = [np.linspace(a, b, parts + 1)[:-1] for a, b in pairwise(ends)]
-    return np.append(np.concatenate(pieces), ends[-1])
+    return ModuleMesh(nodes, cells, cavity, skin, module_sets(nodes, shape.half_length_m))

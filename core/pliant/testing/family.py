@@ -7,11 +7,11 @@ from pydantic import ValidationError
 
 from pliant.errors import InvalidDesignError
 from pliant.interfaces.family import ActuatorFamily
+from pliant.meshing.hexahedra import cell_volumes
 from pliant.records.design import MassProperties, ModuleMass
 from pliant.testing.common import quantity_of
 from pliant.testing.family_mesh import VOLUME_TOLERANCE, mesh_finding, problem_of
 from pliant.testing.family_mesh import suite as mesh_suite
-from pliant.testing.hexahedra import cell_volumes
 from pliant.testing.suite import Subject, Suite, require, require_close
 
 suite = Suite("family")

@@ -4,9 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 
-from pliant.records.design import Array
-from pliant.records.fem import IntArray, ModuleProblem
-from pliant.testing.hexahedra import boundary_faces, cell_volumes, face_integrals, jacobians, sample_points
+from pliant.meshing.hexahedra import (
+    FACE_CENTRE,
+    area_vector,
+    boundary_faces,
+    cell_volumes,
+    enclosed_volume,
+    jacobians,
+    sample_points,
+)
+from pliant.records.fem import ModuleProblem
 from pliant.testing.suite import Finding, Subject, Suite, require, require_close
 
 suite = Suite("family")
@@ -56,7 +63,7 @@ def mesh_is_one_closed_body(subject: Subject) -> None:
     double = len(rounded) - len(np.unique(rounded, axis=0))
     require(double == 0, f"{double} nodes coincide with others: the body has a crack there; merge them")
     volume = float(cell_volumes(mesh.nodes_m, mesh.cells).sum())
-    area, enclosed = face_integrals(mesh.nodes_m, mesh.skin)
+    area, enclosed = area_vector(mesh.nodes_m, mesh.skin), enclosed_volume(mesh.nodes_m, mesh.skin)
     require(
         np.abs(area).max() < 1e-6 * size**2 and abs(enclosed - volume) < 1e-6 * volume,
         f"the skin encloses {enclosed:.4g} m³ and the elements fill {volume:.4g} m³: the skin misses faces "
@@ -76,17 +83,13 @@ def cavity_faces_point_into_the_cavity(subject: Subject) -> None:
         return
     require(len(mesh.cavity) > 0, "the cavity has no faces: pressure would do nothing")
     outward, _ = boundary_faces(mesh.cells)
-    skin = {int(face[4]): face for face in outward}
-
-    def area(face: IntArray) -> Array:
-        return face_integrals(mesh.nodes_m, face[None])[0]
-
+    skin = {int(face[FACE_CENTRE]): face for face in outward}
     for number, face in enumerate(mesh.cavity):
-        own = skin.get(int(face[4]))
+        own = skin.get(int(face[FACE_CENTRE]))
         if own is None:
             raise Finding(f"cavity face {number} lies inside the solid or is no element's face")
         require(
-            area(face) @ area(own) > 0,
+            area_vector(mesh.nodes_m, face[None]) @ area_vector(mesh.nodes_m, own[None]) > 0,
             f"the normal of cavity face {number} points into the solid: swap its a and b",
         )
 

@@ -7,11 +7,11 @@ import numpy as np
 
 from pliant.errors import InvalidDesignError
 from pliant.interfaces.family import ActuatorFamily, FamilyConfig
+from pliant.meshing.hexahedra import cell_volumes
 from pliant.records.design import MassProperties, ModuleMass
 from pliant.records.fem import ModuleProblem
 from pliant.registry.component import Component
 from pliant.testing.box import BoxShape, box_problem
-from pliant.testing.hexahedra import cell_volumes
 from pliant.units import Length
 from spoiled import Spoils
 

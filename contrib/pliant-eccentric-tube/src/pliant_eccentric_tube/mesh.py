@@ -8,8 +8,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from pliant.meshing.grids import grid_cells, grid_faces, module_sets, numbered
+from pliant.meshing.hexahedra import boundary_faces
 from pliant.records.design import Array
-from pliant.records.fem import IntArray, ModuleMesh
+from pliant.records.fem import ModuleMesh
 from pliant_eccentric_tube.section import Section
 
 AROUND, WALL, ALONG = 8, 2, 1
@@ -17,29 +19,13 @@ AROUND, WALL, ALONG = 8, 2, 1
 
 def build_mesh(section: Section, half_length_m: float, refinement: int = 1) -> ModuleMesh:
     """The mesh of half a module. Node sets: `start`, `end`, `symmetry` (y = 0), `pin` (bottom of the start)."""
-    nodes = _grid(section, half_length_m, refinement)
-    ids = np.arange(nodes[..., 0].size).reshape(nodes.shape[:3])  # [along, around, outward]
-    cells = _cells(ids)
-    # Outward is the last axis: the bore is its first layer, seen from inside.
-    bore = _faces(ids[:, :, 0])
-    skin = np.concatenate(
-        [
-            bore,
-            _flipped(_faces(ids[:, :, -1])),
-            _faces(ids[0]),
-            _flipped(_faces(ids[-1])),
-            _flipped(_faces(ids[:, 0])),
-            _faces(ids[:, -1]),
-        ]
-    )
-    flat = nodes.reshape(-1, 3)
-    sets = {
-        "start": ids[0].ravel(),
-        "end": ids[-1].ravel(),
-        "symmetry": np.concatenate([ids[:, 0].ravel(), ids[:, -1].ravel()]),
-        "pin": ids[0, 0, -1:],
-    }
-    return ModuleMesh(flat, cells, bore, skin, sets)
+    nodes, ids = numbered(_grid(section, half_length_m, refinement))  # [along, around, outward]
+    # at the bottom x, −z, y, which is right-handed: along, outward, around
+    cells = grid_cells(ids.transpose(0, 2, 1))
+    bore = grid_faces(ids[:, :, 0])
+    skin, _ = boundary_faces(cells)
+    pin = (0.0, 0.0, -section.outer_m)
+    return ModuleMesh(nodes, cells, bore, skin, module_sets(nodes, half_length_m, pin))
 
 
 def _grid(section: Section, half_length_m: float, refinement: int) -> Array:
@@ -56,21 +42,3 @@ def _grid(section: Section, half_length_m: float, refinement: int) -> Array:
     nodes[..., 0] = x[:, None, None]
     nodes[..., 1:] = wall
     return nodes
-
-
-def _cells(ids: IntArray) -> IntArray:
-    """Cells with ξ along the tube, η outward, ζ around: at the bottom x, −z, y, which is right-handed."""
-    ordered = ids.transpose(0, 2, 1)
-    windows = np.lib.stride_tricks.sliding_window_view(ordered, (3, 3, 3))[::2, ::2, ::2]
-    return np.ascontiguousarray(windows.transpose(0, 1, 2, 5, 4, 3)).reshape(-1, 27)
-
-
-def _faces(ids: IntArray) -> IntArray:
-    """Faces of a layer [i, j]; local node a + 3b with a along i."""
-    windows = np.lib.stride_tricks.sliding_window_view(ids, (3, 3))[::2, ::2]
-    return np.ascontiguousarray(windows.transpose(0, 1, 3, 2)).reshape(-1, 9)
-
-
-def _flipped(faces: IntArray) -> IntArray:
-    """The same faces with the other normal."""
-    return faces[:, np.arange(9).reshape(3, 3).T.ravel()]

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from functools import cached_property
 
-import numpy as np
-
 from pliant.interfaces.family import ActuatorFamily
-from pliant.records.design import MassProperties, ModuleMass
+from pliant.meshing.masses import half_masses
+from pliant.records.design import ModuleMass
 from pliant.records.fem import ModuleMesh, ModuleProblem
 from pliant_plugins.families.bellow_bending.config import BellowBendingConfig
 from pliant_plugins.families.bellow_bending.geometry import BellowGeometry
-from pliant_plugins.families.bellow_bending.hex27 import quadrature
 from pliant_plugins.families.bellow_bending.mesh import build_mesh
 
 
@@ -55,16 +53,4 @@ class BellowBending(ActuatorFamily):
 
     def mass(self, density_kg_m3: float) -> ModuleMass:
         """Masses of the two halves, by Gauss quadrature over the mesh and its mirror images."""
-        point, volume = quadrature(self._mesh.nodes_m, self._mesh.cells)
-        mass = density_kg_m3 * volume.ravel()
-        x, y, z = point.reshape(-1, 3).T
-        total = 2 * mass.sum()
-        com = 2 * np.array([mass @ x, 0.0, mass @ z]) / total
-        rx, rz = x - com[0], z - com[2]
-        xx, yy, zz, xz = (2 * (mass @ product) for product in (rx * rx, y * y, rz * rz, rx * rz))
-        inertia = np.array([[yy + zz, 0.0, -xz], [0.0, xx + zz, 0.0], [-xz, 0.0, xx + yy]])
-        mirror = np.diag([-1.0, 1.0, 1.0])
-        return ModuleMass(
-            start=MassProperties(total, mirror @ com, mirror @ inertia @ mirror),
-            end=MassProperties(total, com, inertia),
-        )
+        return half_masses(self._mesh, density_kg_m3)

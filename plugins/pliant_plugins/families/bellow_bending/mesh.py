@@ -16,10 +16,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pliant.meshing.grids import grid_cells, grid_faces, module_sets, numbered
+from pliant.meshing.hexahedra import boundary_faces
 from pliant.records.design import Array
-from pliant.records.fem import IntArray, ModuleMesh
+from pliant.records.fem import ModuleMesh
 from pliant_plugins.families.bellow_bending.geometry import BellowGeometry
-from pliant_plugins.families.bellow_bending.hex27 import boundary_faces
 
 SQUIRCLE = 0.42  # β
 WIDEST_FOOT = 0.85  # of R: what lies beyond belongs to the plate's side strip
@@ -58,18 +59,19 @@ def build_mesh(geometry: BellowGeometry, refinement: int = 1) -> ModuleMesh:
     foot = (2 * counts.foot_x + 1, 2 * counts.foot_y + 1)
     plate = _plate(geometry, counts, wall[: foot[0], : foot[1], -1])
 
-    wall_ids = np.arange(wall[..., 0].size).reshape(wall.shape[:3])
+    wall_nodes, wall_ids = numbered(wall)
     shared = np.zeros(plate.shape[:3], bool)
     shared[: foot[0], : foot[1], 0] = True
     plate_ids = np.empty(plate.shape[:3], np.int64)
     plate_ids[shared] = wall_ids[: foot[0], : foot[1], -1].ravel()
     plate_ids[~shared] = wall_ids.size + np.arange((~shared).sum())
 
-    nodes = np.vstack([wall.reshape(-1, 3), plate[~shared]])
+    nodes = np.vstack([wall_nodes, plate[~shared]])
     # both grids are left-handed in the module frame: one index runs backwards
-    cells = np.vstack([_cells(wall_ids[:, ::-1]), _cells(plate_ids[:, :, ::-1])])
-    inner = _faces(wall_ids[:, :, 0])
-    return ModuleMesh(nodes, cells, inner, boundary_faces(cells), _node_sets(geometry, nodes))
+    cells = np.vstack([grid_cells(wall_ids[:, ::-1]), grid_cells(plate_ids[:, :, ::-1])])
+    skin, _ = boundary_faces(cells)
+    sets = module_sets(nodes, geometry.half_length_m)
+    return ModuleMesh(nodes, cells, grid_faces(wall_ids[:, :, 0]), skin, sets)
 
 
 def _wall(geometry: BellowGeometry, counts: Counts) -> Array:
@@ -151,26 +153,3 @@ def _plate(geometry: BellowGeometry, counts: Counts, foot: Array) -> Array:
     m = np.linspace(0, 1, 2 * counts.plate + 1)
     plate[..., 2] += m * (-t - top[..., 2])[..., None]
     return plate
-
-
-def _cells(ids: IntArray) -> IntArray:
-    """Cells (m, 27) of a grid of node ids [i, j, k] with two intervals per element."""
-    windows = np.lib.stride_tricks.sliding_window_view(ids, (3, 3, 3))[::2, ::2, ::2]
-    return np.ascontiguousarray(windows.transpose(0, 1, 2, 5, 4, 3)).reshape(-1, 27)
-
-
-def _faces(ids: IntArray) -> IntArray:
-    """Faces (f, 9) of a grid [i, j]; local node a + 3b with a along i."""
-    windows = np.lib.stride_tricks.sliding_window_view(ids, (3, 3))[::2, ::2]
-    return np.ascontiguousarray(windows.transpose(0, 1, 3, 2)).reshape(-1, 9)
-
-
-def _node_sets(geometry: BellowGeometry, nodes: Array) -> dict[str, IntArray]:
-    near = 1e-9 * geometry.module_length_m
-    distance = np.linalg.norm(nodes, axis=1)
-    return {
-        "start": np.flatnonzero(np.abs(nodes[:, 0]) < near),
-        "end": np.flatnonzero(np.abs(nodes[:, 0] - geometry.half_length_m) < near),
-        "symmetry": np.flatnonzero(np.abs(nodes[:, 1]) < near),
-        "pin": np.flatnonzero(distance < near),
-    }

@@ -1,0 +1,127 @@
+"""27-node hexahedra: node order, faces, shape functions, Gauss rules, volumes, boundary, divergence theorem.
+
+Local node i + 3j + 9k stands at (ξ, η, ζ) = (i, j, k)/2 of the unit cube; x(ξ) = Σ N_a(ξ) x_a is quadratic in each
+coordinate. Local node a + 3b of a face stands at (a, b)/2 of the unit square; its normal is ∂x/∂a × ∂x/∂b.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pliant.records.design import Array
+from pliant.records.fem import IntArray
+
+CENTRE = 13  # local node in the middle of a cell
+FACE_CENTRE = 4  # local node in the middle of a face; it belongs to no other face
+
+_LATTICE = np.arange(27).reshape(3, 3, 3)  # [k, j, i]
+# (6, 9) local nodes of the faces, the free axes in such an order that normals point out of a right-handed cell.
+FACES: IntArray = np.stack(
+    [
+        _LATTICE[:, :, 0].T.ravel(),  # ξ = 0: a along ζ, b along η
+        _LATTICE[:, :, 2].ravel(),  # ξ = 1: a along η, b along ζ
+        _LATTICE[:, 0, :].ravel(),  # η = 0: a along ξ, b along ζ
+        _LATTICE[:, 2, :].T.ravel(),  # η = 1: a along ζ, b along ξ
+        _LATTICE[0, :, :].T.ravel(),  # ζ = 0: a along η, b along ξ
+        _LATTICE[2, :, :].ravel(),  # ζ = 1: a along ξ, b along η
+    ]
+).astype(np.int64)
+
+
+def lagrange(s: Array) -> tuple[Array, Array]:
+    """Quadratic Lagrange polynomials with nodes 0, ½, 1 at s (q,), and their slopes: (q, 3) each."""
+    t = s[:, None]
+    values = np.hstack([(1 - t) * (1 - 2 * t), 4 * t * (1 - t), t * (2 * t - 1)])
+    return values, np.hstack([4 * t - 3, 4 - 8 * t, 4 * t - 1])
+
+
+def shapes(points: Array) -> Array:
+    """N (q, 27) at reference points (q, 3)."""
+    return _product(*(lagrange(s)[0] for s in points.T))
+
+
+def shape_slopes(points: Array) -> Array:
+    """∂N/∂ξ (q, 27, 3) at reference points (q, 3)."""
+    (a, da), (b, db), (c, dc) = (lagrange(s) for s in points.T)
+    return np.stack([_product(da, b, c), _product(a, db, c), _product(a, b, dc)], axis=-1)
+
+
+def _product(a: Array, b: Array, c: Array) -> Array:
+    """(q, 27) products of one-dimensional polynomials (q, 3), local node i + 3j + 9k."""
+    return np.einsum("qi,qj,qk->qkji", a, b, c).reshape(len(a), 27)
+
+
+def gauss(order: int = 3) -> tuple[Array, Array]:
+    """Gauss points and weights (order,) on [0, 1]: exact to degree 2 order − 1."""
+    node, weight = np.polynomial.legendre.leggauss(order)
+    return (node + 1) / 2, weight / 2
+
+
+def gauss_cube(order: int = 3) -> tuple[Array, Array]:
+    """Gauss points (order³, 3) and weights (order³,) of the unit cube."""
+    point, weight = gauss(order)
+    points = np.stack(np.meshgrid(point, point, point, indexing="ij"), axis=-1).reshape(-1, 3)
+    return points, np.einsum("i,j,k->ijk", weight, weight, weight).ravel()
+
+
+def sample_points() -> Array:
+    """Corners, Gauss points and centre of the unit cube, (36, 3): where Jacobians are judged."""
+    corners = np.stack(np.meshgrid(*[[0.0, 1.0]] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
+    return np.concatenate([corners, gauss_cube()[0], [[0.5, 0.5, 0.5]]])
+
+
+def jacobians(nodes_m: Array, cells: IntArray, points: Array) -> Array:
+    """Determinants (m, q) of ∂x/∂ξ in m³ of cells (m, 27) at reference points (q, 3)."""
+    slope = np.einsum("mai,qaj->mqij", nodes_m[cells], shape_slopes(points))
+    determinants: Array = np.linalg.det(slope)
+    return determinants
+
+
+def quadrature(nodes_m: Array, cells: IntArray, order: int = 3) -> tuple[Array, Array]:
+    """Gauss points (m, q, 3) in m and their signed volumes (m, q) in m³, negative where a cell is inverted.
+
+    The determinant is of degree 5 in each coordinate: order 3 integrates 1 exactly, order 4 positions, order 5
+    products of two positions.
+    """
+    points, weights = gauss_cube(order)
+    places = np.einsum("qa,mai->mqi", shapes(points), nodes_m[cells])
+    return places, jacobians(nodes_m, cells, points) * weights
+
+
+def cell_volumes(nodes_m: Array, cells: IntArray) -> Array:
+    """Signed volumes (m,) in m³, exact."""
+    volumes: Array = quadrature(nodes_m, cells)[1].sum(axis=1)
+    return volumes
+
+
+def boundary_faces(cells: IntArray) -> tuple[IntArray, IntArray]:
+    """Faces (g, 9) that belong to one cell only, normals out of it, and these cells' numbers (g,)."""
+    faces = cells[:, FACES].reshape(-1, 9)
+    _, first, count = np.unique(faces[:, FACE_CENTRE], return_index=True, return_counts=True)
+    chosen = np.sort(first[count == 1])
+    return faces[chosen], chosen // len(FACES)
+
+
+def area_vector(nodes_m: Array, faces: IntArray) -> Array:
+    """∮ n dA (3,) in m² over faces (f, 9): zero if they are closed."""
+    _, normals = _face_quadrature(nodes_m, faces)
+    area: Array = normals.sum(axis=(0, 1))
+    return area
+
+
+def enclosed_volume(nodes_m: Array, faces: IntArray) -> float:
+    """∮ x·n dA / 3 in m³ over closed faces (f, 9) with normals outward: the divergence theorem."""
+    points, normals = _face_quadrature(nodes_m, faces)
+    return float(np.einsum("fqi,fqi->", points, normals) / 3)
+
+
+def _face_quadrature(nodes_m: Array, faces: IntArray) -> tuple[Array, Array]:
+    """Gauss points (f, 9, 3) and n dA (f, 9, 3); x·n dA is of degree 5 in each coordinate, hence exact."""
+    point, weight = gauss(3)
+    value, slope = lagrange(point)
+    corner = nodes_m[faces].reshape(-1, 3, 3, 3)  # [face, b, a, component]
+    places, along_a, along_b = (
+        np.einsum("qa,rb,fbai->fqri", of_a, of_b, corner).reshape(-1, 9, 3)
+        for of_a, of_b in ((value, value), (slope, value), (value, slope))
+    )
+    return places, np.cross(along_a, along_b) * np.outer(weight, weight).reshape(-1, 1)

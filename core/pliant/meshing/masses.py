@@ -1,0 +1,46 @@
+"""Masses of a module from the mesh of the piece that is solved, and from mirror images."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pliant.meshing.hexahedra import quadrature
+from pliant.records.design import MassProperties, ModuleMass
+from pliant.records.fem import ModuleMesh
+
+ORDER = 5  # Gauss rule that integrates second moments of quadratic cells exactly
+
+
+def half_masses(mesh: ModuleMesh, density_kg_m3: float, mirror_y: bool = True) -> ModuleMass:
+    """Masses of a module whose solved piece is its `end` half, x ∈ [0, l/2], cut by the mirror plane y = 0.
+
+    The `start` half is the mirror image in x = 0. Masses are those of the meshed solid, exact but for rounding:
+    on curved walls, the finer the mesh the nearer to the design's.
+
+    Args:
+        mesh: the piece, in the module frame with the origin at the joint.
+        density_kg_m3: of the solid.
+        mirror_y: whether the piece is half the width, y ≥ 0 or y ≤ 0; False if it is the whole.
+    """
+    end = meshed_mass(mesh, density_kg_m3)
+    if mirror_y:
+        end = end.joined(mirrored(end, 1))
+    return ModuleMass(start=mirrored(end, 0), end=end)
+
+
+def mirrored(piece: MassProperties, axis: int) -> MassProperties:
+    """The piece's mirror image in the plane through the origin across axis 0, 1, 2 = x, y, z."""
+    signs = np.ones(3)
+    signs[axis] = -1.0
+    return piece.rotated(np.diag(signs))
+
+
+def meshed_mass(mesh: ModuleMesh, density_kg_m3: float) -> MassProperties:
+    """Mass, centre and inertia of the meshed solid itself, exact for its quadratic cells."""
+    point, volume = quadrature(mesh.nodes_m, mesh.cells, ORDER)
+    x, dm = point.reshape(-1, 3), density_kg_m3 * volume.ravel()
+    mass = float(dm.sum())
+    com = dm @ x / mass
+    arm = x - com
+    second = (dm * arm.T) @ arm  # ∫ r rᵀ dm
+    return MassProperties(mass, com, np.trace(second) * np.eye(3) - second)
