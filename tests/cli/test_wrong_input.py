@@ -63,7 +63,9 @@ def test_bare_numbers_in_millimetres_are_noticed(pliant, write, finger):
 
 
 def test_yaml_syntax_error(pliant, write, workplace, stated):
-    assert_refused(pliant("run", write(stated.replace("modules: 8,", "modules: 8: 9,"))), "line 8", "not YAML")
+    assert_refused(
+        pliant("run", write(stated.replace("modules: 8,", "modules: 8: 9,"))), "line 8", "not YAML"
+    )
     assert_nothing_left(workplace, "study.yaml")
 
 
