@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from pliant.interfaces.physics import PhysicsBackend
+from pliant.mechanics.statics import ChainStatics, Loads
 from pliant.records.chain import ChainModel
 from pliant.records.rollout import Inputs
 from pliant_plugins.physics.mujoco.backend import Mujoco
@@ -76,3 +78,35 @@ def test_time_advances_by_what_was_asked(engine: PhysicsBackend, massless_finger
         simulation.step(0.0007)
         simulation.step(0.0)
         assert simulation.snapshot().time_s == 0.0007
+
+
+def test_a_step_shorter_than_any_clock_is_a_step(engine: PhysicsBackend, massless_finger: ChainModel) -> None:
+    with engine.build(massless_finger) as simulation:
+        simulation.apply(Inputs({"pressure_pa": 1e3}))
+        simulation.step(1e-16)
+        assert simulation.snapshot().time_s == 1e-16
+
+
+@pytest.mark.parametrize("steps", [1, 2, 5])
+def test_a_settling_that_is_cut_short_reports_the_state_it_leaves(
+    dynamic_engine: PhysicsBackend, loaded_finger: ChainModel, steps: int
+) -> None:
+    config = type(dynamic_engine.config)(max_settle_steps=steps)
+    inputs = Inputs({"pressure_pa": 15e3})
+    with type(dynamic_engine)(config).build(loaded_finger) as simulation:
+        simulation.apply(inputs)
+        settled = simulation.settle()
+    assert not settled.converged and not settled.stable
+    assert settled.iterations == steps
+    left = ChainStatics(loaded_finger).residual(settled.joint_angles, Loads.of(loaded_finger, inputs))
+    assert settled.residual == pytest.approx(np.abs(left).max(), rel=1e-9)
+
+
+def test_a_settling_that_fails_at_once_says_so(
+    dynamic_engine: PhysicsBackend, loaded_finger: ChainModel
+) -> None:
+    with dynamic_engine.build(loaded_finger) as simulation:
+        simulation.apply(Inputs({"pressure_pa": 0.0}, tip_force_n=np.array([np.nan, 0.0, 0.0])))
+        settled = simulation.settle()
+    assert not settled.converged
+    assert settled.iterations == 0

@@ -50,7 +50,7 @@ class Mover(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Relaxed:
-    """Where a relaxation ended; residual is the largest unbalanced effort."""
+    """Where a relaxation ended after `steps` steps; residual is the largest unbalanced effort there."""
 
     q: Array
     residual: float
@@ -69,33 +69,29 @@ def relax(
     q = mover.q
     mover.halt(q)
     caution = 1.0
-    size, stable = np.inf, False
-    for step in range(max_steps):
+    steps = 0
+    while True:
         residual = statics.residual(q, loads)
         size = float(np.abs(residual).max())
-        if not np.isfinite(size):
-            break
-        if size <= tolerance:
-            mode = unstable_mode(statics.balance(q, loads).stiffness)
-            stable = mode is None
-            if mode is None:
-                mover.halt(q)
-                return Relaxed(q, size, True, True, step)
+        balanced = size <= tolerance
+        mode = unstable_mode(statics.balance(q, loads).stiffness) if balanced else None
+        found = balanced and mode is None
+        if found or not np.isfinite(size) or steps == max_steps or caution > MAX_CAUTION:
+            mover.halt(q)
+            return Relaxed(q, size, found, found, steps)
+        if mode is not None:
             q = q + NUDGE * reach * (mode / np.abs(mode).max()).reshape(q.shape)
             mover.halt(q)
         elif np.sum(residual * mover.rates) < 0.0:
             mover.halt(q)
         mover.relax_step(loads, q, _joint_bounds(statics, q, loads), caution)
+        steps += 1
         moved = mover.q
         if np.isfinite(moved).all() and np.abs(moved - q).max() <= LONGEST_TURN * reach:
             q, caution = moved, max(1.0, REGAIN * caution)
-            continue
-        caution *= 2.0
-        mover.halt(q)
-        if caution > MAX_CAUTION:
-            break
-    mover.halt(q)
-    return Relaxed(q, size, False, stable, max_steps)
+        else:
+            caution *= 2.0
+            mover.halt(q)
 
 
 def _joint_bounds(statics: ChainStatics, q: Array, loads: Loads) -> Array:

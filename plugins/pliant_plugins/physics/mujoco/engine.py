@@ -142,7 +142,7 @@ class MujocoChain:
         damping, longest = self._config.joint_damping, self._config.timestep_s
         if not self.implicit:
             longest = min(longest, self.stable_step(loads, damping))
-        n_steps = math.ceil(duration_s / longest - 1e-9)
+        n_steps = max(1, math.ceil(duration_s / longest - 1e-9))
         self.set_stepping(duration_s / n_steps, damping)
         for _ in range(n_steps):
             self.advance(loads, self.q)

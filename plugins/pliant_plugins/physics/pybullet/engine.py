@@ -130,7 +130,7 @@ class BulletChain:
         """Advance in real time in equal steps, no longer than explicit stiffness and damping allow."""
         damping = self._config.joint_damping
         longest = min(self._config.timestep_s, self.stable_step(loads, damping))
-        n_steps = math.ceil(duration_s / longest - 1e-9)
+        n_steps = max(1, math.ceil(duration_s / longest - 1e-9))
         self.set_timestep(duration_s / n_steps)
         for _ in range(n_steps):
             q, rates = self.state()
