@@ -1,5 +1,7 @@
 """Sampling: which states, resumed without solving anything twice, failures recorded."""
 
+import json
+
 import numpy as np
 import pytest
 
@@ -42,6 +44,12 @@ class Springs(ModuleSolver):
 
 
 class Counting(Silent):
+    def __init__(self):
+        self.notes = []
+
+    def note(self, text):
+        self.notes.append(text)
+
     def begin(self, title, total, done=0):
         self.total, self.count = total, done
         return self
@@ -114,3 +122,100 @@ def test_a_state_that_fails_is_a_record_with_its_cause(tmp_path):
 def test_a_free_branch_that_stops_is_an_error(tmp_path):
     with pytest.raises(NotReachedError, match="free branch stopped: Newton stopped"):
         sample(Springs(refuse=lambda p, u: p > 5), CONFIG, tmp_path, Silent())
+
+
+def interrupted(folder, after=12, **solver):
+    first = Springs(stop_after=after, **solver)
+    with pytest.raises(KeyboardInterrupt):
+        sample(first, CONFIG, folder, Silent())
+    return first
+
+
+@pytest.mark.parametrize("file", ["value.json", "arrays.npz"])
+@pytest.mark.parametrize("damage", ["truncate", "flip", "delete", "empty"])
+def test_a_damaged_finished_state_is_said_and_solved_anew_alone(tmp_path, file, damage):
+    first = interrupted(tmp_path)
+    path = sorted(tmp_path.glob(f"*/{file}"))[3]
+    data = path.read_bytes()
+    if damage == "delete":
+        path.unlink()
+    else:
+        middle = len(data) // 2
+        broken = {"truncate": data[:middle], "empty": b""}
+        path.write_bytes(broken.get(damage, data[:middle] + bytes([data[middle] ^ 1]) + data[middle + 1 :]))
+    second, bar = Springs(), Counting()
+    sample(second, CONFIG, tmp_path, bar)
+    assert len(set(first.solved) & set(second.solved)) == 1
+    assert len(bar.notes) == 1
+    assert "damaged" in bar.notes[0]
+    assert "solving it anew" in bar.notes[0]
+    assert bar.count == bar.total
+
+
+@pytest.mark.parametrize(
+    "text", ["", '{"free 0.', "[]", "7", "\x00\x00", '{"rest": 7}', '{"rest": null}', '{"rest": {}}']
+)
+def test_a_damaged_list_of_finished_states_is_said_and_solved_anew(tmp_path, text):
+    interrupted(tmp_path)
+    (tmp_path / "states.json").write_text(text)
+    bar = Counting()
+    sampling = sample(Springs(), CONFIG, tmp_path, bar)
+    assert len(sampling.solved) == 4 + 4 * 5 + 6
+    assert len(bar.notes) == 1
+    assert "damaged" in bar.notes[0]
+    assert bar.count == bar.total
+
+
+def test_a_failed_state_is_not_tried_again_after_an_interruption(tmp_path):
+    tried = []
+
+    def refuse(p, u):
+        if u > 0.55:
+            tried.append((p, u))
+        return u > 0.55
+
+    interrupted(tmp_path, after=22, refuse=refuse)
+    before = list(tried)
+    assert before
+    bar = Counting()
+    sampling = sample(Springs(refuse=refuse), CONFIG, tmp_path, bar)
+    assert len(tried) == len(set(tried)) == len(sampling.failed)
+    assert {f["cause"] for f in sampling.failed} == {"Newton stopped"}
+    assert bar.count == bar.total
+
+
+def test_a_full_disk_is_one_sentence_and_loses_nothing(tmp_path, monkeypatch):
+    from pliant.errors import UserError
+    from pliant.pipeline import sampling
+
+    def full(folder, value):
+        raise OSError(28, "No space left on device")
+
+    interrupted(tmp_path)
+    kept = json.loads((tmp_path / "states.json").read_text())
+    with monkeypatch.context() as patch:
+        patch.setattr(sampling, "write_value", full)
+        with pytest.raises(UserError, match="No space left on device"):
+            sample(Springs(), CONFIG, tmp_path, Silent())
+    assert json.loads((tmp_path / "states.json").read_text()) == kept
+
+
+def test_the_free_branch_ends_at_its_first_failure(tmp_path):
+    tried = []
+
+    def refuse(p, u):
+        tried.append(p)
+        return p > 2
+
+    with pytest.raises(NotReachedError):
+        sample(Springs(refuse=refuse), CONFIG, tmp_path, Silent())
+    assert sum(p > 2 for p in tried) == 1
+
+
+def test_a_module_that_stays_straight_is_an_error(tmp_path):
+    class Straight(Springs):
+        def free(self, actuation, start):
+            return self._state(actuation, 0.0, "free")
+
+    with pytest.raises(NotReachedError, match="does not bend"):
+        sample(Straight(), CONFIG, tmp_path, Silent())

@@ -2,6 +2,8 @@
 
 import json
 import multiprocessing
+import os
+import shutil
 import time
 from pathlib import Path
 
@@ -11,7 +13,15 @@ import pytest
 from pliant.errors import UserError
 from pliant.records.design import Design
 from pliant.store.codec import decode, encode
-from pliant.store.store import ArtifactStore, CorruptedError, Recipe, load_artifact, write_atomically
+from pliant.store.store import (
+    ArtifactStore,
+    CorruptedError,
+    Recipe,
+    digests,
+    load_artifact,
+    read_checked,
+    write_atomically,
+)
 
 
 def recipe(**changes):
@@ -68,7 +78,7 @@ def test_the_manifest_tells_where_it_came_from(tmp_path):
 
 
 @pytest.mark.parametrize("file", ["value.json", "arrays.npz", "manifest.json"])
-@pytest.mark.parametrize("damage", ["truncate", "flip", "delete"])
+@pytest.mark.parametrize("damage", ["truncate", "flip", "delete", "empty"])
 def test_a_corrupted_artifact_is_noticed_told_and_computed_anew(tmp_path, file, damage):
     store, notes = ArtifactStore(tmp_path), []
     made = store.make(recipe(), lambda partial: value())
@@ -77,7 +87,8 @@ def test_a_corrupted_artifact_is_noticed_told_and_computed_anew(tmp_path, file, 
     if damage == "delete":
         path.unlink()
     else:
-        path.write_bytes(data[: len(data) // 2] if damage == "truncate" else b"#" + data[1:])
+        damaged = {"truncate": data[: len(data) // 2], "flip": b"#" + data[1:], "empty": b""}
+        path.write_bytes(damaged[damage])
     again = store.make(recipe(), lambda partial: value(), notes.append)
     assert not again.cached
     assert "corrupted" in notes[0]
@@ -150,14 +161,8 @@ def test_pickled_arrays_are_refused(tmp_path):
     made = ArtifactStore(tmp_path).make(recipe(), lambda partial: value())
     with (made.folder / "arrays.npz").open("wb") as file:
         np.savez(file, a0000=np.array([Design("x", {})], dtype=object))
-    manifest = json.loads((made.folder / "manifest.json").read_text())
-    import hashlib
-
-    digest = hashlib.sha256((made.folder / "arrays.npz").read_bytes()).hexdigest()
-    manifest["files"]["arrays.npz"] = digest
-    (made.folder / "manifest.json").write_text(json.dumps(manifest))
     with pytest.raises(CorruptedError, match="allow_pickle"):
-        load_artifact(made.folder)
+        read_checked(made.folder, digests(made.folder))
 
 
 def test_writing_a_file_is_all_or_nothing(tmp_path):
@@ -167,3 +172,129 @@ def test_writing_a_file_is_all_or_nothing(tmp_path):
         write_atomically(path, None)
     assert path.read_text() == "old"
     assert [p.name for p in tmp_path.iterdir()] == ["out.json"]
+
+
+def test_every_entry_of_the_manifest_is_covered_by_its_digest(tmp_path):
+    made = ArtifactStore(tmp_path).make(recipe(), lambda partial: value())
+    path = made.folder / "manifest.json"
+    sound = json.loads(path.read_text())
+    for name in sound:
+        path.write_text(json.dumps({**sound, name: "other"}))
+        with pytest.raises(CorruptedError):
+            load_artifact(made.folder)
+        path.write_text(json.dumps({k: v for k, v in sound.items() if k != name}))
+        with pytest.raises(CorruptedError):
+            load_artifact(made.folder)
+    path.write_text(json.dumps(sound))
+    assert load_artifact(made.folder).cached
+
+
+def test_an_artifact_under_another_key_is_not_taken_for_it(tmp_path):
+    store, notes = ArtifactStore(tmp_path), []
+    other = store.make(recipe(code="other"), lambda partial: 1)
+    shutil.copytree(other.folder, other.folder.with_name(recipe().key))
+    assert store.make(recipe(), lambda partial: 2, notes.append).value == 2
+    assert "corrupted" in notes[0]
+
+
+def test_a_file_in_the_place_of_an_artifact_is_set_aside(tmp_path):
+    (tmp_path / "fem").mkdir()
+    (tmp_path / "fem" / recipe().key).write_text("junk")
+    assert ArtifactStore(tmp_path).make(recipe(), lambda partial: 2).value == 2
+
+
+@pytest.fixture
+def permissions(tmp_path):
+    """Skips where permissions do not bind, as for root."""
+    probe = tmp_path / "probe"
+    probe.touch(0o000)
+    if os.access(probe, os.R_OK):
+        pytest.skip("this user reads and writes everything")
+    probe.unlink()
+
+
+@pytest.mark.usefixtures("permissions")
+def test_a_store_without_write_permission_serves_what_it_holds(tmp_path):
+    store = ArtifactStore(tmp_path)
+    made = store.make(recipe(), lambda partial: value())
+    made.folder.parent.chmod(0o555)
+    try:
+        assert store.make(recipe(), lambda partial: 1 / 0).cached
+        with pytest.raises(UserError, match="cannot be written"):
+            store.make(recipe(code="new"), lambda partial: 1)
+        made.folder.chmod(0o755)
+        (made.folder / "value.json").write_text("{")
+        with pytest.raises(UserError, match="cannot be written"):
+            store.make(recipe(), lambda partial: 1)
+    finally:
+        made.folder.parent.chmod(0o755)
+
+
+@pytest.mark.usefixtures("permissions")
+def test_a_missing_permission_is_no_corruption(tmp_path):
+    store = ArtifactStore(tmp_path)
+    made = store.make(recipe(), lambda partial: value())
+    (made.folder / "value.json").chmod(0)
+    with pytest.raises(UserError, match="cannot be read"):
+        store.make(recipe(), lambda partial: 1)
+    (made.folder / "value.json").chmod(0o644)
+    assert store.make(recipe(), lambda partial: 1).cached
+
+
+def test_others_may_read_an_artifact_as_the_umask_says(tmp_path):
+    folder = ArtifactStore(tmp_path).make(recipe(), lambda partial: 1).folder
+    assert folder.stat().st_mode == folder.parent.stat().st_mode
+
+
+def test_what_killed_processes_left_is_cleared(tmp_path):
+    store, key = ArtifactStore(tmp_path), recipe().key
+    (tmp_path / "fem" / f".writing-{key}-1").mkdir(parents=True)
+    store.make(recipe(), lambda partial: 1)
+    (tmp_path / "fem" / f"{key}.partial").mkdir()
+    assert store.make(recipe(), lambda partial: 1).cached
+    assert {p.name.replace(key, "KEY") for p in (tmp_path / "fem").iterdir()} <= {"KEY", "KEY.lock"}
+
+
+def test_a_full_disk_is_one_sentence(tmp_path, monkeypatch):
+    def full(file, **arrays):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(np, "savez_compressed", full)
+    with pytest.raises(UserError, match="cannot be written .No space left on device."):
+        ArtifactStore(tmp_path).make(recipe(), lambda partial: value())
+    assert not list(tmp_path.rglob(".writing-*"))
+
+
+def test_the_first_run_goes_on_with_what_later_runs_read(tmp_path):
+    store = ArtifactStore(tmp_path)
+    odd = {
+        "numpy": np.float64(0.1),
+        "single": np.float32(0.1),
+        "flag": np.bool_(True),
+        1: "a key that is no text",
+        "nan": float("nan"),
+        "infinite": [-np.inf, -0.0, 5e-324, 2**80, 1e308],
+        "empty": np.zeros((0, 3)),
+        "scalar": np.array(2.5),
+        "words": np.array(["a", "bcd"]),
+        "fortran": np.asfortranarray(np.arange(6.0).reshape(2, 3)),
+    }
+    first = store.make(recipe(), lambda partial: odd)
+    second = store.make(recipe(), lambda partial: odd)
+    assert repr(first.value) == repr(second.value)
+    assert not first.value["empty"].flags.writeable
+    assert not first.cached
+
+
+@pytest.mark.parametrize("name", ["__record__", "__array__", "__tuple__", "__items__"])
+def test_a_mapping_may_use_the_words_of_the_codec(name):
+    thing = {"outer": {name: (1, {name: "Design"})}, name: 2}
+    assert decode(json.loads(json.dumps(encode(thing, {}))), {}) == thing
+
+
+@pytest.mark.parametrize(
+    "thing", [1j, np.complex128(1j), np.longdouble(1), np.datetime64("2020-01-01"), Path("x")]
+)
+def test_numbers_that_json_lacks_are_refused_before_anything_is_written(thing):
+    with pytest.raises(TypeError, match="cannot be stored"):
+        encode(thing, {})

@@ -7,10 +7,13 @@ serve polynomials best (Trefethen, Approximation Theory and Approximation Practi
 
 from __future__ import annotations
 
+import hashlib
 import json
-from collections.abc import Sequence
+import shutil
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -19,7 +22,16 @@ from pliant.interfaces.fem import FemConfig, ModuleSolver, StateNotConvergedErro
 from pliant.pipeline.progress import Progress
 from pliant.records.design import Array
 from pliant.records.fem import Branch, FemState, Role
-from pliant.store.store import read_value, write_value
+from pliant.store.store import (
+    CorruptedError,
+    digests,
+    read_checked,
+    write_atomically,
+    write_value,
+    writing_in,
+)
+
+STRAIGHT_RAD = 1e-9  # a largest free angle below this is rounding
 
 
 @dataclass(frozen=True)
@@ -61,10 +73,15 @@ def free_targets(config: FemConfig) -> list[Target]:
 
 
 def constrained_targets(config: FemConfig, free: Sequence[Sampled]) -> list[Target]:
-    """The grid of angles at every pressure, nearest to the free branch first, then the check states."""
+    """The grid of angles at every pressure, nearest to the free branch first, then the check states.
+
+    Raises `NotReachedError` for a module that stays straight: the grid is scaled by its free angle.
+    """
     pressures = np.array([s.state.actuation for s in free])
     angles = np.array([s.state.angle_rad for s in free])
     largest = float(np.abs(angles).max())
+    if largest < STRAIGHT_RAD:
+        raise NotReachedError("the module does not bend under pressure, so that no angles can be chosen")
     grid = levels(config.angle_low * largest, config.angle_high * largest, config.angles)
     targets = [
         Target("constrained", float(p), float(u), "fit")
@@ -86,9 +103,10 @@ def constrained_targets(config: FemConfig, free: Sequence[Sampled]) -> list[Targ
 def sample(solver: ModuleSolver, config: FemConfig, partial: Path, progress: Progress) -> Sampling:
     """Solve all targets, each from the nearest solved state; finished states are kept in `partial`.
 
-    Raises `NotReachedError` when the free branch cannot be followed, since the grid is scaled by it.
+    Raises `NotReachedError` when the free branch cannot be followed or does not bend, since the grid is scaled
+    by it.
     """
-    saved = _Saved(partial)
+    saved = _Saved(partial, progress.note)
     total = config.pressures + config.pressures * config.angles + config.check_states
     bar = progress.begin("FEM states", total, done=len(saved))
     try:
@@ -100,8 +118,8 @@ def sample(solver: ModuleSolver, config: FemConfig, partial: Path, progress: Pro
             for target in make_targets():
                 _solve_one(solver, target, solved, failed, saved)
                 bar.advance(0 if saved.reused else 1)
-            if failed and failed[0]["branch"] == "free":
-                raise NotReachedError(f"the free branch stopped: {failed[0]['cause']}")
+                if failed and failed[0]["branch"] == "free":
+                    raise NotReachedError(f"the free branch stopped: {failed[0]['cause']}")
     finally:
         bar.finish()
     return Sampling(tuple(solved), tuple(failed))
@@ -148,32 +166,70 @@ def _nearest(target: Target, solved: Sequence[Sampled]) -> FemState:
 
 
 class _Saved:
-    """Finished states in a folder, one sub-folder each, so that an interruption loses at most one state."""
+    """Finished targets in a folder, so that an interruption loses at most one.
 
-    def __init__(self, folder: Path) -> None:
+    A solved state has a sub-folder; `states.json` holds, by the target's name, the digests of its files, or
+    the cause where the target failed. What is damaged is said and solved anew.
+    """
+
+    def __init__(self, folder: Path, note: Callable[[str], None]) -> None:
         self.folder = folder
         self.index = folder / "states.json"
-        self.names: dict[str, str] = {}
-        if self.index.is_file():
-            self.names = json.loads(self.index.read_text())
+        self.states: dict[str, FemState] = {}
+        self.entries = self._sound(self._read_index(note), note)
         self.reused = False
 
     def __len__(self) -> int:
-        return len(self.names)
+        return len(self.entries)
 
-    def solve(self, name: str, compute: object) -> FemState:
-        """The saved state of this name, or a computed one, saved."""
-        self.reused = name in self.names
+    def solve(self, name: str, compute: Callable[[], FemState]) -> FemState:
+        """The saved state of this name, or a computed one, saved; a saved failure is raised again."""
+        self.reused = name in self.entries
+        if name in self.states:
+            return self.states[name]
         if self.reused:
-            state = read_value(self.folder / self.names[name])
-            assert isinstance(state, FemState)
-            return state
-        state = compute()  # type: ignore[operator]
-        place = f"state{len(self.names):04d}"
-        (self.folder / place).mkdir(exist_ok=True)
-        write_value(self.folder / place, state)
-        self.names[name] = place
-        temporary = self.index.with_suffix(".tmp")
-        temporary.write_text(json.dumps(self.names))
-        temporary.replace(self.index)
+            raise StateNotConvergedError(self.entries[name]["failed"])
+        try:
+            state = compute()
+        except StateNotConvergedError as error:
+            self._remember(name, {"failed": str(error)})
+            raise
+        place = self._place(name)
+        with writing_in(self.folder):
+            shutil.rmtree(place, ignore_errors=True)
+            place.mkdir()
+            write_value(place, state)
+            self._remember(name, digests(place))
         return state
+
+    def _place(self, name: str) -> Path:
+        return self.folder / f"state-{hashlib.sha256(name.encode()).hexdigest()[:16]}"
+
+    def _remember(self, name: str, entry: dict[str, str]) -> None:
+        self.entries[name] = entry
+        with writing_in(self.folder):
+            write_atomically(self.index, json.dumps(self.entries))
+
+    def _read_index(self, note: Callable[[str], None]) -> dict[str, Any]:
+        try:
+            entries = json.loads(self.index.read_text())
+        except FileNotFoundError:
+            return {}
+        except ValueError:
+            entries = None
+        if not isinstance(entries, dict):
+            note(f"{self.index} is damaged; solving its states anew.")
+            return {}
+        return entries
+
+    def _sound(self, entries: Mapping[str, Any], note: Callable[[str], None]) -> dict[str, dict[str, str]]:
+        """The entries whose files are as they were written; their states are kept in `states`."""
+        sound = {}
+        for name, entry in entries.items():
+            try:
+                if "failed" not in entry:
+                    self.states[name] = read_checked(self._place(name), entry)
+                sound[name] = entry
+            except (CorruptedError, TypeError) as error:
+                note(f"the finished state '{name}' is damaged ({error}); solving it anew.")
+        return sound

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from pliant.records.design import Design, MassProperties, ModuleMass
+from pliant.records.design import Design
 from pliant.records.fem import FemDataset, FemState, ModuleShape
 from pliant.records.law import FitReport, LawRecord
 from pliant.records.rollout import Equilibrium, OutsideDomain, Rollout, TaskResult
@@ -17,8 +17,6 @@ RECORDS: dict[str, type[Any]] = {
     cls.__name__: cls
     for cls in (
         Design,
-        MassProperties,
-        ModuleMass,
         FemDataset,
         FemState,
         ModuleShape,
@@ -32,6 +30,7 @@ RECORDS: dict[str, type[Any]] = {
 }
 
 Arrays = dict[str, np.ndarray]
+RESERVED = {"__record__", "__array__", "__tuple__", "__items__"}
 
 
 def encode(value: Any, arrays: Arrays) -> Any:
@@ -48,10 +47,11 @@ def encode(value: Any, arrays: Arrays) -> Any:
         name = f"a{len(arrays):04d}"
         arrays[name] = value
         return {"__array__": name}
-    if isinstance(value, np.generic):
-        return value.item()
+    if isinstance(value, np.generic) and not isinstance(value.item(), np.generic):
+        return encode(value.item(), arrays)
     if isinstance(value, Mapping):
-        return {str(key): encode(item, arrays) for key, item in value.items()}
+        items = {str(key): encode(item, arrays) for key, item in value.items()}
+        return {"__items__": list(items.items())} if RESERVED & items.keys() else items
     if isinstance(value, tuple):
         return {"__tuple__": [encode(item, arrays) for item in value]}
     if isinstance(value, list):
@@ -71,6 +71,8 @@ def decode(tree: Any, arrays: Mapping[str, np.ndarray]) -> Any:
         return arrays[tree["__array__"]]
     if "__tuple__" in tree:
         return tuple(decode(item, arrays) for item in tree["__tuple__"])
+    if "__items__" in tree:
+        return {key: decode(item, arrays) for key, item in tree["__items__"]}
     if "__record__" in tree:
         cls = RECORDS.get(tree["__record__"])
         if cls is None:

@@ -6,7 +6,8 @@
     <root>/<stage>/<key>.partial/        what an interrupted computation has finished so far
 
 A result is written to a temporary folder and renamed, so a reader sees all of it or nothing. A lock per key
-lets two processes share a store: the second waits and reads what the first wrote.
+lets two processes share a store: the second waits and reads what the first wrote. What is there already is
+read without writing, so a store without write permission serves what it holds.
 """
 
 from __future__ import annotations
@@ -19,10 +20,11 @@ import platform
 import shutil
 import tempfile
 import time
+import uuid
 import zipfile
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -50,10 +52,8 @@ class Recipe:
     @property
     def key(self) -> str:
         """Content address of the result."""
-        text = json.dumps(
-            [self.stage, self.config, dict(self.inputs), self.code, dict(self.libraries)], sort_keys=True
-        )
-        return hashlib.sha256(text.encode()).hexdigest()[:32]
+        parts = [self.stage, self.config, dict(self.inputs), self.code, dict(self.libraries)]
+        return _json_digest(parts)[:32]
 
 
 @dataclass(frozen=True)
@@ -93,46 +93,54 @@ class ArtifactStore:
             note: receives a sentence when something was found corrupted, or when another process computes.
 
         Raises:
-            UserError: the store cannot be written.
+            UserError: the store cannot be read or written.
         """
         folder = self.root / recipe.stage / recipe.key
-        found = self._load_or_discard(folder, note)
+        partial = folder.with_name(folder.name + ".partial")
+        found = _sound(folder)
         if found is not None:
+            shutil.rmtree(
+                partial, ignore_errors=True
+            )  # left by a process that was killed after its last write
             return found
         _writable(folder.parent)
         with self._locked(folder, note):
             found = self._load_or_discard(folder, note)  # another process may have finished it
             if found is not None:
                 return found
-            partial = folder.with_name(folder.name + ".partial")
-            partial.mkdir(exist_ok=True)
+            with writing_in(folder.parent):
+                partial.mkdir(exist_ok=True)
             started = time.perf_counter()
             value = compute(partial)
             wall_s = time.perf_counter() - started
-            self._write(folder, recipe, value, wall_s)
+            with writing_in(folder.parent):
+                self._write(folder, recipe, value, wall_s)
             shutil.rmtree(partial, ignore_errors=True)
-        return Artifact(value, folder, _manifest(folder), cached=False)
+        # Read back, so that the first run goes on with exactly what later runs will find.
+        return replace(load_artifact(folder), cached=False)
 
     def _load_or_discard(self, folder: Path, note: Callable[[str], None]) -> Artifact | None:
-        if not folder.is_dir():
+        """The artifact, if it is sound; a damaged one is set aside. Only for the holder of the lock."""
+        if not folder.exists():
             return None
         try:
-            return load_artifact(folder)
+            return _load(folder)
         except CorruptedError as error:
             note(
                 f"artifact {folder.parent.name}/{folder.name[:8]} is corrupted ({error}); computing it anew."
             )
-            aside = folder.with_name(folder.name + ".corrupted")
+        aside = folder.with_name(folder.name + ".corrupted")
+        with writing_in(folder.parent):
             shutil.rmtree(aside, ignore_errors=True)
-            try:
-                folder.rename(aside)
-            except FileNotFoundError:
-                return None  # another process moved it first
+            folder.rename(aside)
         return None
 
     def _write(self, folder: Path, recipe: Recipe, value: Any, wall_s: float) -> None:
-        temporary = Path(tempfile.mkdtemp(prefix=".writing-", dir=folder.parent))
+        for left in folder.parent.glob(f".writing-{folder.name}-*"):  # by a process that was killed
+            shutil.rmtree(left, ignore_errors=True)
+        temporary = folder.with_name(f".writing-{folder.name}-{uuid.uuid4().hex}")
         try:
+            temporary.mkdir()
             write_value(temporary, value)
             manifest = {
                 "pliant": __version__,
@@ -147,8 +155,9 @@ class ArtifactStore:
                 "python": platform.python_version(),
                 "platform": platform.platform(),
                 "versions": versions(["numpy", "scipy", "pydantic"]),
-                "files": {name: _digest(temporary / name) for name in (VALUE, ARRAYS)},
+                "files": digests(temporary),
             }
+            manifest["digest"] = _json_digest(manifest)
             (temporary / MANIFEST).write_text(json.dumps(manifest, indent=1))
             temporary.replace(folder)
         finally:
@@ -162,6 +171,10 @@ class ArtifactStore:
         except Timeout:
             note(f"another process computes {folder.parent.name}/{folder.name[:8]}; waiting for it.")
             lock.acquire()
+        except (OSError, NotImplementedError) as error:
+            raise UserError(
+                f"{lock.lock_file} cannot be locked ({error}); choose another store with --store."
+            ) from None
         try:
             yield
         finally:
@@ -186,16 +199,67 @@ def read_value(folder: Path) -> Any:
     return decode(json.loads((folder / VALUE).read_text()), arrays)
 
 
-def load_artifact(folder: Path) -> Artifact:
-    """Read a stored artifact and check its digests; raises `CorruptedError` with the cause."""
+def digests(folder: Path) -> dict[str, str]:
+    """SHA-256 of the files of a record that `write_value` wrote."""
+    return {name: _digest(folder / name) for name in (VALUE, ARRAYS)}
+
+
+def read_checked(folder: Path, expected: Mapping[str, str]) -> Any:
+    """Read a record whose files must have these digests; raises `CorruptedError` with the cause."""
     try:
-        manifest = _manifest(folder)
-        for name, digest in manifest["files"].items():
-            if _digest(folder / name) != digest:
+        for name in (VALUE, ARRAYS):
+            if _digest(folder / name) != expected[name]:
                 raise CorruptedError(f"{name} does not match its checksum")
-        return Artifact(read_value(folder), folder, manifest, cached=True)
+        return read_value(folder)
+    except PermissionError as error:
+        raise UserError(f"{folder} cannot be read ({error.strerror}).") from None
     except (OSError, ValueError, KeyError, TypeError, AttributeError, zipfile.BadZipFile) as error:
         raise CorruptedError(f"{type(error).__name__}: {error}") from None
+
+
+def load_artifact(folder: Path) -> Artifact:
+    """Read a stored artifact and check its digests.
+
+    Raises `CorruptedError` with the cause, and `UserError` where permission is missing.
+    """
+    try:
+        manifest = json.loads((folder / MANIFEST).read_text())
+        bare = {name: value for name, value in manifest.items() if name != "digest"}
+        if manifest["digest"] != _json_digest(bare):
+            raise CorruptedError(f"{MANIFEST} does not match its checksum")
+    except PermissionError as error:
+        raise UserError(f"{folder} cannot be read ({error.strerror}).") from None
+    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+        raise CorruptedError(f"{MANIFEST}: {type(error).__name__}: {error}") from None
+    return Artifact(read_checked(folder, manifest["files"]), folder, manifest, cached=True)
+
+
+def _load(folder: Path) -> Artifact:
+    """An artifact of a store, where the folder's name is the key."""
+    artifact = load_artifact(folder)
+    if artifact.manifest.get("key") != folder.name:
+        raise CorruptedError(f"it is a copy of {artifact.manifest.get('key')}")
+    return artifact
+
+
+def _sound(folder: Path) -> Artifact | None:
+    """The artifact, or None where there is none or a damaged one."""
+    try:
+        return _load(folder) if folder.is_dir() else None
+    except CorruptedError:
+        return None
+
+
+@contextmanager
+def writing_in(folder: Path) -> Iterator[None]:
+    """Turn a full disk or a missing permission into a `UserError` that names the folder."""
+    try:
+        yield
+    except OSError as error:
+        cause = error.strerror or type(error).__name__
+        raise UserError(
+            f"{folder} cannot be written ({cause}); finished work is kept, run again when that is mended."
+        ) from None
 
 
 def write_atomically(path: Path, text: str) -> None:
@@ -219,8 +283,10 @@ def _writable(folder: Path) -> None:
         raise UserError(f"{folder} cannot be written ({error.strerror}); choose another folder.") from None
 
 
-def _manifest(folder: Path) -> Any:
-    return json.loads((folder / MANIFEST).read_text())
+def _json_digest(value: Any) -> str:
+    """SHA-256 of a value as JSON, whatever the order of its keys; the same before and after a file."""
+    plain = json.loads(json.dumps(value))
+    return hashlib.sha256(json.dumps(plain, sort_keys=True).encode()).hexdigest()
 
 
 def _digest(path: Path) -> str:
