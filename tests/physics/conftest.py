@@ -171,6 +171,13 @@ def study_law() -> type[StudyLaw]:
 
 
 @pytest.fixture
+def finger_of() -> Callable[..., ChainModel]:
+    """A finger by kind of joint and number of modules."""
+    laws = {"revolute": StudyLaw, "spherical": SpatialLaw, "prismatic": StretchLaw}
+    return lambda kind, n: finger(laws[kind](), n, module_kg=0.0016, com_offset_m=0.01)
+
+
+@pytest.fixture
 def massless_finger() -> ChainModel:
     """The chain of the worked number: no masses, no gravity."""
     return finger(StudyLaw(), gravity_m_s2=np.zeros(3))

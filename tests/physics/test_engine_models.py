@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable
 
 import mujoco
 import numpy as np
@@ -10,9 +11,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pliant.errors import MissingDependencyError
-from pliant.interfaces.physics import PhysicsBackend
+from pliant.errors import MissingDependencyError, UserError
+from pliant.interfaces.physics import PhysicsBackend, SimulationState
 from pliant.mechanics.inertia import mass_matrix
+from pliant.mechanics.kinematics import ChainGeometry
 from pliant.records.chain import ChainModel
 from pliant.records.rollout import Inputs
 from pliant_plugins.physics.mujoco import engine as engine_module
@@ -80,3 +82,24 @@ def test_engines_without_the_discrete_integrator_say_so(
     np.testing.assert_allclose(tips[0], tips[1], atol=1e-6)
     simulation.step(0.01)
     np.testing.assert_allclose(simulation.markers()[-1], tips[0], atol=1e-6)
+
+
+def test_the_longest_chain_of_every_kind(
+    dynamic_engine: PhysicsBackend, finger_of: Callable[..., ChainModel]
+) -> None:
+    """The last joint of a long chain moves; PyBullet refuses longer ones instead of losing joints."""
+    for kind, most in (("revolute", 121), ("spherical", 30), ("prismatic", 121)):
+        chain = finger_of(kind, most)
+        q = np.full((most, len(chain.axes)), 1e-3)
+        with dynamic_engine.build(chain) as simulation:
+            simulation.restore(SimulationState(0.0, q, 2 * q))
+            state = simulation.snapshot()
+            np.testing.assert_allclose(state.position, q, atol=1e-12)
+            np.testing.assert_allclose(state.velocity, 2 * q, atol=1e-12)
+            np.testing.assert_allclose(simulation.markers(), ChainGeometry.of(chain).markers(q), atol=1e-6)
+        longer = finger_of(kind, most + 1)
+        if isinstance(dynamic_engine, Pybullet):
+            with pytest.raises(UserError, match=f"at most {most} {kind} joints and the chain has {most + 1}"):
+                dynamic_engine.build(longer)
+        else:
+            dynamic_engine.build(longer).close()

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
+from pliant.errors import UserError
 from pliant.mechanics.inertia import longest_explicit_step, mass_matrix
 from pliant.mechanics.rotations import (
     quaternion_of_matrix,
@@ -32,17 +33,29 @@ UNLIMITED_VELOCITY = 1e9
 # Explicit relaxation is stable from inertia = h² k on; this margin covers coupling between the joints.
 INERTIA_MARGIN = 2.0
 PRISMATIC_COURANT = 0.9
+# Bullet's state of a body: seven numbers of the base, one of each hinge or slide, four of each ball joint.
+STATE_SIZE, BASE_SIZE = 128, 7
 
 
 class BulletChain:
-    """One client in DIRECT mode with one fixed multibody."""
+    """One client in DIRECT mode with one fixed multibody.
+
+    Raises:
+        UserError: the chain has more joints than Bullet's state holds; beyond it joints go missing silently.
+    """
 
     def __init__(self, chain: ChainModel, statics: ChainStatics, config: PybulletConfig) -> None:
         self.statics = statics
         self._config = config
-        self.bullet = load_pybullet()
         self._geometry = statics.geometry
         self._ball = self._geometry.kind == "spherical"
+        most = (STATE_SIZE - BASE_SIZE) // (4 if self._ball else 1)
+        if chain.n_joints > most:
+            raise UserError(
+                f"physics 'pybullet' holds at most {most} {self._geometry.kind} joints and the chain has "
+                f"{chain.n_joints}: use physics 'quasistatic' or 'mujoco'"
+            )
+        self.bullet = load_pybullet()
         self._model = chain.with_(bodies=tuple(moving(body) for body in chain.bodies))
         # (n, 3, 3) principal axes of the moving bodies, as columns.
         self._principal = np.array([principal(body)[1] for body in self._model.bodies[1:]])
