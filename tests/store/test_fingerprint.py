@@ -10,8 +10,12 @@ from pliant.store.fingerprint import code_closure, code_fingerprint, versions
 
 FILES = {
     "__init__.py": '"""A package."""\n',
-    "family.py": "from {name} import mesh\nfrom {name}.helpers.maths import double\nimport numpy\n",
-    "mesh.py": "from .helpers import maths\nVALUE = 1\n",
+    "family.py": ("from {name} import config, mesh\nfrom {name}.helpers.maths import double\nimport numpy\n"),
+    "mesh.py": (
+        "from .helpers import maths\nimport importlib\nVALUE = 1\n"
+        "def late():\n    importlib.import_module('.nearby', __package__)\n"
+        "    return importlib.import_module('{name}.lazy')\n"
+    ),
     "helpers/__init__.py": "",
     "helpers/maths.py": '''
         def double(x):
@@ -19,6 +23,14 @@ FILES = {
             return 2 * x  # a comment
     ''',
     "other.py": "VALUE = 2\n",
+    "lazy.py": "VALUE = 4\n",
+    "nearby.py": "VALUE = 5\n",
+    "tables/stiffness.json": "[1, 2]",
+    "helpers/gains.csv": "1,2",
+    "apart/__init__.py": "",
+    "apart/unused.json": "[1]",
+    "README.md": "words",
+    "config.py": 'from pydantic import Field\nX: int = Field(default=1, description="one")\n',
 }
 
 
@@ -47,7 +59,18 @@ def test_the_closure_follows_every_form_of_import(package):
     assert not any(name.startswith("numpy") for name in names)
 
 
-@pytest.mark.parametrize("file", ["family.py", "mesh.py", "helpers/maths.py"])
+@pytest.mark.parametrize(
+    "file",
+    [
+        "family.py",
+        "mesh.py",
+        "helpers/maths.py",
+        "lazy.py",
+        "nearby.py",
+        "__init__.py",
+        "helpers/__init__.py",
+    ],
+)
 def test_editing_code_or_a_helper_changes_it(package, file):
     before = fingerprint(package)
     with (package / file).open("a") as source:
@@ -63,6 +86,61 @@ def test_editing_a_comment_a_docstring_or_another_module_does_not(package):
     )
     (package / "other.py").write_text("VALUE = 3\n")
     assert fingerprint(package) == before
+
+
+@pytest.mark.parametrize("file", ["tables/stiffness.json", "helpers/gains.csv"])
+def test_editing_a_data_file_beside_the_code_changes_it(package, file):
+    before = fingerprint(package)
+    (package / file).write_text("[3]")
+    changed = fingerprint(package)
+    assert changed != before
+    (package / file).unlink()
+    assert fingerprint(package) not in (before, changed)
+
+
+def test_data_of_other_packages_and_documentation_do_not(package):
+    before = fingerprint(package)
+    (package / "apart" / "unused.json").write_text("[3]")
+    (package / "README.md").write_text("other words")
+    (package / "__pycache__").mkdir(exist_ok=True)
+    (package / "__pycache__" / "x.json").write_text("[3]")
+    config = package / "config.py"
+    config.write_text(config.read_text().replace('"one"', '"uno"'))
+    assert fingerprint(package) == before
+    config.write_text(config.read_text().replace("default=1", "default=2"))
+    assert fingerprint(package) != before
+
+
+def test_a_module_that_lies_alone_has_no_data(tmp_path, monkeypatch):
+    (tmp_path / "lonely_module.py").write_text("VALUE = 1\n")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    importlib.invalidate_caches()
+    before = code_fingerprint(["lonely_module"])
+    (tmp_path / "data.json").write_text("1")
+    assert code_fingerprint(["lonely_module"]) == before
+
+
+def test_another_plugins_package_is_followed(package):
+    (package / "mesh.py").write_text("import fingerprinted_other.base\n")
+    other = package.parent / "fingerprinted_other"
+    other.mkdir()
+    (other / "__init__.py").write_text("")
+    (other / "base.py").write_text("VALUE = 1\n")
+    importlib.invalidate_caches()
+    modules = [f"{package.name}.family"]
+    before = code_fingerprint(modules, ["fingerprinted_other"])
+    alone = code_fingerprint(modules)
+    (other / "base.py").write_text("VALUE = 2\n")
+    assert code_fingerprint(modules, ["fingerprinted_other"]) != before
+    assert code_fingerprint(modules) == alone
+
+
+def test_a_helper_that_is_no_python_is_hashed_as_it_is(package):
+    (package / "other.py").write_text("this is not python")
+    (package / "mesh.py").write_text("def late():\n    from . import other\n")
+    before = fingerprint(package)
+    (package / "other.py").write_text("nor is this")
+    assert fingerprint(package) != before
 
 
 def test_a_surrogate_does_not_depend_on_the_fem_plugin():

@@ -51,7 +51,9 @@ class Workbench:
             config: JSON values it depends on.
             inputs: name → key of the artifacts it is made from.
         """
-        code = code_fingerprint([*modules, *(c.implementation.partition(":")[0] for c in components)])
+        places = [place for c in components for place in (c.config, c.implementation)]
+        packages = {c.implementation.partition(".")[0] for c in self.registry.components}
+        code = code_fingerprint([*modules, *(place.partition(":")[0] for place in places)], packages)
         libraries = versions([module for c in components for module in c.requires])
         recipe = Recipe(stage, config, inputs, code, libraries)
         return self.store.make(recipe, compute, self.progress.note)

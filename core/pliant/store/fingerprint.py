@@ -1,8 +1,10 @@
 """A hash of the code that a result depends on, so that editing a plugin recomputes what it made.
 
-The fingerprint follows import statements from the given modules through the packages that are ours to follow
-(Pliant and the plugin's own package) and hashes each module's syntax tree without docstrings: comments,
-formatting and documentation do not recompute anything.
+The fingerprint follows import statements, and texts that name a module ("my_plugin.tables", ".tables"), from the
+given modules through the packages that are ours to follow: Pliant, the packages of the given modules and those
+of other plugins. It hashes each module's syntax tree without docstrings and without descriptions of config
+fields, and the data files and compiled modules that lie beside those modules. Comments, formatting and
+documentation do not recompute anything. Other libraries count by their version, where a component `requires` them.
 """
 
 from __future__ import annotations
@@ -11,7 +13,9 @@ import ast
 import hashlib
 import importlib.metadata
 import importlib.util
-from collections.abc import Iterable
+import re
+from collections.abc import Iterable, Iterator
+from functools import cache
 from pathlib import Path
 
 OURS = ("pliant", "pliant_plugins")
@@ -28,18 +32,34 @@ MACHINERY = (
 )
 
 
-def code_fingerprint(modules: Iterable[str]) -> str:
-    """Hex digest over the transitive imports of `modules` (dotted names)."""
+# Files in a package that no result depends on; the code itself is hashed module by module.
+NO_DATA = {".py", ".pyi", ".pyc", ".pyo", ".typed", ".md", ".rst"}
+DOCUMENTATION = {"description", "title", "examples"}  # arguments of pydantic's Field
+MODULE_NAME = re.compile(r"\.*[A-Za-z_]\w*(\.[A-Za-z_]\w*)*", re.ASCII)
+
+
+def code_fingerprint(modules: Iterable[str], packages: Iterable[str] = ()) -> str:
+    """Hex digest over the transitive imports of `modules` (dotted names), and the data files beside them.
+
+    `packages` are followed too where an import leads there: those of other plugins.
+    """
+    closure = code_closure(modules, packages)
     digest = hashlib.sha256()
-    for name, path in sorted(code_closure(modules).items()):
-        digest.update(f"{name}:{_tree_digest(path)}\n".encode())
+    for name, path in sorted(closure.items()):
+        digest.update(f"{name}:{_parsed(path.read_bytes(), _package(name, path))[0]}\n".encode())
+    folders = {_package(name, path): path.parent for name, path in closure.items()}
+    for package, folder in sorted(folders.items()):
+        for file in sorted(_data_files(folder)) if package else ():
+            with file.open("rb") as data:
+                content = hashlib.file_digest(data, "sha256").hexdigest()
+            digest.update(f"{package}/{file.relative_to(folder).as_posix()}:{content}\n".encode())
     return digest.hexdigest()
 
 
-def code_closure(modules: Iterable[str]) -> dict[str, Path]:
-    """Module name → source file of everything that `modules` import within our and their own packages."""
+def code_closure(modules: Iterable[str], packages: Iterable[str] = ()) -> dict[str, Path]:
+    """Module name → source file of everything that `modules` import within our, their own and these packages."""
     start = list(modules)
-    followed = {*OURS, *(name.partition(".")[0] for name in start)}
+    followed = {*OURS, *packages, *(name.partition(".")[0] for name in start)}
     found: dict[str, Path] = {}
     queue = start
     while queue:
@@ -50,7 +70,8 @@ def code_closure(modules: Iterable[str]) -> dict[str, Path]:
         if path is None:
             continue
         found[name] = path
-        queue += _imports(path, name)
+        queue += _parsed(path.read_bytes(), _package(name, path))[1]
+        queue += [name.rpartition(".")[0]]  # importing a module runs its package's __init__
     return found
 
 
@@ -71,35 +92,72 @@ def versions(modules: Iterable[str]) -> dict[str, str]:
 def _source(name: str) -> Path | None:
     try:
         spec = importlib.util.find_spec(name)
-    except (ImportError, ValueError):
-        return None  # "from package import attribute" names no module
+    except (
+        Exception
+    ):  # "from package import attribute" names no module; a plugin's __init__ may fail in any way
+        return None
     if spec is None or spec.origin is None or not spec.origin.endswith(".py"):
         return None
     return Path(spec.origin)
 
 
-def _imports(path: Path, module: str) -> list[str]:
-    """Names that a source file imports; `from a import b` may mean module a or module a.b."""
-    names: list[str] = []
-    package = module if path.name == "__init__.py" else module.rpartition(".")[0]
-    for node in ast.walk(ast.parse(path.read_bytes())):
-        if isinstance(node, ast.Import):
-            names += [alias.name for alias in node.names]
-        elif isinstance(node, ast.ImportFrom):
-            base = node.module or ""
-            if node.level:
-                above = package.split(".")[: len(package.split(".")) - node.level + 1]
-                base = ".".join([*above, base] if base else above)
-            names += [base, *(f"{base}.{alias.name}" for alias in node.names)]
-    return names
+def _package(module: str, path: Path) -> str:
+    """The package whose folder holds a module's file; empty for a module that lies alone."""
+    return module if path.name == "__init__.py" else module.rpartition(".")[0]
 
 
-def _tree_digest(path: Path) -> str:
-    tree = ast.parse(path.read_bytes())
+def _data_files(folder: Path) -> Iterator[Path]:
+    """Files of a package that are neither Python source nor documentation, without those of its sub-packages."""
+    for path in folder.iterdir():
+        if path.name.startswith(".") or path.name.endswith("~") or path.name == "__pycache__":
+            continue
+        if path.is_dir():
+            if not (path / "__init__.py").is_file():
+                yield from _data_files(path)
+        elif path.suffix not in NO_DATA:
+            yield path
+
+
+@cache
+def _parsed(source: bytes, package: str) -> tuple[str, tuple[str, ...]]:
+    """Digest of a source file's syntax tree, and the names of modules that it may import."""
+    try:
+        tree = ast.parse(source)
+    except (SyntaxError, ValueError):  # a broken helper that nothing may ever import
+        return hashlib.sha256(source).hexdigest(), ()
     for node in ast.walk(tree):
         if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
             _drop_docstring(node)
-    return hashlib.sha256(ast.dump(tree).encode()).hexdigest()
+        elif isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "Field":
+            node.keywords = [k for k in node.keywords if k.arg not in DOCUMENTATION]
+    return hashlib.sha256(ast.dump(tree).encode()).hexdigest(), tuple(_imports(tree, package))
+
+
+def _imports(tree: ast.Module, package: str) -> Iterator[str]:
+    """Names that a source file may import; `from a import b` may mean module a or module a.b."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            base = _absolute("." * node.level + (node.module or ""), package)
+            yield from (base, *(f"{base}.{alias.name}" for alias in node.names))
+        elif (
+            isinstance(node, ast.Constant)
+            and isinstance(node.value, str)
+            and "." in node.value
+            and MODULE_NAME.fullmatch(node.value)
+        ):
+            yield _absolute(node.value, package)
+
+
+def _absolute(name: str, package: str) -> str:
+    """The dotted name of a module that is written relative to a package, as ".mesh" or "..helpers"."""
+    bare = name.lstrip(".")
+    level = len(name) - len(bare)
+    if not level:
+        return name
+    parts = package.split(".")
+    return ".".join([*parts[: len(parts) - level + 1], *([bare] if bare else [])])
 
 
 def _drop_docstring(node: ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef) -> None:
