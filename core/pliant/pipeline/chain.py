@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from pliant.config.chain import BaseConfig, ChainConfig
+from pliant.errors import UserError
 from pliant.mechanics.rotations import exp_map, matrix_of_quaternion
 from pliant.records.chain import Actuator, ChainModel, Joint, default_base_rotation
 from pliant.records.design import Array, MassProperties, ModuleMass
@@ -48,6 +50,9 @@ def build_chain(config: ChainConfig, segments: Sequence[Segment]) -> ChainModel:
 
     A segment's rotation is about the chain axis and relative to the base frame, so that the rest frame of its
     first joint is turned by the difference to the segment before it.
+
+    Raises:
+        UserError: the chain's actuators and its laws take different inputs.
     """
     modules = [(s.module, s.rotation_rad) for s in segments for _ in range(s.count)]
     laws = list(dict.fromkeys(module.law for module, _ in modules))
@@ -73,7 +78,7 @@ def build_chain(config: ChainConfig, segments: Sequence[Segment]) -> ChainModel:
         base_rotation=base_rotation(config.base),
         gravity_m_s2=np.array(config.gravity_m_s2, float),
         payload_kg=config.payload_kg,
-        actuators=_actuators(config, laws[0]),
+        actuators=_actuators(config, laws),
     )
 
 
@@ -99,7 +104,19 @@ def _smallest_rotation(direction: Array) -> Array:
     return exp_map(axis / sine * np.arctan2(sine, cosine))
 
 
-def _actuators(config: ChainConfig, law: JointLaw) -> tuple[Actuator, ...]:
+def _actuators(config: ChainConfig, laws: Sequence[JointLaw]) -> tuple[Actuator, ...]:
+    """The config's actuators, or one of the laws' input. Every actuator drives every law: their inputs agree."""
+    names = sorted({law.actuation_name for law in laws})
+    if len(names) > 1:
+        raise UserError(f"one chain has one kind of actuation, and its laws take {' and '.join(names)}")
+    for actuator in config.actuators:
+        if _unnumbered(actuator.input) != _unnumbered(names[0]):
+            raise UserError(f"chain.actuators names '{actuator.input}', but the chain's law takes {names[0]}")
     if config.actuators:
         return tuple(Actuator(a.input, a.sign) for a in config.actuators)
-    return (Actuator(law.actuation_name),)
+    return (Actuator(names[0]),)
+
+
+def _unnumbered(name: str) -> str:
+    """`pressure_pa` of `pressure_2_pa`."""
+    return re.sub(r"_\d+_", "_", name)
