@@ -71,8 +71,12 @@ def parse_quantity(text: str, unit: str) -> float:
     wanted = f"needs {NAMES.get(unit, unit)} such as '{EXAMPLES.get(unit, '1 ' + unit)}'"
     stripped = text.strip()
     # pint evaluates expressions; only "number unit" is a quantity here.
-    match = re.fullmatch(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([^\s\d(][^()=;]*)?", stripped)
+    match = re.fullmatch(
+        r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*((?:[^\W\d_]|[%°])[^()=;,]*)?", stripped
+    )
     if match is None:
+        if re.match(r"[-+]?\d+,\d", stripped):
+            raise UnitError(f"'{text}' has a comma; write the decimals with a point, as in '1.5'")
         raise UnitError(f"'{text}' is not a quantity; it {wanted}")
     number, name = float(match[1]), (match[2] or "").strip()
     if not name:

@@ -200,3 +200,114 @@ def test_schema_lists_every_installed_kind():
             assert f'"{component.kind}"' in text
     references = {part.split('"')[0] for part in text.split('"#/$defs/')[1:]}
     assert references <= set(schema["$defs"])
+
+
+MISWRITTEN = [
+    ("wall: 1.5 mm", "wall:\t1.5 mm", ["line 7", "there is a tab"]),
+    ("wall: 1.5 mm", "wall: !mm 1.5", ["line 7", "no tags such as '!mm'"]),
+    ("wall: 1.5 mm", "wall: !!python/object:os.system 1.5", ["line 7", "no tags"]),
+    ("chain: {", "chain: !x {", ["line 11", "no tags such as '!x'"]),
+    ("wall: 1.5 mm", "wall: true", ["line 7", "'family.wall'", "true or false, not a number"]),
+    ("wall: 1.5 mm", "wall: '1,5 mm'", ["line 7", "'1,5 mm' has a comma", "a point"]),
+    ("wall: 1.5 mm", "wall: 3*5 mm", ["line 7", "'3*5 mm' is not a quantity"]),
+    ("wall: 1.5 mm", "wall: 1:30", ["line 7", "'1:30' is not a quantity"]),
+    ("modules: 8", "modules: true", ["line 11", "true or false, not a number"]),
+    ("modules: 8", "modules: 8.5", ["line 11", "should be a whole number."]),
+    ("modules: 8", f"modules: {'9' * 5000}", ["a value cannot be read"]),
+    ("modules: 8", "modules: 8, gravity: 9.81", ["line 11", "needs a list such as [a, b]"]),
+    ("modules: 8", "modules: 8, gravity: [0, 0, 0, 1]", ["line 11", "at most 3 items"]),
+    ("modules: 8", "modules: 8, actuators: [{input: p}]", ["line 11", "should be pressure_pa"]),
+    ("name: finger", "name: größe", ["line 2", "A-Z a-z 0-9"]),
+    ("name: finger", f"name: {'x' * 300}", ["line 2", "it should have at most 100 characters"]),
+    ("name: finger", "name: 3", ["line 2", "'name' is 3; it should be a text"]),
+    ("name: finger", "name:", ["line 2", "'name' is empty"]),
+    ("name: finger", "name: finger\n3: 4", ["line 3", "'3' is not a key"]),
+    ("name: finger", "name: finger\n---\npliant: 1", ["line 3", "a second document"]),
+    (
+        "chain: {modules: 8}",
+        "surrogate: {kind: polynomial, data: 3}",
+        ["'surrogate.data' is 3; it should be a text"],
+    ),
+    ("chain: {modules: 8}", "surrogate: {kind: polynomial, odd: maybe}", ["it should be true or false"]),
+    ("chain: {modules: 8}", f"noise: {'{a: ' * 2000}1{'}' * 2000}", ["nested too deeply"]),
+]
+
+
+@pytest.mark.parametrize(("old", "new", "words"), MISWRITTEN, ids=[new[:40] for _, new, _ in MISWRITTEN])
+def test_what_people_miswrite_is_said_in_their_words(write, old, new, words):
+    text = problem(write(STUDY.replace(old, new, 1)))
+    for word in words:
+        assert word in text
+    for jargon in ("tuple", "TaggedScalar", "datetime", "None", "class '", "Input", "regex"):
+        assert jargon not in text
+    assert len(text) < 500
+
+
+def test_names_of_coefficients_are_shown_as_they_are_written(write):
+    stated = "surrogate: {kind: polynomial, form: study, coefficients: {k_x: 1, m_a: 1, m_e: 1, b_e: 1}}\n"
+    text = problem(write(STUDY + stated))
+    assert "did you mean 'k_n'? Allowed: k_n, m_a" in text
+
+
+def test_a_plugins_own_sentence_stands_alone(write):
+    text = problem(write(STUDY + "surrogate: {kind: polynomial, odd: true}\n"))
+    assert "'surrogate': odd replaces" in text
+    assert "{" not in text
+
+
+def test_merge_keys_anchors_and_aliases(write):
+    merged = (
+        "chain:\n  <<: &most {modules: 8}\n  payload: 1 g\ncross_check: [&engine {kind: mujoco}, *engine]"
+    )
+    study = load_study(write(STUDY.replace("chain: {modules: 8}", merged)), REGISTRY)
+    assert (study.chain.modules, study.chain.payload_kg) == (8, 0.001)
+    assert [engine.kind for engine in study.cross_check] == ["mujoco", "mujoco"]
+    text = problem(write(STUDY.replace("chain: {modules: 8}", merged.replace("8}", "0}"))))
+    assert "line 11" in text
+    assert "chain.modules" in text
+
+
+@pytest.mark.parametrize("change", [lambda t: "\ufeff" + t, lambda t: t.replace("\n", "\r\n")])
+def test_bom_and_windows_line_endings(tmp_path, change):
+    path = tmp_path / "größe.yaml"
+    path.write_bytes(change(STUDY).encode())
+    assert load_study(path, REGISTRY).chain.modules == 8
+
+
+def test_a_file_in_another_encoding(tmp_path):
+    path = tmp_path / "study.yaml"
+    path.write_bytes(STUDY.encode("utf-16"))
+    assert "save it as UTF-8" in problem(path)
+
+
+@pytest.mark.parametrize("name", ["x" * 5000 + ".yaml", "a\0b.yaml"])
+def test_names_that_no_file_can_have(tmp_path, name):
+    text = problem(tmp_path / name)
+    assert "cannot be read" in text
+    assert len(text) < 200
+    child = tmp_path / "child.yaml"
+    child.write_text(f"extends: {json.dumps(name)}\nname: child\n", encoding="utf-8")
+    assert "no file beside it" in problem(child)
+
+
+def test_an_empty_list_of_effects_is_none(write):
+    assert load_study(write(STUDY + "effects:\ncross_check:\n"), REGISTRY).effects == ()
+
+
+def test_a_digit_that_is_no_number_in_an_override(write):
+    assert "'effects'" in problem(write(STUDY), ["effects.²=1"])
+
+
+def test_an_override_that_yaml_cannot_read(write):
+    assert "chain.modules" in problem(write(STUDY), [f"chain.modules={'9' * 5000}"])
+
+
+def test_a_base_in_another_folder_keeps_its_own_relative_paths(tmp_path):
+    (tmp_path / "data").mkdir()
+    (tmp_path / "own").mkdir()
+    (tmp_path / "data" / "base.yaml").write_text(
+        "name: base\nsurrogate: {kind: polynomial, data: bench.csv}\n", encoding="utf-8"
+    )
+    child = tmp_path / "own" / "child.yaml"
+    child.write_text("extends: ../data/base.yaml\nname: child\n", encoding="utf-8")
+    assert load_study(child, REGISTRY).surrogate.data.resolve() == (tmp_path / "data/bench.csv").resolve()

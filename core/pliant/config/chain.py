@@ -2,22 +2,33 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import BeforeValidator, Field, model_validator
+from pydantic_core import PydanticCustomError
 
 from pliant.interfaces.base import FrozenModel
 from pliant.records.chain import GRAVITY_M_S2
 from pliant.units import Acceleration, Angle, Length, Mass, Ratio
 
+INPUT_PATTERN = r"^(pressure(_\d+)?_pa|tendon_force(_\d+)?_n)$"
+
+
+def _no_truth(value: Any) -> Any:
+    if isinstance(value, bool):  # Python would count true as 1
+        raise PydanticCustomError("count", "it is true or false, not a number")
+    return value
+
+
+Count = Annotated[int, BeforeValidator(_no_truth)]
 Vector = tuple[Ratio, Ratio, Ratio]
 
 
 class SegmentConfig(FrozenModel):
     """A run of equal modules. `family` holds the design parameters that differ from the study's family."""
 
-    modules: int = Field(ge=1, le=4096, description="number of equal modules")
+    modules: Count = Field(ge=1, le=4096, description="number of equal modules")
     rotation_rad: Angle = Field(default=0.0, description="about the chain axis, relative to the base")
     family: dict[str, Any] = Field(
         default_factory=dict, description="parameters that differ, e.g. {wall: 2 mm}"
@@ -48,9 +59,7 @@ class BaseConfig(FrozenModel):
 class ActuatorConfig(FrozenModel):
     """A chamber or tendon: `input` names its signal, `sign` the side on which it acts."""
 
-    input: str = Field(
-        pattern=r"^(pressure(_\d+)?_pa|tendon_force(_\d+)?_n)$", description="name of the signal"
-    )
+    input: str = Field(pattern=INPUT_PATTERN, description="name of the signal")
     sign: float = Field(default=1.0, description="1 or -1: the side on which it acts")
 
     @model_validator(mode="after")
@@ -63,7 +72,7 @@ class ActuatorConfig(FrozenModel):
 class ChainConfig(FrozenModel):
     """N equal modules, or segments of them; gravity, base pose, payload and actuators."""
 
-    modules: int | None = Field(default=None, ge=1, le=4096, description="number of equal modules")
+    modules: Count | None = Field(default=None, ge=1, le=4096, description="number of equal modules")
     segments: tuple[SegmentConfig, ...] = Field(default=(), description="instead of `modules`")
     gravity_m_s2: tuple[Acceleration, Acceleration, Acceleration] = Field(
         default=GRAVITY_M_S2, description="in the world; [0, 0, 0] switches weight off"

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import datetime
+import os
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -10,7 +12,7 @@ from typing import Any
 
 from pydantic import ValidationError
 from ruamel.yaml import YAML
-from ruamel.yaml.comments import CommentedMap, CommentedSeq
+from ruamel.yaml.comments import CommentedMap, CommentedSeq, TaggedScalar
 from ruamel.yaml.constructor import DuplicateKeyError
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
 
@@ -22,6 +24,7 @@ from pliant.registry.discovery import Registry
 # Paths inside a study are relative to the file that states them.
 PATH_KEYS = (("surrogate", "data"), ("measurements", "file"))
 KeyPath = tuple[Any, ...]
+DEEPEST = 64
 
 
 @dataclass
@@ -85,8 +88,11 @@ def read_yaml(path: Path) -> CommentedMap:
         raise UserError(f"{path}: no such file{_neighbours(path)}.") from None
     except IsADirectoryError:
         raise UserError(f"{path} is a folder; give a study file such as {path}/study.yaml.") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise UserError(f"{path}: cannot be read ({error}).") from None
+    except UnicodeDecodeError:
+        raise UserError(f"{path}: it is not a UTF-8 text file; save it as UTF-8.") from None
+    except (OSError, ValueError) as error:  # ValueError: a name that no file can have
+        cause = getattr(error, "strerror", None) or error
+        raise UserError(f"{_short(str(path))}: the file cannot be read ({cause}).") from None
     return _parse(text, path)
 
 
@@ -102,12 +108,30 @@ def _parse(text: str, path: Path) -> CommentedMap:
     except MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         line = mark.line + 1 if mark else "?"
-        raise UserError(f"{path}, line {line}: this is not YAML ({error.problem}).") from None
+        raise UserError(f"{path}, line {line}: this is not YAML ({_yaml_problem(error)}).") from None
     except YAMLError as error:
-        raise UserError(f"{path}: this is not YAML ({error}).") from None
+        raise UserError(f"{path}: this is not YAML ({' '.join(str(error).split())}).") from None
+    except RecursionError:
+        raise UserError(f"{path}: blocks are nested too deeply.") from None
+    except ValueError as error:  # a number of thousands of digits, an impossible date
+        raise UserError(f"{path}: a value cannot be read ({str(error).partition(';')[0]}).") from None
     if not isinstance(data, CommentedMap):
         raise UserError(f"{path}: a study is a list of 'key: value' lines; this file holds none.")
     return data
+
+
+def _yaml_problem(error: MarkedYAMLError) -> str:
+    """What the parser found, in words for people who never saw its grammar."""
+    problem = str(error.problem)
+    if "'\\t'" in problem:
+        return "there is a tab; YAML takes spaces only"
+    if "found another document" in problem:
+        return "'---' begins a second document; a file holds one study"
+    return problem
+
+
+def _short(text: str) -> str:
+    return text if len(text) <= 80 else f"{text[:60]}…"
 
 
 def _neighbours(path: Path) -> str:
@@ -117,11 +141,11 @@ def _neighbours(path: Path) -> str:
 
 
 def _read_with_bases(path: Path, sources: _Sources, chain: tuple[Path, ...]) -> dict[str, Any]:
+    data = read_yaml(path)
     resolved = path.resolve()
     if resolved in chain:
         names = " → ".join(p.name for p in (*chain, resolved))
         raise UserError(f"{path}: 'extends' runs in a circle ({names}).")
-    data = read_yaml(path)
     here = _Sources()
     own = _plain(data, path, here, ())
     _absolute_paths(own, resolved.parent)
@@ -130,7 +154,7 @@ def _read_with_bases(path: Path, sources: _Sources, chain: tuple[Path, ...]) -> 
         base: dict[str, Any] = {}
     elif isinstance(base_name, str):
         base_path = path.parent / base_name
-        if not base_path.is_file():
+        if not os.path.isfile(base_path):  # noqa: PTH113 - never raises, whatever the name
             place = here.where(("extends",))
             raise UserError(f"{place}: 'extends: {base_name}' is no file beside it{_neighbours(base_path)}.")
         base = _read_with_bases(base_path, sources, (*chain, resolved))
@@ -142,19 +166,27 @@ def _read_with_bases(path: Path, sources: _Sources, chain: tuple[Path, ...]) -> 
 
 def _plain(node: Any, path: Path, sources: _Sources, at: KeyPath) -> Any:
     """ruamel's tree as plain values, remembering each key's line."""
+    if len(at) > DEEPEST:
+        raise UserError(f"{path}: '{at[0]}' is nested too deeply, or holds itself by an alias.")
+    tag = str(node.tag.value or "") if isinstance(node, CommentedMap | CommentedSeq | TaggedScalar) else ""
+    if isinstance(node, TaggedScalar) or tag.startswith("!"):
+        raise UserError(f"{sources.where(at) or path}: a study has no tags such as '{tag}'; leave it out.")
     if isinstance(node, CommentedMap):
+        lines = node.lc.data or {}
         for key in node:
-            line = node.lc.key(key)[0] + 1
-            sources.places[(*at, key)] = f"{path}, line {line}"
-        return {str(key): _plain(value, path, sources, (*at, key)) for key, value in node.items()}
+            if key in lines:  # keys that came in by a merge '<<' have no line of their own here
+                sources.places[(*at, str(key))] = f"{path}, line {lines[key][0] + 1}"
+        return {str(key): _plain(value, path, sources, (*at, str(key))) for key, value in node.items()}
     if isinstance(node, CommentedSeq):
         return [_plain(value, path, sources, (*at, i)) for i, value in enumerate(node)]
     if isinstance(node, bool) or node is None:
         return node
+    if isinstance(node, datetime.date):
+        return node.isoformat()
     for kind in (int, float, str):
         if isinstance(node, kind):
             return kind(node)
-    return node
+    return str(node)
 
 
 def _absolute_paths(study: dict[str, Any], folder: Path) -> None:
@@ -189,11 +221,11 @@ def _override(raw: dict[str, Any], text: str, sources: _Sources) -> dict[str, An
         raise UserError(f"'{text}' is not an override; write key=value, for example physics.kind=mujoco.")
     try:
         value = _plain(YAML(typ="rt").load(written), Path("override"), _Sources(), ())
-    except YAMLError:
+    except (YAMLError, ValueError, RecursionError):
         value = written
     if (parts[0], parts[-1]) in PATH_KEYS and isinstance(value, str):
-        value = str(Path(value).resolve())
-    path: KeyPath = tuple(int(p) if p.isdigit() else p for p in parts)
+        value = str(Path(value).absolute())
+    path: KeyPath = tuple(int(p) if p.isascii() and p.isdigit() else p for p in parts)
     sources.places[path] = f"override {text}"
     return merge(raw, _nested(raw, path, value, text))
 

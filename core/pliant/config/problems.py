@@ -2,16 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, get_args
 
 from pydantic import ValidationError
+from pydantic_core.core_schema import ErrorType
 
-from pliant.config.study import allowed_keys, nested_model
+from pliant.config.chain import INPUT_PATTERN
+from pliant.config.study import NAME_PATTERN, allowed_keys, nested_model
 from pliant.errors import closest
 from pliant.interfaces.base import FrozenModel
 
 MOST = 5
+LONGEST = 80
+PYDANTICS_OWN = frozenset((*get_args(ErrorType), "path_type"))
+PATTERNS = {
+    NAME_PATTERN: "it should begin with a letter or digit and hold only A-Z a-z 0-9 . _ -",
+    INPUT_PATTERN: "it should be pressure_pa, pressure_1_pa, … or tendon_force_n, tendon_force_1_n, …",
+}
 
 
 def sentences(error: ValidationError, model: type[FrozenModel], where: Callable[[Sequence[Any]], str]) -> str:
@@ -41,17 +49,53 @@ def _sentence(detail: Any, model: type[FrozenModel]) -> str:
         )
     if kind == "missing":
         return f"key '{key}' is missing."
-    if kind == "quantity":
-        return (
-            f"'{key}': {detail['ctx']['sentence']}."
-            if "sentence" in detail["ctx"]
-            else f"'{key}': {detail['msg']}."
-        )
     if kind == "value_error":
         return f"'{key}': {detail['msg'].removeprefix('Value error, ')}."
+    if kind not in PYDANTICS_OWN:  # a plugin's own sentence
+        return f"'{key}': {detail['msg']}."
+    return f"'{key}' is {_written(detail['input'])}; {_wanted(detail)}."
+
+
+def _wanted(detail: Any) -> str:
+    """What is allowed, without pydantic's and Python's words."""
+    kind, context = detail["type"], detail.get("ctx", {})
     if kind in ("model_type", "model_attributes_type", "dict_type"):
-        return f"'{key}' is {detail['input']!r}; it needs a block of 'key: value' lines."
-    return f"'{key}' is {detail['input']!r}; {_lower(detail['msg']).replace('input ', 'it ')}."
+        return "it needs a block of 'key: value' lines"
+    if kind in ("tuple_type", "list_type"):
+        return "it needs a list such as [a, b]"
+    if kind == "too_long":
+        return f"it should have at most {context['max_length']} items"
+    if kind in ("string_type", "path_type"):
+        return "it should be a text"
+    if kind.startswith("int_"):
+        return "it should be a whole number"
+    if kind.startswith("bool_"):
+        return "it should be true or false"
+    if kind == "string_pattern_mismatch":
+        pattern = context["pattern"]
+        return PATTERNS.get(pattern, f"it should match the pattern {pattern}")
+    return _lower(detail["msg"]).replace("input ", "it ").replace("string should", "it should")
+
+
+def _written(value: Any) -> str:
+    """The value as a study writes it, cut short."""
+    if value is None:
+        return "empty"
+    if isinstance(value, bool):
+        return str(value).lower()
+    text = repr(value) if isinstance(value, str | int | float) else _flow(value)
+    return text if len(text) <= LONGEST else f"{text[: LONGEST - 20]}…"
+
+
+def _flow(value: Any) -> str:
+    """A list or block on one line of YAML."""
+    if isinstance(value, Mapping):
+        return "{" + ", ".join(f"{key}: {_flow(item)}" for key, item in value.items()) + "}"
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(_flow(item) for item in value) + "]"
+    if value is None or isinstance(value, bool):
+        return {None: "null", True: "true", False: "false"}[value]
+    return str(value)
 
 
 def _lower(text: str) -> str:

@@ -33,6 +33,7 @@ BLOCKS = {
 }
 BLOCK_LISTS = {"effects": "effect", "cross_check": "physics"}
 # Keys of contracts.md whose stages are not built yet: read, kept, and reported as unused.
+NAME_PATTERN = r"^[A-Za-z0-9][A-Za-z0-9._-]*$"
 NOT_USED_YET = ("measurements", "sweep", "meta_model", "search", "optimizer", "noise", "protocols")
 
 
@@ -40,7 +41,7 @@ class Study(FrozenModel):
     """What a study file says. `cross_check` lists further engines that run the same task for comparison."""
 
     pliant: Literal[1] = Field(default=1, description="format version")
-    name: str = Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$", description="names the output folder")
+    name: str = Field(pattern=NAME_PATTERN, max_length=100, description="names the output folder")
     family: FamilyConfig | None = Field(
         default=None, description="the actuator module and its design parameters"
     )
@@ -123,6 +124,8 @@ def normalised(raw: Mapping[str, Any]) -> dict[str, Any]:
         if isinstance(study.get(key), str):
             study[key] = {"kind": study[key]}
     for key in BLOCK_LISTS:
+        if key in study and study[key] is None:  # an empty list, as an empty block is no block
+            study[key] = []
         if isinstance(study.get(key), list):
             study[key] = [{"kind": b} if isinstance(b, str) else b for b in study[key]]
     return study
@@ -137,7 +140,13 @@ def varied(config: ComponentConfig, changes: Mapping[str, Any]) -> ComponentConf
 
 def allowed_keys(model: type[FrozenModel]) -> list[str]:
     """Keys as people write them."""
-    return [strip_unit_suffix(name) for name in model.model_fields]
+    return [written_name(model, name) for name in model.model_fields]
+
+
+def written_name(model: type[FrozenModel], field: str) -> str:
+    """How a study writes a field: `wall_m` as `wall`, but `k_n` as `k_n` where a model keeps its names."""
+    alias = model.model_fields[field].validation_alias
+    return alias if isinstance(alias, str) else field
 
 
 def nested_model(annotation: Any) -> type[FrozenModel] | None:
