@@ -3,6 +3,7 @@
 import importlib.util
 import os
 import stat
+from pathlib import Path
 
 import pytest
 
@@ -118,6 +119,39 @@ def test_unwritable_output(pliant, write, workplace, stated, option):
     target = "occupied/x.json" if option == "--json" else "occupied/deeper"
     assert_refused(pliant("run", write(stated), option, target), "cannot be written")
     assert (workplace / "occupied").read_text() == "a file, no folder"
+
+
+@pytest.mark.parametrize("target", ["folder", "folder/", ""])
+@pytest.mark.parametrize("verb", ["run", "simulate"])
+def test_json_into_a_folder(pliant, write, workplace, stated, verb, target):
+    (workplace / "folder").mkdir()
+    assert_refused(pliant(verb, write(stated), "--json", target), "--json needs the name of a file")
+    assert_nothing_left(workplace, "folder", "study.yaml")
+
+
+def test_json_into_a_device_or_through_a_link(pliant, write, workplace, stated):
+    """Such a target is written into; replacing it would break /dev/null for everyone when root runs this."""
+    (workplace / "null").symlink_to("/dev/null")
+    (workplace / "link.json").symlink_to("real.json")
+    for name in ("null", "link.json"):
+        assert pliant("simulate", write(stated), "--quiet", "--json", name).code == 0
+        assert (workplace / name).is_symlink()
+    assert Path("/dev/null").is_char_device()
+    assert "tip_m" in (workplace / "real.json").read_text()
+
+
+def test_json_on_a_full_disk(pliant, write, workplace, stated):
+    (workplace / "full").symlink_to("/dev/full")
+    call = pliant("simulate", write(stated), "--quiet", "--json", "full")
+    assert_refused(call, "full cannot be written (No space left on device)")
+
+
+@pytest.mark.parametrize(("option", "verb"), [("--out", "run"), ("--json", "run"), ("--json", "simulate")])
+def test_a_name_longer_than_a_file_system_takes(pliant, write, workplace, stated, option, verb):
+    call = pliant(verb, write(stated), option, "x" * 300)
+    assert_refused(call, "cannot be written (File name too long)")
+    assert len(call.err) < 200
+    assert_nothing_left(workplace, "study.yaml")
 
 
 @pytest.mark.skipif(os.geteuid() == 0, reason="root may write anywhere")

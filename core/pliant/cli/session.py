@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import sys
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
@@ -26,6 +27,7 @@ from pliant.registry.discovery import Registry, discover
 from pliant.store.store import ArtifactStore, write_atomically
 
 INTERRUPTED = 130
+LONGEST_NAME = 80
 
 
 @dataclass
@@ -71,8 +73,8 @@ def session(command: str, json_target: str | None, quiet: bool) -> Iterator[Sess
     """Run a verb: errors become one message and an exit code, the result becomes JSON."""
     here = Session(command, json_target, quiet)
     try:
-        if json_target not in (None, "-"):
-            check_writable(Path(str(json_target)).parent)
+        if json_target is not None and json_target != "-":
+            _check_json_target(json_target)
         yield here
         _write_json(here)
     except PliantError as error:
@@ -85,10 +87,25 @@ def session(command: str, json_target: str | None, quiet: bool) -> Iterator[Sess
         raise typer.Exit(here.exit_code)
 
 
+def _check_json_target(target: str) -> None:
+    """Refuse a file that cannot be written, before any work is done."""
+    path = Path(target)
+    if not target or target.endswith("/") or os.path.isdir(path):  # noqa: PTH112 - never raises
+        raise UserError(
+            f"--json needs the name of a file, and '{target}' is a folder; try {path / 'result.json'}."
+        )
+    check_writable(path.parent)
+    try:
+        path.exists()
+    except OSError as error:
+        raise UserError(f"--json: the file cannot be written ({error.strerror}); choose another.") from None
+
+
 def check_writable(folder: Path) -> None:
     """Make the folder and try to write in it; raises `UserError` before any work is done."""
-    missing = [p for p in (folder, *folder.parents) if not p.exists()]
+    missing: list[Path] = []
     try:
+        missing += [p for p in (folder, *folder.parents) if not p.exists()]
         folder.mkdir(parents=True, exist_ok=True)
         tempfile.TemporaryFile(dir=folder).close()
     except OSError as error:
@@ -96,7 +113,8 @@ def check_writable(folder: Path) -> None:
             if made.is_dir():
                 made.rmdir()
         cause = error.strerror or type(error).__name__
-        raise UserError(f"{folder} cannot be written ({cause}); choose another folder.") from None
+        name = str(folder) if len(str(folder)) <= LONGEST_NAME else f"{str(folder)[:LONGEST_NAME]}…"
+        raise UserError(f"{name} cannot be written ({cause}); choose another folder.") from None
 
 
 def _write_json(here: Session) -> None:
@@ -106,8 +124,15 @@ def _write_json(here: Session) -> None:
     text = json.dumps(plain(data), indent=1, allow_nan=False)
     if here.json_target == "-":
         sys.stdout.write(text + "\n")
-    else:
-        write_atomically(Path(here.json_target), text + "\n")
+        return
+    path = Path(here.json_target)
+    try:
+        if path.exists() and not path.is_file():  # /dev/null, a pipe: to be written into, never replaced
+            path.write_text(text + "\n", encoding="utf-8")
+        else:
+            write_atomically(path.resolve(), text + "\n")
+    except OSError as error:
+        raise UserError(f"--json: {path} cannot be written ({error.strerror}).") from None
 
 
 def plain(value: Any) -> Any:
