@@ -128,6 +128,40 @@ def test_the_cross_validated_error_is_honest_on_a_grid() -> None:
     assert 1 / 3 < chosen["rmse_of_range"] / (report.rmse / report.effort_range) < 3
 
 
+def coupled(p, u):
+    """A bench's law: gain and stiffness change with each other, and the module stiffens."""
+    return 1.6e-6 * p - 1.7e-6 * p * u - 0.0245 * u - 0.05 * u**2 + 0.03 * u**3
+
+
+@pytest.mark.parametrize("levels", [2, 3])
+def test_few_pressures_are_enough_for_a_law_that_is_linear_in_pressure(levels: int) -> None:
+    p, u = np.meshgrid(np.linspace(0, 15e3, levels), np.linspace(-0.1, 0.4, 8), indexing="ij")
+    fitted = fit(dataset(p.ravel(), u.ravel(), coupled(p, u).ravel()))
+    assert fitted.report.worst_of_range < 1e-9
+    assert fitted.report.details["actuation_degree"] == 1
+
+
+def test_two_angles_are_enough_for_a_law_that_is_linear_in_angle() -> None:
+    p, u = np.meshgrid(np.linspace(0, 15e3, 6), [0.0, 0.3], indexing="ij")
+    moment = 1.6e-6 * p - 1.7e-6 * p * u - 0.0245 * u - 2e-12 * p**2
+    assert fit(dataset(p.ravel(), u.ravel(), moment.ravel())).report.worst_of_range < 1e-9
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_pressures_that_a_bench_meets_nearly_are_still_two_levels(seed: int) -> None:
+    """Without data between, no term may bend the law there on the word of the scatter."""
+    random = np.random.default_rng(seed)
+    p = np.repeat([0.0, 15e3], 8) + random.normal(size=16) * 50
+    u = np.tile(np.linspace(-0.1, 0.4, 8), 2) + random.normal(size=16) * 1e-3
+    noise = 1e-4 * random.normal(size=16)
+    fitted = fit(dataset(p, u, coupled(p, u) + noise))
+    between = np.linspace(0, 0.3, 7)
+    middle = np.full(7, 7.5e3)
+    missed = fitted.law.evaluate(middle, between[:, None]).tau[:, 0] - coupled(middle, between)
+    assert fitted.report.details["actuation_degree"] == 1
+    assert np.abs(missed).max() < 0.03 * np.ptp(coupled(p, u))
+
+
 def test_fitting_twice_gives_the_same_bits() -> None:
     first, second = (fit(fem_like()).law.record().arrays["coefficients"] for _ in range(2))
     np.testing.assert_array_equal(first, second)

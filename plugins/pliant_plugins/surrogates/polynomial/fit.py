@@ -21,6 +21,10 @@ FOLDS = 6
 SEED = 0
 # States closer than this share of the half-range stand on one level.
 LEVEL = 1e-3
+# A bench meets its levels only nearly: states in groups narrower than this, and further apart, stand on levels too.
+JITTER = 0.1
+# Of up to this many levels two are left when an inner one is left out: they determine a straight line.
+FEW_LEVELS = 3
 # Errors below this share of the effort's range are all the same to everyone.
 NEGLIGIBLE = 1e-10
 RANK_TOLERANCE = 1e-10
@@ -56,7 +60,8 @@ def fit_adaptive(data: FemDataset, domain: Domain, max_degree: int) -> tuple[Can
     reported. Deterministic. Raises `UserError` when the states do not determine even a plane.
     """
     system = _System(data, domain)
-    candidates = [c for terms in _term_sets(max_degree) if (c := _candidate(system, *terms)) is not None]
+    sets = _term_sets(max_degree, *system.few)
+    candidates = [c for terms in sets if (c := _candidate(system, *terms)) is not None]
     if not candidates:
         raise UserError(
             f"the {len(data)} states lie on one line of {data.actuation_name} and angle_rad and determine no "
@@ -72,21 +77,25 @@ def fit_adaptive(data: FemDataset, domain: Domain, max_degree: int) -> tuple[Can
     return chosen, candidates
 
 
-def _term_sets(max_degree: int) -> Iterator[tuple[int, int, Terms]]:
-    """Exponents (i, j) of x^i v^j with i/I + j/J ≤ 1: total degree, and half the degree in the actuation."""
+def _term_sets(max_degree: int, few_x: bool, few_v: bool) -> Iterator[tuple[int, int, Terms]]:
+    """Exponents (i, j) of x^i v^j with i/I + j/J ≤ 1: total degree, and half the degree in the actuation.
+
+    Where the data have few levels of a coordinate, all terms are linear in it, and total degree with that limit
+    joins the two: they have a product x v only beside squares of both.
+    """
     seen = set()
     for degree in range(1, max_degree + 1):
-        for in_x in (degree, (degree + 1) // 2):
-            if (degree, in_x) in seen:
-                continue
-            seen.add((degree, in_x))
-            pairs = [
-                (i, j)
-                for i in range(in_x + 1)
-                for j in range(degree + 1)
-                if i * degree + j * in_x <= in_x * degree
-            ]
-            yield degree, in_x, np.array(pairs)
+        half = (degree + 1) // 2
+        most = (1 if few_x else degree, 1 if few_v else degree)
+        full = [(i, j) for i in range(degree + 1) for j in range(degree + 1)]
+        sets = [[(i, j) for i, j in full if i * degree + j * top <= top * degree] for top in (degree, half)]
+        if few_x or few_v:
+            limited = [(i, j) for i, j in sets[0] if i <= most[0] and j <= most[1]]
+            sets = [pairs for pairs in sets if set(pairs) <= set(limited)] + [limited]
+        for pairs in sets:
+            if tuple(pairs) not in seen:
+                seen.add(tuple(pairs))
+                yield degree, max(i for i, _ in pairs), np.array(pairs)
 
 
 class _System:
@@ -103,7 +112,14 @@ class _System:
             data.dmoment_dp * self.x_map[1] / self.range,
             data.dmoment_du * self.v_map[1] / self.range,
         )
-        self.folds = _folds(self.x, self.v)
+        # Slopes come from computations, which meet their levels and tell more of each than one value.
+        slopes_known = [bool(np.isfinite(slope).any()) for slope in self.slopes]
+        levels = [_levels(c, 0.0 if any(slopes_known) else JITTER) for c in (self.x, self.v)]
+        self.few = [
+            bool(level.max() < FEW_LEVELS) and not known
+            for level, known in zip(levels, slopes_known, strict=True)
+        ]
+        self.folds = _folds(levels)
 
     def rows(self, terms: Terms) -> tuple[Array, Array, NDArray[np.int64]]:
         """Matrix (m, k), right-hand side (m,), state of each row (m,); the n rows of values come first."""
@@ -158,21 +174,34 @@ def _solve(matrix: Array, right: Array) -> Array | None:
     return solution if rank == matrix.shape[1] else None
 
 
-def _folds(x: Array, v: Array) -> list[Mask]:
+def _folds(levels: list[NDArray[np.int64]]) -> list[Mask]:
     """States left out together: whole inner levels of actuation, then of angle.
 
     FEM states stand on a grid. With single states left out, a polynomial that swings between the levels
     predicts the missing state from its row and column, and the error looks far too small.
     """
     folds = []
-    for coordinate in (x, v):
-        order = np.argsort(coordinate, kind="stable")
-        level = np.empty(len(coordinate), int)
-        level[order] = np.concatenate([[0], np.cumsum(np.diff(coordinate[order]) > LEVEL)])
+    for level in levels:
         # The outer levels stay: leaving them out would score extrapolation.
         inner = np.random.default_rng(SEED).permutation(np.arange(1, level.max()))
         folds += [np.isin(level, inner[k::FOLDS]) for k in range(min(FOLDS, len(inner)))]
-    return folds or [np.arange(len(x)) == k for k in range(len(x))]
+    n = len(levels[0])
+    return folds or [np.arange(n) == k for k in range(n)]
+
+
+def _levels(coordinate: Array, jitter: float) -> NDArray[np.int64]:
+    """(n,) number of each state's level, from 0 in ascending order.
+
+    Groups narrower than `jitter` and further apart are levels; where there are other groups, equal values are.
+    """
+    order = np.argsort(coordinate, kind="stable")
+    steps = np.diff(coordinate[order])
+    level = np.empty(len(coordinate), np.int64)
+    for gap in (jitter, LEVEL):
+        level[order] = np.concatenate([[0], np.cumsum(steps > gap)])
+        if all(np.ptp(coordinate[level == k]) < gap for k in range(level.max() + 1)):
+            break
+    return level
 
 
 def _to_unit(limits: Array) -> Array:
