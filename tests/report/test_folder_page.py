@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 
+import pytest
+
 from pliant.config.loading import load_study
-from pliant.pipeline.study import simulate_study
+from pliant.errors import UserError
+from pliant.pipeline.study import StudyRun, simulate_study
 from pliant.pipeline.workbench import Workbench
 from pliant.registry.discovery import discover
 from pliant.report.folder import finished, read_folder, write_folder
@@ -35,3 +39,110 @@ def test_folder_gives_the_same_page(tmp_path: Path) -> None:
     again = render(read_folder(tmp_path / "out", registry))
     assert again.html == page.html
     assert "bends 164.9° at 15\u00a0kPa" in page.html
+
+
+FITTED = """
+name: fitted
+surrogate: {kind: polynomial, data: law.csv}
+chain: {modules: 3, module_length: 11 mm, gravity: [0, 0, 0]}
+task: {kind: free_bending, pressure: 2 kPa}
+"""
+TWO_DESIGNS = """
+name: two
+family: {kind: bellow_bending, inner_radius: 2 mm, average_radius: 6 mm, wall: 1.5 mm, module_length: 11 mm}
+material: {kind: neo_hookean, shear_modulus: 240 kPa}
+surrogate: SURROGATE
+chain: {segments: [{modules: 1}, {modules: 2, family: {wall: 1.4 mm}}, {modules: 1, family: {wall: 1.5 mm}}]}
+task: {kind: free_bending, pressure: 2 kPa}
+"""
+STATED = "{kind: polynomial, form: study, coefficients: {k_n: 1.6e-6, m_a: 0, b_a: 0, m_e: 0.1, b_e: 0.0245}}"
+
+
+def run_of(folder: Path, text: str) -> StudyRun:
+    rows = [
+        f"{p},{u},{1.6e-6 * p - 0.03 * u - 1e-6 * p * u}"
+        for p in range(0, 15001, 3000)
+        for u in (0, 0.2, 0.4)
+    ]
+    (folder / "law.csv").write_text("\n".join(["pressure_pa,angle_rad,moment_n_m", *rows]))
+    (folder / "study.yaml").write_text(text)
+    registry = discover()
+    bench = Workbench(registry, ArtifactStore(folder / "store"))
+    return simulate_study(bench, load_study(folder / "study.yaml", registry, ()))
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        FITTED,
+        TWO_DESIGNS.replace("SURROGATE", STATED),
+        TWO_DESIGNS.replace("SURROGATE", "{kind: polynomial, data: law.csv}"),
+    ],
+    ids=["fitted to a table", "two designs, law stated", "two designs, law fitted"],
+)
+def test_a_folder_carried_elsewhere_gives_the_same_page(tmp_path: Path, text: str) -> None:
+    home = tmp_path / "home"
+    home.mkdir()
+    run = run_of(home, text)
+    page = render(finished(run, {}))
+    write_folder(home / "out", run, {})
+    elsewhere = tmp_path / "anders wo ü"
+    shutil.copytree(home / "out", elsewhere)
+    shutil.rmtree(home)
+    read = read_folder(elsewhere, discover())
+    assert read.segment_designs == run.segment_designs
+    again = render(read)
+    assert again.html == page.html
+    assert sorted(again.pictures) == sorted(page.pictures)
+
+
+@pytest.mark.parametrize("file", ["value.json", "arrays.npz", "manifest.json"])
+def test_running_again_mends_a_damaged_folder(tmp_path: Path, file: str) -> None:
+    run, out = run_of(tmp_path, FITTED), tmp_path / "out"
+    write_folder(out, run, {})
+    (out / "data" / "fit0" / file).write_text("{")
+    with pytest.raises(UserError, match="is damaged"):
+        read_folder(out, discover())
+    write_folder(out, run, {})
+    assert len(read_folder(out, discover()).designs) == 1
+
+
+def test_nothing_of_an_earlier_run_remains(tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    write_folder(
+        out, run_of(tmp_path, TWO_DESIGNS.replace("SURROGATE", "{kind: polynomial, data: law.csv}")), {}
+    )
+    (out / "notes.txt").write_text("mine")
+    (out / "fem_2.csv").write_text("mine")
+    write_folder(out, run_of(tmp_path, STUDY), {})
+    names = {p.relative_to(out).as_posix() for p in out.rglob("*")}
+    assert not any(name.startswith(("data/fit", "data/table")) for name in names)
+    assert {"notes.txt", "fem_2.csv", "run.json", "data/simulate0_quasistatic"} <= names
+
+
+def test_a_folder_half_written_is_no_finished_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    run, out = run_of(tmp_path, FITTED), tmp_path / "out"
+    write_folder(out, run, {})
+
+    def full(source: Path, target: Path) -> None:
+        raise OSError(28, "No space left on device")
+
+    with monkeypatch.context() as patch:
+        patch.setattr("pliant.report.folder._replace_copy", full)
+        with pytest.raises(UserError, match="No space left on device"):
+            write_folder(out, run, {})
+    with pytest.raises(UserError, match="holds no finished run"):
+        read_folder(out, discover())
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["", "[]", "7", '"x"', "{}", '{"artifacts": 3}', '{"artifacts": [], "designs": [1], "engines": []}'],
+)
+@pytest.mark.parametrize("name", ["run.json", "study.json"])
+def test_junk_in_a_run_folder_is_one_sentence(tmp_path: Path, name: str, text: str) -> None:
+    run, out = run_of(tmp_path, STUDY), tmp_path / "out"
+    write_folder(out, run, {})
+    (out / name).write_text(text)
+    with pytest.raises(UserError, match="is damaged"):
+        read_folder(out, discover())

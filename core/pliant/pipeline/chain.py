@@ -10,10 +10,13 @@ import numpy as np
 
 from pliant.config.chain import BaseConfig, ChainConfig
 from pliant.errors import UserError
+from pliant.interfaces.family import ActuatorFamily
 from pliant.mechanics.rotations import exp_map, matrix_of_quaternion
 from pliant.records.chain import Actuator, ChainModel, Joint, default_base_rotation
 from pliant.records.design import Array, MassProperties, ModuleMass
 from pliant.records.law import JointLaw
+
+WATER_KG_M3 = 1000.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,6 +46,12 @@ def rod_module(law: JointLaw, length_m: float, mass_kg: float) -> Module:
         return MassProperties(half, np.array([centre, 0.0, 0.0]), np.diag([0.0, inertia, inertia]))
 
     return Module(law, length_m, ModuleMass(piece(-length_m / 4), piece(length_m / 4)))
+
+
+def family_module(law: JointLaw, family: ActuatorFamily, density_kg_m3: float | None) -> Module:
+    """A module of a family; without a density it has that of water, for chains on which no weight acts."""
+    density = WATER_KG_M3 if density_kg_m3 is None else density_kg_m3
+    return Module(law, family.module_length_m, family.mass(density))
 
 
 def build_chain(config: ChainConfig, segments: Sequence[Segment]) -> ChainModel:

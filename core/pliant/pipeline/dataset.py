@@ -10,7 +10,7 @@ from pliant.interfaces.family import ActuatorFamily, FamilyConfig
 from pliant.interfaces.fem import FEMBackend, FemConfig, ModuleSolver
 from pliant.interfaces.material import Material, MaterialConfig
 from pliant.pipeline.sampling import Sampled, Sampling, sample
-from pliant.pipeline.workbench import Workbench
+from pliant.pipeline.workbench import Workbench, content
 from pliant.records.design import Array
 from pliant.records.fem import FemDataset, FemState, IntArray, ModuleProblem, ModuleShape
 from pliant.store.store import Artifact
@@ -38,9 +38,9 @@ def fem_stage(bench: Workbench, family: FamilyConfig, material: MaterialConfig, 
         ],
         modules=["pliant.pipeline.dataset"],
         config={
-            "family": family.canonical(),
-            "material": material.canonical(),
-            "fem": fem.canonical(),
+            "family": content(family),
+            "material": content(material),
+            "fem": content(fem),
         },
         inputs={},
     )

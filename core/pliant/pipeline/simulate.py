@@ -11,7 +11,7 @@ from pliant.errors import UserError
 from pliant.interfaces.effect import Effect, EffectConfig, Model
 from pliant.interfaces.physics import PhysicsBackend, PhysicsConfig, Simulation, SimulationState
 from pliant.interfaces.task import Task, TaskConfig
-from pliant.pipeline.workbench import Workbench
+from pliant.pipeline.workbench import Workbench, content
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
 from pliant.records.rollout import Equilibrium, Inputs, TaskResult
@@ -61,9 +61,9 @@ def simulate_stage(
         modules=["pliant.pipeline.simulate", "pliant.pipeline.chain"],
         config={
             **source.config,
-            "physics": physics.canonical(),
-            "task": task.canonical(),
-            "effects": [effect.canonical() for effect in effects],
+            "physics": content(physics),
+            "task": content(task),
+            "effects": [content(effect) for effect in effects],
         },
         inputs=source.inputs,
     )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -12,11 +12,11 @@ import numpy as np
 from pliant.config.study import BLOCKS, Study, varied
 from pliant.errors import MissingDependencyError, UserError
 from pliant.interfaces.family import ActuatorFamily, FamilyConfig
-from pliant.pipeline.chain import Module, Segment, build_chain, rod_module
+from pliant.pipeline.chain import Module, Segment, build_chain, family_module, rod_module
 from pliant.pipeline.dataset import fem_stage
 from pliant.pipeline.simulate import ChainSource, simulate_stage
 from pliant.pipeline.surrogate import LawStage, law_stage
-from pliant.pipeline.workbench import Workbench
+from pliant.pipeline.workbench import Workbench, content
 from pliant.records.chain import ChainModel
 from pliant.records.rollout import TaskResult
 from pliant.store.store import Artifact
@@ -54,7 +54,16 @@ class StudyRun:
     chain: ChainModel | None = None
     engines: tuple[EngineRun, ...] = ()
     wall_s: float = 0.0
-    unused: tuple[str, ...] = field(default=())
+    unused: tuple[str, ...] = ()
+
+    @property
+    def segment_designs(self) -> tuple[int, ...]:
+        """For each segment of the chain, the index of its design in `designs`; empty without a chain."""
+        if self.study.chain is None:
+            return ()
+        known = [design.family.canonical() if design.family else None for design in self.designs]
+        families = _segment_families(self.study)
+        return tuple(known.index(family.canonical() if family else None) for family in families)
 
 
 DEFAULT_SURROGATE = "polynomial"
@@ -160,13 +169,16 @@ def _chain_source(bench: Workbench, study: Study, designs: Sequence[DesignStages
     for segment, family in zip(chain.as_segments(), _segment_families(study), strict=True):
         module = modules[repr(family.canonical()) if family else ""]
         segments.append(Segment(module, segment.modules, segment.rotation_rad))
-    surrogate = study.surrogate.canonical() if study.surrogate else {"kind": DEFAULT_SURROGATE}
+    surrogate = content(study.surrogate) if study.surrogate else {"kind": DEFAULT_SURROGATE}
     surrogate.pop("data", None)  # its content is in the law's key
+    # Segments as they were understood, not as they were written: "2 mm" and "0.002" make one chain.
+    pieces = [[s.modules, s.rotation_rad] for s in chain.as_segments()]
     config = {
-        "chain": chain.canonical(),
+        "chain": {k: v for k, v in content(chain).items() if k not in ("modules", "segments")},
+        "segments": pieces,
+        "families": [content(family) if family else None for family in _segment_families(study)],
         "surrogate": surrogate,
-        "family": study.family.canonical() if study.family else None,
-        "density_kg_m3": _density(bench, study),
+        "density_kg_m3": _density(study),
     }
     families = [study.family] if study.family else []
     components = [bench.component("family", family) for family in families]
@@ -175,7 +187,7 @@ def _chain_source(bench: Workbench, study: Study, designs: Sequence[DesignStages
     return ChainSource(build_chain(chain, segments), config, inputs, components)
 
 
-def _density(bench: Workbench, study: Study) -> float | None:
+def _density(study: Study) -> float | None:
     return float(study.material.density_kg_m3) if study.material else None
 
 
@@ -193,12 +205,9 @@ def _module(bench: Workbench, study: Study, design: DesignStages) -> Module:
             "here the family gives both."
         )
     family: ActuatorFamily = bench.build("family", design.family)
-    density = _density(bench, study)
-    if density is None:
-        weightless = not np.any(chain.gravity_m_s2)
-        if not weightless:
-            raise UserError(
-                "the modules' weight needs a 'material' block with a density (or set chain.gravity to [0, 0, 0])."
-            )
-        density = 1000.0  # inertia only; no weight acts
-    return Module(design.law.law, family.module_length_m, family.mass(density))
+    density = _density(study)
+    if density is None and np.any(chain.gravity_m_s2):
+        raise UserError(
+            "the modules' weight needs a 'material' block with a density (or set chain.gravity to [0, 0, 0])."
+        )
+    return family_module(design.law.law, family, density)

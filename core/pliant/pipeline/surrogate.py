@@ -10,7 +10,7 @@ from typing import Any
 from pliant.errors import UserError
 from pliant.interfaces.surrogate import Surrogate, SurrogateConfig
 from pliant.pipeline.tables import read_table
-from pliant.pipeline.workbench import Workbench
+from pliant.pipeline.workbench import Workbench, content
 from pliant.records.fem import FemDataset
 from pliant.records.law import FitReport, JointLaw
 from pliant.store.store import Artifact
@@ -48,7 +48,7 @@ def law_stage(bench: Workbench, config: SurrogateConfig, dataset: Artifact | Non
         compute,
         components=[bench.component("surrogate", config)],
         modules=["pliant.pipeline.surrogate"],
-        config={"surrogate": config.model_dump(mode="json", exclude={"data"})},
+        config={"surrogate": {name: value for name, value in content(config).items() if name != "data"}},
         inputs={"data": key},
     )
     law = surrogate.load(artifact.value["law"])

@@ -2,17 +2,38 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from pliant.interfaces.base import ComponentConfig
+from pliant.interfaces.base import ComponentConfig, FrozenModel
 from pliant.pipeline.progress import Progress, Silent
 from pliant.registry.component import Component
 from pliant.registry.discovery import Registry
 from pliant.store.fingerprint import code_fingerprint, versions
 from pliant.store.store import Artifact, ArtifactStore, Recipe
+
+
+def content(config: FrozenModel) -> dict[str, Any]:
+    """A config as JSON values for a key: a file that it names counts by its content, not by its path."""
+    return dict(_content(config, config.canonical()))
+
+
+def _content(value: Any, plain: Any) -> Any:
+    """`plain`, the JSON form of `value`, with each existing file replaced by its digest."""
+    if isinstance(value, Path) and value.is_file():
+        with value.open("rb") as file:
+            return "sha256:" + hashlib.file_digest(file, "sha256").hexdigest()
+    if isinstance(value, FrozenModel) and isinstance(plain, Mapping):
+        return {name: _content(getattr(value, name, None), item) for name, item in plain.items()}
+    if isinstance(value, Mapping) and isinstance(plain, Mapping):
+        by_name = {str(key): item for key, item in value.items()}
+        return {name: _content(by_name.get(name), item) for name, item in plain.items()}
+    if isinstance(value, list | tuple) and isinstance(plain, list) and len(value) == len(plain):
+        return [_content(item, tree) for item, tree in zip(value, plain, strict=True)]
+    return plain
 
 
 @dataclass(frozen=True)
@@ -48,7 +69,7 @@ class Workbench:
             compute: does the work; see `ArtifactStore.make`.
             components: the plugins whose code the result depends on.
             modules: Pliant's own modules whose code it depends on.
-            config: JSON values it depends on.
+            config: JSON values it depends on; see `content` for those of a plugin's config.
             inputs: name → key of the artifacts it is made from.
         """
         places = [place for c in components for place in (c.config, c.implementation)]

@@ -1,28 +1,32 @@
 """The folder of a finished run: everything that a report needs, readable on another machine.
 
-run.json      the result of the command (contracts.md) with the provenance of every artifact
+run.json      the result of the command (contracts.md), and which file belongs to what
 study.json    the study with all defaults, SI
 fem.csv       the data set(s) as a table
-data/…        the artifacts themselves
+data/…        the artifacts themselves, and the tables that were fitted instead of FEM data
 """
 
 from __future__ import annotations
 
 import json
+import re
 import shutil
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from pliant.errors import UserError
-from pliant.pipeline.study import StudyRun
-from pliant.pipeline.tables import write_table
+from pliant.pipeline.study import DEFAULT_SURROGATE, StudyRun
+from pliant.pipeline.tables import read_table, write_table
 from pliant.records.fem import FemDataset
 from pliant.records.law import FitReport, JointLaw
 from pliant.records.rollout import TaskResult
 from pliant.registry.discovery import Registry
-from pliant.store.store import Artifact, CorruptedError, load_artifact, write_atomically
+from pliant.store.store import Artifact, CorruptedError, load_artifact, write_atomically, writing_in
+
+TABLE = re.compile(r"fem(_\d+)?\.csv|data/table\d+\.csv")
+ARTIFACT = re.compile(r"(fem|fit)\d+|simulate\d+_\w[\w.-]*")
 
 
 @dataclass(frozen=True)
@@ -48,7 +52,8 @@ class EngineResult:
 class FinishedRun:
     """A run folder, read.
 
-    `summary` is run.json; `provenance` holds one manifest per artifact, in the order of the stages.
+    `summary` is the result of the command; `provenance` holds one manifest per artifact, in the order of the
+    stages; `segment_designs` says which of `designs` each segment of the chain has.
     """
 
     summary: Mapping[str, Any]
@@ -56,6 +61,7 @@ class FinishedRun:
     designs: tuple[DesignResult, ...]
     engines: tuple[EngineResult, ...]
     provenance: tuple[Mapping[str, Any], ...]
+    segment_designs: tuple[int, ...] = ()
 
 
 def finished(run: StudyRun, summary: Mapping[str, Any]) -> FinishedRun:
@@ -66,22 +72,37 @@ def finished(run: StudyRun, summary: Mapping[str, Any]) -> FinishedRun:
     )
     engines = tuple(EngineResult(e.kind, e.result, e.skipped) for e in run.engines)
     manifests = tuple(artifact.manifest for _, artifact in _artifacts(run))
-    return FinishedRun(summary, run.study.canonical(), designs, engines, manifests)
+    return FinishedRun(summary, run.study.canonical(), designs, engines, manifests, run.segment_designs)
 
 
 def write_folder(folder: Path, run: StudyRun, summary: Mapping[str, Any]) -> None:
-    """Write a run's folder; files of an earlier run in it are replaced one by one."""
-    names = []
-    for name, artifact in _artifacts(run):
-        target = folder / "data" / name
-        _replace_copy(artifact.folder, target)
-        names.append(name)
-    for number, design in enumerate(run.designs):
-        if design.fem is not None:
-            write_table(design.fem.value, folder / table_name(number))
-    index = {"summary": summary, "artifacts": names, "engines": [[e.kind, e.skipped] for e in run.engines]}
-    write_atomically(folder / "study.json", json.dumps(run.study.canonical(), indent=1))
-    write_atomically(folder / "run.json", json.dumps(index, indent=1))
+    """Write a run's folder; what an earlier run left in it is replaced or removed.
+
+    `run.json` goes first and comes last: a folder that has one is complete.
+    """
+    with writing_in(folder):
+        artifacts = _artifacts(run)
+        _remove_earlier(folder, {name for name, _ in artifacts})
+        for name, artifact in artifacts:
+            _replace_copy(artifact.folder, folder / "data" / name)
+        tables = []
+        for number, design in enumerate(run.designs):
+            if design.fem is not None:
+                tables.append(table_name(number))
+                write_table(design.fem.value, folder / tables[-1])
+            elif design.law.data is not None:
+                tables.append(_foreign_table(number))
+                write_table(design.law.data, folder / tables[-1])
+        index = {
+            "summary": summary,
+            "artifacts": [name for name, _ in artifacts],
+            "tables": tables,
+            "designs": [_design_name(number, run) for number in range(len(run.designs))],
+            "segment_designs": run.segment_designs,
+            "engines": [[e.kind, e.skipped] for e in run.engines],
+        }
+        write_atomically(folder / "study.json", json.dumps(run.study.canonical(), indent=1))
+        write_atomically(folder / "run.json", json.dumps(index, indent=1))
 
 
 def read_folder(folder: Path, registry: Registry) -> FinishedRun:
@@ -90,24 +111,33 @@ def read_folder(folder: Path, registry: Registry) -> FinishedRun:
         index = json.loads((folder / "run.json").read_text())
         study = json.loads((folder / "study.json").read_text())
         artifacts = {name: load_artifact(folder / "data" / name) for name in index["artifacts"]}
+        designs = _read_designs(folder, index, artifacts, study, registry)
+        engines = tuple(
+            EngineResult(kind, a.value if (a := artifacts.get(_engine_name(n, kind))) else None, skipped)
+            for n, (kind, skipped) in enumerate(index["engines"])
+        )
+        segments = tuple(int(number) for number in index["segment_designs"])
+        manifests = tuple(artifact.manifest for artifact in artifacts.values())
+        return FinishedRun(index["summary"], study, designs, engines, manifests, segments)
     except (FileNotFoundError, NotADirectoryError):
         raise UserError(
             f"{folder} holds no finished run (no run.json); give the --out folder of 'pliant run'."
         ) from None
-    except (CorruptedError, ValueError, KeyError) as error:
-        raise UserError(f"{folder} is damaged ({error}); run the study again.") from None
-    designs = _read_designs(artifacts, study, registry)
-    engines = tuple(
-        EngineResult(kind, a.value if (a := artifacts.get(_engine_name(n, kind))) else None, skipped)
-        for n, (kind, skipped) in enumerate(index["engines"])
-    )
-    manifests = tuple(artifact.manifest for artifact in artifacts.values())
-    return FinishedRun(index["summary"], study, designs, engines, manifests)
+    except OSError as error:
+        raise UserError(f"{folder} cannot be read ({error.strerror}).") from None
+    except (CorruptedError, ValueError, KeyError, TypeError, AttributeError) as error:
+        cause = str(error) if isinstance(error, CorruptedError) else f"{type(error).__name__}: {error}"
+        raise UserError(f"{folder} is damaged ({cause}); run the study again.") from None
 
 
 def table_name(number: int) -> str:
     """File name of a design's table."""
     return "fem.csv" if number == 0 else f"fem_{number + 1}.csv"
+
+
+def _foreign_table(number: int) -> str:
+    """Where the table lies that a design's law was fitted to instead of FEM data."""
+    return f"data/table{number}.csv"
 
 
 def _artifacts(run: StudyRun) -> list[tuple[str, Artifact]]:
@@ -132,30 +162,57 @@ def _design_name(number: int, run: StudyRun) -> str:
 
 
 def _read_designs(
-    artifacts: Mapping[str, Artifact], study: Mapping[str, Any], registry: Registry
+    folder: Path,
+    index: Mapping[str, Any],
+    artifacts: Mapping[str, Artifact],
+    study: Mapping[str, Any],
+    registry: Registry,
 ) -> tuple[DesignResult, ...]:
-    config = study.get("surrogate") or {"kind": "polynomial"}
+    config = dict(study.get("surrogate") or {"kind": DEFAULT_SURROGATE})
+    config["data"] = None  # the file may be elsewhere by now; what was fitted is in the folder
     component = registry.get("surrogate", config["kind"])
     surrogate = component.build(component.config_model().model_validate(config))
-    stated = surrogate.stated()
-    if stated is not None:
-        return (DesignResult(study["name"], None, stated, None),)
     designs = []
-    count = sum(name.startswith("fit") for name in artifacts)
-    for number in range(count):
-        value = artifacts[f"fit{number}"].value
-        fem = artifacts.get(f"fem{number}")
-        name = study["name"] if count == 1 else f"{study['name']} design {number + 1}"
-        law = surrogate.load(value["law"])
-        designs.append(DesignResult(name, fem.value if fem else None, law, value["report"]))
+    for number, name in enumerate(index["designs"]):
+        fit = artifacts.get(f"fit{number}")
+        if fit is None:
+            if (law := surrogate.stated()) is None:
+                raise KeyError(f"fit{number}")
+            designs.append(DesignResult(name, None, law, None))
+            continue
+        law = surrogate.load(fit.value["law"])
+        table = _foreign_table(number)
+        if table in index["tables"]:
+            data: FemDataset | None = read_table(folder / table)
+        else:
+            data = artifacts[f"fem{number}"].value
+        designs.append(DesignResult(name, data, law, fit.value["report"]))
     return tuple(designs)
 
 
+def _remove_earlier(folder: Path, keep: Collection[str]) -> None:
+    """Remove run.json and what it says the earlier run wrote, but for artifacts to keep: they may be the same."""
+    index = folder / "run.json"
+    try:
+        earlier = json.loads(index.read_text())
+        tables = [name for name in earlier["tables"] if TABLE.fullmatch(name)]
+        unwanted = [name for name in earlier["artifacts"] if ARTIFACT.fullmatch(name) and name not in keep]
+    except (OSError, ValueError, KeyError, TypeError):
+        tables, unwanted = [], []
+    index.unlink(missing_ok=True)
+    for name in tables:
+        (folder / name).unlink(missing_ok=True)
+    for name in unwanted:
+        shutil.rmtree(folder / "data" / name, ignore_errors=True)
+
+
 def _replace_copy(source: Path, target: Path) -> None:
-    if (target / "manifest.json").is_file() and (
-        (target / "manifest.json").read_bytes() == (source / "manifest.json").read_bytes()
-    ):
-        return
+    """Copy an artifact, unless the same one is there and sound."""
+    try:
+        if load_artifact(target).manifest == load_artifact(source).manifest:
+            return
+    except (CorruptedError, UserError):
+        pass
     fresh = target.with_name(target.name + ".new")
     shutil.rmtree(fresh, ignore_errors=True)
     shutil.copytree(source, fresh)

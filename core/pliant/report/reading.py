@@ -134,21 +134,17 @@ def study_form_effort(form: Mapping[str, Any], actuation: Array, u: Array) -> Ar
 
 
 def module_designs(run: FinishedRun) -> tuple[list[int], list[float]] | None:
-    """For each module its design's index and its turn about the chain axis (rad), or None if unclear.
-
-    The stages number designs by first appearance among the segments.
-    """
+    """For each module its design's index and its turn about the chain axis (rad), or None without a chain."""
     chain = chain_config(run)
     if chain is None:
         return None
-    known: dict[str, int] = {}
-    designs: list[int] = []
-    turns: list[float] = []
-    for segment in chain.as_segments():
-        index = known.setdefault(repr(sorted(segment.family.items())), len(known))
-        designs += [index] * segment.modules
-        turns += [segment.rotation_rad] * segment.modules
-    return (designs, turns) if len(known) == len(run.designs) else None
+    segments = chain.as_segments()
+    indices = run.segment_designs or (0,) * len(segments)
+    designs = [
+        index for index, segment in zip(indices, segments, strict=True) for _ in range(segment.modules)
+    ]
+    turns = [segment.rotation_rad for segment in segments for _ in range(segment.modules)]
+    return designs, turns
 
 
 def distances_m(engines: Sequence[Ran]) -> list[Array]:

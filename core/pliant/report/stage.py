@@ -6,10 +6,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from pliant import __version__
 from pliant.pipeline.study import StudyRun, surrogate_kind
 from pliant.pipeline.workbench import Workbench
 from pliant.report.folder import finished
-from pliant.report.template import digest
 from pliant.store.fingerprint import versions
 from pliant.store.store import write_atomically
 
@@ -32,8 +32,9 @@ def report_stage(bench: Workbench, run: StudyRun, summary: Mapping[str, Any], fo
         config={
             "study": run.study.canonical(),
             "skipped": [engine.skipped for engine in run.engines],
-            "template": digest(),
-            "libraries": versions(["matplotlib", "jinja2"]),
+            "libraries": {"pliant": __version__, **versions(["matplotlib", "jinja2"])},
+            # Times and digests: a page tells when its artifacts were made, so it goes with those of an earlier making.
+            "provenance": [manifest["digest"] for manifest in read.provenance],
         },
         inputs={f"artifact{number}": manifest["key"] for number, manifest in enumerate(read.provenance)},
     )

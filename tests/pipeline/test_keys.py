@@ -1,0 +1,167 @@
+"""What a stage's key is made of: everything that changes its result, and nothing that does not."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from pydantic import Field
+
+from pliant.config.loading import load_study
+from pliant.interfaces.base import FrozenModel
+from pliant.pipeline.chain import family_module
+from pliant.pipeline.progress import Silent
+from pliant.pipeline.study import simulate_study
+from pliant.pipeline.workbench import Workbench, content
+from pliant.registry.discovery import discover
+from pliant.report.stage import report_stage
+from pliant.store.store import ArtifactStore
+
+REGISTRY = discover()
+STUDY = {
+    "name": "keys",
+    "family": {
+        "kind": "bellow_bending",
+        "inner_radius": "2 mm",
+        "average_radius": "6 mm",
+        "wall": "1.5 mm",
+        "module_length": "11 mm",
+    },
+    "material": {"kind": "neo_hookean", "shear_modulus": "240 kPa"},
+    "surrogate": {"kind": "polynomial", "data": "law.csv"},
+    "chain": {"segments": [{"modules": 1}, {"modules": 2, "family": {"wall": "1.4 mm"}}]},
+    "task": {"kind": "free_bending", "pressure": "2 kPa"},
+    "effects": [{"kind": "stiffness", "factor": 1.1}, {"kind": "pressure_offset", "offset": "200 Pa"}],
+}
+
+
+def table(path: Path, stiffness: float = 0.03) -> None:
+    rows = [
+        f"{p},{u},{1.6e-6 * p - stiffness * u - 1e-6 * p * u}"
+        for p in range(0, 15001, 3000)
+        for u in (0, 0.2, 0.4)
+    ]
+    path.write_text("\n".join(["pressure_pa,angle_rad,moment_n_m", *rows]))
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("keys")
+
+
+@pytest.fixture
+def run_of(folder):
+    def run(stiffness=0.03, **changes):
+        table(folder / "law.csv", stiffness)
+        (folder / "study.yaml").write_text(json.dumps({**STUDY, **changes}))
+        bench = Workbench(REGISTRY, ArtifactStore(folder / "store"))
+        return simulate_study(bench, load_study(folder / "study.yaml", REGISTRY, ()))
+
+    return run
+
+
+def key(run):
+    return run.engines[0].artifact.key
+
+
+A, B = STUDY["chain"]["segments"]
+SEGMENTS = {
+    "swapped": {"segments": [B, A]},
+    "other counts": {"segments": [{**A, "modules": 2}, {**B, "modules": 1}]},
+    "turned": {"segments": [A, {**B, "rotation": "10 deg"}]},
+    "another wall": {"segments": [A, {"modules": 2, "family": {"wall": "1.3 mm"}}]},
+    "one design": {"modules": 3},
+    "payload": {"segments": [A, B], "payload": "1 g"},
+}
+
+
+@pytest.mark.parametrize("chain", SEGMENTS.values(), ids=SEGMENTS)
+def test_what_changes_the_chain_changes_its_key(run_of, chain):
+    assert key(run_of(chain=chain)) != key(run_of())
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"effects": STUDY["effects"][::-1]},
+        {"effects": STUDY["effects"][:1]},
+        {"stiffness": 0.031},
+        {"material": {"kind": "neo_hookean", "shear_modulus": "240 kPa", "density": 1151}},
+        {"task": {"kind": "free_bending", "pressure": "2.1 kPa"}},
+    ],
+    ids=["order of effects", "an effect less", "content of the table", "density", "pressure"],
+)
+def test_everything_else_that_matters_changes_it_too(run_of, changes):
+    assert key(run_of(**changes)) != key(run_of())
+
+
+SAME = {
+    "units": {"segments": [A, {"modules": 2, "family": {"wall_m": 0.0014}}]},
+    "defaults written out": {
+        "segments": [{**A, "rotation": 0}, {"modules": 2, "family": {"wall": 1.4e-3, "inner_radius": "2 mm"}}]
+    },
+}
+
+
+@pytest.mark.parametrize("chain", SAME.values(), ids=SAME)
+def test_the_same_chain_written_otherwise_has_the_same_key(run_of, chain):
+    run = run_of(chain=chain)
+    assert key(run) == key(run_of())
+    assert run.segment_designs == (0, 1)
+
+
+def test_modules_and_one_segment_are_the_same_chain(run_of):
+    assert key(run_of(chain={"modules": 3})) == key(run_of(chain={"segments": [{"modules": 3}]}))
+
+
+class Inner(FrozenModel):
+    file: Path | None = None
+
+
+class Outer(FrozenModel):
+    file: Path
+    inner: Inner = Inner()
+    more: tuple[Path, ...] = ()
+    named: dict[str, Path] = Field(default={})
+    number: float = 0.1
+
+
+def test_a_file_named_by_a_config_counts_by_its_content(tmp_path):
+    file, copy = tmp_path / "a.stl", tmp_path / "b.stl"
+    file.write_text("one")
+    copy.write_text("one")
+
+    def of(path):
+        return Outer(file=path, inner=Inner(file=path), more=(path, path), named={"x": path})
+
+    before = content(of(file))
+    assert content(of(copy)) == before
+    assert before["number"] == 0.1
+    file.write_text("two")
+    after = content(of(file))
+    assert [name for name in before if before[name] != after[name]] == ["file", "inner", "more", "named"]
+    assert content(of(tmp_path / "nowhere"))["file"] == str(tmp_path / "nowhere")
+
+
+def test_without_a_density_a_module_has_that_of_water():
+    config = REGISTRY.get("family", "bellow_bending").config_model()
+    family = REGISTRY.build("family", config.model_validate(STUDY["family"]))
+    water, none = family_module(None, family, 1000.0), family_module(None, family, None)
+    assert none.mass.start.mass_kg == water.mass.start.mass_kg
+
+
+def test_the_page_is_drawn_anew_when_an_artifact_was_made_anew(run_of, folder, tmp_path):
+    class Notes(Silent):
+        def note(self, text):
+            pytest.fail(text)
+
+    bench = Workbench(REGISTRY, ArtifactStore(folder / "store"), Notes())
+    run = run_of()
+    report_stage(bench, run, {}, tmp_path)
+    pages = set((folder / "store" / "report").glob("[0-9a-f]*[0-9a-f]"))
+    report_stage(bench, run_of(), {}, tmp_path)
+    assert set((folder / "store" / "report").glob("[0-9a-f]*[0-9a-f]")) == pages
+    (run.engines[0].artifact.folder / "value.json").unlink()
+    report_stage(bench, run_of(), {}, tmp_path)
+    assert len(set((folder / "store" / "report").glob("[0-9a-f]*[0-9a-f]")) - pages) == 1
