@@ -5,7 +5,7 @@ from types import ModuleType
 
 import pytest
 
-from pliant.errors import MissingDependencyError, UserError
+from pliant.errors import ContractError, MissingDependencyError, UserError
 from pliant.registry import discovery
 from pliant.registry.component import Component
 from pliant.registry.discovery import discover
@@ -87,11 +87,83 @@ def test_ctrl_c_during_discovery_is_not_swallowed(monkeypatch):
         (["no component"], "which is no Component"),
         ([effect(interface="efect")], "interface 'efect'"),
         ([effect(contract=99)], "written for contract 99"),
+        ([effect(None)], "has kind None"),
+        ([effect(["mine"])], "has kind ['mine']"),
+        ([effect("")], "has kind ''"),
+        ([effect(interface=["effect"])], "interface '['effect']'"),
+        ([effect(config="no.colon")], "has config 'no.colon'; write it as"),
+        ([effect(implementation=dict)], "has implementation <class 'dict'>"),
+        ([effect(requires="mujoco")], "requires 'mujoco'; write a tuple"),
+        ([effect(summary=None)], "has summary None"),
+        ([effect(example=["x"])], "has example ['x']"),
+        (effect(), "returned one Component; put it into a list"),
+        (None, "returned None; it must return a list"),
+        (7, "TypeError"),
+        ("effects", "returned 'e', which is no Component"),
+        ({effect().kind: 1}, "returned 'mine', which is no Component"),
     ],
 )
 def test_a_wrong_manifest_is_remembered(monkeypatch, components, cause):
     registry = discover_with(monkeypatch, FakeEntry("odd", lambda: module_with(components)))
     assert cause in registry.failures[0].cause
+
+
+def test_a_generator_of_components_is_as_good_as_a_list(monkeypatch):
+    registry = discover_with(monkeypatch, FakeEntry("lazy", lambda: module_with(effect(k) for k in "ab")))
+    assert {"a", "b"} <= set(registry.kinds("effect"))
+
+
+def test_a_generator_that_fails_half_way_is_remembered(monkeypatch):
+    def components():
+        yield effect("early")
+        raise RuntimeError("no licence")
+
+    registry = discover_with(monkeypatch, FakeEntry("lazy", lambda: module_with(components())))
+    assert "no licence" in registry.failures[0].cause
+    assert "early" not in registry.kinds("effect")
+
+
+def test_a_half_removed_package_is_remembered(tmp_path):
+    info = tmp_path / "ghost-1.0.dist-info"
+    info.mkdir()
+    (info / "entry_points.txt").write_text("[pliant]\nghost = no_such_ghost\n")
+    entry = next(iter(importlib.metadata.Distribution.at(info).entry_points))
+    assert discovery._package_of(entry) == "unknown package"
+
+
+def test_metadata_that_cannot_be_read_stop_nothing(monkeypatch):
+    class Unreadable:
+        @property
+        def name(self):
+            raise OSError("no such file")
+
+    entry = FakeEntry("ghost", fail(ImportError("no ghost")))
+    entry.dist = Unreadable()
+    assert discover_with(monkeypatch, entry).failures[0].package == "unknown package"
+
+
+@pytest.mark.parametrize(
+    ("config", "cause"),
+    [
+        ("builtins:dict", "is no EffectConfig"),
+        ("pliant.interfaces.base:ComponentConfig", "is no EffectConfig"),
+        ("pliant.interfaces.task:TaskConfig", "is no EffectConfig"),
+        ("pliant.errors:closest", "is no EffectConfig"),
+        ("no_such_package.config:Config", "No module named 'no_such_package'"),
+        ("pliant.errors:Nothing", "no attribute 'Nothing'"),
+    ],
+)
+def test_a_wrong_config_model_names_component_and_package(config, cause):
+    component = effect(config=config).from_package("lab 1.2")
+    with pytest.raises(ContractError) as caught:
+        component.config_model()
+    assert "effect 'mine' of lab 1.2: " in str(caught.value)
+    assert cause in str(caught.value)
+
+
+@pytest.mark.parametrize("module", ["no_such_module_anywhere.inner", "pliant.errors.inner"])
+def test_a_missing_inner_module_is_missing(module):
+    assert effect(requires=(module,)).missing() == module
 
 
 def test_a_module_without_the_hook_is_remembered(monkeypatch):

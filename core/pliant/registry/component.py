@@ -4,14 +4,35 @@ from __future__ import annotations
 
 import importlib
 import importlib.util
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 from pliant.errors import ContractError, MissingDependencyError
 from pliant.interfaces.base import CONTRACT_VERSION, ComponentConfig
+from pliant.interfaces.effect import EffectConfig
+from pliant.interfaces.family import FamilyConfig
+from pliant.interfaces.fem import FemConfig
+from pliant.interfaces.material import MaterialConfig
+from pliant.interfaces.optimizer import OptimizerConfig
+from pliant.interfaces.physics import PhysicsConfig
+from pliant.interfaces.surrogate import SurrogateConfig
+from pliant.interfaces.task import TaskConfig
 
-INTERFACES = ("family", "material", "fem", "surrogate", "effect", "physics", "task", "optimizer")
+# Interface → the base that a component's config model has.
+CONFIG_BASES: dict[str, type[ComponentConfig]] = {
+    "family": FamilyConfig,
+    "material": MaterialConfig,
+    "fem": FemConfig,
+    "surrogate": SurrogateConfig,
+    "effect": EffectConfig,
+    "physics": PhysicsConfig,
+    "task": TaskConfig,
+    "optimizer": OptimizerConfig,
+}
+INTERFACES = tuple(CONFIG_BASES)
+PLACE = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*:[A-Za-z_]\w*")
 
 
 @dataclass(frozen=True)
@@ -25,7 +46,8 @@ class Component:
         implementation: "module:Class", imported only when the component is built.
         summary: one line for `pliant plugins` and the reference pages.
         example: the smallest valid block without `kind`; conformance suites and docs use it.
-        requires: modules that the implementation imports and that may be missing.
+        requires: modules that the implementation imports and that may be missing; the versions of their
+            distributions are part of the keys of what it makes.
         install: what to type when one is missing.
         contract: version of the interface that it fills.
         package: name and version of the distribution; filled by discovery.
@@ -46,19 +68,43 @@ class Component:
         """The same component with its distribution named."""
         return replace(self, package=package)
 
+    def problem(self) -> str | None:
+        """What is wrong with this entry itself, or None; nothing is imported."""
+        if self.interface not in INTERFACES:
+            return f"component '{self.kind}' has interface '{self.interface}'; known: {', '.join(INTERFACES)}"
+        if not (isinstance(self.kind, str) and self.kind):
+            return f"a {self.interface} component has kind {self.kind!r}; it must be a word"
+        for name in ("config", "implementation"):
+            place = getattr(self, name)
+            if not (isinstance(place, str) and PLACE.fullmatch(place)):
+                return f"{self.label} has {name} {place!r}; write it as 'package.module:Class'"
+        for name in ("summary", "install"):
+            if not isinstance(getattr(self, name), str):
+                return f"{self.label} has {name} {getattr(self, name)!r}; it must be a text"
+        if not (isinstance(self.requires, tuple | list) and all(isinstance(m, str) for m in self.requires)):
+            return f"{self.label} requires {self.requires!r}; write a tuple of module names"
+        if not isinstance(self.example, Mapping):
+            return f"{self.label} has example {self.example!r}; write a dict of config values"
+        if self.contract != CONTRACT_VERSION:
+            return (
+                f"{self.label} is written for contract {self.contract}, "
+                f"this Pliant has {CONTRACT_VERSION}: update the plugin or Pliant"
+            )
+        return None
+
     def config_model(self) -> type[ComponentConfig]:
-        """Import the config model."""
+        """Import the config model; raises `ContractError` for what is none of this interface."""
         model = self._load(self.config)
-        if not (isinstance(model, type) and issubclass(model, ComponentConfig)):
-            raise ContractError(f"{self.label}: '{self.config}' is not a subclass of ComponentConfig.")
+        base = CONFIG_BASES[self.interface]
+        if not (isinstance(model, type) and issubclass(model, base)):
+            raise ContractError(
+                f"{self.origin}: '{self.config}' is no {base.__name__}; a config model must subclass it."
+            )
         return model
 
     def missing(self) -> str | None:
         """The first required module that is not installed, or None."""
-        for module in self.requires:
-            if importlib.util.find_spec(module) is None:
-                return module
-        return None
+        return next((module for module in self.requires if not _is_installed(module)), None)
 
     def build(self, config: ComponentConfig) -> Any:
         """Import the implementation and build it; raises `MissingDependencyError` with the install command."""
@@ -74,11 +120,21 @@ class Component:
             return getattr(importlib.import_module(module), name)
         except Exception as error:  # a plugin's module may fail in any way
             cause = f"{type(error).__name__}: {error}"
-            raise ContractError(
-                f"{self.label} of {self.package}: {reference} cannot be used ({cause})."
-            ) from error
+            raise ContractError(f"{self.origin}: {reference} cannot be used ({cause}).") from error
 
     @property
     def label(self) -> str:
         """How messages name it: physics 'pybullet'."""
         return f"{self.interface} '{self.kind}'"
+
+    @property
+    def origin(self) -> str:
+        """The label with the package: physics 'pybullet' of pliant 0.1.0."""
+        return f"{self.label} of {self.package}" if self.package else self.label
+
+
+def _is_installed(module: str) -> bool:
+    try:
+        return importlib.util.find_spec(module) is not None
+    except (ImportError, ValueError):  # its package is missing, or stands there half-loaded
+        return False

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import importlib.metadata
-import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from types import ModuleType
 from typing import Any
@@ -12,16 +11,16 @@ from typing import Any
 import pluggy
 
 from pliant.errors import UserError, closest
-from pliant.interfaces.base import CONTRACT_VERSION, ComponentConfig
+from pliant.interfaces.base import ComponentConfig
 from pliant.registry import hookspecs
-from pliant.registry.component import INTERFACES, Component
+from pliant.registry.component import Component
 
 GROUP = "pliant"
 
 
 @dataclass(frozen=True)
 class FailedPlugin:
-    """A plugin package, or one of its components, that could not be used, and why."""
+    """A plugin package, or a kind that two packages define, that cannot be used, and why."""
 
     name: str
     package: str
@@ -34,7 +33,7 @@ class Registry:
 
     components: tuple[Component, ...]
     failures: tuple[FailedPlugin, ...] = ()
-    clashes: dict[tuple[str, str], tuple[str, ...]] = field(default_factory=dict)
+    clashes: Mapping[tuple[str, str], tuple[str, ...]] = field(default_factory=dict)
 
     def of(self, interface: str) -> tuple[Component, ...]:
         """Components of one interface, sorted by kind."""
@@ -89,7 +88,11 @@ def _entry_points() -> list[importlib.metadata.EntryPoint]:
 
 def _package_of(entry: importlib.metadata.EntryPoint) -> str:
     distribution = entry.dist
-    return f"{distribution.name} {distribution.version}" if distribution else "unknown package"
+    try:
+        name = distribution.name if distribution else None
+    except Exception:  # a half-removed package has entry points and no metadata
+        name = None
+    return f"{name} {distribution.version}" if distribution and name else "unknown package"
 
 
 def _ask(module: Any, package: str) -> list[Component]:
@@ -98,29 +101,22 @@ def _ask(module: Any, package: str) -> list[Component]:
     manager.add_hookspecs(hookspecs)
     manager.register(module)
     manager.check_pending()
+    name = getattr(module, "__name__", module)
+    if not manager.hook.pliant_components.get_hookimpls():
+        raise TypeError(f"{name} has no @hookimpl pliant_components")
     answers = manager.hook.pliant_components()
     if not answers:
-        raise TypeError(f"{getattr(module, '__name__', module)} has no @hookimpl pliant_components")
+        raise TypeError(f"pliant_components of {name} returned None; it must return a list of Component")
+    if isinstance(answers[0], Component):
+        raise TypeError(f"pliant_components of {name} returned one Component; put it into a list")
     found = []
     for component in (c for answer in answers for c in answer):
-        _check(component)
+        if not isinstance(component, Component):
+            raise TypeError(f"pliant_components returned {component!r}, which is no Component")
+        if problem := component.problem():
+            raise ValueError(problem)
         found.append(component.from_package(package))
     return found
-
-
-def _check(component: object) -> None:
-    if not isinstance(component, Component):
-        raise TypeError(f"pliant_components returned {component!r}, which is no Component")
-    if component.interface not in INTERFACES:
-        raise ValueError(
-            f"component '{component.kind}' has interface '{component.interface}'; "
-            f"known: {', '.join(INTERFACES)}"
-        )
-    if component.contract != CONTRACT_VERSION:
-        raise ValueError(
-            f"{component.label} is written for contract {component.contract}, "
-            f"this Pliant has {CONTRACT_VERSION}: update the plugin or Pliant"
-        )
 
 
 def _cause(error: BaseException) -> str:
@@ -142,8 +138,3 @@ def _without_clashes(components: list[Component], failures: list[FailedPlugin]) 
             FailedPlugin(f"{key[0]} '{key[1]}'", " and ".join(clashes[key]), "the kind is defined twice")
         )
     return Registry(tuple(kept), tuple(failures), clashes)
-
-
-def python_version() -> str:
-    """The interpreter's version, as skip messages name it."""
-    return ".".join(map(str, sys.version_info[:3]))
