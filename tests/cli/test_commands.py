@@ -1,6 +1,10 @@
 """The verbs: results as JSON, exit codes, cached stages, interruption."""
 
 import json
+import os
+import signal
+import subprocess
+import sys
 
 import pytest
 
@@ -136,3 +140,53 @@ def test_version_and_help(pliant):
     assert pliant("--version").out.strip() == "pliant 0.1.0"
     for verb in ("run", "fem", "fit", "simulate", "report", "plugins", "check", "schema", "new-plugin"):
         assert "--json" in pliant(verb, "--help").out
+
+
+BENCH = """\
+name: bench
+surrogate: {kind: polynomial, data: bench.csv}
+chain: {modules: 3, module_length: 11 mm, gravity: [0, 0, 0]}
+task: {kind: free_bending, pressure: 10 kPa}
+"""
+
+
+def bench_table(folder, sign=1.0):
+    """States of the worked law as a bench would table them."""
+    lines = ["pressure_pa,angle_rad,moment_n_m"]
+    for pressure in range(0, 15001, 3000):
+        for u in (-0.2, -0.1, 0.0, 0.1, 0.2, 0.3, 0.4):
+            moment = 1.637e-6 * pressure - 1.704e-6 * pressure * u - (0.1012 * u * abs(u) / 2 + 0.0245 * u)
+            lines.append(f"{pressure},{u},{sign * moment!r}")
+    (folder / "bench.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+@pytest.mark.parametrize(("sign", "stable"), [(1.0, True), (-1.0, False)])
+def test_a_table_with_reversed_moments_is_noticed(pliant, write, read, workplace, sign, stable):
+    bench_table(workplace, sign)
+    call = pliant("fit", write(BENCH), "--json", "out.json")
+    assert call.code == 0
+    assert read("out.json")["stable"] is stable
+    assert ("is the sign reversed?" in call.out) is not stable
+
+
+@pytest.mark.parametrize("slow", ["pydantic", "typer", "rich"])
+def test_ctrl_c_while_still_importing(tmp_path, slow):
+    """The command's own imports take a third of a second; an interrupt then is no traceback either."""
+    (tmp_path / f"{slow}.py").write_text(f"import os, signal\nos.kill(os.getpid(), {int(signal.SIGINT)})\n")
+    call = subprocess.run(
+        [sys.executable, "-m", "pliant", "plugins"],
+        env={**os.environ, "PYTHONPATH": str(tmp_path)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (call.returncode, call.stdout) == (130, "")
+    assert call.stderr == "interrupted before anything began.\n"
+
+
+@pytest.mark.parametrize("verb", ["run", "check", "schema", "new-plugin", "optimize"])
+def test_every_verb_has_help(pliant, verb):
+    for option in ("-h", "--help"):
+        call = pliant(verb, option)
+        assert call.code == 0
+        assert "--json" in call.out

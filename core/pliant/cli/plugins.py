@@ -10,6 +10,7 @@ import typer
 from rich.markup import escape
 from rich.table import Table
 
+from pliant.cli.new_plugin import EXAMPLES, create_package
 from pliant.cli.options import JsonFile, Quiet
 from pliant.cli.session import session
 from pliant.config.schema import study_schema
@@ -95,15 +96,15 @@ def schema(json: JsonFile = None, quiet: Quiet = False) -> None:
 
 def new_plugin(
     name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the package, e.g. my-finger.")],
-    interface: Annotated[str, typer.Option("--interface", help="What it shall fill.")] = "effect",
+    interface: Annotated[
+        str, typer.Option("--interface", help=f"What it shall fill: {', '.join(EXAMPLES)}.")
+    ] = "effect",
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Parent folder of the package.")] = Path(),
     json: JsonFile = None,
     quiet: Quiet = False,
 ) -> None:
     """A third-party package that works and passes its own tests as generated."""
     with session("new-plugin", json, quiet) as here:
-        from pliant.cli.new_plugin import create_package
-
         files = create_package(name, out, interface)
         here.result["files"] = [str(path) for path in files]
         for path in files:

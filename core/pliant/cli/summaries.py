@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -11,6 +12,11 @@ from pliant.pipeline.study import DesignStages, EngineRun
 from pliant.records.fem import FemDataset
 from pliant.records.rollout import TaskResult
 from pliant.store.store import Artifact
+
+UNSTABLE_LAW = (
+    "UNSTABLE: ∂τ/∂u ≥ 0 somewhere in its domain, so a joint may snap. In a table from elsewhere, moment_n_m must "
+    "be the external moment that opposes actuation (is the sign reversed?)."
+)
 
 
 def stage(artifact: Artifact) -> dict[str, Any]:
@@ -72,6 +78,7 @@ def fit(design: DesignStages) -> dict[str, Any]:
         }
         result["n_fitted"] = report.n_fitted
         result["study_form"] = report.details.get("study_form")
+        result["stable"] = report.details.get("stable")
     if design.law.artifact is not None:
         result["stages"] = [stage(design.law.artifact)]
     return result
@@ -84,11 +91,13 @@ def fit_lines(design: DesignStages) -> list[str]:
         return ["law      stated by its coefficients"]
     lines = [
         f"law      worst error {100 * report.worst_of_range:.2g} % of the range on {report.n_heldout} states "
-        f"left out ({report.n_fitted} fitted), R² {report.r2:.7g}, {_time(design.law.artifact)}"
+        f"left out ({report.n_fitted} fitted), {_r2(report.r2)}{_time(design.law.artifact)}"
     ]
     study_form = report.details.get("study_form")
     if study_form:
         lines.append(f"         the study's form: {100 * study_form['worst_of_range']:.2g} %")
+    if report.details.get("stable") is False:
+        lines.append(f"         {UNSTABLE_LAW}")
     return lines
 
 
@@ -130,6 +139,8 @@ def simulation_lines(engine: EngineRun) -> list[str]:
     result: TaskResult = engine.artifact.value
     x, y, z = 1e3 * result.final.tip_m
     state = "settled" if result.final.converged else "NOT CONVERGED"
+    if result.final.stable is False:
+        state += " (UNSTABLE: the energy has no minimum there)"
     line = (
         f"{engine.kind:<12} tip ({x:.3f}, {y:.3f}, {z:.3f}) mm, {state}, residual {result.final.residual:.1e}, "
         f"{_time(engine.artifact)}"
@@ -143,6 +154,10 @@ def simulation_lines(engine: EngineRun) -> list[str]:
         f"             outside the law's domain at {len(outside)} places, "
         f"worst: module {worst.module}, {worst.variable} by {worst.excess:.3g}",
     ]
+
+
+def _r2(r2: float) -> str:
+    return f"R² {r2:.7g}, " if math.isfinite(r2) else ""  # one state, or states of one moment, have none
 
 
 def _time(artifact: Artifact) -> str:

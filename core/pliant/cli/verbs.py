@@ -1,0 +1,40 @@
+"""The verbs of the command line, gathered in one `app`."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from pliant import __version__
+from pliant.cli import later, plugins, studies
+
+app = typer.Typer(
+    name="pliant",
+    help="Soft robots from finite elements to fast, honest chain models.",
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+for verb in (studies.run, studies.fem, studies.fit, studies.simulate, studies.report):
+    app.command()(verb)
+app.command("plugins")(plugins.plugins)
+app.command("check")(plugins.check)
+app.command("schema")(plugins.schema)
+app.command("new-plugin")(plugins.new_plugin)
+later.add_to(app)
+
+
+def _version(show: bool) -> None:
+    if show:
+        typer.echo(f"pliant {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _main(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version.")
+    ] = False,
+) -> None:
+    pass
