@@ -174,6 +174,19 @@ def test_inputs_that_the_chain_cannot_use(spherical_chain: ChainModel, chain: Ch
             Loads.of(chain, Inputs({"pressure_pa": 0.0}, moment_n_m=1.0))
 
 
+@pytest.mark.parametrize(
+    ("inputs", "name"),
+    [
+        (Inputs({"pressure_pa": float("nan")}), "pressure_pa is nan"),
+        (Inputs({"pressure_pa": 0.0}, tip_force_n=np.array([0.0, np.inf, 0.0])), "tip_force_n is"),
+        (Inputs({"pressure_pa": 0.0}, moment_n_m=float("-inf")), "moment_n_m is -inf"),
+    ],
+)
+def test_inputs_are_finite(spherical_chain: ChainModel, inputs: Inputs, name: str) -> None:
+    with pytest.raises(UserError, match=name):
+        Loads.of(spherical_chain, inputs)
+
+
 def test_laws_of_a_chain_must_agree(chain: ChainModel) -> None:
     first = chain.laws[0]
     kind: JointKind = "prismatic" if first.joint != "prismatic" else "revolute"

@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -46,8 +47,16 @@ class Loads:
         """The chain's gravity with the inputs' actuation and loads.
 
         Raises:
-            UserError: an end moment on a prismatic chain.
+            UserError: an end moment on a prismatic chain, or a number that is not finite.
         """
+        given: dict[str, Any] = {
+            **inputs.actuation,
+            "tip_force_n": inputs.tip_force_n,
+            "moment_n_m": inputs.moment_n_m,
+        }
+        for name, value in given.items():
+            if not np.all(np.isfinite(value)):
+                raise UserError(f"{name} is {value}: an input needs a finite number")
         if inputs.moment_n_m and chain.laws[0].joint == "prismatic":
             raise UserError("a chain of prismatic joints takes no end moment: leave moment_n_m at 0")
         gravity = np.asarray(chain.gravity_m_s2, float)

@@ -48,6 +48,8 @@ class MujocoChain:
         self.data = mujoco.MjData(self.model)
         self._geometry = statics.geometry
         self._ball = self._geometry.kind == "spherical"
+        self._heard: list[str] = []
+        self._listener = None
         self._tip = self.model.body("tip").id
         self._base = self.model.body("base").id
 
@@ -131,21 +133,45 @@ class MujocoChain:
         self.place(q, np.zeros_like(q))
 
     def begin_relaxing(self) -> None:
-        """Pseudo-time of the settle step, without physical damping."""
+        """Pseudo-time of the settle step, without physical damping.
+
+        What MuJoCo says of bold moves is not passed on: they are undone, and the end is judged by the statics.
+        """
         self.set_stepping(self._config.settle_timestep_s, damping=0.0)
+        self._listen()
 
     def end_relaxing(self) -> None:
         """`travel` sets its own step, damping and armature."""
+        self._stop_listening()
 
     def travel(self, loads: Loads, duration_s: float) -> None:
-        """Advance in real time in equal steps no longer than the config's (without implicit stiffness: stable)."""
+        """Advance in real time in equal steps no longer than the config's (without implicit stiffness: stable).
+
+        Where MuJoCo calls the motion unstable, that is a RuntimeWarning.
+        """
         damping, longest = self._config.joint_damping, self._config.timestep_s
         if not self.implicit:
             longest = min(longest, self.stable_step(loads, damping))
         n_steps = max(1, math.ceil(duration_s / longest - 1e-9))
         self.set_stepping(duration_s / n_steps, damping)
-        for _ in range(n_steps):
-            self.advance(loads, self.q)
+        self._listen()
+        try:
+            for _ in range(n_steps):
+                self.advance(loads, self.q)
+        finally:
+            heard = self._stop_listening()
+        if heard:
+            warnings.warn(f"mujoco: {heard[0]}", RuntimeWarning, stacklevel=2)
+
+    def _listen(self) -> None:
+        """Hear MuJoCo's warnings, which it would print and append to a MUJOCO_LOG.TXT in the present folder."""
+        self._heard = []
+        self._listener = mujoco.get_mju_user_warning()
+        mujoco.set_mju_user_warning(self._heard.append)
+
+    def _stop_listening(self) -> list[str]:
+        mujoco.set_mju_user_warning(self._listener)
+        return self._heard
 
     def close(self) -> None:
         """MuJoCo frees its memory with the object."""
