@@ -121,6 +121,11 @@ def test_unwritable_output(pliant, write, workplace, stated, option):
     assert (workplace / "occupied").read_text() == "a file, no folder"
 
 
+def test_a_table_that_is_no_table_is_judged_by_its_header(pliant, write, stated):
+    text = stated[: stated.index("surrogate:")] + "surrogate: {kind: polynomial, data: study.yaml}\n"
+    assert_refused(pliant("fit", write(text)), "study.yaml, line 1", "column 'pressure_pa'", "is missing")
+
+
 @pytest.mark.parametrize("target", ["folder", "folder/", ""])
 @pytest.mark.parametrize("verb", ["run", "simulate"])
 def test_json_into_a_folder(pliant, write, workplace, stated, verb, target):

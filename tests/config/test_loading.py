@@ -311,3 +311,21 @@ def test_a_base_in_another_folder_keeps_its_own_relative_paths(tmp_path):
     child = tmp_path / "own" / "child.yaml"
     child.write_text("extends: ../data/base.yaml\nname: child\n", encoding="utf-8")
     assert load_study(child, REGISTRY).surrogate.data.resolve() == (tmp_path / "data/bench.csv").resolve()
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ("{wal: 2 mm}", ["line 14", "'wal' is not a key of chain.segments.1.family; did you mean 'wall'?"]),
+        ("{wall: 9 kPa}", ["line 14", "'chain.segments.1.family.wall'", "a length such as '1.5 mm'"]),
+        ("{wall: }", ["line 14", "'chain.segments.1.family.wall' is empty"]),
+        ("{kind: other}", ["line 14", "'chain.segments.1.family.kind' is 'other'"]),
+        ("{}, module: 3", ["line 14", "'module' is not a key of chain.segments.1; did you mean 'modules'?"]),
+    ],
+)
+def test_mistakes_in_segments_have_their_lines(write, change, words):
+    segments = f"chain:\n  segments:\n    - {{modules: 2}}\n    - {{modules: 2, family: {change}}}"
+    text = problem(write(STUDY.replace("chain: {modules: 8}", segments)))
+    for word in words:
+        assert word in text
+    assert "pydantic" not in text

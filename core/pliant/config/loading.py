@@ -17,7 +17,7 @@ from ruamel.yaml.constructor import DuplicateKeyError
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
 
 from pliant.config.problems import sentences
-from pliant.config.study import BLOCKS, Study, normalised, study_model
+from pliant.config.study import BLOCKS, Study, normalised, study_model, varied
 from pliant.errors import UserError
 from pliant.registry.discovery import Registry
 
@@ -63,9 +63,23 @@ def load_study(path: Path, registry: Registry, overrides: Sequence[str] = ()) ->
     except UserError as error:
         raise UserError(_place_of_kind(str(error), raw, sources) + str(error)) from None
     try:
-        return model.model_validate(raw)
+        study = model.model_validate(raw)
     except ValidationError as error:
         raise UserError(sentences(error, model, sources.where)) from None
+    _check_segments(study, sources)
+    return study
+
+
+def _check_segments(study: Study, sources: _Sources) -> None:
+    """A segment's changes are keys of the study's family; their mistakes have their lines too."""
+    for number, segment in enumerate(study.chain.segments if study.chain else ()):
+        if study.family is None or not segment.family:
+            continue
+        try:
+            varied(study.family, segment.family)
+        except ValidationError as error:
+            at = ("chain", "segments", number, "family")
+            raise UserError(sentences(error, type(study.family), sources.where, at)) from None
 
 
 def _place_of_kind(message: str, raw: Mapping[str, Any], sources: _Sources) -> str:

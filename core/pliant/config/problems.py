@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, get_args
+from typing import Any, get_args, get_origin
 
 from pydantic import ValidationError
 from pydantic_core.core_schema import ErrorType
@@ -22,20 +22,29 @@ PATTERNS = {
 }
 
 
-def sentences(error: ValidationError, model: type[FrozenModel], where: Callable[[Sequence[Any]], str]) -> str:
-    """One line per problem, at most `MOST`; `where` names the place of a key path ("finger.yaml, line 3")."""
+def sentences(
+    error: ValidationError,
+    model: type[FrozenModel],
+    where: Callable[[Sequence[Any]], str],
+    at: tuple[Any, ...] = (),
+) -> str:
+    """One line per problem, at most `MOST`; `where` names the place of a key path ("finger.yaml, line 3").
+
+    `at` is the path of the block that `model` describes, for a block that is validated by itself.
+    """
     details = error.errors()
     lines = []
     for detail in details[:MOST]:
-        place = where(detail["loc"])
-        lines.append(f"{place}: {_sentence(detail, model)}" if place else _sentence(detail, model))
+        place = where((*at, *detail["loc"]))
+        sentence = _sentence(detail, model, at)
+        lines.append(f"{place}: {sentence}" if place else sentence)
     if len(details) > MOST:
         lines.append(f"… and {len(details) - MOST} more.")
     return "\n".join(lines)
 
 
-def _sentence(detail: Any, model: type[FrozenModel]) -> str:
-    path = [str(part) for part in detail["loc"]]
+def _sentence(detail: Any, model: type[FrozenModel], at: tuple[Any, ...]) -> str:
+    path = [str(part) for part in (*at, *detail["loc"])]
     key = ".".join(path) or "the study"
     kind = detail["type"]
     if kind == "extra_forbidden":
@@ -121,6 +130,6 @@ def _item(annotation: Any, path: Sequence[Any]) -> Any:
     """For a tuple of different models (`effects`), the one at the path's index."""
     arguments = [a for a in get_args(annotation) if a is not Ellipsis]
     index = next((part for part in path if isinstance(part, int)), None)
-    if index is not None and index < len(arguments):
+    if get_origin(annotation) is tuple and index is not None and index < len(arguments):
         return arguments[index]
     return annotation

@@ -39,8 +39,7 @@ def read_table(path: Path) -> FemDataset:
     Raises `UserError` with the file and the line.
     """
     path = Path(path)
-    header_line, header, rows = _rows(path)
-    _check_header(path, header_line, header)
+    header, rows = _rows(path)
     actuation = next(name for name in ACTUATIONS if name in header)
     columns = {
         name: np.array([_number(path, line, name, row[name]) for line, row in rows])
@@ -116,8 +115,8 @@ class _Lines:
                 yield line
 
 
-def _rows(path: Path) -> tuple[int, list[str], list[Row]]:
-    """Line and names of the header, and each row with its line."""
+def _rows(path: Path) -> tuple[list[str], list[Row]]:
+    """Names of the header, which is checked first, and each row with its line."""
     try:
         lines = _Lines(path.read_text(encoding="utf-8-sig"))
     except UnicodeDecodeError as error:
@@ -126,13 +125,13 @@ def _rows(path: Path) -> tuple[int, list[str], list[Row]]:
         raise UserError(f"{path}: the table cannot be read ({error.strerror})") from error
     reader = csv.reader(lines, skipinitialspace=True)
     header: list[str] = []
-    header_line = 0
     rows: list[Row] = []
     try:
         for cells in reader:
             stripped = [cell.strip() for cell in cells]
             if not header:
-                header, header_line = stripped, lines.number
+                header = stripped
+                _check_header(path, lines.number, header)
             elif len(cells) != len(header):
                 raise UserError(
                     f"{path}, line {lines.number}: {len(cells)} cells, but the header has {len(header)}"
@@ -143,9 +142,9 @@ def _rows(path: Path) -> tuple[int, list[str], list[Row]]:
         raise UserError(f"{path}, line {lines.number}: it cannot be read as CSV ({error})") from error
     if not header:
         raise UserError(f"{path}: the table is empty; it needs a header with {_needs()}")
-    if not rows and not _problem(header):
+    if not rows:
         raise UserError(f"{path}: the table has a header and no rows")
-    return header_line, header, rows
+    return header, rows
 
 
 def _needs() -> str:
