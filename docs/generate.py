@@ -16,11 +16,11 @@ from typing import Any
 from pydantic_core import PydanticUndefined
 
 from pliant.config.chain import ActuatorConfig, BaseConfig, ChainConfig, SegmentConfig
-from pliant.config.study import Study
+from pliant.config.study import Study, nested_model, written_name
 from pliant.interfaces.base import FrozenModel
 from pliant.registry.component import INTERFACES, Component
 from pliant.registry.discovery import Registry, discover
-from pliant.units import UNIT_SUFFIXES, strip_unit_suffix
+from pliant.units import UNIT_SUFFIXES
 
 REFERENCE = Path(__file__).parent / "reference"
 OURS = "pliant "  # packages whose pages live here; others bring their own docs
@@ -156,6 +156,7 @@ def _kind_page(component: Component) -> str:
         "",
         *_keys(model),
         "",
+        *_inner(model),
         "## What it does",
         "",
         *_docstrings(component.implementation),
@@ -163,6 +164,17 @@ def _kind_page(component: Component) -> str:
         f"Contract: [{INTERFACE_CLASS[component.interface]}](index.md).",
     ]
     return "\n".join(lines) + "\n"
+
+
+def _inner(model: type[FrozenModel]) -> list[str]:
+    """The keys of the blocks inside a kind's block, such as `coefficients`."""
+    lines = []
+    for name, field in model.model_fields.items():
+        inner = nested_model(field.annotation)
+        if inner is not None:
+            heading = f"### {written_name(model, name)}"
+            lines += [heading, "", _markdown(inspect.getdoc(inner) or ""), "", *_keys(inner), ""]
+    return lines
 
 
 def _requirement(component: Component) -> list[str]:
@@ -185,7 +197,11 @@ def _example(component: Component) -> list[str]:
 def _flow(value: Any) -> str:
     if isinstance(value, dict):
         return "{" + ", ".join(f"{k}: {_flow(v)}" for k, v in value.items()) + "}"
-    return str(value).lower() if isinstance(value, bool) else str(value)
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(_flow(item) for item in value) + "]"
+    if isinstance(value, bool):
+        return str(value).lower()
+    return f"{value:g}" if isinstance(value, float) and float(f"{value:g}") == value else str(value)
 
 
 def _keys(model: type[FrozenModel]) -> list[str]:
@@ -194,14 +210,15 @@ def _keys(model: type[FrozenModel]) -> list[str]:
         if name == "kind":
             continue
         unit = next((u for suffix, u in UNIT_SUFFIXES.items() if name.endswith(suffix)), "")
+        written = written_name(model, name)
+        unit = unit if written != name else ""
         default = (
             "required"
             if field.default is PydanticUndefined and field.is_required()
             else f"`{_default(field)}`"
         )
-        rows.append(
-            f"| `{strip_unit_suffix(name)}` | {unit} | {default} | {_limits(field)} | {field.description or ''} |"
-        )
+        cells = (f"`{written}`", unit, default, _limits(field), field.description or "")
+        rows.append(f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in cells)} |")
     return rows if len(rows) > 2 else ["It has no keys but `kind`."]
 
 
@@ -209,7 +226,7 @@ def _default(field: Any) -> str:
     value = field.get_default(call_default_factory=True)
     if isinstance(value, FrozenModel):
         return "all defaults"
-    return {None: "none", (): "[]"}.get(value if value is None or value == () else 0, repr(value))
+    return "none" if value is None else _flow(value)
 
 
 def _limits(field: Any) -> str:
@@ -221,7 +238,9 @@ def _limits(field: Any) -> str:
                 parts.append(f"{sign} {bound:g}")
     text = str(field.annotation)
     if "Literal" in text:
-        parts.append(text[text.index("Literal[") + 8 : text.index("]", text.index("Literal["))])
+        parts.append(
+            text[text.index("Literal[") + 8 : text.index("]", text.index("Literal["))].replace("'", "")
+        )
     return ", ".join(parts)
 
 

@@ -3,6 +3,7 @@
 import ast
 import importlib.util
 import re
+import shlex
 import subprocess
 import sys
 from pathlib import Path
@@ -89,3 +90,68 @@ def test_commands_in_the_docs_exist(page):
     for text in blocks(page, "console"):
         for verb in re.findall(r"^\$ pliant (\S+)", text, re.MULTILINE):
             assert verb in verbs
+
+
+def test_the_plugin_of_the_docs_passes_conformance(tmp_path, monkeypatch):
+    """The code blocks of write_a_plugin.md, typed in as they stand."""
+    from pliant.registry.component import INTERFACES
+    from pliant.testing.suite import run_checks
+
+    page = DOCS / "write_a_plugin.md"
+    files = dict(zip(("config", "effect", "manifest"), blocks(page, "python"), strict=False))
+    package = tmp_path / "my_effect"
+    package.mkdir()
+    (package / "__init__.py").write_text('"""My effect."""\n', encoding="utf-8")
+    for name, text in files.items():
+        (package / f"{name}.py").write_text(text, encoding="utf-8")
+        assert f"`src/my_effect/{name}.py`" in page.read_text(encoding="utf-8")
+    monkeypatch.syspath_prepend(tmp_path)
+    (component,) = importlib.import_module("my_effect.manifest").pliant_components()
+    assert component.interface in INTERFACES
+    outcomes = run_checks(component)
+    assert [o.message for o in outcomes if o.status != "passed"] == []
+    assert len(outcomes) > 10
+    (entry,) = re.findall(r"^(\S+) = \"my_effect.manifest\"", "\n".join(blocks(page, "toml")), re.MULTILINE)
+    assert entry == "my_effect"
+
+
+def test_refusals_in_the_docs_are_what_the_command_says(tmp_path, monkeypatch):
+    """`$ pliant …` followed by a quoted error."""
+    from typer.testing import CliRunner
+
+    from pliant.cli.app import app
+
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "examples").symlink_to(ROOT / "examples")
+    found = 0
+    for page in WRITTEN:
+        text = page.read_text(encoding="utf-8")
+        for command, quoted in re.findall(r"\$ pliant ([^\n]*)\n```\n\n((?:> [^\n]*\n)+)", text):
+            said = CliRunner().invoke(app, shlex.split(command))
+            assert said.exit_code == 2
+            assert " ".join(said.stderr.split()) == " ".join(re.sub("^> ", "", quoted, flags=re.M).split())
+            found += 1
+    assert found
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda p: str(p.relative_to(ROOT)))
+def test_rows_of_a_table_have_as_many_cells_as_its_head(page):
+    width = 0
+    for line in page.read_text(encoding="utf-8").splitlines():
+        cells = len(re.findall(r"(?<!\\)\|", line)) if line.startswith("|") else 0
+        if width and cells:
+            assert cells == width, line
+        width = cells
+
+
+def test_keys_inside_a_block_are_documented_as_they_are_written():
+    text = (DOCS / "reference" / "surrogate" / "polynomial.md").read_text(encoding="utf-8")
+    assert "### coefficients" in text
+    assert "| `k_n` |  | required |" in text
+    assert "| `form` |  | `adaptive` | adaptive, study |" in text
+
+
+def test_defaults_are_written_as_in_a_study():
+    for page in sorted(DOCS.glob("reference/**/*.md")):
+        for cell in re.findall(r"^\| `[^|]*` \|[^|]*\| `([^|]*)` \|", page.read_text(encoding="utf-8"), re.M):
+            assert not re.search(r"[('\")]|True|False", cell), f"{page.name}: {cell}"
