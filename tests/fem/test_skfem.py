@@ -18,6 +18,7 @@ from pliant_plugins.families.bellow_bending.config import BellowBendingConfig
 from pliant_plugins.families.bellow_bending.family import BellowBending
 from pliant_plugins.fem.skfem.assembly import Assembler, Terms
 from pliant_plugins.fem.skfem.backend import Skfem, SkfemSolver
+from pliant_plugins.fem.skfem.basis import cell_data
 from pliant_plugins.fem.skfem.config import SkfemConfig
 from pliant_plugins.materials.neo_hookean import NeoHookean, NeoHookeanConfig
 
@@ -342,6 +343,11 @@ def test_foreign_problems_and_states_are_refused(solver: SkfemSolver, states: di
         backend().solver(replace(problem, frame="spatial"), material())  # type: ignore[arg-type]
     with pytest.raises(UserError, match="another mesh"):
         solver.free(1e3, replace(states["rest"], solution=np.zeros(7)))
+
+
+def test_a_fine_mesh_is_tabulated_without_a_word(caplog: pytest.LogCaptureFixture) -> None:
+    cell_data(bellow().problem(refinement=2).mesh)
+    assert caplog.records == []
 
 
 def test_inverted_cells_are_the_family_s_fault() -> None:

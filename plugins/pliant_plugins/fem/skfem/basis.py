@@ -60,7 +60,8 @@ def cell_data(mesh: ModuleMesh, dilatation: Literal["cell", "point"] = "cell") -
     nodes = np.ascontiguousarray(mesh.cells[:, lattice])
     vertices, corners = np.unique(nodes[:, :8], return_inverse=True)
     corners = corners.reshape(-1, 8)
-    straight = MeshHex1(mesh.nodes_m[vertices].T, np.ascontiguousarray(corners.T))
+    # skfem logs a remark about arrays that lie otherwise
+    straight = MeshHex1(np.ascontiguousarray(mesh.nodes_m[vertices].T), np.ascontiguousarray(corners.T))
     dofs = Dofs(straight, element)
     locations = np.empty((3, dofs.N))
     locations[:, dofs.element_dofs] = mesh.nodes_m[nodes].transpose(2, 1, 0)
