@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pliant.interfaces.physics import PhysicsBackend
+from pliant.interfaces.physics import PhysicsBackend, SimulationState
+from pliant.mechanics.inertia import mass_matrix
 from pliant.mechanics.statics import ChainStatics, Loads
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
@@ -149,3 +150,27 @@ def test_motion_that_mujoco_calls_unstable_is_a_warning(
         with pytest.warns(RuntimeWarning, match="mujoco: .*unstable"):
             simulation.step(0.01)
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("timestep_s", [1e-3, 2.5e-4])
+def test_mujoco_damps_an_oscillation_as_its_config_says(timestep_s: float, loaded_finger: ChainModel) -> None:
+    """One joint of stiffness k under no weight: amplitude ∝ exp(−ω² h t / 2)."""
+    one = loaded_finger.with_(
+        joints=loaded_finger.joints[:1],
+        bodies=(loaded_finger.bodies[0], loaded_finger.bodies[-1]),
+        laws=(LinearLaw(),),
+        gravity_m_s2=np.zeros(3),
+    )
+    inertia = float(mass_matrix(one, np.zeros((1, 1)))[0, 0])
+    rate, duration = np.sqrt(0.02 / inertia), 0.02
+
+    def energy(state: SimulationState) -> float:
+        return float(0.5 * inertia * state.velocity[0, 0] ** 2 + 0.01 * state.position[0, 0] ** 2)
+
+    with Mujoco(MujocoConfig(timestep_s=timestep_s, joint_damping=0.0)).build(one) as simulation:
+        simulation.apply(Inputs({"pressure_pa": 0.0}))
+        simulation.restore(SimulationState(0.0, np.array([[0.1]]), np.zeros((1, 1))))
+        start = energy(simulation.snapshot())
+        simulation.step(duration)
+        lost = np.log(start / energy(simulation.snapshot())) / 2
+    assert lost == pytest.approx(rate**2 * timestep_s / 2 * duration, rel=0.15)

@@ -14,7 +14,12 @@ class MujocoConfig(PhysicsConfig):
     """``physics: {kind: mujoco}``."""
 
     kind: Literal["mujoco"] = "mujoco"
-    timestep_s: Time = Field(2e-3, gt=0.0, description="longest internal step of `step`")
+    timestep_s: Time = Field(
+        2e-3,
+        gt=0.0,
+        description="longest internal step h of `step`; its implicit integrator damps motion of angular "
+        "frequency ω by ω² h / 2 per second",
+    )
     joint_damping: float = Field(
         1e-4,
         ge=0.0,
