@@ -2,9 +2,11 @@
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -190,3 +192,26 @@ def test_every_verb_has_help(pliant, verb):
         call = pliant(verb, option)
         assert call.code == 0
         assert "--json" in call.out
+
+
+def test_a_home_folder_in_the_stores_variable(pliant, write, workplace, stated, monkeypatch):
+    monkeypatch.setenv("HOME", str(workplace / "home"))
+    monkeypatch.setenv("PLIANT_STORE", "~/cache")
+    assert pliant("simulate", write(stated), "--quiet").code == 0
+    assert (workplace / "home" / "cache" / "simulate").is_dir()
+    assert not (workplace / "~").exists()
+
+
+def test_the_documented_keys_are_in_the_results(pliant, write, read, workplace):
+    page = (Path(__file__).parents[2] / "docs" / "command_line.md").read_text(encoding="utf-8")
+    bench_table(workplace)
+    checked = []
+    for verb, cells in re.findall(r"^\| `(\w+)` \| (.*) \|$", page, re.M):
+        if verb == "fem":
+            continue  # minutes of FEM; tests/endtoend reads its keys
+        assert pliant(verb, write(BENCH), "--json", "out.json", "--quiet").code == 0
+        result = read("out.json")
+        for key in re.findall(r"`(\w+)`", re.sub(r"\([^)]*\)", "", cells)):
+            assert key in result or (verb, key) == ("run", "fem"), f"{verb}: {key}"
+        checked.append(verb)
+    assert checked == ["fit", "simulate", "run"]

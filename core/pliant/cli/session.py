@@ -65,7 +65,7 @@ class Session:
 
     def bench(self, store: Path) -> Workbench:
         """A workbench on this store."""
-        return Workbench(self.registry, ArtifactStore(store), self.progress)
+        return Workbench(self.registry, ArtifactStore(store.expanduser()), self.progress)
 
 
 @contextmanager
