@@ -121,6 +121,50 @@ def test_an_interrupted_fem_goes_on_where_it_was(tmp_path):
     assert result["n_states"] == 4 + 4 * 5 + 4
 
 
+def test_a_process_that_waits_goes_on_where_the_killed_one_stopped(tmp_path):
+    store = tmp_path / "my störe"
+    call = [
+        sys.executable,
+        "-m",
+        "pliant",
+        "fem",
+        str(EXAMPLES / "finger.yaml"),
+        *SMALL,
+        "--store",
+        str(store),
+    ]
+    places = [tmp_path / "first", tmp_path / "second"]
+    for place in places:
+        place.mkdir()
+
+    def start(place):
+        return subprocess.Popen(
+            call, cwd=place, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, encoding="utf-8"
+        )
+
+    def finished_states():
+        found = list(store.glob("fem/*.partial/states.json"))
+        return json.loads(found[0].read_text()) if found else {}
+
+    first = start(places[0])
+    deadline = time.monotonic() + 120
+    while len(finished_states()) < 2 and time.monotonic() < deadline:
+        time.sleep(0.05)
+    second = start(places[1])
+    time.sleep(0.5)
+    first.kill()
+    first.communicate(timeout=60)
+    kept = finished_states()
+    assert len(kept) >= 2
+    _, err = second.communicate(timeout=300)
+    assert second.returncode == 0, err
+    assert "damaged" not in err
+    assert f"going on from {len(kept)}/" in err
+    assert (places[1] / "runs" / "first-finger" / "fem.csv").is_file()
+    (key,) = (p.name for p in (store / "fem").iterdir() if p.is_dir())
+    assert {p.name for p in (store / "fem").iterdir()} == {key, f"{key}.lock"}
+
+
 EFFECT = """
 from typing import ClassVar, Literal
 

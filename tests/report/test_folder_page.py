@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from pliant.config.loading import load_study
@@ -14,6 +16,7 @@ from pliant.pipeline.workbench import Workbench
 from pliant.registry.discovery import discover
 from pliant.report.folder import finished, read_folder, write_folder
 from pliant.report.page import render
+from pliant.report.stage import NAMES, write_page
 from pliant.store.store import ArtifactStore
 
 STUDY = """
@@ -133,6 +136,21 @@ def test_a_folder_half_written_is_no_finished_run(tmp_path: Path, monkeypatch: p
             write_folder(out, run, {})
     with pytest.raises(UserError, match="holds no finished run"):
         read_folder(out, discover())
+
+
+def test_pictures_of_an_earlier_report_go_and_a_users_own_stay(tmp_path: Path) -> None:
+    picture = np.zeros(3, np.uint8)
+    (tmp_path / "pictures").mkdir()
+    (tmp_path / "pictures" / "law_photo.png").touch()
+    write_page(tmp_path, "old", dict.fromkeys(["finger", "law", "law_2", "module_shape_2"], picture))
+    write_page(tmp_path, "new", dict.fromkeys(["finger", "law"], picture))
+    assert {p.name for p in (tmp_path / "pictures").iterdir()} == {"finger.png", "law.png", "law_photo.png"}
+
+
+def test_every_picture_of_a_page_has_a_known_name(tmp_path: Path) -> None:
+    text = TWO_DESIGNS.replace("SURROGATE", "{kind: polynomial, data: law.csv}")
+    page = render(finished(run_of(tmp_path, text), {}))
+    assert {re.sub(r"_\d+$", "", name) for name in page.pictures} <= NAMES
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -11,7 +12,10 @@ from pliant.pipeline.study import StudyRun, surrogate_kind
 from pliant.pipeline.workbench import Workbench
 from pliant.report.folder import finished
 from pliant.store.fingerprint import versions
-from pliant.store.store import write_atomically
+from pliant.store.store import write_atomically, writing_in
+
+NAMES = {"finger", "module_shape", "law", "chain_pose"}  # of pictures, as `page` gives them
+NUMBERED = re.compile(r"_\d+$")
 
 
 def report_stage(bench: Workbench, run: StudyRun, summary: Mapping[str, Any], folder: Path) -> Path:
@@ -42,13 +46,20 @@ def report_stage(bench: Workbench, run: StudyRun, summary: Mapping[str, Any], fo
 
 
 def write_page(folder: Path, html: str, pictures: Mapping[str, Any]) -> Path:
-    """Write `report.html` and `pictures/*.png`; `pictures` maps names to PNG bytes as uint8 arrays."""
+    """Write `report.html` and `pictures/*.png`, and remove pictures of an earlier report.
+
+    `pictures` maps names to PNG bytes as uint8 arrays. Raises `UserError` where nothing can be written.
+    """
     page = folder / "report.html"
-    write_atomically(page, html)
-    (folder / "pictures").mkdir(exist_ok=True)
-    for name, png in pictures.items():
-        target = folder / "pictures" / f"{name}.png"
-        temporary = target.with_name(f".{name}.png")
-        temporary.write_bytes(png.tobytes())
-        temporary.replace(target)
+    with writing_in(folder):
+        (folder / "pictures").mkdir(exist_ok=True)
+        for name, png in pictures.items():
+            target = folder / "pictures" / f"{name}.png"
+            temporary = target.with_name(f".{name}.png")
+            temporary.write_bytes(png.tobytes())
+            temporary.replace(target)
+        for old in (folder / "pictures").glob("*.png"):
+            if old.stem not in pictures and NUMBERED.sub("", old.stem) in NAMES:
+                old.unlink()
+        write_atomically(page, html)
     return page
