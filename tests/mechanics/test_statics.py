@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from pliant.errors import ContractError, UserError
+from pliant.mechanics.efforts import JointEfforts
 from pliant.mechanics.inertia import mass_matrix
 from pliant.mechanics.rotations import exp_map
 from pliant.mechanics.statics import ChainStatics, Loads, unstable_mode
@@ -153,6 +154,22 @@ def test_leaving_the_domain_is_reported_in_joint_coordinates(chain: ChainModel) 
     assert all(entry.excess == pytest.approx(1e3) and entry.time_s == 1.5 for entry in pressures)
     (bent,) = [entry for entry in found if entry.variable != "pressure_1_pa"]
     assert (bent.module, bent.excess) == (3, pytest.approx(0.1))
+
+
+def test_opposed_actuators_outside_their_boxes_are_told_once(chain: ChainModel) -> None:
+    """At +0.5 the first chamber is 0.1 above its box and the second, which sees −0.5, is 0.3 below."""
+    one = chain.laws[0]
+    n_axes = len(chain.axes)
+    box = Domain(np.array([0.0, 1e4]), np.tile([-0.2, 0.4], (n_axes, 1)))
+    law = type(one)(one.joint, box)  # type: ignore[call-arg]
+    opposed = chain.with_(
+        laws=(law, law), actuators=(Actuator("pressure_1_pa", 1.0), Actuator("pressure_2_pa", -1.0))
+    )
+    q = np.zeros((chain.n_joints, n_axes))
+    q[1, 0], q[2, 0] = 0.5, -0.5
+    found = JointEfforts(opposed).outside_domain(q, {"pressure_1_pa": 5e3, "pressure_2_pa": 5e3})
+    assert [entry.module for entry in found] == [2, 3]
+    assert [entry.excess for entry in found] == pytest.approx([0.3, -0.3])
 
 
 def test_unstable_mode_of_an_upright_pendulum() -> None:

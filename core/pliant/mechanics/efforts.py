@@ -88,7 +88,8 @@ class JointEfforts:
         """Where laws are used outside the box of their data, or where their slope is not negative.
 
         `variable` is the input's name, `angle_rad` (`angle_x_rad`… on a spherical joint, `extension_m` on a
-        prismatic one) or `dtau_du`; `excess` is in the variable's unit and in the joint's own coordinates.
+        prismatic one) or `dtau_du`; `excess` is in the variable's unit and in the joint's own coordinates. Of
+        actuators that leave their box by the same variable of a joint, the one furthest outside is told.
         """
         values = self.values(actuation)
         found: list[OutsideDomain] = []
@@ -111,7 +112,9 @@ class JointEfforts:
             OutsideDomain(int(i) + 1, time_s, "dtau_du", float(largest[i]))
             for i in np.flatnonzero(largest >= 0.0)
         ]
-        return tuple(sorted(found, key=lambda entry: (entry.module, entry.variable)))
+        # The furthest comes last and stays.
+        found.sort(key=lambda entry: (entry.module, entry.variable, abs(entry.excess)))
+        return tuple({(entry.module, entry.variable): entry for entry in found}.values())
 
     def _stack(self, group: _LawGroup, q: Array, values: Array) -> tuple[Array, Array]:
         """Actuation (k·m,) and deformation (k·m, a) of a group's m joints under all k actuators."""
