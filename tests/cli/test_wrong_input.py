@@ -225,3 +225,7 @@ def test_plugin_verbs(pliant, arguments, words):
 def test_an_unknown_option_or_verb_exits_with_2(pliant):
     assert pliant("run", "--nonsense").code == 2
     assert pliant("rum").code == 2
+
+
+def test_a_store_with_an_impossible_name(pliant, write, stated):
+    assert_refused(pliant("simulate", write(stated), "--store", "x" * 300), "File name too long")

@@ -36,7 +36,7 @@ def test_every_kind_has_a_page(component):
 def test_every_key_says_what_it_means(component):
     for name, field in component.config_model().model_fields.items():
         if name != "kind":
-            assert field.description or component.interface == "effect", f"{name} has no description"
+            assert field.description, f"{name} has no description"
 
 
 def test_the_generated_pages_are_fresh():

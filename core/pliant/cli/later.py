@@ -1,4 +1,4 @@
-"""The verbs of contracts.md whose issue has not landed: they say so and exit with 2."""
+"""The verbs that later versions will serve: they say so and exit with 2."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Options that several verbs share (contracts.md, Commands)."""
+"""Options that several verbs share (docs/command_line.md)."""
 
 from __future__ import annotations
 

@@ -80,6 +80,10 @@ def session(command: str, json_target: str | None, quiet: bool) -> Iterator[Sess
     except PliantError as error:
         here.err.print(f"[bold red]error:[/] {escape(str(error))}", soft_wrap=True)
         raise typer.Exit(error.exit_code) from None
+    except OSError as error:  # a name or a disk that no earlier check could foresee
+        place = f"{error.filename}: " if error.filename else ""
+        here.err.print(f"error: {place}{error.strerror or error}.", markup=False, soft_wrap=True)
+        raise typer.Exit(UserError.exit_code) from None
     except KeyboardInterrupt:
         here.err.print("interrupted; finished work is kept, run the same command to go on.")
         raise typer.Exit(INTERRUPTED) from None

@@ -1,4 +1,4 @@
-"""Stage results as JSON (contracts.md) and as lines for people."""
+"""Stage results as JSON (docs/command_line.md) and as lines for people."""
 
 from __future__ import annotations
 

@@ -32,7 +32,7 @@ BLOCKS = {
     "optimizer": "optimizer",
 }
 BLOCK_LISTS = {"effects": "effect", "cross_check": "physics"}
-# Keys of contracts.md whose stages are not built yet: read, kept, and reported as unused.
+# Keys of the study format whose stages are not built yet: read, kept, and reported as unused.
 NAME_PATTERN = r"^[A-Za-z0-9][A-Za-z0-9._-]*$"
 NOT_USED_YET = ("measurements", "sweep", "meta_model", "search", "optimizer", "noise", "protocols")
 

@@ -44,7 +44,7 @@ class Simulation(ABC):
     """One chain in one engine. Tasks drive it: `apply`, then `settle` or `step`, then read `markers`.
 
     The pressure or load given to `apply` holds until the next `apply`. Everything outside is SI and in the
-    conventions of contracts.md; scaling and quaternion order stay inside.
+    conventions of docs/conventions.md; scaling and quaternion order stay inside.
     """
 
     chain: ChainModel

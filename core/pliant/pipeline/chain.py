@@ -1,4 +1,4 @@
-"""Stage 3: modules and laws become a chain of rigid pieces (contracts.md, Frames)."""
+"""Stage 3: modules and laws become a chain of rigid pieces (docs/conventions.md)."""
 
 from __future__ import annotations
 
@@ -92,7 +92,7 @@ def build_chain(config: ChainConfig, segments: Sequence[Segment]) -> ChainModel:
 
 
 def base_rotation(base: BaseConfig) -> Array:
-    """Rotation of the base in the world, (3, 3); see contracts.md for `direction` and `roll`."""
+    """Rotation of the base in the world, (3, 3); see docs/conventions.md for `direction` and `roll`."""
     if base.quaternion is not None:
         quaternion = np.array(base.quaternion, float)
         return matrix_of_quaternion(quaternion / np.linalg.norm(quaternion))

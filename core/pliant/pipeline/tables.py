@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import csv
+import io
 import math
-import os
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,6 +15,7 @@ import numpy as np
 from pliant.errors import ContractError, UserError, closest
 from pliant.records.design import Design
 from pliant.records.fem import FemDataset
+from pliant.store.store import write_atomically
 
 ACTUATIONS = ("pressure_pa", "tendon_force_n")
 REQUIRED = ("angle_rad", "moment_n_m")
@@ -65,7 +66,7 @@ def read_table(path: Path) -> FemDataset:
 
 
 def write_table(dataset: FemDataset, path: Path) -> None:
-    """Write the `fem` CSV of contracts.md; numbers are exact (shortest repr), NaN is blank.
+    """Write the `fem` CSV (docs/command_line.md); numbers are exact (shortest repr), NaN is blank.
 
     Numeric parameters of the design follow as columns. The file appears whole or not at all.
     """
@@ -91,14 +92,9 @@ def write_table(dataset: FemDataset, path: Path) -> None:
         ]
         for i in range(len(dataset))
     ]
-    path = Path(path)
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    try:
-        with temporary.open("w", encoding="utf-8", newline="") as file:
-            csv.writer(file, lineterminator="\n").writerows([header, *lines])
-        os.replace(temporary, path)  # noqa: PTH105 - the atomic step deserves its own name
-    finally:
-        temporary.unlink(missing_ok=True)
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerows([header, *lines])
+    write_atomically(Path(path), text.getvalue())
 
 
 @dataclass

@@ -81,5 +81,5 @@ class ChainModel:
 
 
 def default_base_rotation() -> Array:
-    """Chain x along world −z, y along world −y, z along world −x (contracts.md): columns are the axes."""
+    """Chain x along world −z, y along world −y, z along world −x (docs/conventions.md): columns are the axes."""
     return np.array([[0.0, 0.0, -1.0], [0.0, -1.0, 0.0], [-1.0, 0.0, 0.0]])

@@ -41,7 +41,7 @@ class ModuleProblem:
     """The boundary-value problem that a family hands to an FEM backend.
 
     `frame = "bend"`: a piece of length `span_m` between two plane cross-sections bends about y by an angle θ with
-    axial strain e of the line z = `reference_z_m`; both are unknowns (design.md section 3). Pressure acts
+    axial strain e of the line z = `reference_z_m`; both are unknowns. Pressure acts
     through the cavity's volume, so the thrust on the end sections is exact.
 
     Attributes:

@@ -52,7 +52,7 @@ class LawRecord:
 
 
 class JointLaw(ABC):
-    """τ(p, u) of one module's joint with u in the joint's own coordinates (contracts.md).
+    """τ(p, u) of one module's joint with u in the joint's own coordinates (docs/conventions.md).
 
     A revolute joint has one axis, a spherical one three (u is the rotation vector of the child in its parent's
     rest frame), a prismatic one an extension in metres and a force in newtons. τ = −∂Π/∂u, and a stable law

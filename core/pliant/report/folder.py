@@ -1,6 +1,6 @@
 """The folder of a finished run: everything that a report needs, readable on another machine.
 
-run.json      the result of the command (contracts.md), and which file belongs to what
+run.json      the result of the command (docs/command_line.md), and which file belongs to what
 study.json    the study with all defaults, SI
 fem.csv       the data set(s) as a table
 data/…        the artifacts themselves, and the tables that were fitted instead of FEM data

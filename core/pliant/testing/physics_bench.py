@@ -11,7 +11,7 @@ from pliant.records.rollout import Equilibrium, Inputs
 from pliant.testing.samples import PRESSURE_PA, sample_chain, softening_law
 from pliant.testing.suite import CheckSkipped, Subject
 
-# contracts.md: engines agree within 0.01 mm.
+# the bar of every engine: engines agree within 0.01 mm.
 POSITION_M = 1e-5
 ANGLE_RAD = 3e-4
 # Largest unbalanced effort of a converged equilibrium, as a share of the law's effort at full pressure.

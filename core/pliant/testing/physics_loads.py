@@ -36,7 +36,7 @@ WORKED_TIP_M = (0.059451, 0.0, -0.007889)
 
 
 @suite.check(
-    "contracts.md, worked number: 8 modules at 15 kPa, u = 0.359718 rad, tip (0.059451, 0, −0.007889) m."
+    "docs/conventions.md, worked number: 8 modules at 15 kPa, u = 0.359718 rad, tip (0.059451, 0, −0.007889) m."
 )
 def gives_the_worked_number(subject: Subject) -> None:
     settled = settled_under(subject, sample_chain(gravity=NO_GRAVITY), pressed())

@@ -46,7 +46,7 @@ class LinearLaw(JointLaw):
 
 @dataclass(frozen=True, eq=False)
 class SofteningLaw(JointLaw):
-    """The worked law of contracts.md, odd in u: τ = k_n p + m_a p u − (m_e u|u|/2 + b_e u)."""
+    """The worked law of docs/conventions.md, odd in u: τ = k_n p + m_a p u − (m_e u|u|/2 + b_e u)."""
 
     domain: Domain
     k_n: float = 1.637e-6

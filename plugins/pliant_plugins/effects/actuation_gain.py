@@ -31,7 +31,7 @@ class ActuationGainConfig(EffectConfig):
     """g, acting / commanded actuation."""
 
     kind: Literal["actuation_gain"] = "actuation_gain"
-    gain: Ratio = Field(default=1.0, ge=BOUNDS[0], le=BOUNDS[1])
+    gain: Ratio = Field(default=1.0, ge=BOUNDS[0], le=BOUNDS[1], description="true actuation / nominal")
 
 
 class ActuationGain(Effect):

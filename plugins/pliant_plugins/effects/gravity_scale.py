@@ -27,7 +27,7 @@ class GravityScaleConfig(EffectConfig):
     """f, true weight / model's."""
 
     kind: Literal["gravity_scale"] = "gravity_scale"
-    factor: Ratio = Field(default=1.0, ge=BOUNDS[0], le=BOUNDS[1])
+    factor: Ratio = Field(default=1.0, ge=BOUNDS[0], le=BOUNDS[1], description="true weight / model's")
 
 
 class GravityScale(Effect):

@@ -31,7 +31,9 @@ class PressureOffsetConfig(EffectConfig):
     """p₀, acting − commanded pressure."""
 
     kind: Literal["pressure_offset"] = "pressure_offset"
-    offset_pa: Pressure = Field(default=0.0, ge=BOUNDS[0], le=BOUNDS[1])
+    offset_pa: Pressure = Field(
+        default=0.0, ge=BOUNDS[0], le=BOUNDS[1], description="acting − commanded pressure"
+    )
 
 
 class PressureOffset(Effect):

@@ -36,7 +36,7 @@ class SensorBiasConfig(EffectConfig):
     """b, reported − true angle."""
 
     kind: Literal["sensor_bias"] = "sensor_bias"
-    bias_rad: Angle = Field(default=0.0, ge=BOUNDS[0], le=BOUNDS[1])
+    bias_rad: Angle = Field(default=0.0, ge=BOUNDS[0], le=BOUNDS[1], description="reading − true angle")
 
 
 class SensorBias(Effect):

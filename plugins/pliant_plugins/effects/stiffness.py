@@ -32,7 +32,9 @@ class StiffnessConfig(EffectConfig):
     """f, true passive stiffness / model's."""
 
     kind: Literal["stiffness"] = "stiffness"
-    factor: Ratio = Field(default=1.0, ge=BOUNDS[0], le=BOUNDS[1])
+    factor: Ratio = Field(
+        default=1.0, ge=BOUNDS[0], le=BOUNDS[1], description="true passive stiffness / model's"
+    )
 
 
 class Stiffness(Effect):

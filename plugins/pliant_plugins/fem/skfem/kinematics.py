@@ -5,7 +5,7 @@
     F = diag(λ, 1, 1) (S + e e₁⊗e₁),  S = I + ∇v               deformation gradient, less the rotation
 
 With v_x = 0 on both end planes they stay plane, and the end section is turned by exactly θ; θ and e are two
-unknowns beside v. The section's rotation drops out of any objective energy. (design.md, section 3.)
+unknowns beside v. The section's rotation drops out of any objective energy.
 
 At a point everything depends on twelve variables g = (S₁₁ … S₃₃, ζ, θ, e): this module gives a density's
 value, gradient and Hessian in them; `assembly` carries those to the nodes.
