@@ -89,13 +89,11 @@ def test_the_report_is_one_page(runs):
     assert list((runs[0] / "loaded" / "pictures").glob("*.png"))
 
 
-def test_a_second_run_recomputes_nothing_and_is_quick(runs):
-    started = time.perf_counter()
+def test_a_second_run_recomputes_nothing(runs):
     pliant("run", EXAMPLES / "finger.yaml", *SMALL, "--out", "finger", "--json", "again.json", cwd=runs[0])
     again = json.loads((runs[0] / "again.json").read_text())
     stages = [*again["fem"]["stages"], *again["fit"]["stages"], *again["simulate"]["stages"]]
     assert all(stage["cached"] for stage in stages)
-    assert time.perf_counter() - started < 10
 
 
 def test_an_interrupted_fem_goes_on_where_it_was(tmp_path):
