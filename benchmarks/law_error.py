@@ -71,8 +71,7 @@ def spread_fit_error(data: FemDataset, count: int) -> float | None:
         distance = np.linalg.norm(points[fit][:, None] - points[chosen], axis=2).min(axis=1)
         chosen.append(int(fit[np.argmax(distance)]))
     keep = np.isin(np.arange(len(data)), chosen) | (data.role == "check")
-    columns = [f.name for f in dataclasses.fields(data) if isinstance(getattr(data, f.name), np.ndarray)]
-    subset = dataclasses.replace(data, **{name: getattr(data, name)[keep] for name in columns})
+    subset = data.rows(keep)
     try:
         return Polynomial(PolynomialConfig()).fit(subset).report.worst_of_range
     except UserError:  # too few states for any polynomial: a gap in this table

@@ -5,6 +5,8 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterable
 
+INTERRUPTED = 130  # exit code after Ctrl-C
+
 
 class PliantError(Exception):
     """Base of all errors that Pliant raises on purpose; `exit_code` is what the command line returns."""

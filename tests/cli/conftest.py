@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from pliant.cli.app import app
+from pliant.cli.verbs import app
 
 STATED = """\
 pliant: 1

@@ -84,7 +84,7 @@ def test_examples_are_accepted(study):
 
 @pytest.mark.parametrize("page", WRITTEN, ids=lambda p: p.name)
 def test_commands_in_the_docs_exist(page):
-    from pliant.cli.app import app
+    from pliant.cli.verbs import app
 
     verbs = {command.name or command.callback.__name__ for command in app.registered_commands}
     for text in blocks(page, "console"):
@@ -119,7 +119,7 @@ def test_refusals_in_the_docs_are_what_the_command_says(tmp_path, monkeypatch):
     """`$ pliant …` followed by a quoted error."""
     from typer.testing import CliRunner
 
-    from pliant.cli.app import app
+    from pliant.cli.verbs import app
 
     monkeypatch.chdir(tmp_path)
     (tmp_path / "examples").symlink_to(ROOT / "examples")

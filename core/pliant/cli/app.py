@@ -3,12 +3,8 @@
 from __future__ import annotations
 
 import sys
-from typing import TYPE_CHECKING, Any
 
-if TYPE_CHECKING:
-    from pliant.cli.verbs import app as app
-
-INTERRUPTED = 130
+from pliant.errors import INTERRUPTED
 
 
 def main() -> None:
@@ -20,11 +16,3 @@ def main() -> None:
     except KeyboardInterrupt:
         print("interrupted before anything began.", file=sys.stderr)
         sys.exit(INTERRUPTED)
-
-
-def __getattr__(name: str) -> Any:
-    if name == "app":
-        from pliant.cli.verbs import app
-
-        return app
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

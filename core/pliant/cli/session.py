@@ -21,12 +21,11 @@ from pliant import __version__
 from pliant.cli.bars import TerminalProgress
 from pliant.config.loading import load_study
 from pliant.config.study import Study
-from pliant.errors import PliantError, UserError
+from pliant.errors import INTERRUPTED, PliantError, UserError
 from pliant.pipeline.workbench import Workbench
 from pliant.registry.discovery import Registry, discover
 from pliant.store.store import ArtifactStore, write_atomically
 
-INTERRUPTED = 130
 LONGEST_NAME = 80
 
 

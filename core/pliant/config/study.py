@@ -32,8 +32,8 @@ BLOCKS = {
     "optimizer": "optimizer",
 }
 BLOCK_LISTS = {"effects": "effect", "cross_check": "physics"}
-# Keys of the study format whose stages are not built yet: read, kept, and reported as unused.
 NAME_PATTERN = r"^[A-Za-z0-9][A-Za-z0-9._-]*$"
+# Keys of the study format whose stages are not built yet: read, kept, and reported as unused.
 NOT_USED_YET = ("measurements", "sweep", "meta_model", "search", "optimizer", "noise", "protocols")
 
 

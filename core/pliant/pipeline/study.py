@@ -21,6 +21,9 @@ from pliant.records.chain import ChainModel
 from pliant.records.rollout import TaskResult
 from pliant.store.store import Artifact
 
+DEFAULT_SURROGATE = "polynomial"
+DEFAULT_PHYSICS = "quasistatic"
+
 
 @dataclass(frozen=True)
 class DesignStages:
@@ -64,10 +67,6 @@ class StudyRun:
         known = [design.family.canonical() if design.family else None for design in self.designs]
         families = _segment_families(self.study)
         return tuple(known.index(family.canonical() if family else None) for family in families)
-
-
-DEFAULT_SURROGATE = "polynomial"
-DEFAULT_PHYSICS = "quasistatic"
 
 
 def surrogate_kind(study: Study) -> str:

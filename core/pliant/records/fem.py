@@ -14,6 +14,18 @@ from pliant.records.design import Array, Design
 IntArray = NDArray[np.int64]
 Branch = Literal["free", "constrained"]
 Role = Literal["fit", "check"]
+# Arrays of a data set, one value per state.
+COLUMNS = (
+    "actuation",
+    "angle_rad",
+    "moment_n_m",
+    "dmoment_dp",
+    "dmoment_du",
+    "energy_j",
+    "branch",
+    "status",
+    "role",
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,17 +140,9 @@ class FemDataset:
 
     def select(self, role: Role) -> FemDataset:
         """The states of one role."""
-        keep = self.role == role
-        columns = (
-            "actuation",
-            "angle_rad",
-            "moment_n_m",
-            "dmoment_dp",
-            "dmoment_du",
-            "energy_j",
-            "branch",
-            "status",
-            "role",
-        )
-        arrays = {name: getattr(self, name)[keep] for name in columns}
+        return self.rows(self.role == role)
+
+    def rows(self, keep: NDArray[np.bool_]) -> FemDataset:
+        """The states that a mask (n,) chooses, without what belongs to the whole: failures and shapes."""
+        arrays = {name: getattr(self, name)[keep] for name in COLUMNS}
         return FemDataset(self.design, self.axis, self.actuation_name, **arrays)

@@ -30,8 +30,6 @@ MACHINERY = (
     "pliant.pipeline.progress",
     "pliant.pipeline.workbench",
 )
-
-
 # Files in a package that no result depends on; the code itself is hashed module by module.
 NO_DATA = {".py", ".pyi", ".pyc", ".pyo", ".typed", ".md", ".rst"}
 DOCUMENTATION = {"description", "title", "examples"}  # arguments of pydantic's Field
@@ -92,9 +90,8 @@ def versions(modules: Iterable[str]) -> dict[str, str]:
 def _source(name: str) -> Path | None:
     try:
         spec = importlib.util.find_spec(name)
-    except (
-        Exception
-    ):  # "from package import attribute" names no module; a plugin's __init__ may fail in any way
+    except Exception:
+        # "from package import attribute" names no module, and a plugin's __init__ may fail in any way.
         return None
     if spec is None or spec.origin is None or not spec.origin.endswith(".py"):
         return None

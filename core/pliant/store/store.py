@@ -99,9 +99,8 @@ class ArtifactStore:
         partial = folder.with_name(folder.name + ".partial")
         found = _sound(folder)
         if found is not None:
-            shutil.rmtree(
-                partial, ignore_errors=True
-            )  # left by a process that was killed after its last write
+            # A process that was killed after its last write left its parts.
+            shutil.rmtree(partial, ignore_errors=True)
             return found
         _writable(folder.parent)
         with self._locked(folder, note):

@@ -17,17 +17,6 @@ from pliant.testing.samples import linear_law, softening_law, table_of
 from pliant.testing.suite import CheckSkipped, Subject, Suite, require, require_close
 
 suite = Suite("surrogate")
-COLUMNS = (
-    "actuation",
-    "angle_rad",
-    "moment_n_m",
-    "dmoment_dp",
-    "dmoment_du",
-    "energy_j",
-    "branch",
-    "status",
-    "role",
-)
 
 
 def _data(subject: Subject) -> FemDataset:
@@ -43,10 +32,6 @@ def _surrogate(subject: Subject) -> Surrogate:
 
 def _fitted(subject: Subject) -> FittedLaw:
     return subject.once("fitted", lambda: _surrogate(subject).fit(_data(subject)))
-
-
-def _rows(data: FemDataset, keep: np.ndarray) -> FemDataset:
-    return replace(data, **{name: getattr(data, name)[keep] for name in COLUMNS})
 
 
 def _points(data: FemDataset) -> tuple[np.ndarray, np.ndarray]:
@@ -219,7 +204,7 @@ def law_is_stable(subject: Subject) -> None:
 def says_when_there_are_too_few_states(subject: Subject) -> None:
     data = _data(subject)
     try:
-        _surrogate(subject).fit(_rows(data, np.array([3])))
+        _surrogate(subject).fit(data.rows(np.arange(len(data)) == 3))
     except UserError as error:
         require(any(c.isdigit() for c in str(error)), f"the message names no number of states: '{error}'")
         return

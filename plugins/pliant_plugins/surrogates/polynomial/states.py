@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,13 +38,6 @@ class Split:
     in_contact: int
 
 
-def rows(data: FemDataset, keep: Mask) -> FemDataset:
-    """The states chosen by a mask (n,)."""
-    names = ("actuation", "angle_rad", "moment_n_m", "dmoment_dp", "dmoment_du", "energy_j")
-    labels = ("branch", "status", "role")
-    return replace(data, shapes=(), **{name: getattr(data, name)[keep] for name in (*names, *labels)})
-
-
 def split(data: FemDataset) -> Split:
     """Check the data, bound the domain by trusted states, choose which states are fitted and which scored.
 
@@ -56,19 +49,19 @@ def split(data: FemDataset) -> Split:
     _finite(data)
     converged = (data.status == "ok") | (data.status == IN_CONTACT)
     _agreeing(data, converged)
-    trusted = rows(data, (data.status == "ok") & (data.role == "fit"))
+    trusted = data.rows((data.status == "ok") & (data.role == "fit"))
     _enough(trusted, data)
     domain = _box(trusted)
     outside = _outside(domain, data)
-    usable = rows(data, converged & ~outside)
+    usable = data.rows(converged & ~outside)
     reason = np.where(data.status == "ok", "outside the fitted box", data.status)
     names, counts = np.unique(reason[outside | ~converged], return_counts=True)
     excluded = {str(name): int(count) for name, count in zip(names, counts, strict=True)}
-    fit, check = rows(usable, usable.role == "fit"), rows(usable, usable.role == "check")
+    fit, check = usable.rows(usable.role == "fit"), usable.rows(usable.role == "check")
     held_out = "states of role check"
     if len(check) == 0:
         chosen = _hold_out(fit)
-        fit, check = rows(fit, ~chosen), rows(fit, chosen)
+        fit, check = fit.rows(~chosen), fit.rows(chosen)
         held_out = (
             f"no state has role check in the domain: {len(check)} of {len(usable)} held out at random, "
             f"seed {HELD_OUT_SEED}"
