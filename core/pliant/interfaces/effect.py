@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
-from dataclasses import dataclass, field, replace
-from typing import ClassVar, Literal
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar, Literal
 
 from pliant.interfaces.base import ComponentConfig
 from pliant.records.chain import ChainModel
-from pliant.records.rollout import Inputs, TaskResult
+from pliant.records.history import History
+from pliant.records.term import LawTerm
 
 Place = Literal["input", "law", "chain", "output"]
+# Readings by name: numbers, lists of them or arrays over time.
+Readings = Mapping[str, Any]
+InputMap = Callable[[History], History]
+OutputMap = Callable[[Readings], Readings]
 
 
 class EffectConfig(ComponentConfig):
@@ -22,8 +27,14 @@ class EffectConfig(ComponentConfig):
 class EffectParameter:
     """A number that calibration may fit.
 
-    `neutral` is the value at which the effect vanishes; `bounds` are hard, `plausible` is the range that
-    would not surprise an expert.
+    Attributes:
+        name: the config's field.
+        unit: its SI unit.
+        neutral: the value at which the effect vanishes; for a `shape`, any typical value.
+        bounds: hard limits.
+        plausible: the range that would not surprise an expert: the central 90 % of the prior.
+        role: `strength` scales the effect and makes it vanish at `neutral`; `shape` says when or how it acts.
+        prior: `normal`, or `log_normal` for numbers whose order of magnitude is open (times, widths).
     """
 
     name: str
@@ -31,30 +42,79 @@ class EffectParameter:
     neutral: float
     bounds: tuple[float, float]
     plausible: tuple[float, float]
+    role: Literal["strength", "shape"] = "strength"
+    prior: Literal["normal", "log_normal"] = "normal"
+
+
+@dataclass(frozen=True)
+class EffectNotes:
+    """An effect in words, for the catalogue and for what `pliant diagnose` says.
+
+    Attributes:
+        signature: what gives it away in the data.
+        look_alike: the kind that it is most easily taken for.
+        told_apart: what separates the two.
+        excited_by: the run to do so that it shows, as an order to the bench.
+    """
+
+    signature: str = ""
+    look_alike: str = ""
+    told_apart: str = ""
+    excited_by: str = ""
 
 
 @dataclass(frozen=True, eq=False)
 class Model:
-    """What effects wrap: a chain, maps of the inputs before it, maps of the result after it."""
+    """What effects change: a chain with its law terms, maps of the inputs before it, of the readings after it.
+
+    An input map takes the history of one run and returns the history that reaches the chain. An output map
+    takes readings by name (docs/conventions.md) and returns what the sensors say; it leaves other names alone.
+    """
 
     chain: ChainModel
-    inputs: tuple[Callable[[Inputs], Inputs], ...] = ()
-    outputs: tuple[Callable[[TaskResult], TaskResult], ...] = field(default=())
+    inputs: tuple[InputMap, ...] = ()
+    outputs: tuple[OutputMap, ...] = ()
 
     def with_(self, **changes: object) -> Model:
         """A copy with some fields replaced."""
         return replace(self, **changes)  # type: ignore[arg-type]
 
+    def with_input(self, change: InputMap) -> Model:
+        """A copy with one more map of its inputs."""
+        return replace(self, inputs=(*self.inputs, change))
+
+    def with_term(self, term: LawTerm) -> Model:
+        """A copy with one more term in every joint's law."""
+        return replace(self, chain=self.chain.with_(terms=(*self.chain.terms, term)))
+
+    def with_output(self, change: OutputMap) -> Model:
+        """A copy with one more map of its readings."""
+        return replace(self, outputs=(*self.outputs, change))
+
+    def commanded(self, history: History) -> History:
+        """What reaches the chain when this history is commanded."""
+        for change in self.inputs:
+            history = change(history)
+        return history
+
+    def reported(self, readings: Readings) -> Readings:
+        """What the sensors say of these readings."""
+        for change in self.outputs:
+            readings = change(readings)
+        return readings
+
 
 class Effect(ABC):
     """One effect at one of four places: input, joint law, chain, output.
 
-    The simulate stage applies a study's `effects` in their order; an effect never changes a model in place.
-    The docstring of a subclass gives the equation and its source.
+    The simulate stage applies a study's `effects` in their order; an effect never changes a model in place and
+    keeps no memory: internal states belong to `LawTerm`s, and an input map sees the whole run. The docstring
+    of a subclass's file gives the equation and its source.
     """
 
     place: ClassVar[Place]
     parameters: ClassVar[tuple[EffectParameter, ...]]
+    notes: ClassVar[EffectNotes] = EffectNotes()
 
     def __init__(self, config: EffectConfig) -> None:
         self.config = config

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from dataclasses import dataclass
 from types import TracebackType
 from typing import ClassVar
 
+from pliant.errors import ContractError
 from pliant.interfaces.base import ComponentConfig
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
+from pliant.records.history import Followed, History
 from pliant.records.law import JointKind
 from pliant.records.rollout import Equilibrium, Inputs
 
@@ -25,19 +28,22 @@ class Capabilities:
     Attributes:
         joints: kinds of joints it simulates.
         dynamic: `step` advances inertia and damping; otherwise each step is an equilibrium.
+        internal_states: law terms that need time or memory are followed, and `follow` is there.
     """
 
     joints: tuple[JointKind, ...]
     dynamic: bool
+    internal_states: bool = False
 
 
 @dataclass(frozen=True, eq=False)
 class SimulationState:
-    """Snapshot: time, joint coordinates (n, a) and their rates (n, a)."""
+    """Snapshot: time, joint coordinates (n, a), their rates (n, a), memory of law terms (n, a, states)."""
 
     time_s: float
     position: Array
     velocity: Array
+    memory: Array | None = None
 
 
 class Simulation(ABC):
@@ -91,6 +97,14 @@ class Simulation(ABC):
         self.close()
 
 
+@dataclass(frozen=True, eq=False)
+class Variation:
+    """A chain and the histories that reach it, a small step away from another."""
+
+    chain: ChainModel
+    histories: tuple[History, ...]
+
+
 class PhysicsBackend(ABC):
     """An engine. The simulate stage calls `build` once per chain; one backend may build many."""
 
@@ -102,3 +116,24 @@ class PhysicsBackend(ABC):
     @abstractmethod
     def build(self, chain: ChainModel) -> Simulation:
         """A simulation at rest: joint coordinates 0, no actuation, no velocity."""
+
+    def follow(
+        self, chain: ChainModel, histories: Sequence[History], towards: Sequence[Variation] = ()
+    ) -> tuple[tuple[Followed, ...], tuple[tuple[Followed, ...], ...]]:
+        """The chain through whole runs, internal states advanced in time, with derivatives.
+
+        Histories of one specimen follow each other: damage done in one is there in the next.
+
+        Args:
+            chain: the chain with its law terms.
+            histories: what reaches the chain in each run, effects' input maps done.
+            towards: the same chain and histories slightly changed, one entry per parameter.
+
+        Returns:
+            one `Followed` per history, and for each variation the change that it makes to them to first order
+            (`joint_angles` and `markers_m` are then small differences; `converged` is that of the first).
+
+        Raises:
+            UserError: a kind of joint that the engine cannot follow.
+        """
+        raise ContractError(f"{type(self).__name__} has no histories (Capabilities.internal_states is False)")

@@ -8,6 +8,7 @@ import numpy as np
 
 from pliant.records.design import Array, MassProperties
 from pliant.records.law import JointLaw
+from pliant.records.term import LawTerm
 
 GRAVITY_M_S2 = (0.0, 0.0, -9.81)
 
@@ -49,6 +50,7 @@ class ChainModel:
         gravity_m_s2: (3,).
         payload_kg: point mass hung at the tip.
         actuators: one entry for a single chamber; two of opposite sign for opposed chambers.
+        terms: what effects add to the law of every joint.
     """
 
     joints: tuple[Joint, ...]
@@ -60,6 +62,7 @@ class ChainModel:
     gravity_m_s2: Array = field(default_factory=lambda: np.array(GRAVITY_M_S2))
     payload_kg: float = 0.0
     actuators: tuple[Actuator, ...] = (Actuator("pressure_pa"),)
+    terms: tuple[LawTerm, ...] = ()
 
     @property
     def n_joints(self) -> int:

@@ -1,0 +1,4 @@
+"""The evidence loop: measurements → prediction → comparison → diagnosis → extended model.
+
+Import from the files: each holds one stage.
+"""

@@ -1,0 +1,115 @@
+"""Histories: what a bench did over time, and how a chain followed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from pliant.records.design import Array
+from pliant.records.rollout import Inputs
+
+REFERENCE_TEMPERATURE_C = 22.0
+
+
+@dataclass(frozen=True, eq=False)
+class History:
+    """The inputs of one run, sampled at t instants.
+
+    Between samples the inputs are straight lines. A run begins at rest: what heals in time has healed, and the
+    chain has moved slowly from its straight shape to the first sample. What does not heal (`LawTerm.keeps`)
+    goes on from the runs of the same specimen before it.
+
+    Attributes:
+        run: the run's name.
+        specimen: the body that was tested; runs of one specimen follow each other in the order given.
+        time_s: (t,) increasing; None where every sample is a state of its own, reached slowly.
+        actuation: (t,) for each input of the chain, Pa, N or m.
+        tip_force_n: (t, 3) dead force at the tip, world frame.
+        moment_n_m: (t,) end moment that opposes the actuation.
+        temperature_c: (t,); `REFERENCE_TEMPERATURE_C` where it was not measured.
+        base_angles_rad: (t, 3) about world x, y, z in that order, after the chain's base pose.
+        payload_kg: (t,) mass hung at the tip, instead of the chain's own; None keeps the chain's.
+    """
+
+    run: str
+    specimen: str
+    time_s: Array | None
+    actuation: Mapping[str, Array]
+    tip_force_n: Array
+    moment_n_m: Array
+    temperature_c: Array
+    base_angles_rad: Array
+    payload_kg: Array | None = None
+
+    def __len__(self) -> int:
+        return len(self.moment_n_m)
+
+    def with_(self, **changes: object) -> History:
+        """A copy with some fields replaced."""
+        return replace(self, **changes)  # type: ignore[arg-type]
+
+    def with_actuation(self, **changes: Array) -> History:
+        """A copy with some actuations replaced, by name."""
+        return replace(self, actuation={**self.actuation, **changes})
+
+    def at(self, index: int) -> Inputs:
+        """The inputs of one sample."""
+        return Inputs(
+            {name: float(values[index]) for name, values in self.actuation.items()},
+            np.array(self.tip_force_n[index], float),
+            float(self.moment_n_m[index]),
+        )
+
+    @staticmethod
+    def of(
+        actuation: Mapping[str, Any],
+        time_s: Array | None = None,
+        *,
+        run: str = "run",
+        specimen: str = "",
+        tip_force_n: Any = 0.0,
+        moment_n_m: Any = 0.0,
+        temperature_c: Any = REFERENCE_TEMPERATURE_C,
+        base_angles_rad: Any = 0.0,
+        payload_kg: Any = None,
+    ) -> History:
+        """A history from arrays or constants; every array has the length of the longest."""
+        given = [np.asarray(v, float) for v in (*actuation.values(), moment_n_m, temperature_c)]
+        lengths = {len(v) for v in given if v.ndim} | ({len(time_s)} if time_s is not None else set())
+        n = max(lengths, default=1)
+
+        def row(value: Any) -> Array:
+            return np.broadcast_to(np.asarray(value, float), (n,)).copy()
+
+        def rows(value: Any) -> Array:
+            return np.broadcast_to(np.asarray(value, float), (n, 3)).copy()
+
+        return History(
+            run=run,
+            specimen=specimen,
+            time_s=None if time_s is None else np.asarray(time_s, float),
+            actuation={name: row(value) for name, value in actuation.items()},
+            tip_force_n=rows(tip_force_n),
+            moment_n_m=row(moment_n_m),
+            temperature_c=row(temperature_c),
+            base_angles_rad=rows(base_angles_rad),
+            payload_kg=None if payload_kg is None else row(payload_kg),
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Followed:
+    """How a chain followed one history.
+
+    Attributes:
+        joint_angles: (t, n, a) joint coordinates.
+        markers_m: (t, n + 2, 3) base, joints 1…n and tip, world frame.
+        converged: (t,) an equilibrium was reached at that sample.
+    """
+
+    joint_angles: Array
+    markers_m: Array
+    converged: Array

@@ -1,0 +1,70 @@
+"""Measurements: what a bench recorded, run by run."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from pliant.records.design import Array
+from pliant.records.history import History
+
+
+@dataclass(frozen=True, eq=False)
+class MeasuredRun:
+    """One run: its inputs and what was read.
+
+    Attributes:
+        history: inputs, loads and conditions.
+        outputs: (t,) for each output of the measurement, SI; NaN where nothing was read.
+        sigma: (t,) stated standard deviation for the outputs that have one; NaN where it is not stated.
+        cycle: (t,) cycle number where the file gives it, else counted from the actuation, from 1.
+        lines: (t,) the line of the file that each sample stands in; empty for data made in memory.
+    """
+
+    history: History
+    outputs: Mapping[str, Array]
+    sigma: Mapping[str, Array]
+    cycle: Array
+    lines: Array
+
+    @property
+    def name(self) -> str:
+        return self.history.run
+
+    def __len__(self) -> int:
+        return len(self.history)
+
+    def with_outputs(self, outputs: Mapping[str, Array]) -> MeasuredRun:
+        """The same run with other readings."""
+        return replace(self, outputs=dict(outputs))
+
+
+@dataclass(frozen=True, eq=False)
+class Measurement:
+    """Runs with the same outputs, in the order in which they were done.
+
+    Attributes:
+        runs: see `MeasuredRun`.
+        outputs: names as in docs/conventions.md (`angle_rad`, `tip_x_m`…); the unit is in the name.
+        source: the file's name, for messages.
+        remarks: what the reader did or noticed that changes how results should be read, in sentences.
+        marker_arms_m: position along the chain at rest of `marker_k`, from the base, for k from 1; empty where
+            markers are the chain's own (base, joints, tip).
+    """
+
+    runs: tuple[MeasuredRun, ...]
+    outputs: tuple[str, ...]
+    source: str = ""
+    remarks: tuple[str, ...] = ()
+    marker_arms_m: tuple[float, ...] = ()
+
+    @property
+    def n_samples(self) -> int:
+        """Readings that are there, over all outputs."""
+        return int(sum(np.isfinite(run.outputs[name]).sum() for run in self.runs for name in self.outputs))
+
+    def pick(self, chosen: Mapping[str, bool] | set[str]) -> Measurement:
+        """The runs of these names only. Damage done in other runs is then unknown: prefer weights in fits."""
+        return replace(self, runs=tuple(run for run in self.runs if run.name in chosen))
