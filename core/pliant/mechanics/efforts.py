@@ -1,4 +1,7 @@
-"""Efforts of all joints of a chain from its laws and actuators: τ(q) = Σ_k s_k · law(p_k, s_k q)."""
+"""Efforts of all joints of a chain from its laws, actuators and law terms: τ(q) = Σ_k s_k · law(p_k, s_k q).
+
+Terms split that sum into its elastic part, the sum at p = 0, and its actuation part, the rest: see `LawTerm`.
+"""
 
 from __future__ import annotations
 
@@ -9,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pliant.errors import UserError
+from pliant.mechanics.terms import LawTerms, Memory
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
 from pliant.records.law import JointLaw
@@ -44,6 +48,7 @@ class JointEfforts:
         self._groups = [
             _LawGroup(law, np.flatnonzero(of_joint == k)) for k, law in enumerate(chain.laws) if k in of_joint
         ]
+        self.terms = LawTerms(chain.terms, self.shape)
 
     def values(self, actuation: Mapping[str, float]) -> Array:
         """(actuators,) the value of each actuator's input.
@@ -59,9 +64,47 @@ class JointEfforts:
             )
         return np.array([actuation[actuator.input] for actuator in self.actuators], float)
 
-    def evaluate(self, q: Array, actuation: Mapping[str, float]) -> ChainEffort:
-        """Effort and slopes of all joints at coordinates q (n, a)."""
+    def evaluate(self, q: Array, actuation: Mapping[str, float], memory: Memory | None = None) -> ChainEffort:
+        """Effort and slopes of all joints at coordinates q (n, a); without a memory the chain is rested."""
         values = self.values(actuation)
+        whole = self._laws(q, values)
+        if not self.terms.terms:
+            return whole
+        memory = memory or self.terms.rested()
+        net = float(self._signs @ values)
+        now, slope = self.terms.contribution(q, net, memory), self.terms.slopes(q, net, memory)
+        none = np.zeros_like(values)
+        straight, elastic = self._laws(q, none), self._laws(q - now.rest, none)
+        actuated = whole.tau - straight.tau
+        tau = now.elastic * elastic.tau + now.actuation * actuated + now.moment
+        dtau_du = now.elastic[:, :, None] * elastic.dtau_du * (1.0 - slope.rest)[:, None, :]
+        dtau_du += now.actuation[:, :, None] * (whole.dtau_du - straight.dtau_du)
+        own = slope.elastic * elastic.tau + slope.actuation * actuated + slope.moment
+        axes = np.arange(self.shape[1])
+        dtau_du[:, axes, axes] += own
+        by_input = {name: now.actuation * slope_p for name, slope_p in whole.dtau_dp.items()}
+        return ChainEffort(tau, by_input, dtau_du)
+
+    def advance(self, q: Array, actuation: Mapping[str, float], memory: Memory) -> Memory:
+        """The memory of the law terms after a step that ends at q (n, a)."""
+        return self.terms.advance(q, float(self._signs @ self.values(actuation)), memory)
+
+    def potential(self, q: Array, actuation: Mapping[str, float], memory: Memory | None = None) -> float:
+        """Σ Π(p, s q) − Π(p, 0) over joints and actuators, in J.
+
+        With law terms it is minus the work of τ along the straight path from 0, memory held: the potential of
+        the step to come, by 12-point Gauss–Legendre.
+        """
+        if not self.terms.terms:
+            values = self.values(actuation)
+            return float(
+                sum(group.law.potential(*self._stack(group, q, values)).sum() for group in self._groups)
+            )
+        nodes, weights = np.polynomial.legendre.leggauss(12)
+        taus = [self.evaluate(0.5 * (node + 1) * q, actuation, memory).tau for node in nodes]
+        return -float(sum(0.5 * w * np.sum(tau * q) for w, tau in zip(weights, taus, strict=True)))
+
+    def _laws(self, q: Array, values: Array) -> ChainEffort:
         n, a = self.shape
         tau, dtau_du = np.zeros((n, a)), np.zeros((n, a, a))
         dtau_dp = {actuator.input: np.zeros((n, a)) for actuator in self.actuators}
@@ -76,11 +119,6 @@ class JointEfforts:
             for actuator, slope in zip(self.actuators, by_input, strict=True):
                 dtau_dp[actuator.input][group.joints] += slope
         return ChainEffort(tau, dtau_dp, dtau_du)
-
-    def potential(self, q: Array, actuation: Mapping[str, float]) -> float:
-        """Σ Π(p, s q) − Π(p, 0) over joints and actuators, in J."""
-        values = self.values(actuation)
-        return float(sum(group.law.potential(*self._stack(group, q, values)).sum() for group in self._groups))
 
     def outside_domain(
         self, q: Array, actuation: Mapping[str, float], time_s: float = 0.0

@@ -16,7 +16,7 @@ the chain is planar, and keeps the chain conservative where it is not.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -25,6 +25,7 @@ from pliant.errors import UserError
 from pliant.mechanics.efforts import JointEfforts
 from pliant.mechanics.kinematics import ChainGeometry, Pose
 from pliant.mechanics.rotations import left_jacobian_transpose_slope
+from pliant.mechanics.terms import Memory
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
 from pliant.records.rollout import Inputs
@@ -35,12 +36,16 @@ NEUTRAL_SHARE = 1e-10
 
 @dataclass(frozen=True, eq=False)
 class Loads:
-    """What drives a chain at one instant; a straight path between two of them is a continuation."""
+    """What drives a chain at one instant; a straight path between two of them is a continuation.
+
+    `memory` is what law terms know of the past; None is a rested chain.
+    """
 
     actuation: Mapping[str, float]
     gravity_m_s2: Array
     tip_force_n: Array = field(default_factory=lambda: np.zeros(3))
     moment_n_m: float = 0.0
+    memory: Memory | None = None
 
     @staticmethod
     def of(chain: ChainModel, inputs: Inputs) -> Loads:
@@ -82,7 +87,12 @@ class Loads:
             keep * self.gravity_m_s2 + take * other.gravity_m_s2,
             keep * self.tip_force_n + take * other.tip_force_n,
             keep * self.moment_n_m + take * other.moment_n_m,
+            other.memory,
         )
+
+    def after(self, memory: Memory) -> Loads:
+        """The same loads on a chain with this past."""
+        return replace(self, memory=memory)
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,7 +125,7 @@ class ChainStatics:
         """Residual and its negative slope, analytic; symmetric where the laws derive from an energy."""
         pose = self.geometry.forward(q)
         moment, force, torsor = self._beyond(pose, loads)
-        effort = self.efforts.evaluate(q, loads.actuation)
+        effort = self.efforts.evaluate(q, loads.actuation, loads.memory)
         residual = self._with_moment(effort.tau, loads) + self._generalised(pose, moment, force)
         n, a = q.shape
         stiffness = self._load_stiffness(q, pose, moment, torsor).reshape(n, a, n, a)
@@ -131,14 +141,14 @@ class ChainStatics:
 
     def effort(self, q: Array, loads: Loads) -> Array:
         """(n, a) efforts of the laws less the end moment: what an engine applies at its joints."""
-        return self._with_moment(self.efforts.evaluate(q, loads.actuation).tau, loads)
+        return self._with_moment(self.efforts.evaluate(q, loads.actuation, loads.memory).tau, loads)
 
     def potential(self, q: Array, loads: Loads) -> float:
         """Total potential Π in J; its constant is arbitrary."""
         points = self._points(self.geometry.forward(q))
         work = float(np.einsum("ki,ki->", self._forces(loads), points))
         opposed = loads.moment_n_m * float(q[:, self.geometry.main].sum())
-        return self.efforts.potential(q, loads.actuation) - work + opposed
+        return self.efforts.potential(q, loads.actuation, loads.memory) - work + opposed
 
     def _with_moment(self, tau: Array, loads: Loads) -> Array:
         if loads.moment_n_m:

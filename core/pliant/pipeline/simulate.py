@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from pliant.errors import UserError
 from pliant.interfaces.effect import Effect, EffectConfig, Model
@@ -14,6 +17,7 @@ from pliant.interfaces.task import Task, TaskConfig
 from pliant.pipeline.workbench import Workbench, content
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
+from pliant.records.history import History
 from pliant.records.rollout import Equilibrium, Inputs, TaskResult
 from pliant.registry.component import Component
 from pliant.store.store import Artifact
@@ -74,11 +78,20 @@ def run_task(backend: PhysicsBackend, task: Task, effects: Sequence[Effect], cha
     model = Model(task.prepare(chain))
     for effect in effects:
         model = effect.apply(model)
+    check_terms(backend, model.chain)
     with backend.build(model.chain) as simulation:
-        result = task.run(_WithInputs(simulation, model.inputs) if model.inputs else simulation)
-    for output in model.outputs:
-        result = output(result)
-    return result
+        result = task.run(_WithInputs(simulation, model) if model.inputs else simulation)
+    return replace(result, metrics=dict(model.reported(result.metrics)))
+
+
+def check_terms(backend: PhysicsBackend, chain: ChainModel) -> None:
+    """Raise `UserError` for law terms that the engine cannot follow."""
+    if any(term.needs_time for term in chain.terms) and not backend.capabilities.internal_states:
+        kind = backend.config.kind
+        raise UserError(
+            f"physics '{kind}' does not follow effects with rate or memory; use 'quasistatic', "
+            "or leave them out of 'effects'."
+        )
 
 
 def _check_capabilities(backend: PhysicsBackend, chain: ChainModel, kind: str) -> None:
@@ -92,27 +105,55 @@ def _check_capabilities(backend: PhysicsBackend, chain: ChainModel, kind: str) -
 
 
 class _WithInputs(Simulation):
-    """A simulation whose inputs pass through the effects' input maps first."""
+    """A simulation whose inputs pass through the effects' input maps first.
 
-    def __init__(self, inner: Simulation, maps: Sequence[Callable[[Inputs], Inputs]]) -> None:
-        self.inner, self.maps, self.chain = inner, maps, inner.chain
+    Maps take whole histories, so the commands are written down from the start; `settle` waits for long.
+    """
+
+    def __init__(self, inner: Simulation, model: Model) -> None:
+        self.inner, self.model, self.chain = inner, model, inner.chain
+        self._time_s = 0.0
+        self._commands: list[tuple[float, Inputs]] = []
+        self._present: Inputs | None = None
 
     def apply(self, inputs: Inputs) -> None:
-        for change in self.maps:
-            inputs = change(inputs)
-        self.inner.apply(inputs)
+        self._present = inputs
+        self.inner.apply(self._acting(math.inf))
 
     def settle(self) -> Equilibrium:
+        if self._present is not None:
+            self.inner.apply(self._acting(math.inf))
+            self._commands = [(self._time_s, self._present)]
         return self.inner.settle()
 
     def step(self, duration_s: float) -> None:
+        self._time_s += duration_s
+        if self._present is not None:
+            self.inner.apply(self._acting(duration_s))
+            self._commands.append((self._time_s, self._present))
         self.inner.step(duration_s)
 
     def snapshot(self) -> SimulationState:
         return self.inner.snapshot()
 
     def restore(self, state: SimulationState) -> None:
+        self._time_s = state.time_s
+        self._commands = [entry for entry in self._commands if entry[0] <= state.time_s]
         self.inner.restore(state)
 
     def markers(self) -> Array:
         return self.inner.markers()
+
+    def _acting(self, duration_s: float) -> Inputs:
+        """What acts at the end of a step with the present command; after a long wait, without its past."""
+        assert self._present is not None
+        past = [] if math.isinf(duration_s) else self._commands
+        commands = [*past, (self._time_s, self._present)]
+        names = self._present.actuation
+        history = History.of(
+            {name: np.array([inputs.actuation[name] for _, inputs in commands]) for name in names},
+            np.array([time_s for time_s, _ in commands]) if past else None,
+            tip_force_n=np.array([inputs.tip_force_n for _, inputs in commands]),
+            moment_n_m=np.array([inputs.moment_n_m for _, inputs in commands]),
+        )
+        return self.model.commanded(history).at(-1)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from dataclasses import dataclass
 from typing import ClassVar
@@ -10,6 +11,7 @@ import numpy as np
 
 from pliant.interfaces.physics import Capabilities, PhysicsBackend, Simulation, SimulationState
 from pliant.mechanics.statics import Balance, ChainStatics, Loads
+from pliant.mechanics.terms import Memory
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
 from pliant.records.rollout import Equilibrium, Inputs
@@ -30,7 +32,10 @@ class _Problem:
 
 
 class QuasistaticSimulation(Simulation):
-    """A chain that is always in equilibrium; it has no velocity."""
+    """A chain that is always in equilibrium; it has no velocity, but its law terms may have a memory.
+
+    `settle` reaches the present inputs slowly, `step` within the time given.
+    """
 
     def __init__(self, chain: ChainModel, config: QuasistaticConfig) -> None:
         self.chain = chain
@@ -45,20 +50,31 @@ class QuasistaticSimulation(Simulation):
         # The last loads whose equilibrium is known: continuation starts there.
         self._settled_q, self._settled_loads = self._q, Loads.none(chain)
         self._loads = Loads.unactuated(chain)
+        self._memory = self._statics.efforts.terms.rested()
 
     def apply(self, inputs: Inputs) -> None:
         self._statics.efforts.values(inputs.actuation)
         self._loads = Loads.of(self.chain, inputs)
 
     def settle(self) -> Equilibrium:
+        return self._advance(math.inf)
+
+    def step(self, duration_s: float) -> None:
+        self._time_s += duration_s
+        self._advance(duration_s)
+
+    def _advance(self, duration_s: float) -> Equilibrium:
         start = time.perf_counter()
+        self._loads = self._loads.after(self._memory.over(duration_s))
         solution = minimise(_Problem(self._statics, self._loads), self._q, self._options)
         if not solution.converged:
             solution = self._continue(solution)
         self._q = solution.q
+        efforts = self._statics.efforts
+        self._memory = efforts.advance(self._q, self._loads.actuation, self._memory.over(duration_s))
         if solution.converged:
             self._settled_q, self._settled_loads = solution.q, self._loads
-        outside = self._statics.efforts.outside_domain(self._q, self._loads.actuation, self._time_s)
+        outside = efforts.outside_domain(self._q, self._loads.actuation, self._time_s)
         return Equilibrium(
             joint_angles=self._q.copy(),
             markers_m=self.markers(),
@@ -70,15 +86,15 @@ class QuasistaticSimulation(Simulation):
             outside_domain=outside,
         )
 
-    def step(self, duration_s: float) -> None:
-        self._time_s += duration_s
-        self.settle()
-
     def snapshot(self) -> SimulationState:
-        return SimulationState(self._time_s, self._q.copy(), np.zeros_like(self._q))
+        memory = self._memory.states.copy()
+        return SimulationState(self._time_s, self._q.copy(), np.zeros_like(self._q), memory)
 
     def restore(self, state: SimulationState) -> None:
         self._time_s, self._q = state.time_s, state.position.copy()
+        rested = self._statics.efforts.terms.rested()
+        states = rested.states if state.memory is None else state.memory.copy()
+        self._memory = Memory(self._q.copy(), states)
 
     def markers(self) -> Array:
         return self._statics.geometry.markers(self._q)

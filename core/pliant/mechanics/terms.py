@@ -1,0 +1,103 @@
+"""Law terms of a chain in plain Python: values, slopes and memory, joint by joint and axis by axis."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from pliant.records.design import Array
+from pliant.records.history import REFERENCE_TEMPERATURE_C
+from pliant.records.term import LawTerm
+
+# Half-width of the central difference for slopes, in rad or m.
+STEP = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class Memory:
+    """What law terms know of the past.
+
+    Attributes:
+        previous: (n, a) joint coordinates at the end of the step before.
+        states: (n, a, states) their memory there.
+        dt_s: duration of the step to come; infinite where the next state is reached slowly.
+        temperature_c: during that step.
+    """
+
+    previous: Array
+    states: Array
+    dt_s: float = math.inf
+    temperature_c: float = REFERENCE_TEMPERATURE_C
+
+    def over(self, dt_s: float) -> Memory:
+        """The same past before a step of another duration."""
+        return replace(self, dt_s=dt_s)
+
+
+@dataclass(frozen=True, eq=False)
+class Contribution:
+    """Combined values of all terms, each (n, a): see `LawTerm` for how they enter the effort."""
+
+    moment: Array
+    elastic: Array
+    actuation: Array
+    rest: Array
+
+
+class LawTerms:
+    """The terms of one chain with n joints of a axes."""
+
+    def __init__(self, terms: Sequence[LawTerm], shape: tuple[int, int]) -> None:
+        self.terms = tuple(terms)
+        self.shape = shape
+        self._parameters = [np.array(term.parameters, float) for term in self.terms]
+        ends = np.cumsum([term.n_states for term in self.terms], dtype=int)
+        self._states = [
+            slice(end - t.n_states, end) for end, t in zip(ends.tolist(), self.terms, strict=True)
+        ]
+        self.n_states = int(ends[-1]) if self.terms else 0
+
+    def rested(self) -> Memory:
+        """The memory of a virgin chain at rest."""
+        return Memory(np.zeros(self.shape), np.zeros((*self.shape, self.n_states)))
+
+    def contribution(self, q: Array, actuation: float, memory: Memory) -> Contribution:
+        """Values at coordinates q (n, a)."""
+        return self._evaluate(q, actuation, memory)[0]
+
+    def slopes(self, q: Array, actuation: float, memory: Memory) -> Contribution:
+        """Their derivatives with respect to each joint's own coordinate, by central differences."""
+        up = self.contribution(q + STEP, actuation, memory)
+        down = self.contribution(q - STEP, actuation, memory)
+        return Contribution(
+            *((getattr(up, name) - getattr(down, name)) / (2 * STEP) for name in Contribution.__annotations__)
+        )
+
+    def advance(self, q: Array, actuation: float, memory: Memory) -> Memory:
+        """The memory after the step has ended at q (n, a)."""
+        return replace(memory, previous=q.copy(), states=self._evaluate(q, actuation, memory)[1])
+
+    def _evaluate(self, q: Array, actuation: float, memory: Memory) -> tuple[Contribution, Array]:
+        values = Contribution(
+            np.zeros(self.shape), np.ones(self.shape), np.ones(self.shape), np.zeros(self.shape)
+        )
+        states = memory.states.copy()
+        dt, temperature = memory.dt_s, memory.temperature_c
+        for place in np.ndindex(self.shape):
+            angle = float(q[place])
+            rate = (angle - float(memory.previous[place])) / dt if 0.0 < dt < math.inf else 0.0
+            for term, parameters, span in zip(self.terms, self._parameters, self._states, strict=True):
+                old, new = memory.states[place][span], states[place][span]
+                value = term.function(angle, rate, dt, actuation, temperature, old, new, parameters)
+                if term.role == "moment":
+                    values.moment[place] += value
+                elif term.role == "rest":
+                    values.rest[place] += value
+                elif term.role == "elastic":
+                    values.elastic[place] *= value
+                else:
+                    values.actuation[place] *= value
+        return values, states
