@@ -135,3 +135,30 @@ def _check(chain: ChainModel) -> None:
         raise ContractError(f"a {first.joint} law has {n_axes} of the axes x, y, z, not {first.axes}")
     if any(not 0 <= joint.law < len(chain.laws) for joint in chain.joints):
         raise ContractError("a joint names a law that the chain does not have")
+
+
+def trajectory(geometry: ChainGeometry, q: Array, base_rotations: Array) -> Array:
+    """(t, n + 2, 3) markers over a history: coordinates q (t, n, a), base orientations (t, 3, 3)."""
+    steps, n = q.shape[:2]
+    markers = np.empty((steps, n + 2, 3))
+    position, rotation = np.tile(geometry.base_position, (steps, 1)), base_rotations
+    markers[:, 0] = position
+    vectors = q @ geometry.basis.T
+    for i in range(n):
+        position = position + rotation @ geometry.offsets[i]
+        rotation = rotation @ geometry.rest_rotations[i]
+        if geometry.kind == "prismatic":
+            position = position + np.einsum("tij,tj->ti", rotation, vectors[:, i])
+        else:
+            rotation = rotation @ exp_map(vectors[:, i])
+        markers[:, i + 1] = position
+    markers[:, n + 1] = position + rotation @ geometry.tip_offset
+    return markers
+
+
+def base_rotations(rotation: Array, angles: Array) -> Array:
+    """(t, 3, 3) base orientations: `rotation`, then turns about world x, y and z by the rows of `angles`."""
+    if not angles.any():
+        return np.ascontiguousarray(np.broadcast_to(rotation, (len(angles), 3, 3)))
+    about_x, about_y, about_z = (exp_map(angles[:, [k]] * np.eye(3)[k]) for k in range(3))
+    return np.ascontiguousarray(about_z @ about_y @ about_x @ rotation)

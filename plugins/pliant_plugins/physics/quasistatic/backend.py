@@ -4,19 +4,25 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from pliant.interfaces.physics import Capabilities, PhysicsBackend, Simulation, SimulationState
+from pliant.interfaces.physics import Capabilities, PhysicsBackend, Simulation, SimulationState, Variation
 from pliant.mechanics.statics import Balance, ChainStatics, Loads
 from pliant.mechanics.terms import Memory
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
+from pliant.records.history import History
 from pliant.records.rollout import Equilibrium, Inputs
 from pliant_plugins.physics.quasistatic.config import QuasistaticConfig
 from pliant_plugins.physics.quasistatic.newton import NewtonOptions, Solution, minimise
+from pliant_plugins.physics.quasistatic.stepping import Paths, step_through
+
+if TYPE_CHECKING:
+    from pliant_plugins.physics.quasistatic.histories import HingeFollower
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,8 +129,26 @@ class QuasistaticSimulation(Simulation):
 class Quasistatic(PhysicsBackend):
     """Statics by Newton's method with the analytic stiffness of `pliant.mechanics.statics`."""
 
-    capabilities: ClassVar[Capabilities] = Capabilities(("revolute", "spherical", "prismatic"), dynamic=False)
+    capabilities: ClassVar[Capabilities] = Capabilities(
+        ("revolute", "spherical", "prismatic"), dynamic=False, internal_states=True
+    )
     config: QuasistaticConfig
+
+    def __init__(self, config: QuasistaticConfig) -> None:
+        super().__init__(config)
+        self._follower: HingeFollower | None = None
 
     def build(self, chain: ChainModel) -> QuasistaticSimulation:
         return QuasistaticSimulation(chain, self.config)
+
+    def follow(
+        self, chain: ChainModel, histories: Sequence[History], towards: Sequence[Variation] = ()
+    ) -> Paths:
+        """Hinge chains in a compiled loop; others step by step, differences by the varied chain's own path."""
+        if chain.laws[0].joint != "revolute":
+            return step_through(self.build, chain, histories, towards)
+        if self._follower is None:
+            from pliant_plugins.physics.quasistatic.histories import HingeFollower  # numba takes a second
+
+            self._follower = HingeFollower(self.config)
+        return self._follower.follow(chain, histories, towards)

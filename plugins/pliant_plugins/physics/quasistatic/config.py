@@ -7,6 +7,7 @@ from typing import Literal
 from pydantic import Field
 
 from pliant.interfaces.physics import PhysicsConfig
+from pliant.units import Time
 
 
 class QuasistaticConfig(PhysicsConfig):
@@ -33,4 +34,9 @@ class QuasistaticConfig(PhysicsConfig):
         gt=0.0,
         le=1.0,
         description="share of the path between two loads below which continuation gives up",
+    )
+    longest_step_s: Time = Field(
+        1.0,
+        gt=0.0,
+        description="longest step in histories; samples further apart are reached in equal parts",
     )

@@ -1,0 +1,147 @@
+"""Histories of a hinge chain in the compiled loop."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from pliant.interfaces.physics import Variation
+from pliant.mechanics.kinematics import ChainGeometry, base_rotations, trajectory
+from pliant.records.chain import ChainModel
+from pliant.records.design import Array
+from pliant.records.history import Followed, History
+from pliant.records.law import JointLaw
+from pliant.records.term import TermFunction
+from pliant_plugins.physics.quasistatic.config import QuasistaticConfig
+from pliant_plugins.physics.quasistatic.kernel import follow
+from pliant_plugins.physics.quasistatic.law_table import LawTable, tabulate
+from pliant_plugins.physics.quasistatic.packing import Body, Clock, Drive, Terms
+from pliant_plugins.physics.quasistatic.stepping import Paths, difference
+
+# Tables reach this much beyond the actuation that occurs, so that fits may scale and shift it.
+MARGIN = 0.5
+
+
+@dataclass(eq=False)
+class HingeFollower:
+    """The compiled loop with what it need not prepare twice: law tables and compiled terms."""
+
+    config: QuasistaticConfig
+    compiled: dict[TermFunction, Any] = field(default_factory=dict)
+    tables: dict[tuple[int, float, float], tuple[JointLaw, LawTable]] = field(default_factory=dict)
+
+    def follow(self, chain: ChainModel, histories: Sequence[History], towards: Sequence[Variation]) -> Paths:
+        """See `PhysicsBackend.follow`."""
+        drive, clock = Drive.of(chain, histories), Clock.of(histories, self.config.longest_step_s)
+        changes = [Drive.of(v.chain, v.histories) for v in towards]
+        linear = [k for k, v in enumerate(towards) if _same_body(chain, v.chain, drive, changes[k])]
+        q, dq, converged = self._run(
+            chain, drive, clock, [towards[k].chain for k in linear], [changes[k] for k in linear]
+        )
+        paths = _followed(chain, histories, drive, q, converged)
+        differences: dict[int, tuple[Followed, ...]] = {}
+        for row, k in enumerate(linear):
+            moved = _followed(chain, histories, drive, q + dq[row], converged)
+            differences[k] = difference(moved, paths)
+        for k in set(range(len(towards))) - set(linear):
+            there, _, _ = self._run(towards[k].chain, changes[k], clock, [], [])
+            moved = _followed(towards[k].chain, towards[k].histories, changes[k], there, converged)
+            differences[k] = difference(moved, paths)
+        return paths, tuple(differences[k] for k in range(len(towards)))
+
+    def _run(
+        self,
+        chain: ChainModel,
+        drive: Drive,
+        clock: Clock,
+        towards: Sequence[ChainModel],
+        changes: Sequence[Drive],
+    ) -> tuple[Array, Array, Any]:
+        body, terms = Body.of(chain), Terms.of(chain.terms, self.compiled)
+        tables = [self._table(law, drive.pressure) for law in chain.laws]
+        n, m = drive.pressure.shape
+
+        def stack(rows: list[Array], *shape: int) -> Array:
+            return np.ascontiguousarray(np.array(rows, float).reshape(len(rows), *shape))
+
+        result: tuple[Array, Array, Any] = follow(
+            terms.functions,
+            terms.rows,
+            terms.keeps,
+            terms.parameters,
+            np.stack([table.cells for table in tables]),
+            np.stack([table.grid for table in tables]),
+            np.array([joint.law for joint in chain.joints]),
+            np.array([actuator.sign for actuator in chain.actuators], float),
+            body.position,
+            base_rotations(body.rotation, drive.angles),
+            body.offsets,
+            body.rests,
+            body.axis,
+            body.arms,
+            body.masses,
+            np.asarray(chain.gravity_m_s2, float),
+            drive.pressure,
+            drive.force,
+            drive.moment,
+            drive.payload,
+            drive.temperature,
+            clock.duration,
+            clock.start,
+            clock.specimen,
+            clock.n_specimens,
+            clock.substeps,
+            stack([Terms.of(c.terms, self.compiled).parameters for c in towards], len(terms.parameters)),
+            stack([np.asarray(c.gravity_m_s2, float) for c in towards], 3),
+            stack([d.pressure for d in changes], n, m),
+            stack([d.force for d in changes], n, 3),
+            stack([d.moment for d in changes], n),
+            stack([d.payload for d in changes], n),
+            stack([d.temperature for d in changes], n),
+            self.config.tolerance,
+            self.config.max_iterations,
+            self.config.max_turn,
+        )
+        return result
+
+    def _table(self, law: JointLaw, pressure: Array) -> LawTable:
+        """The law's table; one for all actuations within the same power of two."""
+        reach = float(np.abs(pressure).max()) * (1.0 + MARGIN) or 1.0
+        high = 2.0 ** math.ceil(math.log2(reach))
+        low = -high if pressure.min() < -0.1 * high else -0.25 * high
+        key = (id(law), low, high)
+        if key not in self.tables:
+            self.tables[key] = (law, tabulate(law, (low, high)))  # the law is kept: its id stays its own
+        return self.tables[key][1]
+
+
+def _same_body(chain: ChainModel, other: ChainModel, drive: Drive, change: Drive) -> bool:
+    """Whether two chains differ in gravity, inputs and term parameters only."""
+    return (
+        all(a is b for a, b in zip(chain.laws, other.laws, strict=True))
+        and chain.joints is other.joints
+        and chain.bodies is other.bodies
+        and chain.base_rotation is other.base_rotation
+        and chain.base_position_m is other.base_position_m
+        and chain.tip_offset_m is other.tip_offset_m
+        and [(t.function, t.role, t.keeps) for t in chain.terms]
+        == [(t.function, t.role, t.keeps) for t in other.terms]
+        and np.array_equal(drive.angles, change.angles)
+    )
+
+
+def _followed(
+    chain: ChainModel, histories: Sequence[History], drive: Drive, q: Array, converged: Any
+) -> tuple[Followed, ...]:
+    markers = trajectory(
+        ChainGeometry.of(chain), q[:, :, None], base_rotations(chain.base_rotation, drive.angles)
+    )
+    ends = np.cumsum([len(h) for h in histories])[:-1]
+    pieces = zip(
+        np.split(q[:, :, None], ends), np.split(markers, ends), np.split(converged, ends), strict=True
+    )
+    return tuple(Followed(*piece) for piece in pieces)
