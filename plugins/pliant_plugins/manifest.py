@@ -120,7 +120,28 @@ def _effects() -> list[Component]:
         "stiffness": ("Stiffness", "passive stiffness off by a factor", {"factor": 1.2}),
         "actuation_gain": ("ActuationGain", "the actuation acts with another gain", {"gain": 0.9}),
         "pressure_offset": ("PressureOffset", "the gauge is off by a constant", {"offset": "500 Pa"}),
+        "dead_zone": ("DeadZone", "the lowest pressures do nothing", {"threshold": "600 Pa"}),
+        "supply_lag": ("SupplyLag", "pressure reaches the chamber late", {"time": "0.4 s"}),
+        "viscous_damping": ("ViscousDamping", "a moment against the motion's rate", {"time": "0.2 s"}),
+        "viscoelastic": ("Viscoelastic", "stress that relaxes", {"share": 0.3, "time": "30 s"}),
+        "friction_hysteresis": (
+            "FrictionHysteresis",
+            "dry friction in the joint",
+            {"half_width": "1.5 deg", "break_away": "0.5 deg"},
+        ),
+        "mullins": ("Mullins", "softer below the largest past strain", {"softening": 0.2, "scale": 0.2}),
+        "permanent_set": ("PermanentSet", "a share of the largest past angle stays", {"share": 0.08}),
         "gravity_scale": ("GravityScale", "weights off by a factor", {"factor": 1.1}),
+        "self_contact": (
+            "SelfContact",
+            "walls touch beyond an angle",
+            {"stiffening": 3, "contact": "15 deg"},
+        ),
+        "thermal_softening": (
+            "ThermalSoftening",
+            "stiffness changes with temperature",
+            {"loss_per_k": 0.005},
+        ),
         "sensor_bias": ("SensorBias", "the angle sensor is off by a constant", {"bias": "2 deg"}),
     }
     return [

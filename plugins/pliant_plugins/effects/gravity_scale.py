@@ -4,11 +4,6 @@
 
 for the pieces of the chain and its payload: masses are known worse than gravity (fittings, hoses, a density
 from a data sheet), and in statics a mass and gravity enter only as their product, the weight.
-
-Signature: an error that grows toward the base (the moment arm), changes with the orientation of the base
-and is gone where the chain hangs straight or lies on a table; independent of rate and history.
-Nearest look-alike: `stiffness`: both sag more under gravity, but weights change nothing in a load-free
-bend on a table. `inertia` differs in motion only.
 """
 
 from __future__ import annotations
@@ -17,7 +12,7 @@ from typing import ClassVar, Literal
 
 from pydantic import Field
 
-from pliant.interfaces.effect import Effect, EffectConfig, EffectParameter, Model, Place
+from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, EffectParameter, Model, Place
 from pliant.units import Ratio
 
 BOUNDS = (0.0, 10.0)
@@ -36,6 +31,17 @@ class GravityScale(Effect):
     place: ClassVar[Place] = "chain"
     parameters: ClassVar[tuple[EffectParameter, ...]] = (
         EffectParameter("factor", "1", neutral=1.0, bounds=BOUNDS, plausible=(0.8, 1.3)),
+    )
+    notes: ClassVar[EffectNotes] = EffectNotes(
+        signature=(
+            "the error changes with the orientation of the base, is largest with the chain held level, "
+            "grows toward the base, and is gone where the chain lies on a table."
+        ),
+        look_alike="stiffness",
+        told_apart=(
+            "turn the base by 90° and 180°: the error of a weight turns with it, that of a stiffness stays."
+        ),
+        excited_by="repeat one pressure sweep with the base hanging, level and turned over.",
     )
     config: GravityScaleConfig
 

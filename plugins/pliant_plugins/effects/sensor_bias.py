@@ -2,30 +2,30 @@
 
     y' = y + b
 
-for every angle that the task reports among its metrics: `angle_rad`, `bend_angle_rad`, `tip_angle_rad`,
-`joint_1_angle_rad`… and `joint_angles_rad` (the zero error of an encoder or of a camera's calibration; the
-offset of a linear transducer model). The chain, its markers and its efforts stay as they are: a sensor has
-no torque.
-
-Signature: the same shift at every pressure and load, at rest too; positions measured otherwise do not
-show it.
-Nearest look-alike: `pressure_offset`, whose shift changes with the local stiffness and disappears when
-the chamber is opened; `base_misalignment` shifts positions as well.
+for every angle that is read: `angle_rad`, `bend_angle_rad`, `tip_angle_rad`, `joint_1_angle_rad`… and each number of
+`joint_angles_rad` (the zero error of an encoder or of a camera's calibration; the offset of a linear transducer
+model). Each is one reading and gets b once, the sum along the chain too. The chain, its markers and its efforts
+stay as they are: a sensor has no torque.
 """
 
 from __future__ import annotations
 
 import re
-from dataclasses import replace
 from functools import partial
 from typing import Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
 
-from pliant.errors import UserError
-from pliant.interfaces.effect import Effect, EffectConfig, EffectParameter, Model, Place
-from pliant.records.rollout import TaskResult
+from pliant.interfaces.effect import (
+    Effect,
+    EffectConfig,
+    EffectNotes,
+    EffectParameter,
+    Model,
+    Place,
+    Readings,
+)
 from pliant.units import Angle
 
 BOUNDS = (-np.pi, np.pi)
@@ -40,31 +40,37 @@ class SensorBiasConfig(EffectConfig):
 
 
 class SensorBias(Effect):
-    """Shifts the angles that the task reports."""
+    """Shifts the angles that are read."""
 
     place: ClassVar[Place] = "output"
     parameters: ClassVar[tuple[EffectParameter, ...]] = (
         EffectParameter("bias_rad", "rad", neutral=0.0, bounds=BOUNDS, plausible=(-0.05, 0.05)),
     )
+    notes: ClassVar[EffectNotes] = EffectNotes(
+        signature=(
+            "every angle is off by the same amount, at rest too, at any pressure, load and rate; "
+            "positions are right."
+        ),
+        look_alike="pressure_offset",
+        told_apart=(
+            "a bias is the same with and without load and moves no marker; what an offset of pressure "
+            "does depends on how stiff the joint is there."
+        ),
+        excited_by=(
+            "record the angle at rest, vented and unloaded, and again under a load; film a marker if you can."
+        ),
+    )
     config: SensorBiasConfig
 
     def apply(self, model: Model) -> Model:
-        """The model with one more map of its results.
-
-        The map raises `UserError` if the bias is not 0 and the task reports no angle.
-        """
-        return model.with_(outputs=(*model.outputs, partial(_biased, self.config.bias_rad)))
+        """The model with one more map of its readings; where no angle is read it changes nothing."""
+        return model.with_output(partial(_biased, self.config.bias_rad))
 
 
-def _biased(bias: float, result: TaskResult) -> TaskResult:
-    readings = [name for name in result.metrics if READING.fullmatch(name)]
-    if bias and not readings:
-        raise UserError(
-            "effect 'sensor_bias' shifts reported angles, and the task reports only "
-            f"{', '.join(sorted(result.metrics)) or 'nothing'}"
-        )
-    shifted = {name: _shift(result.metrics[name], bias) for name in readings}
-    return replace(result, metrics={**result.metrics, **shifted})
+def _biased(bias: float, readings: Readings) -> Readings:
+    return {
+        name: _shift(value, bias) if READING.fullmatch(name) else value for name, value in readings.items()
+    }
 
 
 def _shift(value: Any, bias: float) -> Any:

@@ -1,0 +1,67 @@
+"""Pressure that does nothing until it exceeds a threshold.
+
+    p' = sign(p) max(|p| − p₀, 0)
+
+for every pressure of the chain: a valve that sticks, a membrane or a fold that must open first (the dead zone of
+Tao & Kokotović, Adaptive Control of Systems with Actuator and Sensor Nonlinearities, 1996, with unit slopes).
+Tendon forces are left alone.
+"""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import ClassVar, Literal
+
+import numpy as np
+from pydantic import Field
+
+from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, EffectParameter, Model, Place
+from pliant.records.design import Array
+from pliant.records.history import History
+from pliant.units import Pressure
+from pliant_plugins.effects.pressures import needs_pressure, with_pressures
+
+BOUNDS = (0.0, 1e5)
+
+
+class DeadZoneConfig(EffectConfig):
+    """p₀, the pressure that is lost before anything moves."""
+
+    kind: Literal["dead_zone"] = "dead_zone"
+    threshold_pa: Pressure = Field(
+        default=0.0, ge=BOUNDS[0], le=BOUNDS[1], description="pressure that is lost before anything moves"
+    )
+
+
+class DeadZone(Effect):
+    """Takes a threshold off every pressure before it reaches the chain."""
+
+    place: ClassVar[Place] = "input"
+    parameters: ClassVar[tuple[EffectParameter, ...]] = (
+        EffectParameter("threshold_pa", "Pa", neutral=0.0, bounds=BOUNDS, plausible=(100.0, 2e3)),
+    )
+    notes: ClassVar[EffectNotes] = EffectNotes(
+        signature=(
+            "nothing moves at the smallest pressures, and above the threshold the angle lags behind by "
+            "the same pressure; up and down are alike."
+        ),
+        look_alike="pressure_offset",
+        told_apart="at zero pressure a dead zone is silent; an offset bends the joint there.",
+        excited_by=(
+            "raise the pressure from zero in small steps through the lowest tenth of the range, and lower "
+            "it again."
+        ),
+    )
+    config: DeadZoneConfig
+
+    def apply(self, model: Model) -> Model:
+        """The model with one more map of its inputs. Raises `UserError` for a chain without a pressure."""
+        needs_pressure(self.config.kind, model.chain)
+        return model.with_input(partial(_above, self.config.threshold_pa))
+
+
+def _above(threshold: float, history: History) -> History:
+    def passed(pressure: Array) -> Array:
+        return np.asarray(np.sign(pressure) * np.maximum(np.abs(pressure) - threshold, 0.0))
+
+    return with_pressures(history, passed)

@@ -1,0 +1,95 @@
+"""Dry friction in the joint: a loop whose width does not depend on the rate.
+
+    M = −M_c z,      z' = clip(z + Δu / δ, −1, 1),      M_c = w k₀
+
+per joint: a spring that slips at the moment M_c after the break-away angle δ (the elastoplastic element of Iwan,
+J. Appl. Mech. 33, 1966; of Prandtl–Ishlinskii models the single play-free case). Folds that rub, fibres that slide
+in a sleeve. w is M_c as the angle that it makes on the stiffness at rest k₀, the half-width of the loop seen in the
+angle of a soft joint. δ is bounded well below working angles: a spring that never slips would be a stiffness.
+
+The element needs the angle only, not the time, so it acts on states that are reached slowly as well.
+"""
+
+from __future__ import annotations
+
+from typing import ClassVar, Literal
+
+from pydantic import Field
+
+from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, EffectParameter, Model, Place
+from pliant.records.design import Array
+from pliant.records.term import LawTerm
+from pliant.units import Angle
+from pliant_plugins.effects.scale import rest_stiffness
+
+WIDTHS = (0.0, 0.5)
+BREAK_AWAYS = (0.002, 0.05)
+
+
+class FrictionHysteresisConfig(EffectConfig):
+    """w and δ."""
+
+    kind: Literal["friction_hysteresis"] = "friction_hysteresis"
+    half_width_rad: Angle = Field(
+        default=0.0, ge=WIDTHS[0], le=WIDTHS[1], description="friction moment / stiffness at rest, per joint"
+    )
+    break_away_rad: Angle = Field(
+        default=0.01, ge=BREAK_AWAYS[0], le=BREAK_AWAYS[1], description="angle after which a joint slips"
+    )
+
+
+class FrictionHysteresis(Effect):
+    """Adds an elastoplastic element to every joint."""
+
+    place: ClassVar[Place] = "law"
+    parameters: ClassVar[tuple[EffectParameter, ...]] = (
+        EffectParameter("half_width_rad", "rad", neutral=0.0, bounds=WIDTHS, plausible=(0.005, 0.1)),
+        EffectParameter(
+            "break_away_rad",
+            "rad",
+            neutral=0.01,
+            bounds=BREAK_AWAYS,
+            plausible=(0.003, 0.03),
+            role="shape",
+            prior="log_normal",
+        ),
+    )
+    notes: ClassVar[EffectNotes] = EffectNotes(
+        signature=(
+            "loading and unloading run apart by the same width at every rate; after a reversal the joint "
+            "first stands nearly still; in a hold nothing drifts, and the joint does not return to where "
+            "it began."
+        ),
+        look_alike="viscoelastic",
+        told_apart=(
+            "the loop of friction is as wide in a slow run as in a fast one and does not close in a hold."
+        ),
+        excited_by=(
+            "cycle the pressure up and down, with small loops inside the large one, at two rates a factor "
+            "of ten apart."
+        ),
+    )
+    config: FrictionHysteresisConfig
+
+    def apply(self, model: Model) -> Model:
+        """The model with friction in every joint. Raises `UserError` for a law that is not stiff at rest."""
+        slip_moment = self.config.half_width_rad * rest_stiffness(model.chain)
+        parameters = (slip_moment, self.config.break_away_rad)
+        return model.with_term(LawTerm("moment", _moment, parameters, n_states=2, needs_time=True))
+
+
+def _moment(
+    angle: float,
+    rate: float,
+    dt_s: float,
+    actuation: float,
+    temperature_c: float,
+    old: Array,
+    new: Array,
+    parameters: Array,
+) -> float:
+    # Memory: the element's stretch in units of δ, and the angle of the sample before.
+    stretch = old[0] + (angle - old[1]) / parameters[1]
+    new[0] = min(max(stretch, -1.0), 1.0)
+    new[1] = angle
+    return -parameters[0] * new[0]

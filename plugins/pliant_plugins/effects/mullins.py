@@ -1,0 +1,95 @@
+"""Rubber that is softer below the largest strain it has seen.
+
+    E'(u) = (1 − d erf((W_m − W) / m)) E(u),      W = u²/2,  W_m = largest W so far,  m = s²/2
+
+per joint: the pseudo-elastic softening of Ogden & Roxburgh (Proc. R. Soc. Lond. A 455, 1999,
+doi 10.1098/rspa.1999.0431, with r = 1/d), the joint's u²/2 standing for the strain energy. On the virgin
+curve, W = W_m, nothing is lost; below it the elastic part has lost at most the share d, and s says how far below
+the largest angle that takes. Rest does not heal it: the memory goes on from run to run of one specimen.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import ClassVar, Literal
+
+from pydantic import Field
+
+from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, EffectParameter, Model, Place
+from pliant.records.design import Array
+from pliant.records.term import LawTerm
+from pliant.units import Angle, Ratio
+
+LOSSES = (0.0, 0.9)
+SCALES = (0.03, 1.0)
+
+
+class MullinsConfig(EffectConfig):
+    """d and s."""
+
+    kind: Literal["mullins"] = "mullins"
+    softening: Ratio = Field(
+        default=0.0,
+        ge=LOSSES[0],
+        le=LOSSES[1],
+        description="share of the elastic effort that is lost at most",
+    )
+    scale_rad: Angle = Field(
+        default=0.2, ge=SCALES[0], le=SCALES[1], description="angle over which the loss comes, per joint"
+    )
+
+
+class Mullins(Effect):
+    """Softens the elastic part below the largest past angle."""
+
+    place: ClassVar[Place] = "law"
+    parameters: ClassVar[tuple[EffectParameter, ...]] = (
+        EffectParameter("softening", "1", neutral=0.0, bounds=LOSSES, plausible=(0.05, 0.4)),
+        EffectParameter(
+            "scale_rad",
+            "rad",
+            neutral=0.2,
+            bounds=SCALES,
+            plausible=(0.06, 0.6),
+            role="shape",
+            prior="log_normal",
+        ),
+    )
+    notes: ClassVar[EffectNotes] = EffectNotes(
+        signature=(
+            "the first loading of a new specimen is stiffer than all that follow up to the same angle; "
+            "going beyond the largest past angle it is as stiff as new."
+        ),
+        look_alike="stiffness",
+        told_apart=(
+            "a stiffness is the same in the first and the second cycle; give cycle numbers and a virgin "
+            "specimen."
+        ),
+        excited_by=(
+            "take a specimen that was never loaded and cycle it three times each to a third, two thirds "
+            "and all of the range."
+        ),
+    )
+    config: MullinsConfig
+
+    def apply(self, model: Model) -> Model:
+        """The model with one more factor on the elastic part."""
+        parameters = (self.config.softening, self.config.scale_rad)
+        term = LawTerm("elastic", _factor, parameters, n_states=1, keeps=True, needs_time=True)
+        return model.with_term(term)
+
+
+def _factor(
+    angle: float,
+    rate: float,
+    dt_s: float,
+    actuation: float,
+    temperature_c: float,
+    old: Array,
+    new: Array,
+    parameters: Array,
+) -> float:
+    largest = max(old[0], abs(angle))
+    new[0] = largest
+    below = (largest * largest - angle * angle) / (parameters[1] * parameters[1])
+    return 1.0 - parameters[0] * math.erf(below)

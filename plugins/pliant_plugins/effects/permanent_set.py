@@ -1,0 +1,74 @@
+"""A joint that does not come back: its unloaded angle follows the largest past angle.
+
+    E'(u) = E(u − u₀),      u₀ = s (u₊ + u₋)
+
+per joint, with u₊ ≥ 0 and u₋ ≤ 0 the largest angles so far on either side: residual strain in proportion to the
+largest strain, as cyclic tests of filled rubbers and silicones show it (Dorfmann & Ogden, Int. J. Solids Struct.
+41, 2004, doi 10.1016/j.ijsolstr.2003.11.014; here to first order, the share s). Rest does not heal it: the
+memory goes on from run to run of one specimen.
+"""
+
+from __future__ import annotations
+
+from typing import ClassVar, Literal
+
+from pydantic import Field
+
+from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, EffectParameter, Model, Place
+from pliant.records.design import Array
+from pliant.records.term import LawTerm
+from pliant.units import Ratio
+
+BOUNDS = (0.0, 0.6)
+
+
+class PermanentSetConfig(EffectConfig):
+    """s, residual / largest angle."""
+
+    kind: Literal["permanent_set"] = "permanent_set"
+    share: Ratio = Field(
+        default=0.0, ge=BOUNDS[0], le=BOUNDS[1], description="angle that stays / largest past angle"
+    )
+
+
+class PermanentSet(Effect):
+    """Moves the rest angle of every joint toward its largest past angle."""
+
+    place: ClassVar[Place] = "law"
+    parameters: ClassVar[tuple[EffectParameter, ...]] = (
+        EffectParameter("share", "1", neutral=0.0, bounds=BOUNDS, plausible=(0.01, 0.15)),
+    )
+    notes: ClassVar[EffectNotes] = EffectNotes(
+        signature=(
+            "vented and unloaded, the joint stays a little bent, the more the farther it has ever been; "
+            "waiting does not help, and a repeat of the same cycle adds nothing."
+        ),
+        look_alike="pressure_offset",
+        told_apart=(
+            "an offset is there before the first loading and never grows; a set grows with the largest angle."
+        ),
+        excited_by=(
+            "start with a virgin specimen, load to higher and higher levels and vent for a minute after each."
+        ),
+    )
+    config: PermanentSetConfig
+
+    def apply(self, model: Model) -> Model:
+        """The model with a rest angle that moves."""
+        term = LawTerm("rest", _rest, (self.config.share,), n_states=2, keeps=True, needs_time=True)
+        return model.with_term(term)
+
+
+def _rest(
+    angle: float,
+    rate: float,
+    dt_s: float,
+    actuation: float,
+    temperature_c: float,
+    old: Array,
+    new: Array,
+    parameters: Array,
+) -> float:
+    new[0] = max(old[0], angle)
+    new[1] = min(old[1], angle)
+    return parameters[0] * (new[0] + new[1])

@@ -1,0 +1,30 @@
+"""What effects on pressures share: which inputs are pressures."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+
+from pliant.errors import UserError
+from pliant.records.chain import ChainModel
+from pliant.records.design import Array
+from pliant.records.history import History
+
+PRESSURE = re.compile(r"pressure(_\d+)?_pa")
+
+
+def needs_pressure(kind: str, chain: ChainModel) -> None:
+    """Raise `UserError` for a chain that no pressure drives."""
+    names = [actuator.input for actuator in chain.actuators]
+    if not any(PRESSURE.fullmatch(name) for name in names):
+        raise UserError(
+            f"effect '{kind}' needs a pressure, and the chain is actuated by {', '.join(names)}; "
+            "take it out of 'effects'."
+        )
+
+
+def with_pressures(history: History, change: Callable[[Array], Array]) -> History:
+    """The history with every pressure changed; tendon forces are left alone."""
+    return history.with_actuation(
+        **{name: change(values) for name, values in history.actuation.items() if PRESSURE.fullmatch(name)}
+    )

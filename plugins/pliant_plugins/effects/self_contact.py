@@ -1,0 +1,87 @@
+"""Walls that touch: beyond an angle the joint has another spring.
+
+    M = −k max(u − u_c, 0),      k = c k₀
+
+per joint, on the side toward which actuation bends it: folds of a bellow or neighbouring chambers that meet (penalty
+contact: Wriggers, Computational Contact Mechanics, 2006). k is stated in stiffnesses at rest k₀. The angle
+u_c is bounded away from zero: contact from the start would be a stiffness.
+"""
+
+from __future__ import annotations
+
+from typing import ClassVar, Literal
+
+from pydantic import Field
+
+from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, EffectParameter, Model, Place
+from pliant.records.design import Array
+from pliant.records.term import LawTerm
+from pliant.units import Angle, Ratio
+from pliant_plugins.effects.scale import rest_stiffness
+
+STIFFENINGS = (0.0, 100.0)
+ANGLES = (0.05, 2.0)
+
+
+class SelfContactConfig(EffectConfig):
+    """c and u_c."""
+
+    kind: Literal["self_contact"] = "self_contact"
+    stiffening: Ratio = Field(
+        default=0.0,
+        ge=STIFFENINGS[0],
+        le=STIFFENINGS[1],
+        description="stiffness of the contact / stiffness at rest",
+    )
+    contact_rad: Angle = Field(
+        default=0.25, ge=ANGLES[0], le=ANGLES[1], description="angle at which walls touch, per joint"
+    )
+
+
+class SelfContact(Effect):
+    """Adds a spring beyond the contact angle."""
+
+    place: ClassVar[Place] = "law"
+    parameters: ClassVar[tuple[EffectParameter, ...]] = (
+        EffectParameter("stiffening", "1", neutral=0.0, bounds=STIFFENINGS, plausible=(0.3, 10.0)),
+        EffectParameter(
+            "contact_rad",
+            "rad",
+            neutral=0.25,
+            bounds=ANGLES,
+            plausible=(0.1, 0.6),
+            role="shape",
+            prior="log_normal",
+        ),
+    )
+    notes: ClassVar[EffectNotes] = EffectNotes(
+        signature=(
+            "the curve of angle over pressure has a kink: below it the model is right, beyond it the "
+            "joint bends too little, at the same angle under any load, up and down alike."
+        ),
+        look_alike="stiffness",
+        told_apart="a stiffness is wrong from the first degree on; contact begins at its angle.",
+        excited_by=(
+            "sweep the pressure slowly to the top of the range, without a load and with loads either way, "
+            "in small steps near the end."
+        ),
+    )
+    config: SelfContactConfig
+
+    def apply(self, model: Model) -> Model:
+        """The model with contact in every joint. Raises `UserError` for a law that is not stiff at rest."""
+        stiffness = self.config.stiffening * rest_stiffness(model.chain)
+        return model.with_term(LawTerm("moment", _moment, (stiffness, self.config.contact_rad)))
+
+
+def _moment(
+    angle: float,
+    rate: float,
+    dt_s: float,
+    actuation: float,
+    temperature_c: float,
+    old: Array,
+    new: Array,
+    parameters: Array,
+) -> float:
+    return -parameters[0] * max(angle - parameters[1], 0.0)

@@ -1,0 +1,70 @@
+"""A stiffness that changes with the temperature.
+
+    E'(u) = (1 − c (T − T_ref)) E(u),      T_ref = 22 °C
+
+to first order about the temperature of the model, never below a twentieth. Silicones and thermoplastic
+elastomers soften by some tenths of a percent per kelvin; in an ideal rubber elasticity is entropic and stiffens
+as the absolute temperature, c = −1/T (Treloar, The Physics of Rubber Elasticity, 1975).
+"""
+
+from __future__ import annotations
+
+from typing import ClassVar, Literal
+
+from pydantic import Field
+
+from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, EffectParameter, Model, Place
+from pliant.records.design import Array
+from pliant.records.history import REFERENCE_TEMPERATURE_C
+from pliant.records.term import LawTerm
+
+BOUNDS = (-0.03, 0.03)
+LEAST_FACTOR = 0.05
+
+
+class ThermalSofteningConfig(EffectConfig):
+    """c, loss of stiffness per kelvin."""
+
+    kind: Literal["thermal_softening"] = "thermal_softening"
+    loss_per_k: float = Field(
+        default=0.0, ge=BOUNDS[0], le=BOUNDS[1], description="share of the stiffness lost per kelvin, 1/K"
+    )
+
+
+class ThermalSoftening(Effect):
+    """Scales the elastic part with the temperature of the run."""
+
+    place: ClassVar[Place] = "law"
+    parameters: ClassVar[tuple[EffectParameter, ...]] = (
+        EffectParameter("loss_per_k", "K^-1", neutral=0.0, bounds=BOUNDS, plausible=(-0.003, 0.01)),
+    )
+    notes: ClassVar[EffectNotes] = EffectNotes(
+        signature=(
+            "runs at another temperature are off as by another stiffness, in proportion to the "
+            "difference; all else is alike."
+        ),
+        look_alike="stiffness",
+        told_apart="a stiffness is off by the same factor at every temperature.",
+        excited_by=(
+            "repeat one loaded run at three temperatures at least ten kelvin apart, and write temperature_c."
+        ),
+    )
+    config: ThermalSofteningConfig
+
+    def apply(self, model: Model) -> Model:
+        """The model with one more factor on the elastic part."""
+        return model.with_term(LawTerm("elastic", _factor, (self.config.loss_per_k,)))
+
+
+def _factor(
+    angle: float,
+    rate: float,
+    dt_s: float,
+    actuation: float,
+    temperature_c: float,
+    old: Array,
+    new: Array,
+    parameters: Array,
+) -> float:
+    warmer = temperature_c - REFERENCE_TEMPERATURE_C
+    return max(1.0 - parameters[0] * warmer, LEAST_FACTOR)

@@ -1,0 +1,98 @@
+"""Stress that relaxes: a Maxwell branch beside the elastic law.
+
+    M = −g k₀ h,      dh/dt = du/dt − h / T
+
+per joint: the standard linear solid, one term of a Prony series (Simo & Hughes, Computational Inelasticity, 1998,
+ch. 10; several branches are several entries of `effects`). The model's law is the slow, relaxed one; at once the
+joint is stiffer by the share g of its stiffness at rest k₀, and after a step of angle the surplus fades as
+e^(−t/T). Over a step Δt in which the angle moves evenly by Δu the solution is exact (Taylor, Pister & Goudreau,
+Int. J. Numer. Meth. Eng. 2, 1970):
+
+    h' = e^(−Δt/T) h + (1 − e^(−Δt/T)) T/Δt Δu
+
+A state that is reached slowly has h = 0. T is bounded away from the sampling step, where the branch would be a
+dashpot, and from infinity, where it would be a spring.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import ClassVar, Literal
+
+from pydantic import Field
+
+from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, EffectParameter, Model, Place
+from pliant.records.design import Array
+from pliant.records.term import LawTerm
+from pliant.units import Ratio, Time
+from pliant_plugins.effects.scale import rest_stiffness
+
+SHARES = (0.0, 5.0)
+TIMES = (1.0, 1000.0)
+
+
+class ViscoelasticConfig(EffectConfig):
+    """g and T of one branch."""
+
+    kind: Literal["viscoelastic"] = "viscoelastic"
+    share: Ratio = Field(
+        default=0.0, ge=SHARES[0], le=SHARES[1], description="stiffness that relaxes / stiffness at rest"
+    )
+    time_s: Time = Field(
+        default=20.0, ge=TIMES[0], le=TIMES[1], description="time constant in which it relaxes"
+    )
+
+
+class Viscoelastic(Effect):
+    """Adds a relaxing branch to every joint."""
+
+    place: ClassVar[Place] = "law"
+    parameters: ClassVar[tuple[EffectParameter, ...]] = (
+        EffectParameter("share", "1", neutral=0.0, bounds=SHARES, plausible=(0.05, 0.5)),
+        EffectParameter(
+            "time_s",
+            "s",
+            neutral=20.0,
+            bounds=TIMES,
+            plausible=(3.0, 200.0),
+            role="shape",
+            prior="log_normal",
+        ),
+    )
+    notes: ClassVar[EffectNotes] = EffectNotes(
+        signature=(
+            "the angle goes on creeping for seconds to minutes while the pressure is held, and comes back "
+            "as slowly after venting; fast runs look stiffer than slow ones."
+        ),
+        look_alike="viscous_damping",
+        told_apart=(
+            "a dashpot has forgotten within a second of a hold; a relaxing branch still drifts after many."
+        ),
+        excited_by="raise the pressure quickly, hold it for several minutes, vent and keep recording.",
+    )
+    config: ViscoelasticConfig
+
+    def apply(self, model: Model) -> Model:
+        """The model with one more branch. Raises `UserError` for a law that is not stiff at rest."""
+        stiffness = self.config.share * rest_stiffness(model.chain)
+        parameters = (stiffness, self.config.time_s)
+        return model.with_term(LawTerm("moment", _moment, parameters, n_states=1, needs_time=True))
+
+
+def _moment(
+    angle: float,
+    rate: float,
+    dt_s: float,
+    actuation: float,
+    temperature_c: float,
+    old: Array,
+    new: Array,
+    parameters: Array,
+) -> float:
+    if math.isinf(dt_s):
+        new[0] = 0.0
+        return 0.0
+    steps = dt_s / parameters[1]
+    mean_decay = -math.expm1(-steps) / steps if steps > 1e-12 else 1.0
+    new[0] = math.exp(-steps) * old[0] + mean_decay * rate * dt_s
+    return -parameters[0] * new[0]

@@ -1,0 +1,73 @@
+"""A moment against the motion, in proportion to its rate.
+
+    M = −c du/dt,      c = T k₀
+
+per joint: the dashpot of a Kelvin–Voigt solid (Findley, Lai & Onaran, Creep and Relaxation of Nonlinear
+Viscoelastic Materials, 1976). T is its retardation time: let go, a joint of stiffness k₀ returns as
+e^(−t/T). k₀ is the stiffness of the model's law at rest, so that T means the same for joints of any size.
+"""
+
+from __future__ import annotations
+
+from typing import ClassVar, Literal
+
+from pydantic import Field
+
+from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, EffectParameter, Model, Place
+from pliant.records.design import Array
+from pliant.records.term import LawTerm
+from pliant.units import Time
+from pliant_plugins.effects.scale import rest_stiffness
+
+BOUNDS = (0.0, 60.0)
+
+
+class ViscousDampingConfig(EffectConfig):
+    """T, retardation time: damping / stiffness at rest."""
+
+    kind: Literal["viscous_damping"] = "viscous_damping"
+    time_s: Time = Field(
+        default=0.0, ge=BOUNDS[0], le=BOUNDS[1], description="retardation time, damping / stiffness at rest"
+    )
+
+
+class ViscousDamping(Effect):
+    """Adds a dashpot to every joint."""
+
+    place: ClassVar[Place] = "law"
+    parameters: ClassVar[tuple[EffectParameter, ...]] = (
+        EffectParameter("time_s", "s", neutral=0.0, bounds=BOUNDS, plausible=(0.02, 1.0)),
+    )
+    notes: ClassVar[EffectNotes] = EffectNotes(
+        signature=(
+            "a loop between up and down whose width is proportional to the rate; within a second or so of "
+            "a hold the angle stands where the slow run had it."
+        ),
+        look_alike="supply_lag",
+        told_apart=(
+            "change the load at constant pressure: a dashpot delays that motion too, a slow supply does not."
+        ),
+        excited_by=(
+            "run the same triangle at three rates a factor of three apart, and step a load at constant "
+            "pressure."
+        ),
+    )
+    config: ViscousDampingConfig
+
+    def apply(self, model: Model) -> Model:
+        """The model with a dashpot in every joint. Raises `UserError` for a law that is not stiff at rest."""
+        damping = self.config.time_s * rest_stiffness(model.chain)
+        return model.with_term(LawTerm("moment", _moment, (damping,), needs_time=True))
+
+
+def _moment(
+    angle: float,
+    rate: float,
+    dt_s: float,
+    actuation: float,
+    temperature_c: float,
+    old: Array,
+    new: Array,
+    parameters: Array,
+) -> float:
+    return -parameters[0] * rate
