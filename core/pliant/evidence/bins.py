@@ -1,0 +1,149 @@
+"""Bins: a covariate cut into a handful of places that have a name."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pliant.evidence.covariates import Covariate
+from pliant.evidence.words import Shown, number
+from pliant.records.design import Array
+
+Codes = NDArray[np.int64]
+MOST_LEVELS = 8  # a covariate with so many values or fewer has a bin for each
+N_BINS = 5
+LEVEL_WIDTH = 0.02  # of the range: values closer than this are one level…
+LEVEL_RATIO = 1.3  # …unless one is so many times the other
+PAIRS = (
+    ("direction", "pressure"),
+    ("direction", "rate"),
+    ("direction", "moment_direction"),
+    ("moment_direction", "pressure"),
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Bins:
+    """A covariate cut into bins; every sample is in exactly one.
+
+    Attributes:
+        name: the covariate's, or two joined by " × ".
+        shown: the covariate in words.
+        words: each bin in words.
+        codes: per run (t,) the bin of each sample.
+        centres: where each bin stands on the covariate's axis (SI); NaN for categories and the rest.
+    """
+
+    name: str
+    shown: Shown
+    words: tuple[str, ...]
+    codes: tuple[Codes, ...]
+    centres: tuple[float, ...]
+
+    def __len__(self) -> int:
+        return len(self.words)
+
+
+def binned(covariate: Covariate) -> Bins:
+    """The covariate in bins: one per category or level; else about as many samples in each of `N_BINS`."""
+    values = np.concatenate(covariate.values)
+    if not covariate.numeric:
+        found, words, centres = values, list(covariate.categories), [np.nan] * len(covariate.categories)
+    else:
+        found, words, centres = _numeric(covariate, values)
+    codes = np.where(np.isfinite(found), found, len(words)).astype(np.int64)
+    words.append(covariate.rest)
+    centres.append(np.nan)
+    return _without_empty(covariate, codes, words, centres)
+
+
+def crossed(first: Bins, second: Bins) -> Bins:
+    """Every combination that occurs of a bin of `first` and one of `second`."""
+    size = len(second)
+    codes = np.concatenate([a * size + b for a, b in zip(first.codes, second.codes, strict=True)])
+    words = [f"{a}, {b}" for a in first.words for b in second.words]
+    used, codes = np.unique(codes, return_inverse=True)
+    return Bins(
+        f"{first.name} × {second.name}",
+        Shown(f"{first.shown.label} × {second.shown.label}"),
+        tuple(words[k] for k in used),
+        _by_run(codes, first.codes),
+        (np.nan,) * len(used),
+    )
+
+
+def _numeric(covariate: Covariate, values: Array) -> tuple[Array, list[str], list[float]]:
+    there = values[np.isfinite(values)]
+    levels = _levels(there)
+    if levels is not None:
+        edges, centres = (levels[1:] + levels[:-1]) / 2, levels.tolist()
+        words = [_level_words(covariate.shown, value) for value in centres]
+    else:
+        edges = _edges(there, covariate.shown.factor)
+        place = np.searchsorted(edges, there, side="right")
+        inside = [there[place == k] for k in range(len(edges) + 1)]
+        centres = [float(np.median(v)) if len(v) else np.nan for v in inside]
+        narrow = [len(v) > 0 and np.ptp(v) <= LEVEL_WIDTH * np.ptp(there) / 4 for v in inside]
+        words = [
+            _level_words(covariate.shown, centre) if level else text
+            for text, centre, level in zip(_range_words(covariate.shown, edges), centres, narrow, strict=True)
+        ]
+    found = np.where(np.isfinite(values), np.searchsorted(edges, values, side="right"), np.nan)
+    return found, words, centres
+
+
+def _levels(there: Array) -> Array | None:
+    """The levels that the values stand at; None where they are spread or more than `MOST_LEVELS`.
+
+    A level ends where the next value is farther than `LEVEL_WIDTH` of the range, or by `LEVEL_RATIO`.
+    """
+    unique = np.unique(there)
+    width = LEVEL_WIDTH * np.ptp(unique)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        apart = (np.diff(unique) > width) | ((unique[:-1] > 0) & (unique[1:] / unique[:-1] > LEVEL_RATIO))
+    groups = np.split(unique, np.flatnonzero(apart) + 1)
+    if len(groups) > MOST_LEVELS or any(np.ptp(group) > 2 * width for group in groups):
+        return None
+    return np.array([np.median(there[(there >= g[0]) & (there <= g[-1])]) for g in groups])
+
+
+def _edges(there: Array, factor: float) -> Array:
+    """Inner edges near the quantiles, at numbers that people would choose."""
+    edges = np.quantile(there, np.arange(1, N_BINS) / N_BINS)
+    shown = edges * factor
+    step = 10.0 ** np.floor(np.log10(max(np.ptp(there) * factor, 1e-300))) / 10
+    fine = np.maximum(10.0 ** np.floor(np.log10(np.maximum(np.abs(shown), 1e-300))) / 2, 1e-12)
+    step = np.minimum(step, fine)
+    rounded = np.unique(np.round(shown / step) * step) / factor
+    inside = rounded[(rounded > there.min()) & (rounded <= there.max())]
+    return inside if len(inside) else np.array([np.median(there)])
+
+
+def _level_words(shown: Shown, value: float) -> str:
+    text = shown.text(value)
+    return f"{shown.label} {text}"
+
+
+def _range_words(shown: Shown, edges: Array) -> list[str]:
+    unit = "°" if shown.unit == "°" else f" {shown.unit}".rstrip()
+    at = [number(edge * shown.factor) for edge in edges]
+    first, last = f"{shown.label} below {at[0]}{unit}", f"{shown.label} above {at[-1]}{unit}"
+    return [first, *(f"{shown.label} {a} to {b}{unit}" for a, b in pairwise(at)), last]
+
+
+def _without_empty(covariate: Covariate, codes: Codes, words: list[str], centres: list[float]) -> Bins:
+    used, codes = np.unique(codes, return_inverse=True)
+    return Bins(
+        covariate.name,
+        covariate.shown,
+        tuple(words[k] for k in used),
+        _by_run(codes, covariate.values),
+        tuple(float(centres[k]) for k in used),
+    )
+
+
+def _by_run(codes: Codes, like: tuple[Array, ...] | tuple[Codes, ...]) -> tuple[Codes, ...]:
+    return tuple(np.split(codes, np.cumsum([len(v) for v in like])[:-1]))

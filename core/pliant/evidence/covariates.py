@@ -1,0 +1,221 @@
+"""Covariates: the circumstances of each sample that a model's error may depend on."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pliant.evidence.phases import Phases, phases
+from pliant.evidence.words import Shown, shown
+from pliant.records.design import Array
+from pliant.records.measurement import MeasuredRun, Measurement
+
+VARIES = 1e-6  # relative: smaller spreads are rounding
+ALONG_CHAIN = re.compile(r"(joint|marker)_(\d+)_(.+)")
+
+
+@dataclass(frozen=True, eq=False)
+class Covariate:
+    """One circumstance, sample by sample.
+
+    Attributes:
+        name: for programs, SI unit at its end.
+        shown: for people.
+        values: per run (t,): numbers in SI, or indices into `categories`; NaN where it has no value.
+        categories: in words, for a covariate without an order; empty for a numeric one.
+        rest: what a sample is called that has no value, such as "holding" for a rate.
+    """
+
+    name: str
+    shown: Shown
+    values: tuple[Array, ...]
+    categories: tuple[str, ...] = ()
+    rest: str = "not given"
+
+    @property
+    def numeric(self) -> bool:
+        return not self.categories
+
+    @property
+    def constant_in_runs(self) -> bool:
+        """Whether it only changes from run to run."""
+        return all(len(np.unique(v)) <= 1 for v in self.values)
+
+
+@dataclass(frozen=True, eq=False)
+class Covariates:
+    """The covariates of a measurement that vary, and each output's number along the chain where it has one."""
+
+    items: tuple[Covariate, ...]
+    position: Mapping[str, int]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return tuple(item.name for item in self.items)
+
+    def __getitem__(self, name: str) -> Covariate:
+        return next(item for item in self.items if item.name == name)
+
+
+def covariates(
+    measurement: Measurement, predicted: Sequence[Mapping[str, Array]] | None = None
+) -> Covariates:
+    """Every circumstance of the measurement that varies.
+
+    Args:
+        measurement: runs in the order in which they were done.
+        predicted: per run the model's outputs; adds the bend that the model expects.
+
+    Returns:
+        pressure (or tension) of each input, direction of its change, rate, time in hold, cycle, largest past
+        level of the specimen, moment, tip force, payload, temperature, orientation, specimen, time in the run,
+        run number, predicted bend; those that are the same everywhere are left out.
+    """
+    made = (
+        *_actuation(measurement),
+        *_loads(measurement),
+        *_conditions(measurement),
+        *_bend(measurement, predicted),
+    )
+    return Covariates(tuple(item for item in made if _varies(item)), positions(measurement.outputs))
+
+
+def positions(outputs: Sequence[str]) -> dict[str, int]:
+    """Number along the chain of outputs such as ``joint_3_angle_rad`` or ``marker_2_x_m``."""
+    found = ((name, ALONG_CHAIN.fullmatch(name)) for name in outputs)
+    return {name: int(match[2]) for name, match in found if match}
+
+
+def _actuation(measurement: Measurement) -> Iterator[Covariate]:
+    runs = measurement.runs
+    names = list(dict.fromkeys(name for run in runs for name in run.history.actuation))
+    levels = {name: [_actuation_of(run, name) for run in runs] for name in names}
+    for name in names:
+        yield Covariate(name, _input_words(name, len(names)), tuple(levels[name]))
+    if not names:
+        return
+    moving = [name for name in names if any(np.ptp(v) > 0 for v in levels[name] if len(v))]
+    lead = (moving or names)[0]
+    label, unit = shown(lead).label, lead.rsplit("_", 1)[-1]
+    found = [phases(v, run.history.time_s) for v, run in zip(levels[lead], runs, strict=True)]
+    yield Covariate(
+        "direction", Shown(f"direction of {label} change"), tuple(f.direction + 1 for f in found),
+        (f"falling {label}", f"held {label}", f"rising {label}"),
+    )  # fmt: skip
+    if all(run.history.time_s is not None for run in runs):
+        yield from _rates(found, lead, label, unit)
+    yield Covariate(
+        f"past_{lead}", Shown(f"largest {label} so far", shown(lead).unit, shown(lead).factor),
+        tuple(_largest_so_far(runs, levels[lead])),
+    )  # fmt: skip
+
+
+def _rates(found: Sequence[Phases], lead: str, label: str, unit: str) -> Iterator[Covariate]:
+    words = shown(f"{lead}_s")
+    yield Covariate(
+        f"rate_{unit}_s", Shown(f"{label} rate", words.unit, words.factor),
+        tuple(f.rate for f in found), rest=f"held {label}",
+    )  # fmt: skip
+    yield Covariate(
+        "hold_s", Shown("time in hold", "s"), tuple(f.hold_s for f in found), rest=f"{label} in motion"
+    )
+
+
+def _loads(measurement: Measurement) -> Iterator[Covariate]:
+    runs = measurement.runs
+    moment = [run.history.moment_n_m for run in runs]
+    yield Covariate("moment_n_m", Shown("moment", "mN·m", 1e3), tuple(moment))
+    if any((m < 0).any() for m in moment):
+        yield Covariate(
+            "moment_direction", Shown("direction of the moment"), tuple(np.sign(m) + 1 for m in moment),
+            ("moment that helps", "no moment", "moment that opposes"),
+        )  # fmt: skip
+    force = [run.history.tip_force_n for run in runs]
+    yield Covariate("tip_force_n", Shown("tip force", "N"), tuple(np.linalg.norm(f, axis=1) for f in force))
+    words = tuple(f"tip force toward {sign}{axis}" for axis in "xyz" for sign in "−+")
+    toward = tuple(_main_axis(f) for f in force)
+    if len(np.unique(np.concatenate(toward))) > 2:
+        yield Covariate(
+            "tip_force_direction", Shown("direction of the tip force"), toward, (*words, "no tip force")
+        )
+    payload = [run.history.payload_kg for run in runs]
+    yield Covariate(
+        "payload_kg", Shown("payload", "g", 1e3),
+        tuple(np.full(len(run), np.nan) if p is None else p for p, run in zip(payload, runs, strict=True)),
+        rest="no payload stated",
+    )  # fmt: skip
+
+
+def _conditions(measurement: Measurement) -> Iterator[Covariate]:
+    runs = measurement.runs
+    yield Covariate("temperature_c", Shown("temperature", "°C"), tuple(r.history.temperature_c for r in runs))
+    for column, name in enumerate(("roll", "pitch", "yaw")):
+        angles = tuple(r.history.base_angles_rad[:, column] for r in runs)
+        yield Covariate(f"base_{name}_rad", Shown(f"base {name}", "°", 180 / np.pi), angles)
+    yield Covariate("cycle", Shown("cycle"), tuple(np.asarray(r.cycle, float) for r in runs))
+    names = list(dict.fromkeys(r.history.specimen for r in runs))
+    yield Covariate(
+        "specimen", Shown("specimen"), tuple(np.full(len(r), float(names.index(r.history.specimen))) for r in runs),
+        tuple(f"specimen {name}" if name else "no specimen named" for name in names),
+    )  # fmt: skip
+    if all(r.history.time_s is not None for r in runs):
+        yield Covariate("clock_s", Shown("time in the run", "s"), tuple(_clock(r) for r in runs))
+    yield Covariate(
+        "run_number", Shown("run number"), tuple(np.full(len(r), k + 1.0) for k, r in enumerate(runs))
+    )
+
+
+def _bend(measurement: Measurement, predicted: Sequence[Mapping[str, Array]] | None) -> Iterator[Covariate]:
+    if not predicted or not all(predicted):
+        return
+    joints = [name for name in predicted[0] if re.fullmatch(r"joint_\d+_angle_rad", name)]
+    names = ["angle_rad"] if "angle_rad" in predicted[0] else joints
+    if names and all(name in run for run in predicted for name in names):
+        total = tuple(np.sum([run[name] for name in names], axis=0) for run in predicted)
+        yield Covariate("predicted_angle_rad", Shown("predicted bend", "°", 180 / np.pi), total)
+
+
+def _actuation_of(run: MeasuredRun, name: str) -> Array:
+    return np.asarray(run.history.actuation.get(name, np.full(len(run), np.nan)), float)
+
+
+def _input_words(name: str, count: int) -> Shown:
+    words = shown(name)
+    return words if count > 1 else Shown(re.sub(r" \d+$", "", words.label), words.unit, words.factor)
+
+
+def _largest_so_far(runs: Sequence[MeasuredRun], levels: Sequence[Array]) -> Iterator[Array]:
+    """The largest level that the specimen has seen, the present one included."""
+    seen: dict[str, float] = {}
+    for run, level in zip(runs, levels, strict=True):
+        before = seen.get(run.history.specimen, -np.inf)
+        past = np.fmax.accumulate(np.fmax(level, before)) if len(level) else level
+        if len(past):
+            seen[run.history.specimen] = float(past[-1])
+        yield past
+
+
+def _main_axis(force: Array) -> Array:
+    """Index into −x, +x, −y, +y, −z, +z, none."""
+    axis = np.argmax(np.abs(force), axis=1)
+    value = np.take_along_axis(force, axis[:, None], axis=1)[:, 0]
+    return np.where(value == 0, 6, 2 * axis + (value > 0)).astype(float)
+
+
+def _clock(run: MeasuredRun) -> Array:
+    time = np.asarray(run.history.time_s, float)
+    return np.asarray(time - time[:1])
+
+
+def _varies(item: Covariate) -> bool:
+    values = np.concatenate(item.values) if item.values else np.zeros(0)
+    there = values[np.isfinite(values)]
+    if len(there) < 1:
+        return False
+    if len(there) < len(values) and np.isfinite(there).any():
+        return True  # some samples have it and some do not
+    scale = max(float(np.abs(there).max()), 1e-300)
+    return bool(np.ptp(there) > VARIES * scale)

@@ -1,0 +1,103 @@
+"""A comparison in one or two plain sentences."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pliant.evidence.comparison import Comparison
+from pliant.evidence.places import Place
+from pliant.evidence.words import listed, number, percent, shown
+
+NEAR = 1.2  # times the floor: nothing to explain when no place stands out
+LIFT = 1.25  # a narrower place is named when its error is denser by so much…
+KEPT = 0.8  # …and it keeps so much of the error
+
+
+def interpret(comparison: Comparison) -> str:
+    """Whether the model is wrong beyond the noise, and where most."""
+    if not comparison.judged:
+        why = f"Whether that is noise cannot be judged, because {_missing(comparison)}."
+        return f"{_size(comparison)}. {why}{_mostly(comparison)}"
+    ratio = comparison.rmse_over_floor
+    if not comparison.significant:
+        if ratio < NEAR:
+            return (
+                f"Within the noise: the error is {number(ratio, 2)} times the noise floor and no condition stands out. "
+                "Nothing to explain here."
+            )
+        return (
+            f"The error is {number(ratio, 2)} times the noise, but no condition stands out among "
+            f"{comparison.n_places} looked at: the floor may be too low, or the runs too few to tell."
+        )
+    start = (
+        f"The model is off by {number(ratio, 2)} times the noise"
+        if ratio >= NEAR
+        else f"The error is {number(ratio, 2)} times the noise, so little is left to explain, yet it is no pure noise"
+    )
+    where = headline(comparison)
+    if where is None:
+        return f"{start}; the error is spread over all conditions alike{_bias(comparison)}."
+    return f"{start}; {_share(where)}. {_direction(where)}"
+
+
+def headline(comparison: Comparison) -> Place | None:
+    """The place to look at first: the worst, or a narrower one inside it where the error is clearly denser."""
+    significant = [place for place in comparison.worst if place.significant]
+    if not significant:
+        return None
+    top = significant[0]
+    narrower = [
+        place
+        for place in significant[1:]
+        if top.condition in place.condition
+        and place.share_of_error >= KEPT * top.share_of_error
+        and place.rms_over_floor**2 >= LIFT * top.rms_over_floor**2
+    ]
+    return narrower[0] if narrower else top
+
+
+def _size(comparison: Comparison) -> str:
+    texts = [
+        f"{shown(name).text(error.rmse, 2)} in {shown(name).label}"
+        for name, error in comparison.outputs.items()
+    ]
+    more = f" and {len(texts) - 3} more" if len(texts) > 3 else ""
+    return f"The error is {', '.join(texts[:3])} (root mean square){more}"
+
+
+def _missing(comparison: Comparison) -> str:
+    without = [
+        shown(n).label for n, error in comparison.outputs.items() if not np.isfinite(error.noise_floor)
+    ]
+    which = "" if len(without) == len(comparison.outputs) else f" for {listed(without)}"
+    return f"no run was repeated and no sigma is stated{which}"
+
+
+def _mostly(comparison: Comparison) -> str:
+    place = comparison.worst[0] if comparison.worst else None
+    return f" Most of it: {_share(place)}." if place else ""
+
+
+def _share(place: Place) -> str:
+    return (
+        f"{percent(place.share_of_error)} of the squared error is at {place.condition} "
+        f"({percent(place.share_of_samples)} of the readings)"
+    )
+
+
+def _direction(place: Place) -> str:
+    mean = place.outputs[place.output].mean
+    words = shown(place.output)
+    side = "above" if mean > 0 else "below"
+    return f"There the measured {words.label} lies {words.text(abs(mean), 2)} {side} the model on average."
+
+
+def _bias(comparison: Comparison) -> str:
+    name = max(
+        comparison.outputs, key=lambda n: abs(comparison.outputs[n].bias) / comparison.outputs[n].noise.total
+    )
+    error, words = comparison.outputs[name], shown(name)
+    if abs(error.bias) < 0.5 * error.rmse:
+        return ""
+    side = "above" if error.bias > 0 else "below"
+    return f": the measured {words.label} lies {words.text(abs(error.bias), 2)} {side} the model on average"

@@ -1,0 +1,183 @@
+"""Where the error is: every bin of every covariate, with its share of the squared error and its significance."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import t as student_t
+
+from pliant.evidence.bins import PAIRS, Bins, binned, crossed
+from pliant.evidence.covariates import Covariates
+from pliant.evidence.significance import LARGEST_Z, BinMeans, Noise, bin_means, significant
+from pliant.records.design import Array
+
+Residuals = Sequence[
+    Mapping[str, Array]
+]  # per run, measured − predicted by output, NaN where nothing was read
+LEVEL = 0.05  # false discovery rate
+MOST_PAIR_BINS = 40
+LISTED = 8
+NOTABLE = 0.02  # more of the error than of the readings, before a place is called bad
+
+
+@dataclass(frozen=True)
+class PlaceOutput:
+    """One output in one place, SI: `mean` is measured − predicted, `interval` its 95 % interval under noise."""
+
+    n: int
+    n_effective: float
+    mean: float
+    interval: tuple[float, float]
+    rms: float
+    z: float
+    p: float
+    significant: bool
+
+
+@dataclass(frozen=True)
+class Place:
+    """One bin of one covariate, over all outputs.
+
+    Attributes:
+        covariate, condition: its name, and the bin in words.
+        centre: where it stands on the covariate's axis (SI); NaN for categories.
+        share_of_error: of the squared error in units of the floor; those of one covariate sum to 1.
+        share_of_samples: likewise of the readings.
+        rms_over_floor: root mean square error in units of the floor.
+        z: mean error over its standard error, for the output where it is largest.
+        output: that output.
+        significant: whether any output's mean error stands after correction for all places.
+        outputs: see `PlaceOutput`.
+    """
+
+    covariate: str
+    condition: str
+    centre: float
+    share_of_error: float
+    share_of_samples: float
+    rms_over_floor: float
+    z: float
+    output: str
+    significant: bool
+    outputs: Mapping[str, PlaceOutput]
+
+    @property
+    def excess(self) -> float:
+        """How much more of the error than of the readings lies here."""
+        return self.share_of_error - self.share_of_samples
+
+
+@dataclass(frozen=True, eq=False)
+class _Counted:
+    """A covariate's bins with their sums, before the correction for many places."""
+
+    bins: Bins
+    means: Mapping[str, BinMeans]
+    squares: Mapping[str, Array]
+
+
+def find_places(residuals: Residuals, found: Covariates, noise: Mapping[str, Noise]) -> tuple[Place, ...]:
+    """Every bin of every covariate and of some pairs; significance controls the false discovery rate over all.
+
+    Args:
+        residuals: see `Residuals`.
+        found: the covariates of the same runs.
+        noise: per output; its `total` is the unit in which errors of different outputs are added.
+    """
+    counted = [_count(bins, residuals, noise) for bins in all_bins(found)]
+    p = [m.p[k] for c in counted for m in c.means.values() for k in range(len(c.bins)) if m.n[k]]
+    accepted = iter(significant(np.array(p), LEVEL).tolist())
+    total = sum((s / noise[o].total ** 2).sum() for o, s in counted[0].squares.items()) if counted else 0.0
+    places: list[Place] = []
+    for one in counted:
+        flags = {
+            o: [next(accepted) if m.n[k] else False for k in range(len(one.bins))]
+            for o, m in one.means.items()
+        }
+        places += _places_of(one, flags, noise, total)
+    return tuple(places)
+
+
+def all_bins(found: Covariates) -> list[Bins]:
+    """Bins of every covariate, then of the pairs in `PAIRS` that are not too many."""
+    singles = [bins for bins in map(binned, found.items) if len(bins) > 1]
+    pairs = [crossed(a, b) for a, b in _pairs(singles)]
+    return singles + [pair for pair in pairs if 2 < len(pair) <= MOST_PAIR_BINS]
+
+
+def worst_places(places: Sequence[Place], count: int = LISTED) -> tuple[Place, ...]:
+    """Places that hold more of the error than of the readings: significant ones first, then by that excess.
+
+    Of places that hold the same readings only the first is listed.
+    """
+    seen: set[tuple[float, ...]] = set()
+    different = []
+    for place in places:
+        print_ = (round(place.share_of_error, 12), round(place.share_of_samples, 12), round(place.z, 9))
+        if print_ not in seen and place.excess > NOTABLE:
+            seen.add(print_)
+            different.append(place)
+    return tuple(sorted(different, key=lambda place: (not place.significant, -place.excess))[:count])
+
+
+def _pairs(singles: Sequence[Bins]) -> Iterator[tuple[Bins, Bins]]:
+    for first, second in PAIRS:
+        a = [bins for bins in singles if bins.name.startswith(first)]
+        b = [bins for bins in singles if bins.name.startswith(second)]
+        if a and b:
+            yield a[0], b[0]
+
+
+def _count(bins: Bins, residuals: Residuals, noise: Mapping[str, Noise]) -> _Counted:
+    means: dict[str, BinMeans] = {}
+    squares: dict[str, Array] = {}
+    for output, of_output in noise.items():
+        r = [run[output] for run in residuals]
+        means[output] = bin_means(r, bins.codes, len(bins), of_output)
+        flat, codes = np.concatenate(r), np.concatenate(bins.codes)
+        there = np.isfinite(flat)
+        squares[output] = np.asarray(np.bincount(codes[there], flat[there] ** 2, len(bins)), float)
+    return _Counted(bins, means, squares)
+
+
+def _places_of(
+    one: _Counted, flags: Mapping[str, Sequence[bool]], noise: Mapping[str, Noise], total: float
+) -> Iterator[Place]:
+    readings = sum(float(m.n.sum()) for m in one.means.values())
+    for k, words in enumerate(one.bins.words):
+        outputs = {
+            o: _place_output(m, one.squares[o], k, flags[o][k]) for o, m in one.means.items() if m.n[k]
+        }
+        n = sum(entry.n for entry in outputs.values())
+        if not n:
+            continue
+        error = sum(one.squares[o][k] / noise[o].total ** 2 for o in outputs)
+        loudest = max(outputs, key=lambda o: abs(outputs[o].z) if np.isfinite(outputs[o].z) else -1.0)
+        yield Place(
+            covariate=one.bins.name,
+            condition=words,
+            centre=one.bins.centres[k],
+            share_of_error=error / total if total > 0 else n / readings,
+            share_of_samples=n / readings,
+            rms_over_floor=float(np.sqrt(error / n)),
+            z=outputs[loudest].z,
+            output=loudest,
+            significant=any(entry.significant for entry in outputs.values()),
+            outputs=outputs,
+        )
+
+
+def _place_output(means: BinMeans, squares: Array, k: int, flag: bool) -> PlaceOutput:
+    n, mean, error = int(means.n[k]), float(means.mean[k]), float(means.standard_error[k])
+    reach = float(student_t.ppf(0.975, means.freedom[k])) * error
+    z = (
+        float(means.z[k])
+        if np.isfinite(means.z[k])
+        else (0.0 if mean == 0 else float(np.sign(mean)) * LARGEST_Z)
+    )
+    return PlaceOutput(
+        n, float(means.n_effective[k]), mean, (mean - reach, mean + reach),
+        float(np.sqrt(squares[k] / n)), z, float(means.p[k]), bool(flag),
+    )  # fmt: skip
