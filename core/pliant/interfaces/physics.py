@@ -131,7 +131,7 @@ class PhysicsBackend(ABC):
 
         Returns:
             one `Followed` per history, and for each variation the change that it makes to them to first order
-            (`joint_angles` and `markers_m` are then small differences; `converged` is that of the first).
+            (`joint_angles` are then small differences; `converged` is that of the chain itself).
 
         Raises:
             UserError: a kind of joint that the engine cannot follow.

@@ -160,5 +160,9 @@ def base_rotations(rotation: Array, angles: Array) -> Array:
     """(t, 3, 3) base orientations: `rotation`, then turns about world x, y and z by the rows of `angles`."""
     if not angles.any():
         return np.ascontiguousarray(np.broadcast_to(rotation, (len(angles), 3, 3)))
-    about_x, about_y, about_z = (exp_map(angles[:, [k]] * np.eye(3)[k]) for k in range(3))
-    return np.ascontiguousarray(about_z @ about_y @ about_x @ rotation)
+    (cx, cy, cz), (sx, sy, sz) = np.cos(angles.T), np.sin(angles.T)
+    turns = np.empty((len(angles), 3, 3))
+    turns[:, 0, 0], turns[:, 0, 1], turns[:, 0, 2] = cz * cy, cz * sy * sx - sz * cx, cz * sy * cx + sz * sx
+    turns[:, 1, 0], turns[:, 1, 1], turns[:, 1, 2] = sz * cy, sz * sy * sx + cz * cx, sz * sy * cx - cz * sx
+    turns[:, 2, 0], turns[:, 2, 1], turns[:, 2, 2] = -sy, cy * sx, cy * cx
+    return turns @ rotation

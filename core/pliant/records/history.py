@@ -106,10 +106,8 @@ class Followed:
 
     Attributes:
         joint_angles: (t, n, a) joint coordinates.
-        markers_m: (t, n + 2, 3) base, joints 1…n and tip, world frame.
         converged: (t,) an equilibrium was reached at that sample.
     """
 
     joint_angles: Array
-    markers_m: Array
     converged: Array

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from pliant.interfaces.physics import Variation
-from pliant.mechanics.kinematics import ChainGeometry, base_rotations, trajectory
+from pliant.mechanics.kinematics import base_rotations
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
 from pliant.records.history import Followed, History
@@ -20,7 +20,7 @@ from pliant_plugins.physics.quasistatic.config import QuasistaticConfig
 from pliant_plugins.physics.quasistatic.kernel import follow
 from pliant_plugins.physics.quasistatic.law_table import LawTable, tabulate
 from pliant_plugins.physics.quasistatic.packing import Body, Clock, Drive, Terms
-from pliant_plugins.physics.quasistatic.stepping import Paths, difference
+from pliant_plugins.physics.quasistatic.stepping import Paths
 
 # Tables reach this much beyond the actuation that occurs, so that fits may scale and shift it.
 MARGIN = 0.5
@@ -42,15 +42,13 @@ class HingeFollower:
         q, dq, converged = self._run(
             chain, drive, clock, [towards[k].chain for k in linear], [changes[k] for k in linear]
         )
-        paths = _followed(chain, histories, drive, q, converged)
+        paths = _split(histories, q, converged)
         differences: dict[int, tuple[Followed, ...]] = {}
         for row, k in enumerate(linear):
-            moved = _followed(chain, histories, drive, q + dq[row], converged)
-            differences[k] = difference(moved, paths)
+            differences[k] = _split(histories, dq[row], converged)
         for k in set(range(len(towards))) - set(linear):
             there, _, _ = self._run(towards[k].chain, changes[k], clock, [], [])
-            moved = _followed(towards[k].chain, towards[k].histories, changes[k], there, converged)
-            differences[k] = difference(moved, paths)
+            differences[k] = _split(histories, there - q, converged)
         return paths, tuple(differences[k] for k in range(len(towards)))
 
     def _run(
@@ -68,43 +66,40 @@ class HingeFollower:
         def stack(rows: list[Array], *shape: int) -> Array:
             return np.ascontiguousarray(np.array(rows, float).reshape(len(rows), *shape))
 
+        parameters = [Terms.of(c.terms, self.compiled).parameters for c in towards]
         result: tuple[Array, Array, Any] = follow(
-            terms.functions,
-            terms.rows,
+            (
+                terms.functions,
+                terms.rows,
+                terms.parameters,
+                np.stack([table.cells for table in tables]),
+                np.stack([table.grid for table in tables]),
+                np.array([actuator.sign for actuator in chain.actuators], float),
+            ),
             terms.keeps,
-            terms.parameters,
-            np.stack([table.cells for table in tables]),
-            np.stack([table.grid for table in tables]),
             np.array([joint.law for joint in chain.joints]),
-            np.array([actuator.sign for actuator in chain.actuators], float),
-            body.position,
-            base_rotations(body.rotation, drive.angles),
-            body.offsets,
-            body.rests,
-            body.axis,
-            body.arms,
-            body.masses,
+            (
+                body.position,
+                base_rotations(body.rotation, drive.angles),
+                body.offsets,
+                body.rests,
+                body.axis,
+                body.arms,
+                body.masses,
+            ),
             np.asarray(chain.gravity_m_s2, float),
-            drive.pressure,
-            drive.force,
-            drive.moment,
-            drive.payload,
-            drive.temperature,
-            clock.duration,
-            clock.start,
-            clock.specimen,
-            clock.n_specimens,
-            clock.substeps,
-            stack([Terms.of(c.terms, self.compiled).parameters for c in towards], len(terms.parameters)),
-            stack([np.asarray(c.gravity_m_s2, float) for c in towards], 3),
-            stack([d.pressure for d in changes], n, m),
-            stack([d.force for d in changes], n, 3),
-            stack([d.moment for d in changes], n),
-            stack([d.payload for d in changes], n),
-            stack([d.temperature for d in changes], n),
-            self.config.tolerance,
-            self.config.max_iterations,
-            self.config.max_turn,
+            (drive.pressure, drive.force, drive.moment, drive.payload, drive.temperature),
+            (clock.duration, clock.start, clock.specimen, clock.n_specimens, clock.substeps),
+            (
+                stack(parameters, len(terms.parameters)),
+                stack([np.asarray(c.gravity_m_s2, float) for c in towards], 3),
+                stack([d.pressure for d in changes], n, m),
+                stack([d.force for d in changes], n, 3),
+                stack([d.moment for d in changes], n),
+                stack([d.payload for d in changes], n),
+                stack([d.temperature for d in changes], n),
+            ),
+            (self.config.tolerance, self.config.max_iterations, self.config.max_turn),
         )
         return result
 
@@ -134,14 +129,7 @@ def _same_body(chain: ChainModel, other: ChainModel, drive: Drive, change: Drive
     )
 
 
-def _followed(
-    chain: ChainModel, histories: Sequence[History], drive: Drive, q: Array, converged: Any
-) -> tuple[Followed, ...]:
-    markers = trajectory(
-        ChainGeometry.of(chain), q[:, :, None], base_rotations(chain.base_rotation, drive.angles)
-    )
+def _split(histories: Sequence[History], q: Array, converged: Any) -> tuple[Followed, ...]:
     ends = np.cumsum([len(h) for h in histories])[:-1]
-    pieces = zip(
-        np.split(q[:, :, None], ends), np.split(markers, ends), np.split(converged, ends), strict=True
-    )
+    pieces = zip(np.split(q[:, :, None], ends), np.split(converged, ends), strict=True)
     return tuple(Followed(*piece) for piece in pieces)

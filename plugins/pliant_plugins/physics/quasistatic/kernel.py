@@ -58,13 +58,10 @@ def _law(table, grid, law, p, u):  # type: ignore[no-untyped-def]
     return value, in_u / grid[law, 3]
 
 
-@njit(cache=True)
-def _effort(functions, terms, parameters, table, grid, law, signs, u, before, dt, p, t, old, new):  # type: ignore[no-untyped-def]
-    """τ' of one joint at angle u; `new` becomes its memory."""
+@njit(cache=True, inline="always")
+def _combine(functions, terms, parameters, u, before, dt, net, t, old, new):  # type: ignore[no-untyped-def]
+    """(Σ moment, Π elastic, Π actuation, Σ rest) of one joint at angle u; `new` becomes its memory."""
     rate = (u - before) / dt if 0.0 < dt < np.inf else 0.0
-    net = 0.0
-    for k in range(len(signs)):
-        net += signs[k] * p[k]
     moment, elastic, actuation, rest = 0.0, 1.0, 1.0, 0.0
     for k in range(terms.shape[0]):
         c = parameters[terms[k, 1] : terms[k, 2]]
@@ -78,66 +75,90 @@ def _effort(functions, terms, parameters, table, grid, law, signs, u, before, dt
             actuation *= value
         else:
             rest += value
-    tau = moment
+    return moment, elastic, actuation, rest
+
+
+@njit(cache=True, inline="always")
+def _effort(model, law, u, before, dt, p, t, old, new):  # type: ignore[no-untyped-def]
+    """τ' and ∂τ'/∂u of one joint at angle u; `new` becomes its memory.
+
+    Slopes of laws are those of their tables, slopes of terms central differences.
+    """
+    functions, terms, parameters, table, grid, signs = model
+    net = 0.0
+    for k in range(len(signs)):
+        net += signs[k] * p[k]
+    moment, elastic, actuation, rest = 0.0, 1.0, 1.0, 0.0
+    d_moment = d_elastic = d_actuation = d_rest = 0.0
+    if terms.shape[0]:
+        h = SLOPE_STEP
+        m1, e1, a1, r1 = _combine(functions, terms, parameters, u + h, before, dt, net, t, old, new)
+        m0, e0, a0, r0 = _combine(functions, terms, parameters, u - h, before, dt, net, t, old, new)
+        d_moment, d_elastic = (m1 - m0) / (2 * h), (e1 - e0) / (2 * h)
+        d_actuation, d_rest = (a1 - a0) / (2 * h), (r1 - r0) / (2 * h)
+        moment, elastic, actuation, rest = _combine(
+            functions, terms, parameters, u, before, dt, net, t, old, new
+        )
+    tau, slope = moment, d_moment
+    plain = elastic == 1.0 and actuation == 1.0 and rest == 0.0 and d_elastic == 0.0 and d_rest == 0.0
     for k in range(len(signs)):
         s = signs[k]
-        whole = _law(table, grid, law, p[k], s * u)[0]
-        tau += s * actuation * (whole - _law(table, grid, law, 0.0, s * u)[0])
-        tau += s * elastic * _law(table, grid, law, 0.0, s * (u - rest))[0]
-    return tau
-
-
-@njit(cache=True)
-def _plain(table, grid, law, signs, u, p):  # type: ignore[no-untyped-def]
-    """τ and its slope of one joint without terms."""
-    tau = slope = 0.0
-    for k in range(len(signs)):
-        value, in_u = _law(table, grid, law, p[k], signs[k] * u)
-        tau += signs[k] * value
-        slope += signs[k] * signs[k] * in_u
+        whole, in_u = _law(table, grid, law, p[k], s * u)
+        if plain and d_actuation == 0.0:
+            tau += s * whole
+            slope += s * s * in_u
+            continue
+        straight, straight_u = _law(table, grid, law, 0.0, s * u)
+        spring, spring_u = (
+            (straight, straight_u) if rest == 0.0 else _law(table, grid, law, 0.0, s * (u - rest))
+        )
+        tau += s * (actuation * (whole - straight) + elastic * spring)
+        slope += s * (d_actuation * (whole - straight) + d_elastic * spring)
+        slope += s * s * (actuation * (in_u - straight_u) + elastic * spring_u * (1.0 - d_rest))
     return tau, slope
 
 
-@njit(cache=True)
-def _pose(q, base, position, offsets, rests, axis, arms, axes, origins, points):  # type: ignore[no-untyped-def]
+@njit(cache=True, inline="always")
+def _row(matrix, a, vector):  # type: ignore[no-untyped-def]
+    return matrix[a, 0] * vector[0] + matrix[a, 1] * vector[1] + matrix[a, 2] * vector[2]
+
+
+@njit(cache=True, inline="always")
+def _pose(q, base, body, axes, origins, points, space):  # type: ignore[no-untyped-def]
     """Fills axes (n, 3), origins (n, 3) and points (n + 1, 3) of the moving bodies and the tip."""
+    position, _, offsets, rests, axis, arms, _ = body
     n = len(q)
-    turned, parent = np.empty((3, 3)), base.copy()
-    origin = position.copy()
+    parent, turned, origin = space[0], space[1], space[2, 0]
     j, k = (axis + 1) % 3, (axis + 2) % 3
+    for a in range(3):
+        origin[a] = position[a]
+        for b in range(3):
+            parent[a, b] = base[a, b]
     for i in range(n):
         for a in range(3):
-            origin[a] += (
-                parent[a, 0] * offsets[i, 0] + parent[a, 1] * offsets[i, 1] + parent[a, 2] * offsets[i, 2]
-            )
-        for a in range(3):
+            origin[a] += _row(parent, a, offsets[i])
             for b in range(3):
-                turned[a, b] = (
-                    parent[a, 0] * rests[i, 0, b]
-                    + parent[a, 1] * rests[i, 1, b]
-                    + parent[a, 2] * rests[i, 2, b]
-                )
+                turned[a, b] = _row(parent, a, rests[i, :, b])
         cosine, sine = np.cos(q[i]), np.sin(q[i])
         for a in range(3):
             axes[i, a], origins[i, a] = turned[a, axis], origin[a]
             parent[a, axis] = turned[a, axis]
             parent[a, j] = cosine * turned[a, j] + sine * turned[a, k]
             parent[a, k] = cosine * turned[a, k] - sine * turned[a, j]
-            points[i, a] = (
-                origin[a] + parent[a, 0] * arms[i, 0] + parent[a, 1] * arms[i, 1] + parent[a, 2] * arms[i, 2]
-            )
+            points[i, a] = origin[a] + _row(parent, a, arms[i])
     for a in range(3):
-        points[n, a] = (
-            origin[a] + parent[a, 0] * arms[n, 0] + parent[a, 1] * arms[n, 1] + parent[a, 2] * arms[n, 2]
-        )
+        points[n, a] = origin[a] + _row(parent, a, arms[n])
 
 
-@njit(cache=True)
-def _weigh(axes, origins, points, masses, payload, gravity, force, load, stiffness, slopes):  # type: ignore[no-untyped-def]
+@njit(cache=True, inline="always")
+def _weigh(axes, origins, points, masses, payload, gravity, force, load, stiffness, slopes, space):  # type: ignore[no-untyped-def]
     """Fills the generalised loads (n,) and, if `slopes`, their negative derivatives (n, n)."""
     n = len(load)
-    f, total = np.zeros(3), np.zeros(3)
-    torsor, own, turned = np.zeros((3, 3)), np.empty((3, 3)), np.empty(3)
+    torsor, own, f, total, turned = space[3], space[4], space[5, 0], space[5, 1], space[5, 2]
+    for a in range(3):
+        total[a] = 0.0
+        for b in range(3):
+            torsor[a, b] = 0.0
     for i in range(n, -1, -1):
         mass = payload if i == n else masses[i]
         for a in range(3):
@@ -156,12 +177,7 @@ def _weigh(axes, origins, points, masses, payload, gravity, force, load, stiffne
         if slopes:
             trace = own[0, 0] + own[1, 1] + own[2, 2]
             for a in range(3):
-                turned[a] = (
-                    own[a, 0] * axes[i, 0]
-                    + own[a, 1] * axes[i, 1]
-                    + own[a, 2] * axes[i, 2]
-                    - trace * axes[i, a]
-                )
+                turned[a] = _row(own, a, axes[i]) - trace * axes[i, a]
             for h in range(i + 1):
                 value = -(axes[h, 0] * turned[0] + axes[h, 1] * turned[1] + axes[h, 2] * turned[2])
                 stiffness[h, i] = value
@@ -195,263 +211,185 @@ def _solve(matrix, right):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def follow(  # type: ignore[no-untyped-def]
-    functions, terms, keeps, parameters, table, grid, laws, signs,
-    position, bases, offsets, rests, axis, arms, masses, gravity,
-    pressure, force, moment, payload, temperature, duration, start, specimen, n_specimens, substeps,
-    parameters_v, gravity_v, pressure_v, force_v, moment_v, payload_v, temperature_v,
-    tolerance, max_iterations, max_turn,
-):  # fmt: skip
-    """q (N, n), its changes (K, N, n) for K variations, and whether each of the N samples converged."""
+def _balance(model, laws, body, gravity, now, q, before, old, new, pose, load, residual, slope, space):  # type: ignore[no-untyped-def]
+    """Fills pose, loads, residual and slopes of the efforts at q; returns the largest residual."""
+    base, p, f, opposed, hung, t, dt = now
+    axes, origins, points = pose
+    _pose(q, base, body, axes, origins, points, space)
+    _weigh(axes, origins, points, body[6], hung, gravity, f, load, origins, False, space)
+    size = 0.0
+    for i in range(len(q)):
+        tau, slope[i] = _effort(model, laws[i], q[i], before[i], dt, p, t, old[i], new[i])
+        residual[i] = tau - opposed + load[i]
+        size = max(size, abs(residual[i]))
+    return size
+
+
+@njit(cache=True)
+def _stiffen(pose, masses, hung, gravity, f, load, slope, stiffness, space):  # type: ignore[no-untyped-def]
+    """Fills the stiffness −∂R/∂q (n, n)."""
+    axes, origins, points = pose
+    _weigh(axes, origins, points, masses, hung, gravity, f, load, stiffness, True, space)
+    for i in range(len(load)):
+        stiffness[i, i] -= slope[i]
+
+
+@njit(cache=True, inline="always")
+def _mix(value, previous, share, begins):  # type: ignore[no-untyped-def]
+    """A straight line from the sample before to this one; from nothing where a run begins."""
+    return share * value if begins else share * value + (1.0 - share) * previous
+
+
+@njit(cache=True)
+def _step(stiffness, residual, step, work, max_turn):  # type: ignore[no-untyped-def]
+    """Fills Newton's step; returns the share of it that turns no joint too far."""
+    n = len(step)
+    if n == 1:
+        stiff = stiffness[0, 0]
+        step[0] = residual[0] / (stiff if stiff > 1e-12 else abs(stiff) + 1e-9)
+    else:
+        for i in range(n):
+            step[i] = residual[i]
+            for j in range(n):
+                work[i, j] = stiffness[i, j]
+        _solve(work, step)
+    longest = 0.0
+    for i in range(n):
+        longest = max(longest, abs(step[i]))
+    return max_turn / longest if longest > max_turn else 1.0
+
+
+@njit(cache=True)
+def follow(model, keeps, laws, body, gravity, drive, clock, others, options):  # type: ignore[no-untyped-def]
+    """A chain of n hinges through N samples of all runs, one after another.
+
+    Args:
+        model: functions, terms, parameters, table, grid, signs: see `Terms` and `LawTable`.
+        keeps: (states,) whether a memory outlasts the rest between runs.
+        laws: (n,) the law of each joint.
+        body: position, bases (N, 3, 3), offsets, rests, axis, arms, masses: see `Body`.
+        gravity: (3,).
+        drive: pressure (N, m), force (N, 3), moment (N,), payload (N,), temperature (N,).
+        clock: duration (N,), start (N,), specimen (N,), number of specimens, substeps (N,).
+        others: parameters, gravity and the five arrays of `drive` of K variations, stacked.
+        options: tolerance, iterations, longest turn of a joint in one of them.
+
+    Returns:
+        q (N, n), its changes (K, N, n) to first order, and whether each sample converged (N,).
+    """
+    functions, terms, _, table, grid, signs = model
+    _, bases, _, _, _, _, masses = body
+    pressure, force, moment, payload, temperature = drive
+    duration, start, specimen, n_specimens, substeps = clock
+    parameters_v, gravity_v, pressure_v, force_v, moment_v, payload_v, temperature_v = others
+    tolerance, max_iterations, max_turn = options
     n_samples, n, n_memory, n_changes = len(moment), len(laws), len(keeps), len(parameters_v)
     q_all, dq_all = np.zeros((n_samples, n)), np.zeros((n_changes, n_samples, n))
     converged = np.ones(n_samples, dtype=np.bool_)
-    q, before, trial = np.zeros(n), np.zeros(n), np.zeros(n)
-    before_v, step = np.zeros((n_changes, n)), np.zeros(n)
+    q, before, trial, step = np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n)
+    before_v = np.zeros((n_changes, n))
     old, new, scratch = np.zeros((n, n_memory)), np.zeros((n, n_memory)), np.zeros(n_memory)
     old_v, moved = np.zeros((n_changes, n, n_memory)), np.zeros(n_memory)
     kept, kept_v = np.zeros((n_specimens, n, n_memory)), np.zeros((n_specimens, n_changes, n, n_memory))
     axes, origins, points = np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n + 1, 3))
-    load, residual, tau, slope = np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n)
-    load_v, right = np.zeros(n), np.zeros(n)
+    pose, space = (axes, origins, points), np.zeros((6, 3, 3))
+    load, load_v, right = np.zeros(n), np.zeros(n), np.zeros(n)
+    residual, slope = np.zeros(n), np.zeros(n)
     stiffness, work = np.zeros((n, n)), np.zeros((n, n))
     p, p_v, f, f_v = np.zeros(len(signs)), np.zeros(len(signs)), np.zeros(3), np.zeros(3)
-    n_terms = terms.shape[0]
     for sample in range(n_samples):
-        last = sample - 1
-        if start[sample]:
+        begins, owner, last = start[sample], specimen[sample], max(sample - 1, 0)
+        if begins:
             q[:] = 0.0
             before[:] = 0.0
             before_v[:] = 0.0
-            for i in range(n):
-                for s in range(n_memory):
-                    old[i, s] = kept[specimen[sample], i, s] if keeps[s] else 0.0
-                    for k in range(n_changes):
-                        old_v[k, i, s] = kept_v[specimen[sample], k, i, s] if keeps[s] else 0.0
-        parts = RAMP_STEPS if start[sample] else substeps[sample]
-        dt = np.inf if start[sample] else duration[sample] / parts
+            old[:] = kept[owner]
+            old_v[:] = kept_v[owner]
+            for s in range(n_memory):
+                if not keeps[s]:
+                    old[:, s] = 0.0
+                    old_v[:, :, s] = 0.0
+        parts = RAMP_STEPS if begins else substeps[sample]
+        dt = np.inf if begins else duration[sample] / parts
         for part in range(1, parts + 1):
-            # Between samples inputs are straight lines; a run begins with a slow ramp from nothing.
             share = part / parts
-            rest = 0.0 if start[sample] else 1.0 - share
             for m in range(len(signs)):
-                p[m] = share * pressure[sample, m] + (rest * pressure[last, m] if rest else 0.0)
+                p[m] = _mix(pressure[sample, m], pressure[last, m], share, begins)
             for a in range(3):
-                f[a] = share * force[sample, a] + (rest * force[last, a] if rest else 0.0)
-            end_moment = share * moment[sample] + (rest * moment[last] if rest else 0.0)
-            hung = payload[sample] if start[sample] else share * payload[sample] + rest * payload[last]
-            t = (
-                temperature[sample]
-                if start[sample]
-                else share * temperature[sample] + rest * temperature[last]
+                f[a] = _mix(force[sample, a], force[last, a], share, begins)
+            opposed = _mix(moment[sample], moment[last], share, begins)
+            hung = payload[sample] if begins else _mix(payload[sample], payload[last], share, False)
+            t = temperature[sample] if begins else _mix(temperature[sample], temperature[last], share, False)
+            now = (bases[sample], p, f, opposed, hung, t, dt)
+            size = _balance(
+                model, laws, body, gravity, now, q, before, old, new, pose, load, residual, slope, space
             )
-            base = bases[sample]
-
-            size = np.inf
-            done = False
-            for iteration in range(max_iterations):
-                _pose(q, base, position, offsets, rests, axis, arms, axes, origins, points)
-                _weigh(axes, origins, points, masses, hung, gravity, f, load, stiffness, True)
-                size = 0.0
-                for i in range(n):
-                    if n_terms == 0:
-                        tau[i], slope[i] = _plain(table, grid, laws[i], signs, q[i], p)
-                    else:
-                        tau[i] = _effort(
-                            functions,
-                            terms,
-                            parameters,
-                            table,
-                            grid,
-                            laws[i],
-                            signs,
-                            q[i],
-                            before[i],
-                            dt,
-                            p,
-                            t,
-                            old[i],
-                            new[i],
-                        )
-                        up = _effort(
-                            functions,
-                            terms,
-                            parameters,
-                            table,
-                            grid,
-                            laws[i],
-                            signs,
-                            q[i] + SLOPE_STEP,
-                            before[i],
-                            dt,
-                            p,
-                            t,
-                            old[i],
-                            scratch,
-                        )
-                        down = _effort(
-                            functions,
-                            terms,
-                            parameters,
-                            table,
-                            grid,
-                            laws[i],
-                            signs,
-                            q[i] - SLOPE_STEP,
-                            before[i],
-                            dt,
-                            p,
-                            t,
-                            old[i],
-                            scratch,
-                        )
-                        slope[i] = (up - down) / (2 * SLOPE_STEP)
-                    residual[i] = tau[i] - end_moment + load[i]
-                    size = max(size, abs(residual[i]))
-                    stiffness[i, i] -= slope[i]
-                if size <= tolerance or not np.isfinite(size):
-                    done = size <= tolerance
-                    break
-                if n == 1:
-                    stiff = stiffness[0, 0]
-                    step[0] = residual[0] / (stiff if stiff > 1e-12 else abs(stiff) + 1e-9)
-                else:
-                    work[:] = stiffness
-                    step[:] = residual
-                    _solve(work, step)
-                longest = np.abs(step).max()
-                scale = min(1.0, max_turn / longest) if longest > 0.0 else 1.0
+            iteration = 0
+            while size > tolerance and iteration < max_iterations and np.isfinite(size):
+                iteration += 1
+                _stiffen(pose, masses, hung, gravity, f, load, slope, stiffness, space)
+                scale = _step(stiffness, residual, step, work, max_turn)
                 # A step that makes the balance worse is halved, a few times: kinks and backward slopes.
+                reached = size
                 for _ in range(8):
                     for i in range(n):
                         trial[i] = q[i] + scale * step[i]
-                    _pose(trial, base, position, offsets, rests, axis, arms, axes, origins, points)
-                    _weigh(axes, origins, points, masses, hung, gravity, f, load, work, False)
-                    worst = 0.0
-                    for i in range(n):
-                        if n_terms == 0:
-                            there = _plain(table, grid, laws[i], signs, trial[i], p)[0]
-                        else:
-                            there = _effort(
-                                functions,
-                                terms,
-                                parameters,
-                                table,
-                                grid,
-                                laws[i],
-                                signs,
-                                trial[i],
-                                before[i],
-                                dt,
-                                p,
-                                t,
-                                old[i],
-                                scratch,
-                            )
-                        worst = max(worst, abs(there - end_moment + load[i]))
-                    if worst < size or worst <= tolerance:
+                    reached = _balance(
+                        model,
+                        laws,
+                        body,
+                        gravity,
+                        now,
+                        trial,
+                        before,
+                        old,
+                        new,
+                        pose,
+                        load,
+                        residual,
+                        slope,
+                        space,
+                    )
+                    if reached < size or reached <= tolerance:
                         break
                     scale *= 0.5
-                q[:] = trial
-            if not done:
-                converged[sample] = False
-
-            for k in range(n_changes):
-                for m in range(len(signs)):
-                    p_v[m] = share * pressure_v[k, sample, m] + (
-                        rest * pressure_v[k, last, m] if rest else 0.0
-                    )
-                for a in range(3):
-                    f_v[a] = share * force_v[k, sample, a] + (rest * force_v[k, last, a] if rest else 0.0)
-                moment_k = share * moment_v[k, sample] + (rest * moment_v[k, last] if rest else 0.0)
-                hung_k = (
-                    payload_v[k, sample]
-                    if start[sample]
-                    else share * payload_v[k, sample] + rest * payload_v[k, last]
-                )
-                t_k = (
-                    temperature_v[k, sample]
-                    if start[sample]
-                    else share * temperature_v[k, sample] + rest * temperature_v[k, last]
-                )
-                _pose(q, base, position, offsets, rests, axis, arms, axes, origins, points)
-                _weigh(axes, origins, points, masses, hung, gravity, f, load, work, False)
-                _weigh(axes, origins, points, masses, hung_k, gravity_v[k], f_v, load_v, work, False)
                 for i in range(n):
-                    here = _effort(
-                        functions,
-                        terms,
-                        parameters,
-                        table,
-                        grid,
-                        laws[i],
-                        signs,
-                        q[i],
-                        before[i],
-                        dt,
-                        p,
-                        t,
-                        old[i],
-                        scratch,
-                    )
+                    q[i] = trial[i]
+                size = reached
+            if not size <= tolerance:
+                converged[sample] = False
+            if n_changes:
+                _stiffen(pose, masses, hung, gravity, f, load, slope, stiffness, space)
+            for k in range(n_changes):
+                other = (functions, terms, parameters_v[k], table, grid, signs)
+                for m in range(len(signs)):
+                    p_v[m] = _mix(pressure_v[k, sample, m], pressure_v[k, last, m], share, begins)
+                for a in range(3):
+                    f_v[a] = _mix(force_v[k, sample, a], force_v[k, last, a], share, begins)
+                opposed_v = _mix(moment_v[k, sample], moment_v[k, last], share, begins)
+                hung_v, t_v = payload_v[k, sample], temperature_v[k, sample]
+                if not begins:
+                    hung_v = _mix(hung_v, payload_v[k, last], share, False)
+                    t_v = _mix(t_v, temperature_v[k, last], share, False)
+                _weigh(axes, origins, points, masses, hung_v, gravity_v[k], f_v, load_v, work, False, space)
+                for i in range(n):
                     for s in range(n_memory):
                         moved[s] = old[i, s] + old_v[k, i, s]
-                    there = _effort(
-                        functions,
-                        terms,
-                        parameters_v[k],
-                        table,
-                        grid,
-                        laws[i],
-                        signs,
-                        q[i],
-                        before[i] + before_v[k, i],
-                        dt,
-                        p_v,
-                        t_k,
-                        moved,
-                        scratch,
-                    )
-                    right[i] = (there - moment_k + load_v[i]) - (here - end_moment + load[i])
-                work[:] = stiffness
+                    past = before[i] + before_v[k, i]
+                    tau = _effort(other, laws[i], q[i], past, dt, p_v, t_v, moved, scratch)[0]
+                    right[i] = tau - opposed_v + load_v[i] - residual[i]
+                for i in range(n):
+                    for j in range(n):
+                        work[i, j] = stiffness[i, j]
                 _solve(work, right)
                 for i in range(n):
-                    for s in range(n_memory):
-                        moved[s] = old[i, s] + old_v[k, i, s]
-                    _effort(
-                        functions,
-                        terms,
-                        parameters_v[k],
-                        table,
-                        grid,
-                        laws[i],
-                        signs,
-                        q[i] + right[i],
-                        before[i] + before_v[k, i],
-                        dt,
-                        p_v,
-                        t_k,
-                        moved,
-                        scratch,
-                    )
-                    _effort(
-                        functions,
-                        terms,
-                        parameters,
-                        table,
-                        grid,
-                        laws[i],
-                        signs,
-                        q[i],
-                        before[i],
-                        dt,
-                        p,
-                        t,
-                        old[i],
-                        new[i],
-                    )
-                    for s in range(n_memory):
-                        old_v[k, i, s] = scratch[s] - new[i, s]
+                    if n_memory:
+                        for s in range(n_memory):
+                            moved[s] = old[i, s] + old_v[k, i, s]
+                        past = before[i] + before_v[k, i]
+                        _effort(other, laws[i], q[i] + right[i], past, dt, p_v, t_v, moved, scratch)
+                        for s in range(n_memory):
+                            old_v[k, i, s] = scratch[s] - new[i, s]
                     before_v[k, i] = right[i]
             for i in range(n):
                 before[i] = q[i]
@@ -462,7 +400,7 @@ def follow(  # type: ignore[no-untyped-def]
             for k in range(n_changes):
                 dq_all[k, sample, i] = before_v[k, i]
             for s in range(n_memory):
-                kept[specimen[sample], i, s] = old[i, s]
+                kept[owner, i, s] = old[i, s]
                 for k in range(n_changes):
-                    kept_v[specimen[sample], k, i, s] = old_v[k, i, s]
+                    kept_v[owner, k, i, s] = old_v[k, i, s]
     return q_all, dq_all, converged

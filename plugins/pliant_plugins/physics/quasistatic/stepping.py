@@ -29,7 +29,7 @@ def step_through(
         raise UserError(f"effects with lasting damage are not followed on {chain.laws[0].joint} joints yet")
     paths = tuple(_one(build, chain, history) for history in histories)
     changed = [tuple(_one(build, v.chain, history) for history in v.histories) for v in towards]
-    return paths, tuple(difference(moved, paths) for moved in changed)
+    return paths, tuple(_difference(moved, paths) for moved in changed)
 
 
 def _one(build: Builder, chain: ChainModel, history: History) -> Followed:
@@ -43,7 +43,6 @@ def _one(build: Builder, chain: ChainModel, history: History) -> Followed:
             f"{chain.laws[0].joint} joints; split it"
         )
     q: list[Array] = []
-    markers: list[Array] = []
     converged: list[bool] = []
     with build(chain.with_(base_rotation=rotation, payload_kg=payload)) as simulation:
         for k in range(len(history)):
@@ -54,13 +53,10 @@ def _one(build: Builder, chain: ChainModel, history: History) -> Followed:
             else:
                 converged.append(simulation.settle().converged)
             q.append(simulation.snapshot().position)
-            markers.append(simulation.markers())
-    return Followed(np.array(q), np.array(markers), np.array(converged))
+    return Followed(np.array(q), np.array(converged))
 
 
-def difference(moved: Sequence[Followed], paths: Sequence[Followed]) -> tuple[Followed, ...]:
-    """What separates two sets of paths."""
+def _difference(moved: Sequence[Followed], paths: Sequence[Followed]) -> tuple[Followed, ...]:
     return tuple(
-        Followed(a.joint_angles - b.joint_angles, a.markers_m - b.markers_m, b.converged)
-        for a, b in zip(moved, paths, strict=True)
+        Followed(a.joint_angles - b.joint_angles, b.converged) for a, b in zip(moved, paths, strict=True)
     )
