@@ -8,7 +8,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from pydantic import ValidationError
 from ruamel.yaml import YAML
@@ -19,11 +19,13 @@ from ruamel.yaml.error import MarkedYAMLError, YAMLError
 from pliant.config.problems import sentences
 from pliant.config.study import BLOCKS, Study, normalised, study_model, varied
 from pliant.errors import UserError
+from pliant.interfaces.base import FrozenModel
 from pliant.registry.discovery import Registry
 
 # Paths inside a study are relative to the file that states them.
 PATH_KEYS = (("surrogate", "data"), ("measurements", "file"))
 KeyPath = tuple[Any, ...]
+Notes = TypeVar("Notes", bound=FrozenModel)
 DEEPEST = 64
 
 
@@ -92,6 +94,23 @@ def _place_of_kind(message: str, raw: Mapping[str, Any], sources: _Sources) -> s
                 place = sources.where(path)
                 return f"{place}: " if place else ""
     return ""
+
+
+def load_notes(path: Path, model: type[Notes]) -> Notes | None:
+    """A YAML file that is not a study, validated by `model`; None where it is a study (it has the key `pliant`).
+
+    Raises:
+        UserError: one line per problem, with file and line.
+    """
+    sources = _Sources()
+    tree = read_yaml(path)
+    if "pliant" in tree:
+        return None
+    try:
+        return model.model_validate(_plain(tree, path, sources, ()))
+    except ValidationError as error:
+        text = sentences(error, model, sources.where)
+        raise UserError(text.replace(" of a study", " of this file")) from None
 
 
 def read_yaml(path: Path) -> CommentedMap:

@@ -8,6 +8,7 @@ from typing import Any, Literal, get_args
 from pydantic import Field, create_model
 
 from pliant.config.chain import ChainConfig
+from pliant.config.measurements import MeasurementsConfig
 from pliant.errors import UserError
 from pliant.interfaces.base import ComponentConfig, FrozenModel
 from pliant.interfaces.effect import EffectConfig
@@ -34,7 +35,7 @@ BLOCKS = {
 BLOCK_LISTS = {"effects": "effect", "cross_check": "physics"}
 NAME_PATTERN = r"^[A-Za-z0-9][A-Za-z0-9._-]*$"
 # Keys of the study format whose stages are not built yet: read, kept, and reported as unused.
-NOT_USED_YET = ("measurements", "sweep", "meta_model", "search", "optimizer", "noise", "protocols")
+NOT_USED_YET = ("sweep", "meta_model", "search", "optimizer", "noise", "protocols")
 
 
 class Study(FrozenModel):
@@ -62,8 +63,8 @@ class Study(FrozenModel):
     optimizer: OptimizerConfig | None = Field(
         default=None, description="for design; not used by this version"
     )
-    measurements: dict[str, Any] | None = Field(
-        default=None, description="bench data; not used by this version"
+    measurements: MeasurementsConfig | None = Field(
+        default=None, description="what the bench recorded (docs/measurement_files.md)"
     )
     sweep: dict[str, list[Any]] | None = Field(
         default=None, description="designs to solve; not used by this version"

@@ -1,0 +1,69 @@
+"""The `measurements` block of a study, and the YAML file that may lie beside a measurement CSV."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import Field, StringConstraints, model_validator
+
+from pliant.config.chain import Count
+from pliant.interfaces.base import FrozenModel
+from pliant.units import Length, Time
+
+MOST_SAMPLES = 200_000
+Name = Annotated[str, StringConstraints(strip_whitespace=True, min_length=1)]
+
+
+class ExcludedSpan(FrozenModel):
+    """A part of a run whose readings are not used, or a whole run where neither a span nor lines are given."""
+
+    run: Name = Field(description="the run's name, as in the file")
+    start_s: Time | None = Field(default=None, description="from this time_s on; from the first sample")
+    end_s: Time | None = Field(default=None, description="up to this time_s; up to the last sample")
+    lines: tuple[Count, Count] | None = Field(
+        default=None, description="first and last line of the file, instead of times"
+    )
+    why: str = Field(default="", description="said again wherever the span is mentioned")
+
+    @model_validator(mode="after")
+    def _one_way(self) -> ExcludedSpan:
+        timed = self.start_s is not None or self.end_s is not None
+        if timed and self.lines is not None:
+            raise ValueError("give either 'start' and 'end' or 'lines', not both")
+        if self.start_s is not None and self.end_s is not None and self.end_s < self.start_s:
+            raise ValueError("'end' is before 'start'")
+        if self.lines is not None and self.lines[1] < self.lines[0]:
+            raise ValueError("the last of 'lines' is before the first")
+        return self
+
+    @property
+    def whole_run(self) -> bool:
+        return self.start_s is None and self.end_s is None and self.lines is None
+
+
+class MeasurementNotes(FrozenModel):
+    """What a measurement CSV does not say of itself. The file `finger.yaml` beside `finger.csv` holds these keys."""
+
+    rename: dict[Name, Name] = Field(
+        default_factory=dict, description="the file's column: Pliant's name, e.g. {bend: angle_rad}"
+    )
+    units: dict[Name, Name] = Field(
+        default_factory=dict, description="unit that a column is written in, e.g. {pressure_pa: kPa}"
+    )
+    sigma: dict[Name, float | str] = Field(
+        default_factory=dict, description="standard deviation of a sensor, e.g. {angle_rad: 0.5 deg}"
+    )
+    markers_m: tuple[Length, ...] = Field(
+        default=(), description="positions of marker 1, 2, … along the chain at rest, from the base"
+    )
+    exclude: tuple[ExcludedSpan, ...] = Field(default=(), description="spans or runs that are not used")
+
+
+class MeasurementsConfig(MeasurementNotes):
+    """The `measurements` block: the CSV, and what it does not say of itself (before the YAML beside it)."""
+
+    file: Name = Field(description="the CSV, relative to the study")
+    outputs: tuple[Name, ...] = Field(default=(), description="outputs to use; all by default")
+    max_samples: Count = Field(
+        default=MOST_SAMPLES, ge=1000, description="samples kept of a longer file, thinned evenly per run"
+    )

@@ -1,0 +1,150 @@
+"""Effective sample size: how many independent readings a coloured residual is worth."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pliant.records.design import Array
+from pliant.records.measurement import MeasuredRun, Measurement
+
+MOST_SLOTS = 1 << 21  # lags that a run is sorted into
+
+
+@dataclass(frozen=True, eq=False)
+class Autocorrelation:
+    """Pooled over runs, up to the lag where it drowns in noise.
+
+    Attributes:
+        rho: (lags,) correlation at lags 1, 2, … steps.
+        pairs: (lags,) number of pairs of readings that far apart.
+        n: readings.
+        excess: correlation summed over pairs of readings within one step, both orders.
+        slot_s: the step.
+    """
+
+    rho: Array
+    pairs: Array
+    n: int
+    excess: float
+    slot_s: float
+
+    @property
+    def time_scale(self) -> float:
+        """n / n_eff for a mean: 1 + 2 Σ (pairs/n) ρ."""
+        return 1.0 + (self.excess + 2.0 * float(self.pairs @ self.rho)) / self.n
+
+    @property
+    def square_scale(self) -> float:
+        """n / n_eff for a variance: 1 + 2 Σ (pairs/n) ρ² (Bartlett)."""
+        return 1.0 + 2.0 * float(self.pairs @ self.rho**2) / self.n
+
+
+def effective_samples(residuals: Sequence[Mapping[str, Array]], measurement: Measurement) -> dict[str, float]:
+    """Effective number of readings of each output.
+
+    n_eff = n / (1 + 2 Σ_k (n_k / n) ρ_k), with n_k the pairs at lag k within runs and ρ_k their correlation
+    about the mean of all runs, summed as Geyer's initial monotone positive sequence (Geyer 1992, "Practical
+    Markov chain Monte Carlo", section 3.3). Lags are times, so gaps and unequal steps count as what they are.
+    A residual that is an offset of each run is worth one reading per run.
+
+    Args:
+        residuals: for each run (t,) by output, NaN where nothing was read.
+        measurement: the runs, for their clocks.
+
+    Returns:
+        by output, between the number of runs with readings and the number of readings; 0 without readings.
+    """
+    found = {}
+    for name in measurement.outputs:
+        series = [np.asarray(run[name], float) for run in residuals]
+        n = sum(int(np.isfinite(values).sum()) for values in series)
+        runs = sum(bool(np.isfinite(values).any()) for values in series)
+        if n == 0:
+            found[name] = 0.0
+            continue
+        scale = autocorrelation([clock_of(run) for run in measurement.runs], series).time_scale
+        found[name] = float(np.clip(n / scale if scale > 0 else n, runs, n))
+    return found
+
+
+def autocorrelation(clocks: Sequence[Array], series: Sequence[Array]) -> Autocorrelation:
+    """Autocorrelation within runs, pooled, cut by Geyer's rule.
+
+    Args:
+        clocks: (t,) increasing, for each run.
+        series: (t,) for each run, NaN where missing.
+    """
+    there = [np.isfinite(values) for values in series]
+    clocks = [clock[good] for clock, good in zip(clocks, there, strict=True)]
+    kept = [values[good] for values, good in zip(series, there, strict=True)]
+    n = sum(values.size for values in kept)
+    mean = sum(float(values.sum()) for values in kept) / max(n, 1)
+    square = sum(float(((values - mean) ** 2).sum()) for values in kept)
+    slot = _slot(clocks)
+    if n < 3 or square <= 0:
+        return Autocorrelation(np.zeros(0), np.zeros(0), max(n, 1), 0.0, slot)
+    sums = [
+        _pooled(clock, values - mean, slot) for clock, values in zip(clocks, kept, strict=True) if values.size
+    ]
+    length = max(products.size for products, _ in sums)
+    products, pairs = np.zeros(length), np.zeros(length)
+    for product, count in sums:
+        products[: product.size] += product
+        pairs[: count.size] += count
+    rho = np.divide(products, pairs, out=np.zeros(length), where=pairs > 0.5) / (square / n)
+    cut = _geyer(rho[1:], pairs[1:])
+    excess = (products[0] - square) / (square / n)
+    return Autocorrelation(cut, pairs[1 : cut.size + 1], n, excess, slot)
+
+
+def clock_of(run: MeasuredRun) -> Array:
+    """(t,) seconds from the run's start; the samples' numbers where it has no clock."""
+    time_s = run.history.time_s
+    return np.arange(len(run), dtype=float) if time_s is None else time_s - time_s[0]
+
+
+def _slot(clocks: Sequence[Array]) -> float:
+    """The usual step between readings, not so fine that the longest run has too many."""
+    steps = [np.diff(clock) for clock in clocks if clock.size > 1]
+    if not steps:
+        return 1.0
+    longest = max(float(clock[-1] - clock[0]) for clock in clocks if clock.size)
+    return max(float(np.median(np.concatenate(steps))), longest / MOST_SLOTS)
+
+
+def _pooled(clock: Array, values: Array, slot: float) -> tuple[Array, Array]:
+    """Sum of products and number of pairs at each lag, in slots; lag 0 holds a reading with itself as well."""
+    place = np.rint((clock - clock[0]) / slot).astype(int)
+    size = int(place[-1]) + 1
+    total = np.bincount(place, values, size)
+    count: Array = np.bincount(place, minlength=size).astype(np.float64)
+    padded = 1 << (2 * size - 1).bit_length()
+
+    def correlated(x: Array) -> Array:
+        spectrum = np.fft.rfft(x, padded)
+        return np.asarray(np.fft.irfft(np.abs(spectrum) ** 2, padded)[:size])
+
+    return correlated(total), np.rint(correlated(count))
+
+
+def _geyer(rho: Array, pairs: Array) -> Array:
+    """Lags 1… up to the first pair sum that is not positive, pair sums made non-increasing.
+
+    Pairs are (0, 1), (2, 3), …; lags at which no readings lie count as having the value of their partner.
+    """
+    whole = np.concatenate([[1.0], rho])
+    seen = np.concatenate([[True], pairs > 0.5])
+    even = len(whole) // 2 * 2
+    couples, known = whole[:even].reshape(-1, 2), seen[:even].reshape(-1, 2)
+    sums = np.where(known.any(axis=1), couples.sum(axis=1) * 2 / np.maximum(known.sum(axis=1), 1), np.nan)
+    ends = np.flatnonzero(sums <= 0)
+    end = int(ends[0]) if ends.size else len(sums)
+    falling = np.fmin.accumulate(np.where(np.isnan(sums[:end]), np.inf, sums[:end]))
+    shrink = np.divide(
+        falling, sums[:end], out=np.ones(end), where=np.isfinite(sums[:end]) & (sums[:end] > 0)
+    )
+    shrunk = np.minimum(couples[:end] * shrink[:, None], couples[:end])
+    return shrunk.reshape(-1)[1:]

@@ -1,0 +1,111 @@
+"""Wrong units noticed: a column that is a thousand times too small or too large for what it says it is."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping
+
+from pliant.evidence.columns import conversion, unit_of
+
+# Units that people record in, by SI unit.
+WRITTEN = {
+    "Pa": ("kPa", "MPa", "bar", "mbar"),
+    "rad": ("deg", "mrad"),
+    "m": ("mm", "cm"),
+    "N": ("mN", "kN"),
+    "N*m": ("mN*m", "N*mm"),
+    "kg": ("g",),
+    "s": ("ms", "us"),
+    "dimensionless": ("percent",),
+}
+# Largest magnitudes that soft robots on a bench reach; below the first or above the second is a wrong unit.
+USUAL = {
+    "Pa": (300.0, 1e7),
+    "rad": (0.0, 4 * math.pi),
+    "m": (0.0, 10.0),
+    "N": (0.0, 2e3),
+    "N*m": (0.0, 100.0),
+    "kg": (0.0, 30.0),
+    "dimensionless": (0.0, 5.0),
+}
+HOT_C = 200.0
+LONGEST_STEP_S = 8.0
+# How far beyond the caller's range a column may reach, as a factor.
+BEYOND = {"rad": 15.0, "dimensionless": 50.0}
+BEYOND_OTHERWISE = 100.0
+
+
+def unit_remark(name: str, largest: float, expected: tuple[float, float] | None, notes: str) -> str | None:
+    """A sentence where a column's largest magnitude does not fit its unit, or None.
+
+    Args:
+        name: the column, its SI unit in the name.
+        largest: its largest magnitude in SI.
+        expected: the range that the caller knows: a law's domain, the chain's length. Without it the usual
+            range of benches decides, which is wide.
+        notes: name of the YAML file to write the unit into.
+    """
+    unit = unit_of(name)
+    if largest <= 0:
+        return None
+    if unit == "degC":
+        text = f"{name} reaches {largest:.4g} °C; kelvin?"
+        return _advice(text, name, "K", notes) if largest > HOT_C else None
+    reference = max(map(abs, expected)) if expected is not None else 0.0
+    if reference > 0:
+        beyond = BEYOND.get(unit, BEYOND_OTHERWISE)
+        if reference / BEYOND_OTHERWISE <= largest <= reference * beyond:
+            return None
+        # a position or a load may well be small; an actuation far below its law's domain may not
+        if largest < reference and unit not in ("Pa",) and not name.startswith("tendon_force"):
+            return None
+        ratio = largest / reference
+        size = f"{ratio:.3g} times" if ratio >= 1 else f"1/{1 / ratio:.3g} of"
+        text = f"{name} reaches {largest:.4g}, {size} what the model expects ({reference:.4g})"
+    else:
+        low, high = (
+            (0.0, math.pi * 1.5) if re.match(r"joint|base", name) else USUAL.get(unit, (0.0, math.inf))
+        )
+        if low <= largest <= high:
+            return None
+        reference = math.sqrt(max(low, 1e-3) * high) if largest < low else high
+        text = f"{name} reaches only {largest:.4g}" if largest < low else f"{name} reaches {largest:.4g}"
+        text += f" {unit}, which is unlikely"
+    return _advice(text, name, _nearest(unit, largest, reference), notes)
+
+
+def time_remarks(step_s: float, whole: bool, notes: str) -> list[str]:
+    """One sentence where the usual step of the clock is no time in seconds: whole numbers, far apart."""
+    if step_s < LONGEST_STEP_S or not whole:
+        return []
+    return [_advice(f"time_s steps by {step_s:g}, in whole numbers", "time_s", "ms", notes)]
+
+
+def _nearest(unit: str, largest: float, reference: float) -> str | None:
+    """The unit that brings the column closest to its reference."""
+
+    def distance(written: str) -> float:
+        return abs(math.log(largest * conversion(written, unit, "")[0] / reference))
+
+    best = min(WRITTEN.get(unit, ()), key=distance, default=None)
+    return best if best is not None and distance(best) < abs(math.log(largest / reference)) else None
+
+
+def _advice(text: str, name: str, written: str | None, notes: str) -> str:
+    if written is None:
+        return f"Unit to check: {text}. Nothing was changed."
+    factor = conversion(written, unit_of(name), name)[0]
+    by = "" if written == "K" else f", a factor of {factor:g}"
+    return (
+        f"Unit to check: {text}. If the file is in {written}{by}, write 'units: {{{name}: {written}}}' in {notes}. "
+        "Nothing was changed."
+    )
+
+
+def out_of_range(
+    largest: Mapping[str, float], expected: Mapping[str, tuple[float, float]], notes: str
+) -> list[str]:
+    """`unit_remark` for every column."""
+    remarks = (unit_remark(name, value, expected.get(name), notes) for name, value in largest.items())
+    return [text for text in remarks if text is not None]

@@ -1,0 +1,170 @@
+"""Repeats: runs that had the same inputs, and their readings on one clock."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pliant.evidence.highpass import noise_variance
+from pliant.records.design import Array
+from pliant.records.history import History
+from pliant.records.measurement import MeasuredRun, Measurement
+
+SAME = 0.03  # two inputs are the same where they differ by less than this share of the input's span (RMS)
+SAME_DURATION = 0.02
+SAME_TEMPERATURE_K = 1.0
+SAME_ANGLE_RAD = np.deg2rad(1.0)
+GRID = 2000  # instants at most at which inputs are compared
+GAP = 2.5  # readings further apart than so many usual steps are not bridged
+
+
+@dataclass(frozen=True)
+class RepeatGroup:
+    """Runs with the same inputs.
+
+    Attributes:
+        runs: their indices in the measurement, two or more.
+        specimens_differ: they were not all done with one specimen, so that their scatter holds that of making.
+    """
+
+    runs: tuple[int, ...]
+    specimens_differ: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Aligned:
+    """One output of a group on a common clock.
+
+    Attributes:
+        values: (runs, t) readings at the instants where every run has one.
+        lost: variance of white noise that interpolation took out of `values`, averaged over runs.
+    """
+
+    values: Array
+    lost: float
+
+
+def repeat_groups(measurement: Measurement) -> tuple[RepeatGroup, ...]:
+    """Runs with the same inputs, loads, orientation and temperature, grouped.
+
+    Two runs are repeats where their durations agree within 2 % and every signal agrees within 3 % of its span
+    over the measurement (root mean square over the run, what its own noise explains taken off; spans include 0,
+    and inputs of one unit share theirs), the temperature within 1 K and the base within 1 degree. Each run is
+    compared with the first run of each group.
+    """
+    signals = [_signals(run.history) for run in measurement.runs]
+    tolerances = _tolerances(signals)
+    groups: list[list[int]] = []
+    for index, run in enumerate(measurement.runs):
+        for group in groups:
+            first = measurement.runs[group[0]].history
+            if _same(first, run.history, signals[group[0]], signals[index], tolerances):
+                group.append(index)
+                break
+        else:
+            groups.append([index])
+    return tuple(
+        RepeatGroup(tuple(group), len({measurement.runs[i].history.specimen for i in group}) > 1)
+        for group in groups
+        if len(group) > 1
+    )
+
+
+def aligned(runs: Sequence[MeasuredRun], readings: Sequence[Array]) -> Aligned:
+    """Readings of repeats at the instants of the first run, by straight lines between samples.
+
+    Args:
+        runs: the repeats.
+        readings: (t,) for each of them, NaN where missing.
+    """
+    if runs[0].history.time_s is None:
+        table = np.array(list(readings))
+        return Aligned(table[:, np.isfinite(table).all(axis=0)], 0.0)
+    clocks = [run.history.time_s - run.history.time_s[0] for run in runs if run.history.time_s is not None]
+    end = min(clock[-1] for clock in clocks)
+    grid = clocks[0][clocks[0] <= end]
+    table = np.full((len(runs), grid.size), np.nan)
+    lost = []
+    for i, (clock, values) in enumerate(zip(clocks, readings, strict=True)):
+        there = np.isfinite(values)
+        if there.sum() < 2:
+            return Aligned(np.empty((len(runs), 0)), 0.0)
+        table[i], share = _bridged(grid, clock[there], values[there])
+        lost.append((1 - share) * (noise_variance(clock[there], values[there])[0] if share < 1 else 0.0))
+    return Aligned(table[:, np.isfinite(table).all(axis=0)], float(np.mean(lost)))
+
+
+def _bridged(grid: Array, clock: Array, values: Array) -> tuple[Array, float]:
+    """Values on a grid, NaN across gaps, and the share of white noise variance that interpolation leaves."""
+    right = np.clip(np.searchsorted(clock, grid), 1, clock.size - 1)
+    step = clock[right] - clock[right - 1]
+    weight = np.clip((grid - clock[right - 1]) / step, 0.0, 1.0)
+    weight = np.where(np.minimum(weight, 1 - weight) < 1e-6, np.round(weight), weight)
+    on_grid = (1 - weight) * values[right - 1] + weight * values[right]
+    bridged = (step > GAP * np.median(np.diff(clock))) & (weight > 0) & (weight < 1)
+    outside = (grid < clock[0] - step) | (grid > clock[-1] + step)
+    good = ~(bridged | outside)
+    left = float(np.mean((1 - weight[good]) ** 2 + weight[good] ** 2)) if good.any() else 1.0
+    return np.where(good, on_grid, np.nan), left
+
+
+def _signals(history: History) -> dict[str, Array]:
+    """Every input, load and condition by name."""
+    signals = dict(history.actuation)
+    signals["moment_n_m"] = history.moment_n_m
+    signals["temperature_c"] = history.temperature_c
+    for axis in range(3):
+        signals[f"tip_force_{'xyz'[axis]}_n"] = history.tip_force_n[:, axis]
+        signals[f"base_{axis}_rad"] = history.base_angles_rad[:, axis]
+    if history.payload_kg is not None:
+        signals["payload_kg"] = history.payload_kg
+    return signals
+
+
+def _tolerances(signals: Sequence[dict[str, Array]]) -> dict[str, float]:
+    spans: dict[str, float] = {}
+    for name in sorted({name for run in signals for name in run}):
+        values = [run[name] for run in signals if name in run and run[name].size]
+        low, high = min(v.min() for v in values), max(v.max() for v in values)
+        spans[name] = float(max(high, 0.0) - min(low, 0.0))
+    tolerances = {}
+    for name in spans:
+        alike = [spans[other] for other in spans if _family(other) == _family(name)]
+        fixed = {"temperature_c": SAME_TEMPERATURE_K}.get(
+            name, SAME_ANGLE_RAD if name.startswith("base_") else 0.0
+        )
+        tolerances[name] = fixed or SAME * max(alike)
+    return tolerances
+
+
+def _family(name: str) -> str:
+    """Signals that share a span: all pressures, all tendon forces, all forces at the tip."""
+    return next((kind for kind in ("pressure", "tendon_force", "tip_force") if name.startswith(kind)), name)
+
+
+def _same(
+    a: History, b: History, of_a: dict[str, Array], of_b: dict[str, Array], tolerances: dict[str, float]
+) -> bool:
+    if (a.time_s is None) != (b.time_s is None) or set(of_a) != set(of_b):
+        return False
+    if a.time_s is None or b.time_s is None:
+        return len(a) == len(b) and all(
+            bool(np.sqrt(np.mean((of_a[name] - of_b[name]) ** 2)) <= tolerances[name]) for name in of_a
+        )
+    first, second = a.time_s - a.time_s[0], b.time_s - b.time_s[0]
+    steps = [np.median(np.diff(t)) if t.size > 1 else 0.0 for t in (first, second)]
+    if abs(first[-1] - second[-1]) > max(SAME_DURATION * first[-1], 2 * max(steps)):
+        return False
+    grid = np.linspace(0.0, min(first[-1], second[-1]), min(GRID, max(len(a), len(b))))
+    return all(_alike(grid, (first, of_a[name]), (second, of_b[name]), tolerances[name]) for name in of_a)
+
+
+def _alike(grid: Array, a: tuple[Array, Array], b: tuple[Array, Array], tolerance: float) -> bool:
+    """Two signals agree within the tolerance and their own noise, with four sigma of what sampling adds to it."""
+    square = float(np.mean((np.interp(grid, *a) - np.interp(grid, *b)) ** 2))
+    if square <= tolerance**2:
+        return True
+    noise = sum(noise_variance(*signal)[0] for signal in (a, b))
+    return bool(square <= tolerance**2 + noise * (1 + 4 * np.sqrt(3 / grid.size)))

@@ -1,0 +1,89 @@
+"""Write a measurement as the CSV that `read_measurement` reads, number for number."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+from pliant.errors import UserError
+from pliant.evidence.assembly import BASE, FORCES
+from pliant.records.design import Array
+from pliant.records.history import REFERENCE_TEMPERATURE_C
+from pliant.records.measurement import MeasuredRun, Measurement
+from pliant.store.store import write_atomically
+
+PLAIN = r"[\w.+-]+( [\w.+-]+)*"  # texts that need no quotes
+
+
+def write_measurement(measurement: Measurement, path: Path | str) -> None:
+    """Write runs, inputs, loads, conditions, readings and stated sigmas; NaN is blank, numbers are exact.
+
+    Loads that are 0 everywhere, the reference temperature and a base that never turns are left out. Where the
+    markers have positions, the YAML notes are written beside the CSV. Remarks are not kept.
+
+    Raises `UserError` for a name that a CSV cannot hold, or runs of which only some have a clock.
+    """
+    path = Path(path)
+    clocks = {run.history.time_s is None for run in measurement.runs}
+    if len(clocks) > 1:
+        raise UserError(f"{path}: some runs have time_s and some have none; write them to two files.")
+    tables = [_columns(run, measurement) for run in measurement.runs]
+    used = (
+        [name for name in tables[0] if any(_matters(name, table[name]) for table in tables)] if tables else []
+    )
+    specimens = any(run.history.specimen for run in measurement.runs)
+    lines = [",".join(["run", *(["specimen"] if specimens else []), *used])]
+    for run, table in zip(measurement.runs, tables, strict=True):
+        texts = [_text(run.name, path)] + ([_text(run.history.specimen, path)] if specimens else [])
+        lines += _rows(texts, [table[name] for name in used])
+    write_atomically(path, "\n".join(lines) + "\n")
+    if measurement.marker_arms_m:
+        arms = ", ".join(repr(float(arm)) for arm in measurement.marker_arms_m)
+        write_atomically(path.with_suffix(".yaml"), f"markers_m: [{arms}]\n")
+
+
+def _columns(run: MeasuredRun, measurement: Measurement) -> dict[str, Array]:
+    """Every column that a run may have, in the file's order."""
+    history, missing = run.history, np.full(len(run), np.nan)
+    return {
+        **({} if history.time_s is None else {"time_s": history.time_s}),
+        **history.actuation,
+        "moment_n_m": history.moment_n_m,
+        **dict(zip(FORCES, history.tip_force_n.T, strict=True)),
+        "payload_kg": missing if history.payload_kg is None else history.payload_kg,
+        "temperature_c": history.temperature_c,
+        **dict(zip(BASE, history.base_angles_rad.T, strict=True)),
+        "cycle": np.asarray(run.cycle, float),
+        **{name: run.outputs[name] for name in measurement.outputs},
+        **{f"sigma_{name}": run.sigma.get(name, missing) for name in measurement.outputs},
+    }
+
+
+def _matters(name: str, values: Array) -> bool:
+    """The column says something that its absence would not."""
+    if name in (*FORCES, *BASE, "moment_n_m"):
+        return bool(np.any(values != 0))
+    if name == "temperature_c":
+        return bool(np.any(values != REFERENCE_TEMPERATURE_C))
+    if name == "payload_kg" or name.startswith("sigma_"):
+        return bool(np.isfinite(values).any())
+    return True
+
+
+def _rows(texts: list[str], columns: list[Array]) -> Iterator[str]:
+    start = ",".join(texts)
+    for row in zip(*(column.tolist() for column in columns), strict=True):
+        yield ",".join([start, *("" if value != value else repr(float(value)) for value in row)])
+
+
+def _text(name: str, path: Path) -> str:
+    if re.fullmatch(PLAIN, name):
+        return name
+    if name != name.strip() or re.search(r"[\r\n\x00]", name):
+        raise UserError(
+            f"{path}: '{name}' cannot be a name in a table; leave out line breaks and outer blanks."
+        )
+    return '"' + name.replace('"', '""') + '"' if name else ""
