@@ -1,29 +1,46 @@
-"""Checks of an `Effect`: it vanishes where it says so, acts where it says so, and leaves the model alone."""
+"""Checks of an `Effect`: it vanishes where it says so, acts where it says so, and leaves the model alone.
+
+Law terms in `effect_terms`.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import replace
 from typing import Any, get_args
 
 import numpy as np
 from pydantic import ValidationError
 
-from pliant.interfaces.effect import Effect, EffectParameter, Model, Place
+from pliant.interfaces.effect import Effect, Model, Place, Readings
 from pliant.interfaces.task import Task, TaskConfig
 from pliant.pipeline.simulate import run_task
 from pliant.records.design import Array
+from pliant.records.history import History
 from pliant.records.rollout import Equilibrium, Inputs, Rollout, TaskResult
-from pliant.testing.physics_bench import chain_numbers
-from pliant.testing.samples import PRESSURE_PA, sample_chain
+from pliant.testing.effect_bench import (
+    ANGLES,
+    PRESSURES,
+    SIGHTS,
+    absent,
+    applied,
+    follower,
+    history_numbers,
+    parameters,
+    probe_readings,
+    probe_run,
+    reading_numbers,
+    sample_model,
+    strong,
+)
+from pliant.testing.effect_terms import suite as terms
+from pliant.testing.samples import PRESSURE_PA
 from pliant.testing.stand_ins import StandIn, StandInConfig
 from pliant.testing.suite import Subject, Suite, require, require_close
 from pliant.units import UnitError, parse_quantity
 
 suite = Suite("effect")
+suite.checks.extend(terms.checks)
 PLACES = get_args(Place)
-PRESSURES = np.array([0.0, 2e3, 5e3, 9e3, 15e3])
-ANGLES = np.array([-0.2, 0.05, 0.2, 0.36, 0.5])
+PRIORS = ("normal", "log_normal")
 
 
 class ProbeTask(Task):
@@ -51,87 +68,13 @@ def _reported(settled: list[Equilibrium]) -> TaskResult:
     return TaskResult(final, metrics, Rollout(times, PRESSURES[[1, 4, 2]][:, None], angles, markers))
 
 
-def _model() -> Model:
-    return Model(sample_chain(modules=3, payload=0.003))
-
-
-def _parameters(subject: Subject) -> tuple[EffectParameter, ...]:
-    cls = type(subject.build())
-    parameters: tuple[EffectParameter, ...] = cls.parameters
-    return parameters
-
-
-def _applied(subject: Subject, values: Mapping[str, float], model: Model | None = None) -> Model:
-    effect: Effect = subject.build(subject.configured(values))
-    return effect.apply(model or _model())
-
-
-def _neutral(subject: Subject) -> dict[str, float]:
-    return {p.name: p.neutral for p in _parameters(subject)}
-
-
-def _extreme(subject: Subject) -> dict[str, float]:
-    """Every parameter at the end of its plausible range that lies farther from neutral."""
-    return {p.name: max(p.plausible, key=lambda v, p=p: abs(v - p.neutral)) for p in _parameters(subject)}  # type: ignore[misc]
-
-
-def _inputs_seen(model: Model) -> Array:
-    """What reaches the chain when the probe pressures are commanded one after another."""
-    rows = []
-    for pressure in PRESSURES:
-        inputs = Inputs({"pressure_pa": float(pressure)}, np.array([0.01, 0.0, -0.02]), 1e-3)
-        for change in model.inputs:
-            inputs = change(inputs)
-        rows.append([inputs.actuation["pressure_pa"], *inputs.tip_force_n, inputs.moment_n_m])
-    return np.array(rows)
-
-
-def _efforts(model: Model) -> Array:
-    p, u = (grid.ravel() for grid in np.meshgrid(PRESSURES, ANGLES, indexing="ij"))
-    efforts = [law.evaluate(p, u[:, None]) for law in model.chain.laws]
-    return np.concatenate([np.ravel(x) for e in efforts for x in (e.tau, e.dtau_dp, e.dtau_du)])
-
-
-def _rigid(model: Model) -> Array:
-    """Everything of the chain but its laws."""
-    return np.append(chain_numbers(model.chain), model.chain.payload_kg)
-
-
-def _reading(model: Model) -> Array:
-    """What the model reports of a given motion."""
-    chain = sample_chain(modules=3)
-    n = chain.n_joints
-    settled = [
-        Equilibrium(np.full((n, 1), a), np.full((n + 2, 3), 0.01 * a), 0.0, True, True, 1, 0.0)
-        for a in ANGLES[1:4]
-    ]
-    result = _reported(settled)
-    for output in model.outputs:
-        result = output(result)
-    return _result_numbers(result)
-
-
-def _result_numbers(result: TaskResult) -> Array:
-    parts: list[Any] = [result.final.joint_angles, result.final.markers_m]
-    parts += [result.metrics[name] for name in sorted(result.metrics)]
-    if result.rollout is not None:
-        parts += [result.rollout.joint_angles, result.rollout.markers_m]
-    return np.concatenate([np.ravel(np.asarray(part, float)) for part in parts])
-
-
-SIGHTS = {"input": _inputs_seen, "law": _efforts, "chain": _rigid, "output": _reading}
-
-
 @suite.check(
-    "`place` is one of input, law, chain, output; every parameter has a name, a unit and ordered ranges."
+    "`place` is one of input, law, chain, output; a parameter has a unit, ordered ranges, a role and a prior."
 )
 def declares_place_and_parameters(subject: Subject) -> None:
     place = type(subject.build()).place
     require(place in PLACES, f"place is '{place}', not one of {', '.join(PLACES)}")
-    require(
-        len(_parameters(subject)) > 0, "the effect has no parameters: calibration would have nothing to fit"
-    )
-    for p in _parameters(subject):
+    for p in parameters(subject):
         low, high = p.bounds
         require(low < high, f"parameter '{p.name}': bounds {p.bounds} are not ordered")
         require(low <= p.neutral <= high, f"parameter '{p.name}': neutral {p.neutral} is outside the bounds")
@@ -140,22 +83,42 @@ def declares_place_and_parameters(subject: Subject) -> None:
             f"parameter '{p.name}': plausible {p.plausible} is not an ordered range within the bounds "
             f"{p.bounds}",
         )
+        require(
+            p.prior in PRIORS, f"parameter '{p.name}': prior '{p.prior}' is not one of {', '.join(PRIORS)}"
+        )
+        require(
+            p.prior == "normal" or p.plausible[0] > 0,
+            f"parameter '{p.name}': a log-normal prior has no room for {p.plausible[0]:g}",
+        )
         try:
             parse_quantity(f"1 {p.unit}" if p.unit not in ("", "1") else "1", p.unit or "dimensionless")
         except UnitError as error:
             require(False, f"parameter '{p.name}': the unit '{p.unit}' is not known ({error})")
 
 
+@suite.check("at least one parameter is a `strength`: it makes the effect vanish, and calibration fits it.")
+def has_a_strength(subject: Subject) -> None:
+    roles = {p.name: p.role for p in parameters(subject)}
+    require(roles, "the effect has no parameters: calibration would have nothing to fit")
+    for name, role in roles.items():
+        require(
+            role in ("strength", "shape"), f"parameter '{name}' has the role '{role}', not strength or shape"
+        )
+    require(
+        "strength" in roles.values(), f"{', '.join(roles)} are all shapes; which one makes the effect vanish?"
+    )
+
+
 @suite.check("each parameter is a field of the config under the same name, with the parameter's hard bounds.")
 def parameters_are_config_fields(subject: Subject) -> None:
     config = subject.config
-    for p in _parameters(subject):
+    for p in parameters(subject):
         require(
             p.name in subject.model.model_fields,
             f"parameter '{p.name}' is no field of {subject.model.__name__} "
             f"({', '.join(subject.model.model_fields)})",
         )
-        for value in (*p.plausible, p.neutral):
+        for value in (*p.plausible, p.neutral, *p.bounds):
             subject.configured({p.name: value})
         width = p.bounds[1] - p.bounds[0]
         for value in (p.bounds[0] - 0.01 * width, p.bounds[1] + 0.01 * width):
@@ -168,28 +131,25 @@ def parameters_are_config_fields(subject: Subject) -> None:
             )
 
 
-@suite.check("at the neutral values the effect vanishes: model and result are those without it.")
+@suite.check("with every strength neutral the effect vanishes, whatever its shape.")
 def neutral_values_change_nothing(subject: Subject) -> None:
-    plain, neutral = _model(), _applied(subject, _neutral(subject))
+    plain, neutral = sample_model(), applied(subject, absent(subject))
     for place, sight in SIGHTS.items():
         require_close(
             sight(neutral),
             sight(plain),
-            f"with every parameter neutral the {place} differs",
+            f"with every strength neutral the {place} differs",
             rtol=1e-12,
             atol=1e-15,
         )
 
 
-@suite.check("within the plausible range the effect can be seen.")
+@suite.check("within the plausible range each parameter can be seen.")
 def plausible_values_change_something(subject: Subject) -> None:
     place = type(subject.build()).place
     sight = SIGHTS[place]
-    for p in _parameters(subject):
-        seen = []
-        for value in p.plausible:
-            values = {**_extreme(subject), p.name: value}
-            seen.append(sight(_applied(subject, values)))
+    for p in parameters(subject):
+        seen = [sight(applied(subject, {**strong(subject), p.name: value})) for value in p.plausible]
         differs = seen[0].shape != seen[1].shape or not np.allclose(seen[0], seen[1], rtol=1e-9, atol=0)
         require(differs, f"parameter '{p.name}' has no effect on the {place}: it is never used there")
 
@@ -199,13 +159,12 @@ def plausible_values_change_something(subject: Subject) -> None:
 )
 def acts_only_at_its_place(subject: Subject) -> None:
     place = type(subject.build()).place
-    plain, changed = _model(), _applied(subject, _extreme(subject))
+    plain, changed = sample_model(), applied(subject, strong(subject))
     for other in PLACES:
         if other == place:
             continue
-        same = SIGHTS[other](changed)
         require_close(
-            same,
+            SIGHTS[other](changed),
             SIGHTS[other](plain),
             f"an effect of place '{place}' changed the {other}",
             rtol=1e-12,
@@ -215,10 +174,10 @@ def acts_only_at_its_place(subject: Subject) -> None:
 
 @suite.check("`apply` returns a new model and never changes the one it was given.")
 def leaves_the_model_alone(subject: Subject) -> None:
-    model = _model()
+    model = sample_model()
     before = {name: sight(model) for name, sight in SIGHTS.items()}
     laws = tuple(model.chain.laws)
-    effect: Effect = subject.build(subject.configured(_extreme(subject)))
+    effect: Effect = subject.build(subject.configured(strong(subject)))
     changed = effect.apply(model)
     require(isinstance(changed, Model), f"apply returned {changed!r}, no Model: a forgotten return?")
     for name, sight in SIGHTS.items():
@@ -226,28 +185,33 @@ def leaves_the_model_alone(subject: Subject) -> None:
             np.array_equal(sight(model), before[name]), f"the {name} of the given model was changed in place"
         )
     require(
-        model.chain.laws == laws and not model.inputs and not model.outputs, "the given model was changed"
+        model.chain.laws == laws and not (model.inputs or model.outputs or model.chain.terms),
+        "the given model was changed",
     )
 
 
-@suite.check("effects compose: the maps and laws of effects applied before stay.")
+@suite.check("effects compose: the maps, laws and law terms of effects applied before stay and come first.")
 def keeps_earlier_effects(subject: Subject) -> None:
-    def doubled(inputs: Inputs) -> Inputs:
-        return replace(inputs, moment_n_m=2 * inputs.moment_n_m)
+    def doubled(history: History) -> History:
+        return history.with_(moment_n_m=2 * history.moment_n_m)
 
-    def marked(result: TaskResult) -> TaskResult:
-        return replace(result, metrics={**result.metrics, "earlier_count": 1.0})
+    def marked(readings: Readings) -> Readings:
+        return {**readings, "earlier_count": 1.0}
 
-    earlier = _model().with_(inputs=(doubled,), outputs=(marked,))
-    changed = _applied(subject, _extreme(subject), earlier)
+    earlier = sample_model().with_(inputs=(doubled,), outputs=(marked,))
+    changed = applied(subject, strong(subject), earlier)
     require(
         changed.inputs[:1] == (doubled,) and changed.outputs[:1] == (marked,),
-        "maps of effects applied before are lost or come later: use (*model.inputs, mine)",
+        "maps of effects applied before are lost or come later: use model.with_input and model.with_output",
     )
-    twice = _applied(subject, _extreme(subject), _applied(subject, _extreme(subject)))
-    once = _applied(subject, _extreme(subject))
+    once = applied(subject, strong(subject))
+    twice = applied(subject, strong(subject), once)
+    require(
+        twice.chain.terms[: len(once.chain.terms)] == once.chain.terms,
+        "law terms of effects applied before are lost or come later: use model.with_term",
+    )
     sight = SIGHTS[type(subject.build()).place]
-    plain = sight(_model())
+    plain = sight(sample_model())
     scale = max(float(np.abs(sight(once) - plain).max()), 1e-300)
     require(
         float(np.abs(sight(twice) - sight(once)).max()) > 1e-6 * scale,
@@ -256,13 +220,58 @@ def keeps_earlier_effects(subject: Subject) -> None:
 
 
 @suite.check(
+    "an input map returns a `History` of the same run, as long and finite, and leaves its own alone."
+)
+def input_maps_keep_the_run(subject: Subject) -> None:
+    for timed in (True, False):
+        for change in applied(subject, strong(subject)).inputs:
+            history = probe_run(timed=timed)
+            before = history_numbers(history)
+            changed = change(history)
+            require(isinstance(changed, History), f"an input map returned {changed!r}, no History")
+            require(
+                np.array_equal(history_numbers(history), before), "an input map changed its history in place"
+            )
+            same = (changed.run, changed.specimen, set(changed.actuation)) == (
+                history.run,
+                history.specimen,
+                set(history.actuation),
+            )
+            require(same, "an input map changed the run's name, its specimen or which inputs there are")
+            numbers = history_numbers(changed)
+            require(
+                numbers.shape == before.shape and np.all(np.isfinite(numbers)),
+                "an input map changed the number of samples or made values that are not finite"
+                + ("" if timed else " where the history has no times"),
+            )
+            require(np.array_equal(history_numbers(change(history)), numbers), "an input map keeps memory")
+
+
+@suite.check("an output map keeps every reading, by name and shape, and leaves its own alone.")
+def output_maps_keep_the_readings(subject: Subject) -> None:
+    for change in applied(subject, strong(subject)).outputs:
+        readings = probe_readings()
+        changed = change(readings)
+        require(hasattr(changed, "keys"), f"an output map returned {changed!r}, no readings by name")
+        lost = sorted(set(readings) - set(changed))
+        require(not lost, f"an output map lost {', '.join(lost)}")
+        require(
+            np.array_equal(reading_numbers(readings), reading_numbers(probe_readings())),
+            "an output map changed the readings in place",
+        )
+        for name, value in readings.items():
+            shape = np.shape(changed[name])
+            require(shape == np.shape(value), f"an output map gave '{name}' the shape {shape}")
+
+
+@suite.check(
     "wrapped laws stay laws: slopes are derivatives, τ = −∂Π/∂u, joint, axes, domain and record are kept."
 )
 def wrapped_laws_stay_laws(subject: Subject) -> None:
-    plain = _model().chain.laws
+    plain = sample_model().chain.laws
     p, u = np.full(5, 0.7 * PRESSURE_PA), ANGLES[:, None]
     h, k = 1.0, 1e-5
-    for law, inner in zip(_applied(subject, _extreme(subject)).chain.laws, plain, strict=True):
+    for law, inner in zip(applied(subject, strong(subject)).chain.laws, plain, strict=True):
         effort = law.evaluate(p, u)
         in_p = (law.evaluate(p + h, u).tau - law.evaluate(p - h, u).tau) / (2 * h)
         in_u = (law.evaluate(p, u + k).tau - law.evaluate(p, u - k).tau) / (2 * k)
@@ -282,22 +291,43 @@ def wrapped_laws_stay_laws(subject: Subject) -> None:
         law.record()
 
 
-@suite.check("the simulate stage can run the model: input maps give `Inputs`, output maps give `TaskResult`.")
+@suite.check("a run in an engine that follows histories shows the effect, finite and converged.")
+def a_run_shows_it(subject: Subject) -> None:
+    engine = follower(subject)
+    seen = []
+    for model in (applied(subject, strong(subject)), sample_model()):
+        followed = engine.follow(model.chain, [model.commanded(probe_run())])[0][0]
+        joints = followed.joint_angles[:, :, 0]
+        readings = {f"joint_{k + 1}_angle_rad": joints[:, k] for k in range(joints.shape[1])}
+        lost = int(np.sum(np.logical_not(followed.converged)))
+        require(lost == 0, f"{lost} samples of a run find no equilibrium")
+        seen.append(reading_numbers(model.reported({"angle_rad": joints.sum(axis=1), **readings})))
+    require(np.all(np.isfinite(seen[0])), "with the effect the readings of a run are not finite")
+    require(
+        not np.allclose(seen[0], seen[1], rtol=1e-9, atol=1e-12),
+        "the readings of a run with all kinds of phases are the same with and without the effect",
+    )
+
+
+@suite.check("the simulate stage can run the model under a task, and again with the same result.")
 def model_runs_under_a_task(subject: Subject) -> None:
-    effect: Effect = subject.build(subject.configured(_extreme(subject)))
-    engine, chain = StandIn(StandInConfig()), _model().chain
+    effect: Effect = subject.build(subject.configured(strong(subject)))
+    chain = sample_model().chain
+    timeless = not any(term.needs_time for term in effect.apply(sample_model()).chain.terms)
+    engine = StandIn(StandInConfig()) if timeless else follower(subject)
     probe = ProbeTask(TaskConfig(kind="probe"))
     result = run_task(engine, probe, [effect], chain)
     require(isinstance(result, TaskResult), f"the model's result is {type(result).__name__}, no TaskResult")
     numbers = _result_numbers(result)
     require(np.all(np.isfinite(numbers)), "with the effect the task's result is not finite")
-    plain = _result_numbers(run_task(engine, probe, [], chain))
-    require(
-        numbers.shape == plain.shape and not np.allclose(numbers, plain, rtol=1e-9, atol=1e-12),
-        "the task's result is the same with and without the effect at plausible values",
-    )
     again = _result_numbers(run_task(engine, probe, [effect], chain))
     require(
         np.array_equal(numbers, again),
         "a second run with the same effect differs: maps keep memory from one simulation to the next",
     )
+
+
+def _result_numbers(result: TaskResult) -> Array:
+    parts: list[Any] = [result.final.joint_angles, result.final.markers_m]
+    parts += [result.metrics[name] for name in sorted(result.metrics)]
+    return np.concatenate([np.ravel(np.asarray(part, float)) for part in parts])

@@ -1,4 +1,4 @@
-"""A good effect, an actuation gain, and effects that reach where they should not."""
+"""Good effects, an actuation gain at the law and as a law term, and effects that reach where they should not."""
 
 from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar, Literal
@@ -6,10 +6,11 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
-from pliant.interfaces.effect import Effect, EffectConfig, EffectParameter, Model, Place
+from pliant.interfaces.effect import Effect, EffectConfig, EffectParameter, Model, Place, Readings
 from pliant.records.design import Array
+from pliant.records.history import History
 from pliant.records.law import Domain, Effort, JointKind, JointLaw, LawRecord
-from pliant.records.rollout import Inputs
+from pliant.records.term import LawTerm, TermFunction
 from pliant.registry.component import Component
 from pliant.units import Ratio
 from spoiled import Spoils
@@ -72,6 +73,20 @@ class SwappedRange(Gain):
     parameters = (replace(PARAMETER, plausible=(1.2, 0.8)),)
 
 
+@spoils.by("declares_place_and_parameters", "a log-normal prior has no room for 0")
+class LogOfZero(Gain):
+    """A log-normal prior that begins at zero."""
+
+    parameters = (replace(PARAMETER, bounds=(0.0, 10.0), plausible=(0.0, 2.0), prior="log_normal"),)
+
+
+@spoils.by("has_a_strength", "which one makes the effect vanish")
+class OnlyShape(Gain):
+    """Calls its gain a shape."""
+
+    parameters = (replace(PARAMETER, role="shape"),)
+
+
 class BoundlessConfig(GainConfig):
     """No hard bounds."""
 
@@ -81,7 +96,7 @@ class BoundlessConfig(GainConfig):
 spoils.add("parameters_are_config_fields", "outside the bounds", config="spoiled.effect:BoundlessConfig")
 
 
-@spoils.by("neutral_values_change_nothing", "every parameter neutral the law differs")
+@spoils.by("neutral_values_change_nothing", "every strength neutral the law differs")
 class NeverNeutral(Gain):
     """Neutral is said to be 0.9."""
 
@@ -89,6 +104,7 @@ class NeverNeutral(Gain):
 
 
 @spoils.by("plausible_values_change_something", "parameter 'gain' has no effect")
+@spoils.by("a_run_shows_it", "the same with and without the effect")
 class Unused(Gain):
     """Forgets its parameter."""
 
@@ -122,7 +138,7 @@ class StartsAnew(Gain):
         return Model(super().apply(model).chain)
 
 
-class Unslopedlaw(GainedLaw):
+class UnslopedLaw(GainedLaw):
     """Values with the gain, slopes without."""
 
     def evaluate(self, actuation: Array, deformation: Array) -> Effort:
@@ -134,15 +150,177 @@ class Unslopedlaw(GainedLaw):
 class ForgetsTheSlope(Gain):
     """Its law's ∂τ/∂p lacks the gain."""
 
-    law = Unslopedlaw
+    law = UnslopedLaw
 
 
+# -- maps ------------------------------------------------------------------------------------------
+
+
+@spoils.by("input_maps_keep_the_run", "an input map returned None, no History")
 @spoils.by("model_runs_under_a_task", "AttributeError|NoneType")
 class ReturnsNothing(Gain):
     """Its input map forgets to return."""
 
-    def apply(self, model: Model) -> Model:
-        def forget(inputs: Inputs) -> Any:
-            np.multiply(1.1, inputs.moment_n_m)
+    place = "input"
 
-        return super().apply(model).with_(inputs=(*model.inputs, forget))
+    def apply(self, model: Model) -> Model:
+        def forget(history: History) -> Any:
+            np.multiply(1.1, history.moment_n_m)
+
+        return model.with_input(forget)
+
+
+@spoils.by("input_maps_keep_the_run", "it raised .*Error in ")
+class NeedsAClock(Gain):
+    """Its input map divides by time steps that are not there."""
+
+    place = "input"
+
+    def apply(self, model: Model) -> Model:
+        def rated(history: History) -> History:
+            return history.with_(moment_n_m=history.moment_n_m + np.gradient(history.time_s))
+
+        return model.with_input(rated)
+
+
+@spoils.by("output_maps_keep_the_readings", "lost .*tip_x_m")
+class LosesReadings(Gain):
+    """Its output map returns the angles only."""
+
+    place = "output"
+
+    def apply(self, model: Model) -> Model:
+        gain = self.config.gain
+
+        def angles(readings: Readings) -> Readings:
+            return {"angle_rad": gain * readings["angle_rad"]}
+
+        return model.with_output(angles)
+
+
+# -- law terms -------------------------------------------------------------------------------------
+
+
+class TermGain(Gain):
+    """The same gain as a law term; subclasses spoil the term."""
+
+    term: ClassVar[LawTerm]
+
+    def apply(self, model: Model) -> Model:
+        return model.with_term(replace(self.term, parameters=(self.config.gain - 1.0,)))
+
+
+def term(
+    role: Any, function: TermFunction, n_states: int = 0, keeps: bool = False, needs_time: bool = True
+) -> LawTerm:
+    return LawTerm(role, function, (), n_states, keeps, needs_time)
+
+
+def _changes_old(u: float, rate: float, dt: float, p: float, t: float, old: Any, new: Any, c: Any) -> float:
+    new[0] = old[0]
+    old[0] += 1.0
+    return -1e-3 * c[0] * new[0]
+
+
+@spoils.by("terms_write_new_and_leave_old", "changed `old` in place")
+class ChangesOld(TermGain):
+    """Counts in the past."""
+
+    term = term("moment", _changes_old, 1)
+
+
+def _leaves_new(u: float, rate: float, dt: float, p: float, t: float, old: Any, new: Any, c: Any) -> float:
+    if u > 0.3:
+        new[0] = u
+    return -1e-3 * c[0] * u
+
+
+@spoils.by("terms_write_new_and_leave_old", "`new` arrives unset")
+class LeavesNew(TermGain):
+    """Writes its memory only where it changes."""
+
+    term = term("moment", _leaves_new, 1)
+
+
+def _damps(u: float, rate: float, dt: float, p: float, t: float, old: Any, new: Any, c: Any) -> float:
+    return -0.01 * c[0] * rate
+
+
+@spoils.by("terms_that_use_time_say_so", "needs_time is False")
+class HidesItsRate(TermGain):
+    """A dashpot that says it needs no time."""
+
+    term = term("moment", _damps, needs_time=False)
+
+
+CALLS = np.zeros(1)
+
+
+def _counts_calls(u: float, rate: float, dt: float, p: float, t: float, old: Any, new: Any, c: Any) -> float:
+    CALLS[0] += 1.0
+    return 1e-3 * c[0] * float(np.sin(CALLS[0]))
+
+
+@spoils.by("terms_remember_in_states_only", "a global or a mutable default")
+class RemembersOutside(TermGain):
+    """Keeps its memory in a global."""
+
+    term = term("moment", _counts_calls)
+
+
+def _by_name(u: float, rate: float, dt: float, p: float, t: float, old: Any, new: Any, c: Any) -> float:
+    share = {"share": c[0]}
+    return -0.01 * float(str(share["share"])) * u
+
+
+@spoils.by("terms_are_the_same_compiled", r"effect.py, line \d+: the law term '_by_name' cannot be compiled")
+class OnlyPython(TermGain):
+    """Uses what the compiler does not know."""
+
+    term = term("moment", _by_name)
+
+
+def _overflows(u: float, rate: float, dt: float, p: float, t: float, old: Any, new: Any, c: Any) -> float:
+    picoradians = int(1e12 * u)
+    return 1e-25 * c[0] * float(picoradians * picoradians)
+
+
+@spoils.by("terms_are_the_same_compiled", "in plain Python differ in run")
+class Overflows(TermGain):
+    """Reckons with integers that only Python lets grow."""
+
+    term = term("moment", _overflows, needs_time=False)
+
+
+def _pushes(u: float, rate: float, dt: float, p: float, t: float, old: Any, new: Any, c: Any) -> float:
+    return c[0] * u
+
+
+@spoils.by("terms_keep_the_joint_stable", "the joint snaps")
+class Snaps(TermGain):
+    """A spring that pushes away, stiffer than the joint."""
+
+    term = term("moment", _pushes, needs_time=False)
+
+
+def _drives(u: float, rate: float, dt: float, p: float, t: float, old: Any, new: Any, c: Any) -> float:
+    return 0.01 * c[0] * rate
+
+
+@spoils.by("terms_make_no_energy", "a sign")
+class Drives(TermGain):
+    """A dashpot with the wrong sign."""
+
+    term = term("moment", _drives)
+
+
+def _forgets(u: float, rate: float, dt: float, p: float, t: float, old: Any, new: Any, c: Any) -> float:
+    new[0] = 0.9 * old[0] + 0.1 * u
+    return 0.01 * c[0] * (new[0] - u)
+
+
+@spoils.by("terms_do_not_count_samples", "advance with dt_s")
+class CountsSamples(TermGain):
+    """Its memory fades by a tenth per sample, however long that is."""
+
+    term = term("moment", _forgets, 1)

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numba import cfunc
-from numba.core.errors import NumbaError
 
 from pliant.errors import UserError
 from pliant.mechanics.kinematics import ChainGeometry
@@ -149,13 +149,22 @@ class Terms:
 def _compile(function: TermFunction) -> Any:
     try:
         return cfunc(TERM_SIGNATURE, cache=_on_disk(function))(function)
-    except NumbaError as error:
-        code = function.__code__
-        reason = next(line.strip() for line in str(error).splitlines() if line.strip())
-        raise UserError(
-            f"{code.co_filename}, line {code.co_firstlineno}: '{function.__name__}' cannot be compiled "
-            f"({reason}); a law term is scalar Python: arithmetic, 'if' and functions of math"
-        ) from error
+    except Exception as error:  # numba lets Python's own errors through beside its own
+        raise UserError(_why_not(function, error)) from error
+
+
+def _why_not(function: TermFunction, error: Exception) -> str:
+    """Where and why a function cannot be compiled."""
+    code = getattr(function, "__code__", None)
+    if code is None:
+        return f"the law term {function!r} is no plain function; write one with 'def' at the top of its file"
+    text = [line.strip() for line in str(error).splitlines() if line.strip()]
+    reason = next((line for line in text if not line.startswith("Failed in")), type(error).__name__)
+    lines = re.findall(r'File "[^"]*", line (\d+)', str(error)) or [code.co_firstlineno]
+    return (
+        f"{code.co_filename}, line {lines[0]}: the law term '{function.__name__}' cannot be compiled "
+        f"({reason.rstrip('.:')}); it is scalar Python: arithmetic, 'if' and functions of math."
+    )
 
 
 def _on_disk(function: TermFunction) -> bool:

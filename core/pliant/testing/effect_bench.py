@@ -1,0 +1,163 @@
+"""What the checks of effects share: a model, parameter values, and how each place of an effect is seen."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+
+from pliant.errors import ContractError
+from pliant.interfaces.effect import Effect, EffectParameter, Model, Readings
+from pliant.interfaces.physics import PhysicsBackend
+from pliant.records.chain import ChainModel
+from pliant.records.design import Array
+from pliant.records.history import History
+from pliant.registry.discovery import discover
+from pliant.testing.histories import Motion, drive, triangles
+from pliant.testing.physics_bench import chain_numbers
+from pliant.testing.samples import PRESSURE_PA, sample_chain
+from pliant.testing.suite import CheckSkipped, Subject
+
+PRESSURES = np.array([0.0, 2e3, 5e3, 9e3, 15e3])
+ANGLES = np.array([-0.2, 0.05, 0.2, 0.36, 0.5])
+MODULES = 3
+STEP_S = 0.25
+WARM_C = 35.0
+
+
+def sample_model() -> Model:
+    """Three modules that carry a payload."""
+    return Model(sample_chain(modules=MODULES, payload=0.003))
+
+
+def parameters(subject: Subject) -> tuple[EffectParameter, ...]:
+    """Those of the effect under test."""
+    found: tuple[EffectParameter, ...] = type(subject.build()).parameters
+    return found
+
+
+def applied(subject: Subject, values: Mapping[str, float], model: Model | None = None) -> Model:
+    """The model with the effect at these parameter values."""
+    effect: Effect = subject.build(subject.configured(values))
+    return effect.apply(model or sample_model())
+
+
+def absent(subject: Subject) -> dict[str, float]:
+    """Strengths neutral, shapes at the end of their plausible range that lies farther from neutral."""
+    shapes = {p.name: _far(p) for p in parameters(subject) if p.role == "shape"}
+    return shapes | {p.name: p.neutral for p in parameters(subject) if p.role == "strength"}
+
+
+def strong(subject: Subject) -> dict[str, float]:
+    """Strengths at the plausible end that lies farther from neutral, shapes at their typical value."""
+    return {p.name: _far(p) if p.role == "strength" else p.neutral for p in parameters(subject)}
+
+
+def both_ends(subject: Subject) -> Iterator[dict[str, float]]:
+    """All strengths at their low plausible end, then at their high one; shapes at their typical value."""
+    for end in (0, 1):
+        yield {p.name: p.plausible[end] if p.role == "strength" else p.neutral for p in parameters(subject)}
+
+
+def _far(parameter: EffectParameter) -> float:
+    return max(parameter.plausible, key=lambda value: abs(value - parameter.neutral))
+
+
+def probe_run(run: str = "probe", specimen: str = "", timed: bool = True) -> History:
+    """Up, down and up again at two rates with holds, on a warm day, under a small load."""
+    fast, p_fast = triangles((PRESSURE_PA, 2e3), 6e3, STEP_S, holds_s=2.0)
+    slow, p_slow = triangles((PRESSURE_PA,), 1.5e3, 2 * STEP_S)
+    time_s = np.append(fast, fast[-1] + 2 * STEP_S + slow)
+    return History.of(
+        {"pressure_pa": np.append(p_fast, p_slow)},
+        time_s if timed else None,
+        run=run,
+        specimen=specimen,
+        moment_n_m=1e-3,
+        temperature_c=WARM_C,
+    )
+
+
+def probe_motion(actuation: float = 0.6 * PRESSURE_PA) -> Motion:
+    """A joint that is bent to 0.7 rad and back to −0.2 rad at two rates, with holds."""
+    fast, u_fast = triangles((0.7, -0.2, 0.4), 0.5, 0.05, holds_s=1.0)
+    slow, u_slow = triangles((0.3, 0.0), 0.05, 0.5)
+    time_s = np.append(fast, fast[-1] + 0.5 + slow)
+    return Motion.of(time_s, np.append(u_fast, u_slow), actuation, WARM_C)
+
+
+def inputs_seen(model: Model) -> Array:
+    """What reaches the chain when the probe run is commanded, with and without a clock."""
+    reached = [model.commanded(probe_run(timed=timed)) for timed in (True, False)]
+    return np.concatenate([history_numbers(history) for history in reached])
+
+
+def history_numbers(history: History) -> Array:
+    """All arrays of a history in a row."""
+    parts = [*(history.actuation[name] for name in sorted(history.actuation)), history.tip_force_n]
+    parts += [history.moment_n_m, history.temperature_c, history.base_angles_rad]
+    parts += [x for x in (history.time_s, history.payload_kg) if x is not None]
+    return np.concatenate([np.ravel(part) for part in parts])
+
+
+def efforts(model: Model) -> Array:
+    """The laws on a grid of states, and the effort with law terms along the probe motion."""
+    p, u = (grid.ravel() for grid in np.meshgrid(PRESSURES, ANGLES, indexing="ij"))
+    answers = [law.evaluate(p, u[:, None]) for law in model.chain.laws]
+    parts = [np.ravel(x) for e in answers for x in (e.tau, e.dtau_dp, e.dtau_du)]
+    return np.concatenate([*parts, drive(model.chain, probe_motion()).effort])
+
+
+def rigid(model: Model) -> Array:
+    """Everything of the chain but its laws and law terms."""
+    return np.append(chain_numbers(model.chain), model.chain.payload_kg)
+
+
+def probe_readings() -> dict[str, Any]:
+    """Readings of a given motion, over time and as a task leaves them: arrays, lists, numbers."""
+    angle = np.linspace(0.0, 1.0, 7)
+    readings: dict[str, Any] = {"angle_rad": angle, "tip_x_m": 0.05 * angle, "tip_z_m": -0.08 + 0.02 * angle}
+    readings |= {f"joint_{k}_angle_rad": angle / 3 for k in range(1, MODULES + 1)}
+    readings |= {"marker_1_x_m": 0.01 * angle, "elongation_strain": 0.1 * angle}
+    readings |= {"bend_angle_rad": 0.9, "tip_angle_rad": 0.9, "joint_angles_rad": [[0.3]] * MODULES}
+    return readings
+
+
+def reading_numbers(readings: Readings) -> Array:
+    """All readings in a row, by name."""
+    return np.concatenate([np.ravel(np.asarray(readings[name], float)) for name in sorted(readings)])
+
+
+def readings_seen(model: Model) -> Array:
+    """What the model reports of a given motion."""
+    return reading_numbers(model.reported(probe_readings()))
+
+
+SIGHTS = {"input": inputs_seen, "law": efforts, "chain": rigid, "output": readings_seen}
+
+
+def follower(subject: Subject) -> PhysicsBackend:
+    """An installed engine that follows memory, or `CheckSkipped`."""
+    engine: PhysicsBackend | None = subject.once("follower", _find_follower)
+    if engine is None:
+        raise CheckSkipped("no engine that follows histories is installed")
+    return engine
+
+
+def _find_follower() -> PhysicsBackend | None:
+    for component in discover().of("physics"):
+        if component.missing() is not None:
+            continue
+        try:
+            engine: PhysicsBackend = component.build(component.config_model()(kind=component.kind))
+        except ContractError:  # a broken engine is another plugin's failure
+            continue
+        if engine.capabilities.internal_states:
+            return engine
+    return None
+
+
+def hinge(subject: Subject, values: Mapping[str, float]) -> ChainModel:
+    """One weightless joint with the effect's law terms."""
+    return applied(subject, values, Model(sample_chain(modules=1, gravity=(0, 0, 0)))).chain

@@ -1,0 +1,156 @@
+"""Runs and prescribed motions for checks of effects, and one joint followed in plain Python.
+
+`follow_joint` is the slow, readable answer to what an engine's `follow` gives: an engine that compiles law terms must
+agree with it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.optimize import brentq
+
+from pliant.mechanics.efforts import JointEfforts
+from pliant.mechanics.terms import LawTerms, Memory
+from pliant.records.chain import ChainModel
+from pliant.records.design import Array
+from pliant.records.history import REFERENCE_TEMPERATURE_C, History
+
+PRESSURE = "pressure_pa"
+# The first sample of a run is reached slowly from the straight shape, in this many steps.
+RAMP_STEPS = 4
+WIDEST_RAD = math.pi
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """A prescribed motion of one joint: time (t,), angle (t,), actuation (t,), temperature (t,).
+
+    A step that begins before time_s[0] is slow: its duration is infinite.
+    """
+
+    time_s: Array
+    angle_rad: Array
+    actuation: Array
+    temperature_c: Array
+
+    @staticmethod
+    def of(
+        time_s: Array, angle_rad: Array, actuation: float = 0.0, temperature_c: float | None = None
+    ) -> Motion:
+        """A motion at constant actuation and temperature."""
+        warmth = REFERENCE_TEMPERATURE_C if temperature_c is None else temperature_c
+        n = len(angle_rad)
+        return Motion(np.asarray(time_s, float), angle_rad, np.full(n, actuation), np.full(n, warmth))
+
+
+@dataclass(frozen=True, eq=False)
+class Driven:
+    """What a driven joint answered: effort (t,) in N·m, its slope ∂τ'/∂u (t,), memory (t, states)."""
+
+    effort: Array
+    slope: Array
+    states: Array
+
+
+def drive(chain: ChainModel, motion: Motion) -> Driven:
+    """The first joint of a one-axis chain with its law terms, moved along a prescribed motion."""
+    one = _first_joint(chain)
+    efforts = JointEfforts(one)
+    memory = efforts.terms.rested()
+    effort, slope, states = [], [], []
+    for k, angle in enumerate(motion.angle_rad):
+        dt = float(motion.time_s[k] - motion.time_s[k - 1]) if k else math.inf
+        memory = replace(memory, dt_s=dt, temperature_c=float(motion.temperature_c[k]))
+        q = np.array([[float(angle)]])
+        inputs = {actuator.input: float(motion.actuation[k]) for actuator in one.actuators}
+        answer = efforts.evaluate(q, inputs, memory)
+        effort.append(answer.tau[0, 0])
+        slope.append(answer.dtau_du[0, 0, 0])
+        memory = efforts.advance(q, inputs, memory)
+        states.append(memory.states[0, 0])
+    return Driven(np.array(effort), np.array(slope), np.array(states))
+
+
+def follow_joint(chain: ChainModel, histories: Sequence[History]) -> tuple[Array, ...]:
+    """(t,) angle of one weightless joint under each history: τ'(p, u) = M at every sample, in plain Python.
+
+    Histories of one specimen follow each other: `LawTerm`s that keep their memory hand it on.
+    """
+    efforts = JointEfforts(chain)
+    kept: dict[str, Array] = {}
+    paths = []
+    for history in histories:
+        memory = efforts.terms.rested()
+        if history.specimen in kept:
+            memory = replace(
+                memory, states=np.where(_keeps(efforts.terms), kept[history.specimen], memory.states)
+            )
+        angles = []
+        for k in range(len(history)):
+            slow = k == 0 or history.time_s is None
+            dt = (
+                math.inf
+                if slow or history.time_s is None
+                else float(history.time_s[k] - history.time_s[k - 1])
+            )
+            shares = np.arange(1, RAMP_STEPS + 1) / RAMP_STEPS if k == 0 else np.ones(1)
+            for share in shares:
+                memory = replace(memory, dt_s=dt, temperature_c=float(history.temperature_c[k]))
+                inputs = {name: float(share * values[k]) for name, values in history.actuation.items()}
+                opposed = float(share * history.moment_n_m[k])
+                q = np.array([[_balance(efforts, inputs, opposed, memory)]])
+                memory = efforts.advance(q, inputs, memory)
+            angles.append(float(memory.previous[0, 0]))
+        kept[history.specimen] = memory.states
+        paths.append(np.array(angles))
+    return tuple(paths)
+
+
+def _balance(efforts: JointEfforts, inputs: dict[str, float], opposed: float, memory: Memory) -> float:
+    """The angle nearest to the present one at which the effort is the opposing moment."""
+
+    def unbalanced(angle: float) -> float:
+        return float(efforts.evaluate(np.array([[angle]]), inputs, memory).tau[0, 0]) - opposed
+
+    low, high = _bracket(unbalanced, float(memory.previous[0, 0]))
+    return low if low == high else float(brentq(unbalanced, low, high, xtol=1e-13, rtol=1e-14))
+
+
+def _bracket(function: Callable[[float], float], start: float) -> tuple[float, float]:
+    """An interval from `start` on in which a falling function changes its sign."""
+    value = function(start)
+    if value == 0.0:
+        return start, start
+    direction, width = math.copysign(1.0, value), 0.01
+    while width < WIDEST_RAD:
+        end = start + direction * width
+        if function(end) * value <= 0.0:
+            return (start, end) if start < end else (end, start)
+        width *= 2.0
+    raise ValueError(f"no equilibrium within {WIDEST_RAD:.3g} rad of {start:.3g} rad")
+
+
+def _keeps(terms: LawTerms) -> Array:
+    return np.array([term.keeps for term in terms.terms for _ in range(term.n_states)], bool)
+
+
+def _first_joint(chain: ChainModel) -> ChainModel:
+    return chain.with_(joints=chain.joints[:1], bodies=chain.bodies[:2])
+
+
+def triangles(
+    levels: Sequence[float], rate: float, step_s: float, holds_s: float = 0.0
+) -> tuple[Array, Array]:
+    """(time, value) of straight ramps from 0 through the levels at one rate, with a hold at each."""
+    values, here = [0.0], 0.0
+    for level in levels:
+        n = max(1, math.ceil(abs(level - here) / (rate * step_s) - 1e-9))
+        values += np.linspace(here, level, n + 1)[1:].tolist()
+        values += [level] * round(holds_s / step_s)
+        here = level
+    times: Array = step_s * np.arange(len(values), dtype=float)
+    return times, np.array(values, float)
