@@ -48,7 +48,7 @@ def simulate_stage(
     backend: PhysicsBackend = bench.build("physics", physics)
     built_task: Task = bench.build("task", task)
     built_effects: list[Effect] = [bench.build("effect", effect) for effect in effects]
-    _check_capabilities(backend, source.chain, physics.kind)
+    check_capabilities(backend, source.chain, physics.kind)
 
     def compute(partial: Path) -> TaskResult:
         return run_task(backend, built_task, built_effects, source.chain)
@@ -94,7 +94,8 @@ def check_terms(backend: PhysicsBackend, chain: ChainModel) -> None:
         )
 
 
-def _check_capabilities(backend: PhysicsBackend, chain: ChainModel, kind: str) -> None:
+def check_capabilities(backend: PhysicsBackend, chain: ChainModel, kind: str) -> None:
+    """Raise `UserError` for kinds of joints that the engine does not have."""
     joints = {law.joint for law in chain.laws}
     unknown = joints - set(backend.capabilities.joints)
     if unknown:

@@ -106,12 +106,24 @@ def laws_of_study(bench: Workbench, study: Study) -> tuple[DesignStages, ...]:
     return tuple(designs)
 
 
+def chain_of_study(bench: Workbench, study: Study) -> ChainSource:
+    """The study's chain, all stages before it done; effects are not in it."""
+    study.need("chain", "a simulation")
+    check_study(bench, study)
+    return _chain_source(bench, study, laws_of_study(bench, study))
+
+
+def physics_of_study(bench: Workbench, study: Study) -> Any:
+    """The config of the study's engine, or of the default one."""
+    return study.physics or _default(bench, "physics", DEFAULT_PHYSICS)
+
+
 def simulate_study(bench: Workbench, study: Study) -> StudyRun:
     """All stages up to the task in the study's engine and in those of `cross_check`."""
     started = time.perf_counter()
     study.need("chain", "a simulation")
     task = study.need("task", "a simulation")
-    physics = study.physics or _default(bench, "physics", DEFAULT_PHYSICS)
+    physics = physics_of_study(bench, study)
     check_study(bench, study)
     designs = laws_of_study(bench, study)
     source = _chain_source(bench, study, designs)

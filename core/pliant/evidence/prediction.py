@@ -1,0 +1,207 @@
+"""What a study's model says about measured runs: the same histories, the same readings."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pliant.config.study import Study
+from pliant.errors import NotReachedError, UserError
+from pliant.interfaces.effect import Effect, EffectConfig, Model
+from pliant.interfaces.physics import PhysicsBackend, Variation
+from pliant.mechanics.kinematics import ChainGeometry, base_rotations, trajectory
+from pliant.pipeline.simulate import check_capabilities, check_terms
+from pliant.pipeline.study import chain_of_study, physics_of_study
+from pliant.pipeline.workbench import Workbench
+from pliant.records.chain import ChainModel
+from pliant.records.design import Array
+from pliant.records.history import Followed, History
+from pliant.records.measurement import Measurement
+
+JOINT_ANGLE = re.compile(r"joint_(\d+)_angle_rad")
+POSITION = re.compile(r"(tip|marker_(\d+))_([xyz])_m")
+RunReadings = dict[str, Array]
+
+
+@dataclass(frozen=True, eq=False)
+class Prediction:
+    """Readings of each run by output, (t,) each; NaN where the chain found no equilibrium."""
+
+    runs: tuple[RunReadings, ...]
+    n_failed: int
+
+
+class Predictor:
+    """A chain in an engine, driven by the histories of a measurement.
+
+    The study's own effects are part of the model; `predict` and `vary` add further ones.
+    """
+
+    def __init__(
+        self,
+        bench: Workbench,
+        backend: PhysicsBackend,
+        chain: ChainModel,
+        measurement: Measurement,
+        effects: Sequence[EffectConfig] = (),
+    ) -> None:
+        self.bench, self.backend, self.measurement = bench, backend, measurement
+        self.effects = tuple(effects)
+        self._base = self._changed(Model(chain), effects)
+        self._geometry = ChainGeometry.of(chain)
+        self._histories = [run.history for run in measurement.runs]
+        self._rotations = [base_rotations(chain.base_rotation, h.base_angles_rad) for h in self._histories]
+        self.outputs, self.missing = self._readable(measurement.outputs)
+        if not self.outputs:
+            raise UserError(
+                f"{measurement.source}: the model has none of the measured outputs "
+                f"({', '.join(measurement.outputs) or 'no output column'}); a chain of {chain.n_joints} "
+                f"{chain.laws[0].joint} joints has {', '.join(self._offered())}."
+            )
+
+    @staticmethod
+    def of_study(bench: Workbench, study: Study, measurement: Measurement) -> Predictor:
+        """The study's chain, engine and effects.
+
+        Raises:
+            UserError: an engine that cannot follow histories, or no output that the model has.
+        """
+        physics = physics_of_study(bench, study)
+        backend: PhysicsBackend = bench.build("physics", physics)
+        if not backend.capabilities.internal_states:
+            raise UserError(
+                f"physics '{physics.kind}' cannot follow measured histories; comparing with measurements "
+                "needs 'physics: quasistatic'."
+            )
+        chain = chain_of_study(bench, study).chain
+        check_capabilities(backend, chain, physics.kind)
+        return Predictor(bench, backend, chain, measurement, study.effects)
+
+    @property
+    def chain(self) -> ChainModel:
+        """The chain with the study's effects."""
+        return self._base.chain
+
+    def predict(self, effects: Sequence[EffectConfig] = ()) -> tuple[RunReadings, ...]:
+        """Predicted outputs of each run; see `Prediction`.
+
+        Raises:
+            NotReachedError: no sample of any run has an equilibrium.
+        """
+        prediction = self.evaluate(effects)
+        if prediction.n_failed == self.measurement_size:
+            raise NotReachedError("the model has no equilibrium in any of the measured states")
+        return prediction.runs
+
+    @property
+    def measurement_size(self) -> int:
+        """Samples over all runs."""
+        return sum(len(history) for history in self._histories)
+
+    def evaluate(
+        self, effects: Sequence[EffectConfig] = (), histories: Sequence[History] | None = None
+    ) -> Prediction:
+        """The prediction; of other histories than the measured ones where they are given."""
+        driven = self._histories if histories is None else list(histories)
+        rotations = self._rotations
+        if histories is not None:
+            rotation = self._base.chain.base_rotation
+            rotations = [base_rotations(rotation, h.base_angles_rad) for h in driven]
+        model = self._changed(self._base, effects)
+        paths, _ = self.backend.follow(model.chain, [model.commanded(h) for h in driven])
+        failed = int(sum((~path.converged).sum() for path in paths))
+        return Prediction(self._read(model, paths, paths, rotations), failed)
+
+    def vary(
+        self, effects: Sequence[EffectConfig], towards: Sequence[Sequence[EffectConfig]]
+    ) -> tuple[Prediction, tuple[tuple[RunReadings, ...], ...]]:
+        """The prediction, and what small changes of the effects' parameters make of it, to first order."""
+        model = self._changed(self._base, effects)
+        driven = tuple(model.commanded(h) for h in self._histories)
+        models = [self._changed(self._base, changed) for changed in towards]
+        variations = [Variation(m.chain, tuple(m.commanded(h) for h in self._histories)) for m in models]
+        paths, changes = self.backend.follow(model.chain, driven, variations)
+        base = self._read(model, paths, paths, self._rotations)
+        differences = []
+        for other, change in zip(models, changes, strict=True):
+            moved = [
+                Followed(a.joint_angles + d.joint_angles, a.converged)
+                for a, d in zip(paths, change, strict=True)
+            ]
+            there = self._read(other, moved, paths, self._rotations)
+            differences.append(
+                tuple({name: b[name] - a[name] for name in a} for a, b in zip(base, there, strict=True))
+            )
+        failed = int(sum((~path.converged).sum() for path in paths))
+        return Prediction(base, failed), tuple(differences)
+
+    def _changed(self, model: Model, effects: Sequence[EffectConfig]) -> Model:
+        for config in effects:
+            effect: Effect = self.bench.build("effect", config)
+            model = effect.apply(model)
+        check_terms(self.backend, model.chain)
+        return model
+
+    def _read(
+        self, model: Model, paths: Sequence[Followed], state: Sequence[Followed], rotations: Sequence[Array]
+    ) -> tuple[RunReadings, ...]:
+        return tuple(
+            self._readings(model, path, there.converged, rotation)
+            for path, there, rotation in zip(paths, state, rotations, strict=True)
+        )
+
+    def _readings(self, model: Model, path: Followed, converged: Array, rotations: Array) -> RunReadings:
+        main = self._geometry.main
+        angles = path.joint_angles[:, :, main]
+        markers = None
+        if any(POSITION.fullmatch(name) for name in self.outputs):
+            markers = trajectory(self._geometry, path.joint_angles, rotations)
+        readings: RunReadings = {}
+        for name in self.outputs:
+            if joint := JOINT_ANGLE.fullmatch(name):
+                readings[name] = angles[:, int(joint[1]) - 1]
+            elif position := POSITION.fullmatch(name):
+                assert markers is not None
+                readings[name] = self._marker(markers, position[2])[:, "xyz".index(position[3])]
+            elif name == "elongation_strain":
+                readings[name] = angles.sum(axis=1) / self.chain.length_m
+            else:
+                readings[name] = angles.sum(axis=1)
+        reported = model.reported(readings)
+        return {name: np.where(converged, np.asarray(reported[name], float), np.nan) for name in self.outputs}
+
+    def _marker(self, markers: Array, number: str | None) -> Array:
+        """(t, 3) the tip, or a marker by its number from 1: at its arm length, else joints and then the tip."""
+        if number is None:
+            return markers[:, -1]
+        arms = self.measurement.marker_arms_m
+        if not arms:
+            return markers[:, int(number)]
+        lengths = [np.linalg.norm(joint.offset_m) for joint in self.chain.joints]
+        ends = np.concatenate([[0.0], np.cumsum([*lengths, np.linalg.norm(self.chain.tip_offset_m)])])
+        arm = float(np.clip(arms[int(number) - 1], 0.0, ends[-1]))
+        piece = min(int(np.searchsorted(ends, arm, side="right")) - 1, len(ends) - 2)
+        share = (arm - ends[piece]) / (ends[piece + 1] - ends[piece])
+        place: Array = (1.0 - share) * markers[:, piece] + share * markers[:, piece + 1]
+        return place
+
+    def _readable(self, wanted: Sequence[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
+        has = tuple(name for name in wanted if self._has(name))
+        return has, tuple(name for name in wanted if name not in has)
+
+    def _has(self, name: str) -> bool:
+        n, prismatic = self._geometry.n_joints, self._geometry.kind == "prismatic"
+        if joint := JOINT_ANGLE.fullmatch(name):
+            return not prismatic and 1 <= int(joint[1]) <= n
+        if position := POSITION.fullmatch(name):
+            markers = len(self.measurement.marker_arms_m) or n + 1
+            return position[2] is None or 1 <= int(position[2]) <= markers
+        return name == ("elongation_strain" if prismatic else "angle_rad")
+
+    def _offered(self) -> list[str]:
+        if self._geometry.kind == "prismatic":
+            return ["elongation_strain", "tip_x_m, tip_y_m, tip_z_m", "marker_1_x_m…"]
+        return ["angle_rad", "joint_1_angle_rad…", "tip_x_m, tip_y_m, tip_z_m", "marker_1_x_m…"]
