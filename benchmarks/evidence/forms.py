@@ -1,0 +1,226 @@
+"""What a joint of the truth does: functional forms unlike those of the candidates, as compiled scalar code.
+
+The candidates (plugins/pliant_plugins/effects) have another form for every one of these kinds:
+
+| kind | the truth's form |
+|---|---|
+| stiffness | the quadratic part of E changes by another share than the linear part |
+| actuation_gain | a gain that fades with pressure |
+| pressure_offset | an offset that fades with pressure |
+| dead_zone | softplus |
+| supply_lag | two first-order stages in a row, venting slower than filling |
+| viscous_damping | shear thinning, |rate|^n with n < 1 (MuJoCo: its own joint damping) |
+| viscoelastic | three Maxwell branches over a decade, exponential steps |
+| friction_hysteresis | Bouc-Wen or three Prandtl-Ishlinskii stops (MuJoCo: its own frictionloss) |
+| mullins | exponential in the distance from the largest past angle |
+| permanent_set | quadratic in the largest past angle |
+| self_contact | softplus, or quadratic beyond contact |
+| thermal_softening | with curvature in temperature |
+| gravity_scale | a fitting elsewhere on the pieces (`truths.Body`) |
+| sensor_bias | with a small scale (`truths.Sensor`) |
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from benchmarks.evidence.robots import B_E, K_N, M_A, M_E, PRESSURE_MAX_PA, Array
+
+TYPICAL_ANGLE_RAD = 0.36
+ROOM_C = 22.0
+# Memory of one joint: three Maxwell branches, three friction elements, the largest past |angle|.
+MAXWELL, FRICTION, LARGEST, N_MEMORY = 0, 3, 6, 7
+ZERO = 1e-300  # strengths below this are none
+
+
+class Forms(NamedTuple):
+    """Numbers of every form, SI; the defaults are a joint without any effect."""
+
+    # error of the model's law: relative, smooth
+    actuation_error: float = 0.0
+    actuation_phase: float = 0.0
+    elastic_error: float = 0.0
+    elastic_phase: float = 0.0
+    # the 14 kinds
+    stiffness: float = 0.0
+    stiffness_quadratic: float = 1.0
+    gain: float = 0.0
+    gain_fading: float = 0.0
+    offset_pa: float = 0.0
+    offset_fading: float = 0.0
+    dead_pa: float = 0.0
+    dead_width: float = 0.25
+    lag_s: float = 0.0
+    lag_vent: float = 1.5
+    lag_second: float = 0.3
+    viscous: float = 0.0
+    viscous_power: float = 1.0
+    branch_1: float = 0.0
+    branch_2: float = 0.0
+    branch_3: float = 0.0
+    time_1_s: float = 1.0
+    time_2_s: float = 1.0
+    time_3_s: float = 1.0
+    friction: float = 0.0
+    friction_width: float = 0.1
+    friction_stops: float = 0.0
+    mullins: float = 0.0
+    mullins_scale: float = 0.1
+    set_share: float = 0.0
+    contact: float = 0.0
+    contact_at: float = 0.3
+    contact_width: float = 0.03
+    contact_quadratic: float = 0.0
+    thermal: float = 0.0
+    thermal_curvature: float = 0.0
+    # what no plugin has
+    bump: float = 0.0
+    bump_at: float = 0.6
+    bump_width: float = 0.1
+    bimodulus: float = 0.0
+    ripple: float = 0.0
+    ripple_period_s: float = 37.0
+    ripple_phase: float = 0.0
+    ageing: float = 0.0
+    filling: float = 0.0
+    warm_stick: float = 0.0
+
+
+@njit(cache=True)
+def softplus(x: float) -> float:
+    """log(1 + e^x) without overflow."""
+    return x if x > 30.0 else math.log1p(math.exp(x))
+
+
+@njit(cache=True)
+def lagged(supply: Array, pressure: float, dt: float, f: Forms) -> float:
+    """The pressure behind two stages; `supply` (2,) is advanced by dt at constant supplied pressure."""
+    if f.lag_s <= 0.0:
+        supply[0] = supply[1] = pressure
+        return pressure
+    time = f.lag_s * (f.lag_vent if pressure < supply[0] else 1.0)
+    supply[0] = pressure + (supply[0] - pressure) * math.exp(-dt / time)
+    supply[1] = supply[0] + (supply[1] - supply[0]) * math.exp(-dt / (f.lag_second * time))
+    return supply[1]
+
+
+@njit(cache=True)
+def acting(pressure: float, f: Forms) -> float:
+    """The pressure that acts, of the pressure in the tube."""
+    p = pressure + f.offset_pa * (1.0 - f.offset_fading * pressure / PRESSURE_MAX_PA)
+    if f.dead_pa > 0.0:
+        w = f.dead_width * f.dead_pa
+        p = w * (softplus((p - f.dead_pa) / w) - softplus(-f.dead_pa / w))
+    return p
+
+
+@njit(cache=True)
+def relaxed(q: float, step: float, dt: float, time: float) -> float:
+    """A Maxwell branch's stretch after a straight step: the exact solution of q' = u' − q/T."""
+    x = dt / time
+    return q * math.exp(-x) - step * math.expm1(-x) / x
+
+
+@njit(cache=True)
+def bouc_wen(z: float, step: float) -> float:
+    """The hysteretic variable in [−1, 1] after a step of widths: dz/du = 1 − z² while loading, 1 while unloading."""
+    way = 1.0 if step >= 0.0 else -1.0
+    z, step = way * z, way * step
+    if z < 0.0:
+        along = min(step, -z)
+        z, step = z + along, step - along
+    if step > 0.0:
+        z = math.tanh(math.atanh(min(z, 1.0 - 1e-12)) + step)
+    return way * z
+
+
+@njit(cache=True)
+def rubbing(old: Array, new: Array, step: float, f: Forms) -> float:
+    """Friction in shares of its limit; writes the elements' memory."""
+    width = f.friction_width
+    if f.friction_stops < 0.5:
+        new[FRICTION] = bouc_wen(old[FRICTION], step / width)
+        return new[FRICTION]
+    total = 0.0
+    for k in range(3):
+        limit = width * (0.4, 1.0, 2.2)[k]
+        new[FRICTION + k] = max(-limit, min(limit, old[FRICTION + k] + step))
+        total += (0.4, 0.35, 0.25)[k] * new[FRICTION + k] / limit
+    return total
+
+
+@njit(cache=True)
+def effort(
+    u: float,
+    step: float,
+    dt: float,
+    pressure: float,
+    pressure_rate: float,
+    temperature: float,
+    load: float,
+    time: float,
+    cycles: float,
+    old: Array,
+    new: Array,
+    f: Forms,
+) -> float:
+    """Effort of one joint at angle u, reached from u − step in dt; writes the memory `new` (N_MEMORY,) of `old`.
+
+    `pressure` is that in the tube, `time` since the start of the run, `cycles` done by the specimen so far.
+    """
+    p, warm = acting(pressure, f), temperature - ROOM_C
+    share = p / PRESSURE_MAX_PA
+    top = max(old[LARGEST], abs(u))
+    new[LARGEST] = top
+
+    v = u - f.set_share * top * top / TYPICAL_ANGLE_RAD
+    linear = B_E * v * (1.0 + f.stiffness)
+    quadratic = 0.5 * M_E * v * abs(v) * (1.0 + f.stiffness * f.stiffness_quadratic)
+    factor = 1.0 + f.elastic_error * math.sin(3.0 * u / TYPICAL_ANGLE_RAD + f.elastic_phase)
+    factor *= 1.0 - f.thermal * warm * (1.0 - f.thermal_curvature * warm)
+    factor *= 1.0 - f.mullins * (1.0 - math.exp(-(top - abs(u)) / f.mullins_scale))
+    factor *= 1.0 - f.bimodulus * math.tanh(load / 3e-4)
+    moment = -factor * (linear + quadratic)
+
+    gain = 1.0 + f.actuation_error * math.sin(4.0 * share + f.actuation_phase)
+    gain *= 1.0 + f.gain * (1.0 - f.gain_fading * share)
+    gain *= 1.0 + f.bump * math.exp(-(((share - f.bump_at) / f.bump_width) ** 2))
+    gain *= 1.0 - f.ageing * cycles
+    gain *= 1.0 + f.filling * math.tanh(pressure_rate / 150.0) * math.sin(math.pi * share)
+    moment += gain * p * (K_N + M_A * u)
+
+    if f.viscous > 0.0:
+        rate = step / dt
+        moment -= f.viscous * rate * (rate * rate + 1e-8) ** (0.5 * (f.viscous_power - 1.0))
+    if f.branch_1 > 0.0:
+        new[MAXWELL] = relaxed(old[MAXWELL], step, dt, f.time_1_s)
+        new[MAXWELL + 1] = relaxed(old[MAXWELL + 1], step, dt, f.time_2_s)
+        new[MAXWELL + 2] = relaxed(old[MAXWELL + 2], step, dt, f.time_3_s)
+        moment -= f.branch_1 * new[MAXWELL] + f.branch_2 * new[MAXWELL + 1] + f.branch_3 * new[MAXWELL + 2]
+    friction = f.friction + f.warm_stick * max(warm, 0.0)
+    if friction > ZERO:
+        moment -= friction * rubbing(old, new, step, f)
+    if f.contact > 0.0:
+        depth = u - f.contact_at
+        if f.contact_quadratic > 0.5:
+            moment -= f.contact * max(depth, 0.0) ** 2 / f.contact_width
+        else:
+            moment -= f.contact * f.contact_width * softplus(depth / f.contact_width)
+    if f.ripple != 0.0:
+        moment += f.ripple * math.sin(2.0 * math.pi * time / f.ripple_period_s + f.ripple_phase)
+    return moment
+
+
+@njit(cache=True)
+def healed(memory: Array) -> None:
+    """What heals in time has healed: relaxed branches; friction and damage stay, in place, (n, N_MEMORY)."""
+    memory[:, MAXWELL:FRICTION] = 0.0
+
+
+def virgin(modules: int) -> Array:
+    """(n, N_MEMORY) memory of a new specimen."""
+    return np.zeros((modules, N_MEMORY))

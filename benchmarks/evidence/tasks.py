@@ -1,0 +1,130 @@
+"""What the bench does: which sets are made, and what is asked about each."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+from benchmarks.evidence.sets import SetSpec
+from benchmarks.evidence.truths import CLEAN, KINDS, UNKNOWN, Engine, Split
+
+Mode = Literal["diagnose", "improve"]
+ENGINES: tuple[Engine, Engine] = ("functional", "mujoco")
+# Every this many-th set of a kind is a chain, the others are one joint.
+CHAIN_EVERY = 5
+WEAK_SNR = (0.5, 1.0)
+# Unknown forms are judged on one joint: what they are for a chain depends on where along it they act.
+UNKNOWN_ROBOT = "joint"
+
+
+@dataclass(frozen=True)
+class Task:
+    """One question about one set. `group` says in which table the answer counts."""
+
+    group: str
+    spec: SetSpec
+    mode: Mode = "diagnose"
+
+    def secret_id(self, key: bytes) -> str:
+        """A name that does not tell the kind, the same after a restart with the same key."""
+        text = f"{self.group} {self.mode} {self.spec}".encode()
+        return hashlib.blake2b(text, key=key, digest_size=8).hexdigest()
+
+
+@dataclass(frozen=True)
+class Plan:
+    """How many sets of what.
+
+    Attributes:
+        kinds: effects, `none`, or unknown forms to include; empty means all.
+        seeds: sets per effect; `clean`, `unknown`: clean sets, and sets per unknown form.
+        weak: sets per effect at each of `WEAK_SNR`; `beside`: sets per effect under each of `beside_protocols`.
+        improve: sets per effect that go through `improve`.
+    """
+
+    kinds: tuple[str, ...] = ()
+    protocol: str = "rich"
+    split: Split = "judged"
+    seeds: int = 15
+    clean: int = 100
+    unknown: int = 10
+    weak: int = 2
+    beside: int = 2
+    beside_protocols: tuple[str, ...] = ("rich_noload", "poor")
+    improve: int = 2
+    chain_every: int = CHAIN_EVERY
+
+    def tasks(self) -> list[Task]:
+        """All tasks, kinds interleaved, so that a bench that is stopped has seen a bit of everything."""
+        every = [
+            *self._effects(),
+            *self._clean(),
+            *self._unknown(),
+            *self._weak(),
+            *self._beside(),
+            *self._improve(),
+        ]
+        kept = [task for task in every if not self.kinds or task.spec.kind in self.kinds]
+        return sorted(kept, key=lambda task: (task.mode, task.spec.seed / max(1, self._count(task.group))))
+
+    def _count(self, group: str) -> int:
+        counts = {"effect": self.seeds, "clean": self.clean, "unknown": self.unknown}
+        return counts.get(group, max(self.weak, self.beside, self.improve))
+
+    def _set(
+        self,
+        kind: str,
+        seed: int,
+        robot: str | None = None,
+        protocol: str | None = None,
+        snr: float | None = None,
+    ) -> SetSpec:
+        chain = self.chain_every > 0 and seed % self.chain_every == self.chain_every - 1
+        # The engines alternate; with an odd period of chains both engines make both robots.
+        return SetSpec(
+            kind=kind,
+            seed=seed,
+            engine=ENGINES[seed % 2],
+            robot=robot or ("chain" if chain else "joint"),
+            protocol=protocol or self.protocol,
+            split=self.split,
+            snr=snr,
+        )
+
+    def _effects(self) -> Iterator[Task]:
+        for kind in KINDS:
+            yield from (Task("effect", self._set(kind, seed)) for seed in range(self.seeds))
+
+    def _clean(self) -> Iterator[Task]:
+        yield from (Task("clean", self._set(CLEAN, seed)) for seed in range(self.clean))
+
+    def _unknown(self) -> Iterator[Task]:
+        for kind in UNKNOWN:
+            yield from (Task("unknown", self._set(kind, seed, UNKNOWN_ROBOT)) for seed in range(self.unknown))
+
+    def _weak(self) -> Iterator[Task]:
+        for kind in KINDS:
+            for snr in WEAK_SNR:
+                yield from (
+                    Task("weak", self._set(kind, seed, "joint", snr=snr)) for seed in range(self.weak)
+                )
+
+    def _beside(self) -> Iterator[Task]:
+        for kind in (*KINDS, CLEAN):
+            for name in self.beside_protocols:
+                yield from (Task(name, self._set(kind, seed, "joint", name)) for seed in range(self.beside))
+
+    def _improve(self) -> Iterator[Task]:
+        for kind in KINDS:
+            seeds = range(self.improve)
+            yield from (Task("improve", self._set(kind, seed, "joint"), "improve") for seed in seeds)
+
+
+SMALL_KINDS: Sequence[str] = (CLEAN, "stiffness", "viscous_damping", "mullins", "torque_ripple")
+
+
+def small_plan() -> Plan:
+    """A handful for CI: three effects, one clean set, one unknown form."""
+    return Plan(kinds=tuple(SMALL_KINDS), seeds=1, clean=1, unknown=1, weak=0, beside=0, improve=0)
