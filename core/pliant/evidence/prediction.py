@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pliant.config.study import Study
 from pliant.errors import NotReachedError, UserError
@@ -153,7 +154,7 @@ class Predictor:
             for path, there, rotation in zip(paths, state, rotations, strict=True)
         )
 
-    def _readings(self, model: Model, path: Followed, converged: Array, rotations: Array) -> RunReadings:
+    def _readings(self, model: Model, path: Followed, converged: NDArray[np.bool_], rotations: Array) -> RunReadings:
         main = self._geometry.main
         angles = path.joint_angles[:, :, main]
         markers = None

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pliant.records.design import Array
 from pliant.records.rollout import Inputs
@@ -110,4 +111,4 @@ class Followed:
     """
 
     joint_angles: Array
-    converged: Array
+    converged: NDArray[np.bool_]
