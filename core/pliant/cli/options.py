@@ -25,4 +25,10 @@ StoreFolder = Annotated[
         help="Folder of cached results; share it between studies and processes.",
     ),
 ]
+PluginFiles = Annotated[
+    list[Path] | None,
+    typer.Option(
+        "--file", metavar="FILE.py", help="A Python file with effects of your own; may be repeated."
+    ),
+]
 DEFAULT_STORE = Path(".pliant/store")

@@ -11,18 +11,29 @@ from rich.markup import escape
 from rich.table import Table
 
 from pliant.cli.new_plugin import EXAMPLES, create_package
-from pliant.cli.options import JsonFile, Quiet
+from pliant.cli.options import JsonFile, PluginFiles, Quiet
 from pliant.cli.session import session
 from pliant.config.schema import study_schema
 from pliant.errors import UserError, closest
 from pliant.registry.component import INTERFACES
+from pliant.registry.files import with_files
 
 CHECK_FAILED = 3
 
 
-def plugins(json: JsonFile = None, quiet: Quiet = False) -> None:
+def plugins(
+    study: Annotated[
+        Path | None, typer.Argument(metavar="[STUDY.yaml]", help="List its own `plugins` files too.")
+    ] = None,
+    file: PluginFiles = None,
+    json: JsonFile = None,
+    quiet: Quiet = False,
+) -> None:
     """What is installed, what misses a package, and what failed to load."""
     with session("plugins", json, quiet) as here:
+        if study is not None:
+            here.study(study, None)
+        here.registry = with_files(here.registry, file or ())
         table = Table("interface", "kind", "package", "what it is", box=None, pad_edge=False)
         rows = []
         for interface in INTERFACES:
@@ -53,6 +64,7 @@ def plugins(json: JsonFile = None, quiet: Quiet = False) -> None:
 def check(
     interface: Annotated[str, typer.Argument(metavar="INTERFACE", help=", ".join(INTERFACES))],
     kind: Annotated[str, typer.Argument(metavar="KIND", help="The plugin's kind.")],
+    file: PluginFiles = None,
     json: JsonFile = None,
     quiet: Quiet = False,
 ) -> None:
@@ -60,6 +72,7 @@ def check(
     with session("check", json, quiet) as here:
         from pliant.testing.suite import run_checks
 
+        here.registry = with_files(here.registry, file or ())
         if interface not in INTERFACES:
             raise UserError(
                 f"unknown interface '{interface}'{closest(interface, INTERFACES)} "

@@ -24,6 +24,7 @@ from pliant.config.study import Study
 from pliant.errors import INTERRUPTED, PliantError, UserError
 from pliant.pipeline.workbench import Workbench
 from pliant.registry.discovery import Registry, discover
+from pliant.registry.files import with_files
 from pliant.store.store import ArtifactStore, write_atomically
 
 LONGEST_NAME = 80
@@ -51,8 +52,9 @@ class Session:
             self.out.print(text, markup=markup)
 
     def study(self, path: Path, overrides: Sequence[str] | None) -> Study:
-        """Read the study, and say which of its keys no stage of this version reads."""
+        """Read the study, know the plugins that it lists, and say which of its keys no stage of this version reads."""
         study = load_study(path, self.registry, overrides or ())
+        self.registry = with_files(self.registry, study.plugins)
         if study.unused():
             self.progress.note(f"{', '.join(study.unused())}: read, but not used by '{self.command}' yet.")
         return study

@@ -18,9 +18,10 @@ from ruamel.yaml.error import MarkedYAMLError, YAMLError
 
 from pliant.config.problems import sentences
 from pliant.config.study import BLOCKS, Study, normalised, study_model, varied
-from pliant.errors import UserError
+from pliant.errors import UserError, closest
 from pliant.interfaces.base import FrozenModel
 from pliant.registry.discovery import Registry
+from pliant.registry.files import shown, with_files
 
 # Paths inside a study are relative to the file that states them.
 PATH_KEYS = (("surrogate", "data"), ("measurements", "file"))
@@ -49,7 +50,7 @@ def load_study(path: Path, registry: Registry, overrides: Sequence[str] = ()) ->
 
     Args:
         path: the YAML file.
-        registry: the installed plugins.
+        registry: the installed plugins; those of the study's own `plugins` files are added.
         overrides: "key=value" texts with dotted keys, as on the command line; list items by number.
 
     Raises:
@@ -60,6 +61,7 @@ def load_study(path: Path, registry: Registry, overrides: Sequence[str] = ()) ->
     for override in overrides:
         raw = _override(raw, override, sources)
     raw = normalised(raw)
+    registry = with_files(registry, _plugin_files(raw, sources))
     try:
         model = study_model(raw, registry)
     except UserError as error:
@@ -70,6 +72,22 @@ def load_study(path: Path, registry: Registry, overrides: Sequence[str] = ()) ->
         raise UserError(sentences(error, model, sources.where)) from None
     _check_segments(study, sources)
     return study
+
+
+def _plugin_files(raw: Mapping[str, Any], sources: _Sources) -> list[Path]:
+    """The files that `plugins` lists; they are asked for their kinds before the study is validated."""
+    files = raw.get("plugins") or []
+    place = sources.where(("plugins",))
+    at = f"{place}: " if place else ""
+    if not (isinstance(files, list) and all(isinstance(file, str) for file in files)):
+        raise UserError(f"{at}'plugins' needs a list of Python files such as [my_effect.py].")
+    for file in files:
+        if not os.path.isfile(file):  # noqa: PTH113 - never raises, whatever the name
+            beside = [p.name for p in Path(file).parent.glob("*.py")]
+            raise UserError(
+                f"{at}'plugins' names {shown(Path(file))}, which is no file{closest(Path(file).name, beside)}"
+            )
+    return [Path(file) for file in files]
 
 
 def _check_segments(study: Study, sources: _Sources) -> None:
@@ -227,6 +245,8 @@ def _absolute_paths(study: dict[str, Any], folder: Path) -> None:
         inner = study.get(block)
         if isinstance(inner, dict) and isinstance(inner.get(key), str):
             inner[key] = str(folder / inner[key])
+    if isinstance(study.get("plugins"), list):
+        study["plugins"] = [str(folder / f) if isinstance(f, str) else f for f in study["plugins"]]
 
 
 def merge(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
@@ -258,6 +278,8 @@ def _override(raw: dict[str, Any], text: str, sources: _Sources) -> dict[str, An
         value = written
     if (parts[0], parts[-1]) in PATH_KEYS and isinstance(value, str):
         value = str(Path(value).absolute())
+    elif parts[0] == "plugins" and isinstance(value, list):
+        value = [str(Path(f).absolute()) if isinstance(f, str) else f for f in value]
     path: KeyPath = tuple(int(p) if p.isascii() and p.isdigit() else p for p in parts)
     sources.places[path] = f"override {text}"
     return merge(raw, _nested(raw, path, value, text))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any, Literal, get_args
 
 from pydantic import Field, create_model
@@ -42,6 +43,9 @@ class Study(FrozenModel):
     """What a study file says. `cross_check` lists further engines that run the same task for comparison."""
 
     pliant: Literal[1] = Field(default=1, description="format version")
+    plugins: tuple[Path, ...] = Field(
+        default=(), description="Python files with effects of your own (docs/write_an_effect.md)"
+    )
     name: str = Field(pattern=NAME_PATTERN, max_length=100, description="names the output folder")
     family: FamilyConfig | None = Field(
         default=None, description="the actuator module and its design parameters"

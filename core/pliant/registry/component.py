@@ -102,6 +102,10 @@ class Component:
             )
         return model
 
+    def implementation_class(self) -> Any:
+        """Import the implementation without building it, for what its class declares."""
+        return self._load(self.implementation)
+
     def missing(self) -> str | None:
         """The first required module that is not installed, or None."""
         return next((module for module in self.requires if not _is_installed(module)), None)

@@ -71,13 +71,13 @@ def discover(extra: Iterable[ModuleType] = ()) -> Registry:
     sources = [(entry.name, _package_of(entry), entry) for entry in _entry_points()]
     for name, package, entry in sources:
         try:
-            components += _ask(entry.load(), package)
+            components += ask(entry.load(), package)
         except KeyboardInterrupt:
             raise
         except BaseException as error:  # a plugin may fail in any way, even by sys.exit
             failures.append(FailedPlugin(name, package, _cause(error)))
     for module in extra:
-        components += _ask(module, module.__name__)
+        components += ask(module, module.__name__)
     return _without_clashes(components, failures)
 
 
@@ -95,8 +95,8 @@ def _package_of(entry: importlib.metadata.EntryPoint) -> str:
     return f"{name} {distribution.version}" if distribution and name else "unknown package"
 
 
-def _ask(module: Any, package: str) -> list[Component]:
-    """Call the module's hook through pluggy and check what it returns."""
+def ask(module: Any, package: str) -> list[Component]:
+    """Call the module's hook through pluggy and check what it returns; raises what is wrong with it."""
     manager = pluggy.PluginManager(hookspecs.PROJECT)
     manager.add_hookspecs(hookspecs)
     manager.register(module)

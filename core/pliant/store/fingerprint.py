@@ -77,6 +77,11 @@ def _is_machinery(name: str) -> bool:
     return name in MACHINERY or name.startswith(("pliant.registry.", "pliant.store."))
 
 
+def source_digest(source: bytes) -> str:
+    """Hex digest of one file's code; comments, formatting and documentation do not count."""
+    return _parsed(source, "")[0]
+
+
 def versions(modules: Iterable[str]) -> dict[str, str]:
     """Installed versions of the distributions that provide these modules."""
     table = importlib.metadata.packages_distributions()

@@ -19,6 +19,7 @@ from pliant.interfaces.optimizer import Optimizer, OptimizerConfig
 from pliant.interfaces.physics import PhysicsBackend, PhysicsConfig
 from pliant.interfaces.surrogate import Surrogate, SurrogateConfig
 from pliant.interfaces.task import Task, TaskConfig
+from pliant.registry.files import FILE_MODULE
 from pliant.testing.suite import Subject, Suite, require
 from pliant.units import UNIT_SUFFIXES, Quantity
 
@@ -136,7 +137,7 @@ def config_imports_nothing_heavy(subject: Subject) -> None:
     forbidden = sorted({*HEAVY, *(module.partition(".")[0] for module in component.requires)})
     module = component.config.partition(":")[0]
     code = (
-        f"import sys; sys.path[:0] = {sys.path!r}; before = set(sys.modules); import {module}; "
+        f"import sys; sys.path[:0] = {sys.path!r}; before = set(sys.modules); {_import_of(module)}; "
         f"print(*(m for m in {forbidden!r} if m in set(sys.modules) - before))"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
@@ -146,6 +147,14 @@ def config_imports_nothing_heavy(subject: Subject) -> None:
     require(
         not heavy, f"{module} imports {', '.join(heavy)}: move that import to the implementation's module"
     )
+
+
+def _import_of(module: str) -> str:
+    """How a fresh interpreter gets at a module: by its name, or as the file that `plugins` lists."""
+    if not module.startswith(FILE_MODULE):
+        return f"import {module}"
+    file = sys.modules[module].__file__
+    return f"import pathlib, pliant.registry.files as files; files.components_of(pathlib.Path({file!r}))"
 
 
 @suite.check("the implementation is a concrete subclass of its interface, built by `Class(config)`.")

@@ -1,0 +1,186 @@
+"""Effects from a file of one's own: found without a package, judged and listed as any other.
+
+A file is executed once per version of its code and then known as a module `pliant_file_…`, named after that code:
+where the file lies does not matter to the keys of results, what it says does.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import inspect
+import os
+import re
+import sys
+import traceback
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from types import ModuleType
+from typing import Any, get_args, get_type_hints
+
+from pliant.errors import UserError
+from pliant.interfaces.effect import Effect, EffectConfig
+from pliant.registry.component import Component
+from pliant.registry.discovery import Registry, ask
+from pliant.store.fingerprint import source_digest
+
+HOOK = "pliant_components"
+FILE_MODULE = "pliant_file_"
+
+
+def with_files(registry: Registry, files: Sequence[Path]) -> Registry:
+    """The registry with the effects of these Python files; a file that is in it already adds nothing.
+
+    A file's effects are its concrete subclasses of `Effect`, each with the config that its annotation `config:`
+    names; or what its own hook `pliant_components` returns.
+
+    Raises:
+        UserError: a file that is not there, is no Python, fails, holds no effect, or takes a kind that exists.
+    """
+    components = list(registry.components)
+    known = {(c.interface, c.kind): c for c in components}
+    for file in files:
+        for component in components_of(file):
+            there = known.get((component.interface, component.kind))
+            if there is None:
+                known[component.interface, component.kind] = component
+                components.append(component)
+            elif there.implementation != component.implementation:
+                raise UserError(
+                    f"{shown(file)}: it defines {component.label}, and {there.package or 'Pliant'} has one of that "
+                    "name; give yours another kind."
+                )
+    return replace(registry, components=tuple(components))
+
+
+def components_of(file: Path) -> list[Component]:
+    """The components that a Python file defines; raises `UserError` as `with_files` does."""
+    module = _module(file)
+    package = file.name
+    if hasattr(module, HOOK):
+        try:
+            return ask(module, package)
+        except Exception as error:  # a hook may fail in any way
+            raise UserError(f"{_place(file, error)}: {HOOK} fails ({_cause(error)}).") from error
+    own = [c for c in vars(module).values() if inspect.isclass(c) and c.__module__ == module.__name__]
+    effects = [c for c in own if issubclass(c, Effect) and not inspect.isabstract(c)]
+    if not effects:
+        raise UserError(f"{shown(file)}: it holds no effect; {_what_is_missing(own)}.")
+    return [_component(effect, own, module, file) for effect in effects]
+
+
+def shown(file: Path) -> str:
+    """The path as people write it: from the current folder where that is shorter."""
+    try:
+        near = os.path.relpath(file)
+    except ValueError:  # another drive
+        return str(file)
+    return near if len(near) < len(str(file)) else str(file)
+
+
+def _module(file: Path) -> ModuleType:
+    try:
+        source = file.read_bytes()
+    except FileNotFoundError:
+        raise UserError(
+            f"{shown(file)}: no such file; 'plugins' lists Python files, from the study's folder."
+        ) from None
+    except (OSError, ValueError) as error:
+        raise UserError(
+            f"{shown(file)}: it cannot be read ({getattr(error, 'strerror', None) or error})."
+        ) from None
+    try:
+        code = compile(source, str(file.resolve()), "exec")
+    except (SyntaxError, ValueError) as error:
+        line = f", line {error.lineno}" if isinstance(error, SyntaxError) and error.lineno else ""
+        raise UserError(
+            f"{shown(file)}{line}: this is not Python ({getattr(error, 'msg', error)})."
+        ) from None
+    stem = re.sub(r"\W", "_", file.stem, flags=re.ASCII)
+    name = f"{FILE_MODULE}{stem}_{source_digest(source)[:12]}"
+    there = sys.modules.get(name)
+    if there is not None and there.__file__ == str(file.resolve()):
+        return there
+    spec = importlib.util.spec_from_file_location(name, file.resolve())
+    assert spec is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module  # pydantic resolves annotations through it
+    try:
+        exec(code, vars(module))  # not the loader: it may take a stale .pyc for a file edited a moment ago
+    except KeyboardInterrupt:
+        sys.modules.pop(name)
+        raise
+    except BaseException as error:  # someone's code may fail in any way, even by sys.exit
+        sys.modules.pop(name)
+        raise UserError(
+            f"{_place(file, error)}: the file fails when it is loaded ({_cause(error)})."
+        ) from error
+    return module
+
+
+def _component(effect: type[Effect], own: Sequence[type[Any]], module: ModuleType, file: Path) -> Component:
+    config = _config_of(effect, own, file)
+    kind = config.model_fields["kind"]
+    words = get_args(kind.annotation)
+    if len(words) != 1 or kind.default != words[0]:
+        raise UserError(
+            f"{_line_of(config, file)}: {config.__name__} does not say its kind; write "
+            f'\'kind: Literal["my_effect"] = "my_effect"\' in it.'
+        )
+    text = inspect.getdoc(module) or inspect.getdoc(effect) or effect.__name__
+    component = Component(
+        interface="effect",
+        kind=words[0],
+        config=f"{module.__name__}:{config.__name__}",
+        implementation=f"{module.__name__}:{effect.__name__}",
+        summary=text.splitlines()[0].rstrip("."),
+        package=file.name,
+    )
+    problem = component.problem()
+    if problem:
+        raise UserError(f"{shown(file)}: {problem}.")
+    return component
+
+
+def _config_of(effect: type[Effect], own: Sequence[type[Any]], file: Path) -> type[EffectConfig]:
+    """The config that the class or its `__init__` is annotated with, or the only one of the file."""
+    configs = [c for c in own if issubclass(c, EffectConfig)]
+    for annotated in (effect, effect.__init__):
+        try:
+            found = get_type_hints(annotated).get("config")
+        except Exception as error:  # an annotation that names nothing
+            raise UserError(f"{_line_of(effect, file)}: {effect.__name__}: {_cause(error)}.") from error
+        if inspect.isclass(found) and issubclass(found, EffectConfig) and found is not EffectConfig:
+            return found
+    if len(configs) == 1:
+        return configs[0]
+    raise UserError(
+        f"{_line_of(effect, file)}: {effect.__name__} does not say which config it has; write 'config: MyConfig' in "
+        "it, MyConfig being a subclass of pliant.interfaces.effect.EffectConfig."
+    )
+
+
+def _what_is_missing(own: Sequence[type[Any]]) -> str:
+    unfinished = next((c for c in own if issubclass(c, Effect)), None)
+    if unfinished is not None:
+        lacks = " and ".join(sorted(unfinished.__abstractmethods__))
+        return f"class {unfinished.__name__} has no method {lacks}"
+    return "define a subclass of pliant.interfaces.effect.Effect with the method apply"
+
+
+def _line_of(cls: type[Any], file: Path) -> str:
+    try:
+        return f"{shown(file)}, line {inspect.getsourcelines(cls)[1]}"
+    except (OSError, TypeError):
+        return shown(file)
+
+
+def _place(file: Path, error: BaseException) -> str:
+    """The last line of this file that the error came through."""
+    lines = [f.lineno for f in traceback.extract_tb(error.__traceback__) if f.filename == str(file.resolve())]
+    return f"{shown(file)}, line {lines[-1]}" if lines else shown(file)
+
+
+def _cause(error: BaseException) -> str:
+    text = " ".join(str(error).split())
+    return f"{type(error).__name__}: {text}" if text else type(error).__name__
