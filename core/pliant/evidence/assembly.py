@@ -10,7 +10,7 @@ import numpy as np
 
 from pliant.config.measurements import ExcludedSpan, MeasurementNotes
 from pliant.errors import UserError, closest
-from pliant.evidence.columns import conversion, is_output, unit_of
+from pliant.evidence.columns import is_output, unit_of
 from pliant.evidence.cycles import cycles, spans
 from pliant.evidence.gathering import Gatherer, RunRows
 from pliant.evidence.header import Header
@@ -19,6 +19,7 @@ from pliant.evidence.sheet import listed
 from pliant.records.design import Array
 from pliant.records.history import REFERENCE_TEMPERATURE_C, History
 from pliant.records.measurement import MeasuredRun, Measurement
+from pliant.units import UnitError, parse_quantity
 
 FORCES = ("tip_force_x_n", "tip_force_y_n", "tip_force_z_n")
 BASE = ("base_roll_rad", "base_pitch_rad", "base_yaw_rad")
@@ -79,7 +80,10 @@ def _stated(notes: MeasurementNotes, notes_name: str, outputs: Sequence[str]) ->
             raise UserError(
                 f"{notes_name}: 'sigma' has '{name}', which is not an output{closest(name, outputs)}"
             )
-        number = value if isinstance(value, float) else conversion(value, unit_of(name), name)[0]
+        try:
+            number = value if isinstance(value, float) else parse_quantity(value, unit_of(name))
+        except UnitError as error:
+            raise UserError(f"{notes_name}: sigma of '{name}': {error}.") from None
         if not 0 < number < np.inf:
             raise UserError(f"{notes_name}: sigma of '{name}' is {value}; it should be above 0.")
         stated[name] = number

@@ -161,7 +161,7 @@ def _fits(written: str, unit: str) -> bool:
 def conversion(written: str, unit: str, column: str) -> tuple[float, float]:
     """Scale and shift from a unit as people write it to an SI unit, or a `UserError` naming the column."""
     try:
-        shift = parse_quantity(f"0 {written}", unit)
-        return parse_quantity(f"1 {written}", unit) - shift, shift
+        one, shift = (parse_quantity(f"{number} {written}", unit) for number in (1, 0))
     except UnitError as error:
         raise UserError(f"column '{column}': {error}.") from None
+    return one - shift, shift

@@ -119,8 +119,8 @@ def _pooled(clock: Array, values: Array, slot: float) -> tuple[Array, Array]:
     """Sum of products and number of pairs at each lag, in slots; lag 0 holds a reading with itself as well."""
     place = np.rint((clock - clock[0]) / slot).astype(int)
     size = int(place[-1]) + 1
-    total = np.bincount(place, values, size)
-    count: Array = np.bincount(place, minlength=size).astype(np.float64)
+    total = np.bincount(place, values, size).astype(np.float64)
+    count = np.bincount(place, minlength=size).astype(np.float64)
     padded = 1 << (2 * size - 1).bit_length()
 
     def correlated(x: Array) -> Array:

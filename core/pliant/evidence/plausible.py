@@ -29,6 +29,8 @@ USUAL = {
     "kg": (0.0, 30.0),
     "dimensionless": (0.0, 5.0),
 }
+# What they usually reach, to tell which unit was meant.
+TYPICAL = {"Pa": 3e4, "rad": 0.5, "m": 0.05, "N": 1.0, "N*m": 0.05, "kg": 0.03, "dimensionless": 0.2}
 HOT_C = 200.0
 LONGEST_STEP_S = 8.0
 # How far beyond the caller's range a column may reach, as a factor.
@@ -69,9 +71,9 @@ def unit_remark(name: str, largest: float, expected: tuple[float, float] | None,
         )
         if low <= largest <= high:
             return None
-        reference = math.sqrt(max(low, 1e-3) * high) if largest < low else high
+        reference = TYPICAL[unit]
         text = f"{name} reaches only {largest:.4g}" if largest < low else f"{name} reaches {largest:.4g}"
-        text += f" {unit}, which is unlikely"
+        text += f"{'' if unit == 'dimensionless' else ' ' + unit}, which is unlikely"
     return _advice(text, name, _nearest(unit, largest, reference), notes)
 
 

@@ -13,7 +13,7 @@ from pliant.records.history import History
 from pliant.records.measurement import MeasuredRun, Measurement
 
 SAME = 0.03  # two inputs are the same where they differ by less than this share of the input's span (RMS)
-SAME_DURATION = 0.02
+SAME_DURATION = 0.05
 SAME_TEMPERATURE_K = 1.0
 SAME_ANGLE_RAD = np.deg2rad(1.0)
 GRID = 2000  # instants at most at which inputs are compared
@@ -49,7 +49,7 @@ class Aligned:
 def repeat_groups(measurement: Measurement) -> tuple[RepeatGroup, ...]:
     """Runs with the same inputs, loads, orientation and temperature, grouped.
 
-    Two runs are repeats where their durations agree within 2 % and every signal agrees within 3 % of its span
+    Two runs are repeats where their durations agree within 5 % and every signal agrees within 3 % of its span
     over the measurement (root mean square over the run, what its own noise explains taken off; spans include 0,
     and inputs of one unit share theirs), the temperature within 1 K and the base within 1 degree. Each run is
     compared with the first run of each group.
