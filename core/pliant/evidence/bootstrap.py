@@ -21,22 +21,21 @@ Interval = tuple[float, float]
 NONE: Interval = (np.nan, np.nan)
 
 
-def run_sums(columns: Sequence[Array], shortest: float) -> Array:
+def block_sums(columns: Sequence[Array], shortest: Sequence[float]) -> Array:
     """(m, c) sums over blocks: whole runs, or where they are few, stretches of at least `shortest` samples.
 
     Args:
         columns: per run (t, c) what is summed.
-        shortest: samples that the noise needs to forget itself.
+        shortest: per run the samples that its noise needs to forget itself.
     """
-    filled = [run for run in columns if len(run)]
+    filled = [(run, least) for run, least in zip(columns, shortest, strict=True) if len(run)]
     if len(filled) >= ENOUGH_RUNS:
-        return np.array([run.sum(axis=0) for run in filled])
-    total = sum(len(run) for run in filled)
-    length = max(int(np.ceil(shortest)), total // BLOCKS_WANTED, 1)
+        return np.array([run.sum(axis=0) for run, _ in filled])
+    wanted = sum(len(run) for run, _ in filled) // BLOCKS_WANTED
     blocks: list[Array] = []
-    for run in filled:
-        parts = np.array_split(run, max(len(run) // length, 1))
-        blocks += [part.sum(axis=0) for part in parts]
+    for run, least in filled:
+        length = max(int(np.ceil(least)), wanted, 1)
+        blocks += [part.sum(axis=0) for part in np.array_split(run, max(len(run) // length, 1))]
     return np.array(blocks)
 
 
@@ -46,7 +45,7 @@ def interval(
     """Interval of a statistic of summed columns.
 
     Args:
-        sums: (m, c) block sums from `run_sums`.
+        sums: (m, c) from `block_sums`.
         statistic: (k, c) sums → (k,) values.
     """
     m = len(sums)

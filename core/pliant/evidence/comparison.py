@@ -1,7 +1,5 @@
 """Model against measurement: how large the error is, against which noise, and where.
 
-    compare(measurement, predicted, floors)  →  Comparison
-
 Residuals are measured − predicted throughout.
 """
 
@@ -9,29 +7,37 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
 from pliant.errors import UserError
 from pliant.evidence.bins import binned
-from pliant.evidence.bootstrap import NONE, Interval, interval, run_sums
+from pliant.evidence.bootstrap import NONE, Interval, block_sums, interval
 from pliant.evidence.covariates import Covariates, covariates
+from pliant.evidence.effective import clock_of
+from pliant.evidence.floors import Floor, floor_remarks, noise_floors
+from pliant.evidence.importance import importance
+from pliant.evidence.noise import Noise, noise_of
 from pliant.evidence.places import Place, Residuals, find_places, worst_places
-from pliant.evidence.significance import Noise, coloured_count
+from pliant.evidence.repeats import RepeatGroup, repeat_groups
+from pliant.evidence.significance import coloured_count
 from pliant.evidence.words import si_unit
 from pliant.records.design import Array
-from pliant.records.measurement import Measurement
+from pliant.records.measurement import MeasuredRun, Measurement
 
-FORGETTING = 6.0  # correlation times in a bootstrap block
+FORGETTING = 6.0  # memory times in a bootstrap block
+JUDGED_BY = ("repeats", "stated sigma")  # floors that hold the bench's own scatter
 
 
 @dataclass(frozen=True)
 class OutputError:
-    """One output, SI. `interval`s are 95 % (see `bootstrap`); `noise_floor` is NaN where none is known."""
+    """One output, SI: intervals are 95 % (see `bootstrap`); `source` is that of `noise_floor`."""
 
     rmse: float
     unit: str
     noise_floor: float
+    source: str
     ratio_to_floor: float
     bias: float
     rmse_interval: Interval
@@ -75,9 +81,10 @@ class Comparison:
         runs, conditions: errors run by run, and with repeats taken together.
         places: every bin of every covariate; shares of one covariate sum to 1.
         worst: places that hold more than their part of the error, the worst first.
+        depends_on: covariate → share of the error's variance that it tells (see `importance`), largest first.
         n_places: (bin, output) pairs that were tested; significance is corrected for so many.
         n_samples, n_effective: readings, and how many independent ones they are worth.
-        judged: a noise floor is known, so that "right" and "wrong" have a meaning.
+        judged: every floor comes from repeats or a stated sigma, so that "right" and "wrong" have a meaning.
         remarks: what limits the comparison, in sentences.
     """
 
@@ -88,6 +95,7 @@ class Comparison:
     conditions: tuple[GroupError, ...]
     places: tuple[Place, ...]
     worst: tuple[Place, ...]
+    depends_on: Mapping[str, float]
     n_places: int
     n_samples: int
     n_effective: float
@@ -119,146 +127,148 @@ def residuals_of(measurement: Measurement, predicted: Sequence[Mapping[str, Arra
     ]
 
 
-def compare_noise(
+def compare(
     measurement: Measurement,
     predicted: Sequence[Mapping[str, Array]],
-    noise: Mapping[str, Noise | None],
-    groups: Sequence[Sequence[str]] = (),
+    floors: Mapping[str, Floor] | None = None,
     *,
     seed: int = 0,
 ) -> Comparison:
-    """`compare` with the noise of each output stated; None where it is not known.
+    """Errors per output, run and condition against the noise floor, and where they are.
 
     Args:
-        groups: names of runs that repeat each other; runs in no group stand alone.
+        measurement: what the bench recorded.
+        predicted: for each run the model's outputs by name, (t,) each.
+        floors: from `noise_floors`; made here by default.
+        seed: of the bootstrap.
+
+    Raises:
+        UserError: no output in common, or no reading that can be compared.
     """
     residuals = residuals_of(measurement, predicted)
     names = [n for n in residuals[0] if any(np.isfinite(run[n]).any() for run in residuals)]
     if not names:
         raise UserError("no reading can be compared: every reading or prediction is missing.")
     residuals = [{name: run[name] for name in names} for run in residuals]
-    known = {name: noise.get(name) for name in names}
-    unit = {name: _scale(known[name], [run[name] for run in residuals]) for name in names}
+    floors = noise_floors(measurement, predicted_aside(measurement, residuals)) if floors is None else floors
+    floors = {name: floors[name] for name in names if name in floors}
+    groups = repeat_groups(measurement)
+    noise = {n: noise_of(floors.get(n), measurement, groups, [run[n] for run in residuals]) for n in names}
+    steps_s = [_step_s(run) for run in measurement.runs]
     found = covariates(measurement, predicted)
-    places = find_places(residuals, found, unit)
-    outputs = {name: _output(name, residuals, known[name], unit[name], seed) for name in names}
-    judged = all(value is not None for value in known.values())
-    ratio, ratio_interval = _overall(residuals, unit, seed) if judged else (np.nan, NONE)
-    by_name = {run.name: k for k, run in enumerate(measurement.runs)}
-    alone = [(run.name,) for run in measurement.runs]
-    together = _conditions(measurement, groups)
-    words = _run_words(found, len(alone))
+    places = find_places(residuals, found, noise, steps_s)
+    outputs = {n: _output(n, residuals, floors.get(n), noise[n], steps_s, seed) for n in names}
+    known = all(np.isfinite(error.noise_floor) for error in outputs.values())
+    ratio, ratio_interval = _overall(residuals, noise, steps_s, seed) if known else (np.nan, NONE)
+    runs = [(k,) for k in range(len(measurement.runs))]
+    score = partial(_group, measurement, _run_words(found, len(runs)), residuals, noise, known)
     return Comparison(
         outputs=outputs,
         rmse_over_floor=ratio,
         rmse_over_floor_interval=ratio_interval,
-        runs=_groups(alone, by_name, words, residuals, unit, judged),
-        conditions=_groups(together, by_name, words, residuals, unit, judged),
+        runs=tuple(score(run) for run in runs),
+        conditions=tuple(score(condition) for condition in _conditions(runs, groups)),
         places=places,
         worst=worst_places(places),
+        depends_on=importance(residuals, found, {name: one.total for name, one in noise.items()}),
         n_places=sum(len(place.outputs) for place in places),
         n_samples=sum(error.n for error in outputs.values()),
         n_effective=sum(error.n_effective for error in outputs.values()),
-        judged=judged,
-        remarks=(*measurement.remarks, *_remarks(measurement, names)),
+        judged=all(error.source in JUDGED_BY for error in outputs.values()),
+        remarks=(*measurement.remarks, *floor_remarks(floors), *_remarks(measurement, names)),
     )
 
 
-def _scale(noise: Noise | None, residuals: Sequence[Array]) -> Noise:
-    """The noise, or, where none is known, the residual's own scatter and colour, so that shares can be told."""
-    if noise is not None and noise.total > 0:
-        return noise
-    there = np.concatenate(residuals)
-    rms = float(np.sqrt(np.nanmean(there**2)))
-    return Noise(rms if rms > 0 else 1.0, correlation=lag_one(residuals))
+def predicted_aside(measurement: Measurement, residuals: Residuals) -> Residuals:
+    """Residuals for every output of the measurement: NaN for those that the model does not have."""
+    return [
+        {name: run.get(name, np.full(len(m), np.nan)) for name in measurement.outputs}
+        for m, run in zip(measurement.runs, residuals, strict=True)
+    ]
 
 
-def lag_one(series: Sequence[Array]) -> float:
-    """Lag-one correlation within runs about the mean of all, 0 to 0.999; missing neighbours are skipped."""
-    mean = np.nanmean(np.concatenate(series))
-    product = np.concatenate([(s[1:] - mean) * (s[:-1] - mean) for s in series])
-    square = np.nanmean((np.concatenate(series) - mean) ** 2)
-    if not np.isfinite(product).any() or square == 0:
-        return 0.0
-    return float(np.clip(np.nanmean(product) / square, 0.0, 0.999))
+def _step_s(run: MeasuredRun) -> float:
+    return float(np.median(np.diff(clock_of(run)))) if len(run) > 1 else 1.0
 
 
-def _output(name: str, residuals: Residuals, noise: Noise | None, unit: Noise, seed: int) -> OutputError:
+def _output(
+    name: str, residuals: Residuals, floor: Floor | None, noise: Noise, steps_s: Sequence[float], seed: int
+) -> OutputError:
     series = [run[name] for run in residuals]
     columns = [np.stack([np.isfinite(s), np.nan_to_num(s), np.nan_to_num(s) ** 2], axis=1) for s in series]
     n, total, square = np.sum([c.sum(axis=0) for c in columns], axis=0)
-    sums = run_sums(columns, _block(unit))
-    zeros = [np.zeros(len(s), np.int64) for s in series]
+    sums = block_sums(columns, _blocks(noise, steps_s))
     coloured = sum(
-        coloured_count(z, np.isfinite(s), 1, unit.correlation)[0] for z, s in zip(zeros, series, strict=True)
+        float(coloured_count(np.zeros(len(s), np.int64), np.isfinite(s), 1, noise.correlation(step_s))[0])
+        for s, step_s in zip(series, steps_s, strict=True)
     )
-    rmse, floor = float(np.sqrt(square / n)), noise.total if noise else np.nan
+    rmse, value = float(np.sqrt(square / n)), floor.value if floor is not None else np.nan
     return OutputError(
         rmse=rmse,
         unit=si_unit(name),
-        noise_floor=floor,
-        ratio_to_floor=rmse / floor if floor > 0 else np.nan,
+        noise_floor=value,
+        source=floor.source if floor is not None else "unknown",
+        ratio_to_floor=rmse / value if value > 0 else np.nan,
         bias=float(total / n),
         rmse_interval=interval(sums, lambda s: np.sqrt(s[:, 2] / s[:, 0]), seed),
         bias_interval=interval(sums, lambda s: s[:, 1] / s[:, 0], seed),
-        noise=unit,
+        noise=noise,
         n=int(n),
         n_effective=float(n**2 / coloured),
     )
 
 
-def _overall(residuals: Residuals, unit: Mapping[str, Noise], seed: int) -> tuple[float, Interval]:
+def _overall(
+    residuals: Residuals, noise: Mapping[str, Noise], steps_s: Sequence[float], seed: int
+) -> tuple[float, Interval]:
     columns = []
     for run in residuals:
-        scaled = np.stack([run[name] / unit[name].total for name in unit], axis=1)
+        scaled = np.stack([run[name] / one.total for name, one in noise.items()], axis=1)
         columns.append(np.stack([np.isfinite(scaled).sum(axis=1), np.nansum(scaled**2, axis=1)], axis=1))
     n, square = np.sum([c.sum(axis=0) for c in columns], axis=0)
-    sums = run_sums(columns, max(_block(noise) for noise in unit.values()))
+    longest = max(noise.values(), key=lambda one: one.memory_s)
+    sums = block_sums(columns, _blocks(longest, steps_s))
     return float(np.sqrt(square / n)), interval(sums, lambda s: np.sqrt(s[:, 1] / s[:, 0]), seed)
 
 
-def _block(noise: Noise) -> float:
-    """Samples after which the noise has forgotten itself."""
-    return FORGETTING / -np.log(noise.correlation) if noise.correlation > 0 else 1.0
+def _blocks(noise: Noise, steps_s: Sequence[float]) -> list[float]:
+    """Per run the samples after which the noise has forgotten itself."""
+    return [FORGETTING * noise.memory_s / step_s if step_s > 0 else 1.0 for step_s in steps_s]
 
 
-def _conditions(measurement: Measurement, groups: Sequence[Sequence[str]]) -> list[tuple[str, ...]]:
-    group_of = {name: tuple(group) for group in groups for name in group}
-    return list(dict.fromkeys(group_of.get(run.name, (run.name,)) for run in measurement.runs))
+def _conditions(runs: Sequence[tuple[int, ...]], groups: Sequence[RepeatGroup]) -> list[tuple[int, ...]]:
+    """Runs that repeat each other together, the others alone, in the order of the measurement."""
+    group_of = {k: tuple(group.runs) for group in groups for k in group.runs}
+    return list(dict.fromkeys(group_of.get(run[0], run) for run in runs))
 
 
-def _groups(
-    groups: Sequence[tuple[str, ...]],
-    by_name: Mapping[str, int],
+def _group(
+    measurement: Measurement,
     words: Sequence[str],
     residuals: Residuals,
-    unit: Mapping[str, Noise],
-    judged: bool,
-) -> tuple[GroupError, ...]:
-    total = sum(float(np.nansum((run[o] / unit[o].total) ** 2)) for run in residuals for o in unit)
-    made = []
-    for group in groups:
-        numbers = [by_name[name] for name in group]
-        series = {o: np.concatenate([residuals[k][o] for k in numbers]) for o in unit}
-        there = {o: s[np.isfinite(s)] for o, s in series.items()}
-        error = sum(float(np.sum((s / unit[o].total) ** 2)) for o, s in there.items())
-        n = sum(len(s) for s in there.values())
-        made.append(
-            GroupError(
-                name=", ".join(group),
-                words=words[numbers[0]],
-                runs=group,
-                outputs={
-                    o: {"rmse": float(np.sqrt(np.mean(s**2))), "bias": float(s.mean())}
-                    for o, s in there.items()
-                    if len(s)
-                },
-                rmse_over_floor=float(np.sqrt(error / n)) if n and judged else np.nan,
-                share_of_error=error / total if total > 0 else np.nan,
-                n=n,
-            )
-        )
-    return tuple(made)
+    noise: Mapping[str, Noise],
+    known: bool,
+    numbers: tuple[int, ...],
+) -> GroupError:
+    total = sum(float(np.nansum((run[o] / noise[o].total) ** 2)) for run in residuals for o in noise)
+    series = {o: np.concatenate([residuals[k][o] for k in numbers]) for o in noise}
+    there = {o: s[np.isfinite(s)] for o, s in series.items()}
+    error = sum(float(np.sum((s / noise[o].total) ** 2)) for o, s in there.items())
+    n = sum(len(s) for s in there.values())
+    names = tuple(measurement.runs[k].name for k in numbers)
+    return GroupError(
+        name=", ".join(names),
+        words=words[numbers[0]],
+        runs=names,
+        outputs={
+            o: {"rmse": float(np.sqrt(np.mean(s**2))), "bias": float(s.mean())}
+            for o, s in there.items()
+            if len(s)
+        },
+        rmse_over_floor=float(np.sqrt(error / n)) if n and known else np.nan,
+        share_of_error=error / total if total > 0 else np.nan,
+        n=n,
+    )
 
 
 def _run_words(found: Covariates, n_runs: int) -> list[str]:

@@ -39,8 +39,8 @@ class _Folds:
 
 def importance(
     residuals: Sequence[Mapping[str, Array]], found: Covariates, scales: Mapping[str, float] | None = None
-) -> list[dict[str, object]]:
-    """What the residual depends on: `{"name": …, "importance": 0…1}`, the largest first.
+) -> dict[str, float]:
+    """What the residual depends on: covariate → importance from 0 to 1, the largest first.
 
     Args:
         residuals: per run the residuals by output (t,), NaN where there is none.
@@ -53,7 +53,7 @@ def importance(
     names = list(residuals[0]) if residuals else []
     folds = _folds(residuals, names, scales or {})
     if folds.count < 2 or not folds.there.any():
-        return [{"name": name, "importance": 0.0} for name in found.names]
+        return dict.fromkeys(found.names, 0.0)
     values = {item.name: _thinned(item, folds) for item in found.items}
     single = {item.name: _explained(_basis(item, values[item.name], KNOTS), folds) for item in found.items}
     if found.position:
@@ -66,8 +66,7 @@ def importance(
             share = _explained(both, folds)
             if share >= max(single[a.name], single[b.name]) + PAIR_GAIN:
                 pairs[f"{a.name} × {b.name}"] = share
-    ranked = sorted({**single, **pairs}.items(), key=lambda entry: -entry[1])
-    return [{"name": name, "importance": share} for name, share in ranked]
+    return dict(sorted({**single, **pairs}.items(), key=lambda entry: -entry[1]))
 
 
 def _folds(

@@ -16,7 +16,7 @@ KEPT = 0.8  # …and it keeps so much of the error
 def interpret(comparison: Comparison) -> str:
     """Whether the model is wrong beyond the noise, and where most."""
     if not comparison.judged:
-        why = f"Whether that is noise cannot be judged, because {_missing(comparison)}."
+        why = f"Whether that is more than the bench's own scatter cannot be judged, because {_missing(comparison)}."
         return f"{_size(comparison)}. {why}{_mostly(comparison)}"
     ratio = comparison.rmse_over_floor
     if not comparison.significant:

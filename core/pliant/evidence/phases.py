@@ -15,7 +15,7 @@ LONGEST_WINDOW = 32  # samples over which a noisy reading is differenced
 
 @dataclass(frozen=True, eq=False)
 class Phases:
-    """(t,) each: `direction` −1, 0, 1; `rate` per second, NaN in holds; `hold_s` since the last change, NaN in motion."""
+    """(t,) each: `direction` −1, 0, 1; `rate` per second, NaN in holds; `hold_s` since the change, NaN in motion."""
 
     direction: Array
     rate: Array

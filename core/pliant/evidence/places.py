@@ -10,7 +10,8 @@ from scipy.stats import t as student_t
 
 from pliant.evidence.bins import PAIRS, Bins, binned, crossed
 from pliant.evidence.covariates import Covariates
-from pliant.evidence.significance import LARGEST_Z, BinMeans, Noise, bin_means, significant
+from pliant.evidence.noise import Noise
+from pliant.evidence.significance import LARGEST_Z, BinMeans, bin_means, significant
 from pliant.records.design import Array
 
 Residuals = Sequence[
@@ -78,15 +79,18 @@ class _Counted:
     squares: Mapping[str, Array]
 
 
-def find_places(residuals: Residuals, found: Covariates, noise: Mapping[str, Noise]) -> tuple[Place, ...]:
+def find_places(
+    residuals: Residuals, found: Covariates, noise: Mapping[str, Noise], steps_s: Sequence[float]
+) -> tuple[Place, ...]:
     """Every bin of every covariate and of some pairs; significance controls the false discovery rate over all.
 
     Args:
         residuals: see `Residuals`.
         found: the covariates of the same runs.
         noise: per output; its `total` is the unit in which errors of different outputs are added.
+        steps_s: per run the time between neighbouring readings.
     """
-    counted = [_count(bins, residuals, noise) for bins in all_bins(found)]
+    counted = [_count(bins, residuals, noise, steps_s) for bins in all_bins(found)]
     p = [m.p[k] for c in counted for m in c.means.values() for k in range(len(c.bins)) if m.n[k]]
     accepted = iter(significant(np.array(p), LEVEL).tolist())
     total = sum((s / noise[o].total ** 2).sum() for o, s in counted[0].squares.items()) if counted else 0.0
@@ -130,12 +134,14 @@ def _pairs(singles: Sequence[Bins]) -> Iterator[tuple[Bins, Bins]]:
             yield a[0], b[0]
 
 
-def _count(bins: Bins, residuals: Residuals, noise: Mapping[str, Noise]) -> _Counted:
+def _count(
+    bins: Bins, residuals: Residuals, noise: Mapping[str, Noise], steps_s: Sequence[float]
+) -> _Counted:
     means: dict[str, BinMeans] = {}
     squares: dict[str, Array] = {}
     for output, of_output in noise.items():
         r = [run[output] for run in residuals]
-        means[output] = bin_means(r, bins.codes, len(bins), of_output)
+        means[output] = bin_means(r, bins.codes, len(bins), of_output, steps_s)
         flat, codes = np.concatenate(r), np.concatenate(bins.codes)
         there = np.isfinite(flat)
         squares[output] = np.asarray(np.bincount(codes[there], flat[there] ** 2, len(bins)), float)

@@ -19,32 +19,10 @@ from scipy.signal import lfilter
 from scipy.stats import t as student_t
 
 from pliant.evidence.bins import Codes
+from pliant.evidence.noise import Noise
 from pliant.records.design import Array
 
 LARGEST_Z = 99.0
-
-
-@dataclass(frozen=True)
-class Noise:
-    """What the noise of one output is like.
-
-    Attributes:
-        within: standard deviation inside a run, SI.
-        between: standard deviation of the offsets between repeated runs, SI; 0 where it is not known.
-        correlation: lag-one correlation of the noise inside a run, 0 to 1.
-        freedom_within, freedom_between: degrees of freedom behind the two.
-    """
-
-    within: float
-    between: float = 0.0
-    correlation: float = 0.0
-    freedom_within: float = np.inf
-    freedom_between: float = np.inf
-
-    @property
-    def total(self) -> float:
-        """Standard deviation of one reading against the truth."""
-        return float(np.hypot(self.within, self.between))
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,21 +38,24 @@ class BinMeans:
     p: Array
 
 
-def bin_means(residuals: Sequence[Array], codes: Sequence[Codes], n_bins: int, noise: Noise) -> BinMeans:
+def bin_means(
+    residuals: Sequence[Array], codes: Sequence[Codes], n_bins: int, noise: Noise, steps_s: Sequence[float]
+) -> BinMeans:
     """Mean residual of every bin, and whether noise alone would do that.
 
     Args:
         residuals: per run (t,), NaN where there is none.
         codes: per run (t,) bin numbers below `n_bins`.
+        steps_s: per run the time between neighbouring readings.
     """
     n, total, square, coloured = (np.zeros(n_bins) for _ in range(4))
-    for residual, code in zip(residuals, codes, strict=True):
+    for residual, code, step_s in zip(residuals, codes, steps_s, strict=True):
         there = np.isfinite(residual)
         count = np.bincount(code[there], minlength=n_bins)
         n += count
         total += np.bincount(code[there], residual[there], minlength=n_bins)
         square += count.astype(float) ** 2
-        coloured += coloured_count(code, there, n_bins, noise.correlation)
+        coloured += coloured_count(code, there, n_bins, noise.correlation(step_s))
     with np.errstate(invalid="ignore", divide="ignore"):
         mean = total / n
         within = noise.within**2 * coloured / n**2

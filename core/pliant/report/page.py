@@ -2,16 +2,8 @@
 
 from __future__ import annotations
 
-import base64
-from collections.abc import Mapping
-from dataclasses import dataclass
-
-import numpy as np
-from numpy.typing import NDArray
-
 from pliant import __version__
 from pliant.report.facts import (
-    Table,
     coefficients,
     engine_table,
     input_table,
@@ -25,43 +17,12 @@ from pliant.report.figures.finger import finger_picture
 from pliant.report.figures.law import law_picture
 from pliant.report.figures.module_shape import can_show, module_shape
 from pliant.report.folder import FinishedRun
+from pliant.report.layout import Page, Picture, Section
 from pliant.report.reading import ran
 from pliant.report.template import page_template
 from pliant.report.words import gravity_words, result_sentence, warnings
 
 SHAPES_SHOWN = 6  # designs whose mesh is drawn
-
-
-@dataclass(frozen=True, eq=False)
-class Page:
-    """The report: a page, and its pictures as the bytes of PNG files (uint8) by name."""
-
-    html: str
-    pictures: Mapping[str, NDArray[np.uint8]]
-
-
-@dataclass(frozen=True, eq=False)
-class Picture:
-    """A picture of the page."""
-
-    name: str
-    caption: str
-    png: NDArray[np.uint8]
-
-    @property
-    def data_url(self) -> str:
-        """The picture as text that an <img> shows."""
-        return "data:image/png;base64," + base64.b64encode(self.png.tobytes()).decode("ascii")
-
-
-@dataclass(frozen=True, eq=False)
-class Section:
-    """A part of the page: pictures, then tables, then a line of small print."""
-
-    title: str
-    pictures: tuple[Picture, ...] = ()
-    tables: tuple[Table, ...] = ()
-    note: str = ""
 
 
 def render(run: FinishedRun) -> Page:

@@ -1,0 +1,123 @@
+"""What the pictures of a comparison read out of it: which runs, which output, on which axis."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pliant.evidence.comparison import Comparison, GroupError, residuals_of
+from pliant.evidence.covariates import Covariates, covariates
+from pliant.evidence.places import Residuals
+from pliant.evidence.words import Shown, number, shown
+from pliant.records.design import Array
+from pliant.records.measurement import MeasuredRun, Measurement
+
+MOST_POINTS = 1200  # of one line; more cannot be seen
+
+
+@dataclass(frozen=True, eq=False)
+class Compared:
+    """A measurement, the model's outputs per run, and what came of comparing them."""
+
+    measurement: Measurement
+    predicted: Sequence[Mapping[str, Array]]
+    comparison: Comparison
+
+    @cached_property
+    def residuals(self) -> Residuals:
+        """Per run, measured − predicted."""
+        return residuals_of(self.measurement, self.predicted)
+
+    @cached_property
+    def covariates(self) -> Covariates:
+        """The covariates that vary."""
+        return covariates(self.measurement, self.predicted)
+
+    def run(self, name: str) -> tuple[MeasuredRun, Mapping[str, Array]]:
+        """A run and what the model says of it."""
+        k = next(k for k, run in enumerate(self.measurement.runs) if run.name == name)
+        return self.measurement.runs[k], self.predicted[k]
+
+    def outputs_by_error(self) -> list[str]:
+        """Outputs, the one farthest above its noise first."""
+        errors = self.comparison.outputs
+        return sorted(errors, key=lambda name: -errors[name].rmse / errors[name].noise.total)
+
+    def worst_runs(self, count: int) -> tuple[list[str], bool]:
+        """Runs to show, and whether they are all: one of each condition where there are too many, worst first."""
+        runs = self.comparison.runs
+        if len(runs) <= count:
+            return [run.name for run in runs], True
+        error = {run.name: run.share_of_error / max(run.n, 1) for run in runs}
+        one_each = [max(c.runs, key=lambda name: error[name]) for c in self.comparison.conditions]
+        return sorted(one_each, key=lambda name: -error[name])[:count], False
+
+    def title(self, name: str) -> str:
+        """A run's name with its error in units of the floor."""
+        return with_ratio(next(run for run in self.comparison.runs if run.name == name))
+
+    def words(self, name: str) -> str:
+        """What a run is like."""
+        return next(run for run in self.comparison.runs if run.name == name).words
+
+
+def with_ratio(group: GroupError) -> str:
+    """A run's or condition's name with its error in units of the floor."""
+    ratio = group.rmse_over_floor
+    return f"{group.name}: {number(ratio, 2)} × noise" if np.isfinite(ratio) else group.name
+
+
+def clock(run: MeasuredRun) -> tuple[Array, str]:
+    """(t,) time from the run's start, or sample numbers, and the axis' label."""
+    if run.history.time_s is None:
+        return np.arange(1.0, len(run) + 1), "sample"
+    time = np.asarray(run.history.time_s, float)
+    return time - time[:1], "time in the run (s)"
+
+
+def abscissa(compared: Compared) -> tuple[str, Shown] | None:
+    """The input that loops are drawn over: the first actuation that varies, else the moment; None without either."""
+    runs = compared.measurement.runs
+    for name in dict.fromkeys(name for run in runs for name in run.history.actuation):
+        if any(len(run) and np.ptp(run.history.actuation.get(name, [0.0])) > 0 for run in runs):
+            return name, shown(name)
+    if any(len(run) and np.ptp(run.history.moment_n_m) > 0 for run in runs):
+        return "moment_n_m", shown("moment_n_m")
+    return None
+
+
+def input_of(run: MeasuredRun, name: str) -> Array:
+    """(t,) an input or load of a run by name."""
+    if name == "moment_n_m":
+        return run.history.moment_n_m
+    return np.asarray(run.history.actuation.get(name, np.full(len(run), np.nan)), float)
+
+
+def thin(count: int, most: int = MOST_POINTS) -> NDArray[np.int64]:
+    """At most `most` of so many indices, first and last included."""
+    if count <= most:
+        return np.arange(count)
+    return np.unique(np.linspace(0, count - 1, most).astype(np.int64))
+
+
+def fitting(text: str, width: int) -> str:
+    """The text cut to a width in characters."""
+    return text if len(text) <= width else text[: width - 1].rstrip(", ") + "…"
+
+
+def grid(count: int, columns: int) -> tuple[int, int]:
+    """Rows and columns of small multiples; few panels stand in one row."""
+    wide = min(count, columns)
+    rows = -(-count // wide)
+    return rows, -(-count // rows)
+
+
+def hide_rest(axes: Sequence[Any]) -> None:
+    """Switch off panels that have nothing to show."""
+    for one in axes:
+        one.set_axis_off()
