@@ -108,7 +108,7 @@ def test_notes_rename_convert_state_sigmas_and_exclude(read):
     np.testing.assert_allclose(run.sigma["tip_x_m"], 1e-4)
     assert found.marker_arms_m == (0.01, 0.02)
     assert [r.name for r in found.runs] == ["A"]
-    assert "1 samples of run 'A' are not compared (camera moved); their inputs are kept." in found.remarks
+    assert "1 sample of run 'A' not compared (camera moved); inputs are kept." in found.remarks
     assert "Run 'B' is left out" in said(found)
 
 
@@ -140,7 +140,7 @@ def test_missing_readings_stay_missing_and_missing_inputs_leave_rows_out(read):
     assert np.isnan(found.runs[0].outputs["angle_rad"]).tolist() == [True, True, False]
     assert "pressure_pa is blank in 1 row (line 3): left out" in said(found)
     assert "time_s is blank in 1 row (line 7): left out" in said(found)
-    assert "1 row hold nothing but separators" in said(found)
+    assert "1 row of nothing but separators" in said(found)
 
 
 def test_blank_loads_are_the_default_throughout_a_run_only(read):
@@ -152,14 +152,14 @@ def test_blank_loads_are_the_default_throughout_a_run_only(read):
     assert found.runs[0].history.payload_kg is None
     assert found.runs[0].history.temperature_c[0] == REFERENCE_TEMPERATURE_C
     assert len(found.runs[1]) == 1 and found.runs[1].history.payload_kg.tolist() == [0.1]
-    assert "tip_force_z_n is blank throughout 1 runs: taken as 0 there." in said(found)
-    assert "tip_force_z_n is blank in 1 rows of runs that have it elsewhere" in said(found)
+    assert "tip_force_z_n is blank throughout 1 run: taken as 0 there." in said(found)
+    assert "tip_force_z_n is blank in 1 row of runs that have it elsewhere" in said(found)
 
 
 def test_exact_doubles_are_merged(read):
     found = read(PLAIN.replace("A,1,5e3,0.2\n", "A,1,5e3,0.2\nA,1,5e3,0.2\n"))
     assert len(found.runs[0]) == 3
-    assert "1 row repeat the row before in every column (line 4)" in said(found)
+    assert "1 row equal to the row before in every column (line 4)" in said(found)
 
 
 def test_interleaved_runs_are_put_together(read):
@@ -285,7 +285,7 @@ def test_cycles_are_counted_from_the_actuation(read):
 
 def test_a_study_names_its_measurement(tmp_path):
     (tmp_path / "study.yaml").write_text(
-        "pliant: 1\nname: s\nmeasurements: {file: bench.csv, units: {pressure_pa: kPa}, exclude: [{run: A, end: 2 s}]}\n"
+        "pliant: 1\nname: s\nmeasurements: {file: bench.csv, exclude: [{run: A, end: 2 s}]}\n"
     )
     block = load_study(tmp_path / "study.yaml", discover()).measurements
     assert Path(block.file) == tmp_path / "bench.csv"

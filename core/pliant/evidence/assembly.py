@@ -15,7 +15,7 @@ from pliant.evidence.cycles import cycles, spans
 from pliant.evidence.gathering import Gatherer, RunRows
 from pliant.evidence.header import Header
 from pliant.evidence.plausible import out_of_range, time_remarks
-from pliant.evidence.sheet import listed
+from pliant.evidence.sheet import listed, plural
 from pliant.records.design import Array
 from pliant.records.history import REFERENCE_TEMPERATURE_C, History
 from pliant.records.measurement import MeasuredRun, Measurement
@@ -187,7 +187,7 @@ def _excluded(
             continue
         inside = _inside(kept[index], span, notes_name)
         said.append(
-            f"{int(inside.sum())} samples of run '{span.run}' are not compared{why}; their inputs are kept."
+            f"{plural(int(inside.sum()), 'sample')} of run '{span.run}' not compared{why}; inputs are kept."
         )
         kept[index] = kept[index].with_outputs(
             {name: np.where(inside, np.nan, values) for name, values in kept[index].outputs.items()}
@@ -227,16 +227,18 @@ def _condition_remarks(gatherer: Gatherer) -> list[str]:
         default = DEFAULTS.get(column.name, "0")
         if column.role == "cycle":
             remarks.append(
-                f"cycle is blank in {blanks.count} rows: it is counted from the actuation in those runs."
+                f"cycle is blank in {plural(blanks.count, 'row')}: it is counted from the actuation in those runs."
             )
             continue
         silent = [run for run, count in blanks.of_run.items() if count >= gatherer.runs[run].count]
         if silent:
-            remarks.append(f"{column.name} is blank throughout {len(silent)} runs: taken as {default} there.")
+            remarks.append(
+                f"{column.name} is blank throughout {plural(len(silent), 'run')}: taken as {default} there."
+            )
         partly = blanks.count - sum(blanks.of_run[run] for run in silent)
         if partly:
             remarks.append(
-                f"{column.name} is blank in {partly} rows of runs that have it elsewhere "
+                f"{column.name} is blank in {plural(partly, 'row')} of runs that have it elsewhere "
                 f"({listed(blanks.lines, blanks.count)}): left out; write {default} where that is meant."
             )
     return remarks

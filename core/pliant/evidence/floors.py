@@ -116,8 +116,8 @@ def floor_remarks(floors: Mapping[str, Floor]) -> tuple[str, ...]:
 _OPEN: dict[Source, str] = {
     "high-frequency residual": (
         "no repeats and no sigma. The floor is the noise between neighbouring readings, to which slow noise and "
-        "offsets between runs are invisible: an error above it may still be noise, and whether the bench repeats cannot "
-        "be judged. Do one run twice."
+        "offsets between runs are invisible: an error above it may still be noise, and whether the bench repeats "
+        "cannot be judged. Do one run twice."
     ),
     "unknown": (
         "no repeats, no sigma and too few readings per run to see their noise. Whether the error is more than noise "

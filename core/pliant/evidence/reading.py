@@ -13,7 +13,7 @@ from pliant.errors import UserError
 from pliant.evidence.assembly import assembled
 from pliant.evidence.gathering import Gatherer
 from pliant.evidence.header import Header, read_header
-from pliant.evidence.sheet import Sheet, count_lines, listed, numbers, open_sheet
+from pliant.evidence.sheet import Sheet, count_lines, listed, numbers, open_sheet, plural
 from pliant.pipeline.progress import Progress, Silent
 from pliant.records.measurement import Measurement
 
@@ -122,16 +122,16 @@ def _row_remarks(sheet: Sheet, gatherer: Gatherer) -> list[str]:
     for name in needed:
         if blanks := gatherer.blanks.get(name):
             remarks.append(
-                f"{name} is blank in {_rows(blanks.count)} ({listed(blanks.lines, blanks.count)}): left out; inputs "
+                f"{name} is blank in {plural(blanks.count, 'row')} ({listed(blanks.lines, blanks.count)}): left out; inputs "
                 "are taken as straight lines across them."
             )
     if doubles := gatherer.doubles.count:
         remarks.append(
-            f"{_rows(doubles)} repeat the row before in every column ({listed(gatherer.doubles.lines, doubles)}): "
-            "left out."
+            f"Left out: {plural(doubles, 'row')} equal to the row before in every column "
+            f"({listed(gatherer.doubles.lines, doubles)})."
         )
     if sheet.blank_rows:
-        remarks.append(f"{_rows(sheet.blank_rows)} hold nothing but separators: left out.")
+        remarks.append(f"Left out: {plural(sheet.blank_rows, 'row')} of nothing but separators.")
     if gatherer.split_runs:
         run, line = next(iter(gatherer.split_runs.items()))
         remarks.append(
@@ -148,7 +148,3 @@ def _row_remarks(sheet: Sheet, gatherer: Gatherer) -> list[str]:
             f"{longest.count}). Nothing was averaged; what is faster than the kept rows is not seen."
         )
     return remarks
-
-
-def _rows(count: int) -> str:
-    return "1 row" if count == 1 else f"{count} rows"

@@ -146,7 +146,7 @@ class Sheet:
                 lines.append(number)
             else:
                 hint = " (decimals need a point, not a comma)" if len(cells) > width else ""
-                self.problems.add(number, f"{_plural(len(cells), 'cell')}, but the header has {width}{hint}")
+                self.problems.add(number, f"{plural(len(cells), 'cell')}, but the header has {width}{hint}")
         columns = tuple(zip(*good, strict=True)) if good else ((),) * width
         return Block(columns, np.array(lines, int))
 
@@ -257,7 +257,8 @@ def _short(text: str) -> str:
     return text if len(text) <= 30 else f"{text[:30]}…"
 
 
-def _plural(count: int, noun: str) -> str:
+def plural(count: int, noun: str) -> str:
+    """ "1 row", "2 rows"."""
     return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
 
 
