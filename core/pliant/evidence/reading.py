@@ -122,8 +122,8 @@ def _row_remarks(sheet: Sheet, gatherer: Gatherer) -> list[str]:
     for name in needed:
         if blanks := gatherer.blanks.get(name):
             remarks.append(
-                f"{name} is blank in {plural(blanks.count, 'row')} ({listed(blanks.lines, blanks.count)}): left out; inputs "
-                "are taken as straight lines across them."
+                f"{name} is blank in {plural(blanks.count, 'row')} ({listed(blanks.lines, blanks.count)}): left out; "
+                "inputs are taken as straight lines across them."
             )
     if doubles := gatherer.doubles.count:
         remarks.append(
