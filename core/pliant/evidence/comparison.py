@@ -175,7 +175,7 @@ def compare(
         n_samples=sum(error.n for error in outputs.values()),
         n_effective=sum(error.n_effective for error in outputs.values()),
         judged=all(error.source in JUDGED_BY for error in outputs.values()),
-        remarks=(*measurement.remarks, *floor_remarks(floors), *_remarks(measurement, names)),
+        remarks=(*measurement.remarks, *floor_remarks(floors), *_remarks(measurement, names, residuals)),
     )
 
 
@@ -281,12 +281,24 @@ def _run_words(found: Covariates, n_runs: int) -> list[str]:
         for k, codes in enumerate(bins.codes):
             if len(codes):
                 parts[k].append(bins.words[codes[0]])
+    for item in found.items:
+        if item.name.startswith("rate_"):
+            for part, rate in zip(parts, item.values, strict=True):
+                if np.isfinite(rate).any():
+                    part.append(item.shown.text(float(np.nanmedian(rate)), 2))
     return [", ".join(dict.fromkeys(part)) for part in parts]
 
 
-def _remarks(measurement: Measurement, names: Sequence[str]) -> list[str]:
+def _remarks(measurement: Measurement, names: Sequence[str], residuals: Residuals) -> list[str]:
     remarks = []
     left = [name for name in measurement.outputs if name not in names]
+    lost = sum(
+        int((np.isfinite(run.outputs[name]) & ~np.isfinite(error[name])).sum())
+        for run, error in zip(measurement.runs, residuals, strict=True)
+        for name in names
+    )
+    if lost:
+        remarks.append(f"{lost} readings are left out, because the model found no equilibrium there.")
     if left:
         remarks.append(f"Not compared, because the model or the file has no values of it: {', '.join(left)}.")
     if len(measurement.runs) == 1:

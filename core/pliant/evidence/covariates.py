@@ -102,8 +102,8 @@ def _actuation(measurement: Measurement) -> Iterator[Covariate]:
     label, unit = shown(lead).label, lead.rsplit("_", 1)[-1]
     found = [phases(v, run.history.time_s) for v, run in zip(levels[lead], runs, strict=True)]
     yield Covariate(
-        "direction", Shown(f"direction of {label} change"), tuple(f.direction + 1 for f in found),
-        (f"falling {label}", f"held {label}", f"rising {label}"),
+        "direction", Shown(f"direction of {label} change"), tuple(1 - f.direction for f in found),
+        (f"rising {label}", f"held {label}", f"falling {label}"),
     )  # fmt: skip
     if all(run.history.time_s is not None for run in runs):
         yield from _rates(found, lead, label, unit)

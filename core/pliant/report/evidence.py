@@ -65,8 +65,9 @@ def _runs_caption(compared: Compared, output: str) -> str:
         else ""
     )
     return (
-        f"{_capital(shown(output).label)}, {which}: measured in black, model in blue{band}. Below each run its error, measured − "
-        "model; what leaves the band is filled. A model that lacks nothing leaves it one time in twenty, anywhere."
+        f"{_capital(shown(output).label)}, {which}: measured in black, model in blue{band}. Below each run its error, "
+        "measured − model; what leaves the band is filled. A model that lacks nothing leaves it one time in twenty, "
+        "anywhere."
     )
 
 
@@ -77,9 +78,10 @@ def _where(compared: Compared, drawn: Sequence[str]) -> Section | None:
         if png is None:
             return None
         caption = (
-            f"Error in {shown(output).label} against everything that varied. Dots: mean error in a bin with the 95 % interval that "
-            f"noise of this colour gives it; filled: more than noise, corrected for looking at {compared.comparison.n_places} places. "
-            "“Tells 40 %”: this circumstance alone predicts 40 % of the error in runs that it was not fitted to."
+            f"Error in {shown(output).label} against everything that varied. Dots: mean error in a bin with the 95 % "
+            "interval that noise of this colour gives it; filled: more than noise, corrected for looking at "
+            f"{compared.comparison.n_places} places. “Tells 40 %”: this circumstance alone predicts 40 % of the "
+            "error's variance in runs that it was not fitted to."
         )
         pictures.append(Picture(f"where_{k + 1}", caption, png))
     return Section("Where the error is", tuple(pictures), (_worst_table(compared.comparison),))
@@ -92,9 +94,9 @@ def _loops(compared: Compared, drawn: Sequence[str]) -> Section | None:
         if png is None:
             return None
         caption = (
-            f"{_capital(shown(output).label)} over what drives it; arrows show the sense. An open measured loop over a closed line of "
-            "the model is hysteresis that the model does not have; a loop that turns about the model is a wrong gain or stiffness; "
-            "a shifted one an offset."
+            f"{_capital(shown(output).label)} over what drives it; below, the error over the same, coloured by what "
+            "the actuation does. A gap between rising and falling is hysteresis that the model lacks or has too much of; a "
+            "common slope a wrong gain or stiffness; a common shift an offset; a vertical stroke in a hold a drift."
         )
         pictures.append(Picture(f"loops_{k + 1}", caption, png))
     return Section("Loops", tuple(pictures))
@@ -125,8 +127,8 @@ def _numbers(compared: Compared) -> Section:
     if len(comparison.conditions) < len(comparison.runs):
         tables.append(_groups_table("By condition, repeats together", "runs", comparison.conditions))
     note = (
-        f"{comparison.n_samples} readings, worth {number(comparison.n_effective)} independent ones. Intervals: 95 %, bootstrap of "
-        "whole runs, or of stretches of runs where there are fewer than eight."
+        f"{comparison.n_samples} readings, worth {number(comparison.n_effective)} independent ones. Intervals: 95 %, "
+        "bootstrap of whole runs, or of stretches of runs where there are fewer than eight."
     )
     return Section("Numbers", (), tuple(tables), note)
 
@@ -183,8 +185,8 @@ def _worst_table(comparison: Comparison) -> Table:
         "more than noise",
     ]
     note = (
-        "Places that hold more of the error than of the readings. They overlap: the falling branch, fast rates and late times may be "
-        "the same readings. z: mean error over what noise would give it."
+        "Places that hold more of the error than of the readings. They overlap: the falling branch, fast rates and "
+        "late times may be the same readings. z: mean error over what noise would give it."
     )
     return Table(
         "The worst places", head, rows, note if rows else "No place holds more than its part of the error."

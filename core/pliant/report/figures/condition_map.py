@@ -16,7 +16,7 @@ from pliant.report.figures import style
 
 MOST_RUNS = 40
 PREFERRED = ("direction × pressure", "direction × tendon", "direction", "pressure", "moment")
-DARK = 0.62  # of the colour range: white digits from here on
+DARK = 0.78  # of the colour range: white digits from here on
 
 
 def condition_map(compared: Compared) -> style.Png | None:
@@ -67,7 +67,7 @@ def _heat(axis: Any, values: Array, words: list[str], norm: TwoSlopeNorm) -> Any
     axis.tick_params(length=0)
     for (i, j), value in np.ndenumerate(values):
         if np.isfinite(value):
-            colour = "white" if norm(value) > DARK + 0.12 else style.INK
+            colour = "white" if norm(value) > DARK else style.INK
             axis.text(j, i, number(value, 2), ha="center", va="center", fontsize=7.5, color=colour)
     return picture
 
@@ -75,7 +75,15 @@ def _heat(axis: Any, values: Array, words: list[str], norm: TwoSlopeNorm) -> Any
 def _colours() -> Colormap:
     """Blue-grey below the noise, white at it, orange to dark red above."""
     return LinearSegmentedColormap.from_list(
-        "floors", ["#b9cfe4", "#e4edf5", "#ffffff", "#fbd3a6", "#ee8a4a", "#c4421f", "#6e1410"]
+        "floors",
+        [
+            (0.0, "#a9c4de"),
+            (0.5, "#ffffff"),
+            (0.62, "#fbd3a6"),
+            (0.75, "#ee8a4a"),
+            (0.88, "#c4421f"),
+            (1.0, "#6e1410"),
+        ],
     )
 
 

@@ -16,6 +16,7 @@ from pliant.report.figures import style
 COLUMNS = 3
 MOST = 12
 POINTS = 1500
+LOUD = 0.05  # a circumstance that tells so much of the error has its title in colour
 
 
 def residual_places(compared: Compared, output: str) -> style.Png | None:
@@ -50,11 +51,9 @@ def _in_order(compared: Compared) -> list[Covariate]:
 def _panel(panel: Any, compared: Compared, item: Covariate, output: str, words: Shown) -> None:
     places = [p for p in compared.comparison.places if p.covariate == item.name and output in p.outputs]
     told = compared.comparison.depends_on.get(item.name, 0.0)
-    panel.set_title(
-        fitting(f"{item.shown.label}: tells {percent(told)}", 46),
-        fontsize=9.5,
-        color=style.WARN if any(p.outputs[output].significant for p in places) else style.INK,
-    )
+    loud = told >= LOUD and any(p.outputs[output].significant for p in places)
+    title = fitting(f"{item.shown.label}: tells {percent(told)}", 46)
+    panel.set_title(title, fontsize=9.5, color=style.WARN if loud else style.INK)
     if item.numeric:
         places = [p for p in places if np.isfinite(p.centre)]
         x = np.array([p.centre for p in places]) * item.shown.factor
