@@ -6,6 +6,7 @@ import contextlib
 import importlib
 import io
 import json
+import sys
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
@@ -57,8 +58,6 @@ def _command(verb: str, study: str, csv: str, *more: str) -> dict[str, Any]:
 
 
 def _exit_code(main: Callable[..., Any], arguments: list[str]) -> int:
-    import sys
-
     before = sys.argv
     sys.argv = ["pliant", *arguments]
     try:

@@ -26,15 +26,25 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
-
 from benchmarks.evidence.robots import B_E, K_N, M_A, M_E, PRESSURE_MAX_PA, Array
+from numba import njit
 
 TYPICAL_ANGLE_RAD = 0.36
 ROOM_C = 22.0
 # Memory of one joint: three Maxwell branches, three friction elements, the largest past |angle|.
 MAXWELL, FRICTION, LARGEST, N_MEMORY = 0, 3, 6, 7
 ZERO = 1e-300  # strengths below this are none
+
+
+class Drive(NamedTuple):
+    """What acts on a joint at one instant; `pressure_pa` in the tube, `cycles` done by the specimen so far."""
+
+    pressure_pa: float
+    pressure_rate: float
+    temperature_c: float
+    moment_n_m: float
+    time_s: float
+    cycles: float
 
 
 class Forms(NamedTuple):
@@ -158,21 +168,13 @@ def effort(
     u: float,
     step: float,
     dt: float,
-    pressure: float,
-    pressure_rate: float,
-    temperature: float,
-    load: float,
-    time: float,
-    cycles: float,
+    drive: Drive,
     old: Array,
     new: Array,
     f: Forms,
 ) -> float:
-    """Effort of one joint at angle u, reached from u − step in dt; writes the memory `new` (N_MEMORY,) of `old`.
-
-    `pressure` is that in the tube, `time` since the start of the run, `cycles` done by the specimen so far.
-    """
-    p, warm = acting(pressure, f), temperature - ROOM_C
+    """Effort of one joint at angle u, reached from u − step in dt; writes the memory `new` (N_MEMORY,) of `old`."""
+    p, warm, load = acting(drive.pressure_pa, f), drive.temperature_c - ROOM_C, drive.moment_n_m
     share = p / PRESSURE_MAX_PA
     top = max(old[LARGEST], abs(u))
     new[LARGEST] = top
@@ -189,8 +191,8 @@ def effort(
     gain = 1.0 + f.actuation_error * math.sin(4.0 * share + f.actuation_phase)
     gain *= 1.0 + f.gain * (1.0 - f.gain_fading * share)
     gain *= 1.0 + f.bump * math.exp(-(((share - f.bump_at) / f.bump_width) ** 2))
-    gain *= 1.0 - f.ageing * cycles
-    gain *= 1.0 + f.filling * math.tanh(pressure_rate / 150.0) * math.sin(math.pi * share)
+    gain *= 1.0 - f.ageing * drive.cycles
+    gain *= 1.0 + f.filling * math.tanh(drive.pressure_rate / 150.0) * math.sin(math.pi * share)
     moment += gain * p * (K_N + M_A * u)
 
     if f.viscous > 0.0:
@@ -211,7 +213,7 @@ def effort(
         else:
             moment -= f.contact * f.contact_width * softplus(depth / f.contact_width)
     if f.ripple != 0.0:
-        moment += f.ripple * math.sin(2.0 * math.pi * time / f.ripple_period_s + f.ripple_phase)
+        moment += f.ripple * math.sin(2.0 * math.pi * drive.time_s / f.ripple_period_s + f.ripple_phase)
     return moment
 
 

@@ -13,17 +13,19 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit
-
-from benchmarks.evidence.forms import Forms, effort, healed, lagged, virgin
+from benchmarks.evidence.forms import Drive, Forms, effort, healed, lagged, virgin
 from benchmarks.evidence.protocols import SAMPLE_S, Protocol, Run
 from benchmarks.evidence.robots import GRAVITY_M_S2, PRESSURE_MAX_PA, Array, Robot
+from numba import njit
 
 SUB_STEPS = 5
 # Runs start from straight along a slow ramp of all loads.
 RAMP_STEPS, RAMP_S = 40, 40.0
 SLOPE_STEP_RAD = 1e-6
-LARGEST_MOVE_RAD, TOLERANCE_RAD, ITERATIONS = 0.1, 1e-9, 40
+LEAST_STIFFNESS = 1e-3
+LARGEST_MOVE_RAD, TOLERANCE_RAD, ITERATIONS = 0.1, 1e-9, 100
+# Newton may hop across kinks: from this iteration on it takes shorter moves.
+PATIENCE, SHORTER = 20, 0.3
 
 
 def first_moments(robot: Robot, fitting_kg: float, arm_share: float, side_m: float) -> tuple[Array, Array]:
@@ -53,7 +55,8 @@ def _solve(
     u: Array,
     before: Array,
     dt: float,
-    drive: tuple[float, float, float, float, float, float, float],
+    drive: Drive,
+    pitch: float,
     weight: float,
     along: Array,
     aside: Array,
@@ -62,45 +65,33 @@ def _solve(
     f: Forms,
 ) -> bool:
     """Newton to the equilibrium at the end of one sub-step; u starts as the guess. True where it converged."""
-    pressure, pressure_rate, temperature, load, pitch, time, cycles = drive
     n = len(u)
     moments, slopes, residual = np.empty(n), np.empty(n), np.empty(n)
     matrix = np.empty((n, n))
-    for _ in range(ITERATIONS):
+    for iteration in range(ITERATIONS):
         _weights(u, pitch, along, aside, moments, slopes)
         for j in range(n):
             y, old, fresh = u[j], memory[j], new[j]
-            value = effort(
-                y, y - before[j], dt, pressure, pressure_rate, temperature, load, time, cycles, old, fresh, f
-            )
-            z = y + SLOPE_STEP_RAD
-            nearby = effort(
-                z, z - before[j], dt, pressure, pressure_rate, temperature, load, time, cycles, old, fresh, f
-            )
-            residual[j] = value - load - weight * moments[j]
+            value = effort(y, y - before[j], dt, drive, old, fresh, f)
+            residual[j] = value - drive.moment_n_m - weight * moments[j]
+            # Friction has a kink where a joint turns back: there the slope is that of the side it is driven to.
+            way = -1.0 if y == before[j] and residual[j] < 0.0 else 1.0
+            z = y + way * SLOPE_STEP_RAD
+            slope = way * (effort(z, z - before[j], dt, drive, old, fresh, f) - value) / SLOPE_STEP_RAD
             for k in range(n):
                 matrix[j, k] = weight * slopes[max(j, k)]
-            matrix[j, j] -= min(nearby - value, 0.0) / SLOPE_STEP_RAD - 1e-3
+            matrix[j, j] += max(-slope, LEAST_STIFFNESS)
         move = np.linalg.solve(matrix, residual)
         largest = np.abs(move).max()
-        u += move * min(1.0, LARGEST_MOVE_RAD / max(largest, 1e-30))
+        share = 1.0 if iteration < PATIENCE else SHORTER
+        move *= min(share, LARGEST_MOVE_RAD / max(largest, 1e-30))
+        for j in range(n):
+            turned = (u[j] - before[j]) * (u[j] + move[j] - before[j]) < 0.0
+            u[j] = before[j] if turned else u[j] + move[j]
         if largest < TOLERANCE_RAD:
             break
     for j in range(n):
-        effort(
-            u[j],
-            u[j] - before[j],
-            dt,
-            pressure,
-            pressure_rate,
-            temperature,
-            load,
-            time,
-            cycles,
-            memory[j],
-            new[j],
-            f,
-        )
+        effort(u[j], u[j] - before[j], dt, drive, memory[j], new[j], f)
     return largest < TOLERANCE_RAD
 
 
@@ -123,8 +114,8 @@ def _follow(
     well = True
     for k in range(RAMP_STEPS):
         share = (k + 1) / RAMP_STEPS
-        drive = (share * pressure[0], 0.0, temperature, share * load[0], pitch, 0.0, cycles)
-        well &= _solve(u, before, RAMP_S / RAMP_STEPS, drive, share, along, aside, memory, new, f)
+        drive = Drive(share * pressure[0], 0.0, temperature, share * load[0], 0.0, cycles)
+        well &= _solve(u, before, RAMP_S / RAMP_STEPS, drive, pitch, share, along, aside, memory, new, f)
         before[:], memory[:] = u, new
     healed(memory)
     angles = np.empty((count, n))
@@ -141,10 +132,10 @@ def _follow(
             cycles += abs(rate) * dt / (2.0 * PRESSURE_MAX_PA)
             moment = load[i - 1] + share * (load[i] - load[i - 1])
             time = (i - 1 + share) * SAMPLE_S
-            drive = (tube, rate, temperature, moment, pitch, time, cycles)
+            drive = Drive(tube, rate, temperature, moment, time, cycles)
             guess = 2.0 * u - before
             before[:], u[:] = u, guess
-            well &= _solve(u, before, dt, drive, 1.0, along, aside, memory, new, f)
+            well &= _solve(u, before, dt, drive, pitch, 1.0, along, aside, memory, new, f)
             memory[:] = new
         angles[i] = u
     return angles, cycles, well

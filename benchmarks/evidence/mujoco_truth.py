@@ -15,12 +15,11 @@ from xml.etree import ElementTree
 
 import mujoco
 import numpy as np
-from llvmlite import binding
-from numba import njit, types
-
 from benchmarks.evidence.forms import Forms, effort, healed, lagged, virgin
 from benchmarks.evidence.protocols import SAMPLE_S, Protocol, Run
 from benchmarks.evidence.robots import GRAVITY_M_S2, PRESSURE_MAX_PA, Array, Robot
+from llvmlite import binding
+from numba import njit, types
 
 STEP_S = 0.004
 STEPS_PER_SAMPLE = round(SAMPLE_S / STEP_S)
@@ -88,7 +87,7 @@ def _advance(
     f: Forms,
 ) -> None:
     """One MuJoCo step under the drive at its end; memory goes along with the motion that MuJoCo makes."""
-    position, velocity, force, stiffness = views
+    position, _, force, stiffness = views
     pressure, pressure_rate, temperature, load, time, cycles = drive
     for j in range(len(position)):
         u, old, fresh = position[j], memory[j], new[j]

@@ -6,9 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.signal import lfilter
-
 from benchmarks.evidence.robots import Array
+from scipy.signal import lfilter
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-
 from benchmarks.evidence.robots import PEAK_TORQUE_N_M, PRESSURE_MAX_PA, Array
 
 SAMPLE_S = 0.4
@@ -36,7 +35,8 @@ class Run:
 
     @property
     def time_s(self) -> Array:
-        return np.arange(len(self.pressure_pa)) * SAMPLE_S
+        """(t,) from the start of the run."""
+        return np.arange(len(self.pressure_pa), dtype=float) * SAMPLE_S
 
     def __len__(self) -> int:
         return len(self.pressure_pa)

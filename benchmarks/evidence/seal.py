@@ -1,8 +1,9 @@
 """Labels that the diagnosing process cannot read.
 
-A label is added to a key stream (SHAKE-256 of the key and a fresh nonce, used once) and authenticated by HMAC-SHA256, so
-that a changed file is noticed. The bench's key lies in the judge's own file, readable by its owner only; an example's key
-comes from a passphrase. Nothing under `core/` or `plugins/` reads sealed files: a test looks.
+A label is added to a key stream (SHAKE-256 of the key and a fresh nonce, used once) and authenticated by
+HMAC-SHA256, so that a changed file is noticed. The bench's key lies in the judge's own file, readable by its
+owner only; an example's key comes from a passphrase. Nothing under `core/` or `plugins/` reads sealed files: a
+test looks.
 """
 
 from __future__ import annotations

@@ -12,7 +12,6 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
-
 from benchmarks.evidence import functional_truth, mujoco_truth, noise
 from benchmarks.evidence.protocols import SAMPLE_S, Protocol, protocol
 from benchmarks.evidence.robots import ROBOTS, Array, Robot, readings

@@ -12,7 +12,6 @@ from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import numpy as np
-
 from benchmarks.evidence.forms import Forms
 from benchmarks.evidence.robots import Robot
 
@@ -75,7 +74,7 @@ class Sensor:
 class Truth:
     """A truth at a strength."""
 
-    forms: Forms = Forms()
+    forms: Forms = field(default_factory=Forms)
     body: Body = Body()
     sensor: Sensor = Sensor()
 
@@ -117,12 +116,9 @@ def draw(kind: str, engine: Engine, robot: Robot, split: Split, rng: np.random.G
         "elastic_phase": rng.uniform(0, 2 * np.pi),
     }
     dice = _Dice(rng, split, engine, robot)
-    if kind == CLEAN:
-        change, largest = (lambda s: {}), 0.0
-    elif kind in _EFFECTS:
-        change, largest = _EFFECTS[kind](dice)
-    else:
+    if kind not in _EFFECTS:
         raise ValueError(f"no truth of kind '{kind}'")
+    change, largest = _EFFECTS[kind](dice)
     return HiddenTruth(kind, lambda s: _assembled(error, change(s)), largest, {**error, **dice.drawn})
 
 
@@ -206,8 +202,7 @@ def _viscoelastic(d: _Dice) -> tuple[Change, float]:
 def _friction(d: _Dice) -> tuple[Change, float]:
     if d.engine == "mujoco" and d.robot.modules == 1:  # light joints creep through MuJoCo's soft friction
         return lambda s: {"joint_friction": 1e-3 * s}, 6.0
-    per_joint = 1 / d.robot.modules
-    width = per_joint * d.uniform("width", (0.015, 0.04), (0.02, 0.05))
+    width = d.uniform("width", (0.015, 0.04), (0.02, 0.05))
     stops = float(d.split == "calibration")
     return lambda s: {"friction": 1e-3 * s, "friction_width": width, "friction_stops": stops}, 6.0
 
@@ -248,7 +243,7 @@ def _gravity(d: _Dice) -> tuple[Change, float]:
     fitting = 0.25 * d.robot.mass_kg * sign
     return (
         lambda s: {"fitting_kg": fitting * s, "fitting_share": share, "fitting_side_m": side},
-        6.0 if sign > 0 else 1.6,
+        6.0 if sign > 0 else 2.4,
     )
 
 
@@ -286,15 +281,19 @@ def _filling(d: _Dice) -> tuple[Change, float]:
 
 
 def _warm_stick(d: _Dice) -> tuple[Change, float]:
-    width = 0.03 / d.robot.modules
-    return lambda s: {"warm_stick": 3e-4 * s, "friction_width": width}, 6.0
+    return lambda s: {"warm_stick": 1e-4 * s, "friction_width": 0.03}, 18.0
 
 
 def _backlash(d: _Dice) -> tuple[Change, float]:
     return lambda s: {"play_rad": 0.02 * d.robot.modules * s}, 8.0
 
 
+def _nothing(d: _Dice) -> tuple[Change, float]:
+    return lambda s: {}, 0.0
+
+
 _EFFECTS: Mapping[str, Callable[[_Dice], tuple[Change, float]]] = {
+    CLEAN: _nothing,
     "stiffness": _stiffness,
     "actuation_gain": _actuation_gain,
     "pressure_offset": _pressure_offset,

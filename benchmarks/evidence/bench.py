@@ -1,0 +1,152 @@
+"""Sets are made, asked about and judged by three kinds of processes.
+
+A maker draws truths, measures them and seals the labels; diagnosers get the paths of a study and a CSV, no more;
+the calling process, the judge, holds the key and opens labels when all is done. Results are appended line by line,
+so that a killed bench goes on where it was.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import multiprocessing
+import time
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from benchmarks.evidence import diagnosers, results, seal
+from benchmarks.evidence.judge import Judged, judge
+from benchmarks.evidence.tasks import Plan, Task
+
+# Sets made ahead of the diagnosers.
+AHEAD = 4
+EVERY_S = 20.0
+KEPT = ("verdict", "selected", "hypotheses", "credible_set", "not_excited", "indistinguishable", "steps")
+
+
+@dataclass(frozen=True)
+class Bench:
+    """Where a bench keeps its files: sets and results in `folder`, the key beside them."""
+
+    folder: Path
+    name: str
+    diagnoser: str = diagnosers.DEFAULT
+    workers: int = 2
+
+    @property
+    def results(self) -> Path:
+        return self.folder / f"{self.name}.jsonl"
+
+    @property
+    def sets(self) -> Path:
+        return self.folder / "sets"
+
+    def key(self) -> bytes:
+        return seal.judge_key(self.folder / "judge.key")
+
+
+def make(task: Task, name: str, folder: Path, key: bytes) -> str:
+    """In a maker's process: write NAME.csv, NAME.yaml and NAME.sealed; the set's name."""
+    from benchmarks.evidence.sets import make_set
+
+    sealed = folder / f"{name}{seal.SUFFIX}"
+    if sealed.exists():  # written last, so the set is complete
+        return name
+    folder.mkdir(parents=True, exist_ok=True)
+    made = make_set(task.spec, name=f"set-{name}")
+    write(folder / f"{name}.csv", made.csv)
+    write(folder / f"{name}.yaml", made.study)
+    write(sealed, seal.seal(made.label, key))
+    return name
+
+
+def ask(verb: str, module: str, name: str, folder: Path) -> dict[str, Any]:
+    """In a diagnoser's process: the line of results of one set. It knows paths of a study and a CSV, no more."""
+    study, csv = folder / f"{name}.yaml", folder / f"{name}.csv"
+    seed = int.from_bytes(hashlib.sha256(name.encode()).digest()[:4])
+    start = time.perf_counter()
+    line: dict[str, Any] = {"id": name, "verb": verb}
+    try:
+        result = diagnosers.load(module, verb)(str(study), str(csv), seed)
+        line["result"] = {key: result[key] for key in KEPT if key in result}
+    except Exception as error:  # one set that fails must not end the bench
+        line["error"] = f"{type(error).__name__}: {error}"[:2000]
+    return line | {"wall_s": time.perf_counter() - start}
+
+
+def run(bench: Bench, plan: Plan) -> None:
+    """All tasks of the plan that have no result yet."""
+    key = bench.key()
+    done = {name for name, line in results.read(bench.results).items() if "error" not in line}
+    named = [(task.secret_id(key), task) for task in plan.tasks()]
+    waiting = [(name, task) for name, task in named if name not in done]
+    print(f"{len(named)} sets, {len(named) - len(waiting)} done before", flush=True)
+    context = multiprocessing.get_context("spawn")
+    progress = _Progress(len(waiting))
+    with (
+        ProcessPoolExecutor(1, mp_context=context) as makers,
+        ProcessPoolExecutor(bench.workers, mp_context=context) as askers,
+    ):
+        making: dict[Future[Any], tuple[str, Task]] = {}
+        asking: dict[Future[Any], tuple[str, Task]] = {}
+        while waiting or making or asking:
+            while waiting and len(making) + len(asking) < bench.workers + AHEAD:
+                name, task = waiting.pop(0)
+                making[makers.submit(make, task, name, bench.sets, key)] = (name, task)
+            finished, _ = wait([*making, *asking], return_when=FIRST_COMPLETED)
+            for future in finished:
+                if future in making:
+                    name, task = making.pop(future)
+                    future.result()
+                    asked = askers.submit(ask, task.mode, bench.diagnoser, name, bench.sets)
+                    asking[asked] = (name, task)
+                else:
+                    name, task = asking.pop(future)
+                    results.append(bench.results, _answer(future, name))
+                    progress.one_more()
+
+
+def _answer(future: Future[Any], name: str) -> dict[str, Any]:
+    """The line of results; where the process was killed, by the kernel or by hand, the bench ends and says so."""
+    try:
+        line: dict[str, Any] = future.result()
+    except BrokenProcessPool as error:
+        raise SystemExit(f"a diagnoser was killed at set {name}; run again to go on") from error
+    return line
+
+
+def judged(bench: Bench, plan: Plan) -> list[Judged]:
+    """The plan's results beside their opened labels, in the order of the plan."""
+    key, lines = bench.key(), results.read(bench.results)
+    named = ((task.secret_id(key), task) for task in plan.tasks())
+    return [
+        judge(task.group, seal.unseal((bench.sets / f"{name}{seal.SUFFIX}").read_text(), key), lines[name])
+        for name, task in named
+        if name in lines
+    ]
+
+
+class _Progress:
+    """Now and then a line: how many, how fast, how long still."""
+
+    def __init__(self, total: int) -> None:
+        self.total, self.count = total, 0
+        self.start = self.said = time.monotonic()
+
+    def one_more(self) -> None:
+        self.count += 1
+        now = time.monotonic()
+        if now - self.said < EVERY_S and self.count < self.total:
+            return
+        self.said = now
+        each = (now - self.start) / self.count
+        left = each * (self.total - self.count) / 60
+        print(f"  {self.count}/{self.total}  {60 / each:.1f} a minute  {left:.0f} min left", flush=True)
+
+
+def write(path: Path, text: str) -> None:
+    temporary = path.with_suffix(path.suffix + ".part")
+    temporary.write_text(text)
+    temporary.replace(path)

@@ -1,0 +1,86 @@
+"""The bench's tables as text."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+SHORT = {
+    "missing_effect": "missing",
+    "nothing_missing": "nothing",
+    "unknown_effect": "unknown",
+    "not_repeatable": "not repeatable",
+    "insufficient_data": "insufficient",
+}
+
+
+def tables(data: dict[str, Any]) -> str:
+    """`judge.summary` as a page of text."""
+    return "\n".join(_lines(data))
+
+
+def _lines(data: dict[str, Any]) -> Iterator[str]:
+    yield f"{data['n']} answers, {data['errors']} errors"
+    for group, rows in data["confusion"].items():
+        yield ""
+        yield f"What was hidden, and what was answered ({group}):"
+        shares = data["by_kind"] | data["unknown_by_form"] if group in ("effect", "unknown") else {}
+        for kind, row in rows.items():
+            answers = ", ".join(
+                f"{_short(a)} {n}" for a, n in sorted(row.items(), key=lambda x: (-x[1], x[0]))
+            )
+            rate = _share(shares[kind]) if kind in shares else f"{'':>28s}"
+            yield f"  {kind:20s} {rate}  {answers}"
+    yield ""
+    yield f"Right effect selected        {_share(data['effects'])}"
+    if data["effects_not_excited"]:
+        yield f"  not excited, left out      {data['effects_not_excited']}"
+    for name in ("by_engine", "by_robot"):
+        for key, value in data[name].items():
+            yield f"  {key:26s} {_share(value)}"
+    yield f"False alarms on clean data   {_share(data['false_alarms'])}"
+    for key, value in data["false_alarms_by_engine"].items():
+        yield f"  {key:26s} {_share(value)}"
+    yield f"Unknown effects recognised   {_share(data['unknown'])}"
+    yield ""
+    yield "By strength (RMS change of the outputs in σ):"
+    for band in data["by_snr"]:
+        if band["n"]:
+            yield f"  {band['above']:.2f} to {band['below']:.2f}             {_share(band)}"
+    yield "By protocol (effects that it excites; clean):"
+    for name, value in data["by_protocol"].items():
+        yield f"  {name:26s} {_share(value['effects'])}  clean {_share(value['clean'])}"
+    yield "Ambiguous, never right:"
+    for name, value in data["ambiguous"].items():
+        yield f"  {name:26s} {_share(value)}"
+    credible = data["credible_set"]
+    yield f"90 % credible set holds it   {_share(credible['coverage'])}  median size {_number(credible['median_size'])}"
+    yield "First hypothesis: probability stated, and share that is true:"
+    for row in data["calibration"]:
+        if row["n"]:
+            yield f"  {row['above']:.2f} to {row['below']:.2f}  stated {row['stated']:.3f}  {_share(row)}"
+    wall = data["wall_s"]
+    yield f"One diagnosis: median {_number(wall['median'])} s, 90 % below {_number(wall['q90'])} s"
+    improve = data["improve"]
+    if improve["n"]:
+        start, end = improve["start_over_floor"], improve["end_over_floor"]
+        yield (
+            f"Held-out error over the floor, {improve['n']} sets: before {_number(start['median'])}, after improve "
+            f"{_number(end['median'])} (quartiles {_number(end['q25'])} to {_number(end['q75'])}, worst "
+            f"{_number(end['worst'])}); right effects {_share(improve['right'])}"
+        )
+
+
+def _short(answer: str) -> str:
+    return SHORT.get(answer, answer)
+
+
+def _share(value: dict[str, Any]) -> str:
+    if not value["n"]:
+        return f"{'none tried':>28s}"
+    text = f"{value['right']}/{value['n']}"
+    return f"{text:>8s} {100 * value['share']:5.1f} % [{100 * value['low']:4.1f}, {100 * value['high']:5.1f}]"
+
+
+def _number(value: float | None) -> str:
+    return "–" if value is None else f"{value:.3g}"
