@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from pliant import __version__
-from pliant.cli import later, plugins, studies
+from pliant.cli import evidence_verbs, later, plugins, studies
 
 app = typer.Typer(
     name="pliant",
@@ -22,6 +22,7 @@ app.command("plugins")(plugins.plugins)
 app.command("check")(plugins.check)
 app.command("schema")(plugins.schema)
 app.command("new-plugin")(plugins.new_plugin)
+app.command("compare")(evidence_verbs.compare)
 later.add_to(app)
 
 

@@ -64,7 +64,12 @@ def crossed(first: Bins, second: Bins) -> Bins:
     """Every combination that occurs of a bin of `first` and one of `second`."""
     size = len(second)
     codes = np.concatenate([a * size + b for a, b in zip(first.codes, second.codes, strict=True)])
-    words = [f"{a}, {b}" for a in first.words for b in second.words]
+    label = second.shown.label + " "  # "rising pressure, pressure 5 kPa" says it twice
+    words = [
+        f"{a}, {b.removeprefix(label) if a.endswith(label.strip()) else b}"
+        for a in first.words
+        for b in second.words
+    ]
     used, codes = np.unique(codes, return_inverse=True)
     return Bins(
         f"{first.name} × {second.name}",

@@ -95,8 +95,8 @@ def _loops(compared: Compared, drawn: Sequence[str]) -> Section | None:
             return None
         caption = (
             f"{_capital(shown(output).label)} over what drives it; below, the error over the same, coloured by what "
-            "the actuation does. A gap between rising and falling is hysteresis that the model lacks or has too much of; a "
-            "common slope a wrong gain or stiffness; a common shift an offset; a vertical stroke in a hold a drift."
+            "the actuation does. A gap between rising and falling is hysteresis that the model lacks or has too much; "
+            "a common slope a wrong gain or stiffness; a common shift an offset; a vertical stroke in a hold a drift."
         )
         pictures.append(Picture(f"loops_{k + 1}", caption, png))
     return Section("Loops", tuple(pictures))

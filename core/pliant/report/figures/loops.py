@@ -58,7 +58,8 @@ def loops(compared: Compared, output: str) -> style.Png | None:
 
 
 def _pair(
-    pair: tuple[Any, Any], compared: Compared, condition: GroupError, driver: str, output: str, words: tuple[Shown, Shown]
+    pair: tuple[Any, Any], compared: Compared, condition: GroupError, driver: str, output: str,
+    words: tuple[Shown, Shown],
 ) -> None:  # fmt: skip
     top, bottom = pair
     across, up = words

@@ -1,0 +1,63 @@
+"""The measurement that a study is compared with."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from pliant.config.measurements import MeasurementsConfig
+from pliant.config.study import Study
+from pliant.errors import UserError
+from pliant.evidence.reading import read_measurement
+from pliant.pipeline.study import chain_of_study
+from pliant.pipeline.workbench import Workbench
+from pliant.records.chain import ChainModel
+from pliant.records.measurement import Measurement
+
+POSITIONS = ("tip_x_m", "tip_y_m", "tip_z_m")
+
+
+def measurement_of_study(bench: Workbench, study: Study, data: Path | None = None) -> Measurement:
+    """Read the study's `measurements`, or `data` with the block's renames, units and sigmas.
+
+    The ranges that the model knows (its laws' domains, the chain's length) are used to notice a wrong unit.
+
+    Raises:
+        UserError: no file is named, or it cannot be read.
+    """
+    settings = study.measurements
+    if data is None and settings is None:
+        raise UserError(
+            f"study '{study.name}' names no measurements; add 'measurements: {{file: bench.csv}}' or give --data bench.csv."
+        )
+    if data is not None:
+        settings = (
+            settings.model_copy(update={"file": str(data)})
+            if settings is not None
+            else MeasurementsConfig(file=str(data))
+        )
+    assert settings is not None
+    chain = chain_of_study(bench, study).chain
+    return read_measurement(
+        Path(settings.file),
+        settings=settings,
+        actuation=tuple(dict.fromkeys(actuator.input for actuator in chain.actuators)),
+        expected=expected_ranges(chain),
+        progress=bench.progress,
+    )
+
+
+def expected_ranges(chain: ChainModel) -> Mapping[str, tuple[float, float]]:
+    """Column → range in which the model expects it: inputs, angles and positions."""
+    domains = [chain.laws[joint.law].domain for joint in chain.joints]
+    low = float(min(np.min(domain.actuation) for domain in domains))
+    high = float(max(np.max(domain.actuation) for domain in domains))
+    ranges = {actuator.input: (low, high) for actuator in chain.actuators}
+    reach = float(np.linalg.norm(chain.base_position_m)) + chain.length_m
+    ranges |= dict.fromkeys(POSITIONS, (-reach, reach))
+    if chain.laws[0].joint != "prismatic":
+        bends = sum(float(np.max(np.abs(domain.deformation))) for domain in domains)
+        ranges["angle_rad"] = (-bends, bends)
+    return {name: span for name, span in ranges.items() if np.isfinite(span).all()}
