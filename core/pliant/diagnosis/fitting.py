@@ -1,0 +1,137 @@
+"""Fit a candidate to measured readings with the physics in the loop.
+
+Levenberg–Marquardt (Moré 1978) in the knobs' x, with the engine's own derivatives, projected on the bounds.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pliant.diagnosis.candidates import Candidate
+from pliant.diagnosis.readings import ReadingVector
+from pliant.evidence.prediction import Predictor
+from pliant.records.design import Array
+
+STEP = 1e-4
+MOST_ITERATIONS = 20
+TRIAL_ITERATIONS = 4
+SMALL_GAIN = 1e-5
+# A knob that the data do not feel stays near the middle of its prior: its weight in units of squared residuals.
+PRIOR_WEIGHT = 0.1
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """A candidate at its best parameters.
+
+    Attributes:
+        candidate: what was fitted.
+        x: (k,) knobs.
+        residual: (N,) reading − prediction over the noise floor, with all runs.
+        slopes: (N, k) d prediction / dx over the noise floor.
+        converged: the last step gained next to nothing.
+        at_limit: (k,) the knob ended on a bound.
+    """
+
+    candidate: Candidate
+    x: Array
+    residual: Array
+    slopes: Array
+    converged: bool
+    at_limit: tuple[bool, ...]
+
+    @property
+    def values(self) -> dict[str, float]:
+        """Parameter values by ``kind.name``."""
+        return self.candidate.values(self.x)
+
+    def mean_square(self, weights: Array | None = None) -> float:
+        """Mean squared residual, in units of the noise floor's square."""
+        if weights is None:
+            return float(self.residual @ self.residual) / len(self.residual)
+        return float(weights @ self.residual**2) / float(weights.sum())
+
+
+@dataclass(frozen=True, eq=False)
+class _Point:
+    x: Array
+    residual: Array
+    slopes: Array
+    cost: float
+
+
+class Fitter:
+    """Fits candidates to one measurement; `weights` (N,) leave readings out of the cost but not of the run."""
+
+    def __init__(self, predictor: Predictor, readings: ReadingVector, weights: Array | None = None) -> None:
+        self.predictor, self.readings = predictor, readings
+        self.weights = np.ones(len(readings)) if weights is None else weights
+
+    def fit(self, candidate: Candidate, starts: Sequence[Array] | None = None) -> Fit:
+        """The best of fits from several starts; short trials decide which one is finished."""
+        if not len(candidate):
+            point = self._point(candidate, np.zeros(0))
+            return Fit(candidate, point.x, point.residual, point.slopes, True, ())
+        points = [self._point(candidate, x) for x in starts or candidate.starts()]
+        if len(points) > 1:
+            points = [self._descend(candidate, point, TRIAL_ITERATIONS)[0] for point in points]
+        best = min(points, key=lambda point: point.cost)
+        point, converged = self._descend(candidate, best, MOST_ITERATIONS)
+        low, high = candidate.limits()
+        margin = 1e-6 * (1.0 + np.abs(point.x))
+        at_limit = tuple(((point.x - low) < margin) | ((high - point.x) < margin))
+        return Fit(candidate, point.x, point.residual, point.slopes, converged, at_limit)
+
+    def _descend(self, candidate: Candidate, point: _Point, iterations: int) -> tuple[_Point, bool]:
+        low, high = candidate.limits()
+        damping = 1e-3
+        for _ in range(iterations):
+            weighted = point.slopes * self.weights[:, None]
+            pulls = self._prior_pulls(candidate)
+            normal = weighted.T @ point.slopes + np.diag(pulls)
+            gradient = weighted.T @ point.residual - pulls * point.x
+            for _ in range(6):
+                damped = normal + damping * np.diag(np.diag(normal) + 1e-9)
+                step = _projected(damped, gradient, point.x, low, high)
+                trial = self._point(candidate, np.clip(point.x + step, low, high))
+                if trial.cost < point.cost:
+                    break
+                damping *= 6.0
+            else:
+                return point, True
+            gain, point = point.cost - trial.cost, trial
+            damping = max(damping / 5.0, 1e-9)
+            if gain < SMALL_GAIN * point.cost:
+                return point, True
+        return point, False
+
+    def _point(self, candidate: Candidate, x: Array) -> _Point:
+        steps = [-STEP if x[k] + STEP > high else STEP for k, high in enumerate(candidate.limits()[1])]
+        towards = [candidate.configs(x + step * np.eye(len(x))[k]) for k, step in enumerate(steps)]
+        prediction, changes = self.predictor.vary(candidate.configs(x), towards)
+        residual = self.readings.values - self.readings.pack(prediction.runs)
+        slopes = np.empty((len(residual), len(x)))
+        for k, (change, step) in enumerate(zip(changes, steps, strict=True)):
+            slopes[:, k] = self.readings.pack(change) / step
+        if not (np.all(np.isfinite(residual)) and np.all(np.isfinite(slopes))):
+            lost = ~(np.isfinite(residual) & np.all(np.isfinite(slopes), axis=1))
+            if lost.mean() > 0.02:
+                return _Point(x, residual, slopes, np.inf)
+            residual, slopes = np.where(lost, 0.0, residual), np.where(lost[:, None], 0.0, slopes)
+        pull = float(self._prior_pulls(candidate) @ x**2)
+        return _Point(x, residual, slopes, float(self.weights @ residual**2) + pull)
+
+    def _prior_pulls(self, candidate: Candidate) -> Array:
+        return np.array([0.0 if knob.is_strength else PRIOR_WEIGHT for knob in candidate.knobs])
+
+
+def _projected(normal: Array, gradient: Array, x: Array, low: Array, high: Array) -> Array:
+    """The damped step among knobs that are not held by a bound that they push against."""
+    free = ~(((x <= low) & (gradient < 0)) | ((x >= high) & (gradient > 0)))
+    step = np.zeros_like(x)
+    if free.any():
+        step[free] = np.linalg.solve(normal[np.ix_(free, free)], gradient[free])
+    return step

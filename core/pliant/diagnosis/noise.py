@@ -1,0 +1,101 @@
+"""How noisy the readings are once a model is taken off: floors, effective size, repeatability."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pliant.evidence.effective import effective_samples
+from pliant.evidence.floors import Floor, noise_floors
+from pliant.evidence.repeats import RepeatGroup
+from pliant.records.design import Array
+from pliant.records.measurement import Measurement
+
+Residuals = Sequence[Mapping[str, Array]]
+# Sources of a floor that show slow noise and offsets between runs too.
+WHOLE = ("repeats", "stated sigma")
+
+
+@dataclass(frozen=True)
+class NoiseView:
+    """Noise as a model's residuals show it.
+
+    Attributes:
+        floors: by output.
+        n_effective: independent readings over all outputs, coloured noise counted.
+        floor_square: mean squared noise over all outputs, in units of the scales; nan if nothing tells it.
+        judged: the floors hold slow noise and run offsets, so that an error above them is the model's.
+        slip: how much more readings scatter between repeats than within a run: the largest over outputs of
+            between / within; 1 without repeats.
+    """
+
+    floors: Mapping[str, Floor]
+    n_effective: float
+    floor_square: float
+    judged: bool
+    slip: float
+
+
+def noise_view(
+    measurement: Measurement, residuals: Residuals, scales: Mapping[str, float], groups: Sequence[RepeatGroup]
+) -> NoiseView:
+    """Noise from the residuals of a model: what repeats have in common is not noise.
+
+    Args:
+        measurement: the runs.
+        residuals: per run by output (t,).
+        scales: unit of each output, for the mean over outputs.
+        groups: repeats.
+    """
+    padded = [
+        {name: run.get(name, np.full(len(m), np.nan)) for name in measurement.outputs}
+        for m, run in zip(measurement.runs, residuals, strict=True)
+    ]
+    floors = {name: floor for name, floor in noise_floors(measurement, padded).items() if name in scales}
+    counted = effective_samples(_deviations(padded, groups), measurement)
+    squares = [(floors[name].value / scale) ** 2 for name, scale in scales.items()]
+    shares = [sum(int(np.isfinite(run[name]).sum()) for run in padded) for name in scales]
+    between = [f.between / f.within for f in floors.values() if f.between is not None and f.within > 0]
+    return NoiseView(
+        floors=floors,
+        n_effective=float(sum(counted[name] for name in scales)),
+        floor_square=float(np.average(squares, weights=shares)) if any(shares) else np.nan,
+        judged=all(floor.source in WHOLE for floor in floors.values()),
+        slip=max([1.0, *between]),
+    )
+
+
+def _deviations(
+    residuals: Sequence[Mapping[str, Array]], groups: Sequence[RepeatGroup]
+) -> list[dict[str, Array]]:
+    """Residuals less the mean of their repeats, runs without repeats as they are if there are no others.
+
+    Their correlation in time is that of the noise, whatever the model misses. A group whose runs are not
+    sampled alike is left as it is.
+    """
+    found = [dict(run) for run in residuals]
+    repeated: set[int] = set()
+    for group in groups:
+        lengths = {len(next(iter(residuals[index].values()))) for index in group.runs}
+        if len(lengths) > 1:
+            continue
+        repeated |= set(group.runs)
+        for name in residuals[0]:
+            rows = np.array([residuals[index][name] for index in group.runs])
+            there = np.isfinite(rows).sum(axis=0)
+            mean = np.where(there > 1, np.nansum(rows, axis=0) / np.maximum(there, 1), np.nan)
+            for index, row in zip(group.runs, rows, strict=True):
+                found[index][name] = (row - mean) * np.sqrt(len(rows) / (len(rows) - 1))
+    if repeated:
+        for index in set(range(len(found))) - repeated:
+            found[index] = {name: np.full_like(row, np.nan) for name, row in found[index].items()}
+    return _whole(found, residuals, repeated)
+
+
+def _whole(
+    deviations: list[dict[str, Array]], residuals: Sequence[Mapping[str, Array]], repeated: set[int]
+) -> list[dict[str, Array]]:
+    """The deviations; residuals where nothing is repeated."""
+    return deviations if repeated else [dict(run) for run in residuals]

@@ -1,0 +1,153 @@
+"""Which hypotheses are fitted: nothing, every single effect, and larger sets as far as the data ask for them.
+
+Forward steps add the effect that helps most, swaps exchange one of a set for another, and every subset of a set
+that was reached is fitted too, so that an effect that has become idle drops out (backward elimination; Miller,
+Subset Selection in Regression, 2002).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from pliant.diagnosis.candidates import Candidate
+from pliant.diagnosis.fitting import Fit, Fitter
+from pliant.diagnosis.heldout import by_group, heldout_residual
+from pliant.diagnosis.noise import NoiseView, noise_view
+from pliant.diagnosis.readings import ReadingVector
+from pliant.diagnosis.table import (
+    NOTHING,
+    UNKNOWN,
+    EvidenceTable,
+    Kinds,
+    Prices,
+    Row,
+    at_limit,
+    log_evidence,
+    room_above_floor,
+    sorted_kinds,
+)
+from pliant.evidence.repeats import RepeatGroup, repeat_groups
+from pliant.records.measurement import Measurement
+from pliant.registry.discovery import Registry
+
+MOST_EFFECTS = 3
+# Singles that are within this of the best one in log-evidence are grown too.
+NEAR = 15.0
+MOST_GROWN = 3
+
+Tick = Callable[[str], None]
+
+
+@dataclass(eq=False)
+class Search:
+    """Fits hypotheses one after another and keeps them."""
+
+    registry: Registry
+    measurement: Measurement
+    readings: ReadingVector
+    fitter: Fitter
+    prices: Prices
+    tick: Tick = lambda _: None
+    fits: dict[Kinds, Fit] = field(default_factory=dict)
+    rows: dict[Kinds, Row] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self.groups: tuple[RepeatGroup, ...] = repeat_groups(self.measurement)
+
+    def run(self, kinds: Sequence[str]) -> EvidenceTable:
+        """The table of everything that was worth fitting among these kinds."""
+        self._fit(NOTHING)
+        for kind in kinds:
+            self._fit((kind,))
+        for base in self._promising():
+            self._grow(base, kinds)
+        return self.table()
+
+    def table(self) -> EvidenceTable:
+        """The rows so far, against the noise that the best of them leaves."""
+        best = min(self.rows.values(), key=lambda row: row.mean_square)
+        return EvidenceTable(dict(self.rows), self.noise(self.fits[best.kinds]), len(self.readings))
+
+    def noise(self, fit: Fit) -> NoiseView:
+        """Noise as the residuals of a fit show it."""
+        residuals = self.readings.unpack(fit.residual)
+        return noise_view(self.measurement, residuals, self.readings.scales, self.groups)
+
+    def _promising(self) -> list[Kinds]:
+        """Singles from which larger sets are grown: the best and those near it."""
+        table = self.table()
+        evidence = self._ranked(table)
+        first = evidence[0][1]
+        near = [kinds for kinds, value in evidence if len(kinds) == 1 and first - value < NEAR]
+        return near[:MOST_GROWN] if room_above_floor(table, evidence[0][0], self.prices) else []
+
+    def _grow(self, base: Kinds, kinds: Sequence[str]) -> None:
+        current = base
+        while len(current) < MOST_EFFECTS and room_above_floor(self.table(), current, self.prices):
+            larger = [sorted_kinds((*current, kind)) for kind in kinds if kind not in current]
+            for candidate in larger:
+                self._fit(candidate, near=current)
+            best = self._best(larger)
+            if not self._pays(best, current):
+                return
+            best = self._swapped(best, kinds)
+            for left in best:
+                self._fit(tuple(kind for kind in best if kind != left), near=best)
+            current = best
+
+    def _swapped(self, best: Kinds, kinds: Sequence[str]) -> Kinds:
+        """The set with each of its effects exchanged in turn while that helps."""
+        for out in best:
+            rest = tuple(kind for kind in best if kind != out)
+            others = [sorted_kinds((*rest, kind)) for kind in kinds if kind not in best]
+            for candidate in others:
+                self._fit(candidate, near=rest)
+            best = self._best([best, *others])
+        return best
+
+    def _pays(self, larger: Kinds, smaller: Kinds) -> bool:
+        evidence = log_evidence(self.table(), self.prices)
+        return evidence[larger] > evidence[smaller]
+
+    def _best(self, among: Sequence[Kinds]) -> Kinds:
+        evidence = log_evidence(self.table(), self.prices)
+        return max(among, key=lambda kinds: evidence[kinds])
+
+    def _ranked(self, table: EvidenceTable) -> list[tuple[Kinds, float]]:
+        evidence = log_evidence(table, self.prices)
+        evidence.pop(UNKNOWN, None)
+        return sorted(evidence.items(), key=lambda item: -item[1])
+
+    def _fit(self, kinds: Kinds, near: Kinds | None = None) -> None:
+        if kinds in self.fits:
+            return
+        candidate = Candidate.of(self.registry, kinds)
+        known: dict[str, float] = {}
+        if near is not None:
+            start = self.fits[near]
+            known = {k.name: float(x) for k, x in zip(start.candidate.knobs, start.x, strict=True)}
+        fit = self.fitter.fit(candidate, candidate.starts(known))
+        self.fits[kinds] = fit
+        self.rows[kinds] = _row(kinds, fit, self.readings)
+        self.tick(" + ".join(kinds) or "nothing")
+
+
+def _row(kinds: Kinds, fit: Fit, readings: ReadingVector) -> Row:
+    left = heldout_residual(fit, readings.run)
+    sums = by_group(left**2, readings.run)
+    return Row(
+        kinds=kinds,
+        n_parameters=len(fit.x),
+        mean_square=fit.mean_square() if np.isfinite(fit.mean_square()) else np.inf,
+        heldout_square=float(np.mean(left**2)),
+        heldout_by_run=tuple(float(s) for s in sums),
+        at_limit=at_limit(fit),
+    )
+
+
+def parameters_of(fits: Mapping[Kinds, Fit]) -> dict[Kinds, dict[str, float]]:
+    """Fitted values of each hypothesis."""
+    return {kinds: fit.values for kinds, fit in fits.items()}

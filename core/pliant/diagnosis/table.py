@@ -1,0 +1,150 @@
+"""The evidence table: every hypothesis that was fitted, and how well it explains the data."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pliant.diagnosis.fitting import Fit
+from pliant.diagnosis.noise import NoiseView
+
+Kinds = tuple[str, ...]
+NOTHING: Kinds = ()
+UNKNOWN: Kinds = ("unknown",)
+
+
+@dataclass(frozen=True)
+class Row:
+    """One hypothesis.
+
+    Attributes:
+        kinds: its effects, sorted by name; empty for "nothing is missing".
+        n_parameters: fitted numbers.
+        mean_square: S, the mean squared residual in units of the floor's square.
+        heldout_square: the same with each run left out of its own fit.
+        heldout_by_run: sums of squared residuals of the runs left out, (runs,).
+        at_limit: names of parameters that ended on a bound.
+    """
+
+    kinds: Kinds
+    n_parameters: int
+    mean_square: float
+    heldout_square: float
+    heldout_by_run: tuple[float, ...]
+    at_limit: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class EvidenceTable:
+    """All rows, and the noise that they are weighed against."""
+
+    rows: Mapping[Kinds, Row]
+    noise: NoiseView
+    n_readings: int
+
+    @property
+    def nothing(self) -> Row:
+        """The row of the model as it is."""
+        return self.rows[NOTHING]
+
+
+@dataclass(frozen=True)
+class Prices:
+    """What a hypothesis must pay before it is believed; calibrated on simulated nulls with model error.
+
+    Attributes:
+        effect: log-odds that each further effect costs, beside the ½ ln n_eff of each parameter (Schwarz 1978).
+        unknown: log-odds of "an effect outside the list", which may reach the noise floor with any form.
+        form: share of what a hypothesis explains that may be left over because its equation is an idealisation:
+            a further effect, or an unknown one, must explain more than that.
+        temper: log-evidence is divided by this: forms and noise models are never quite right.
+        believed: probability above which the first hypothesis is the verdict.
+        slip: between / within scatter from which runs do not repeat.
+        noise: n_eff below which no verdict is given.
+        excited: change in σ below which an effect cannot be judged.
+    """
+
+    effect: float = 7.0
+    unknown: float = 25.0
+    form: float = 0.06
+    temper: float = 2.0
+    believed: float = 0.9
+    slip: float = 1.5
+    fewest: float = 12.0
+    excited: float = 0.3
+
+
+PRICES = Prices()
+
+
+def log_evidence(table: EvidenceTable, prices: Prices) -> dict[Kinds, float]:
+    """ln P(data | hypothesis) + ln prior of each row, up to a constant, and of `UNKNOWN` where it can be judged.
+
+    −½ n_eff ln S* − ½ k ln n_eff − price · effects, with S* the mean squared residual plus the form allowance
+    of the best simpler hypothesis.
+    """
+    n = max(table.noise.n_effective, 2.0)
+    found = {}
+    for kinds, row in table.rows.items():
+        square = row.mean_square + prices.form * _explained_by_parts(table, kinds)
+        found[kinds] = (
+            -0.5 * n * np.log(square) - 0.5 * row.n_parameters * np.log(n) - prices.effect * len(kinds)
+        )
+    if table.noise.judged:
+        best = max(found, key=lambda kinds: found[kinds])
+        explained = table.nothing.mean_square - table.rows[best].mean_square
+        square = table.noise.floor_square + prices.form * max(explained, 0.0)
+        found[UNKNOWN] = -0.5 * n * np.log(square) - prices.unknown
+    return found
+
+
+def probabilities(evidence: Mapping[Kinds, float], temper: float) -> dict[Kinds, float]:
+    """Normalised exp(evidence / temper), the largest first."""
+    top = max(evidence.values())
+    weights = {kinds: float(np.exp((value - top) / temper)) for kinds, value in evidence.items()}
+    total = sum(weights.values())
+    ordered = sorted(weights.items(), key=lambda item: (-item[1], len(item[0]), item[0]))
+    return {kinds: weight / total for kinds, weight in ordered}
+
+
+def credible_set(found: Mapping[Kinds, float], share: float = 0.9) -> tuple[Kinds, ...]:
+    """The most probable hypotheses that hold `share` together."""
+    chosen: list[Kinds] = []
+    total = 0.0
+    for kinds, probability in found.items():
+        chosen.append(kinds)
+        total += probability
+        if total >= share:
+            break
+    return tuple(chosen)
+
+
+def room_above_floor(table: EvidenceTable, kinds: Kinds, prices: Prices) -> bool:
+    """Whether a further effect could pay its price if it reached the noise floor."""
+    n = max(table.noise.n_effective, 2.0)
+    row = table.rows[kinds]
+    allowance = prices.form * (table.nothing.mean_square - row.mean_square)
+    floor = table.noise.floor_square if np.isfinite(table.noise.floor_square) else 0.0
+    reach = max(floor + max(allowance, 0.0), 1e-12)
+    return 0.5 * n * np.log(max(row.mean_square, 1e-12) / reach) > prices.effect + 0.5 * np.log(n)
+
+
+def sorted_kinds(kinds: Sequence[str]) -> Kinds:
+    """Kinds in one order, so that a pair has one name."""
+    return tuple(sorted(kinds))
+
+
+def at_limit(fit: Fit) -> tuple[str, ...]:
+    """Parameters of a fit that ended on a bound."""
+    return tuple(knob.name for knob, there in zip(fit.candidate.knobs, fit.at_limit, strict=True) if there)
+
+
+def _explained_by_parts(table: EvidenceTable, kinds: Kinds) -> float:
+    """What the best of the hypotheses with one effect less explains; 0 for single effects."""
+    if len(kinds) < 2:
+        return 0.0
+    parts = [tuple(k for k in kinds if k != left) for left in kinds]
+    squares = [table.rows[part].mean_square for part in parts if part in table.rows]
+    return max(table.nothing.mean_square - min(squares), 0.0) if squares else 0.0
