@@ -18,6 +18,8 @@ The candidates (plugins/pliant_plugins/effects) have another form for every one 
 | thermal_softening | with curvature in temperature |
 | gravity_scale | a fitting elsewhere on the pieces (`truths.Body`) |
 | sensor_bias | with a small scale (`truths.Sensor`) |
+
+Nothing is cached on disk: numba's cache of one file does not see that another file has changed.
 """
 
 from __future__ import annotations
@@ -100,13 +102,13 @@ class Forms(NamedTuple):
     warm_stick: float = 0.0
 
 
-@njit(cache=True)
+@njit
 def softplus(x: float) -> float:
     """log(1 + e^x) without overflow."""
     return x if x > 30.0 else math.log1p(math.exp(x))
 
 
-@njit(cache=True)
+@njit
 def lagged(supply: Array, pressure: float, dt: float, f: Forms) -> float:
     """The pressure behind two stages; `supply` (2,) is advanced by dt at constant supplied pressure."""
     if f.lag_s <= 0.0:
@@ -118,7 +120,7 @@ def lagged(supply: Array, pressure: float, dt: float, f: Forms) -> float:
     return supply[1]
 
 
-@njit(cache=True)
+@njit
 def acting(pressure: float, f: Forms) -> float:
     """The pressure that acts, of the pressure in the tube."""
     p = pressure + f.offset_pa * (1.0 - f.offset_fading * pressure / PRESSURE_MAX_PA)
@@ -128,14 +130,14 @@ def acting(pressure: float, f: Forms) -> float:
     return p
 
 
-@njit(cache=True)
+@njit
 def relaxed(q: float, step: float, dt: float, time: float) -> float:
     """A Maxwell branch's stretch after a straight step: the exact solution of q' = u' − q/T."""
     x = dt / time
     return q * math.exp(-x) - step * math.expm1(-x) / x
 
 
-@njit(cache=True)
+@njit
 def bouc_wen(z: float, step: float) -> float:
     """The hysteretic variable in [−1, 1] after a step of widths: dz/du = 1 − z² while loading, 1 while unloading."""
     way = 1.0 if step >= 0.0 else -1.0
@@ -148,7 +150,7 @@ def bouc_wen(z: float, step: float) -> float:
     return way * z
 
 
-@njit(cache=True)
+@njit
 def rubbing(old: Array, new: Array, step: float, f: Forms) -> float:
     """Friction in shares of its limit; writes the elements' memory."""
     width = f.friction_width
@@ -163,7 +165,7 @@ def rubbing(old: Array, new: Array, step: float, f: Forms) -> float:
     return total
 
 
-@njit(cache=True)
+@njit
 def effort(
     u: float,
     step: float,
@@ -217,7 +219,7 @@ def effort(
     return moment
 
 
-@njit(cache=True)
+@njit
 def healed(memory: Array) -> None:
     """What heals in time has healed: relaxed branches; friction and damage stay, in place, (n, N_MEMORY)."""
     memory[:, MAXWELL:FRICTION] = 0.0

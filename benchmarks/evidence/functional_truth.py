@@ -37,7 +37,7 @@ def first_moments(robot: Robot, fitting_kg: float, arm_share: float, side_m: flo
     return own + lengths * beyond, np.full(robot.modules, fitting_kg * side_m)
 
 
-@njit(cache=True)
+@njit
 def _weights(u: Array, pitch: float, along: Array, aside: Array, moments: Array, slopes: Array) -> None:
     """Moments of the weights about each joint and their Hessian's running sums, both summed from the tip."""
     psi, n = -pitch, len(u)
@@ -50,7 +50,7 @@ def _weights(u: Array, pitch: float, along: Array, aside: Array, moments: Array,
         slopes[i] += slopes[i + 1]
 
 
-@njit(cache=True)
+@njit
 def _solve(
     u: Array,
     before: Array,
@@ -95,7 +95,7 @@ def _solve(
     return largest < TOLERANCE_RAD
 
 
-@njit(cache=True)
+@njit
 def _follow(
     pressure: Array,
     load: Array,

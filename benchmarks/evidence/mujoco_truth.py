@@ -15,7 +15,7 @@ from xml.etree import ElementTree
 
 import mujoco
 import numpy as np
-from benchmarks.evidence.forms import Forms, effort, healed, lagged, virgin
+from benchmarks.evidence.forms import Drive, Forms, effort, healed, lagged, virgin
 from benchmarks.evidence.protocols import SAMPLE_S, Protocol, Run
 from benchmarks.evidence.robots import GRAVITY_M_S2, PRESSURE_MAX_PA, Array, Robot
 from llvmlite import binding
@@ -76,11 +76,11 @@ def _add_inertia(parent: ElementTree.Element, length: float, rod_kg: float, body
     )
 
 
-@njit(cache=True)
+@njit
 def _advance(
     handles: tuple[int, int],
     views: tuple[Array, Array, Array, Array],
-    drive: tuple[float, float, float, float, float, float],
+    drive: Drive,
     before: Array,
     memory: Array,
     new: Array,
@@ -88,51 +88,21 @@ def _advance(
 ) -> None:
     """One MuJoCo step under the drive at its end; memory goes along with the motion that MuJoCo makes."""
     position, _, force, stiffness = views
-    pressure, pressure_rate, temperature, load, time, cycles = drive
     for j in range(len(position)):
         u, old, fresh = position[j], memory[j], new[j]
-        value = effort(
-            u, 0.0, STEP_S, pressure, pressure_rate, temperature, load, time, cycles, old, fresh, f
-        )
-        nearby = effort(
-            u + SLOPE_STEP_RAD,
-            SLOPE_STEP_RAD,
-            STEP_S,
-            pressure,
-            pressure_rate,
-            temperature,
-            load,
-            time,
-            cycles,
-            old,
-            fresh,
-            f,
-        )
+        value = effort(u, 0.0, STEP_S, drive, old, fresh, f)
+        nearby = effort(u + SLOPE_STEP_RAD, SLOPE_STEP_RAD, STEP_S, drive, old, fresh, f)
         slope = max((value - nearby) / SLOPE_STEP_RAD, 0.0)
         before[j] = u
         stiffness[j] = slope
-        force[j] = value - load + slope * u
+        force[j] = value - drive.moment_n_m + slope * u
     _step(handles[0], handles[1])
     for j in range(len(position)):
-        u = position[j]
-        effort(
-            u,
-            u - before[j],
-            STEP_S,
-            pressure,
-            pressure_rate,
-            temperature,
-            load,
-            time,
-            cycles,
-            memory[j],
-            new[j],
-            f,
-        )
+        effort(position[j], position[j] - before[j], STEP_S, drive, memory[j], new[j], f)
         memory[j, :] = new[j]
 
 
-@njit(cache=True)
+@njit
 def _follow(
     handles: tuple[int, int],
     views: tuple[Array, Array, Array, Array],
@@ -156,7 +126,7 @@ def _follow(
         # The bench turns, the world stays: gravity is turned back by the base's pitch about y.
         gravity[0] = share * GRAVITY_M_S2 * np.sin(pitch)
         gravity[2] = -share * GRAVITY_M_S2 * np.cos(pitch)
-        drive = (share * pressure[0], 0.0, temperature, share * load[0], 0.0, cycles)
+        drive = Drive(share * pressure[0], 0.0, temperature, share * load[0], 0.0, cycles)
         _advance(handles, views, drive, before, memory, new, f)
     healed(memory)
     supply = np.full(2, pressure[0])
@@ -169,7 +139,7 @@ def _follow(
             tube = lagged(supply, pressure[i - 1] + share * rise, STEP_S, f)
             cycles += abs(rise) / STEPS_PER_SAMPLE / (2.0 * PRESSURE_MAX_PA)
             time = (i - 1 + share) * SAMPLE_S
-            drive = (tube, rise / SAMPLE_S, temperature, load[i - 1] + share * more, time, cycles)
+            drive = Drive(tube, rise / SAMPLE_S, temperature, load[i - 1] + share * more, time, cycles)
             _advance(handles, views, drive, before, memory, new, f)
         angles[i] = position
     return angles, cycles
