@@ -71,6 +71,8 @@ def _say(here: Session, comparison: Comparison) -> None:
     here.say(_outputs(comparison))
     if comparison.worst:
         here.say(_worst(comparison))
+        if comparison.significant:
+            here.say(f"* more than noise, corrected for looking at {comparison.n_places} places")
     for remark in comparison.remarks:
         here.say(f"note: {remark}")
     here.say(interpret(comparison))
@@ -94,7 +96,7 @@ def _outputs(comparison: Comparison) -> Table:
 
 
 def _worst(comparison: Comparison) -> Table:
-    table = _table("worst places", "of error", "of data", "mean", "z", "significant")
+    table = _table("worst places", "of error", "of data", "mean", "z")
     for place in comparison.worst[:WORST_SHOWN]:
         words = shown(place.output)
         mean = words.text(place.outputs[place.output].mean, 2)
@@ -103,8 +105,7 @@ def _worst(comparison: Comparison) -> Table:
             percent(place.share_of_error),
             percent(place.share_of_samples),
             mean if len(comparison.outputs) == 1 else f"{mean} {words.label}",
-            number(place.z, 2),
-            "yes" if place.significant else "no",
+            f"{number(place.z, 2)}{'*' if place.significant else ' '}",
         )
     return table
 
@@ -113,5 +114,5 @@ def _table(first: str, *others: str) -> Table:
     table = Table(box=None, pad_edge=False, header_style="bold")
     table.add_column(first, no_wrap=True, overflow="ellipsis")
     for other in others:
-        table.add_column(other, justify="right", no_wrap=True)
+        table.add_column(other, justify="right", no_wrap=True, min_width=max(len(other), 6))
     return table

@@ -30,7 +30,8 @@ def measurement_of_study(bench: Workbench, study: Study, data: Path | None = Non
     settings = study.measurements
     if data is None and settings is None:
         raise UserError(
-            f"study '{study.name}' names no measurements; add 'measurements: {{file: bench.csv}}' or give --data bench.csv."
+            f"study '{study.name}' names no measurements; add 'measurements: {{file: bench.csv}}' "
+            "or give --data bench.csv."
         )
     if data is not None:
         settings = (

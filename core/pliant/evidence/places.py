@@ -12,6 +12,7 @@ from pliant.evidence.bins import PAIRS, Bins, binned, crossed
 from pliant.evidence.covariates import Covariates
 from pliant.evidence.noise import Noise
 from pliant.evidence.significance import LARGEST_Z, BinMeans, bin_means, significant
+from pliant.evidence.words import Shown
 from pliant.records.design import Array
 
 Residuals = Sequence[
@@ -91,16 +92,20 @@ def find_places(
         steps_s: per run the time between neighbouring readings.
     """
     counted = [_count(bins, residuals, noise, steps_s) for bins in all_bins(found)]
+    counted += [
+        _count(bins, residuals, part, steps_s) for bins, part in _along_chain(found, residuals, noise)
+    ]
     p = [m.p[k] for c in counted for m in c.means.values() for k in range(len(c.bins)) if m.n[k]]
     accepted = iter(significant(np.array(p), LEVEL).tolist())
-    total = sum((s / noise[o].total ** 2).sum() for o, s in counted[0].squares.items()) if counted else 0.0
+    total = sum(float(np.nansum((run[o] / noise[o].total) ** 2)) for run in residuals for o in noise)
+    readings = sum(int(np.isfinite(run[o]).sum()) for run in residuals for o in noise)
     places: list[Place] = []
     for one in counted:
         flags = {
             o: [next(accepted) if m.n[k] else False for k in range(len(one.bins))]
             for o, m in one.means.items()
         }
-        places += _places_of(one, flags, noise, total)
+        places += _places_of(one, flags, noise, (total, readings))
     return tuple(places)
 
 
@@ -109,6 +114,22 @@ def all_bins(found: Covariates) -> list[Bins]:
     singles = [bins for bins in map(binned, found.items) if len(bins) > 1]
     pairs = [crossed(a, b) for a, b in _pairs(singles)]
     return singles + [pair for pair in pairs if 2 < len(pair) <= MOST_PAIR_BINS]
+
+
+def _along_chain(
+    found: Covariates, residuals: Residuals, noise: Mapping[str, Noise]
+) -> Iterator[tuple[Bins, Mapping[str, Noise]]]:
+    """One bin for the outputs of each joint or marker, and one for all others, where outputs have numbers."""
+    numbers = {output: found.position.get(output) for output in noise}
+    if len({k for k in numbers.values() if k is not None}) < 2:
+        return
+    for k in sorted(set(numbers.values()), key=lambda k: (k is None, k)):
+        part = {output: one for output, one in noise.items() if numbers[output] == k}
+        first = next(iter(part))
+        words = f"{first.split('_')[0]} {k}" if k is not None else "outputs without a number"
+        codes = tuple(np.zeros(len(run[first]), np.int64) for run in residuals)
+        centre = np.nan if k is None else float(k)
+        yield Bins("position", Shown("position along the chain"), (words,), codes, (centre,)), part
 
 
 def worst_places(places: Sequence[Place], count: int = LISTED) -> tuple[Place, ...]:
@@ -149,9 +170,13 @@ def _count(
 
 
 def _places_of(
-    one: _Counted, flags: Mapping[str, Sequence[bool]], noise: Mapping[str, Noise], total: float
+    one: _Counted,
+    flags: Mapping[str, Sequence[bool]],
+    noise: Mapping[str, Noise],
+    of: tuple[float, int],
 ) -> Iterator[Place]:
-    readings = sum(float(m.n.sum()) for m in one.means.values())
+    """Places of one covariate, as shares of the squared error and of the readings, `of`."""
+    total, readings = of
     for k, words in enumerate(one.bins.words):
         outputs = {
             o: _place_output(m, one.squares[o], k, flags[o][k]) for o, m in one.means.items() if m.n[k]
@@ -159,7 +184,7 @@ def _places_of(
         n = sum(entry.n for entry in outputs.values())
         if not n:
             continue
-        error = sum(one.squares[o][k] / noise[o].total ** 2 for o in outputs)
+        error = sum(float(one.squares[o][k]) / noise[o].total ** 2 for o in outputs)
         loudest = max(outputs, key=lambda o: abs(outputs[o].z) if np.isfinite(outputs[o].z) else -1.0)
         yield Place(
             covariate=one.bins.name,

@@ -107,9 +107,7 @@ def _map(compared: Compared) -> Section | None:
     if png is None:
         return None
     cut = f" The {MOST_RUNS} worst runs." if len(compared.comparison.runs) > MOST_RUNS else ""
-    caption = (
-        f"Root mean square error of each run in units of the noise: white is noise, red is the model.{cut}"
-    )
+    caption = f"Root mean square error of each run in units of the noise: white is noise, red is more, blue is less.{cut}"
     return Section("Map of conditions", (Picture("map", caption, png),))
 
 
@@ -188,8 +186,12 @@ def _worst_table(comparison: Comparison) -> Table:
         "Places that hold more of the error than of the readings. They overlap: the falling branch, fast rates and "
         "late times may be the same readings. z: mean error over what noise would give it."
     )
+    found = any(place.significant for place in comparison.worst)
     return Table(
-        "The worst places", head, rows, note if rows else "No place holds more than its part of the error."
+        "The worst places" if found else "The largest shares; none is more than noise",
+        head,
+        rows,
+        note if rows else "No place holds more than its part of the error.",
     )
 
 

@@ -51,8 +51,9 @@ def _in_order(compared: Compared) -> list[Covariate]:
 def _panel(panel: Any, compared: Compared, item: Covariate, output: str, words: Shown) -> None:
     places = [p for p in compared.comparison.places if p.covariate == item.name and output in p.outputs]
     told = compared.comparison.depends_on.get(item.name, 0.0)
-    loud = told >= LOUD and any(p.outputs[output].significant for p in places)
-    title = fitting(f"{item.shown.label}: tells {percent(told)}", 46)
+    real = any(p.outputs[output].significant for p in places)
+    loud = real and told >= LOUD
+    title = fitting(f"{item.shown.label}: {f'tells {percent(told)}' if real else 'noise'}", 46)
     panel.set_title(title, fontsize=9.5, color=style.WARN if loud else style.INK)
     if item.numeric:
         places = [p for p in places if np.isfinite(p.centre)]
