@@ -13,7 +13,6 @@ from pliant.errors import UserError
 
 NOT_BUILT = {
     "optimize": "the study's search, then the check of the winner by direct FEM",
-    "diagnose": "which physical effect is missing, how sure, what to measure next",
     "extend": "fits an effect and writes a new study that contains it",
     "improve": "compare → diagnose → extend until the noise floor or an honest stop",
 }
@@ -34,8 +33,7 @@ def _saying(name: str) -> Callable[..., None]:
     ) -> None:
         with session(name, json, quiet):
             raise UserError(
-                f"'pliant {name}' is not built yet in this version; run, fem, fit, simulate, compare, report, "
-                "plugins, check, schema and new-plugin are."
+                f"'pliant {name}' is not built yet in this version; 'pliant --help' lists what is."
             )
 
     return verb

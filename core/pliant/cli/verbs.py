@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from pliant import __version__
-from pliant.cli import evidence_verbs, later, plugins, studies
+from pliant.cli import diagnose, evidence_verbs, later, plugins, studies
 
 app = typer.Typer(
     name="pliant",
@@ -23,6 +23,7 @@ app.command("check")(plugins.check)
 app.command("schema")(plugins.schema)
 app.command("new-plugin")(plugins.new_plugin)
 app.command("compare")(evidence_verbs.compare)
+app.command("diagnose")(diagnose.diagnose)
 later.add_to(app)
 
 

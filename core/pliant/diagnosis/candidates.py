@@ -135,9 +135,7 @@ class Candidate:
     def starts(self, known: dict[str, float] | None = None) -> list[Array]:
         """Points (k,) from which fits begin; `known` fixes the start of some knobs by name."""
         known = known or {}
-        options = [
-            (known[knob.name],) if knob.name in known else knob.starts() for knob in self.knobs
-        ]
+        options = [(known[knob.name],) if knob.name in known else knob.starts() for knob in self.knobs]
         found = [np.array(point, float) for point in itertools.product(*options)]
         if len(found) <= MOST_STARTS:
             return found

@@ -85,6 +85,11 @@ class Fitter:
         at_limit = tuple(((point.x - low) < margin) | ((high - point.x) < margin))
         return Fit(candidate, point.x, point.residual, point.slopes, converged, at_limit)
 
+    def look(self, candidate: Candidate, x: Array) -> Fit:
+        """The candidate at x, not fitted."""
+        point = self._point(candidate, x)
+        return Fit(candidate, point.x, point.residual, point.slopes, True, (False,) * len(x))
+
     def _descend(self, candidate: Candidate, point: _Point, iterations: int) -> tuple[_Point, bool]:
         low, high = candidate.limits()
         damping = 1e-3

@@ -35,7 +35,7 @@ def heldout_residual(fit: Fit, groups: NDArray[np.intp]) -> Array:
 
 def by_group(values: Array, groups: NDArray[np.intp]) -> Array:
     """Sums of values (N,) over each group."""
-    return np.bincount(groups, weights=values)
+    return np.asarray(np.bincount(groups, weights=values), float)
 
 
 def condition_of_runs(n_runs: int, repeats: Sequence[Sequence[int]]) -> NDArray[np.intp]:

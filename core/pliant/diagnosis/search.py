@@ -81,7 +81,7 @@ class Search:
         table = self.table()
         evidence = self._ranked(table)
         first = evidence[0][1]
-        near = [kinds for kinds, value in evidence if len(kinds) == 1 and first - value < NEAR]
+        near: list[Kinds] = [kinds for kinds, value in evidence if len(kinds) == 1 and first - value < NEAR]
         return near[:MOST_GROWN] if room_above_floor(table, evidence[0][0], self.prices) else []
 
     def _grow(self, base: Kinds, kinds: Sequence[str]) -> None:

@@ -1,0 +1,223 @@
+"""Which physical effect is missing: the whole path from a study and measurements to a verdict."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pliant.diagnosis.candidates import Candidate
+from pliant.diagnosis.excitation import (
+    Detectable,
+    Excitation,
+    LookAlike,
+    detectable,
+    excitations,
+    look_alikes,
+    not_excited,
+)
+from pliant.diagnosis.fitting import Fit, Fitter
+from pliant.diagnosis.next_run import NextRun, next_run, run_that_excites
+from pliant.diagnosis.noise import NoiseView
+from pliant.diagnosis.readings import ReadingVector
+from pliant.diagnosis.search import Search, Tick
+from pliant.diagnosis.table import NOTHING, PRICES, UNKNOWN, EvidenceTable, Kinds, Prices
+from pliant.diagnosis.verdict import Judgement, judge
+from pliant.errors import UserError
+from pliant.evidence.covariates import covariates
+from pliant.evidence.floors import Floor, floor_remarks, noise_floors
+from pliant.evidence.importance import importance
+from pliant.evidence.prediction import Predictor
+from pliant.records.design import Array
+from pliant.records.measurement import Measurement
+from pliant.registry.discovery import Registry
+
+REPEATING = "the medium run again, three times"
+# An output without any floor is weighed by this share of its range.
+SHARE_OF_RANGE = 0.02
+
+
+@dataclass(frozen=True, eq=False)
+class Diagnosis:
+    """What was found, and everything that it rests on.
+
+    Attributes:
+        judgement: verdict, probabilities, selected effects, credible set, reasons.
+        table, fits: every hypothesis that was fitted.
+        scales: noise floor of each output, the unit of all residuals.
+        noise: as the residuals of the best hypothesis show it.
+        not_excited: kinds that these runs could not show, each with the run that would.
+        indistinguishable: pairs that these runs cannot separate.
+        detectable: smallest strengths that would be found.
+        depends_on: what the unexplained residual depends on, the most important first.
+        next_run: what to do next, where something is open.
+        remarks: what limits the verdict, in sentences.
+        explained: the hypothesis whose residual `depends_on` describes.
+    """
+
+    judgement: Judgement
+    table: EvidenceTable
+    fits: Mapping[Kinds, Fit]
+    readings: ReadingVector
+    noise: NoiseView
+    not_excited: Mapping[str, str]
+    indistinguishable: tuple[LookAlike, ...]
+    detectable: tuple[Detectable, ...]
+    depends_on: Mapping[str, float]
+    next_run: NextRun | None
+    remarks: tuple[str, ...]
+    explained: Kinds
+    excitations: Mapping[str, Excitation]
+    wall_s: float
+
+    @property
+    def scales(self) -> Mapping[str, float]:
+        return self.readings.scales
+
+    @property
+    def verdict(self) -> str:
+        return self.judgement.verdict
+
+    @property
+    def selected(self) -> Kinds:
+        return self.judgement.selected
+
+
+def diagnose(
+    predictor: Predictor,
+    *,
+    kinds: Sequence[str] | None = None,
+    prices: Prices = PRICES,
+    tick: Tick | None = None,
+) -> Diagnosis:
+    """Fit every candidate, weigh them, and say what can be said.
+
+    Args:
+        predictor: a study's model, driven by the measured histories.
+        kinds: candidates; all effects that make sense for this chain by default.
+        prices: thresholds.
+        tick: called with the name of each hypothesis when it has been fitted.
+
+    Raises:
+        UserError: no reading can be used.
+    """
+    started = time.perf_counter()
+    measurement, registry = predictor.measurement, predictor.bench.registry
+    scales, floors = _scales(predictor)
+    readings = ReadingVector.of(measurement, tuple(scales), scales)
+    fitter = Fitter(predictor, readings)
+    chosen, left_out = applicable(registry, fitter, registry.kinds("effect") if kinds is None else kinds)
+    search = Search(registry, measurement, readings, fitter, prices)
+    if tick is not None:
+        search.tick = tick
+    table = search.run(chosen)
+    shown = excitations(registry, fitter, search.fits[NOTHING], chosen)
+    silent = not_excited(shown, prices)
+    judgement = judge(table, prices, len(chosen) - len(silent))
+    explained = _explained(judgement)
+    residuals = readings.unpack(search.fits[explained].residual)
+    found = covariates(measurement, readings.unpack(readings.values - search.fits[explained].residual))
+    n = table.noise.n_effective
+    return Diagnosis(
+        judgement=judgement,
+        table=table,
+        fits=search.fits,
+        readings=readings,
+        noise=table.noise,
+        not_excited=_ways_to_excite(predictor, registry, scales, shown, silent),
+        indistinguishable=look_alikes(shown, search.fits, n),
+        detectable=detectable(shown, n, prices),
+        depends_on=importance(residuals, found, dict(scales)),
+        next_run=_what_next(predictor, scales, search.fits, judgement),
+        remarks=(*measurement.remarks, *floor_remarks(floors), *_remarks(predictor, left_out, measurement)),
+        explained=explained,
+        excitations=shown,
+        wall_s=time.perf_counter() - started,
+    )
+
+
+def applicable(registry: Registry, fitter: Fitter, kinds: Sequence[str]) -> tuple[list[str], dict[str, str]]:
+    """Kinds that this chain can have, and the others with the reason that their plugin gives."""
+    fits: list[str] = []
+    reasons: dict[str, str] = {}
+    for kind in kinds:
+        try:
+            candidate = Candidate.of(registry, (kind,))
+            fitter.look(candidate, candidate.starts()[0])
+        except UserError as error:
+            reasons[kind] = str(error)
+            continue
+        fits.append(kind)
+    return fits, reasons
+
+
+def _scales(predictor: Predictor) -> tuple[dict[str, float], dict[str, Floor]]:
+    """The floor of each output that can be read, or a share of its range where nothing tells it."""
+    measurement = predictor.measurement
+    plain = predictor.predict()
+    residuals = [
+        {
+            name: run.outputs[name] - model[name] if name in model else np.full(len(run), np.nan)
+            for name in measurement.outputs
+        }
+        for run, model in zip(measurement.runs, plain, strict=True)
+    ]
+    floors = noise_floors(measurement, residuals)
+    scales = {}
+    for name in predictor.outputs:
+        series: Array = np.concatenate([run.outputs[name] for run in measurement.runs])
+        there = series[np.isfinite(series)]
+        if not len(there):
+            continue
+        span = float(np.ptp(there))
+        value = floors[name].value
+        smallest = 1e-6 * max(span, float(np.abs(there).max()))
+        scales[name] = value if np.isfinite(value) and value > smallest else (SHARE_OF_RANGE * span or 1.0)
+    if not scales:
+        raise UserError(f"{measurement.source}: no reading of {', '.join(predictor.outputs)} is there.")
+    return scales, floors
+
+
+def _explained(judgement: Judgement) -> Kinds:
+    """The most probable hypothesis that predicts something."""
+    return next(kinds for kinds in judgement.probability if kinds != UNKNOWN)
+
+
+def _ways_to_excite(
+    predictor: Predictor,
+    registry: Registry,
+    scales: Mapping[str, float],
+    shown: Mapping[str, Excitation],
+    silent: Sequence[str],
+) -> dict[str, str]:
+    """For each silent kind the run that its plugin names, or the one of the menu that shows it most."""
+    words = {kind: registry.get("effect", kind).implementation_class().notes.excited_by for kind in silent}
+    unnamed = [kind for kind, text in words.items() if not text]
+    if unnamed:
+        configs = {kind: Candidate.of(registry, (kind,)).configs(shown[kind].x) for kind in unnamed}
+        words.update(run_that_excites(predictor, scales, configs))
+    return words
+
+
+def _what_next(
+    predictor: Predictor, scales: Mapping[str, float], fits: Mapping[Kinds, Fit], judgement: Judgement
+) -> NextRun | None:
+    if judgement.verdict == "not_repeatable":
+        last = max(predictor.measurement.runs, key=len).history
+        minutes = 0.0 if last.time_s is None else 3 * float(last.time_s[-1] - last.time_s[0]) / 60
+        why = "only runs with the same inputs show whether the bench repeats, and what moves between them"
+        return NextRun(REPEATING, why, (), round(minutes, 1))
+    return next_run(predictor, scales, fits, judgement.probability)
+
+
+def _remarks(predictor: Predictor, left_out: Mapping[str, str], measurement: Measurement) -> list[str]:
+    remarks = [f"'{kind}' was left out: {reason}" for kind, reason in left_out.items()]
+    if predictor.missing:
+        remarks.append(f"The model has no {', '.join(predictor.missing)}: left out.")
+    if len(measurement.runs) == 1:
+        remarks.append(
+            "There is one run only: nothing can be left out of a fit, and whether the bench repeats is not known."
+        )
+    return remarks

@@ -1,0 +1,124 @@
+"""A diagnosis as JSON values: the keys of `pliant diagnose --json`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from pliant.diagnosis.diagnosis import Diagnosis
+from pliant.diagnosis.fitting import Fit
+from pliant.diagnosis.heldout import heldout_residual
+from pliant.diagnosis.table import UNKNOWN, Kinds
+from pliant.evidence.columns import unit_of
+from pliant.records.design import Array
+
+MOST_HYPOTHESES = 40
+
+
+def diagnosis_json(found: Diagnosis) -> dict[str, Any]:
+    """Keys of contracts.md, and beside them what the verdict rests on."""
+    judgement = found.judgement
+    shown = list(judgement.probability)[:MOST_HYPOTHESES]
+    return {
+        "verdict": judgement.verdict,
+        "reasons": list(judgement.reasons),
+        "hypotheses": [_hypothesis(found, kinds, judgement.probability[kinds]) for kinds in shown],
+        "selected": list(judgement.selected),
+        "credible_set": [list(kinds) for kinds in judgement.credible],
+        "not_excited": [
+            {"kind": kind, "run_that_would_excite_it": run} for kind, run in found.not_excited.items()
+        ],
+        "indistinguishable": [
+            {"a": pair.a, "b": pair.b, "unexplained_share": pair.unexplained_share}
+            for pair in found.indistinguishable
+        ],
+        "covariates": [
+            {"name": name, "importance": value} for name, value in found.depends_on.items() if value > 0.0
+        ],
+        "next_experiment": None
+        if found.next_run is None
+        else {
+            "run": found.next_run.run,
+            "why": found.next_run.why,
+            "separates": [[list(a), list(b)] for a, b in found.next_run.separates],
+            "minutes": found.next_run.minutes,
+        },
+        "smallest_detectable": [
+            {"kind": d.kind, "parameter": d.parameter, "value": d.value, "unit": d.unit}
+            for d in found.detectable
+        ],
+        "floor": {
+            name: {"value": floor.value, "unit": unit_of(name), "source": floor.source, "se": floor.se}
+            for name, floor in found.noise.floors.items()
+        },
+        "n_samples": found.table.n_readings,
+        "n_effective": found.noise.n_effective,
+        "slip": found.noise.slip,
+        "judged": found.noise.judged,
+        "remarks": list(found.remarks),
+        "wall_s": found.wall_s,
+    }
+
+
+def _hypothesis(found: Diagnosis, kinds: Kinds, probability: float) -> dict[str, Any]:
+    if kinds == UNKNOWN:
+        return {
+            "kinds": list(kinds),
+            "probability": probability,
+            "parameters": {},
+            "heldout": {},
+            "rmse_over_floor": float(np.sqrt(found.noise.floor_square)),
+        }
+    fit, row = found.fits[kinds], found.table.rows[kinds]
+    left = heldout_residual(fit, found.readings.run)
+    return {
+        "kinds": list(kinds),
+        "probability": probability,
+        "parameters": parameters(fit, found.noise.n_effective),
+        "heldout": heldout_errors(found, left),
+        "rmse_over_floor": float(np.sqrt(row.heldout_square / found.noise.floor_square)),
+        "mean_square": row.mean_square,
+        "heldout_square": row.heldout_square,
+        "n_parameters": row.n_parameters,
+        "at_limit": list(row.at_limit),
+    }
+
+
+def heldout_errors(found: Diagnosis, left: Array) -> Mapping[str, Any]:
+    """RMSE of each output on runs left out, in its unit."""
+    errors = {}
+    for k, name in enumerate(found.readings.outputs):
+        mine = left[found.readings.output == k]
+        scale = found.readings.scales[name]
+        errors[name] = {"rmse": float(np.sqrt(np.mean(mine**2))) * scale, "unit": unit_of(name)}
+    return errors
+
+
+def parameters(fit: Fit, n_effective: float) -> dict[str, Any]:
+    """Value, standard deviation and unit of each parameter, coloured noise counted."""
+    spread = standard_deviations(fit, n_effective)
+    result = {}
+    for knob, x, sd in zip(fit.candidate.knobs, fit.x, spread, strict=True):
+        low, high = knob.parameter.plausible
+        value = knob.value(float(x))
+        result[knob.name] = {
+            "value": value,
+            "sd": float(sd * abs(knob.slope(float(x)))),
+            "unit": knob.parameter.unit,
+            "plausible": bool(min(low, knob.parameter.neutral) <= value <= max(high, knob.parameter.neutral)),
+        }
+    return result
+
+
+def standard_deviations(fit: Fit, n_effective: float) -> Array:
+    """(k,) of the knobs x: √ diag(S (N / n_eff) (JᵀJ)⁻¹)."""
+    if not len(fit.x):
+        return np.zeros(0)
+    n = len(fit.residual)
+    normal = fit.slopes.T @ fit.slopes
+    inverse = np.linalg.pinv(normal + 1e-12 * np.trace(normal) * np.eye(len(normal)))
+    variance = fit.mean_square() * n / max(n_effective, 2.0) * np.diag(inverse)
+    spread: Array = np.sqrt(np.maximum(variance, 0.0))
+    return spread

@@ -1,0 +1,149 @@
+"""What these runs can show at all: effects that they excite, that they cannot tell apart, that they could detect."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pliant.diagnosis.candidates import Candidate, Knob
+from pliant.diagnosis.fitting import Fit, Fitter
+from pliant.diagnosis.table import Kinds, Prices
+from pliant.records.design import Array
+from pliant.registry.discovery import Registry
+
+# Strength, in σ, at which two effects are asked whether they can be told apart.
+TYPICAL_SNR = 2.0
+# Below this many units of n_eff · SNR² · unexplained share two effects look the same (design.md, section 6).
+SEPARABLE = 10.0
+
+
+@dataclass(frozen=True, eq=False)
+class Excitation:
+    """One effect at the far end of its plausible range, under these runs.
+
+    Attributes:
+        kind: the effect.
+        knob: its strength.
+        place: that knob's index.
+        x: the knobs there.
+        snr: RMS change of the readings over the noise floor.
+        change: (N,) that change.
+        slopes: (N, k) d prediction / dx there.
+    """
+
+    kind: str
+    knob: Knob
+    place: int
+    x: Array
+    snr: float
+    change: Array
+    slopes: Array
+
+
+@dataclass(frozen=True)
+class LookAlike:
+    """Two effects that these runs can hardly separate; share of a's change that b cannot imitate."""
+
+    a: str
+    b: str
+    unexplained_share: float
+
+
+@dataclass(frozen=True)
+class Detectable:
+    """The strength from which an effect would be found under these runs."""
+
+    kind: str
+    parameter: str
+    value: float
+    unit: str
+
+
+def excitations(
+    registry: Registry, fitter: Fitter, nothing: Fit, kinds: Sequence[str]
+) -> dict[str, Excitation]:
+    """Every effect as strong as an expert would still believe, shapes in the middle of their range."""
+    found = {}
+    for kind in kinds:
+        candidate = Candidate.of(registry, (kind,))
+        options = []
+        for end in _ends(candidate):
+            fit = fitter.look(candidate, end)
+            change = nothing.residual - fit.residual
+            snr = float(np.sqrt(np.mean(change**2))) if np.all(np.isfinite(change)) else 0.0
+            place = _strength(candidate)
+            options.append(Excitation(kind, candidate.knobs[place], place, end, snr, change, fit.slopes))
+        found[kind] = max(options, key=lambda option: option.snr)
+    return found
+
+
+def not_excited(found: Mapping[str, Excitation], prices: Prices) -> tuple[str, ...]:
+    """Kinds whose change stays below the limit at every plausible strength."""
+    return tuple(kind for kind, one in found.items() if one.snr < prices.excited)
+
+
+def look_alikes(
+    found: Mapping[str, Excitation], fits: Mapping[Kinds, Fit], n: float
+) -> tuple[LookAlike, ...]:
+    """Pairs of excited effects that n effective readings cannot separate at a typical strength.
+
+    b imitates a by its change and its slopes, at the plausible strength and where it was fitted: the least
+    squares residual of a's change on these is what remains to tell them apart.
+    """
+    pairs = []
+    for a in found.values():
+        if a.snr <= 0.0:
+            continue
+        for b in found.values():
+            if a.kind == b.kind or b.snr <= 0.0:
+                continue
+            share = _unexplained(a, b, fits.get((b.kind,)))
+            if n * min(a.snr, TYPICAL_SNR) ** 2 * share < SEPARABLE:
+                pairs.append(LookAlike(a.kind, b.kind, share))
+    return tuple(sorted(pairs, key=lambda pair: pair.unexplained_share))
+
+
+def detectable(found: Mapping[str, Excitation], n: float, prices: Prices) -> tuple[Detectable, ...]:
+    """For each effect the strength at which the evidence would pay its price, changes taken as proportional."""
+    price = 2.0 * (prices.effect + 0.5 * np.log(max(n, 2.0)))
+    smallest = float(np.sqrt(np.expm1(price / max(n, 2.0))))
+    results = []
+    for one in found.values():
+        if one.snr <= 0.0:
+            continue
+        x = float(one.x[one.place]) * smallest / one.snr
+        low, high = one.knob.limits
+        if low <= x <= high:
+            parameter = one.knob.parameter
+            results.append(Detectable(one.kind, parameter.name, one.knob.value(x), parameter.unit))
+    return tuple(results)
+
+
+def _strength(candidate: Candidate) -> int:
+    return next((k for k, knob in enumerate(candidate.knobs) if knob.is_strength), 0)
+
+
+def _ends(candidate: Candidate) -> list[Array]:
+    """Points with the strength at each end of its plausible range, all else in the middle."""
+    middle = np.array([sum(knob.plausible) / 2 for knob in candidate.knobs])
+    place = _strength(candidate)
+    points = []
+    for end in candidate.knobs[place].plausible:
+        point = middle.copy()
+        point[place] = end
+        points.append(point)
+    return points
+
+
+def _unexplained(a: Excitation, b: Excitation, fitted: Fit | None) -> float:
+    basis = np.column_stack([b.change, b.slopes, *([] if fitted is None else [fitted.slopes])])
+    there = np.all(np.isfinite(basis), axis=1) & np.isfinite(a.change)
+    basis, target = basis[there], a.change[there]
+    basis = basis[:, np.abs(basis).max(axis=0) > 0.0]
+    if basis.shape[1] == 0:
+        return 1.0
+    weights = np.linalg.lstsq(basis, target, rcond=1e-8)[0]
+    rest = target - basis @ weights
+    return float(np.clip(rest @ rest / (target @ target), 0.0, 1.0))

@@ -1,0 +1,64 @@
+"""A diagnosis in sentences that a bench scientist would use."""
+
+from __future__ import annotations
+
+from pliant.diagnosis.diagnosis import Diagnosis
+from pliant.diagnosis.table import NOTHING, UNKNOWN, Kinds
+from pliant.registry.discovery import Registry
+
+HEADLINES = {
+    "missing_effect": "Missing: {kinds}.",
+    "ambiguous": "These data do not decide: {contenders}.",
+    "nothing_missing": "Nothing is missing that these data could show.",
+    "unknown_effect": "Something is missing, and it is not in the list.",
+    "not_repeatable": "The bench does not repeat well enough to say.",
+    "insufficient_data": "These data cannot tell.",
+}
+MOST_NAMED = 4
+
+
+def named(kinds: Kinds) -> str:
+    """A hypothesis in words."""
+    if kinds == NOTHING:
+        return "nothing missing"
+    return "an effect outside the list" if kinds == UNKNOWN else " + ".join(kinds)
+
+
+def headline(found: Diagnosis) -> str:
+    """The verdict in one sentence."""
+    contenders = [named(kinds) for kinds in found.judgement.credible[:MOST_NAMED]]
+    return HEADLINES[found.verdict].format(
+        kinds=" and ".join(found.selected), contenders=" or ".join(contenders)
+    )
+
+
+def explanation(found: Diagnosis, registry: Registry) -> list[str]:
+    """Why, what follows from it, and what to do next."""
+    lines = list(found.judgement.reasons)
+    for kind in found.selected:
+        notes = registry.get("effect", kind).implementation_class().notes
+        if notes.signature:
+            lines.append(f"{kind}: {notes.signature}")
+        lines += _confused(found, kind)
+    if found.verdict in ("unknown_effect", "nothing_missing", "insufficient_data"):
+        lines += _dependence(found)
+    if found.next_run is not None and found.verdict != "missing_effect":
+        lines.append(f"Next: {found.next_run.run} ({found.next_run.minutes:g} min): {found.next_run.why}.")
+    return lines
+
+
+def _confused(found: Diagnosis, kind: str) -> list[str]:
+    """Look-alikes that these runs cannot exclude."""
+    twins = [pair.b for pair in found.indistinguishable if pair.a == kind]
+    if not twins:
+        return []
+    return [f"Under these runs {kind} can hardly be told from {' or '.join(twins[:MOST_NAMED])}."]
+
+
+def _dependence(found: Diagnosis) -> list[str]:
+    """What the residual of the best explanation depends on."""
+    most = [(name, value) for name, value in found.depends_on.items() if value >= 0.1][:3]
+    if not most:
+        return []
+    listed = ", ".join(f"{name} ({value:.0%})" for name, value in most)
+    return [f"What is unexplained depends on {listed} (share of its variance on runs left out)."]
