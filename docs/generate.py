@@ -51,9 +51,21 @@ INTERFACE_CLASS = {
 }
 
 
+def _catalogue(components: list[Component]) -> str:
+    """The page that `catalogue.py`, which lies beside this script, makes of the effects."""
+    spec = importlib.util.spec_from_file_location("catalogue", Path(__file__).parent / "catalogue.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    text: str = module.catalogue(components)
+    return text
+
+
 def pages(registry: Registry) -> dict[Path, str]:
     """Path → text of every reference page."""
     made = {REFERENCE / "index.md": _index(registry), REFERENCE / "study.md": _study_page()}
+    made[REFERENCE / "effects.md"] = _catalogue(_ours(registry, "effect"))
     for interface in INTERFACES:
         made[REFERENCE / interface / "index.md"] = _interface_page(interface, registry)
         for component in _ours(registry, interface):
@@ -68,6 +80,7 @@ def _ours(registry: Registry, interface: str) -> list[Component]:
 def _index(registry: Registry) -> str:
     lines = ["# Reference", "", "Generated from the code by `make docs`.", ""]
     lines.append("- [Study file](study.md): every key of a study")
+    lines.append("- [Effect catalogue](effects.md): what a model may lack, and what gives it away")
     for interface in INTERFACES:
         kinds = ", ".join(f"[{c.kind}]({interface}/{c.kind}.md)" for c in _ours(registry, interface))
         lines.append(
@@ -160,10 +173,20 @@ def _kind_page(component: Component) -> str:
         "## What it does",
         "",
         *_docstrings(component.implementation),
+        *_see_catalogue(component),
         f"Check it: `pliant check {component.interface} {component.kind}`. "
         f"Contract: [{INTERFACE_CLASS[component.interface]}](index.md).",
     ]
     return "\n".join(lines) + "\n"
+
+
+def _see_catalogue(component: Component) -> list[str]:
+    if component.interface != "effect":
+        return []
+    return [
+        f"What gives it away, and the run that shows it: [effect catalogue](../effects.md#{component.kind}).",
+        "",
+    ]
 
 
 def _inner(model: type[FrozenModel]) -> list[str]:

@@ -8,6 +8,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from pliant.config.loading import load_study
@@ -64,7 +65,7 @@ def test_links_lead_somewhere(page):
 @pytest.mark.parametrize("page", WRITTEN, ids=lambda p: p.name)
 def test_studies_in_the_docs_are_accepted(page, tmp_path):
     for number, text in enumerate(blocks(page, "yaml")):
-        if not text.startswith("pliant: 1"):
+        if not text.startswith("pliant: 1") or "\nplugins:" in text:
             continue
         path = tmp_path / f"study{number}.yaml"
         path.write_text(text)
@@ -113,6 +114,57 @@ def test_the_plugin_of_the_docs_passes_conformance(tmp_path, monkeypatch):
     assert len(outcomes) > 10
     (entry,) = re.findall(r"^(\S+) = \"my_effect.manifest\"", "\n".join(blocks(page, "toml")), re.MULTILINE)
     assert entry == "my_effect"
+
+
+def test_the_effect_of_the_docs_runs_from_outside_the_tree(tmp_path, monkeypatch):
+    """The file and the study of write_an_effect.md, typed in as they stand, and its commands."""
+    from typer.testing import CliRunner
+
+    from pliant.cli.verbs import app
+
+    page = DOCS / "write_an_effect.md"
+    effect, _ = blocks(page, "python")
+    (study,) = blocks(page, "yaml")
+    (tmp_path / "stiffening.py").write_text(effect, encoding="utf-8")
+    (tmp_path / "own.yaml").write_text(study, encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.delenv("PLIANT_STORE", raising=False)
+    said = {}
+    for command in re.findall(r"^\$ pliant ([^#\n]*)", "\n".join(blocks(page, "console")), re.M):
+        done = CliRunner().invoke(app, shlex.split(command))
+        assert done.exit_code == 0, done.output
+        said[command.split()[0]] = done.output
+    assert list(said) == ["simulate", "plugins", "check"]
+    assert "stiffening.py" in said["plugins"]
+    assert "0 failed, 0 skipped" in said["check"]
+    # τ(p, u) with E scaled by 1 + 2 u² is in balance at each joint.
+    u = float(re.search(r"max_joint_angle_rad +([\d.]+)", said["simulate"])[1])
+    law = 1.637e-6 * 15e3 - 1.704e-6 * 15e3 * u - (1 + 2 * u * u) * (0.1012 * u * u / 2 + 0.0245 * u)
+    assert abs(law) < 1e-6
+    assert len([line for line in effect.splitlines() if line.strip()]) <= 25
+
+
+def test_the_memory_of_the_docs_wears_a_joint_down():
+    """The second function of write_an_effect.md, in the term that the text names."""
+    from pliant.records.history import History
+    from pliant.records.term import LawTerm
+    from pliant.testing.histories import follow_joint
+    from pliant.testing.samples import sample_chain
+
+    page = DOCS / "write_an_effect.md"
+    made = {"LawTerm": LawTerm}
+    exec(blocks(page, "python")[1], made)
+    (text,) = re.findall(r"`(LawTerm\(.*?\))`\.", page.read_text(encoding="utf-8"))
+    chain = sample_chain(modules=1, gravity=(0, 0, 0)).with_(terms=(eval(text, made),))
+    history = History.of(
+        {"pressure_pa": 7.5e3 * (1 - np.cos(np.linspace(0, 6 * np.pi, 61)))}, np.arange(61.0)
+    )
+    (plain,) = follow_joint(chain, [history])
+    assert plain[10] < plain[30] < plain[50]
+    component = REGISTRY.get("physics", "quasistatic")
+    engine = component.build(component.config_model()(kind="quasistatic"))
+    ((run,), _) = engine.follow(chain, [history])
+    np.testing.assert_allclose(run.joint_angles[:, 0, 0], plain, atol=1e-6)
 
 
 def test_refusals_in_the_docs_are_what_the_command_says(tmp_path, monkeypatch):
