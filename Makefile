@@ -6,7 +6,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 PIP_INSTALL := PIP_CONSTRAINT=$(CURDIR)/constraints.txt $(BIN)/python -m pip install --quiet --disable-pip-version-check
 
-.PHONY: demo test test-all lint types imports check bench docs freeze clean
+.PHONY: demo test test-all lint types imports check bench bench-evidence docs freeze clean
 
 demo: $(VENV)/.run  ## FEM → law → finger in three engines → report
 	$(BIN)/pliant run examples/first_finger/finger.yaml --out runs/first-finger
@@ -34,6 +34,9 @@ bench: $(VENV)/.run  ## the figures of docs and notes, as JSON in benchmarks/out
 	$(BIN)/python benchmarks/fem_bending.py
 	$(BIN)/python benchmarks/law_error.py
 	$(BIN)/python benchmarks/engines_agree.py
+
+bench-evidence: $(VENV)/.run  ## hidden effects, diagnosed and judged: at most two hours on two cores, resumable
+	$(BIN)/python benchmarks/evidence/run_bench.py
 
 docs: $(VENV)/.run  ## the reference pages that are generated from the code
 	$(BIN)/python docs/generate.py

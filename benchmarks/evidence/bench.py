@@ -9,16 +9,19 @@ from __future__ import annotations
 
 import hashlib
 import multiprocessing
+import os
+import threading
 import time
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from benchmarks.evidence import diagnosers, results, seal
 from benchmarks.evidence.judge import Judged, judge
-from benchmarks.evidence.tasks import Plan, Task
+from benchmarks.evidence.tasks import Plan, Task, digest
 
 # Sets made ahead of the diagnosers.
 AHEAD = 4
@@ -76,18 +79,44 @@ def ask(verb: str, module: str, name: str, folder: Path) -> dict[str, Any]:
     return line | {"wall_s": time.perf_counter() - start}
 
 
+def diagnoser_digest() -> str:
+    """Digest of the code under test."""
+    root = Path(__file__).resolve().parents[2]
+    return digest(sorted(file for room in ("core", "plugins") for file in (root / room).rglob("*.py")))
+
+
+def end_with(parent: int) -> None:
+    """In a child's process: end when the parent has been killed; a pool's children would wait for ever."""
+
+    def watch() -> None:
+        while os.getppid() == parent:
+            time.sleep(1.0)
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
+
+
 def run(bench: Bench, plan: Plan) -> None:
     """All tasks of the plan that have no result yet."""
-    key = bench.key()
-    done = {name for name, line in results.read(bench.results).items() if "error" not in line}
+    key, code = bench.key(), diagnoser_digest()
+    found = results.read(bench.results)
+    others = sum(line.get("code") != code for line in found.values())
+    if others:
+        print(f"{others} results are by other code of pliant; --fresh forgets them", flush=True)
+    done = {name for name, line in found.items() if "error" not in line}
     named = [(task.secret_id(key), task) for task in plan.tasks()]
     waiting = [(name, task) for name, task in named if name not in done]
     print(f"{len(named)} sets, {len(named) - len(waiting)} done before", flush=True)
-    context = multiprocessing.get_context("spawn")
+    pool = partial(
+        ProcessPoolExecutor,
+        mp_context=multiprocessing.get_context("spawn"),
+        initializer=end_with,
+        initargs=(os.getpid(),),
+    )
     progress = _Progress(len(waiting))
     with (
-        ProcessPoolExecutor(1, mp_context=context) as makers,
-        ProcessPoolExecutor(bench.workers, mp_context=context) as askers,
+        pool(1) as makers,
+        pool(bench.workers) as askers,
     ):
         making: dict[Future[Any], tuple[str, Task]] = {}
         asking: dict[Future[Any], tuple[str, Task]] = {}
@@ -104,7 +133,7 @@ def run(bench: Bench, plan: Plan) -> None:
                     asking[asked] = (name, task)
                 else:
                     name, task = asking.pop(future)
-                    results.append(bench.results, _answer(future, name))
+                    results.append(bench.results, {**_answer(future, name), "code": code})
                     progress.one_more()
 
 

@@ -132,7 +132,7 @@ def follow(engine: str, robot: Robot, runs: Protocol, truth: Truth, slips: Array
 def sensed(angle: Array, sensor: Sensor, slip: float) -> Array:
     """What the angle sensor says: lost motion, scale, bias, and where it was put for this run."""
     seen: Array = _play(angle, sensor.play_rad) if sensor.play_rad else angle
-    return seen * (1 + sensor.scale * bool(sensor.bias_rad)) + sensor.bias_rad + sensor.slip_rad * slip
+    return seen * (1 + sensor.scale) + sensor.bias_rad + sensor.slip_rad * slip
 
 
 def _play(angle: Array, width: float) -> Array:

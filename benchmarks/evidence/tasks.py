@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
 from typing import Literal
 
 from benchmarks.evidence.sets import SetSpec
@@ -19,6 +21,25 @@ WEAK_SNR = (0.5, 1.0)
 UNKNOWN_ROBOT = "joint"
 
 
+# Whatever changes the measured sets: a change there makes other sets, with other names.
+TRUTH_FILES = ("robots", "protocols", "forms", "truths", "functional_truth", "mujoco_truth", "noise", "sets")
+
+
+@cache
+def truth_digest() -> str:
+    """Digest of the code that makes the sets."""
+    here = Path(__file__).parent
+    return digest(here / f"{name}.py" for name in TRUTH_FILES)
+
+
+def digest(files: Iterable[Path]) -> str:
+    """Digest of the files' contents, in the order given."""
+    found = hashlib.sha256()
+    for file in files:
+        found.update(hashlib.sha256(file.read_bytes()).digest())
+    return found.hexdigest()[:16]
+
+
 @dataclass(frozen=True)
 class Task:
     """One question about one set. `group` says in which table the answer counts."""
@@ -28,8 +49,8 @@ class Task:
     mode: Mode = "diagnose"
 
     def secret_id(self, key: bytes) -> str:
-        """A name that does not tell the kind, the same after a restart with the same key."""
-        text = f"{self.group} {self.mode} {self.spec}".encode()
+        """A name that does not tell the kind, the same after a restart with the same key and the same truths."""
+        text = f"{self.group} {self.mode} {self.spec} {truth_digest()}".encode()
         return hashlib.blake2b(text, key=key, digest_size=8).hexdigest()
 
 

@@ -110,9 +110,9 @@ def draw(kind: str, engine: Engine, robot: Robot, split: Split, rng: np.random.G
         ValueError: a kind that this test bed has not.
     """
     error = {
-        "actuation_error": 0.004 * rng.choice([-1.0, 1.0]) * rng.uniform(0.6, 1.2),
+        "actuation_error": 0.004 * float(rng.choice([-1.0, 1.0])) * rng.uniform(0.6, 1.2),
         "actuation_phase": rng.uniform(0, 2 * np.pi),
-        "elastic_error": 0.003 * rng.choice([-1.0, 1.0]) * rng.uniform(0.6, 1.2),
+        "elastic_error": 0.003 * float(rng.choice([-1.0, 1.0])) * rng.uniform(0.6, 1.2),
         "elastic_phase": rng.uniform(0, 2 * np.pi),
     }
     dice = _Dice(rng, split, engine, robot)
@@ -239,7 +239,7 @@ def _thermal(d: _Dice) -> tuple[Change, float]:
 def _gravity(d: _Dice) -> tuple[Change, float]:
     sign = d.sign(0.7)
     share = d.uniform("arm", (0.7, 1.0), (0.3, 0.6))
-    side = d.robot.length_m * d.uniform("side", (0.0, 0.04), (-0.03, 0.0))
+    side = d.robot.length_m * d.uniform("side", (0.0, 0.02), (-0.02, 0.0))
     fitting = 0.25 * d.robot.mass_kg * sign
     return (
         lambda s: {"fitting_kg": fitting * s, "fitting_share": share, "fitting_side_m": side},
@@ -249,7 +249,7 @@ def _gravity(d: _Dice) -> tuple[Change, float]:
 
 def _bias(d: _Dice) -> tuple[Change, float]:
     sign, scale = d.sign(), d.uniform("scale", (-0.004, 0.004), (-0.006, 0.006))
-    return lambda s: {"bias_rad": 0.015 * d.robot.modules * sign * s, "scale": scale}, 10.0
+    return lambda s: {"bias_rad": 0.015 * d.robot.modules * sign * s, "scale": scale * min(s, 1.0)}, 10.0
 
 
 def _gain_bump(d: _Dice) -> tuple[Change, float]:
