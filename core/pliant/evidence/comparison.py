@@ -6,7 +6,7 @@ Residuals are measured − predicted throughout.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -26,6 +26,8 @@ from pliant.evidence.words import si_unit
 from pliant.records.design import Array
 from pliant.records.measurement import MeasuredRun, Measurement
 
+NO_NOISE = "no noise"
+ROUNDING = 1e-7  # of the readings: smaller floors come from computed data
 FORGETTING = 6.0  # memory times in a bootstrap block
 JUDGED_BY = ("repeats", "stated sigma")  # floors that hold the bench's own scatter
 
@@ -103,6 +105,11 @@ class Comparison:
     remarks: tuple[str, ...]
 
     @property
+    def has_floor(self) -> bool:
+        """Whether every output has a floor of some source."""
+        return bool(np.isfinite(self.rmse_over_floor))
+
+    @property
     def significant(self) -> tuple[Place, ...]:
         """Places where the mean error is more than noise, after correction for all that were looked at."""
         return tuple(place for place in self.places if place.significant)
@@ -152,12 +159,15 @@ def compare(
     residuals = [{name: run[name] for name in names} for run in residuals]
     floors = noise_floors(measurement, predicted_aside(measurement, residuals)) if floors is None else floors
     floors = {name: floors[name] for name in names if name in floors}
+    noiseless = _without_noise(floors, measurement)
+    floors = {name: floor for name, floor in floors.items() if name not in noiseless}
     groups = repeat_groups(measurement)
     noise = {n: noise_of(floors.get(n), measurement, groups, [run[n] for run in residuals]) for n in names}
     steps_s = [_step_s(run) for run in measurement.runs]
     found = covariates(measurement, predicted)
     places = find_places(residuals, found, noise, steps_s)
     outputs = {n: _output(n, residuals, floors.get(n), noise[n], steps_s, seed) for n in names}
+    outputs |= {name: replace(outputs[name], source=NO_NOISE) for name in noiseless}
     known = all(np.isfinite(error.noise_floor) for error in outputs.values())
     ratio, ratio_interval = _overall(residuals, noise, steps_s, seed) if known else (np.nan, NONE)
     runs = [(k,) for k in range(len(measurement.runs))]
@@ -175,8 +185,22 @@ def compare(
         n_samples=sum(error.n for error in outputs.values()),
         n_effective=sum(error.n_effective for error in outputs.values()),
         judged=all(error.source in JUDGED_BY for error in outputs.values()),
-        remarks=(*measurement.remarks, *floor_remarks(floors), *_remarks(measurement, names, residuals)),
+        remarks=(
+            *measurement.remarks,
+            *floor_remarks(floors),
+            *_remarks(measurement, names, residuals, noiseless),
+        ),
     )
+
+
+def _without_noise(floors: Mapping[str, Floor], measurement: Measurement) -> list[str]:
+    """Outputs whose floor is only rounding: computed data."""
+    found = []
+    for name, floor in floors.items():
+        readings = np.concatenate([run.outputs[name] for run in measurement.runs])
+        if floor.value <= ROUNDING * float(np.sqrt(np.nanmean(readings**2))):
+            found.append(name)
+    return found
 
 
 def predicted_aside(measurement: Measurement, residuals: Residuals) -> Residuals:
@@ -289,8 +313,14 @@ def _run_words(found: Covariates, n_runs: int) -> list[str]:
     return [", ".join(dict.fromkeys(part)) for part in parts]
 
 
-def _remarks(measurement: Measurement, names: Sequence[str], residuals: Residuals) -> list[str]:
+def _remarks(
+    measurement: Measurement, names: Sequence[str], residuals: Residuals, noiseless: Sequence[str]
+) -> list[str]:
     remarks = []
+    if noiseless:
+        remarks.append(
+            f"{', '.join(noiseless)}: readings without any noise; there is no floor to compare with."
+        )
     left = [name for name in measurement.outputs if name not in names]
     lost = sum(
         int((np.isfinite(run.outputs[name]) & ~np.isfinite(error[name])).sum())

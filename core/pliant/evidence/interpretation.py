@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import numpy as np
-
-from pliant.evidence.comparison import Comparison
+from pliant.evidence.comparison import JUDGED_BY, NO_NOISE, Comparison
 from pliant.evidence.places import Place
-from pliant.evidence.words import listed, number, percent, shown
+from pliant.evidence.words import listed, percent, shown
 
 NEAR = 1.2  # times the floor: nothing to explain when no place stands out
 LIFT = 1.25  # a narrower place is named when its error is denser by so much…
@@ -22,17 +20,17 @@ def interpret(comparison: Comparison) -> str:
     if not comparison.significant:
         if ratio < NEAR:
             return (
-                f"Within the noise: the error is {number(ratio, 2)} times the noise floor and no condition stands out. "
+                f"Within the noise: the error is {times(comparison)} the noise floor and no condition stands out. "
                 "Nothing to explain here."
             )
         return (
-            f"The error is {number(ratio, 2)} times the noise, but no condition stands out among "
+            f"The error is {times(comparison)} the noise, but no condition stands out among "
             f"{comparison.n_places} looked at: the floor may be too low, or the runs too few to tell."
         )
     start = (
-        f"The model is off by {number(ratio, 2)} times the noise"
+        f"The model is off by {times(comparison)} the noise"
         if ratio >= NEAR
-        else f"The error is {number(ratio, 2)} times the noise, so little is left to explain, yet it is no pure noise"
+        else f"The error is {times(comparison)} the noise, so little is left to explain, yet it is no pure noise"
     )
     where = headline(comparison)
     if where is None:
@@ -56,26 +54,33 @@ def headline(comparison: Comparison) -> Place | None:
     return narrower[0] if narrower else top
 
 
+def times(comparison: Comparison) -> str:
+    """The error in units of the floor: "3.1 times"."""
+    ratio = comparison.rmse_over_floor
+    return f"{ratio:.1f} times" if ratio < 10 else f"{ratio:.0f} times"
+
+
 def _size(comparison: Comparison) -> str:
     texts = [
         f"{shown(name).text(error.rmse, 2)} in {shown(name).label}"
         for name, error in comparison.outputs.items()
     ]
     more = f" and {len(texts) - 3} more" if len(texts) > 3 else ""
-    return f"The error is {', '.join(texts[:3])} (root mean square){more}"
+    noise = f", {times(comparison)} the noise between neighbouring readings" if comparison.has_floor else ""
+    return f"The error is {', '.join(texts[:3])} (root mean square){more}{noise}"
 
 
 def _missing(comparison: Comparison) -> str:
-    without = [
-        shown(n).label for n, error in comparison.outputs.items() if not np.isfinite(error.noise_floor)
-    ]
+    without = [shown(n).label for n, error in comparison.outputs.items() if error.source not in JUDGED_BY]
+    if all(error.source == NO_NOISE for error in comparison.outputs.values()):
+        return "the readings have no noise at all"
     which = "" if len(without) == len(comparison.outputs) else f" for {listed(without)}"
     return f"no run was repeated and no sigma is stated{which}"
 
 
 def _mostly(comparison: Comparison) -> str:
-    place = comparison.worst[0] if comparison.worst else None
-    return f" Most of it: {_share(place)}." if place else ""
+    place = headline(comparison)
+    return f" What stands out of it: {_share(place)}. {_direction(place)}" if place else ""
 
 
 def _share(place: Place) -> str:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from pliant.evidence.comparison import Comparison, GroupError, residuals_of
 from pliant.evidence.covariates import Covariates, covariates
 from pliant.evidence.places import Residuals
-from pliant.evidence.words import Shown, number, shown
+from pliant.evidence.words import Shown, shown
 from pliant.records.design import Array
 from pliant.records.measurement import MeasuredRun, Measurement
 
@@ -69,7 +69,9 @@ class Compared:
 def with_ratio(group: GroupError) -> str:
     """A run's or condition's name with its error in units of the floor."""
     ratio = group.rmse_over_floor
-    return f"{group.name}: {number(ratio, 2)} × noise" if np.isfinite(ratio) else group.name
+    if not np.isfinite(ratio):
+        return group.name
+    return f"{group.name}: {ratio:.1f} × noise" if ratio < 10 else f"{group.name}: {ratio:.0f} × noise"
 
 
 def clock(run: MeasuredRun) -> tuple[Array, str]:
