@@ -36,7 +36,7 @@ from pliant.registry.discovery import Registry
 MOST_EFFECTS = 3
 # Singles that are within this of the best one in log-evidence are grown too.
 NEAR = 15.0
-MOST_GROWN = 3
+MOST_GROWN = 2
 
 Tick = Callable[[str], None]
 

@@ -63,7 +63,8 @@ class Prices:
         believed: probability above which the first hypothesis is the verdict.
         slip: between / within scatter from which runs do not repeat.
         noise: n_eff below which no verdict is given.
-        excited: change in σ below which an effect cannot be judged.
+        excited: change in σ below which an effect cannot be judged: the model's own law may be off by as much, so
+            that an effect is paid only for what it explains beyond that.
     """
 
     effect: float = 7.0
@@ -82,20 +83,20 @@ PRICES = Prices()
 def log_evidence(table: EvidenceTable, prices: Prices) -> dict[Kinds, float]:
     """ln P(data | hypothesis) + ln prior of each row, up to a constant, and of `UNKNOWN` where it can be judged.
 
-    −½ n_eff ln S* − ½ k ln n_eff − price · effects, with S* the mean squared residual plus the form allowance
-    of the best simpler hypothesis.
+    −½ n_eff ln S* − ½ k ln n_eff − price · effects, with S* the mean squared residual plus, for every hypothesis
+    but "nothing", what a law that is slightly off may explain by itself, and what an equation that is slightly
+    off may have left over of the simpler hypotheses.
     """
     n = max(table.noise.n_effective, 2.0)
     found = {}
     for kinds, row in table.rows.items():
-        square = row.mean_square + prices.form * _explained_by_parts(table, kinds)
+        square = row.mean_square + _allowance(table, kinds, prices)
         found[kinds] = (
             -0.5 * n * np.log(square) - 0.5 * row.n_parameters * np.log(n) - prices.effect * len(kinds)
         )
     if table.noise.judged:
         best = max(found, key=lambda kinds: found[kinds])
-        explained = table.nothing.mean_square - table.rows[best].mean_square
-        square = table.noise.floor_square + prices.form * max(explained, 0.0)
+        square = table.noise.floor_square + _left_over(table, best, prices)
         found[UNKNOWN] = -0.5 * n * np.log(square) - prices.unknown
     return found
 
@@ -125,9 +126,8 @@ def room_above_floor(table: EvidenceTable, kinds: Kinds, prices: Prices) -> bool
     """Whether a further effect could pay its price if it reached the noise floor."""
     n = max(table.noise.n_effective, 2.0)
     row = table.rows[kinds]
-    allowance = prices.form * (table.nothing.mean_square - row.mean_square)
     floor = table.noise.floor_square if np.isfinite(table.noise.floor_square) else 0.0
-    reach = max(floor + max(allowance, 0.0), 1e-12)
+    reach = max(floor + _left_over(table, kinds, prices), 1e-12)
     return 0.5 * n * np.log(max(row.mean_square, 1e-12) / reach) > prices.effect + 0.5 * np.log(n)
 
 
@@ -141,10 +141,18 @@ def at_limit(fit: Fit) -> tuple[str, ...]:
     return tuple(knob.name for knob, there in zip(fit.candidate.knobs, fit.at_limit, strict=True) if there)
 
 
-def _explained_by_parts(table: EvidenceTable, kinds: Kinds) -> float:
-    """What the best of the hypotheses with one effect less explains; 0 for single effects."""
-    if len(kinds) < 2:
+def _left_over(table: EvidenceTable, kinds: Kinds, prices: Prices) -> float:
+    """What a slightly wrong law and the slightly wrong equations of a hypothesis may leave above the noise."""
+    explained = table.nothing.mean_square - table.rows[kinds].mean_square
+    return prices.excited**2 + prices.form * max(explained, 0.0)
+
+
+def _allowance(table: EvidenceTable, kinds: Kinds, prices: Prices) -> float:
+    """What the best of the hypotheses with one effect less may leave: no merit of the further effect."""
+    if not kinds:
         return 0.0
-    parts = [tuple(k for k in kinds if k != left) for left in kinds]
-    squares = [table.rows[part].mean_square for part in parts if part in table.rows]
-    return max(table.nothing.mean_square - min(squares), 0.0) if squares else 0.0
+    parts = [tuple(kind for kind in kinds if kind != left) for left in kinds]
+    known = [part for part in parts if part in table.rows]
+    if not known:
+        return prices.excited**2
+    return _left_over(table, min(known, key=lambda part: table.rows[part].mean_square), prices)
