@@ -50,7 +50,9 @@ class Bins:
 def binned(covariate: Covariate) -> Bins:
     """The covariate in bins: one per category or level; else about as many samples in each of `N_BINS`."""
     values = np.concatenate(covariate.values)
-    if not covariate.numeric:
+    if not np.isfinite(values).any():
+        found, words, centres = values, [], []
+    elif not covariate.numeric:
         found, words, centres = values, list(covariate.categories), [np.nan] * len(covariate.categories)
     else:
         found, words, centres = _numeric(covariate, values)

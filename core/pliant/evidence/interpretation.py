@@ -7,6 +7,7 @@ from pliant.evidence.places import Place
 from pliant.evidence.words import listed, percent, shown
 
 NEAR = 1.2  # times the floor: nothing to explain when no place stands out
+DENSER = 1.2  # of its share of the readings: below, the error is no denser there than elsewhere
 LIFT = 1.25  # a narrower place is named when its error is denser by so much…
 KEPT = 0.8  # …and it keeps so much of the error
 
@@ -40,7 +41,9 @@ def interpret(comparison: Comparison) -> str:
 
 def headline(comparison: Comparison) -> Place | None:
     """The place to look at first: the worst, or a narrower one inside it where the error is clearly denser."""
-    significant = [place for place in comparison.worst if place.significant]
+    significant = [
+        p for p in comparison.worst if p.significant and p.share_of_error > DENSER * p.share_of_samples
+    ]
     if not significant:
         return None
     top = significant[0]
