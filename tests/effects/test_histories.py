@@ -16,6 +16,7 @@ from pliant.records.chain import ChainModel
 from pliant.records.design import Array
 from pliant.records.history import History
 from pliant.records.rollout import Inputs
+from pliant.records.term import LawTerm
 from pliant.registry.discovery import discover
 from pliant.testing.effect_bench import probe_run
 from pliant.testing.histories import follow_joint, triangles
@@ -54,7 +55,7 @@ def model_with(chain: ChainModel, *effects: tuple[str, Mapping[str, Any]]) -> Mo
 def followed(modules: int, histories: list[History], *effects: tuple[str, Mapping[str, Any]]) -> list[Array]:
     """(t,) angle of a joint in each history; all joints must agree."""
     model = model_with(chain_of(modules), *effects)
-    runs = ENGINE.follow(model.chain, [model.commanded(h) for h in histories])[0]
+    runs, _ = ENGINE.follow(model.chain, [model.commanded(h) for h in histories])
     for run in runs:
         assert run.joint_angles.shape[1:] == (modules, 1)
         assert np.all(run.converged)
@@ -242,6 +243,23 @@ def test_settle_and_step_walk_the_same_path_as_a_history(effect: tuple[str, Mapp
             simulation.step(0.5)
             walked.append(simulation.snapshot().position)
     np.testing.assert_allclose(run.joint_angles, np.array(walked), atol=2e-5)
+
+
+def excess(angle: float) -> float:
+    return max(angle - GAP, 0.0)
+
+
+GAP = 0.2
+
+
+def pushed(u: float, rate: float, dt: float, p: float, t: float, old: Array, new: Array, c: Array) -> float:
+    return -c[0] * excess(u)  # type: ignore[no-any-return]
+
+
+def test_a_term_may_call_functions_of_its_own_file() -> None:
+    chain = chain_of(1).with_(terms=(LawTerm("moment", pushed, (2 * K,)),))
+    ((run,), _) = ENGINE.follow(chain, [ramps((P,), 3e3, 0.5)])
+    assert run.joint_angles[-1, 0, 0] == pytest.approx((U + 2 * GAP) / 3, abs=1e-6)
 
 
 # -- static tasks ----------------------------------------------------------------------------------

@@ -21,7 +21,7 @@ from pliant.records.term import LawTerm
 from pliant.units import Angle, Ratio
 
 LOSSES = (0.0, 0.9)
-SCALES = (0.03, 1.0)
+SCALES = (0.05, 1.0)
 
 
 class MullinsConfig(EffectConfig):

@@ -5,10 +5,12 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from types import FunctionType
 from typing import Any
 
 import numpy as np
 from numba import cfunc
+from numba.extending import register_jitable
 
 from pliant.errors import UserError
 from pliant.mechanics.kinematics import ChainGeometry
@@ -148,9 +150,26 @@ class Terms:
 
 def _compile(function: TermFunction) -> Any:
     try:
+        for helper in _helpers(function):
+            register_jitable(helper)
         return cfunc(TERM_SIGNATURE, cache=_on_disk(function))(function)
     except Exception as error:  # numba lets Python's own errors through beside its own
         raise UserError(_why_not(function, error)) from error
+
+
+def _helpers(function: TermFunction) -> list[FunctionType]:
+    """Functions of its own file that a law term calls, and those that they call."""
+    found: list[FunctionType] = []
+    queue: list[Any] = [function]
+    while queue:
+        caller = queue.pop()
+        for name in caller.__code__.co_names:
+            helper = caller.__globals__.get(name)
+            ours = isinstance(helper, FunctionType) and helper.__module__ == function.__module__
+            if ours and helper is not function and helper not in found:
+                found.append(helper)
+                queue.append(helper)
+    return found
 
 
 def _why_not(function: TermFunction, error: Exception) -> str:
