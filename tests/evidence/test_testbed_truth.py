@@ -1,0 +1,313 @@
+"""The truths of the hidden-effect test bed behave as the physics that they are named after."""
+
+from __future__ import annotations
+
+import csv
+import io
+from functools import cache
+
+import numpy as np
+import pytest
+from benchmarks.evidence import functional_truth, mujoco_truth, noise
+from benchmarks.evidence.forms import Forms
+from benchmarks.evidence.protocols import LOAD_N_M, NAMES, Run, protocol, steps, triangles
+from benchmarks.evidence.robots import (
+    B_E,
+    CHAIN,
+    GRAVITY_M_S2,
+    JOINT,
+    K_N,
+    M_A,
+    M_E,
+    PRESSURE_MAX_PA,
+    ROBOTS,
+    Array,
+    readings,
+)
+from benchmarks.evidence.sets import ENGINES, SIGMA_OF_RANGE, MeasuredSet, SetSpec, make_set, signal
+from benchmarks.evidence.truths import CLEAN, KINDS, UNKNOWN, Body, Truth
+from scipy.optimize import brentq
+
+from pliant.config.loading import load_study
+from pliant.registry.discovery import discover
+
+BOTH = ("functional", "mujoco")
+SIGMA_RAD = 0.01
+END = -13  # the last 5 s
+
+
+def run_of(pressure: Array, moment: float | Array = 0.0, specimen: str = "A", **conditions: float) -> Run:
+    return Run("test", specimen, pressure, np.broadcast_to(moment, len(pressure)).copy(), **conditions)
+
+
+def angles(engine: str, truth: Truth, *runs: Run) -> list[Array]:
+    """(t,) angle of one joint in every run."""
+    return [run[:, 0] for run in ENGINES[engine].follow(JOINT, runs, truth)]
+
+
+def change(engine: str, truth: Truth, *runs: Run) -> list[Array]:
+    """What the truth changes, in rad."""
+    pairs = zip(angles(engine, truth, *runs), angles(engine, Truth(), *runs), strict=True)
+    return [one - other for one, other in pairs]
+
+
+def loop_area(pressure: Array, angle: Array, samples: int) -> float:
+    """∮ u dp over the last cycle of `samples`, rad·Pa: positive where unloading runs above loading."""
+    p, u = (np.append(values[-samples:], values[-samples]) for values in (pressure, angle))
+    return float(-np.sum(np.diff(p) * (u[1:] + u[:-1]) / 2))
+
+
+def test_worked_number_of_the_contract() -> None:
+    read = readings(CHAIN, np.full((1, 8), 0.359718), np.zeros(1))
+    assert read["tip_x_m"][0] == pytest.approx(0.059451, abs=1e-6)
+    assert read["tip_z_m"][0] == pytest.approx(-0.007889, abs=1e-6)
+    pitched = readings(CHAIN, np.zeros((1, 8)), np.array([np.pi / 2]))
+    assert pitched["tip_x_m"][0] == pytest.approx(-0.088) and pitched["tip_z_m"][0] == pytest.approx(
+        0, abs=1e-12
+    )
+
+
+@pytest.mark.parametrize("engine", BOTH)
+@pytest.mark.parametrize("pitch", [0.0, np.pi / 2])
+def test_a_held_joint_stands_where_its_moments_balance(engine: str, pitch: float) -> None:
+    load, p = 0.5 * LOAD_N_M, 0.7 * PRESSURE_MAX_PA
+
+    def balance(u: float) -> float:
+        law = K_N * p + M_A * p * u - 0.5 * M_E * u * abs(u) - B_E * u
+        weight = JOINT.mass_kg / 2 * GRAVITY_M_S2 * JOINT.length_m / 4 * np.sin(u - pitch)
+        return law - load - weight
+
+    (angle,) = angles(engine, Truth(), run_of(p * np.ones(20), load, base_pitch_rad=pitch))
+    assert angle[-1] == pytest.approx(brentq(balance, -1, 2), abs=2e-6)
+
+
+@pytest.mark.parametrize("robot", [JOINT, CHAIN], ids=lambda r: r.name)
+def test_the_engines_agree_on_the_clean_truth(robot: object) -> None:
+    runs = protocol("rich")
+    pitches = [np.full(len(run), run.base_pitch_rad) for run in runs]
+    one, other = (
+        [
+            readings(robot, q, pitch)
+            for q, pitch in zip(engine.follow(robot, runs, Truth()), pitches, strict=True)
+        ]  # type: ignore[arg-type]
+        for engine in (functional_truth, mujoco_truth)
+    )
+    for name in one[0]:
+        values = np.concatenate([run[name] for run in one])
+        sigma = SIGMA_OF_RANGE * np.ptp(values)
+        difference = np.concatenate([run[name] for run in other]) - values
+        assert np.sqrt(np.mean(difference**2)) < 0.1 * sigma, name
+
+
+@cache
+def made(kind: str, engine: str, snr: float | None = 2.0, robot: str = "joint") -> MeasuredSet:
+    return make_set(SetSpec(kind, 3, engine, robot, snr=snr))  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("kind", [*KINDS, *UNKNOWN])
+def test_every_effect_reaches_the_strength_that_was_asked_for(kind: str) -> None:
+    found = made(kind, "functional")
+    assert signal(found.clean, found.hidden, found.sigma) == pytest.approx(2.0, rel=0.1)
+    assert found.label["excited"] and found.label["snr_reached"] == pytest.approx(2.0, rel=0.1)
+
+
+@pytest.mark.parametrize("kind", ["viscous_damping", "friction_hysteresis", "viscoelastic", "gravity_scale"])
+def test_strength_in_mujoco(kind: str) -> None:
+    found = made(kind, "mujoco", 1.5)
+    assert signal(found.clean, found.hidden, found.sigma) == pytest.approx(1.5, rel=0.1)
+
+
+def test_strength_is_the_root_mean_square_over_a_chains_outputs() -> None:
+    found = made("stiffness", "functional", 2.0, "chain")
+    squares = []
+    for name, sigma in found.sigma.items():
+        difference = np.concatenate(
+            [h[name] - c[name] for h, c in zip(found.hidden, found.clean, strict=True)]
+        )
+        squares.append(np.mean((difference / sigma) ** 2))
+    assert len(squares) == 3 and np.sqrt(np.mean(squares)) == pytest.approx(2.0, rel=0.1)
+
+
+def test_an_effect_that_the_runs_do_not_show_is_labelled_so() -> None:
+    label = make_set(SetSpec("thermal_softening", 0, protocol="poor")).label
+    assert not label["excited"] and label["snr_reached"] == 0
+
+
+@pytest.mark.parametrize("engine", BOTH)
+def test_friction_loops_have_the_same_area_at_every_rate(engine: str) -> None:
+    body, forms = (
+        (Body(joint_friction=1e-3), Forms()) if engine == "mujoco" else (Body(), Forms(friction=1e-3))
+    )
+    areas = []
+    for period in (8, 80):
+        pressure = triangles(period, [1.0, 1.0])
+        (angle,) = angles(engine, Truth(forms, body), run_of(pressure))
+        areas.append(loop_area(pressure, angle, round(period / 0.4)))
+    assert areas[0] > 100 and areas[1] == pytest.approx(areas[0], rel=0.15)
+
+
+def expected_viscous_area(damping: float, power: float, period_s: float) -> float:
+    """∮ u dp of a slightly damped hanging joint: the angle is behind by damping · rate^power / stiffness."""
+    p = np.linspace(0, PRESSURE_MAX_PA, 2001)
+    weight = JOINT.mass_kg / 2 * GRAVITY_M_S2 * JOINT.length_m / 4  # times sin u, nearly u
+    b = B_E - M_A * p + weight
+    u = (np.sqrt(b * b + 2 * M_E * K_N * p) - b) / M_E
+    rate = np.gradient(u, p) * PRESSURE_MAX_PA / (period_s / 2)
+    behind = damping * rate**power / (b + M_E * u)
+    return float(2 * np.trapezoid(behind, p))
+
+
+@pytest.mark.parametrize(("engine", "power"), [("mujoco", 1.0), ("functional", 0.8)])
+def test_viscous_loops_grow_as_the_rate_to_its_power(engine: str, power: float) -> None:
+    forms, damping = Forms(viscous=1e-3, viscous_power=power), 1e-3
+    truth = Truth(forms)
+    if engine == "mujoco":
+        truth, damping = Truth(body=Body(joint_damping=1e-3)), 1e-3 + mujoco_truth.AIR_DAMPING
+    areas = []
+    for period in (20, 80):
+        pressure = triangles(period, [1.0, 1.0])
+        (angle,) = angles(engine, truth, run_of(pressure))
+        areas.append(loop_area(pressure, angle, round(period / 0.4)))
+        assert areas[-1] == pytest.approx(expected_viscous_area(damping, power, period), rel=0.15)
+    assert areas[0] / areas[1] == pytest.approx(4**power, rel=0.15)
+
+
+@pytest.mark.parametrize("engine", BOTH)
+def test_mullins_softens_after_the_first_loading_only(engine: str) -> None:
+    truth, n = Truth(Forms(mullins=0.3, mullins_scale=0.1)), 50
+    first, again, other = change(
+        engine,
+        truth,
+        run_of(triangles(20, [1.0] * 3)),
+        run_of(triangles(20, [1.0])),
+        run_of(triangles(20, [1.0]), specimen="B"),
+    )
+    assert np.abs(first[2 : n // 2]).max() < 0.1 * SIGMA_RAD  # the virgin loading
+    assert first[n:].max() > 2 * SIGMA_RAD
+    assert first[2 * n :] == pytest.approx(first[n : 2 * n], abs=1e-3)
+    assert again == pytest.approx(first[n : 2 * n], abs=1e-3)  # the next run of the same specimen
+    assert np.abs(other[2 : n // 2]).max() < 0.1 * SIGMA_RAD  # a virgin one
+
+
+@pytest.mark.parametrize("engine", BOTH)
+def test_a_supply_lag_is_gone_in_holds_and_vents_slower(engine: str) -> None:
+    holds = PRESSURE_MAX_PA * steps((0.6, 1.0, 0.0), 20.0)
+    (lag,) = change(engine, Truth(Forms(lag_s=0.6)), run_of(holds))
+    assert np.abs(lag).max() > 3 * SIGMA_RAD
+    ends = [slice(50 * k + 50 + END, 50 * k + 50) for k in range(3)]
+    assert all(np.abs(lag[end]).max() < 0.02 * SIGMA_RAD for end in ends)
+    loads = run_of(np.full(50, 1e4), LOAD_N_M * np.minimum(1, np.arange(50) / 3))
+    assert np.abs(change(engine, Truth(Forms(lag_s=0.6)), loads)[0]).max() < 1e-6
+
+
+def test_a_viscoelastic_joint_drifts_in_holds_and_comes_back() -> None:
+    forms = Forms(branch_1=0.01, branch_2=0.01, branch_3=0.01, time_1_s=1.5, time_2_s=5.0, time_3_s=15.0)
+    (late,) = change("functional", Truth(forms), run_of(PRESSURE_MAX_PA * steps((1.0,), 200.0)))
+    assert late[4] < -2 * SIGMA_RAD and np.all(np.diff(late[4:]) > 0) and abs(late[-1]) < 0.01 * SIGMA_RAD
+    rates = np.diff(late[4:])  # more than one time: the rate falls by less than a single exponential says
+    assert rates[50] / rates[25] > 1.3 * rates[25] / rates[0]
+
+
+def test_a_set_grows_as_the_square_of_the_largest_angle_and_stays() -> None:
+    levels = PRESSURE_MAX_PA * steps((0.5, 0.0, 1.0, 0.0, 0.4, 0.0), 10.0)
+    run = run_of(levels)
+    (angle,) = angles("functional", Truth(Forms(set_share=0.02)), run)
+    rests, tops = angle[[49, 99, 149]], [angle[:25].max(), angle[:75].max()]
+    assert rests[1] / rests[0] == pytest.approx((tops[1] / tops[0]) ** 2, rel=0.02)
+    assert rests[2] == pytest.approx(rests[1], rel=1e-6)
+
+
+@pytest.mark.parametrize("engine", BOTH)
+def test_what_is_silent_without_pressure_or_below_contact(engine: str) -> None:
+    loads = run_of(np.zeros(60), LOAD_N_M * steps((1.0, -1.0, 0.0), 8.0))
+    for forms in (
+        Forms(gain=0.2),
+        Forms(dead_pa=1e3),
+        Forms(contact=0.5, contact_at=0.3, contact_quadratic=1.0),
+    ):
+        assert np.abs(change(engine, Truth(forms), loads)[0]).max() < 1e-6
+    for forms in (Forms(stiffness=0.2), Forms(offset_pa=500.0)):
+        assert np.abs(change(engine, Truth(forms), loads)[0]).max() > SIGMA_RAD
+
+
+@pytest.mark.parametrize("engine", BOTH)
+def test_heat_and_weight_show_in_their_own_runs_only(engine: str) -> None:
+    pressure = triangles(20, [1.0])
+    runs = (
+        run_of(pressure),
+        run_of(pressure, temperature_c=52.0),
+        run_of(pressure, base_pitch_rad=np.pi / 2),
+    )
+    warm = change(engine, Truth(Forms(thermal=0.01)), *runs)
+    assert np.abs(warm[0]).max() == 0 and warm[1].max() > 2 * SIGMA_RAD and np.abs(warm[2]).max() == 0
+    heavy = change(engine, Truth(body=Body(fitting_kg=0.01)), *runs)
+    assert np.abs(heavy[2]).max() > 4 * np.abs(heavy[0]).max()
+
+
+def test_a_sensor_bias_is_nearly_constant() -> None:
+    found = made("sensor_bias", "functional")
+    shift = np.concatenate(
+        [h["angle_rad"] - c["angle_rad"] for h, c in zip(found.hidden, found.clean, strict=True)]
+    )
+    assert np.std(shift) < 0.1 * abs(np.mean(shift))
+
+
+@pytest.mark.parametrize("split", ["judged", "calibration"])
+def test_noise_has_the_variance_and_the_correlation_that_it_states(split: str) -> None:
+    spectrum, n, dt = noise.SPECTRA[split], 2000, 0.4
+    runs = noise.draw(spectrum, [n] * 60, dt, np.random.default_rng(5))
+    within = [run - run.mean() for run in runs]
+    assert np.mean([np.var(run) for run in within]) == pytest.approx(1.0, rel=0.03)
+    for lag in (1, 5, 10):
+        expected = spectrum.coloured_share * np.exp(-lag * dt / spectrum.correlation_s)
+        assert np.mean([np.mean(run[lag:] * run[:-lag]) for run in within]) == pytest.approx(
+            expected, abs=0.02
+        )
+    assert np.std([run.mean() for run in runs]) == pytest.approx(spectrum.run_offset, rel=0.3)
+
+
+def test_a_set_is_its_spec_and_reads_as_a_measurement(tmp_path: object) -> None:
+    spec = SetSpec("mullins", 7)
+    one, again = make_set(spec), make_set(spec)
+    assert one.csv == again.csv and one.label == again.label
+    assert make_set(SetSpec("mullins", 8)).csv != one.csv
+    rows = list(csv.DictReader(io.StringIO(one.csv)))
+    assert len(rows) == sum(len(run) for run in protocol("rich"))
+    assert {row["specimen"] for row in rows} == {"A", "B"} and len({row["run"] for row in rows}) == 20
+    read = np.array([float(row["angle_rad"]) for row in rows])
+    hidden = np.concatenate([run["angle_rad"] for run in one.hidden])
+    assert np.std(read - hidden) == pytest.approx(one.sigma["angle_rad"], rel=0.15)
+    assert "mullins" not in one.csv + one.study
+
+
+@pytest.mark.parametrize("name", sorted(ROBOTS))
+def test_the_study_given_away_is_a_study(name: str, tmp_path: object) -> None:
+    path = tmp_path / "study.yaml"  # type: ignore[operator]
+    path.write_text(ROBOTS[name].study("under-test"))
+    study = load_study(path, discover())
+    assert study.chain.modules == ROBOTS[name].modules
+
+
+def test_protocols_are_what_their_table_says() -> None:
+    runs = {name: protocol(name) for name in NAMES}
+    assert {name: len(found) for name, found in runs.items()} == {
+        "rich": 20,
+        "rich_noload": 18,
+        "rates": 9,
+        "poor": 5,
+        "example": 14,
+    }
+    assert 2800 < sum(len(run) for run in runs["rich"]) < 3300
+    rich = runs["rich"]
+    conditions = [run.condition for run in rich]
+    assert all(conditions.count(name) == 2 for name in conditions)  # each done twice
+    for a, b in zip(rich[:10], rich[10:], strict=True):
+        assert a.specimen != b.specimen and np.array_equal(a.pressure_pa, b.pressure_pa)
+
+
+def test_calibration_sets_are_other_sets() -> None:
+    judged, other = (
+        make_set(SetSpec("friction_hysteresis", 0, split=split)) for split in ("judged", "calibration")
+    )  # type: ignore[arg-type]
+    assert judged.csv != other.csv and judged.label["drawn"] != other.label["drawn"]
+    assert make_set(SetSpec(CLEAN, 0, split="calibration")).label["right"] == ["nothing_missing"]

@@ -1,0 +1,21 @@
+"""A diagnoser for tests of the bench: it answers from the CSV's size alone, slowly enough to be killed."""
+
+from __future__ import annotations
+
+import os
+import time
+from pathlib import Path
+from typing import Any
+
+
+def diagnose(study: str, csv: str, seed: int) -> dict[str, Any]:
+    """Always finds stiffness; fails where it can see a label."""
+    assert Path(study).suffix == ".yaml" and "kind: polynomial" in Path(study).read_text()
+    assert Path(csv).read_text().startswith("run,specimen,time_s,pressure_pa")
+    time.sleep(float(os.environ.get("STAND_IN_SECONDS", "0")))
+    return {
+        "verdict": "missing_effect",
+        "selected": ["stiffness"],
+        "hypotheses": [{"kinds": ["stiffness"], "probability": 0.9}, {"kinds": [], "probability": 0.1}],
+        "credible_set": [{"kinds": ["stiffness"], "probability": 0.9}],
+    }
