@@ -8,6 +8,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 from typer.testing import CliRunner, Result
 
 from pliant.cli.verbs import app
@@ -229,6 +231,22 @@ def test_mistakes_in_the_file_are_told_with_their_line(folder: Path, old: str, n
         with_files(REGISTRY, [folder / "rise.py"])
     refused = call("simulate", "own.yaml")
     assert (refused.exit_code, "Traceback" in refused.output) == (2, False)
+
+
+LINES = EFFECT.splitlines(keepends=True)
+
+
+@settings(max_examples=20, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(st.sets(st.integers(0, len(LINES) - 1), min_size=1, max_size=3))
+def test_a_file_with_lines_missing_is_an_effect_or_a_sentence(folder: Path, missing: set[int]) -> None:
+    write(folder, "".join(line for number, line in enumerate(LINES) if number not in missing))
+    try:
+        (component,) = components_of(folder / "rise.py")
+    except UserError as error:
+        assert str(error).startswith("rise.py")
+        assert str(error).endswith(".")
+    else:
+        assert component.interface == "effect"
 
 
 def test_a_term_that_cannot_be_compiled_is_told_by_the_check(folder: Path) -> None:

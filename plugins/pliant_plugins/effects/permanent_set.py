@@ -4,8 +4,8 @@
 
 per joint, with u₊ ≥ 0 and u₋ ≤ 0 the largest angles so far on either side: residual strain in proportion to the
 largest strain, as cyclic tests of filled rubbers and silicones show it (Dorfmann & Ogden, Int. J. Solids Struct.
-41, 2004, doi 10.1016/j.ijsolstr.2003.11.014; here to first order, the share s). Rest does not heal it: the
-memory goes on from run to run of one specimen.
+41, 2004, doi 10.1016/j.ijsolstr.2003.11.014; here to first order, the share s). A first loading is therefore
+softer by that share too. Rest does not heal the set: the memory goes on from run to run of one specimen.
 """
 
 from __future__ import annotations
