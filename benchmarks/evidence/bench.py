@@ -51,7 +51,7 @@ class Bench:
 
 
 def make(task: Task, name: str, folder: Path, key: bytes) -> str:
-    """In a maker's process: write NAME.csv, NAME.yaml and NAME.sealed; the set's name."""
+    """In a maker's process: write NAME.csv, NAME_study.yaml and NAME.sealed; the set's name."""
     from benchmarks.evidence.sets import make_set
 
     sealed = folder / f"{name}{seal.SUFFIX}"
@@ -60,14 +60,14 @@ def make(task: Task, name: str, folder: Path, key: bytes) -> str:
     folder.mkdir(parents=True, exist_ok=True)
     made = make_set(task.spec, name=f"set-{name}")
     write(folder / f"{name}.csv", made.csv)
-    write(folder / f"{name}.yaml", made.study)
+    write(folder / f"{name}_study.yaml", made.study)
     write(sealed, seal.seal(made.label, key))
     return name
 
 
 def ask(verb: str, module: str, name: str, folder: Path) -> dict[str, Any]:
     """In a diagnoser's process: the line of results of one set. It knows paths of a study and a CSV, no more."""
-    study, csv = folder / f"{name}.yaml", folder / f"{name}.csv"
+    study, csv = folder / f"{name}_study.yaml", folder / f"{name}.csv"
     seed = int.from_bytes(hashlib.sha256(name.encode()).digest()[:4])
     start = time.perf_counter()
     line: dict[str, Any] = {"id": name, "verb": verb}
