@@ -134,7 +134,7 @@ def _floor(
     name: str, measurement: Measurement, readings: Sequence[Array], groups: Sequence[RepeatGroup]
 ) -> Floor:
     repeats = [(group, aligned(*_of(group, measurement, readings))) for group in groups]
-    repeats = [(group, table) for group, table in repeats if table.values.shape[1] > 1]
+    repeats = [(group, table) for group, table in repeats if min(table.values.shape) > 1]
     fast = _fast(measurement, readings)
     within, between = fast, None
     if repeats:
@@ -159,7 +159,9 @@ def _floor(
 def _of(
     group: RepeatGroup, measurement: Measurement, readings: Sequence[Array]
 ) -> tuple[list[MeasuredRun], list[Array]]:
-    return [measurement.runs[i] for i in group.runs], [readings[i] for i in group.runs]
+    read = [i for i in group.runs if np.isfinite(readings[i]).any()]
+    read = read if len(read) > 1 else list(group.runs)
+    return [measurement.runs[i] for i in read], [readings[i] for i in read]
 
 
 def _chosen(fast: _Variance, between: _Variance | None, sigma: float | None) -> tuple[float, Source, float]:
