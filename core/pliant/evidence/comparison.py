@@ -29,6 +29,16 @@ from pliant.records.measurement import MeasuredRun, Measurement
 NO_NOISE = "no noise"
 ROUNDING = 1e-7  # of the readings: smaller floors come from computed data
 FORGETTING = 6.0  # memory times in a bootstrap block
+SET_BY_THE_BENCH = (
+    "pressure",
+    "tendon",
+    "moment_n_m",
+    "tip_force",
+    "payload",
+    "temperature",
+    "base_",
+    "specimen",
+)
 JUDGED_BY = ("repeats", "stated sigma")  # floors that hold the bench's own scatter
 
 
@@ -84,6 +94,7 @@ class Comparison:
         places: every bin of every covariate; shares of one covariate sum to 1.
         worst: places that hold more than their part of the error, the worst first.
         depends_on: covariate → share of the error's variance that it tells (see `importance`), largest first.
+        labels: covariate → words.
         n_places: (bin, output) pairs that were tested; significance is corrected for so many.
         n_samples, n_effective: readings, and how many independent ones they are worth.
         judged: every floor comes from repeats or a stated sigma, so that "right" and "wrong" have a meaning.
@@ -98,6 +109,7 @@ class Comparison:
     places: tuple[Place, ...]
     worst: tuple[Place, ...]
     depends_on: Mapping[str, float]
+    labels: Mapping[str, str]
     n_places: int
     n_samples: int
     n_effective: float
@@ -181,6 +193,10 @@ def compare(
         places=places,
         worst=worst_places(places),
         depends_on=importance(residuals, found, {name: one.total for name, one in noise.items()}),
+        labels={
+            "position": "position along the chain",
+            **{item.name: item.shown.label for item in found.items},
+        },
         n_places=sum(len(place.outputs) for place in places),
         n_samples=sum(error.n for error in outputs.values()),
         n_effective=sum(error.n_effective for error in outputs.values()),
@@ -296,21 +312,23 @@ def _group(
 
 
 def _run_words(found: Covariates, n_runs: int) -> list[str]:
-    """What each run is like, where runs differ."""
+    """What sets each run apart: its rate, its specimen, and loads and conditions that are not the usual ones."""
     parts: list[list[str]] = [[] for _ in range(n_runs)]
-    for item in found.items:
-        if item.name in ("run_number", "moment_direction") or not item.constant_in_runs:
-            continue
-        bins = binned(item)
-        for k, codes in enumerate(bins.codes):
-            if len(codes):
-                parts[k].append(bins.words[codes[0]])
     for item in found.items:
         if item.name.startswith("rate_"):
             for part, rate in zip(parts, item.values, strict=True):
                 if np.isfinite(rate).any():
                     part.append(item.shown.text(float(np.nanmedian(rate)), 2))
-    return [", ".join(dict.fromkeys(part)) for part in parts]
+        elif item.name.startswith(SET_BY_THE_BENCH):
+            bins = binned(item)
+            own = [codes[0] if len(codes) and np.ptp(codes) == 0 else -1 for codes in bins.codes]
+            usual = (
+                max(set(own), key=own.count) if own.count(max(set(own), key=own.count)) > n_runs / 2 else None
+            )
+            for part, code in zip(parts, own, strict=True):
+                if code >= 0 and code != usual:
+                    part.append(bins.words[code])
+    return [", ".join(part) for part in parts]
 
 
 def _remarks(

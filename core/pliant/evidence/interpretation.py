@@ -8,6 +8,7 @@ from pliant.evidence.words import listed, percent, shown
 
 NEAR = 1.2  # times the floor: nothing to explain when no place stands out
 DENSER = 1.2  # of its share of the readings: below, the error is no denser there than elsewhere
+CLUE = 0.15  # of the error's variance
 LIFT = 1.25  # a narrower place is named when its error is denser by so much…
 KEPT = 0.8  # …and it keeps so much of the error
 
@@ -35,8 +36,8 @@ def interpret(comparison: Comparison) -> str:
     )
     where = headline(comparison)
     if where is None:
-        return f"{start}; the error is spread over all conditions alike{_bias(comparison)}."
-    return f"{start}; {_share(where)}. {_direction(where)}"
+        return f"{start}; the error is spread over all conditions alike{_bias(comparison)}.{_goes_with(comparison)}"
+    return f"{start}; {_share(where)}. {_direction(where)}{_goes_with(comparison)}"
 
 
 def headline(comparison: Comparison) -> Place | None:
@@ -98,6 +99,17 @@ def _direction(place: Place) -> str:
     words = shown(place.output)
     side = "above" if mean > 0 else "below"
     return f"There the measured {words.label} lies {words.text(abs(mean), 2)} {side} the model on average."
+
+
+def _goes_with(comparison: Comparison) -> str:
+    """What tells most of the error, where it tells enough to be a clue."""
+    name, told = next(iter(comparison.depends_on.items()), ("", 0.0))
+    if told < CLUE:
+        return ""
+    labels = listed([comparison.labels.get(part, part) for part in name.split(" × ")])
+    return (
+        f" The error goes most with {labels}, which tell{'' if ' × ' in name else 's'} {percent(told)} of it."
+    )
 
 
 def _bias(comparison: Comparison) -> str:
