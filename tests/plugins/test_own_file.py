@@ -7,6 +7,7 @@ import shutil
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
@@ -15,8 +16,12 @@ from typer.testing import CliRunner, Result
 from pliant.cli.verbs import app
 from pliant.config.loading import load_study
 from pliant.errors import UserError
+from pliant.interfaces.effect import Model
+from pliant.records.history import History
 from pliant.registry.discovery import discover
 from pliant.registry.files import components_of, with_files
+from pliant.testing.histories import follow_joint, triangles
+from pliant.testing.samples import sample_chain
 
 REGISTRY = discover()
 EFFECT = '''\
@@ -144,6 +149,28 @@ def test_it_is_judged_by_the_same_rules(folder: Path) -> None:
     bad = call("check", "effect", "rise", "--file", "rise.py")
     assert bad.exit_code == 3
     assert "FAILED   terms_keep_the_joint_stable" in bad.output
+
+
+def test_diagnose_tries_it_beside_ours_and_finds_it(folder: Path) -> None:
+    """A bench whose joint stiffens so: each run twice, with loads either way, 4 mrad of noise."""
+    (component,) = components_of(folder / "rise.py")
+    bare = Model(sample_chain(modules=1, gravity=(0, 0, 0)))
+    chain = component.build(component.config_model().model_validate({"rise": 4.0})).apply(bare).chain
+    random = np.random.default_rng(1)
+    lines = ["run,time_s,pressure_pa,moment_n_m,angle_rad"]
+    for number, load in enumerate((0.0, 0.0, 3e-3, 3e-3, -3e-3, -3e-3)):
+        time_s, pressure = triangles((15e3, 0.0), 1e3, 0.5, holds_s=3.0)
+        (u,) = follow_joint(chain, [History.of({"pressure_pa": pressure}, time_s, moment_n_m=load)])
+        u = u + 0.004 * random.standard_normal(len(u))
+        lines += [f"r{number},{t},{p},{load},{x}" for t, p, x in zip(time_s, pressure, u, strict=True)]
+    (folder / "bench.csv").write_text("\n".join(lines))
+    write(folder, study=STUDY.replace("effects: [{kind: rise, rise: 2}]\n", ""))
+    done = call("diagnose", "own.yaml", "--data", "bench.csv", "--quiet", "--json", "found.json")
+    assert done.exit_code == 0, done.output
+    found = json.loads((folder / "found.json").read_text(encoding="utf-8"))
+    assert (found["verdict"], found["selected"]) == ("missing_effect", ["rise"])
+    assert found["hypotheses"][0]["parameters"]["rise.rise"]["value"] == pytest.approx(4.0, abs=0.3)
+    assert {"stiffness", "self_contact"} <= {kind for h in found["hypotheses"] for kind in h["kinds"]}
 
 
 def test_editing_its_code_computes_anew_and_a_comment_does_not(folder: Path) -> None:
