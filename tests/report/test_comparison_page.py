@@ -1,0 +1,72 @@
+"""The page of a comparison: self-contained, the same each time, whatever the measurement is like."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from tests.evidence.compare_data import angle, bench, falling_shift, measured_run
+
+from pliant.evidence.comparison import compare
+from pliant.records.history import History
+from pliant.records.measurement import Measurement
+from pliant.report.evidence import comparison_page
+
+PNG = b"\x89PNG\r\n\x1a\n"
+
+
+def page_of(measurement, predicted, title="finger"):
+    return comparison_page(title, measurement, predicted, compare(measurement, predicted))
+
+
+def test_the_page_shows_runs_places_loops_and_a_map():
+    made = page_of(*bench(0, effect=falling_shift(0.01)), title="<b>finger</b>")
+    assert set(made.pictures) == {"runs", "where_1", "loops_1", "map"}
+    assert all(png.tobytes().startswith(PNG) for png in made.pictures.values())
+    assert "&lt;b&gt;finger" in made.html and "<b>finger" not in made.html
+    assert "The model is off by" in made.html and "falling pressure" in made.html
+    assert "<script" not in made.html and "http" not in made.html.replace("data:image", "")
+
+
+def test_the_same_comparison_gives_the_same_bytes():
+    settings = [(5e3, 0.0)]
+    first, second = (page_of(*bench(0, settings=settings)).html for _ in range(2))
+    assert first == second
+
+
+def test_a_chain_has_pictures_of_two_outputs():
+    made = page_of(*bench(0, n_joints=3, settings=[(5e3, 0.0)]))
+    assert set(made.pictures) == {"runs", "runs_2", "where_1", "where_2", "loops_1", "loops_2", "map"}
+
+
+def one_sample():
+    history = History.of({"pressure_pa": np.array([5e3])}, np.zeros(1))
+    measurement = Measurement((measured_run(history, {"angle_rad": np.array([0.2])}),), ("angle_rad",))
+    return measurement, [{"angle_rad": angle(np.array([5e3]))}]
+
+
+def without_time():
+    pressure = np.linspace(0, 15e3, 9)
+    history = History.of({"pressure_pa": pressure})
+    measurement = Measurement((measured_run(history, {"angle_rad": 1.1 * angle(pressure)}),), ("angle_rad",))
+    return measurement, [{"angle_rad": angle(pressure)}]
+
+
+def a_silent_run():
+    measurement, predicted = bench(0, settings=[(5e3, 0.0)], repeats=3)
+    silent = measurement.runs[0].with_outputs({"angle_rad": np.full(len(measurement.runs[0]), np.nan)})
+    return replace(measurement, runs=(silent, *measurement.runs[1:])), predicted
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("case", [one_sample, without_time, a_silent_run])
+def test_awkward_measurements_have_a_page(case):
+    made = page_of(*case())
+    assert "runs" in made.pictures
+
+
+def test_many_runs_and_many_samples_stay_readable():
+    """Thirty runs of thousands of samples: no more than 12 are drawn, and the page stays small."""
+    settings = [(5e3, k * 1e-3) for k in range(30)]
+    made = page_of(*bench(0, settings=settings, repeats=1, dt=0.01))
+    assert "one run of each condition, the worst first" in made.html
+    assert len(made.html) < 5e6
