@@ -260,6 +260,24 @@ def test_mistakes_in_the_file_are_told_with_their_line(folder: Path, old: str, n
     assert (refused.exit_code, "Traceback" in refused.output) == (2, False)
 
 
+@pytest.mark.parametrize(
+    ("old", "new", "says"),
+    [
+        ("angle * angle", "new[0]", "rise.py, line 30: 'factor' fails (IndexError: "),
+        ("LawTerm(", "LawTrem(", "rise.py, line 26: 'apply' fails (NameError: name 'LawTrem'"),
+    ],
+)
+def test_what_fails_while_it_runs_is_told_with_its_line(folder: Path, old: str, new: str, says: str) -> None:
+    write(folder, _last_replaced(EFFECT, old, new))
+    refused = call("simulate", "own.yaml")
+    assert (refused.exit_code, says in " ".join(refused.output.split())) == (2, True), refused.output
+
+
+def _last_replaced(text: str, old: str, new: str) -> str:
+    before, _, after = text.rpartition(old)
+    return before + new + after
+
+
 LINES = EFFECT.splitlines(keepends=True)
 
 

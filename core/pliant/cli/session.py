@@ -24,7 +24,7 @@ from pliant.config.study import Study
 from pliant.errors import INTERRUPTED, PliantError, UserError
 from pliant.pipeline.workbench import Workbench
 from pliant.registry.discovery import Registry, discover
-from pliant.registry.files import with_files
+from pliant.registry.files import blamed, with_files
 from pliant.store.store import ArtifactStore, write_atomically
 
 LONGEST_NAME = 80
@@ -88,6 +88,12 @@ def session(command: str, json_target: str | None, quiet: bool) -> Iterator[Sess
     except KeyboardInterrupt:
         here.err.print("interrupted; finished work is kept, run the same command to go on.")
         raise typer.Exit(INTERRUPTED) from None
+    except Exception as error:
+        sentence = blamed(error)  # effects from a file of the user's own may fail in any way
+        if sentence is None:
+            raise
+        here.err.print(f"[bold red]error:[/] {escape(sentence)}", soft_wrap=True)
+        raise typer.Exit(UserError.exit_code) from None
     if here.exit_code:
         raise typer.Exit(here.exit_code)
 

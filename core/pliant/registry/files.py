@@ -69,6 +69,17 @@ def components_of(file: Path) -> list[Component]:
     return [_component(effect, own, module, file) for effect in effects]
 
 
+def blamed(error: BaseException) -> str | None:
+    """A sentence on an error that came out of such a file, or None for one that did not."""
+    frames = traceback.extract_tb(error.__traceback__)
+    files = {module.__file__ for name, module in list(sys.modules.items()) if name.startswith(FILE_MODULE)}
+    through = [frame for frame in frames if frame.filename in files]
+    if not through:
+        return None
+    last = through[-1]
+    return f"{shown(Path(last.filename))}, line {last.lineno}: '{last.name}' fails ({_cause(error)})."
+
+
 def shown(file: Path) -> str:
     """The path as people write it: from the current folder where that is shorter."""
     try:
