@@ -7,7 +7,7 @@ Subset Selection in Regression, 2002).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -37,6 +37,8 @@ MOST_EFFECTS = 3
 # Singles that are within this of the best one in log-evidence are grown too.
 NEAR = 15.0
 MOST_GROWN = 2
+# Of all sets with one effect more, those that promise most are fitted.
+SCREENED = 5
 
 Tick = Callable[[str], None]
 
@@ -87,7 +89,7 @@ class Search:
     def _grow(self, base: Kinds, kinds: Sequence[str]) -> None:
         current = base
         while len(current) < MOST_EFFECTS and room_above_floor(self.table(), current, self.prices):
-            larger = [sorted_kinds((*current, kind)) for kind in kinds if kind not in current]
+            larger = self._screened(current, kinds)
             for candidate in larger:
                 self._fit(candidate, near=current)
             best = self._best(larger)
@@ -102,11 +104,44 @@ class Search:
         """The set with each of its effects exchanged in turn while that helps."""
         for out in best:
             rest = tuple(kind for kind in best if kind != out)
-            others = [sorted_kinds((*rest, kind)) for kind in kinds if kind not in best]
+            others = [larger for larger in self._screened(rest, kinds) if larger != best]
             for candidate in others:
                 self._fit(candidate, near=rest)
             best = self._best([best, *others])
         return best
+
+    def _screened(self, base: Kinds, kinds: Sequence[str]) -> list[Kinds]:
+        """Sets with one effect more that promise most.
+
+        Rao's score test (1948): the readings that the base leaves are regressed on what a small further effect
+        would change, the base's own parameters free to follow.
+        """
+        promise: dict[Kinds, float] = {}
+        for kind in kinds:
+            if kind in base:
+                continue
+            larger = sorted_kinds((*base, kind))
+            candidate = Candidate.of(self.registry, larger)
+            starts = candidate.starts(self._known(base))
+            promise[larger] = min(self._linear_rest(self.fitter.look(candidate, x), base) for x in starts)
+        return sorted(promise, key=lambda larger: promise[larger])[:SCREENED]
+
+    def _linear_rest(self, looked: Fit, base: Kinds) -> float:
+        """Mean square that is left after the residual of the base is regressed on the slopes there."""
+        residual = self.fits[base].residual
+        change = residual - looked.residual
+        basis = np.column_stack([looked.slopes, change])
+        there = np.all(np.isfinite(basis), axis=1) & np.isfinite(residual)
+        if there.mean() < 0.98:
+            return float(residual @ residual)
+        weights = np.linalg.lstsq(basis[there], residual[there], rcond=1e-8)[0]
+        rest = residual[there] - basis[there] @ weights
+        return float(rest @ rest)
+
+    def _known(self, kinds: Kinds) -> dict[str, float]:
+        """Knobs of a fitted set by name."""
+        fit = self.fits[kinds]
+        return {knob.name: float(x) for knob, x in zip(fit.candidate.knobs, fit.x, strict=True)}
 
     def _pays(self, larger: Kinds, smaller: Kinds) -> bool:
         evidence = log_evidence(self.table(), self.prices)
@@ -125,10 +160,7 @@ class Search:
         if kinds in self.fits:
             return
         candidate = Candidate.of(self.registry, kinds)
-        known: dict[str, float] = {}
-        if near is not None:
-            start = self.fits[near]
-            known = {k.name: float(x) for k, x in zip(start.candidate.knobs, start.x, strict=True)}
+        known = {} if near is None else self._known(near)
         fit = self.fitter.fit(candidate, candidate.starts(known))
         self.fits[kinds] = fit
         self.rows[kinds] = _row(kinds, fit, self.readings)
@@ -146,8 +178,3 @@ def _row(kinds: Kinds, fit: Fit, readings: ReadingVector) -> Row:
         heldout_by_run=tuple(float(s) for s in sums),
         at_limit=at_limit(fit),
     )
-
-
-def parameters_of(fits: Mapping[Kinds, Fit]) -> dict[Kinds, dict[str, float]]:
-    """Fitted values of each hypothesis."""
-    return {kinds: fit.values for kinds, fit in fits.items()}

@@ -68,7 +68,7 @@ class Prices:
     """
 
     effect: float = 7.0
-    unknown: float = 25.0
+    unknown: float = 30.0
     form: float = 0.06
     temper: float = 2.0
     believed: float = 0.9
