@@ -60,6 +60,11 @@ def _verdict(
     table: EvidenceTable, prices: Prices, n_excited: int, probability: dict[Kinds, float], first: Kinds
 ) -> tuple[Verdict, tuple[str, ...]]:
     noise = table.noise
+    if noise.slip > prices.slip:
+        return "not_repeatable", (
+            f"Runs with the same inputs scatter {noise.slip:.1f} times as much as readings within a run. "
+            "Find what moves between runs first: it can hide any effect.",
+        )
     if noise.n_effective < prices.fewest:
         return "insufficient_data", (
             f"The readings are worth only {noise.n_effective:.0f} independent ones; "
@@ -69,11 +74,6 @@ def _verdict(
         return "insufficient_data", (
             "These runs excite next to nothing: under them almost every listed effect would change the readings "
             f"by less than {prices.excited:g} of the noise.",
-        )
-    if noise.slip > prices.slip:
-        return "not_repeatable", (
-            f"Runs with the same inputs scatter {noise.slip:.1f} times as much as readings within a run. "
-            "Find what moves between runs first: it can hide any effect.",
         )
     if probability[first] < prices.believed:
         return "ambiguous", ("More than one explanation is left, and these data do not decide between them.",)

@@ -78,9 +78,10 @@ class History:
         payload_kg: Any = None,
     ) -> History:
         """A history from arrays or constants; every array has the length of the longest."""
-        given = [np.asarray(v, float) for v in (*actuation.values(), moment_n_m, temperature_c)]
-        lengths = {len(v) for v in given if v.ndim} | ({len(time_s)} if time_s is not None else set())
-        n = max(lengths, default=1)
+        columns = (*actuation.values(), moment_n_m, temperature_c, payload_kg, time_s)
+        given = [np.asarray(v, float) for v in columns if v is not None]
+        tables = [np.asarray(v, float) for v in (tip_force_n, base_angles_rad)]
+        n = max([*(len(v) for v in given if v.ndim), *(len(v) for v in tables if v.ndim == 2), 1])
 
         def row(value: Any) -> Array:
             return np.broadcast_to(np.asarray(value, float), (n,)).copy()
