@@ -122,7 +122,7 @@ def test_sentences():
     assert "of the squared error is at falling pressure" in interpret(friction)
     assert "above the model" in interpret(friction)
     assert headline(friction).covariate == "direction"
-    assert interpret(compare(*bench(3))).startswith("Within the noise")
+    assert interpret(compare(*bench(6))).startswith("Within the noise")
     measurement, predicted = bench(0, repeats=1)
     sentence = interpret(compare(measurement, predicted))
     assert "cannot be judged, because no run was repeated and no sigma is stated." in sentence

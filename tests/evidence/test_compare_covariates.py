@@ -113,17 +113,27 @@ def test_levels_get_a_bin_each_and_a_ramp_does_not():
         "held pressure",
     )
     ramp = Covariate("pressure_pa", Shown("pressure", "kPa", 1e-3), (np.linspace(0, 15e3, 400),))
-    bins = binned(ramp)
+    bins = binned(ramp)  # no value that many share
     assert bins.words[0] == "pressure below 3 kPa" and bins.words[1] == "pressure 3 to 6 kPa"
     counts = np.bincount(bins.codes[0])
     assert counts.min() > 40
+
+
+def test_a_value_that_many_samples_share_has_its_own_bin():
+    values = np.concatenate([np.zeros(80), np.linspace(-4e-3, -1e-3, 30), np.linspace(1e-3, 4e-3, 30)])
+    bins = binned(Covariate("moment_n_m", Shown("moment", "mN·m", 1e3), (values,)))
+    counts = np.bincount(bins.codes[0])
+    assert counts[bins.words.index("moment 0 mN·m")] == 80
+    assert bins.words[0].startswith("moment below") and bins.words[-1].startswith("moment above")
+    assert counts.sum() == len(values)
 
 
 def test_crossed_bins_do_not_repeat_themselves():
     measurement, _ = bench(0)
     found = covariates(measurement)
     words = crossed(binned(found["direction"]), binned(found["pressure_pa"])).words
-    assert any(word.startswith("falling pressure, below") for word in words)
+    assert "falling pressure, 0 to 5 kPa" in words
+    assert not any("pressure, pressure" in word for word in words)
 
 
 RESIDUALS = {

@@ -15,6 +15,7 @@ from pliant.records.design import Array
 Codes = NDArray[np.int64]
 MOST_LEVELS = 8  # a covariate with so many values or fewer has a bin for each
 N_BINS = 5
+ATOM = 0.1  # of the samples at one value: it has a bin of its own
 LEVEL_WIDTH = 0.02  # of the range: values closer than this are one level…
 LEVEL_RATIO = 1.3  # …unless one is so many times the other
 PAIRS = (
@@ -89,14 +90,14 @@ def _numeric(covariate: Covariate, values: Array) -> tuple[Array, list[str], lis
         edges, centres = (levels[1:] + levels[:-1]) / 2, levels.tolist()
         words = [_level_words(covariate.shown, value) for value in centres]
     else:
-        edges = _edges(there, covariate.shown.factor)
+        edges, marks = _edges(there, covariate.shown.factor)
         place = np.searchsorted(edges, there, side="right")
         inside = [there[place == k] for k in range(len(edges) + 1)]
         centres = [float(np.median(v)) if len(v) else np.nan for v in inside]
         narrow = [len(v) > 0 and np.ptp(v) <= LEVEL_WIDTH * np.ptp(there) / 4 for v in inside]
         words = [
             _level_words(covariate.shown, centre) if level else text
-            for text, centre, level in zip(_range_words(covariate.shown, edges), centres, narrow, strict=True)
+            for text, centre, level in zip(_range_words(covariate.shown, marks), centres, narrow, strict=True)
         ]
     found = np.where(np.isfinite(values), np.searchsorted(edges, values, side="right"), np.nan)
     return found, words, centres
@@ -117,9 +118,34 @@ def _levels(there: Array) -> Array | None:
     return np.array([np.median(there[(there >= g[0]) & (there <= g[-1])]) for g in groups])
 
 
-def _edges(there: Array, factor: float) -> Array:
-    """Inner edges near the quantiles, at numbers that people would choose."""
-    edges = np.quantile(there, np.arange(1, N_BINS) / N_BINS)
+def _edges(there: Array, factor: float) -> tuple[Array, Array]:
+    """Inner edges, and the values that they are called by.
+
+    A value that many samples share (a rest, a plateau) gets a bin of its own; the others are cut near their
+    quantiles, at numbers that people would choose.
+    """
+    unique, counts = np.unique(there, return_counts=True)
+    atoms = np.flatnonzero(counts > ATOM * len(there))
+    rest = there[~np.isin(there, unique[atoms])]
+    edges, marks = [], []
+    for k in atoms:
+        for before, after in ((k - 1, k), (k, k + 1)):
+            if before >= 0 and after < len(unique):
+                edges.append((unique[before] + unique[after]) / 2)
+                marks.append(unique[k])
+    for edge in _rounded(rest, max(N_BINS - len(atoms), 2), factor):
+        if all(abs(edge - other) > LEVEL_WIDTH * np.ptp(there) for other in marks):
+            edges.append(edge)
+            marks.append(edge)
+    order = np.argsort(edges)
+    return np.array(edges)[order], np.array(marks)[order]
+
+
+def _rounded(there: Array, parts: int, factor: float) -> Array:
+    """Edges of so many parts near the quantiles, inside the range."""
+    if not len(there):
+        return np.zeros(0)
+    edges = np.quantile(there, np.arange(1, parts) / parts)
     shown = edges * factor
     step = 10.0 ** np.floor(np.log10(max(np.ptp(there) * factor, 1e-300))) / 10
     fine = np.maximum(10.0 ** np.floor(np.log10(np.maximum(np.abs(shown), 1e-300))) / 2, 1e-12)

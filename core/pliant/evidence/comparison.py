@@ -284,7 +284,7 @@ def _conditions(runs: Sequence[tuple[int, ...]], groups: Sequence[RepeatGroup]) 
 
 def _group(
     measurement: Measurement,
-    words: Sequence[str],
+    words: Sequence[tuple[str, ...]],
     residuals: Residuals,
     noise: Mapping[str, Noise],
     known: bool,
@@ -298,7 +298,7 @@ def _group(
     names = tuple(measurement.runs[k].name for k in numbers)
     return GroupError(
         name=", ".join(names),
-        words=words[numbers[0]],
+        words=", ".join(text for text in words[numbers[0]] if all(text in words[k] for k in numbers)),
         runs=names,
         outputs={
             o: {"rmse": float(np.sqrt(np.mean(s**2))), "bias": float(s.mean())}
@@ -311,7 +311,7 @@ def _group(
     )
 
 
-def _run_words(found: Covariates, n_runs: int) -> list[str]:
+def _run_words(found: Covariates, n_runs: int) -> list[tuple[str, ...]]:
     """What sets each run apart: its rate, its specimen, and loads and conditions that are not the usual ones."""
     parts: list[list[str]] = [[] for _ in range(n_runs)]
     for item in found.items:
@@ -328,7 +328,7 @@ def _run_words(found: Covariates, n_runs: int) -> list[str]:
             for part, code in zip(parts, own, strict=True):
                 if code >= 0 and code != usual:
                     part.append(bins.words[code])
-    return [", ".join(part) for part in parts]
+    return [tuple(part) for part in parts]
 
 
 def _remarks(

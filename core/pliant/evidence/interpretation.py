@@ -35,6 +35,8 @@ def interpret(comparison: Comparison) -> str:
         else f"The error is {times(comparison)} the noise, so little is left to explain, yet it is no pure noise"
     )
     where = headline(comparison)
+    if where is None and ratio < NEAR:
+        where = max(comparison.significant, key=lambda place: abs(place.z))
     if where is None:
         return f"{start}; the error is spread over all conditions alike{_bias(comparison)}.{_goes_with(comparison)}"
     return f"{start}; {_share(where)}. {_direction(where)}{_goes_with(comparison)}"

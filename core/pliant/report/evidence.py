@@ -107,7 +107,7 @@ def _map(compared: Compared) -> Section | None:
     if png is None:
         return None
     cut = f" The {MOST_RUNS} worst runs." if len(compared.comparison.runs) > MOST_RUNS else ""
-    caption = f"Rms error of each run in units of the noise: white is noise, red is more, blue is less.{cut}"
+    caption = f"Rms error of each run in units of the noise: white is noise, red more, blue less, grey no data.{cut}"
     return Section("Map of conditions", (Picture("map", caption, png),))
 
 

@@ -73,8 +73,8 @@ def _heat(axis: Any, values: Array, words: list[str], norm: TwoSlopeNorm) -> Any
 
 
 def _colours() -> Colormap:
-    """Blue-grey below the noise, white at it, orange to dark red above."""
-    return LinearSegmentedColormap.from_list(
+    """Blue below the noise, white at it, orange to dark red above; grey where nothing was measured."""
+    colours = LinearSegmentedColormap.from_list(
         "floors",
         [
             (0.0, "#a9c4de"),
@@ -85,6 +85,8 @@ def _colours() -> Colormap:
             (1.0, "#6e1410"),
         ],
     )
+    colours.set_bad("#eceef2")
+    return colours
 
 
 def _bins(compared: Compared) -> Bins | None:
