@@ -13,8 +13,6 @@ from pliant.errors import UserError
 
 NOT_BUILT = {
     "optimize": "the study's search, then the check of the winner by direct FEM",
-    "extend": "fits an effect and writes a new study that contains it",
-    "improve": "compare → diagnose → extend until the noise floor or an honest stop",
 }
 ANYTHING = {"allow_extra_args": True, "ignore_unknown_options": True}
 

@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from pliant import __version__
-from pliant.cli import diagnose, evidence_verbs, later, plugins, studies
+from pliant.cli import diagnose, evidence_extend, evidence_improve, evidence_verbs, later, plugins, studies
 
 app = typer.Typer(
     name="pliant",
@@ -24,6 +24,8 @@ app.command("schema")(plugins.schema)
 app.command("new-plugin")(plugins.new_plugin)
 app.command("compare")(evidence_verbs.compare)
 app.command("diagnose")(diagnose.diagnose)
+app.command("extend")(evidence_extend.extend)
+app.command("improve")(evidence_improve.improve)
 later.add_to(app)
 
 

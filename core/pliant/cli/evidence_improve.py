@@ -1,0 +1,152 @@
+"""`pliant improve`: compare → diagnose → extend, until the noise floor or an honest stop."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.table import Table
+
+from pliant.cli.evidence_extend import data_path, parameters_json, say_parameters
+from pliant.cli.evidence_verbs import DataFile
+from pliant.cli.new_study import check_target, digest, write_study
+from pliant.cli.options import DEFAULT_STORE, JsonFile, Overrides, Quiet, StoreFolder, StudyFile
+from pliant.cli.session import Session, check_writable, session
+from pliant.diagnosis.improvement import Improvement, Step, summary
+from pliant.diagnosis.improvement import improve as improve_with
+from pliant.diagnosis.scores import score_json
+from pliant.evidence.measured import measurement_of_study
+from pliant.evidence.words import number, shown
+from pliant.records.measurement import Measurement
+from pliant.report.stage import write_page
+
+NewStudy = Annotated[
+    Path | None,
+    typer.Option(
+        "--out", metavar="NEW.yaml", help="The new study; <study>-improved.yaml beside it by default."
+    ),
+]
+ReportFolder = Annotated[
+    Path | None,
+    typer.Option("--report", metavar="DIR", help="Folder of the report; runs/<name>-improve by default."),
+]
+Candidates = Annotated[
+    list[str] | None,
+    typer.Option("--effect", metavar="KIND", help="Candidate, may be repeated; all effects by default."),
+]
+Force = Annotated[bool, typer.Option("--force", help="Overwrite the new study's file if it is there.")]
+
+
+def improve(
+    study: StudyFile,
+    overrides: Overrides = None,
+    data: DataFile = None,
+    effect: Candidates = None,
+    out: NewStudy = None,
+    report: ReportFolder = None,
+    force: Force = False,
+    store: StoreFolder = DEFAULT_STORE,
+    json: JsonFile = None,
+    quiet: Quiet = False,
+) -> None:
+    """compare → diagnose → extend until the noise floor or an honest stop; errors are on data that was not fitted."""
+    with session("improve", json, quiet) as here:
+        installed = here.registry
+        loaded = here.study(study, overrides)
+        for kind in effect or ():
+            here.registry.get("effect", kind)
+        target = out or study.with_name(f"{study.stem}-improved.yaml")
+        folder = report or Path("runs") / f"{loaded.name}-improve"
+        check_target(study, target, force)
+        bench = here.bench(store)
+        measurement = measurement_of_study(bench, loaded, data)
+        check_writable(folder)
+        task = here.progress.begin("fitting effects", 1 + len(effect or here.registry.kinds("effect")))
+        found = improve_with(bench, loaded, measurement, kinds=effect, tick=lambda _: task.advance())
+        task.finish()
+        here.result |= {
+            "study": loaded.name,
+            "data": measurement.source,
+            **improvement_json(found, measurement),
+        }
+        here.result["final_study"] = str(study)
+        if found.final is not None:
+            path = data_path(loaded, data)
+            note = f"fitted to {measurement.source} (sha256 {digest(path)}) by 'pliant improve', {_put_aside(found)}"
+            write_study(study, target, loaded, overrides or (), found.final, note, installed)
+            here.result["final_study"] = str(target)
+        _say(here, found)
+        from pliant.report.evidence_improvement import improvement_page  # matplotlib takes a second to import
+
+        made = improvement_page(loaded.name, measurement.source, found)
+        page = write_page(folder, made.html, made.pictures)
+        here.result["report"] = str(page)
+        here.say(f"study    {target}" if found.final is not None else "No study was written.")
+        here.say(f"report   {page}")
+
+
+def improvement_json(found: Improvement, measurement: Measurement) -> dict[str, Any]:
+    """The keys of docs/extend_and_improve.md."""
+    names = [run.name for run in measurement.runs]
+    return {
+        "steps": [_step_json(step) for step in found.steps],
+        "stop": found.stop,
+        "reason": found.reason,
+        "locked_runs": [names[k] for k in found.locked.runs],
+        "unseen_runs": [names[k] for k in found.locked.unseen],
+        "noise_floor": {
+            name: {"value": floor.value, "unit": floor.unit, "source": floor.source, "se": floor.se}
+            for name, floor in found.floors.items()
+        },
+        "judged": found.judged,
+        "parameters": {}
+        if found.final is None
+        else parameters_json(found.final.uncertainty, found.final.values),
+        "remarks": list(found.remarks),
+    }
+
+
+def _step_json(step: Step) -> dict[str, Any]:
+    return {
+        "added": list(step.added),
+        "why": step.why,
+        "heldout": score_json(step.locked),
+        "rmse_over_floor": step.locked.over_floor,
+        "rmse_over_floor_se": step.locked_se,
+        "training_rmse_over_floor": step.training.over_floor,
+        "effects": [effect.canonical() for effect in step.effects],
+    }
+
+
+def _put_aside(found: Improvement) -> str:
+    return f"{len(found.locked.runs)} runs put aside" if found.locked.runs else "no run put aside"
+
+
+def _say(here: Session, found: Improvement) -> None:
+    for place, step in enumerate(found.steps, start=1):
+        here.say(f"{place}  {'+ ' + ' + '.join(step.added) if step.added else 'as it was'}: {step.why}")
+    here.say(_table(found))
+    if found.final is not None:
+        say_parameters(here, found.final.uncertainty)
+    for remark in found.remarks:
+        here.say(f"note: {remark}")
+    here.say(f"{summary(found)} {found.reason}")
+
+
+def _table(found: Improvement) -> Table:
+    """Errors on the runs put aside, after each step."""
+    table = Table(box=None, pad_edge=False, header_style="bold")
+    table.add_column("error on runs put aside" if found.locked.runs else "error on conditions left out")
+    names = list(found.steps[0].locked.rmse)
+    for name in (*(shown(name).label for name in names), "over the noise"):
+        table.add_column(name, justify="right", no_wrap=True)
+    for place, step in enumerate(found.steps, start=1):
+        table.add_row(
+            f"{place}  {'+ ' + ' + '.join(step.added) if step.added else 'as it was'}",
+            *(shown(name).text(step.locked.rmse[name]) for name in names),
+            f"{number(step.locked.over_floor)} ± {number(step.locked_se, 2)}",
+        )
+    floors = (shown(name).text(found.floors[name].value) for name in names)
+    table.add_row("noise floor", *floors, "1")
+    return table

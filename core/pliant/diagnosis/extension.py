@@ -1,0 +1,199 @@
+"""Put effects into a study's model: fit them, say how sure, and by how much the error falls."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pliant.config.study import Study
+from pliant.diagnosis.fitting import Fit, Fitter
+from pliant.diagnosis.heldout import condition_of_runs, heldout_residual
+from pliant.diagnosis.in_place import InPlace
+from pliant.diagnosis.noise import NoiseView, noise_view
+from pliant.diagnosis.readings import ReadingVector
+from pliant.diagnosis.scores import Residuals, Score, scales_of, score
+from pliant.diagnosis.uncertainty import Uncertainty, rounded, uncertainty
+from pliant.errors import UserError
+from pliant.evidence.floors import noise_floors
+from pliant.evidence.prediction import Predictor, RunReadings
+from pliant.evidence.repeats import RepeatGroup, repeat_groups
+from pliant.interfaces.effect import EffectConfig, EffectParameter
+from pliant.pipeline.workbench import Workbench
+from pliant.records.design import Array
+from pliant.records.measurement import Measurement
+
+# Rounding may change the mean squared error by this share.
+ROUNDING = 5e-4
+DIGITS, MOST_DIGITS = 2, 8
+
+
+@dataclass(frozen=True, eq=False)
+class Extension:
+    """Effects fitted on top of a study's own.
+
+    Attributes:
+        kinds: the effects that were fitted.
+        effects: all effects of the extended model in their order.
+        values: fitted values by ``kind.parameter``, rounded to their uncertainty as `effects` has them.
+        candidate, fit, uncertainty: what was fitted, and how sure; the fit's own values are not rounded.
+        noise: as the residuals of the extended model show it; its floors are those of all scores.
+        before: the error of the model as it was, all readings.
+        after: the same with the effects.
+        residuals: (t,) per run by output, of the fitted model.
+        left_out: the same with the readings of each condition left out of the fit that predicts them; None where
+            there is one condition only.
+    """
+
+    kinds: tuple[str, ...]
+    effects: tuple[EffectConfig, ...]
+    values: Mapping[str, float]
+    candidate: InPlace
+    fit: Fit
+    uncertainty: Uncertainty
+    noise: NoiseView
+    before: Score
+    after: Score
+    residuals: Residuals
+    left_out: Residuals | None
+
+    @property
+    def heldout(self) -> Score | None:
+        """The error on conditions left out."""
+        return None if self.left_out is None else score(self.left_out, self.noise.floors)
+
+    @property
+    def absent(self) -> tuple[str, ...]:
+        """Effects that these readings do not show: no strength is told from zero."""
+        return tuple(kind for kind in self.kinds if self.uncertainty.absent(kind))
+
+
+@dataclass(frozen=True, eq=False)
+class Ground:
+    """What effects are fitted on: the bare chain in its engine, driven by the measured histories."""
+
+    predictor: Predictor
+    measurement: Measurement
+    groups: tuple[RepeatGroup, ...]
+
+    @staticmethod
+    def of(bench: Workbench, study: Study, measurement: Measurement) -> Ground:
+        """The study without its effects.
+
+        Raises:
+            UserError: an engine that cannot follow histories, or no output that the model has.
+        """
+        bare = study.model_copy(update={"effects": ()})
+        return Ground(Predictor.of_study(bench, bare, measurement), measurement, repeat_groups(measurement))
+
+    def predict(self, effects: Sequence[EffectConfig]) -> tuple[RunReadings, ...]:
+        """Readings of the model with these effects."""
+        return self.predictor.predict(effects)
+
+    def residuals(self, effects: Sequence[EffectConfig], measured: Measurement | None = None) -> Residuals:
+        """Per run by output of the model; of other readings of the same runs where they are given."""
+        runs = (self.measurement if measured is None else measured).runs
+        predicted = self.predict(effects)
+        return [
+            {name: run.outputs[name] - values for name, values in model.items()}
+            for run, model in zip(runs, predicted, strict=True)
+        ]
+
+    def readings(self, effects: Sequence[EffectConfig]) -> ReadingVector:
+        """The readings in units of the floor that the model with these effects leaves.
+
+        Raises:
+            UserError: no reading that the model has.
+        """
+        floors = noise_floors(self.measurement, self._padded(self.residuals(effects)))
+        scales = scales_of(self.measurement, floors, self.predictor.outputs)
+        if not scales:
+            raise UserError(
+                f"{self.measurement.source}: no reading of {', '.join(self.predictor.outputs)} is there."
+            )
+        return ReadingVector.of(self.measurement, tuple(scales), scales)
+
+    def _padded(self, residuals: Residuals) -> Residuals:
+        return [
+            {name: run.get(name, np.full(len(measured), np.nan)) for name in self.measurement.outputs}
+            for run, measured in zip(residuals, self.measurement.runs, strict=True)
+        ]
+
+
+def extend(
+    ground: Ground, effects: Sequence[EffectConfig], kinds: Sequence[str], *, profiles: bool = True
+) -> Extension:
+    """Fit effects of these kinds: in place those that are among `effects`, behind them the others.
+
+    Args:
+        ground: the bare model and the measurement.
+        effects: what the model has already; those that are not fitted keep their values.
+        kinds: what to fit, jointly.
+        profiles: profile intervals; without them ± 1.645 standard deviations.
+
+    Raises:
+        UserError: an unknown kind, or one that makes no sense for this chain.
+    """
+    registry = ground.predictor.bench.registry
+    candidate = InPlace.among(registry, effects, list(dict.fromkeys(kinds)))
+    readings = ground.readings(effects)
+    fitter = Fitter(ground.predictor, readings)
+    present = InPlace.among(registry, effects, ())
+    before = readings.unpack(fitter.look(present, np.zeros(0)).residual)
+    fit = fitter.fit(candidate, _starts(candidate, effects))
+    after = readings.unpack(fit.residual)
+    noise = noise_view(ground.measurement, after, readings.scales, ground.groups)
+    found = uncertainty(fitter, fit, noise.n_effective, profiles)
+    values = _rounded(fitter, fit, candidate, found)
+    return Extension(
+        kinds=candidate.kinds,
+        effects=candidate.with_values(values),
+        values=values,
+        candidate=candidate,
+        fit=fit,
+        uncertainty=found,
+        noise=noise,
+        before=score(before, noise.floors),
+        after=score(after, noise.floors),
+        residuals=after,
+        left_out=_left_out(ground, readings, fit),
+    )
+
+
+def _starts(candidate: InPlace, effects: Sequence[EffectConfig]) -> list[Array]:
+    """The usual starts, and the values that effects of the study have now."""
+    had = {effect.kind for effect in effects}
+    known = {
+        knob.name: float(x)
+        for knob, x in zip(candidate.knobs, candidate.present(), strict=True)
+        if knob.kind in had and np.isfinite(x)
+    }
+    return [*candidate.starts(known), *(candidate.starts() if known else [])]
+
+
+def _left_out(ground: Ground, readings: ReadingVector, fit: Fit) -> Residuals | None:
+    condition = condition_of_runs(readings.n_runs, [group.runs for group in ground.groups])
+    groups = condition[readings.run]
+    if len(np.unique(groups)) < 2:
+        return None
+    return readings.unpack(heldout_residual(fit, groups))
+
+
+def _rounded(fitter: Fitter, fit: Fit, candidate: InPlace, found: Uncertainty) -> dict[str, float]:
+    """Values at the decimals of their uncertainty, with more digits where the fit would feel the rounding."""
+    wanted = fit.mean_square(fitter.weights)
+    values: dict[str, float] = {}
+    for digits in range(DIGITS, MOST_DIGITS + 1):
+        values = {
+            one.name: _within(one.parameter, rounded(one.value, one.sd, digits)) for one in found.estimates
+        }
+        effects = candidate.with_values(values)
+        there = fitter.look(InPlace((), (), (), effects), np.zeros(0)).mean_square(fitter.weights)
+        if abs(there - wanted) <= ROUNDING * wanted:
+            break
+    return values
+
+
+def _within(parameter: EffectParameter, value: float) -> float:
+    return min(max(value, parameter.bounds[0]), parameter.bounds[1])

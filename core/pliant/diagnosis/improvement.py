@@ -1,0 +1,285 @@
+"""Compare → diagnose → extend, until the noise floor or an honest stop.
+
+Runs that are put aside at the start are never looked at by a choice: they are only reported. All decisions (verdicts,
+the order of effects, whether a step is kept, when to stop) rest on the training runs. The floor that errors are
+divided by at the end is that of all runs, as the final model's residuals show it: repeats that were put aside say how
+the bench scatters, too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from pliant.config.study import Study
+from pliant.diagnosis.diagnosis import Diagnosis, diagnose
+from pliant.diagnosis.extension import Extension, Ground, extend
+from pliant.diagnosis.locked import Locked, lock
+from pliant.diagnosis.noise import noise_view
+from pliant.diagnosis.scores import Residuals, Score, score
+from pliant.diagnosis.search import Tick
+from pliant.diagnosis.table import sorted_kinds
+from pliant.diagnosis.words import explanation, headline
+from pliant.evidence.comparison import compare
+from pliant.evidence.floors import Floor
+from pliant.evidence.interpretation import interpret
+from pliant.evidence.prediction import Predictor
+from pliant.evidence.repeats import repeat_groups
+from pliant.evidence.words import listed, number
+from pliant.interfaces.effect import EffectConfig
+from pliant.pipeline.workbench import Workbench
+from pliant.records.measurement import Measurement
+from pliant.registry.discovery import Registry
+
+MOST_STEPS = 6
+# A set of effects is kept if it lowers the error on conditions left out of training by this share.
+LEAST_GAIN = 0.01
+
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """One model on the way.
+
+    Attributes:
+        added: the effects of this step; empty for the model as it was.
+        effects: all effects of the model.
+        why: the reason for this step, in sentences.
+        locked: error on the runs put aside.
+        locked_se: standard error of its ratio to the floor, from the floor's and from how few runs there are.
+        training: error on training conditions, each left out of the fit that predicts it.
+    """
+
+    added: tuple[str, ...]
+    effects: tuple[EffectConfig, ...]
+    why: str
+    locked: Score
+    locked_se: float
+    training: Score
+
+
+@dataclass(frozen=True, eq=False)
+class Improvement:
+    """The whole way.
+
+    Attributes:
+        steps: the model as it was, then one entry per effect.
+        stop: the last verdict, or `no_gain`, `same_effect`, `most_steps`.
+        reason: why it stopped, in sentences.
+        locked: what was put aside.
+        floors: by output, of all runs.
+        final: the last fit, with its uncertainty; None where no effect was added.
+        remarks: what limits the result, in sentences.
+    """
+
+    steps: tuple[Step, ...]
+    stop: str
+    reason: str
+    locked: Locked
+    floors: Mapping[str, Floor]
+    judged: bool
+    final: Extension | None
+    remarks: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class _Draft:
+    """A step before the floor is known: residuals of all runs, and of training conditions left out."""
+
+    added: tuple[str, ...]
+    effects: tuple[EffectConfig, ...]
+    why: str
+    residuals: Residuals
+    left_out: Residuals
+
+
+def improve(
+    bench: Workbench,
+    study: Study,
+    measurement: Measurement,
+    *,
+    kinds: Sequence[str] | None = None,
+    most_steps: int = MOST_STEPS,
+    tick: Tick | None = None,
+) -> Improvement:
+    """Walk the whole loop.
+
+    Args:
+        bench, study, measurement: the model and what the bench recorded.
+        kinds: candidates; all effects by default.
+        most_steps: effects at most.
+        tick: called with the name of each hypothesis when it has been fitted.
+
+    Raises:
+        UserError: no reading can be used, or an engine that cannot follow histories.
+    """
+    locked = lock(measurement)
+    walk = _Walk(bench, study, measurement, locked, kinds, tick)
+    stop, reason = walk.go(most_steps)
+    final = walk.final()
+    return _told(walk, stop, reason, final)
+
+
+class _Walk:
+    """The model so far."""
+
+    def __init__(
+        self,
+        bench: Workbench,
+        study: Study,
+        measurement: Measurement,
+        locked: Locked,
+        kinds: Sequence[str] | None,
+        tick: Tick | None,
+    ) -> None:
+        self.bench, self.study, self.measurement, self.locked = bench, study, measurement, locked
+        self.kinds, self.tick = kinds, tick
+        self.ground = Ground.of(bench, study, locked.training)
+        self.effects = study.effects
+        self.added: list[str] = []
+        plain = self.ground.residuals(self.effects)
+        self.drafts = [
+            _Draft((), self.effects, "The model as it was.", self._everywhere(self.effects), plain)
+        ]
+
+    def go(self, most_steps: int) -> tuple[str, str]:
+        """Take steps; returns why it stopped."""
+        registry = self.bench.registry
+        while True:
+            found = self._diagnose()
+            if found.verdict != "missing_effect":
+                return found.verdict, _stop_words(found, registry)
+            again = [kind for kind in found.selected if kind in self.added]
+            if again:
+                return "same_effect", (
+                    f"What is left looks like more of {again[0]}, which is in the model already: its equation is an "
+                    "idealisation that these readings see through. A form of your own may fit better."
+                )
+            order = _by_gain(found)
+            if len(self.added) + len(order) > most_steps:
+                return "most_steps", f"{most_steps} effects are the most that are added in one go."
+            whole = extend(self.ground, self.effects, [*self.added, *order], profiles=False)
+            if not self._gains(whole):
+                return "no_gain", (
+                    f"Adding {' and '.join(order)} lowers the error of the runs that it is fitted to, but not that of "
+                    "conditions left out of the fit: it was not added."
+                )
+            for kind in order:
+                self._take(kind)
+
+    def final(self) -> Extension | None:
+        """The last fit once more, with profile intervals; the last step has its values."""
+        if not self.added:
+            return None
+        found = extend(self.ground, self.effects, self.added)
+        last = self.drafts.pop()
+        left = found.left_out or found.residuals
+        self.drafts.append(_Draft(last.added, found.effects, last.why, self._everywhere(found.effects), left))
+        self.effects = found.effects
+        return found
+
+    def _diagnose(self) -> Diagnosis:
+        study = self.study.model_copy(update={"effects": self.effects})
+        predictor = Predictor.of_study(self.bench, study, self.locked.training)
+        return diagnose(predictor, kinds=self.kinds, tick=self.tick)
+
+    def _gains(self, whole: Extension) -> bool:
+        now = score(whole.left_out or whole.residuals, whole.noise.floors).over_floor
+        before = score(self.drafts[-1].left_out, whole.noise.floors).over_floor
+        return now < (1.0 - LEAST_GAIN) * before
+
+    def _take(self, kind: str) -> None:
+        why = self._why(kind)
+        found = extend(self.ground, self.effects, [*self.added, kind], profiles=False)
+        self.effects = found.effects
+        self.added.append(kind)
+        left = found.left_out or found.residuals
+        self.drafts.append(_Draft((kind,), self.effects, why, self._everywhere(self.effects), left))
+
+    def _why(self, kind: str) -> str:
+        """Where the model fails on training runs, and what this effect is known by."""
+        seen = interpret(compare(self.locked.training, self.ground.predict(self.effects)))
+        notes = self.bench.registry.get("effect", kind).implementation_class().notes
+        return f"{seen} {kind.replace('_', ' ').capitalize()}: {notes.signature}" if notes.signature else seen
+
+    def _everywhere(self, effects: Sequence[EffectConfig]) -> Residuals:
+        return self.ground.residuals(effects, self.measurement)
+
+
+def _by_gain(found: Diagnosis) -> list[str]:
+    """The selected effects, the one first that explains most when it is added next."""
+    chosen: list[str] = []
+    while len(chosen) < len(found.selected):
+        left = [kind for kind in found.selected if kind not in chosen]
+
+        def square(kind: str) -> float:
+            row = found.table.rows.get(sorted_kinds((*chosen, kind))) or found.table.rows[(kind,)]  # noqa: B023
+            return row.mean_square
+
+        chosen.append(min(left, key=square))
+    return chosen
+
+
+def _stop_words(found: Diagnosis, registry: Registry) -> str:
+    if found.verdict == "nothing_missing":
+        return "What is left is noise: no listed effect lowers the error of the training runs any further."
+    return " ".join([headline(found), *explanation(found, registry)])
+
+
+def _told(walk: _Walk, stop: str, reason: str, final: Extension | None) -> Improvement:
+    """Errors of all steps over one floor."""
+    last = walk.drafts[-1]
+    scales = walk.ground.readings(last.effects).scales
+    noise = noise_view(walk.measurement, last.residuals, scales, repeat_groups(walk.measurement))
+    runs = walk.locked.runs
+    steps = []
+    for draft in walk.drafts:
+        training = score(draft.left_out, noise.floors)
+        locked = score(draft.residuals, noise.floors, runs) if runs else training
+        share = locked.n / max(score(draft.residuals, noise.floors).n, 1)
+        se = _standard_error(locked, noise.floors, noise.n_effective * share)
+        steps.append(Step(draft.added, draft.effects, draft.why, locked, se, training))
+    remarks = [walk.locked.why, *_rises(steps)]
+    if not runs:
+        remarks.append(
+            "Errors are those of conditions left out one after another, not of runs that nothing has seen."
+        )
+    if not noise.judged:
+        remarks.append(
+            "Without repeats or a stated sigma the floor holds fast noise only: an error above it may still be noise."
+        )
+    return Improvement(
+        tuple(steps), stop, reason, walk.locked, noise.floors, noise.judged, final, tuple(remarks)
+    )
+
+
+def _standard_error(locked: Score, floors: Mapping[str, Floor], n_effective: float) -> float:
+    """Of rmse / floor: s / √(2 n_eff) for few readings, and the floor's own."""
+    parts = [floors[name].se / floors[name].value for name in locked.rmse if floors[name].value > 0]
+    floor = float(np.sqrt(np.mean(np.square(parts)))) if parts else np.nan
+    return float(locked.over_floor * np.hypot(1.0 / np.sqrt(2.0 * max(n_effective, 1.0)), floor))
+
+
+def _rises(steps: Sequence[Step]) -> list[str]:
+    """Steps after which the error on runs put aside was larger: reported, never acted upon."""
+    return [
+        f"With {' + '.join(now.added)} the error on the runs put aside rose from {before.locked.over_floor:.2f} to "
+        f"{now.locked.over_floor:.2f} times the noise, although it fell on training conditions left out: do not "
+        "trust this step without further runs."
+        for before, now in pairwise(steps)
+        if now.locked.over_floor > before.locked.over_floor
+    ]
+
+
+def summary(found: Improvement) -> str:
+    """What came of it, in one sentence."""
+    first, last = found.steps[0].locked, found.steps[-1].locked
+    on = "runs that were put aside" if found.locked.runs else "conditions left out"
+    if len(found.steps) == 1:
+        return f"No effect was added: the error on {on} is {number(first.over_floor)} times the noise."
+    kinds = listed([kind for step in found.steps for kind in step.added])
+    now = f"{number(last.over_floor)} ± {number(found.steps[-1].locked_se, 2)}"
+    verb = "falls" if last.over_floor < first.over_floor else "goes"
+    return f"With {kinds} the error on {on} {verb} from {number(first.over_floor)} to {now} times the noise."

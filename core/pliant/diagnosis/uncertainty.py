@@ -1,0 +1,286 @@
+"""How sure a fit is of its parameters: standard deviations, correlation, profile intervals.
+
+Residuals r are in units of the noise floor. Noise is coloured: N readings are worth n_eff independent ones, each of
+which adds
+
+    s² = Σ r² / (n_eff − k)
+
+to Σ r² by chance, k parameters fitted. The covariance in the knobs x is s² (JᵀJ)⁻¹, in a parameter's own unit times dv/dx (delta
+method). A profile interval holds the values of one parameter at which Σ r², all other parameters refitted, rises by
+less than s² · 2.706, the 90 % point of χ² with one degree of freedom (Venzon & Moolgavkar, Applied Statistics 37,
+1988): it follows bounds and bent valleys that a standard deviation does not see.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from pliant.diagnosis.candidates import NINETY, Candidate
+from pliant.diagnosis.fitting import Fit, Fitter
+from pliant.evidence.words import number
+from pliant.interfaces.effect import EffectConfig, EffectParameter
+from pliant.records.design import Array
+
+# The rise of an end, in standard deviations, is met within this share.
+CLOSE = 0.02
+MOST_STEPS = 14
+# A step away from the best fit is never longer than this in x, where the data feel nothing.
+LONGEST = 3.0
+# Eigenvalues of JᵀJ below this share of the largest are directions that the data do not feel.
+UNFELT = 1e-12
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """One fitted parameter, in its own unit.
+
+    Attributes:
+        name: ``kind.parameter``.
+        parameter: what the effect's plugin says of it.
+        value, sd: the best value and its standard deviation; infinite where the data do not feel it.
+        low, high: 90 % profile interval.
+        open_low, open_high: the profile does not rise enough before the bound, which then stands as the end.
+        at_limit: the best value lies on a bound.
+    """
+
+    name: str
+    parameter: EffectParameter
+    value: float
+    sd: float
+    low: float
+    high: float
+    open_low: bool
+    open_high: bool
+    at_limit: bool
+
+    @property
+    def kind(self) -> str:
+        return self.name.partition(".")[0]
+
+    @property
+    def unit(self) -> str:
+        """The unit as written behind a number; empty for a pure number."""
+        return "" if self.parameter.unit == "1" else self.parameter.unit
+
+    @property
+    def plausible(self) -> bool:
+        """Within the plausible range, or between it and the value at which the effect vanishes."""
+        low, high = self.parameter.plausible
+        neutral = self.parameter.neutral
+        return min(low, neutral) <= self.value <= max(high, neutral)
+
+    @property
+    def includes_neutral(self) -> bool:
+        """The interval holds the value at which the effect vanishes (strengths only)."""
+        return self.parameter.role == "strength" and self.low <= self.parameter.neutral <= self.high
+
+    @property
+    def words(self) -> str:
+        """``0.212 ± 0.014, 90 % between 0.19 and 0.236``, with what is to be doubted."""
+        unit = f" {self.unit}" if self.unit else ""
+        value = f"{rounded_text(self.value, self.sd)} ± {number(self.sd, 2)}{unit}"
+        return ", ".join([value, f"90 % {self._between()}", *self.doubts])
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """What speaks against the value."""
+        found = []
+        if self.includes_neutral:
+            found.append(f"includes {number(self.parameter.neutral)}: no effect")
+        if not self.plausible:
+            low, high = self.parameter.plausible
+            found.append(f"implausible: {number(self.value)} is outside {number(low)}–{number(high)}")
+        return tuple(found)
+
+    def _between(self) -> str:
+        low, high = number(self.low), number(self.high)
+        if self.open_low and self.open_high:
+            return "anywhere within its bounds"
+        if self.open_low:
+            return f"below {high}"
+        return f"above {low}" if self.open_high else f"between {low} and {high}"
+
+
+@dataclass(frozen=True, eq=False)
+class Uncertainty:
+    """All parameters of a fit; `correlation` (k, k) in the order of `estimates`, NaN where a variance is infinite."""
+
+    estimates: tuple[Estimate, ...]
+    correlation: Array
+
+    def of(self, name: str) -> Estimate:
+        """By ``kind.parameter``."""
+        return next(one for one in self.estimates if one.name == name)
+
+    def absent(self, kind: str) -> bool:
+        """No strength of this effect is told from zero."""
+        strengths = [e for e in self.estimates if e.kind == kind and e.parameter.role == "strength"]
+        return all(estimate.includes_neutral for estimate in strengths)
+
+
+@dataclass(frozen=True)
+class Held(Candidate):
+    """A candidate one of whose knobs is held at a number."""
+
+    knob: int = 0
+    at: float = 0.0
+    inner: Candidate = field(default_factory=lambda: Candidate((), (), ()))
+
+    @staticmethod
+    def hold(candidate: Candidate, knob: int, at: float) -> Held:
+        return Held(candidate.kinds, candidate.knobs, candidate.models, knob, at, candidate)
+
+    def configs(self, x: Array) -> tuple[EffectConfig, ...]:
+        """Those of the candidate that is held, which may be of another class."""
+        return self.inner.configs(x)
+
+    def limits(self) -> tuple[Array, Array]:
+        """Bounds in x, with both ends of the held knob at its number."""
+        low, high = (ends.copy() for ends in self.inner.limits())
+        low[self.knob] = high[self.knob] = self.at
+        return low, high
+
+
+def uncertainty(fitter: Fitter, fit: Fit, n_effective: float, profiles: bool = True) -> Uncertainty:
+    """Standard deviations and, unless `profiles` is False, profile intervals; else ± 1.645 standard deviations.
+
+    Args:
+        fitter: the fitter that made the fit: its readings and weights count.
+        fit: a fit of one parameter or more.
+        n_effective: independent readings that the fit rests on.
+    """
+    scale = square_per_reading(fitter, fit, n_effective)
+    covariance = covariance_of(fitter, fit, scale)
+    spread = np.sqrt(np.diag(covariance))
+    estimates = []
+    for k, knob in enumerate(fit.candidate.knobs):
+        ends = [_end(fitter, fit, k, side, float(spread[k]), scale if profiles else None) for side in (-1, 1)]
+        x = float(fit.x[k])
+        estimates.append(
+            Estimate(
+                name=knob.name,
+                parameter=knob.parameter,
+                value=knob.value(x),
+                sd=float(spread[k] * abs(knob.slope(x))),
+                low=knob.value(ends[0][0]),
+                high=knob.value(ends[1][0]),
+                open_low=ends[0][1],
+                open_high=ends[1][1],
+                at_limit=fit.at_limit[k],
+            )
+        )
+    with np.errstate(invalid="ignore"):
+        correlation = covariance / np.outer(spread, spread)
+    return Uncertainty(tuple(estimates), correlation)
+
+
+def square_per_reading(fitter: Fitter, fit: Fit, n_effective: float) -> float:
+    """s²: what one independent reading adds to Σ r² by chance, as these residuals show it."""
+    n = float(fitter.weights.sum())
+    free = max(n_effective - len(fit.x), 1.0)
+    return fit.mean_square(fitter.weights) * n / free
+
+
+def covariance_of(fitter: Fitter, fit: Fit, scale: float) -> Array:
+    """(k, k) in x; infinite variances where the readings do not feel a knob."""
+    normal = (fit.slopes * fitter.weights[:, None]).T @ fit.slopes
+    size = np.sqrt(np.diag(normal))
+    size[size == 0] = 1.0
+    values, vectors = np.linalg.eigh(normal / np.outer(size, size))
+    felt = values > UNFELT * max(float(values.max(initial=0.0)), 1.0)
+    inverse = (vectors[:, felt] / values[felt]) @ vectors[:, felt].T
+    covariance: Array = scale * inverse / np.outer(size, size)
+    lost = (vectors[:, ~felt] ** 2).sum(axis=1) > 1e-9
+    covariance[lost, lost] = np.inf
+    return covariance
+
+
+def _end(
+    fitter: Fitter, fit: Fit, knob: int, side: int, spread: float, scale: float | None
+) -> tuple[float, bool]:
+    """One end of the interval in x, and whether it is a bound that the profile does not reach its rise before."""
+    best = float(fit.x[knob])
+    bound = float(fit.candidate.limits()[0 if side < 0 else 1][knob])
+    room = abs(bound - best)
+    if room <= 1e-9 * (1.0 + abs(best)):
+        return bound, True
+    if scale is None:
+        reach = NINETY * spread
+        return (bound, True) if reach >= room else (best + side * reach, False)
+    profile = _Profile(fitter, fit, knob, scale)
+    length = _crossing(lambda t: profile.height(best + side * t), min(NINETY * spread, LONGEST), room)
+    return (bound, True) if length is None else (best + side * length, False)
+
+
+@dataclass(eq=False)
+class _Profile:
+    """√(rise of Σ r² / s²) along one knob, the others refitted from where the last call left them."""
+
+    fitter: Fitter
+    fit: Fit
+    knob: int
+    scale: float
+
+    def __post_init__(self) -> None:
+        self._cost = self._squares(self.fit)
+        self._last = self.fit.x
+
+    def height(self, x: float) -> float:
+        start = self._last.copy()
+        start[self.knob] = x
+        refitted = self.fitter.fit(Held.hold(self.fit.candidate, self.knob, x), [start])
+        rise = (self._squares(refitted) - self._cost) / self.scale
+        if not math.isfinite(rise):
+            return 10 * NINETY
+        self._last = refitted.x
+        return math.sqrt(max(rise, 0.0))
+
+    def _squares(self, fit: Fit) -> float:
+        return float(self.fitter.weights @ fit.residual**2)
+
+
+def _crossing(height: Callable[[float], float], step: float, room: float) -> float | None:
+    """Where the height, nearly a straight line from 0, passes `NINETY`; None if that is not before `room`."""
+    low, high, low_height, high_height = 0.0, math.nan, 0.0, math.nan
+    at = min(step, room)
+    for _ in range(MOST_STEPS):
+        here = height(at)
+        if abs(here - NINETY) < CLOSE * NINETY and at < room:
+            return at
+        if here < NINETY:
+            if at >= room:
+                return None
+            low, low_height = at, here
+        else:
+            high, high_height = at, here
+        if math.isnan(high):
+            at = min(at * min(max(NINETY / max(here, 1e-9), 1.2), 4.0), room)
+        else:
+            share = (NINETY - low_height) / (high_height - low_height)
+            at = low + min(max(share, 0.05), 0.95) * (high - low)
+    return at
+
+
+def rounded(value: float, sd: float, digits: int = 2) -> float:
+    """The value at the decimal of the sd's last significant digit; four digits of its own where the sd is not finite."""
+    decimals = _decimals(value, sd, digits)
+    return value if decimals is None else round(value, decimals)
+
+
+def rounded_text(value: float, sd: float, digits: int = 2) -> str:
+    """`rounded` with its trailing zeros: 0.20 where the sd is 0.012 would hide how sure the digit is."""
+    decimals = _decimals(value, sd, digits)
+    if decimals is None:
+        return number(value)
+    return f"{round(value, decimals):.{max(decimals, 0)}f}".replace("-", "−")
+
+
+def _decimals(value: float, sd: float, digits: int) -> int | None:
+    size = sd if 0 < sd < math.inf else abs(value) * 1e-2
+    if not 0 < size < math.inf:
+        return None
+    return min(digits - 1 - math.floor(math.log10(size)), 15)

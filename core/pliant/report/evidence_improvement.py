@@ -1,0 +1,94 @@
+"""The way from a model to a better one as one self-contained page: the falling error first, then the numbers."""
+
+from __future__ import annotations
+
+from pliant import __version__
+from pliant.diagnosis.improvement import Improvement, summary
+from pliant.diagnosis.uncertainty import rounded_text
+from pliant.evidence.words import number, shown
+from pliant.report.facts import Table
+from pliant.report.figures.error_steps import error_steps
+from pliant.report.layout import Page, Picture, Section
+from pliant.report.template import page_template
+from pliant.report.words import Warned
+
+
+def improvement_page(title: str, source: str, found: Improvement) -> Page:
+    """Draw and write the page. The same result gives the same bytes."""
+    hero = Picture("steps", _caption(found), error_steps(found, [step.why for step in found.steps]))
+    sections = [Section("Step by step", tables=(_steps(found),), note=f"Why it stopped: {found.reason}")]
+    if found.final is not None:
+        sections.append(Section("What was added", tables=(_parameters(found),)))
+    sections.append(Section("Noise floor", tables=(_floors(found),)))
+    text = page_template().render(
+        kind="Pliant: a better model, step by step",
+        title=title,
+        sentence=f"{summary(found)} {found.reason}",
+        hero=hero,
+        warnings=[Warned(remark) for remark in found.remarks],
+        sections=sections,
+        version=__version__,
+        footer=f"Measurement: {source or 'given in memory'}",
+    )
+    return Page(text, {hero.name: hero.png})
+
+
+def _caption(found: Improvement) -> str:
+    data = (
+        "runs that were put aside before anything was looked at"
+        if found.locked.runs
+        else "conditions left out of the fit one after another"
+    )
+    return (
+        f"Error on {data}, after each step; bars and the grey band: standard error of the ratio to the floor, and twice "
+        "that of the floor. Dots: training conditions, each left out of the fit. The dashed line is what the bench's own "
+        "scatter leaves to no model."
+    )
+
+
+def _steps(found: Improvement) -> Table:
+    names = list(found.steps[0].locked.rmse)
+    rows = []
+    for place, step in enumerate(found.steps, start=1):
+        rows.append(
+            [
+                f"{place}  {'+ ' + ' + '.join(step.added) if step.added else 'as it was'}",
+                step.why,
+                *(number(step.locked.rmse[name] * shown(name).factor) for name in names),
+                f"{number(step.locked.over_floor)} ± {number(step.locked_se, 2)}",
+                number(step.training.over_floor),
+            ]
+        )
+    head = ["step", "why", *(f"rms {shown(name).axis}" for name in names), "in floors", "training, left out"]
+    return Table("Step by step", head, rows, numeric=2)
+
+
+def _parameters(found: Improvement) -> Table:
+    assert found.final is not None
+    rows = [
+        [
+            e.name,
+            rounded_text(e.value, e.sd),
+            number(e.sd, 2),
+            "…" if e.open_low else number(e.low),
+            "…" if e.open_high else number(e.high),
+            e.unit,
+            ", ".join(e.doubts),
+        ]
+        for e in found.final.uncertainty.estimates
+    ]
+    head = ["parameter", "value", "sd", "90 % from", "to", "unit", ""]
+    return Table(
+        "What was added", head, rows, "Fitted to the training runs only. Intervals: profile of the error."
+    )
+
+
+def _floors(found: Improvement) -> Table:
+    rows = []
+    for name, floor in found.floors.items():
+        words = shown(name)
+        rows.append(
+            [words.axis, number(floor.value * words.factor), number(floor.se * words.factor, 2), floor.source]
+        )
+    note = "Of all runs, as the residuals of the last model show it."
+    return Table("Noise floor", ["output", "floor", "standard error", "from"], rows, note)
