@@ -13,7 +13,7 @@ The candidates (plugins/pliant_plugins/effects) have another form for every one 
 | viscoelastic | three Maxwell branches over a decade, exponential steps |
 | friction_hysteresis | Bouc-Wen or three Prandtl-Ishlinskii stops (MuJoCo: its own frictionloss) |
 | mullins | exponential in the distance from the largest past angle |
-| permanent_set | quadratic in the largest past angle |
+| permanent_set | a power between 1.5 and 2 of the largest past angles |
 | self_contact | softplus, or quadratic beyond contact |
 | thermal_softening | with curvature in temperature |
 | gravity_scale | a fitting elsewhere on the pieces (`truths.Body`) |
@@ -33,8 +33,8 @@ from numba import njit
 
 TYPICAL_ANGLE_RAD = 0.36
 ROOM_C = 22.0
-# Memory of one joint: three Maxwell branches, three friction elements, the largest past |angle|.
-MAXWELL, FRICTION, LARGEST, N_MEMORY = 0, 3, 6, 7
+# Memory of one joint: three Maxwell branches, three friction elements, the largest past angles on either side.
+MAXWELL, FRICTION, LARGEST, LEAST, N_MEMORY = 0, 3, 6, 7, 8
 ZERO = 1e-300  # strengths below this are none
 
 
@@ -83,6 +83,7 @@ class Forms(NamedTuple):
     mullins: float = 0.0
     mullins_scale: float = 0.1
     set_share: float = 0.0
+    set_power: float = 2.0
     contact: float = 0.0
     contact_at: float = 0.3
     contact_width: float = 0.03
@@ -178,10 +179,13 @@ def effort(
     """Effort of one joint at angle u, reached from u − step in dt; writes the memory `new` (N_MEMORY,) of `old`."""
     p, warm, load = acting(drive.pressure_pa, f), drive.temperature_c - ROOM_C, drive.moment_n_m
     share = p / PRESSURE_MAX_PA
-    top = max(old[LARGEST], abs(u))
-    new[LARGEST] = top
+    new[LARGEST], new[LEAST] = max(old[LARGEST], u), min(old[LEAST], u)
+    top = max(new[LARGEST], -new[LEAST])
 
-    v = u - f.set_share * top * top / TYPICAL_ANGLE_RAD
+    v = u
+    if f.set_share > 0.0:
+        stretched = (new[LARGEST] / TYPICAL_ANGLE_RAD) ** f.set_power
+        v -= f.set_share * TYPICAL_ANGLE_RAD * (stretched - (-new[LEAST] / TYPICAL_ANGLE_RAD) ** f.set_power)
     linear = B_E * v * (1.0 + f.stiffness)
     quadratic = 0.5 * M_E * v * abs(v) * (1.0 + f.stiffness * f.stiffness_quadratic)
     factor = 1.0 + f.elastic_error * math.sin(3.0 * u / TYPICAL_ANGLE_RAD + f.elastic_phase)

@@ -60,13 +60,13 @@ def mjcf(robot: Robot, body: Any) -> str:
 
 
 def _add_inertia(parent: ElementTree.Element, length: float, rod_kg: float, body: Any) -> None:
-    """A uniform rod and a point mass as one inertia; a fitting's mass may be negative (a lighter piece)."""
+    """A uniform rod and a point mass as one inertia."""
     mass = rod_kg + body.fitting_kg
     arm, side = body.fitting_share * length, body.fitting_side_m
     down = (rod_kg * length / 2 + body.fitting_kg * arm) / mass
     aside = body.fitting_kg * side / mass
     about_joint = rod_kg * length**2 / 3 + body.fitting_kg * (arm**2 + side**2)
-    inertia = max(about_joint - mass * (down**2 + aside**2), 0.2 * rod_kg * length**2 / 12)
+    inertia = about_joint - mass * (down**2 + aside**2)
     ElementTree.SubElement(
         parent,
         "inertial",

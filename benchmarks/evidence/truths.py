@@ -142,14 +142,14 @@ class _Dice:
     def uniform(self, name: str, judged: tuple[float, float], calibration: tuple[float, float]) -> float:
         """A number in the split's range."""
         low, high = judged if self.split == "judged" else calibration
-        return self._note(name, self.rng.uniform(low, high))
+        return self._note(name, float(self.rng.uniform(low, high)))
 
-    def sign(self, positive: float = 0.5) -> float:
-        return self._note("sign", 1.0 if self.rng.random() < positive else -1.0)
+    def sign(self) -> float:
+        return self._note("sign", float(self.rng.choice([-1.0, 1.0])))
 
     def _note(self, name: str, value: float) -> float:
-        self.drawn[name] = float(value)
-        return self.drawn[name]
+        self.drawn[name] = value
+        return value
 
 
 Change = Callable[[float], dict[str, float]]
@@ -213,7 +213,8 @@ def _mullins(d: _Dice) -> tuple[Change, float]:
 
 
 def _permanent_set(d: _Dice) -> tuple[Change, float]:
-    return lambda s: {"set_share": 0.1 * s}, 6.0
+    power = d.uniform("power", (1.5, 2.0), (1.2, 1.6))
+    return lambda s: {"set_share": 0.1 * s, "set_power": power}, 6.0
 
 
 def _self_contact(d: _Dice) -> tuple[Change, float]:
@@ -237,14 +238,10 @@ def _thermal(d: _Dice) -> tuple[Change, float]:
 
 
 def _gravity(d: _Dice) -> tuple[Change, float]:
-    sign = d.sign(0.7)
     share = d.uniform("arm", (0.7, 1.0), (0.3, 0.6))
     side = d.robot.length_m * d.uniform("side", (0.0, 0.02), (-0.02, 0.0))
-    fitting = 0.25 * d.robot.mass_kg * sign
-    return (
-        lambda s: {"fitting_kg": fitting * s, "fitting_share": share, "fitting_side_m": side},
-        6.0 if sign > 0 else 2.4,
-    )
+    fitting = 0.25 * d.robot.mass_kg
+    return lambda s: {"fitting_kg": fitting * s, "fitting_share": share, "fitting_side_m": side}, 6.0
 
 
 def _bias(d: _Dice) -> tuple[Change, float]:

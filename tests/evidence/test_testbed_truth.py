@@ -111,7 +111,7 @@ def test_every_effect_reaches_the_strength_that_was_asked_for(kind: str) -> None
     assert found.label["excited"] and found.label["snr_reached"] == pytest.approx(2.0, rel=0.1)
 
 
-@pytest.mark.parametrize("kind", ["viscous_damping", "friction_hysteresis", "viscoelastic", "gravity_scale"])
+@pytest.mark.parametrize("kind", ["viscous_damping", "friction_hysteresis", "gravity_scale"])
 def test_strength_in_mujoco(kind: str) -> None:
     found = made(kind, "mujoco", 1.5)
     assert signal(found.clean, found.hidden, found.sigma) == pytest.approx(1.5, rel=0.1)
