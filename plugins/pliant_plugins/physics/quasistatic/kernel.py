@@ -28,6 +28,7 @@ MAX_TERMS = 8
 ROLES = ("moment", "elastic", "actuation", "rest")
 SLOPE_STEP = 1e-6
 RAMP_STEPS = 4
+MAX_HALVINGS = 8
 
 
 def _nothing(angle: float, rate: float, dt: float, p: float, t: float, old: Any, new: Any, c: Any) -> float:
@@ -211,10 +212,12 @@ def _solve(matrix, right):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _balance(model, laws, body, gravity, now, q, before, old, new, pose, load, residual, slope, space):  # type: ignore[no-untyped-def]
-    """Fills pose, loads, residual and slopes of the efforts at q; returns the largest residual."""
+def _balance(chain, now, q, memory, frame):  # type: ignore[no-untyped-def]
+    """Fills the frame and the new memory at q; returns the largest residual."""
+    model, laws, body, gravity = chain
     base, p, f, opposed, hung, t, dt = now
-    axes, origins, points = pose
+    before, old, new = memory
+    axes, origins, points, load, residual, slope, space = frame
     _pose(q, base, body, axes, origins, points, space)
     _weigh(axes, origins, points, body[6], hung, gravity, f, load, origins, False, space)
     size = 0.0
@@ -225,19 +228,13 @@ def _balance(model, laws, body, gravity, now, q, before, old, new, pose, load, r
     return size
 
 
-@njit(cache=True)
-def _stiffen(pose, masses, hung, gravity, f, load, slope, stiffness, space):  # type: ignore[no-untyped-def]
+@njit(cache=True, inline="always")
+def _stiffen(chain, now, frame, stiffness):  # type: ignore[no-untyped-def]
     """Fills the stiffness −∂R/∂q (n, n)."""
-    axes, origins, points = pose
-    _weigh(axes, origins, points, masses, hung, gravity, f, load, stiffness, True, space)
+    axes, origins, points, load, _, slope, space = frame
+    _weigh(axes, origins, points, chain[2][6], now[4], chain[3], now[2], load, stiffness, True, space)
     for i in range(len(load)):
         stiffness[i, i] -= slope[i]
-
-
-@njit(cache=True, inline="always")
-def _mix(value, previous, share, begins):  # type: ignore[no-untyped-def]
-    """A straight line from the sample before to this one; from nothing where a run begins."""
-    return share * value if begins else share * value + (1.0 - share) * previous
 
 
 @njit(cache=True)
@@ -248,15 +245,94 @@ def _step(stiffness, residual, step, work, max_turn):  # type: ignore[no-untyped
         stiff = stiffness[0, 0]
         step[0] = residual[0] / (stiff if stiff > 1e-12 else abs(stiff) + 1e-9)
     else:
-        for i in range(n):
-            step[i] = residual[i]
-            for j in range(n):
-                work[i, j] = stiffness[i, j]
+        step[:] = residual
+        work[:] = stiffness
         _solve(work, step)
     longest = 0.0
     for i in range(n):
         longest = max(longest, abs(step[i]))
     return max_turn / longest if longest > max_turn else 1.0
+
+
+@njit(cache=True, inline="always")
+def _newton(chain, now, q, memory, frame, square, lines, options):  # type: ignore[no-untyped-def]
+    """Moves q to equilibrium; returns whether it was reached. Frame and new memory are those at q."""
+    tolerance, max_iterations, max_turn = options
+    stiffness, work = square
+    step, trial = lines
+    size = _balance(chain, now, q, memory, frame)
+    iteration = 0
+    while size > tolerance and iteration < max_iterations and np.isfinite(size):
+        iteration += 1
+        _stiffen(chain, now, frame, stiffness)
+        scale = _step(stiffness, frame[4], step, work, max_turn)
+        # A step that makes the balance worse is halved, a few times: kinks and backward slopes.
+        reached = size
+        for _ in range(MAX_HALVINGS):
+            for i in range(len(q)):
+                trial[i] = q[i] + scale * step[i]
+            reached = _balance(chain, now, trial, memory, frame)
+            if reached < size or reached <= tolerance:
+                break
+            scale *= 0.5
+        q[:] = trial
+        size = reached
+    return size <= tolerance
+
+
+@njit(cache=True, inline="always")
+def _differentiate(chain, then, dt, q, memory, memory_v, frame, square, lines, spare):  # type: ignore[no-untyped-def]
+    """Changes of q and of the memory when parameters, inputs and past change a little.
+
+    `then` holds the changed model, gravity, inputs and loads; `memory_v` the changes of the past, which become
+    those of the present.
+    """
+    model, gravity, p, f, opposed, hung, t = then
+    before, old, new = memory
+    before_v, old_v = memory_v
+    axes, origins, points, _, residual, _, space = frame
+    stiffness, work = square
+    load, right = lines
+    moved, scratch = spare
+    laws, masses = chain[1], chain[2][6]
+    _weigh(axes, origins, points, masses, hung, gravity, f, load, work, False, space)
+    for i in range(len(q)):
+        for s in range(len(moved)):
+            moved[s] = old[i, s] + old_v[i, s]
+        tau = _effort(model, laws[i], q[i], before[i] + before_v[i], dt, p, t, moved, scratch)[0]
+        right[i] = tau - opposed + load[i] - residual[i]
+    work[:] = stiffness
+    _solve(work, right)
+    for i in range(len(q)):
+        if len(moved):
+            for s in range(len(moved)):
+                moved[s] = old[i, s] + old_v[i, s]
+            _effort(model, laws[i], q[i] + right[i], before[i] + before_v[i], dt, p, t, moved, scratch)
+            for s in range(len(moved)):
+                old_v[i, s] = scratch[s] - new[i, s]
+        before_v[i] = right[i]
+
+
+@njit(cache=True, inline="always")
+def _mix(value, previous, share, begins):  # type: ignore[no-untyped-def]
+    """A straight line from the sample before to this one; from nothing where a run begins."""
+    return share * value if begins else share * value + (1.0 - share) * previous
+
+
+@njit(cache=True)
+def _drive(drive, sample, share, begins, p, f):  # type: ignore[no-untyped-def]
+    """Fills pressures and tip force part of the way to a sample; returns moment, payload and temperature there."""
+    pressure, force, moment, payload, temperature = drive
+    last = max(sample - 1, 0)
+    for m in range(len(p)):
+        p[m] = _mix(pressure[sample, m], pressure[last, m], share, begins)
+    for a in range(3):
+        f[a] = _mix(force[sample, a], force[last, a], share, begins)
+    opposed = _mix(moment[sample], moment[last], share, begins)
+    if begins:
+        return opposed, payload[sample], temperature[sample]
+    hung = _mix(payload[sample], payload[last], share, False)
+    return opposed, hung, _mix(temperature[sample], temperature[last], share, False)
 
 
 @njit(cache=True)
@@ -278,129 +354,48 @@ def follow(model, keeps, laws, body, gravity, drive, clock, others, options):  #
         q (N, n), its changes (K, N, n) to first order, and whether each sample converged (N,).
     """
     functions, terms, _, table, grid, signs = model
-    _, bases, _, _, _, _, masses = body
-    pressure, force, moment, payload, temperature = drive
     duration, start, specimen, n_specimens, substeps = clock
     parameters_v, gravity_v, pressure_v, force_v, moment_v, payload_v, temperature_v = others
-    tolerance, max_iterations, max_turn = options
-    n_samples, n, n_memory, n_changes = len(moment), len(laws), len(keeps), len(parameters_v)
+    n_samples, n, n_memory, n_changes = len(start), len(laws), len(keeps), len(parameters_v)
+    chain = (model, laws, body, gravity)
     q_all, dq_all = np.zeros((n_samples, n)), np.zeros((n_changes, n_samples, n))
     converged = np.ones(n_samples, dtype=np.bool_)
-    q, before, trial, step = np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n)
-    before_v = np.zeros((n_changes, n))
-    old, new, scratch = np.zeros((n, n_memory)), np.zeros((n, n_memory)), np.zeros(n_memory)
-    old_v, moved = np.zeros((n_changes, n, n_memory)), np.zeros(n_memory)
+    q, before, old, new = np.zeros(n), np.zeros(n), np.zeros((n, n_memory)), np.zeros((n, n_memory))
+    before_v, old_v = np.zeros((n_changes, n)), np.zeros((n_changes, n, n_memory))
     kept, kept_v = np.zeros((n_specimens, n, n_memory)), np.zeros((n_specimens, n_changes, n, n_memory))
-    axes, origins, points = np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n + 1, 3))
-    pose, space = (axes, origins, points), np.zeros((6, 3, 3))
-    load, load_v, right = np.zeros(n), np.zeros(n), np.zeros(n)
-    residual, slope = np.zeros(n), np.zeros(n)
-    stiffness, work = np.zeros((n, n)), np.zeros((n, n))
+    memory = (before, old, new)
+    pose = (np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n + 1, 3)))
+    frame = (*pose, np.zeros(n), np.zeros(n), np.zeros(n), np.zeros((6, 3, 3)))
+    square, lines = (np.zeros((n, n)), np.zeros((n, n))), (np.zeros(n), np.zeros(n))
+    spare = (np.zeros(n_memory), np.zeros(n_memory))
     p, p_v, f, f_v = np.zeros(len(signs)), np.zeros(len(signs)), np.zeros(3), np.zeros(3)
     for sample in range(n_samples):
-        begins, owner, last = start[sample], specimen[sample], max(sample - 1, 0)
+        begins, owner = start[sample], specimen[sample]
         if begins:
-            q[:] = 0.0
-            before[:] = 0.0
-            before_v[:] = 0.0
-            old[:] = kept[owner]
-            old_v[:] = kept_v[owner]
+            q[:], before[:], before_v[:] = 0.0, 0.0, 0.0
+            old[:], old_v[:] = kept[owner], kept_v[owner]
             for s in range(n_memory):
                 if not keeps[s]:
-                    old[:, s] = 0.0
-                    old_v[:, :, s] = 0.0
+                    old[:, s], old_v[:, :, s] = 0.0, 0.0
         parts = RAMP_STEPS if begins else substeps[sample]
         dt = np.inf if begins else duration[sample] / parts
         for part in range(1, parts + 1):
             share = part / parts
-            for m in range(len(signs)):
-                p[m] = _mix(pressure[sample, m], pressure[last, m], share, begins)
-            for a in range(3):
-                f[a] = _mix(force[sample, a], force[last, a], share, begins)
-            opposed = _mix(moment[sample], moment[last], share, begins)
-            hung = payload[sample] if begins else _mix(payload[sample], payload[last], share, False)
-            t = temperature[sample] if begins else _mix(temperature[sample], temperature[last], share, False)
-            now = (bases[sample], p, f, opposed, hung, t, dt)
-            size = _balance(
-                model, laws, body, gravity, now, q, before, old, new, pose, load, residual, slope, space
-            )
-            iteration = 0
-            while size > tolerance and iteration < max_iterations and np.isfinite(size):
-                iteration += 1
-                _stiffen(pose, masses, hung, gravity, f, load, slope, stiffness, space)
-                scale = _step(stiffness, residual, step, work, max_turn)
-                # A step that makes the balance worse is halved, a few times: kinks and backward slopes.
-                reached = size
-                for _ in range(8):
-                    for i in range(n):
-                        trial[i] = q[i] + scale * step[i]
-                    reached = _balance(
-                        model,
-                        laws,
-                        body,
-                        gravity,
-                        now,
-                        trial,
-                        before,
-                        old,
-                        new,
-                        pose,
-                        load,
-                        residual,
-                        slope,
-                        space,
-                    )
-                    if reached < size or reached <= tolerance:
-                        break
-                    scale *= 0.5
-                for i in range(n):
-                    q[i] = trial[i]
-                size = reached
-            if not size <= tolerance:
+            opposed, hung, t = _drive(drive, sample, share, begins, p, f)
+            now = (body[1][sample], p, f, opposed, hung, t, dt)
+            if not _newton(chain, now, q, memory, frame, square, lines, options):
                 converged[sample] = False
             if n_changes:
-                _stiffen(pose, masses, hung, gravity, f, load, slope, stiffness, space)
+                _stiffen(chain, now, frame, square[0])
             for k in range(n_changes):
+                drive_v = (pressure_v[k], force_v[k], moment_v[k], payload_v[k], temperature_v[k])
+                opposed_v, hung_v, t_v = _drive(drive_v, sample, share, begins, p_v, f_v)
                 other = (functions, terms, parameters_v[k], table, grid, signs)
-                for m in range(len(signs)):
-                    p_v[m] = _mix(pressure_v[k, sample, m], pressure_v[k, last, m], share, begins)
-                for a in range(3):
-                    f_v[a] = _mix(force_v[k, sample, a], force_v[k, last, a], share, begins)
-                opposed_v = _mix(moment_v[k, sample], moment_v[k, last], share, begins)
-                hung_v, t_v = payload_v[k, sample], temperature_v[k, sample]
-                if not begins:
-                    hung_v = _mix(hung_v, payload_v[k, last], share, False)
-                    t_v = _mix(t_v, temperature_v[k, last], share, False)
-                _weigh(axes, origins, points, masses, hung_v, gravity_v[k], f_v, load_v, work, False, space)
-                for i in range(n):
-                    for s in range(n_memory):
-                        moved[s] = old[i, s] + old_v[k, i, s]
-                    past = before[i] + before_v[k, i]
-                    tau = _effort(other, laws[i], q[i], past, dt, p_v, t_v, moved, scratch)[0]
-                    right[i] = tau - opposed_v + load_v[i] - residual[i]
-                for i in range(n):
-                    for j in range(n):
-                        work[i, j] = stiffness[i, j]
-                _solve(work, right)
-                for i in range(n):
-                    if n_memory:
-                        for s in range(n_memory):
-                            moved[s] = old[i, s] + old_v[k, i, s]
-                        past = before[i] + before_v[k, i]
-                        _effort(other, laws[i], q[i] + right[i], past, dt, p_v, t_v, moved, scratch)
-                        for s in range(n_memory):
-                            old_v[k, i, s] = scratch[s] - new[i, s]
-                    before_v[k, i] = right[i]
-            for i in range(n):
-                before[i] = q[i]
-                for s in range(n_memory):
-                    old[i, s] = new[i, s]
-        for i in range(n):
-            q_all[sample, i] = q[i]
-            for k in range(n_changes):
-                dq_all[k, sample, i] = before_v[k, i]
-            for s in range(n_memory):
-                kept[owner, i, s] = old[i, s]
-                for k in range(n_changes):
-                    kept_v[owner, k, i, s] = old_v[k, i, s]
+                then = (other, gravity_v[k], p_v, f_v, opposed_v, hung_v, t_v)
+                past = (before_v[k], old_v[k])
+                _differentiate(chain, then, dt, q, memory, past, frame, square, lines, spare)
+            before[:], old[:] = q, new
+        q_all[sample] = q
+        dq_all[:, sample] = before_v
+        kept[owner], kept_v[owner] = old, old_v
     return q_all, dq_all, converged
