@@ -18,7 +18,7 @@ from benchmarks.evidence.truths import CLEAN, UNKNOWN
 HONEST = ("ambiguous", "insufficient_data")
 ERROR = "error"
 Z_95 = 1.959963984540054
-SNR_EDGES = (0.0, 0.75, 1.25, 1.5, 2.0, 2.5, 3.5)
+SNR_EDGES = (0.0, 0.75, 1.25, 2.0, 2.5, 3.5)
 PROBABILITY_EDGES = (0.0, 0.5, 0.7, 0.9, 0.97, 1.0)
 
 
@@ -191,7 +191,9 @@ def summary(items: Sequence[Judged]) -> dict[str, Any]:
                 "effects": share([i for i in rows if i.kind != CLEAN and i.excited], is_right),
                 "clean": share([i for i in rows if i.kind == CLEAN], is_right),
             }
-            for name, rows in _by([i for i in asked if i.group != "unknown"], lambda i: i.protocol).items()
+            for name, rows in _by(
+                [i for i in asked if i.group not in ("unknown", "weak")], lambda i: i.protocol
+            ).items()
         },
         "false_alarms": share(clean, lambda i: i.alarm),
         "false_alarms_by_engine": {

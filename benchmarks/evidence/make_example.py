@@ -39,4 +39,4 @@ def main(passphrase: str, folder: Path = FOLDER) -> None:
 
 
 if __name__ == "__main__":
-    main(*sys.argv[1:])
+    main(sys.argv[1])

@@ -14,6 +14,10 @@ SHORT = {
 }
 
 
+MAIN = ("effect", "clean", "unknown")
+SEVERAL = "several effects"
+
+
 def tables(data: dict[str, Any]) -> str:
     """`judge.summary` as a page of text."""
     return "\n".join(_lines(data))
@@ -21,6 +25,8 @@ def tables(data: dict[str, Any]) -> str:
 
 def _lines(data: dict[str, Any]) -> Iterator[str]:
     yield f"{data['n']} answers, {data['errors']} errors"
+    yield ""
+    yield from _matrix({k: row for g in MAIN for k, row in data["confusion"].get(g, {}).items()})
     for group, rows in data["confusion"].items():
         yield ""
         yield f"What was hidden, and what was answered ({group}):"
@@ -69,6 +75,26 @@ def _lines(data: dict[str, Any]) -> Iterator[str]:
             f"{_number(end['median'])} (quartiles {_number(end['q25'])} to {_number(end['q75'])}, worst "
             f"{_number(end['worst'])}); right effects {_share(improve['right'])}"
         )
+
+
+def _matrix(rows: dict[str, dict[str, int]]) -> Iterator[str]:
+    """Confusion matrix: a row per truth, a column per answer; columns are numbered as the rows are."""
+    named = {
+        kind: [(SEVERAL if " + " in answer else _short(answer), n) for answer, n in row.items()]
+        for kind, row in rows.items()
+    }
+    answers = {answer for row in named.values() for answer, _ in row}
+    columns = [kind for kind in rows if kind in answers] + sorted(answers - set(rows))
+    number = {column: i for i, column in enumerate(columns, 1)}
+    yield f"Confusion matrix, hidden by answered{'':5s}" + "".join(f"{i:4d}" for i in number.values())
+    for kind, row in named.items():
+        counts = dict.fromkeys(columns, 0)
+        for answer, n in row:
+            counts[answer] += n
+        place = f"{number[kind]:3d} " if kind in number else "    "
+        yield f"  {place}{kind:36s}" + "".join(f"{counts[c]:4d}" if counts[c] else "   ·" for c in columns)
+    others = [f"{number[c]} {c}" for c in columns if c not in rows]
+    yield f"  {', '.join(others)}"
 
 
 def _short(answer: str) -> str:
