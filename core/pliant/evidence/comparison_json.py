@@ -6,9 +6,10 @@ from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any
 
-from pliant.evidence.comparison import Comparison, GroupError, OutputError
+from pliant.evidence.comparison import Comparison
 from pliant.evidence.interpretation import interpret
 from pliant.evidence.places import Place
+from pliant.evidence.scores import GroupError, OutputError
 from pliant.evidence.words import si_unit
 
 

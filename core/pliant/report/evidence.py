@@ -7,8 +7,9 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from pliant import __version__
-from pliant.evidence.comparison import Comparison, GroupError
+from pliant.evidence.comparison import Comparison
 from pliant.evidence.interpretation import interpret
+from pliant.evidence.scores import GroupError
 from pliant.evidence.words import number, percent, shown
 from pliant.records.design import Array
 from pliant.records.measurement import Measurement

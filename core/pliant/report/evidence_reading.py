@@ -10,9 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pliant.evidence.comparison import Comparison, GroupError, residuals_of
+from pliant.evidence.comparison import Comparison, residuals_of
 from pliant.evidence.covariates import Covariates, covariates
 from pliant.evidence.places import Residuals
+from pliant.evidence.scores import GroupError
 from pliant.evidence.words import Shown, shown
 from pliant.records.design import Array
 from pliant.records.measurement import MeasuredRun, Measurement

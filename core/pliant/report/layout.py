@@ -36,9 +36,10 @@ class Picture:
 
 @dataclass(frozen=True, eq=False)
 class Section:
-    """A part of the page: pictures, then tables, then a line of small print."""
+    """A part of the page: paragraphs, pictures, tables, then a line of small print."""
 
     title: str
     pictures: tuple[Picture, ...] = ()
     tables: tuple[Table, ...] = ()
     note: str = ""
+    text: tuple[str, ...] = ()

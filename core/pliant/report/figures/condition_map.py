@@ -16,6 +16,7 @@ from pliant.report.figures import style
 
 MOST_RUNS = 40
 PREFERRED = ("direction × pressure", "direction × tendon", "direction", "pressure", "moment")
+NO_DATA = "#eceef2"
 DARK = 0.78  # of the colour range: white digits from here on
 
 
@@ -62,6 +63,7 @@ def _heat(axis: Any, values: Array, words: list[str], norm: TwoSlopeNorm) -> Any
         range(len(words)), [fitting(word, 42) for word in words], rotation=35, ha="right", fontsize=8
     )
     axis.grid(False)
+    axis.set_facecolor(NO_DATA)
     for side in axis.spines.values():
         side.set_visible(False)
     axis.tick_params(length=0)
@@ -73,8 +75,8 @@ def _heat(axis: Any, values: Array, words: list[str], norm: TwoSlopeNorm) -> Any
 
 
 def _colours() -> Colormap:
-    """Blue below the noise, white at it, orange to dark red above; grey where nothing was measured."""
-    colours = LinearSegmentedColormap.from_list(
+    """Blue below the noise, white at it, orange to dark red above."""
+    return LinearSegmentedColormap.from_list(
         "floors",
         [
             (0.0, "#a9c4de"),
@@ -85,8 +87,6 @@ def _colours() -> Colormap:
             (1.0, "#6e1410"),
         ],
     )
-    colours.set_bad("#eceef2")
-    return colours
 
 
 def _bins(compared: Compared) -> Bins | None:

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from pliant.evidence.comparison import GroupError
 from pliant.evidence.phases import phases
+from pliant.evidence.scores import GroupError
 from pliant.evidence.words import Shown, shown
 from pliant.records.design import Array
 from pliant.report.evidence_reading import (
