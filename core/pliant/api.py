@@ -1,0 +1,112 @@
+"""The commands as functions, in the same words: for notebooks and scripts.
+
+    from pliant import api
+
+    finger = api.open_study("finger.yaml")
+    print(api.compare(finger).rmse_over_floor)
+    print(api.diagnose(finger).selected)
+    print(api.improve(finger).steps[-1].locked.over_floor)
+
+Each returns the record that the command prints; nothing is written but the artifact store.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from pliant.config.loading import load_study
+from pliant.config.study import Study
+from pliant.diagnosis.diagnosis import Diagnosis
+from pliant.diagnosis.diagnosis import diagnose as diagnose_with
+from pliant.diagnosis.extension import Extension, Ground
+from pliant.diagnosis.extension import extend as extend_with
+from pliant.diagnosis.improvement import Improvement
+from pliant.diagnosis.improvement import improve as improve_with
+from pliant.evidence.comparison import Comparison
+from pliant.evidence.comparison import compare as compare_with
+from pliant.evidence.measured import measurement_of_study
+from pliant.evidence.prediction import Predictor
+from pliant.pipeline.progress import Progress, Silent
+from pliant.pipeline.study import StudyRun, simulate_study
+from pliant.pipeline.workbench import Workbench
+from pliant.records.measurement import Measurement
+from pliant.registry.discovery import discover
+from pliant.registry.files import with_files
+from pliant.store.store import ArtifactStore
+
+DEFAULT_STORE = Path(".pliant/store")
+
+
+@dataclass(frozen=True)
+class OpenStudy:
+    """A study with the plugins and the store that its stages need."""
+
+    study: Study
+    bench: Workbench
+
+
+def open_study(
+    path: str | Path,
+    overrides: Sequence[str] = (),
+    *,
+    store: str | Path = DEFAULT_STORE,
+    progress: Progress | None = None,
+) -> OpenStudy:
+    """Read a study file.
+
+    Args:
+        path: the YAML file.
+        overrides: as after the command, ``["physics.kind=mujoco"]``.
+        store: folder of finished stages.
+        progress: told what happens; silent by default.
+
+    Raises:
+        UserError: the file is missing or wrong; the message lists every problem.
+    """
+    registry = discover()
+    study = load_study(Path(path), registry, overrides)
+    registry = with_files(registry, study.plugins)
+    return OpenStudy(study, Workbench(registry, ArtifactStore(Path(store)), progress or Silent()))
+
+
+def simulate(opened: OpenStudy) -> StudyRun:
+    """All stages up to the study's task: `pliant simulate`."""
+    return simulate_study(opened.bench, opened.study)
+
+
+def read_measurement(opened: OpenStudy, data: str | Path | None = None) -> Measurement:
+    """The study's measurements, or another file read by the same settings."""
+    return measurement_of_study(opened.bench, opened.study, None if data is None else Path(data))
+
+
+def predictor(opened: OpenStudy, data: str | Path | None = None) -> Predictor:
+    """The study's model, driven by the measured histories."""
+    return Predictor.of_study(opened.bench, opened.study, read_measurement(opened, data))
+
+
+def compare(opened: OpenStudy, data: str | Path | None = None) -> Comparison:
+    """Model against measurements: `pliant compare`."""
+    model = predictor(opened, data)
+    return compare_with(model.measurement, model.predict())
+
+
+def diagnose(
+    opened: OpenStudy, data: str | Path | None = None, *, kinds: Sequence[str] | None = None
+) -> Diagnosis:
+    """Which physical effect is missing: `pliant diagnose`."""
+    return diagnose_with(predictor(opened, data), kinds=kinds)
+
+
+def extend(opened: OpenStudy, kinds: Sequence[str], data: str | Path | None = None) -> Extension:
+    """Effects fitted on top of the study's own, with their uncertainty: `pliant extend`."""
+    ground = Ground.of(opened.bench, opened.study, read_measurement(opened, data))
+    return extend_with(ground, opened.study.effects, kinds)
+
+
+def improve(
+    opened: OpenStudy, data: str | Path | None = None, *, kinds: Sequence[str] | None = None
+) -> Improvement:
+    """The whole loop, with runs put aside: `pliant improve`."""
+    return improve_with(opened.bench, opened.study, read_measurement(opened, data), kinds=kinds)
