@@ -80,9 +80,9 @@ def _hypotheses(found: Diagnosis) -> Table:
 
 
 def _ratio(found: Diagnosis, kinds: Kinds) -> str:
-    if kinds == UNKNOWN:
-        return "1"
-    return number(float(np.sqrt(found.table.rows[kinds].heldout_square / found.noise.floor_square)), 3)
+    square = found.noise.floor_square if kinds == UNKNOWN else found.table.rows[kinds].heldout_square
+    ratio = found.table.over_floor(square)
+    return number(ratio, 3) if np.isfinite(ratio) else "–"
 
 
 def _values(found: Diagnosis, kinds: Kinds) -> str:

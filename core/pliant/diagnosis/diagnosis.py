@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -23,9 +23,9 @@ from pliant.diagnosis.next_run import NextRun, next_run, run_that_excites
 from pliant.diagnosis.noise import NoiseView
 from pliant.diagnosis.readings import ReadingVector
 from pliant.diagnosis.search import Search, Tick
-from pliant.diagnosis.table import NOTHING, PRICES, UNKNOWN, EvidenceTable, Kinds, Prices
+from pliant.diagnosis.table import LEAST_SQUARE, NOTHING, PRICES, UNKNOWN, EvidenceTable, Kinds, Prices
 from pliant.diagnosis.verdict import Judgement, judge
-from pliant.errors import UserError
+from pliant.errors import NotReachedError, UserError
 from pliant.evidence.covariates import covariates
 from pliant.evidence.floors import Floor, floor_remarks, noise_floors
 from pliant.evidence.importance import importance
@@ -37,6 +37,8 @@ from pliant.registry.discovery import Registry
 REPEATING = "the medium run again, three times"
 # An output without any floor is weighed by this share of its range.
 SHARE_OF_RANGE = 0.02
+# A diagnosis is refused where the model has no equilibrium in a larger share of the samples.
+MOST_WITHOUT = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,14 +103,20 @@ def diagnose(
         tick: called with the name of each hypothesis when it has been fitted.
 
     Raises:
-        UserError: no reading can be used.
+        UserError: an unknown kind, or no reading can be used.
+        NotReachedError: the model has no equilibrium in most of the measured states.
     """
     started = time.perf_counter()
-    measurement, registry = predictor.measurement, predictor.bench.registry
-    scales, floors = _scales(predictor)
+    registry = predictor.bench.registry
+    asked = list(dict.fromkeys(registry.kinds("effect") if kinds is None else kinds))
+    for kind in asked:
+        registry.get("effect", kind)
+    plain = predictor.predict()
+    measurement, lost = _followed(predictor.measurement, plain)
+    scales, floors = _scales(predictor, measurement, plain)
     readings = ReadingVector.of(measurement, tuple(scales), scales)
     fitter = Fitter(predictor, readings)
-    chosen, left_out = applicable(registry, fitter, registry.kinds("effect") if kinds is None else kinds)
+    chosen, left_out = applicable(registry, fitter, asked)
     search = Search(registry, measurement, readings, fitter, prices)
     if tick is not None:
         search.tick = tick
@@ -131,7 +139,12 @@ def diagnose(
         detectable=detectable(shown, n, prices),
         depends_on=importance(residuals, found, dict(scales)),
         next_run=_what_next(predictor, scales, search.fits, judgement),
-        remarks=(*measurement.remarks, *floor_remarks(floors), *_remarks(predictor, left_out, measurement)),
+        remarks=(
+            *measurement.remarks,
+            *lost,
+            *floor_remarks(floors),
+            *_remarks(predictor, left_out, table),
+        ),
         explained=explained,
         excitations=shown,
         wall_s=time.perf_counter() - started,
@@ -153,10 +166,36 @@ def applicable(registry: Registry, fitter: Fitter, kinds: Sequence[str]) -> tupl
     return fits, reasons
 
 
-def _scales(predictor: Predictor) -> tuple[dict[str, float], dict[str, Floor]]:
+def _followed(
+    measurement: Measurement, plain: Sequence[Mapping[str, Array]]
+) -> tuple[Measurement, tuple[str, ...]]:
+    """The readings at which the model as it is has an equilibrium, and a sentence about the others."""
+    runs, without = [], {}
+    for run, model in zip(measurement.runs, plain, strict=True):
+        lost = np.any([~np.isfinite(values) for values in model.values()], axis=0)
+        if lost.any():
+            without[run.name] = int(lost.sum())
+            run = run.with_outputs({name: np.where(lost, np.nan, v) for name, v in run.outputs.items()})
+        runs.append(run)
+    if not without:
+        return measurement, ()
+    worst = max(without, key=lambda name: without[name])
+    if sum(without.values()) > MOST_WITHOUT * sum(map(len, runs)):
+        raise NotReachedError(
+            f"{measurement.source}: the model has no equilibrium in {sum(without.values())} of "
+            f"{sum(map(len, runs))} measured states, most of them in run '{worst}'; look at the loads and their "
+            "units, and at the law's domain."
+        )
+    return replace(measurement, runs=tuple(runs)), (
+        f"The model has no equilibrium in {sum(without.values())} of {sum(map(len, runs))} samples, most of them "
+        f"in run '{worst}': these readings are left out. Look at their loads, and at the law's domain.",
+    )
+
+
+def _scales(
+    predictor: Predictor, measurement: Measurement, plain: Sequence[Mapping[str, Array]]
+) -> tuple[dict[str, float], dict[str, Floor]]:
     """The floor of each output that can be read, or a share of its range where nothing tells it."""
-    measurement = predictor.measurement
-    plain = predictor.predict()
     residuals = [
         {
             name: run.outputs[name] - model[name] if name in model else np.full(len(run), np.nan)
@@ -212,11 +251,15 @@ def _what_next(
     return next_run(predictor, scales, fits, judgement.probability)
 
 
-def _remarks(predictor: Predictor, left_out: Mapping[str, str], measurement: Measurement) -> list[str]:
+def _remarks(predictor: Predictor, left_out: Mapping[str, str], table: EvidenceTable) -> list[str]:
     remarks = [f"'{kind}' was left out: {reason}" for kind, reason in left_out.items()]
     if predictor.missing:
         remarks.append(f"The model has no {', '.join(predictor.missing)}: left out.")
-    if len(measurement.runs) == 1:
+    if table.noise.floor_square <= LEAST_SQUARE:
+        remarks.append(
+            f"The readings have no noise: errors are weighed against {SHARE_OF_RANGE:.0%} of each output's range."
+        )
+    if len(predictor.measurement.runs) == 1:
         remarks.append(
             "There is one run only: nothing can be left out of a fit, and whether the bench repeats is not known."
         )

@@ -69,7 +69,7 @@ def _hypothesis(found: Diagnosis, kinds: Kinds, probability: float) -> dict[str,
             "probability": probability,
             "parameters": {},
             "heldout": {},
-            "rmse_over_floor": float(np.sqrt(found.noise.floor_square)),
+            "rmse_over_floor": found.table.over_floor(found.noise.floor_square),
         }
     fit, row = found.fits[kinds], found.table.rows[kinds]
     left = heldout_residual(fit, found.readings.run)
@@ -78,7 +78,7 @@ def _hypothesis(found: Diagnosis, kinds: Kinds, probability: float) -> dict[str,
         "probability": probability,
         "parameters": parameters(fit, found.noise.n_effective),
         "heldout": heldout_errors(found, left),
-        "rmse_over_floor": float(np.sqrt(row.heldout_square / found.noise.floor_square)),
+        "rmse_over_floor": found.table.over_floor(row.heldout_square),
         "mean_square": row.mean_square,
         "heldout_square": row.heldout_square,
         "n_parameters": row.n_parameters,
@@ -113,9 +113,11 @@ def parameters(fit: Fit, n_effective: float) -> dict[str, Any]:
 
 
 def standard_deviations(fit: Fit, n_effective: float) -> Array:
-    """(k,) of the knobs x: √ diag(S (N / n_eff) (JᵀJ)⁻¹)."""
+    """(k,) of the knobs x: √ diag(S (N / n_eff) (JᵀJ)⁻¹); NaN for a fit without an equilibrium."""
     if not len(fit.x):
         return np.zeros(0)
+    if not np.isfinite(fit.mean_square()):
+        return np.full(len(fit.x), np.nan)
     n = len(fit.residual)
     normal = fit.slopes.T @ fit.slopes
     inverse = np.linalg.pinv(normal + 1e-12 * np.trace(normal) * np.eye(len(normal)))

@@ -21,6 +21,10 @@ TRIAL_ITERATIONS = 4
 SMALL_GAIN = 1e-5
 # A knob that the data do not feel stays near the middle of its prior: its weight in units of squared residuals.
 PRIOR_WEIGHT = 0.1
+# Starts are drawn toward neutral strengths and typical shapes by this factor where they have no equilibrium.
+NEAR_NOTHING = 0.05
+# Share of the readings at which a trial may lose its equilibrium and still be compared.
+MOST_LOST = 0.02
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,10 +53,12 @@ class Fit:
         return self.candidate.values(self.x)
 
     def mean_square(self, weights: Array | None = None) -> float:
-        """Mean squared residual, in units of the noise floor's square."""
+        """Mean squared residual, in units of the noise floor's square; infinite without an equilibrium."""
         if weights is None:
-            return float(self.residual @ self.residual) / len(self.residual)
-        return float(weights @ self.residual**2) / float(weights.sum())
+            square = float(self.residual @ self.residual) / len(self.residual)
+        else:
+            square = float(weights @ self.residual**2) / float(weights.sum())
+        return square if np.isfinite(square) else np.inf
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,11 +77,19 @@ class Fitter:
         self.weights = np.ones(len(readings)) if weights is None else weights
 
     def fit(self, candidate: Candidate, starts: Sequence[Array] | None = None) -> Fit:
-        """The best of fits from several starts; short trials decide which one is finished."""
+        """The best of fits from several starts; short trials decide which one is finished.
+
+        Where the model finds no equilibrium at any start the fit holds NaN, and its mean square is infinite.
+        """
         if not len(candidate):
             point = self._point(candidate, np.zeros(0))
             return Fit(candidate, point.x, point.residual, point.slopes, True, ())
-        points = [self._point(candidate, x) for x in starts or candidate.starts()]
+        tried = starts or candidate.starts()
+        points = [self._point(candidate, x) for x in tried]
+        if not any(
+            np.isfinite(point.cost) for point in points
+        ):  # no equilibrium so far out: begin near nothing
+            points = [self._point(candidate, NEAR_NOTHING * x) for x in tried]
         if len(points) > 1:
             points = [self._descend(candidate, point, TRIAL_ITERATIONS)[0] for point in points]
         best = min(points, key=lambda point: point.cost)
@@ -91,6 +105,8 @@ class Fitter:
         return Fit(candidate, point.x, point.residual, point.slopes, True, (False,) * len(x))
 
     def _descend(self, candidate: Candidate, point: _Point, iterations: int) -> tuple[_Point, bool]:
+        if not np.isfinite(point.cost):
+            return point, False
         low, high = candidate.limits()
         damping = 1e-3
         for _ in range(iterations):
@@ -123,7 +139,7 @@ class Fitter:
             slopes[:, k] = self.readings.pack(change) / step
         if not (np.all(np.isfinite(residual)) and np.all(np.isfinite(slopes))):
             lost = ~(np.isfinite(residual) & np.all(np.isfinite(slopes), axis=1))
-            if lost.mean() > 0.02:
+            if lost.mean() > MOST_LOST:
                 return _Point(x, residual, slopes, np.inf)
             residual, slopes = np.where(lost, 0.0, residual), np.where(lost[:, None], 0.0, slopes)
         pull = float(self._prior_pulls(candidate) @ x**2)

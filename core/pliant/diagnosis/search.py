@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from pliant.diagnosis.candidates import Candidate
-from pliant.diagnosis.fitting import Fit, Fitter
+from pliant.diagnosis.fitting import MOST_LOST, Fit, Fitter
 from pliant.diagnosis.heldout import by_group, heldout_residual
 from pliant.diagnosis.noise import NoiseView, noise_view
 from pliant.diagnosis.readings import ReadingVector
@@ -90,6 +90,8 @@ class Search:
         current = base
         while len(current) < MOST_EFFECTS and room_above_floor(self.table(), current, self.prices):
             larger = self._screened(current, kinds)
+            if not larger:
+                return
             for candidate in larger:
                 self._fit(candidate, near=current)
             best = self._best(larger)
@@ -132,8 +134,8 @@ class Search:
         change = residual - looked.residual
         basis = np.column_stack([looked.slopes, change])
         there = np.all(np.isfinite(basis), axis=1) & np.isfinite(residual)
-        if there.mean() < 0.98:
-            return float(residual @ residual)
+        if there.mean() < 1.0 - MOST_LOST:
+            return np.inf
         weights = np.linalg.lstsq(basis[there], residual[there], rcond=1e-8)[0]
         rest = residual[there] - basis[there] @ weights
         return float(rest @ rest)
@@ -173,7 +175,7 @@ def _row(kinds: Kinds, fit: Fit, readings: ReadingVector) -> Row:
     return Row(
         kinds=kinds,
         n_parameters=len(fit.x),
-        mean_square=fit.mean_square() if np.isfinite(fit.mean_square()) else np.inf,
+        mean_square=fit.mean_square(),
         heldout_square=float(np.mean(left**2)),
         heldout_by_run=tuple(float(s) for s in sums),
         at_limit=at_limit(fit),

@@ -49,6 +49,16 @@ class EvidenceTable:
         """The row of the model as it is."""
         return self.rows[NOTHING]
 
+    @property
+    def n_candidates(self) -> int:
+        """Effects that were fitted by themselves."""
+        return sum(len(kinds) == 1 for kinds in self.rows)
+
+    def over_floor(self, square: float) -> float:
+        """Root of a mean square over the noise floor; nan where the floor is not known or the data have no noise."""
+        floor = self.noise.floor_square
+        return float(np.sqrt(square / floor)) if floor > LEAST_SQUARE else np.nan
+
 
 @dataclass(frozen=True)
 class Prices:
@@ -62,7 +72,7 @@ class Prices:
         temper: log-evidence is divided by this: forms and noise models are never quite right.
         believed: probability above which the first hypothesis is the verdict.
         slip: between / within scatter from which runs do not repeat.
-        noise: n_eff below which no verdict is given.
+        fewest: n_eff below which no verdict is given.
         excited: change in σ below which an effect cannot be judged: the model's own law may be off by as much, so
             that an effect is paid only for what it explains beyond that.
     """
@@ -78,6 +88,8 @@ class Prices:
 
 
 PRICES = Prices()
+# Mean squares below this, a thousandth of the scales, are those of data without noise.
+LEAST_SQUARE = 1e-6
 
 
 def log_evidence(table: EvidenceTable, prices: Prices) -> dict[Kinds, float]:
@@ -90,7 +102,7 @@ def log_evidence(table: EvidenceTable, prices: Prices) -> dict[Kinds, float]:
     n = max(table.noise.n_effective, 2.0)
     found = {}
     for kinds, row in table.rows.items():
-        square = row.mean_square + _allowance(table, kinds, prices)
+        square = max(row.mean_square, LEAST_SQUARE) + _allowance(table, kinds, prices)
         found[kinds] = (
             -0.5 * n * np.log(square) - 0.5 * row.n_parameters * np.log(n) - prices.effect * len(kinds)
         )
@@ -128,7 +140,8 @@ def room_above_floor(table: EvidenceTable, kinds: Kinds, prices: Prices) -> bool
     row = table.rows[kinds]
     floor = table.noise.floor_square if np.isfinite(table.noise.floor_square) else 0.0
     reach = max(floor + _left_over(table, kinds, prices), 1e-12)
-    return 0.5 * n * np.log(max(row.mean_square, 1e-12) / reach) > prices.effect + 0.5 * np.log(n)
+    gain = 0.5 * n * np.log(max(row.mean_square, 1e-12) / reach)
+    return bool(gain > prices.effect + 0.5 * np.log(n))
 
 
 def sorted_kinds(kinds: Sequence[str]) -> Kinds:

@@ -60,6 +60,10 @@ def _verdict(
     table: EvidenceTable, prices: Prices, n_excited: int, probability: dict[Kinds, float], first: Kinds
 ) -> tuple[Verdict, tuple[str, ...]]:
     noise = table.noise
+    if table.n_readings < prices.fewest:
+        return "insufficient_data", (
+            f"There are {table.n_readings} readings; no verdict can rest on so few.",
+        )
     if noise.slip > prices.slip:
         return "not_repeatable", (
             f"Runs with the same inputs scatter {noise.slip:.1f} times as much as readings within a run. "
@@ -70,7 +74,7 @@ def _verdict(
             f"The readings are worth only {noise.n_effective:.0f} independent ones; "
             f"{prices.fewest:.0f} are the least that a verdict can rest on.",
         )
-    if n_excited < 2:
+    if n_excited < min(2, table.n_candidates):
         return "insufficient_data", (
             "These runs excite next to nothing: under them almost every listed effect would change the readings "
             f"by less than {prices.excited:g} of the noise.",

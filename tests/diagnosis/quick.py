@@ -1,0 +1,160 @@
+"""Benches in memory: a model, protocols, and readings of it with effects and noise."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.signal import lfilter
+
+from pliant.diagnosis.fitting import Fitter
+from pliant.diagnosis.readings import ReadingVector
+from pliant.evidence.prediction import Predictor
+from pliant.interfaces.effect import EffectConfig
+from pliant.pipeline.workbench import Workbench
+from pliant.records.chain import ChainModel
+from pliant.records.design import Array
+from pliant.records.history import REFERENCE_TEMPERATURE_C, History
+from pliant.records.measurement import MeasuredRun, Measurement
+from pliant.registry.discovery import discover
+from pliant.store.store import ArtifactStore
+from pliant.testing.histories import triangles
+from pliant.testing.samples import sample_chain
+from pliant_plugins.physics.quasistatic.backend import Quasistatic
+from pliant_plugins.physics.quasistatic.config import QuasistaticConfig
+
+REGISTRY = discover()
+BENCH = Workbench(REGISTRY, ArtifactStore(Path("unused")))
+ENGINE = Quasistatic(QuasistaticConfig())  # one for all tests: it keeps compiled terms and law tables
+P = 15e3
+SIGMA = 2e-3
+# One strength of each shipped effect, well inside its plausible range.
+VALUES: dict[str, dict[str, float]] = {
+    "stiffness": {"factor": 1.15},
+    "actuation_gain": {"gain": 0.9},
+    "pressure_offset": {"offset_pa": 600.0},
+    "dead_zone": {"threshold_pa": 900.0},
+    "supply_lag": {"time_s": 0.6},
+    "viscous_damping": {"time_s": 0.4},
+    "viscoelastic": {"share": 0.3, "time_s": 12.0},
+    "friction_hysteresis": {"half_width_rad": 0.03, "break_away_rad": 0.01},
+    "mullins": {"softening": 0.3, "scale_rad": 0.2},
+    "permanent_set": {"share": 0.1},
+    "self_contact": {"stiffening": 2.0, "contact_rad": 0.25},
+    "thermal_softening": {"loss_per_k": 0.006},
+    "gravity_scale": {"factor": 1.25},
+    "sensor_bias": {"bias_rad": 0.03},
+}
+
+
+def effect(kind: str, **values: Any) -> EffectConfig:
+    """The config of an effect; the strength of `VALUES` unless values are given."""
+    model = REGISTRY.get("effect", kind).config_model()
+    return model.model_validate({"kind": kind, **(values or VALUES[kind])})  # type: ignore[return-value]
+
+
+def joint(modules: int = 1, **chain: Any) -> ChainModel:
+    """A heavy finger: gravity bends it as much as a load does."""
+    return sample_chain(modules=modules, payload=0.03, **chain)
+
+
+def run_of(
+    name: str, time_s: Array | None, pressure: Array, specimen: str = "A", **conditions: Any
+) -> History:
+    """A history of the pressure."""
+    return History.of({"pressure_pa": pressure}, time_s, run=name, specimen=specimen, **conditions)
+
+
+def ramp(name: str, rate: float, step_s: float, levels: Sequence[float] = (P, 0.0), **more: Any) -> History:
+    """Straight ramps with holds of four seconds."""
+    time_s, pressure = triangles(levels, rate, step_s, holds_s=4.0)
+    return run_of(name, time_s, pressure, **more)
+
+
+def pushes(name: str, pressure: float, moment: float = 6e-3, **more: Any) -> History:
+    """Load steps of both signs at a constant pressure."""
+    load = moment * np.repeat([0.0, 1.0, 0.0, -1.0, 0.5, 0.0], 10)
+    return run_of(name, 0.5 * np.arange(60), np.full(60, pressure), moment_n_m=load, **more)
+
+
+def rich(repeats: int = 2) -> list[History]:
+    """Rates, holds, loads, orientation, temperature and virgin specimens, each run `repeats` times."""
+    found = []
+    for k in range(repeats):
+        body = "AB"[k % 2]
+        said = {"specimen": body}
+        found += [
+            ramp(f"virgin{k}", 3e3, 0.5, (0.4 * P, 0.0, 0.7 * P, 0.0, P, 0.0, P, 0.0), **said),
+            ramp(f"slow{k}", 500.0, 1.0, **said),
+            ramp(f"fast{k}", 15e3, 0.1, (P, 0.0, P, 0.0), **said),
+            pushes(f"vented{k}", 0.0, **said),
+            pushes(f"pressed{k}", 0.6 * P, **said),
+            ramp(f"level{k}", 3e3, 0.5, base_angles_rad=[0.0, np.pi / 2, 0.0], **said),
+            ramp(f"warm{k}", 3e3, 0.5, temperature_c=REFERENCE_TEMPERATURE_C + 15.0, **said),
+        ]
+    return found
+
+
+def poor(repeats: int = 2) -> list[History]:
+    """One slow sweep without load."""
+    return [ramp(f"slow{k}", 500.0, 1.0) for k in range(repeats)]
+
+
+def colour(rng: np.random.Generator, n: int, sigma: float, phi: float) -> Array:
+    """Stationary first-order autoregressive noise."""
+    white = rng.normal(0, sigma * np.sqrt(1 - phi**2), n)
+    white[0] = rng.normal(0, sigma)
+    coloured: Array = lfilter([1.0], [1.0, -phi], white)
+    return coloured
+
+
+def measurement_of(
+    histories: Sequence[History], readings: Sequence[dict[str, Array]], **more: Any
+) -> Measurement:
+    """Readings as a measurement."""
+    runs = [
+        MeasuredRun(h, r, {}, np.ones(len(h)), np.arange(len(h)) + 2)
+        for h, r in zip(histories, readings, strict=True)
+    ]
+    return Measurement(tuple(runs), tuple(readings[0]), source="bench.csv", **more)
+
+
+def blank(histories: Sequence[History], outputs: Sequence[str] = ("angle_rad",)) -> Measurement:
+    """The runs with zeros for readings."""
+    return measurement_of(histories, [{name: np.zeros(len(h)) for name in outputs} for h in histories])
+
+
+def measured(
+    chain: ChainModel,
+    histories: Sequence[History],
+    *effects: EffectConfig,
+    seed: int = 0,
+    sigma: float = SIGMA,
+    phi: float = 0.6,
+    offset: float = 0.0,
+    outputs: Sequence[str] = ("angle_rad",),
+) -> Measurement:
+    """What a bench with these effects reads, coloured noise and offsets between runs added."""
+    truth = predictor_of(chain, blank(histories, outputs)).predict(effects)
+    rng = np.random.default_rng(seed)
+    noisy = [
+        {
+            name: values + rng.normal(0, offset) + colour(rng, len(values), sigma, phi)
+            for name, values in run.items()
+        }
+        for run in truth
+    ]
+    return measurement_of(histories, noisy)
+
+
+def predictor_of(chain: ChainModel, measurement: Measurement, *effects: EffectConfig) -> Predictor:
+    """The chain driven by the measurement's histories."""
+    return Predictor(BENCH, ENGINE, chain, measurement, effects)
+
+
+def fitter_of(predictor: Predictor, sigma: float = SIGMA) -> Fitter:
+    """A fitter whose readings are in units of sigma."""
+    scales = dict.fromkeys(predictor.outputs, sigma)
+    return Fitter(predictor, ReadingVector.of(predictor.measurement, tuple(scales), scales))
