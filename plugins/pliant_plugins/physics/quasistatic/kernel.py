@@ -29,6 +29,9 @@ ROLES = ("moment", "elastic", "actuation", "rest")
 SLOPE_STEP = 1e-6
 RAMP_STEPS = 4
 MAX_HALVINGS = 8
+# Pseudo-transient continuation: iterations, and the turn of a joint that its first step aims at.
+RELAX_ITERATIONS = 300
+RELAX_TURN = 0.05
 
 
 def _nothing(angle: float, rate: float, dt: float, p: float, t: float, old: Any, new: Any, c: Any) -> float:
@@ -213,7 +216,7 @@ def _solve(matrix, right):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def _balance(chain, now, q, memory, frame):  # type: ignore[no-untyped-def]
-    """Fills the frame and the new memory at q; returns the largest residual."""
+    """Fills the frame and the new memory at q; returns the largest residual, infinite where one is no number."""
     model, laws, body, gravity = chain
     base, p, f, opposed, hung, t, dt = now
     before, old, new = memory
@@ -224,6 +227,8 @@ def _balance(chain, now, q, memory, frame):  # type: ignore[no-untyped-def]
     for i in range(len(q)):
         tau, slope[i] = _effort(model, laws[i], q[i], before[i], dt, p, t, old[i], new[i])
         residual[i] = tau - opposed + load[i]
+        if not np.isfinite(residual[i]):
+            return np.inf
         size = max(size, abs(residual[i]))
     return size
 
@@ -254,9 +259,75 @@ def _step(stiffness, residual, step, work, max_turn):  # type: ignore[no-untyped
     return max_turn / longest if longest > max_turn else 1.0
 
 
+@njit(cache=True)
+def _equilibrium(chain, now, q, memory, frame, square, lines, options):  # type: ignore[no-untyped-def]
+    """Moves q to equilibrium; returns whether it was reached. Frame and new memory are those at q.
+
+    Where it was not, q and the memory are those before the step: what comes next begins there.
+    """
+    before, old, new = memory
+    if _newton(chain, now, q, memory, frame, square, lines, options):
+        return True
+    q[:] = before
+    if _relax(chain, now, q, memory, frame, square, lines, options):
+        return True
+    q[:] = before
+    _balance(chain, now, q, memory, frame)
+    new[:] = old
+    return False
+
+
+@njit(cache=True)
+def _relax(chain, now, q, memory, frame, square, lines, options):  # type: ignore[no-untyped-def]
+    """Newton's method damped as an overdamped motion with ever longer steps; returns whether it arrived.
+
+    Pseudo-transient continuation with switched evolution (Kelley & Keyes, SIAM J. Numer. Anal. 35, 1998): slow, but
+    it follows a long chain through curls and snaps, in which the residual must grow before it falls.
+    """
+    tolerance, _, max_turn = options
+    stiffness, work = square
+    step, _ = lines
+    size = _balance(chain, now, q, memory, frame)
+    damping = size / RELAX_TURN
+    for _ in range(RELAX_ITERATIONS):
+        if size <= tolerance or not np.isfinite(size):
+            break
+        _stiffen(chain, now, frame, stiffness)
+        shift = damping
+        while not _is_positive(stiffness, shift, work) and shift < 1e12:
+            shift = 2.0 * shift + 1e-12
+        for i in range(len(q)):
+            stiffness[i, i] += shift
+        scale = _step(stiffness, frame[4], step, work, max_turn)
+        for i in range(len(q)):
+            q[i] += scale * step[i]
+        reached = _balance(chain, now, q, memory, frame)
+        damping *= min(max(reached / size, 0.1), 2.0)
+        size = reached
+    return size <= tolerance
+
+
+@njit(cache=True)
+def _is_positive(matrix, shift, work):  # type: ignore[no-untyped-def]
+    """Whether a symmetric matrix + shift · 1 is positive definite, by Cholesky's factors in `work`."""
+    n = len(matrix)
+    for i in range(n):
+        for j in range(i + 1):
+            rest = matrix[i, j] + (shift if i == j else 0.0)
+            for k in range(j):
+                rest -= work[i, k] * work[j, k]
+            if i == j:
+                if not rest > 0.0:
+                    return False
+                work[i, i] = np.sqrt(rest)
+            else:
+                work[i, j] = rest / work[j, j]
+    return True
+
+
 @njit(cache=True, inline="always")
 def _newton(chain, now, q, memory, frame, square, lines, options):  # type: ignore[no-untyped-def]
-    """Moves q to equilibrium; returns whether it was reached. Frame and new memory are those at q."""
+    """Moves q toward equilibrium; returns whether it was reached. Frame and new memory are those at q."""
     tolerance, max_iterations, max_turn = options
     stiffness, work = square
     step, trial = lines
@@ -383,7 +454,7 @@ def follow(model, keeps, laws, body, gravity, drive, clock, others, options):  #
             share = part / parts
             opposed, hung, t = _drive(drive, sample, share, begins, p, f)
             now = (body[1][sample], p, f, opposed, hung, t, dt)
-            if not _newton(chain, now, q, memory, frame, square, lines, options):
+            if not _equilibrium(chain, now, q, memory, frame, square, lines, options):
                 converged[sample] = False
             if n_changes:
                 _stiffen(chain, now, frame, square[0])
