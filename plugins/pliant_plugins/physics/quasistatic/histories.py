@@ -15,7 +15,7 @@ from pliant.records.chain import ChainModel
 from pliant.records.design import Array
 from pliant.records.history import Followed, History
 from pliant.records.law import JointLaw
-from pliant.records.term import TermFunction
+from pliant.records.term import LawTerm, TermFunction
 from pliant_plugins.physics.quasistatic.config import QuasistaticConfig
 from pliant_plugins.physics.quasistatic.kernel import follow
 from pliant_plugins.physics.quasistatic.law_table import LawTable, tabulate
@@ -24,6 +24,7 @@ from pliant_plugins.physics.quasistatic.stepping import Paths
 
 # Tables reach this much beyond the actuation that occurs, so that fits may scale and shift it.
 MARGIN = 0.5
+MOST_TABLES = 64
 
 
 @dataclass(eq=False)
@@ -38,7 +39,14 @@ class HingeFollower:
         """See `PhysicsBackend.follow`."""
         drive, clock = Drive.of(chain, histories), Clock.of(histories, self.config.longest_step_s)
         changes = [Drive.of(v.chain, v.histories) for v in towards]
-        linear = [k for k, v in enumerate(towards) if _same_body(chain, v.chain, drive, changes[k])]
+        clocks = [Clock.of(v.histories, self.config.longest_step_s) for v in towards]
+        linear = [
+            k
+            for k, v in enumerate(towards)
+            if _same_body(chain, v.chain)
+            and np.array_equal(drive.angles, changes[k].angles)
+            and np.array_equal(clock.duration, clocks[k].duration)
+        ]
         q, dq, converged = self._run(
             chain, drive, clock, [towards[k].chain for k in linear], [changes[k] for k in linear]
         )
@@ -47,7 +55,7 @@ class HingeFollower:
         for row, k in enumerate(linear):
             differences[k] = _split(histories, dq[row], converged)
         for k in set(range(len(towards))) - set(linear):
-            there, _, _ = self._run(towards[k].chain, changes[k], clock, [], [])
+            there, _, _ = self._run(towards[k].chain, changes[k], clocks[k], [], [])
             differences[k] = _split(histories, there - q, converged)
         return paths, tuple(differences[k] for k in range(len(towards)))
 
@@ -110,23 +118,29 @@ class HingeFollower:
         low = -high if pressure.min() < -0.1 * high else -0.25 * high
         key = (id(law), low, high)
         if key not in self.tables:
+            while len(self.tables) >= MOST_TABLES:  # effects that change laws make new ones at every trial
+                self.tables.pop(next(iter(self.tables)))
             self.tables[key] = (law, tabulate(law, (low, high)))  # the law is kept: its id stays its own
         return self.tables[key][1]
 
 
-def _same_body(chain: ChainModel, other: ChainModel, drive: Drive, change: Drive) -> bool:
-    """Whether two chains differ in gravity, inputs and term parameters only."""
+def _same_body(chain: ChainModel, other: ChainModel) -> bool:
+    """Whether two chains differ in gravity, payload and term parameters only."""
     return (
-        all(a is b for a, b in zip(chain.laws, other.laws, strict=True))
+        [id(law) for law in chain.laws] == [id(law) for law in other.laws]
+        and chain.actuators == other.actuators
         and chain.joints is other.joints
         and chain.bodies is other.bodies
         and chain.base_rotation is other.base_rotation
         and chain.base_position_m is other.base_position_m
         and chain.tip_offset_m is other.tip_offset_m
-        and [(t.function, t.role, t.keeps) for t in chain.terms]
-        == [(t.function, t.role, t.keeps) for t in other.terms]
-        and np.array_equal(drive.angles, change.angles)
+        and [_form(term) for term in chain.terms] == [_form(term) for term in other.terms]
     )
+
+
+def _form(term: LawTerm) -> tuple[object, ...]:
+    """What of a term must not change while its parameters do."""
+    return term.function, term.role, term.keeps, term.n_states, len(term.parameters)
 
 
 def _split(histories: Sequence[History], q: Array, converged: Any) -> tuple[Followed, ...]:

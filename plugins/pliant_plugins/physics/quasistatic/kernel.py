@@ -24,7 +24,7 @@ warnings.filterwarnings("ignore", category=NumbaExperimentalFeatureWarning)
 
 _F, _A = types.float64, types.float64[::1]
 TERM_SIGNATURE = _F(_F, _F, _F, _F, _F, _A, _A, _A)
-MAX_TERMS = 8
+MAX_TERMS = 16
 ROLES = ("moment", "elastic", "actuation", "rest")
 SLOPE_STEP = 1e-6
 RAMP_STEPS = 4
