@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pliant.diagnosis.diagnosis import Diagnosis
 from pliant.diagnosis.table import NOTHING, UNKNOWN, Kinds
+from pliant.evidence.words import percent, shown
 from pliant.registry.discovery import Registry
 
 HEADLINES = {
@@ -34,6 +35,14 @@ def headline(found: Diagnosis) -> str:
 
 def explanation(found: Diagnosis, registry: Registry) -> list[str]:
     """Why, what follows from it, and what to do next."""
+    lines = why(found, registry)
+    if found.next_run is not None and found.verdict != "missing_effect":
+        lines.append(f"Next: {found.next_run.run} ({found.next_run.minutes:g} min): {found.next_run.why}.")
+    return lines
+
+
+def why(found: Diagnosis, registry: Registry) -> list[str]:
+    """The reasons of the verdict, what gives the selected effects away, what the rest depends on."""
     lines = list(found.judgement.reasons)
     for kind in found.selected:
         notes = registry.get("effect", kind).implementation_class().notes
@@ -42,8 +51,6 @@ def explanation(found: Diagnosis, registry: Registry) -> list[str]:
         lines += _confused(found, kind)
     if found.verdict in ("unknown_effect", "nothing_missing", "insufficient_data"):
         lines += _dependence(found)
-    if found.next_run is not None and found.verdict != "missing_effect":
-        lines.append(f"Next: {found.next_run.run} ({found.next_run.minutes:g} min): {found.next_run.why}.")
     return lines
 
 
@@ -60,5 +67,10 @@ def _dependence(found: Diagnosis) -> list[str]:
     most = [(name, value) for name, value in found.depends_on.items() if value >= 0.1][:3]
     if not most:
         return []
-    listed = ", ".join(f"{name} ({value:.0%})" for name, value in most)
-    return [f"What is unexplained depends on {listed} (share of its variance on runs left out)."]
+    words = [f"{_circumstance(name)} ({percent(value)})" for name, value in most]
+    return [f"What is unexplained depends on {', '.join(words)}: shares of its variance on runs left out."]
+
+
+def _circumstance(name: str) -> str:
+    """A covariate, or a pair of them, in words."""
+    return " × ".join(shown(part).label for part in name.split(" × "))

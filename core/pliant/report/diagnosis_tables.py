@@ -1,0 +1,157 @@
+"""The tables of a diagnosis: hypotheses, what these runs could not show, what looks alike, the noise."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from pliant.diagnosis.diagnosis import Diagnosis
+from pliant.diagnosis.diagnosis_json import heldout_errors
+from pliant.diagnosis.heldout import heldout_residual
+from pliant.diagnosis.table import NOTHING, UNKNOWN
+from pliant.diagnosis.words import named
+from pliant.evidence.words import number, percent, shown
+from pliant.interfaces.effect import EffectNotes, EffectParameter
+from pliant.report.diagnosis_reading import Diagnosed
+from pliant.report.diagnosis_words import parameter_texts, parameter_word, probability_text, strength_text
+from pliant.report.facts import Table
+
+Notes = Mapping[str, EffectNotes]
+MOST_TWINS = 4
+OUTPUTS = 3
+
+
+def hypotheses_table(diagnosed: Diagnosed) -> Table:
+    """The hypotheses of the bar chart, with parameters and the error of each output."""
+    found = diagnosed.found
+    outputs = found.readings.outputs[:OUTPUTS]
+    rows = []
+    for kinds in diagnosed.hypotheses():
+        row = [named(kinds), "; ".join(parameter_texts(found, kinds)) or "–"]
+        row += [
+            probability_text(found.judgement.probability.get(kinds, 0.0)),
+            number(diagnosed.left_out_error(kinds), 3),
+        ]
+        if kinds == UNKNOWN:
+            row += ["–"] * len(outputs)
+        else:
+            left = heldout_errors(found, heldout_residual(found.fits[kinds], found.readings.run))
+            row += [shown(name).text(left[name]["rmse"], 3) for name in outputs]
+        rows.append(row)
+    head = ["hypothesis", "parameters", "probability", "in noise floors", *(shown(n).label for n in outputs)]
+    rest = len(found.judgement.probability) - len(rows)
+    note = (
+        "Errors are rms on runs left out of the fit. ±: one standard deviation, coloured noise counted. Implausible: "
+        "outside the range that would not surprise an expert; take such a number for a correction, not a property."
+    )
+    more = f" {rest} more hypotheses are in the JSON." if rest else ""
+    return Table("Hypotheses", head, rows, note + more, 2)
+
+
+def not_excited_table(found: Diagnosis) -> Table | None:
+    """Effects that cannot be judged from these runs, and the run that would show each."""
+    if not found.not_excited:
+        return None
+    rows = [[kind, run or "none that this bench can do"] for kind, run in found.not_excited.items()]
+    note = "Even as strong as an expert would still believe, they change these readings by less than 0.3 noise floors."
+    return Table("Not shown by these runs", ["effect", "the run that would show it"], rows, note, 2)
+
+
+def look_alikes_table(found: Diagnosis, notes: Notes) -> Table | None:
+    """For each effect those that can stand in for it, and what tells the leading ones apart."""
+    twins: dict[str, list[tuple[str, float]]] = {}
+    for pair in found.indistinguishable:
+        twins.setdefault(pair.a, []).append((pair.b, pair.unexplained_share))
+    rows = []
+    for a in sorted(twins, key=lambda kind: twins[kind][0][1]):
+        imitators = [f"{b} ({percent(share)})" for b, share in twins[a][:MOST_TWINS]]
+        more = len(twins[a]) - len(imitators)
+        cell = ", ".join(imitators) + (f" and {more} more" if more else "")
+        apart = next((text for b, _ in twins[a] if (text := _told_apart(notes, a, b))), "")
+        rows.append([a, cell, apart])
+    if not rows:
+        return None
+    note = (
+        "In brackets: the share of the effect's change, at a strength of 2 noise floors, that the other cannot "
+        "imitate; the noise hides it."
+    )
+    return Table(
+        "Look-alikes under these runs",
+        ["effect", "can be imitated by", "what tells them apart"],
+        rows,
+        note,
+        3,
+    )
+
+
+def detectable_table(found: Diagnosis) -> Table | None:
+    """How strong each effect would have to be to be found."""
+    silent = set(found.not_excited)
+    asked = {kind: one.knob.parameter for kind, one in found.excitations.items()}
+    rows = []
+    for one in found.detectable:
+        if one.kind in silent:
+            continue
+        none, low, high = (
+            strength_text(v, one.unit) for v in (asked[one.kind].neutral, *asked[one.kind].plausible)
+        )
+        word = parameter_word(one.parameter, one.unit)
+        flag = (
+            " (beyond plausible)"
+            if abs(one.value - asked[one.kind].neutral) > _reach(asked[one.kind])
+            else ""
+        )
+        rows.append([one.kind, word, none, f"{strength_text(one.value, one.unit)}{flag}", f"{low} to {high}"])
+    if not rows:
+        return None
+    head = ["effect", "parameter", "no effect at", "found from about", "plausible range"]
+    note = "Weaker effects may be there and would not have been noticed: this is what “nothing missing” leaves open."
+    return Table("Smallest strengths that these runs would show", head, rows, note, 2)
+
+
+def _reach(parameter: EffectParameter) -> float:
+    """How far the plausible range reaches from the value without effect."""
+    return max(abs(end - parameter.neutral) for end in parameter.plausible)
+
+
+def noise_table(found: Diagnosis) -> Table:
+    """Floors by output, as the residuals of the best hypothesis show them."""
+    rows = []
+    for name, floor in found.noise.floors.items():
+        words = shown(name)
+        rows.append(
+            [
+                words.label,
+                words.text(floor.value),
+                floor.source,
+                words.text(floor.within),
+                "no repeats" if floor.between is None else words.text(floor.between),
+                "not stated" if floor.sigma is None else words.text(floor.sigma),
+            ]
+        )
+    head = ["output", "noise floor", "taken from", "within a run", "between repeats", "stated sigma"]
+    return Table("Noise floors", head, rows, "", 3)
+
+
+def dependence_table(diagnosed: Diagnosed) -> Table | None:
+    """What the error that is left depends on."""
+    found = diagnosed.found
+    labels = {item.name: item.shown.label for item in diagnosed.before.covariates.items}
+    rows = [
+        [" × ".join(labels.get(part, part) for part in name.split(" × ")), percent(value)]
+        for name, value in found.depends_on.items()
+        if value >= 0.02
+    ][:6]
+    if not rows:
+        return None
+    left = "model as it is" if found.explained == NOTHING else f"model with {named(found.explained)}"
+    note = "Share of its variance that the circumstance alone predicts, without physics, on runs left out."
+    return Table(f"What the error of the {left} depends on", ["circumstance", "tells"], rows, note)
+
+
+def _told_apart(notes: Notes, a: str, b: str) -> str:
+    """What the plugin of either says of the pair; empty if neither names the other."""
+    for one, other in ((a, b), (b, a)):
+        note = notes.get(one)
+        if note is not None and note.look_alike == other:
+            return f"{b}: {note.told_apart}" if note.told_apart else ""
+    return ""
