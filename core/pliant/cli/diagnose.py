@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated
 
 import numpy as np
@@ -10,19 +11,24 @@ from rich.table import Table
 
 from pliant.cli.evidence_verbs import DataFile
 from pliant.cli.options import DEFAULT_STORE, JsonFile, Overrides, Quiet, StoreFolder, StudyFile
-from pliant.cli.session import Session, session
+from pliant.cli.session import Session, check_writable, session
 from pliant.diagnosis.diagnosis import Diagnosis
 from pliant.diagnosis.diagnosis import diagnose as diagnose_with
-from pliant.diagnosis.diagnosis_json import diagnosis_json, parameters
+from pliant.diagnosis.diagnosis_json import diagnosis_json
 from pliant.diagnosis.table import UNKNOWN, Kinds
 from pliant.diagnosis.words import explanation, headline, named
 from pliant.evidence.measured import measurement_of_study
 from pliant.evidence.prediction import Predictor
-from pliant.evidence.words import number, percent
+from pliant.report.diagnosis_words import parameter_texts, probability_text
+from pliant.report.stage import write_page
 
 Candidates = Annotated[
     list[str] | None,
     typer.Option("--effect", metavar="KIND", help="Candidate, may be repeated; all effects by default."),
+]
+ReportFolder = Annotated[
+    Path | None,
+    typer.Option("--out", metavar="DIR", help="Folder of the report; runs/<name>-diagnose by default."),
 ]
 MOST_SHOWN = 6
 
@@ -32,6 +38,7 @@ def diagnose(
     overrides: Overrides = None,
     data: DataFile = None,
     effect: Candidates = None,
+    out: ReportFolder = None,
     store: StoreFolder = DEFAULT_STORE,
     json: JsonFile = None,
     quiet: Quiet = False,
@@ -39,21 +46,33 @@ def diagnose(
     """Which physical effect is missing, how sure, what to measure next."""
     with session("diagnose", json, quiet) as here:
         loaded = here.study(study, overrides)
+        folder = out or Path("runs") / f"{loaded.name}-diagnose"
         bench = here.bench(store)
         measurement = measurement_of_study(bench, loaded, data)
         predictor = Predictor.of_study(bench, loaded, measurement)
+        check_writable(folder)
         kinds = effect or here.registry.kinds("effect")
         task = here.progress.begin("fitting effects", 1 + len(kinds))
         found = diagnose_with(predictor, kinds=kinds, tick=lambda _: task.advance())
         task.finish()
-        here.result.update({"study": loaded.name, "data": measurement.source, **diagnosis_json(found)})
+        here.result.update(
+            {"study": loaded.name, "data": measurement.source, **diagnosis_json(found), "out": str(folder)}
+        )
         _say(here, found)
+        from pliant.report.diagnosis import diagnosis_page  # matplotlib takes a second to import
+
+        made = diagnosis_page(loaded.name, measurement, found, here.registry)
+        page = write_page(folder, made.html, made.pictures)
+        here.result["report"] = str(page)
+        here.say(f"report   {page}")
 
 
 def _say(here: Session, found: Diagnosis) -> None:
     here.say(_hypotheses(found))
+    for kinds in _leading(found):
+        here.say(f"{named(kinds)}: {', '.join(parameter_texts(found, kinds))}")
     if found.not_excited:
-        here.say("not shown by these runs:")
+        here.say("not shown by these runs, and the run that would show it:")
         for kind, run in found.not_excited.items():
             here.say(f"  {kind}: {run}" if run else f"  {kind}")
     for remark in found.remarks:
@@ -68,29 +87,20 @@ def _hypotheses(found: Diagnosis) -> Table:
     table.add_column("hypothesis")
     for name in ("probability", "left-out error / floor"):
         table.add_column(name, justify="right", no_wrap=True)
-    table.add_column("parameters")
     for kinds in list(found.judgement.probability)[:MOST_SHOWN]:
         table.add_row(
-            named(kinds),
-            percent(found.judgement.probability[kinds]),
-            _ratio(found, kinds),
-            _values(found, kinds),
+            named(kinds), probability_text(found.judgement.probability[kinds]), _ratio(found, kinds)
         )
     return table
 
 
+def _leading(found: Diagnosis) -> list[Kinds]:
+    """Hypotheses that hold 90 %, those with parameters: their numbers are printed below the table."""
+    return [kinds for kinds in found.judgement.credible[:MOST_SHOWN] if parameter_texts(found, kinds)]
+
+
 def _ratio(found: Diagnosis, kinds: Kinds) -> str:
-    square = found.noise.floor_square if kinds == UNKNOWN else found.table.rows[kinds].heldout_square
-    ratio = found.table.over_floor(square)
-    return number(ratio, 3) if np.isfinite(ratio) else "–"
-
-
-def _values(found: Diagnosis, kinds: Kinds) -> str:
     if kinds == UNKNOWN:
-        return ""
-    words = []
-    for name, entry in parameters(found.fits[kinds], found.noise.n_effective).items():
-        unit = "" if entry["unit"] == "1" else f" {entry['unit']}"
-        flag = "" if entry["plausible"] else " (implausible)"
-        words.append(f"{name.partition('.')[2]} {entry['value']:.3g} ± {entry['sd']:.1g}{unit}{flag}")
-    return ", ".join(words)
+        return "any form"
+    ratio = found.table.over_floor(found.table.rows[kinds].heldout_square)
+    return f"{ratio:.2f}" if np.isfinite(ratio) else "–"

@@ -18,6 +18,7 @@ from pliant.report.figures import style
 MOST = 3
 BAND = 2.0  # floors
 BAND_COLOUR = "#e8ecf2"
+DASHES = ((4, 2), (), (2, 2))  # lines that lie on one another are all seen
 AS_IT_IS = style.WARN
 WITH = (style.SERIES[0], style.SERIES[2])
 
@@ -116,7 +117,7 @@ def _draw(panel: Any, run: MeasuredRun, index: int, output: str, lines: list[Lin
         label="measured",
     )
     for order, (label, colour, predicted) in enumerate(lines):
-        dashes = (4, 2) if order == 0 and len(lines) > 1 else ()
+        dashes = DASHES[order] if len(lines) > 1 else ()
         panel.plot(
             x[pick], factor * predicted[index][output][pick], color=colour, lw=1.5, dashes=dashes, label=label
         )

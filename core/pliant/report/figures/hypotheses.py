@@ -17,7 +17,7 @@ WIDE = 36  # characters of a name on one line
 
 
 def hypotheses(diagnosed: Diagnosed) -> style.Png:
-    """Bars of probability; beside them the left-out error as dots, with a line where the noise floor is, if it is known."""
+    """Bars of probability; beside them the left-out error as dots, and the noise floor as a line, if it is known."""
     shown = diagnosed.hypotheses()
     credible = set(diagnosed.found.judgement.credible)
     colours = [FIRST if kinds in credible else OTHER for kinds in shown]
