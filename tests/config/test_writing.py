@@ -41,7 +41,10 @@ def test_a_first_effect(rewrite, none):
     text = HEAD + none + TAIL
     new = rewrite(text, [NEW])
     assert plain(new) == {**plain(text), "effects": [READ]}
-    assert "  - kind: viscoelastic  # fitted to bench.csv\n    share: 0.21  # 0.21 ± 0.01\n    time: 4.6 s\n" in new
+    assert (
+        "  - kind: viscoelastic  # fitted to bench.csv\n    share: 0.21  # 0.21 ± 0.01\n    time: 4.6 s\n"
+        in new
+    )
     gone = [d for d in difflib.ndiff(text.splitlines(), new.splitlines()) if d.startswith("- ")]
     assert all("effects" in line for line in gone)
     assert ("# none yet" in new) == ("# none yet" in text)

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 from scipy.signal import lfilter
-
 from tests.diagnosis.formula import candidate, fitter, measured, parameter
+
 from pliant.diagnosis.noise import noise_view
 from pliant.diagnosis.uncertainty import Estimate, rounded, rounded_text, uncertainty
 from pliant.evidence.repeats import repeat_groups
@@ -95,7 +95,17 @@ def test_a_bent_profile_is_not_symmetric():
 
 
 def test_values_outside_the_plausible_range_are_named():
-    one = Estimate("m.e", parameter("e", 1150.0, (0.0, 1e4), (1000.0, 1300.0)), 6471.0, 20.0, 6440, 6500, False, False, False)
+    one = Estimate(
+        "m.e",
+        parameter("e", 1150.0, (0.0, 1e4), (1000.0, 1300.0)),
+        6471.0,
+        20.0,
+        6440,
+        6500,
+        False,
+        False,
+        False,
+    )
     assert not one.plausible
     assert "implausible: 6471 is outside 1000–1300" in one.words.replace("6470", "6471")
 

@@ -17,7 +17,7 @@ from pliant.diagnosis.improvement import Improvement, Step, summary
 from pliant.diagnosis.improvement import improve as improve_with
 from pliant.diagnosis.scores import score_json
 from pliant.evidence.measured import measurement_of_study
-from pliant.evidence.words import number, shown
+from pliant.evidence.words import shown
 from pliant.records.measurement import Measurement
 from pliant.report.stage import write_page
 
@@ -114,6 +114,7 @@ def _step_json(step: Step) -> dict[str, Any]:
         "heldout": score_json(step.locked),
         "rmse_over_floor": step.locked.over_floor,
         "rmse_over_floor_se": step.locked_se,
+        "unseen_rmse_over_floor": None if step.unseen is None else step.unseen.over_floor,
         "training_rmse_over_floor": step.training.over_floor,
         "effects": [effect.canonical() for effect in step.effects],
     }
@@ -145,7 +146,7 @@ def _table(found: Improvement) -> Table:
         table.add_row(
             f"{place}  {'+ ' + ' + '.join(step.added) if step.added else 'as it was'}",
             *(shown(name).text(step.locked.rmse[name]) for name in names),
-            f"{number(step.locked.over_floor)} ± {number(step.locked_se, 2)}",
+            f"{step.locked.over_floor:.2f} ± {step.locked_se:.2f}",
         )
     floors = (shown(name).text(found.floors[name].value) for name in names)
     table.add_row("noise floor", *floors, "1")

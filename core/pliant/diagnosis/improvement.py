@@ -37,6 +37,8 @@ from pliant.registry.discovery import Registry
 MOST_STEPS = 6
 # A set of effects is kept if it lowers the error on conditions left out of training by this share.
 LEAST_GAIN = 0.01
+# Errors above the floor by less than this share are not worth a warning.
+CLEARLY_ABOVE = 0.15
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,6 +51,7 @@ class Step:
         why: the reason for this step, in sentences.
         locked: error on the runs put aside.
         locked_se: standard error of its ratio to the floor, from the floor's and from how few runs there are.
+        unseen: that of those of them whose condition is in no training run; None without such.
         training: error on training conditions, each left out of the fit that predicts it.
     """
 
@@ -57,6 +60,7 @@ class Step:
     why: str
     locked: Score
     locked_se: float
+    unseen: Score | None
     training: Score
 
 
@@ -215,7 +219,7 @@ def _by_gain(found: Diagnosis) -> list[str]:
         left = [kind for kind in found.selected if kind not in chosen]
 
         def square(kind: str) -> float:
-            row = found.table.rows.get(sorted_kinds((*chosen, kind))) or found.table.rows[(kind,)]  # noqa: B023
+            row = found.table.rows.get(sorted_kinds((*chosen, kind))) or found.table.rows[(kind,)]
             return row.mean_square
 
         chosen.append(min(left, key=square))
@@ -240,8 +244,9 @@ def _told(walk: _Walk, stop: str, reason: str, final: Extension | None) -> Impro
         locked = score(draft.residuals, noise.floors, runs) if runs else training
         share = locked.n / max(score(draft.residuals, noise.floors).n, 1)
         se = _standard_error(locked, noise.floors, noise.n_effective * share)
-        steps.append(Step(draft.added, draft.effects, draft.why, locked, se, training))
-    remarks = [walk.locked.why, *_rises(steps)]
+        unseen = score(draft.residuals, noise.floors, walk.locked.unseen) if walk.locked.unseen else None
+        steps.append(Step(draft.added, draft.effects, draft.why, locked, se, unseen, training))
+    remarks = [walk.locked.why, *_rises(steps), *_still_wrong(steps[-1], stop)]
     if not runs:
         remarks.append(
             "Errors are those of conditions left out one after another, not of runs that nothing has seen."
@@ -262,6 +267,23 @@ def _standard_error(locked: Score, floors: Mapping[str, Floor], n_effective: flo
     return float(locked.over_floor * np.hypot(1.0 / np.sqrt(2.0 * max(n_effective, 1.0)), floor))
 
 
+def _still_wrong(last: Step, stop: str) -> list[str]:
+    """The training runs show nothing more, and yet the runs put aside do."""
+    excess = last.locked.over_floor - 1.0
+    if stop != "nothing_missing" or excess < max(2.0 * last.locked_se, CLEARLY_ABOVE):
+        return []
+    where = (
+        ""
+        if last.unseen is None
+        else f" ({last.unseen.over_floor:.2f} where their condition was in no other run)"
+    )
+    return [
+        f"On the runs put aside the error is still {last.locked.over_floor:.2f} ± {last.locked_se:.2f} times the noise"
+        f"{where}: something is missing or wrong that the training runs do not show. Extend the model with "
+        "all runs, or measure more conditions."
+    ]
+
+
 def _rises(steps: Sequence[Step]) -> list[str]:
     """Steps after which the error on runs put aside was larger: reported, never acted upon."""
     return [
@@ -280,6 +302,6 @@ def summary(found: Improvement) -> str:
     if len(found.steps) == 1:
         return f"No effect was added: the error on {on} is {number(first.over_floor)} times the noise."
     kinds = listed([kind for step in found.steps for kind in step.added])
-    now = f"{number(last.over_floor)} ± {number(found.steps[-1].locked_se, 2)}"
+    now = f"{last.over_floor:.2f} ± {found.steps[-1].locked_se:.2f}"
     verb = "falls" if last.over_floor < first.over_floor else "goes"
-    return f"With {kinds} the error on {on} {verb} from {number(first.over_floor)} to {now} times the noise."
+    return f"With {kinds} the error on {on} {verb} from {first.over_floor:.2f} to {now} times the noise."

@@ -21,6 +21,8 @@ from pliant.records.measurement import MeasuredRun, Measurement
 SHARE = 0.25
 # Conditions that training must keep, and from how many on one may be locked as a whole.
 KEPT, ENOUGH = 3, 5
+# A circumstance is a condition's own where no other comes as near as this share of the range.
+ALONE = 0.2
 GRID = 60
 
 
@@ -44,11 +46,11 @@ class Locked:
 def lock(measurement: Measurement, share: float = SHARE) -> Locked:
     """Put about `share` of the runs aside. Only inputs decide, never readings; the same runs give the same parts.
 
-    1. From `ENOUGH` conditions on, one condition with all its runs: the one most like another one, so that training
-       still spans what was done.
+    1. From `ENOUGH` conditions on, one condition with all its runs: the one most like another one and needed for
+       nothing that the others do not show, so that training still spans what was done.
     2. The last repeat of further conditions, evenly over the list, one each; of conditions done twice at most half,
        so that training keeps repeats to see its noise by.
-    3. If that is too little, further conditions most like another one, as long as `KEPT` are left.
+    3. If that is too little, further conditions chosen like the first, as long as `KEPT` are left.
 
     Fewer than 4 runs with readings cannot be divided: then nothing is locked.
     """
@@ -60,7 +62,7 @@ def lock(measurement: Measurement, share: float = SHARE) -> Locked:
     alike = _most_alike(measurement, conditions)
     locked: list[int] = []
     gone: list[int] = []
-    if len(conditions) >= ENOUGH and len(conditions[alike[0]]) <= wanted:
+    if alike and len(conditions) >= ENOUGH and len(conditions[alike[0]]) <= wanted:
         gone.append(alike[0])
         locked += conditions[alike[0]]
     repeated = [c for c in range(len(conditions)) if len(conditions[c]) > 1 and c not in gone]
@@ -98,18 +100,41 @@ def _last_repeats(conditions: Sequence[Sequence[int]], count: int) -> list[int]:
     rich = [c for c in order if len(conditions[c]) > 2]
     paired = [c for c in order if len(conditions[c]) == 2]
     from_pairs = min(len(pairs) // 2, max(count - len(rich), 0))
-    spread = np.unique(np.linspace(0, len(paired) - 1, from_pairs).round().astype(int)) if from_pairs else []
-    chosen = [*rich[:count], *(paired[k] for k in spread)]
+    even = np.linspace(0, len(paired) - 1, from_pairs).round().astype(int) if from_pairs else np.zeros(0, int)
+    chosen = [*rich[:count], *(paired[k] for k in np.unique(even))]
     return [conditions[c][-1] for c in chosen]
 
 
 def _most_alike(measurement: Measurement, conditions: Sequence[Sequence[int]]) -> list[int]:
-    """Conditions, the one nearest to another one first."""
+    """Conditions that may go as a whole, the one nearest to another one first.
+
+    A condition stays where nothing else tells what it tells: alone in a load, an orientation or a temperature, or
+    done with a specimen that was new.
+    """
+    first = {run.history.specimen: k for k, run in reversed(list(enumerate(measurement.runs)))}
     prints = np.array([_fingerprint(measurement.runs[runs[0]].history) for runs in conditions])
+    means = np.array([_circumstances(measurement.runs[runs[0]].history) for runs in conditions])
+    needed = [_alone(means, c) or bool(set(runs) & set(first.values())) for c, runs in enumerate(conditions)]
     span = np.ptp(prints, axis=0)
     scaled = prints / np.where(span > 0, span, 1.0)
     distance = np.linalg.norm(scaled[:, None] - scaled[None], axis=2) + np.diag(np.full(len(prints), np.inf))
-    return [int(c) for c in np.argsort(distance.min(axis=1), kind="stable")]
+    return [int(c) for c in np.argsort(distance.min(axis=1), kind="stable") if not needed[c]]
+
+
+def _alone(means: Array, which: int) -> bool:
+    """A condition that has a circumstance to itself."""
+    others = np.delete(means, which, axis=0)
+    span = np.ptp(means, axis=0)
+    nearest = np.abs(others - means[which]).min(axis=0) if len(others) else span
+    return bool(np.any(nearest > ALONE * span))
+
+
+def _circumstances(history: History) -> Array:
+    """Mean and spread of what is not actuation."""
+    signals = [history.moment_n_m, history.temperature_c, *history.tip_force_n.T, *history.base_angles_rad.T]
+    if history.payload_kg is not None:
+        signals.append(history.payload_kg)
+    return np.array([f(signal) for signal in signals for f in (np.mean, np.std)])
 
 
 def _fingerprint(history: History) -> Array:

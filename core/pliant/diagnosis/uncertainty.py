@@ -5,10 +5,10 @@ which adds
 
     s² = Σ r² / (n_eff − k)
 
-to Σ r² by chance, k parameters fitted. The covariance in the knobs x is s² (JᵀJ)⁻¹, in a parameter's own unit times dv/dx (delta
-method). A profile interval holds the values of one parameter at which Σ r², all other parameters refitted, rises by
-less than s² · 2.706, the 90 % point of χ² with one degree of freedom (Venzon & Moolgavkar, Applied Statistics 37,
-1988): it follows bounds and bent valleys that a standard deviation does not see.
+to Σ r² by chance, k parameters fitted. The covariance in the knobs x is s² (JᵀJ)⁻¹, in a parameter's own unit times
+dv/dx (delta method). A profile interval holds the values of one parameter at which Σ r², all other parameters
+refitted, rises by less than s² · 2.706, the 90 % point of χ² with one degree of freedom (Venzon & Moolgavkar, Applied
+Statistics 37, 1988): it follows bounds and bent valleys that a standard deviation does not see.
 """
 
 from __future__ import annotations
@@ -170,7 +170,7 @@ def uncertainty(fitter: Fitter, fit: Fit, n_effective: float, profiles: bool = T
                 high=knob.value(ends[1][0]),
                 open_low=ends[0][1],
                 open_high=ends[1][1],
-                at_limit=fit.at_limit[k],
+                at_limit=bool(fit.at_limit[k]),
             )
         )
     with np.errstate(invalid="ignore"):
@@ -247,7 +247,7 @@ def _crossing(height: Callable[[float], float], step: float, room: float) -> flo
     """Where the height, nearly a straight line from 0, passes `NINETY`; None if that is not before `room`."""
     low, high, low_height, high_height = 0.0, math.nan, 0.0, math.nan
     at = min(step, room)
-    for _ in range(MOST_STEPS):
+    for step_number in range(MOST_STEPS):
         here = height(at)
         if abs(here - NINETY) < CLOSE * NINETY and at < room:
             return at
@@ -261,12 +261,13 @@ def _crossing(height: Callable[[float], float], step: float, room: float) -> flo
             at = min(at * min(max(NINETY / max(here, 1e-9), 1.2), 4.0), room)
         else:
             share = (NINETY - low_height) / (high_height - low_height)
-            at = low + min(max(share, 0.05), 0.95) * (high - low)
+            share = 0.5 if step_number % 2 else min(max(share, 0.05), 0.95)
+            at = low + share * (high - low)
     return at
 
 
 def rounded(value: float, sd: float, digits: int = 2) -> float:
-    """The value at the decimal of the sd's last significant digit; four digits of its own where the sd is not finite."""
+    """The value at the decimal of the sd's last significant digit; four digits of its own without one."""
     decimals = _decimals(value, sd, digits)
     return value if decimals is None else round(value, decimals)
 

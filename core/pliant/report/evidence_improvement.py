@@ -40,8 +40,8 @@ def _caption(found: Improvement) -> str:
         else "conditions left out of the fit one after another"
     )
     return (
-        f"Error on {data}, after each step; bars and the grey band: standard error of the ratio to the floor, and twice "
-        "that of the floor. Dots: training conditions, each left out of the fit. The dashed line is what the bench's own "
+        f"Error on {data}, after each step. Bars: standard error, of few runs and of the floor; grey band: twice that "
+        "of the floor. Dots: training conditions, each left out of the fit. The dashed line is what the bench's own "
         "scatter leaves to no model."
     )
 
@@ -55,7 +55,7 @@ def _steps(found: Improvement) -> Table:
                 f"{place}  {'+ ' + ' + '.join(step.added) if step.added else 'as it was'}",
                 step.why,
                 *(number(step.locked.rmse[name] * shown(name).factor) for name in names),
-                f"{number(step.locked.over_floor)} ± {number(step.locked_se, 2)}",
+                f"{step.locked.over_floor:.2f} ± {step.locked_se:.2f}",
                 number(step.training.over_floor),
             ]
         )

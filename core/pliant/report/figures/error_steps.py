@@ -14,7 +14,7 @@ from pliant.report.figures import style
 
 MOST_OUTPUTS = 2
 WIDTH_PX, TEXT_PX = 1770, 760
-LINE_PX, CHARACTERS = 27, 58
+LINE_PX, CHARACTERS = 27, 66
 SMALLEST_PX = 620
 
 

@@ -1,0 +1,107 @@
+"""The whole loop on benches whose missing effects are known."""
+
+import numpy as np
+import pytest
+from tests.diagnosis.bench_files import bench, histories, study
+from tests.diagnosis.quick import BENCH, effect
+
+from pliant.diagnosis.improvement import improve, summary
+
+FEW = ["stiffness", "viscoelastic", "sensor_bias", "mullins", "friction_hysteresis"]
+
+
+def improved(folder, *hidden, runs=None, **more):
+    measurement = bench(folder, *hidden, runs=runs)
+    return improve(BENCH, study(folder), measurement, **{"kinds": FEW, **more})
+
+
+def added(found):
+    return [kind for step in found.steps for kind in step.added]
+
+
+def test_a_hidden_effect_is_added_and_the_error_falls_to_the_floor(tmp_path):
+    found = improved(tmp_path, effect("viscoelastic"), kinds=None)
+    assert added(found) == ["viscoelastic"]
+    assert found.stop == "nothing_missing"
+    assert found.steps[0].added == () and found.steps[0].locked.over_floor > 1.4
+    assert found.steps[-1].locked.over_floor < 1.2
+    assert found.floors["angle_rad"].source == "repeats"
+    assert 0 < found.steps[-1].locked_se < 0.3
+    assert "creeping" in found.steps[-1].why and "times the noise" in found.steps[-1].why
+    share = found.final.uncertainty.of("viscoelastic.share")
+    assert share.value == pytest.approx(0.3, abs=4 * share.sd)
+    assert "falls" in summary(found)
+
+
+def test_the_reported_model_is_the_one_that_was_scored(tmp_path):
+    found = improved(tmp_path, effect("viscoelastic"))
+    assert found.final.effects == found.steps[-1].effects
+
+
+def test_two_hidden_effects_are_added_one_after_the_other(tmp_path):
+    found = improved(tmp_path, effect("stiffness", factor=1.3), effect("sensor_bias", bias_rad=0.02))
+    assert sorted(added(found)) == ["sensor_bias", "stiffness"]
+    ratios = [step.locked.over_floor for step in found.steps]
+    assert ratios[0] > ratios[1] > ratios[2]
+    assert ratios[2] < 1.2
+
+
+def test_a_clean_bench_takes_no_step(tmp_path):
+    found = improved(tmp_path, kinds=None)
+    assert added(found) == [] and found.final is None
+    assert found.stop == "nothing_missing"
+    assert found.steps[0].locked.over_floor == pytest.approx(1.0, abs=0.25)
+    assert "No effect was added" in summary(found)
+
+
+def test_without_repeats_nothing_is_called_noise(tmp_path):
+    found = improved(tmp_path, runs=histories(1))
+    assert added(found) == [] and found.stop == "insufficient_data"
+    assert not found.judged
+    assert any("may still be noise" in remark for remark in found.remarks)
+
+
+def test_no_more_effects_than_asked_for(tmp_path):
+    found = improved(tmp_path, effect("viscoelastic"), most_steps=0)
+    assert added(found) == [] and found.stop == "most_steps"
+
+
+def test_locked_readings_decide_nothing(tmp_path):
+    """Nonsense in the runs that are put aside changes what is reported, never what is chosen."""
+    measurement = bench(tmp_path, effect("viscoelastic"))
+    first = improve(BENCH, study(tmp_path), measurement, kinds=FEW)
+    spoiled = measurement.__class__(
+        tuple(
+            run.with_outputs({"angle_rad": run.outputs["angle_rad"] + 0.5}) if k in first.locked.runs else run
+            for k, run in enumerate(measurement.runs)
+        ),
+        measurement.outputs,
+        measurement.source,
+    )
+    second = improve(BENCH, study(tmp_path), spoiled, kinds=FEW)
+    assert second.final.effects == first.final.effects
+    assert second.steps[-1].locked.rmse["angle_rad"] > 10 * first.steps[-1].locked.rmse["angle_rad"]
+
+
+def test_too_few_runs_to_lock_are_said(tmp_path):
+    found = improved(tmp_path, effect("stiffness", factor=1.3), runs=histories(1)[:2])
+    assert found.locked.runs == ()
+    assert any("not of runs that nothing has seen" in remark for remark in found.remarks)
+    assert np.isfinite(found.steps[0].locked.over_floor)
+
+
+def test_an_error_that_only_the_locked_runs_show_is_said(tmp_path):
+    """A look-alike that training runs accept: the unseen condition tells, and the report says so plainly."""
+    measurement = bench(tmp_path, effect("stiffness", factor=1.3))
+    unseen = improve(BENCH, study(tmp_path), measurement, kinds=FEW).locked.unseen
+    drifted = measurement.__class__(
+        tuple(
+            run.with_outputs({"angle_rad": run.outputs["angle_rad"] + 0.03}) if k in unseen else run
+            for k, run in enumerate(measurement.runs)
+        ),
+        measurement.outputs,
+        measurement.source,
+    )
+    found = improve(BENCH, study(tmp_path), drifted, kinds=FEW)
+    assert found.stop == "nothing_missing"
+    assert any("still" in remark and "in no other run" in remark for remark in found.remarks)
