@@ -1,0 +1,152 @@
+"""`pliant extend` and `pliant improve` as commands."""
+
+import pytest
+
+from tests.diagnosis.bench_files import STUDY, bench, csv, histories
+from tests.diagnosis.quick import effect
+
+MEASURED = STUDY + "measurements: {file: data/bench.csv}  # in spring\n"
+FEW = ("--effect", "stiffness", "--effect", "viscoelastic", "--effect", "sensor_bias")
+
+
+@pytest.fixture(scope="module")
+def tables(tmp_path_factory):
+    """The bench's file with a hidden effect, and without one."""
+    folder = tmp_path_factory.mktemp("tables")
+    return {
+        "hidden": csv(bench(folder, effect("viscoelastic"))),
+        "clean": csv(bench(folder)),
+        "short": csv(bench(folder, effect("viscoelastic"), runs=histories(1)[:1])),
+    }
+
+
+@pytest.fixture
+def joint(workplace, write, tables):
+    """A study with the hidden effect's data beside it."""
+    (workplace / "data").mkdir()
+    (workplace / "data" / "bench.csv").write_text(tables["hidden"])
+    (workplace / "data" / "clean.csv").write_text(tables["clean"])
+    return write(MEASURED, "joint.yaml")
+
+
+def test_extend_writes_a_study_that_predicts_what_was_fitted(pliant, joint, read, workplace):
+    before = joint.read_text()
+    call = pliant("extend", joint, "--effect", "viscoelastic", "--json", "r.json")
+    assert call.code == 0, call.err
+    result, new = read("r.json"), workplace / "joint+viscoelastic.yaml"
+    assert result["out"] == str(new) and result["effects"] == ["viscoelastic"]
+    assert joint.read_text() == before
+    assert new.read_text().startswith(before)  # every line and comment
+    share = result["parameters"]["viscoelastic.share"]
+    assert share["low"] < share["value"] < share["high"] and share["sd"] > 0 and share["unit"] == "1"
+    assert "90 % between" in new.read_text() and "fitted to bench.csv (sha256 " in new.read_text()
+    assert "times the noise on conditions left out" in call.out
+    again = pliant("compare", new, "--json", "c.json")
+    assert again.code == 0, again.err
+    error = read("c.json")["outputs"]["angle_rad"]["rmse"]
+    assert error == pytest.approx(result["after"]["outputs"]["angle_rad"]["rmse"], rel=1e-3)
+
+
+def test_a_study_elsewhere_finds_its_files(pliant, joint, read):
+    call = pliant("extend", joint, "--effect", "viscoelastic", "--out", "other/place/new.yaml", "--quiet")
+    assert call.code == 0, call.err
+    assert pliant("compare", "other/place/new.yaml", "--quiet").code == 0
+
+
+def test_overrides_stand_in_the_new_study(pliant, joint, workplace):
+    call = pliant("extend", joint, "chain.module_mass=30 g", "--effect", "viscoelastic", "--out", "new.yaml")
+    assert call.code == 0, call.err
+    assert "module_mass: 30 g" in (workplace / "new.yaml").read_text()
+
+
+def test_an_effect_that_is_not_there_writes_nothing(pliant, joint, read, workplace):
+    call = pliant("extend", joint, "--data", "data/clean.csv", "--effect", "mullins", "--json", "r.json")
+    assert call.code == 3
+    assert "show no mullins" in call.out and "No study was written" in call.out
+    assert read("r.json")["out"] is None and read("r.json")["absent"] == ["mullins"]
+    assert not (workplace / "joint+mullins.yaml").exists()
+
+
+def test_refit_fits_what_the_study_has_as_well(pliant, write, joint, read):
+    write(MEASURED + "effects: [{kind: stiffness, factor: 1.2}]\n", "stiff.yaml")
+    call = pliant("extend", "stiff.yaml", "--effect", "viscoelastic", "--refit", "--json", "r.json")
+    found = read("r.json")
+    assert found["effects"] == ["stiffness", "viscoelastic"]
+    factor = found["parameters"]["stiffness.factor"]
+    assert factor["includes_neutral"] and factor["value"] == pytest.approx(1.0, abs=0.05)
+    assert call.code == 3 and "show no stiffness" in call.out  # nothing of it is left once it is refitted
+
+
+def test_nothing_is_overwritten_silently(pliant, joint, workplace):
+    (workplace / "there.yaml").write_text("mine")
+    call = pliant("extend", joint, "--effect", "viscoelastic", "--out", "there.yaml")
+    assert call.code == 2 and "there already" in call.err and "--force" in call.err
+    assert (workplace / "there.yaml").read_text() == "mine"
+    call = pliant("extend", joint, "--effect", "viscoelastic", "--out", joint, "--force")
+    assert call.code == 2 and "never overwritten" in call.err
+    call = pliant("extend", joint, "--effect", "viscoelastic", "--out", "there.yaml", "--force", "--quiet")
+    assert call.code == 0 and "viscoelastic" in (workplace / "there.yaml").read_text()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("--effect", "viscoelastik"), "did you mean 'viscoelastic'"),
+        ((), "--effect KIND"),
+        (("--effect", "viscoelastic", "--out", "data"), "is a folder"),
+        (("--effect", "viscoelastic", "--out", "data/bench.csv/new.yaml"), "cannot be written"),
+        (("--effect", "viscoelastic", "--data", "no.csv"), "no.csv"),
+    ],
+)
+def test_wrong_input_to_extend(pliant, joint, arguments, words):
+    call = pliant("extend", joint, *arguments)
+    assert call.code == 2 and words in call.err
+
+
+@pytest.mark.parametrize("verb", [("extend", "--effect", "viscoelastic"), ("improve",)])
+def test_a_study_without_measurements(pliant, write, verb):
+    call = pliant(verb[0], write(STUDY, "bare.yaml"), *verb[1:])
+    assert call.code == 2 and "names no measurements" in call.err
+
+
+def test_an_engine_that_cannot_follow_histories(pliant, joint):
+    call = pliant("extend", joint, "physics=mujoco", "--effect", "viscoelastic")
+    assert call.code == 2 and "quasistatic" in call.err
+
+
+def test_improve_walks_to_the_floor(pliant, joint, read, workplace):
+    call = pliant("improve", joint, *FEW, "--json", "r.json")
+    assert call.code == 0, call.err
+    result = read("r.json")
+    steps = result["steps"]
+    assert [step["added"] for step in steps] == [[], ["viscoelastic"]]
+    assert steps[0]["rmse_over_floor"] > 1.4 and steps[1]["rmse_over_floor"] < 1.2
+    assert steps[1]["heldout"]["angle_rad"]["unit"] == "rad"
+    assert result["stop"] == "nothing_missing" and result["locked_runs"]
+    assert result["final_study"] == str(workplace / "joint-improved.yaml")
+    assert "runs put aside" in (workplace / "joint-improved.yaml").read_text()
+    page = (workplace / "runs" / "joint-improve" / "report.html").read_text()
+    assert "creeping" in page and "http" not in page.replace("http-equiv", "")
+    assert "falls from" in call.out
+
+
+def test_improve_leaves_a_good_model_alone(pliant, joint, read, workplace):
+    call = pliant("improve", joint, "--data", "data/clean.csv", *FEW, "--json", "r.json", "--out", "new.yaml")
+    assert call.code == 0, call.err
+    result = read("r.json")
+    assert [step["added"] for step in result["steps"]] == [[]]
+    assert result["final_study"] == str(joint)
+    assert not (workplace / "new.yaml").exists() and "No study was written" in call.out
+
+
+def test_improve_with_one_run_says_what_it_cannot(pliant, joint, workplace, tables, read):
+    (workplace / "short.csv").write_text(tables["short"])
+    call = pliant("improve", joint, "--data", "short.csv", *FEW, "--json", "r.json")
+    assert call.code == 0, call.err
+    assert read("r.json")["stop"] == "insufficient_data"
+    assert "too few runs" in call.out
+
+
+def test_wrong_input_to_improve(pliant, joint):
+    assert "did you mean" in pliant("improve", joint, "--effect", "viscoelastik").err
+    assert "never overwritten" in pliant("improve", joint, "--out", joint).err
