@@ -24,6 +24,8 @@ SMALL = 0.01
 MOST_CONTENDERS = 6
 SAMPLE_S = 0.5
 SEPARATED = 4.0
+# The specimen that was measured, in the runs of the menu.
+USED = "used"
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,15 +53,15 @@ class NextRun:
 
 def menu(measurement: Measurement) -> tuple[MenuRun, ...]:
     """Runs that most benches can do, scaled to the largest actuation and load of the measurement."""
-    names = list(measurement.runs[0].history.actuation)
-    top = max(float(np.abs(run.history.actuation[names[0]]).max()) for run in measurement.runs) or 1.0
+    names = sorted(measurement.runs[0].history.actuation, key=lambda name: -_largest(measurement, name))
+    top = _largest(measurement, names[0]) or 1.0
     moment = max(float(np.abs(run.history.moment_n_m).max()) for run in measurement.runs)
     rest = dict.fromkeys(names[1:], 0.0)
 
-    def run(words: str, drive: Array, **conditions: object) -> MenuRun:
+    def run(words: str, drive: Array, specimen: str = USED, **conditions: object) -> MenuRun:
         time_s = SAMPLE_S * np.arange(len(drive))
         inputs = {names[0]: top * drive, **rest}
-        return MenuRun(words, History.of(inputs, time_s, run=words, specimen="next", **conditions))  # type: ignore[arg-type]
+        return MenuRun(words, History.of(inputs, time_s, run=words, specimen=specimen, **conditions))  # type: ignore[arg-type]
 
     found = [
         run("cycle slowly, 80 s per cycle, twice", _triangles(80.0, [1.0, 1.0])),
@@ -72,6 +74,7 @@ def menu(measurement: Measurement) -> tuple[MenuRun, ...]:
         run(
             "a new specimen, amplitude rising from cycle to cycle, each amplitude twice",
             _triangles(20.0, [0.3, 0.3, 0.6, 0.6, 1.0, 1.0]),
+            specimen="new",
         ),
         run(
             "the base horizontal, two medium cycles",
@@ -149,12 +152,20 @@ def _answers(
     runs: Sequence[MenuRun],
     scales: Mapping[str, float],
 ) -> list[Array]:
-    """Predicted readings of each run over the noise, all outputs one after another."""
-    prediction = predictor.evaluate(effects, [run.history for run in runs])
+    """Predicted readings of each run over the noise, all outputs one after another.
+
+    The first run is done before as well, unread: a specimen that was measured is no longer virgin.
+    """
+    histories = [run.history for run in runs]
+    prediction = predictor.evaluate(effects, [histories[0], *histories])
     return [
         np.concatenate([readings[name] / scale for name, scale in scales.items()])
-        for readings in prediction.runs
+        for readings in prediction.runs[1:]
     ]
+
+
+def _largest(measurement: Measurement, name: str) -> float:
+    return max(float(np.abs(run.history.actuation[name]).max()) for run in measurement.runs)
 
 
 def _distance(a: Array, b: Array) -> float:

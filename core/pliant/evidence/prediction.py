@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pliant.config.study import Study
 from pliant.errors import NotReachedError, UserError
@@ -24,6 +23,8 @@ from pliant.records.measurement import Measurement
 
 JOINT_ANGLE = re.compile(r"joint_(\d+)_angle_rad")
 POSITION = re.compile(r"(tip|marker_(\d+))_([xyz])_m")
+# A marker may be said to sit this share of the length outside the chain.
+BEYOND = 0.05
 RunReadings = dict[str, Array]
 
 
@@ -52,9 +53,9 @@ class Predictor:
         self.bench, self.backend, self.measurement = bench, backend, measurement
         self.effects = tuple(effects)
         self._base = self._changed(Model(chain), effects)
-        self._geometry = ChainGeometry.of(chain)
+        self._geometry = ChainGeometry.of(self._base.chain)
         self._histories = [run.history for run in measurement.runs]
-        self._rotations = [base_rotations(chain.base_rotation, h.base_angles_rad) for h in self._histories]
+        self._check_arms()
         self.outputs, self.missing = self._readable(measurement.outputs)
         if not self.outputs:
             raise UserError(
@@ -107,14 +108,11 @@ class Predictor:
     ) -> Prediction:
         """The prediction; of other histories than the measured ones where they are given."""
         driven = self._histories if histories is None else list(histories)
-        rotations = self._rotations
-        if histories is not None:
-            rotation = self._base.chain.base_rotation
-            rotations = [base_rotations(rotation, h.base_angles_rad) for h in driven]
         model = self._changed(self._base, effects)
-        paths, _ = self.backend.follow(model.chain, [model.commanded(h) for h in driven])
+        reached = [model.commanded(h) for h in driven]
+        paths, _ = self.backend.follow(model.chain, reached)
         failed = int(sum((~path.converged).sum() for path in paths))
-        return Prediction(self._read(model, paths, paths, rotations), failed)
+        return Prediction(self._read(model, paths, reached), failed)
 
     def vary(
         self, effects: Sequence[EffectConfig], towards: Sequence[Sequence[EffectConfig]]
@@ -125,14 +123,14 @@ class Predictor:
         models = [self._changed(self._base, changed) for changed in towards]
         variations = [Variation(m.chain, tuple(m.commanded(h) for h in self._histories)) for m in models]
         paths, changes = self.backend.follow(model.chain, driven, variations)
-        base = self._read(model, paths, paths, self._rotations)
+        base = self._read(model, paths, driven)
         differences = []
-        for other, change in zip(models, changes, strict=True):
+        for other, change, variation in zip(models, changes, variations, strict=True):
             moved = [
                 Followed(a.joint_angles + d.joint_angles, a.converged)
                 for a, d in zip(paths, change, strict=True)
             ]
-            there = self._read(other, moved, paths, self._rotations)
+            there = self._read(other, moved, variation.histories)
             differences.append(
                 tuple({name: b[name] - a[name] for name in a} for a, b in zip(base, there, strict=True))
             )
@@ -147,19 +145,21 @@ class Predictor:
         return model
 
     def _read(
-        self, model: Model, paths: Sequence[Followed], state: Sequence[Followed], rotations: Sequence[Array]
+        self, model: Model, paths: Sequence[Followed], histories: Sequence[History]
     ) -> tuple[RunReadings, ...]:
         return tuple(
-            self._readings(model, path, there.converged, rotation)
-            for path, there, rotation in zip(paths, state, rotations, strict=True)
+            self._readings(model, path, history) for path, history in zip(paths, histories, strict=True)
         )
 
-    def _readings(self, model: Model, path: Followed, converged: NDArray[np.bool_], rotations: Array) -> RunReadings:
+    def _readings(self, model: Model, path: Followed, history: History) -> RunReadings:
+        """What the sensors say of a path under the inputs that reach the chain."""
         main = self._geometry.main
         angles = path.joint_angles[:, :, main]
         markers = None
         if any(POSITION.fullmatch(name) for name in self.outputs):
-            markers = trajectory(self._geometry, path.joint_angles, rotations)
+            geometry = ChainGeometry.of(model.chain)
+            rotations = base_rotations(geometry.base_rotation, history.base_angles_rad)
+            markers = trajectory(geometry, path.joint_angles, rotations)
         readings: RunReadings = {}
         for name in self.outputs:
             if joint := JOINT_ANGLE.fullmatch(name):
@@ -172,7 +172,9 @@ class Predictor:
             else:
                 readings[name] = angles.sum(axis=1)
         reported = model.reported(readings)
-        return {name: np.where(converged, np.asarray(reported[name], float), np.nan) for name in self.outputs}
+        return {
+            name: np.where(path.converged, np.asarray(reported[name], float), np.nan) for name in self.outputs
+        }
 
     def _marker(self, markers: Array, number: str | None) -> Array:
         """(t, 3) the tip, or a marker by its number from 1: at its arm length, else joints and then the tip."""
@@ -181,13 +183,28 @@ class Predictor:
         arms = self.measurement.marker_arms_m
         if not arms:
             return markers[:, int(number)]
-        lengths = [np.linalg.norm(joint.offset_m) for joint in self.chain.joints]
-        ends = np.concatenate([[0.0], np.cumsum([*lengths, np.linalg.norm(self.chain.tip_offset_m)])])
+        ends = self._arms()
         arm = float(np.clip(arms[int(number) - 1], 0.0, ends[-1]))
-        piece = min(int(np.searchsorted(ends, arm, side="right")) - 1, len(ends) - 2)
+        piece = max(int(np.searchsorted(ends, arm, side="left")) - 1, 0)
+        if ends[piece + 1] == ends[piece]:
+            return markers[:, piece]
         share = (arm - ends[piece]) / (ends[piece + 1] - ends[piece])
         place: Array = (1.0 - share) * markers[:, piece] + share * markers[:, piece + 1]
         return place
+
+    def _arms(self) -> Array:
+        """(n + 2,) places of base, joints and tip along the chain at rest."""
+        lengths = [float(np.linalg.norm(joint.offset_m)) for joint in self.chain.joints]
+        return np.cumsum([0.0, *lengths, float(np.linalg.norm(self.chain.tip_offset_m))])
+
+    def _check_arms(self) -> None:
+        length = float(self._arms()[-1])
+        for number, arm in enumerate(self.measurement.marker_arms_m, start=1):
+            if not -BEYOND * length <= arm <= (1.0 + BEYOND) * length:
+                raise UserError(
+                    f"{self.measurement.source}: marker {number} is said to sit {arm:g} m along a chain that is "
+                    f"{length:g} m long; give 'markers' from the base on, in the order of their numbers."
+                )
 
     def _readable(self, wanted: Sequence[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
         has = tuple(name for name in wanted if self._has(name))

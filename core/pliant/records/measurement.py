@@ -51,7 +51,7 @@ class Measurement:
         source: the file's name, for messages.
         remarks: what the reader did or noticed that changes how results should be read, in sentences.
         marker_arms_m: position along the chain at rest of `marker_k`, from the base, for k from 1; empty where
-            markers are the chain's own (base, joints, tip).
+            markers are the chain's own (joints 1…N, then the tip as N + 1).
     """
 
     runs: tuple[MeasuredRun, ...]

@@ -5,14 +5,13 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
 from pliant.interfaces.physics import Capabilities, PhysicsBackend, Simulation, SimulationState, Variation
 from pliant.mechanics.statics import Balance, ChainStatics, Loads
-from pliant.mechanics.terms import Memory
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
 from pliant.records.history import History
@@ -63,13 +62,18 @@ class QuasistaticSimulation(Simulation):
         self._loads = Loads.of(self.chain, inputs)
 
     def settle(self) -> Equilibrium:
-        return self._advance(math.inf)
+        return self.advance(math.inf)
 
     def step(self, duration_s: float) -> None:
         self._time_s += duration_s
-        self._advance(duration_s)
+        self.advance(duration_s)
 
-    def _advance(self, duration_s: float) -> Equilibrium:
+    def warm(self, temperature_c: float) -> None:
+        """Set the temperature that law terms see from now on."""
+        self._memory = replace(self._memory, temperature_c=temperature_c)
+
+    def advance(self, duration_s: float) -> Equilibrium:
+        """The equilibrium at the end of a step of this duration; infinite where it is reached slowly."""
         start = time.perf_counter()
         self._loads = self._loads.after(self._memory.over(duration_s))
         solution = minimise(_Problem(self._statics, self._loads), self._q, self._options)
@@ -100,7 +104,7 @@ class QuasistaticSimulation(Simulation):
         self._time_s, self._q = state.time_s, state.position.copy()
         rested = self._statics.efforts.terms.rested()
         states = rested.states if state.memory is None else state.memory.copy()
-        self._memory = Memory(self._q.copy(), states)
+        self._memory = replace(self._memory, previous=self._q.copy(), states=states)
 
     def markers(self) -> Array:
         return self._statics.geometry.markers(self._q)
@@ -146,7 +150,7 @@ class Quasistatic(PhysicsBackend):
     ) -> Paths:
         """Hinge chains in a compiled loop; others step by step, differences by the varied chain's own path."""
         if chain.laws[0].joint != "revolute":
-            return step_through(self.build, chain, histories, towards)
+            return step_through(self.build, chain, histories, towards, self.config.longest_step_s)
         if self._follower is None:
             from pliant_plugins.physics.quasistatic.histories import HingeFollower  # numba takes a second
 

@@ -2,37 +2,49 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pliant.errors import UserError
-from pliant.interfaces.physics import Simulation, Variation
+from pliant.interfaces.physics import Variation
 from pliant.mechanics.kinematics import base_rotations
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
 from pliant.records.history import Followed, History
+from pliant.records.rollout import Inputs
+
+if TYPE_CHECKING:
+    from pliant_plugins.physics.quasistatic.backend import QuasistaticSimulation
 
 Paths = tuple[tuple[Followed, ...], tuple[tuple[Followed, ...], ...]]
-Builder = Callable[[ChainModel], Simulation]
+Builder = Callable[[ChainModel], "QuasistaticSimulation"]
 
 
 def step_through(
-    build: Builder, chain: ChainModel, histories: Sequence[History], towards: Sequence[Variation]
+    build: Builder,
+    chain: ChainModel,
+    histories: Sequence[History],
+    towards: Sequence[Variation],
+    longest_step_s: float = math.inf,
 ) -> Paths:
-    """See `PhysicsBackend.follow`.
+    """See `PhysicsBackend.follow`; samples further apart than `longest_step_s` are reached in equal parts.
 
     Raises:
         UserError: damage that goes on from run to run, or a base or payload that changes within a run.
     """
     if any(term.keeps for term in chain.terms):
         raise UserError(f"effects with lasting damage are not followed on {chain.laws[0].joint} joints yet")
-    paths = tuple(_one(build, chain, history) for history in histories)
-    changed = [tuple(_one(build, v.chain, history) for history in v.histories) for v in towards]
+    paths = tuple(_one(build, chain, history, longest_step_s) for history in histories)
+    changed = [
+        tuple(_one(build, v.chain, history, longest_step_s) for history in v.histories) for v in towards
+    ]
     return paths, tuple(_difference(moved, paths) for moved in changed)
 
 
-def _one(build: Builder, chain: ChainModel, history: History) -> Followed:
+def _one(build: Builder, chain: ChainModel, history: History, longest_step_s: float) -> Followed:
     rotation = base_rotations(np.asarray(chain.base_rotation, float), history.base_angles_rad[:1])[0]
     payload = chain.payload_kg if history.payload_kg is None else float(history.payload_kg[0])
     if np.ptp(history.base_angles_rad, axis=0).any() or (
@@ -44,16 +56,37 @@ def _one(build: Builder, chain: ChainModel, history: History) -> Followed:
         )
     q: list[Array] = []
     converged: list[bool] = []
-    with build(chain.with_(base_rotation=rotation, payload_kg=payload)) as simulation:
+    simulation = build(chain.with_(base_rotation=rotation, payload_kg=payload))
+    with simulation:
         for k in range(len(history)):
-            simulation.apply(history.at(k))
+            duration = math.inf
             if k and history.time_s is not None:
-                simulation.step(float(history.time_s[k] - history.time_s[k - 1]))
-                converged.append(True)
-            else:
-                converged.append(simulation.settle().converged)
+                duration = float(history.time_s[k] - history.time_s[k - 1])
+            parts = max(1, math.ceil(duration / longest_step_s - 1e-9)) if math.isfinite(duration) else 1
+            reached = True
+            for part in range(1, parts + 1):
+                inputs, temperature = _between(history, k, part / parts)
+                simulation.apply(inputs)
+                simulation.warm(temperature)
+                reached &= simulation.advance(duration / parts).converged
+            converged.append(reached)
             q.append(simulation.snapshot().position)
     return Followed(np.array(q), np.array(converged))
+
+
+def _between(history: History, k: int, share: float) -> tuple[Inputs, float]:
+    """Inputs and temperature at a share of the way from sample k − 1 to k."""
+    last, here = history.at(max(k - 1, 0)), history.at(k)
+    before = float(history.temperature_c[max(k - 1, 0)])
+
+    def mixed(a: float, b: float) -> float:
+        return share * b + (1.0 - share) * a
+
+    return Inputs(
+        {name: mixed(last.actuation[name], value) for name, value in here.actuation.items()},
+        share * here.tip_force_n + (1.0 - share) * last.tip_force_n,
+        mixed(last.moment_n_m, here.moment_n_m),
+    ), mixed(before, float(history.temperature_c[k]))
 
 
 def _difference(moved: Sequence[Followed], paths: Sequence[Followed]) -> tuple[Followed, ...]:
