@@ -106,6 +106,7 @@ class Search:
         """The set with each of its effects exchanged in turn while that helps."""
         for out in best:
             rest = tuple(kind for kind in best if kind != out)
+            self._fit(rest, near=best)
             others = [larger for larger in self._screened(rest, kinds) if larger != best]
             for candidate in others:
                 self._fit(candidate, near=rest)
