@@ -104,7 +104,9 @@ class Search:
 
     def _swapped(self, best: Kinds, kinds: Sequence[str]) -> Kinds:
         """The set with each of its effects exchanged in turn while that helps."""
-        for out in best:
+        for out in tuple(best):
+            if out not in best:
+                continue
             rest = tuple(kind for kind in best if kind != out)
             self._fit(rest, near=best)
             others = [larger for larger in self._screened(rest, kinds) if larger != best]
