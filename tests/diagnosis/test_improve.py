@@ -27,7 +27,8 @@ def test_a_hidden_effect_is_added_and_the_error_falls_to_the_floor(tmp_path):
     assert found.steps[-1].locked.over_floor < 1.2
     assert found.floors["angle_rad"].source == "repeats"
     assert 0 < found.steps[-1].locked_se < 0.3
-    assert "creeping" in found.steps[-1].why and "times the noise" in found.steps[-1].why
+    assert "off by" in found.steps[0].why  # where the model fails: the reason for the next step
+    assert "creeping" in found.steps[-1].why and "Within the noise" in found.steps[-1].why
     share = found.final.uncertainty.of("viscoelastic.share")
     assert share.value == pytest.approx(0.3, abs=4 * share.sd)
     assert "falls" in summary(found)

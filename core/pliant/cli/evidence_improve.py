@@ -62,9 +62,9 @@ def improve(
         bench = here.bench(store)
         measurement = measurement_of_study(bench, loaded, data)
         check_writable(folder)
-        task = here.progress.begin("fitting effects", 1 + len(effect or here.registry.kinds("effect")))
-        found = improve_with(bench, loaded, measurement, kinds=effect, tick=lambda _: task.advance())
-        task.finish()
+        rounds = _Rounds(here, 1 + len(effect or here.registry.kinds("effect")))
+        found = improve_with(bench, loaded, measurement, kinds=effect, tick=rounds.tick)
+        rounds.finish()
         here.result |= {
             "study": loaded.name,
             "data": measurement.source,
@@ -84,6 +84,28 @@ def improve(
         here.result["report"] = str(page)
         here.say(f"study    {target}" if found.final is not None else "No study was written.")
         here.say(f"report   {page}")
+
+
+class _Rounds:
+    """One bar per diagnosis: how many there will be, and how many sets each tries, nobody knows before."""
+
+    def __init__(self, here: Session, singles: int) -> None:
+        self._here, self._singles, self._done = here, singles, 0
+        self._task = here.progress.begin("fitting effects", singles)
+
+    def tick(self, hypothesis: str) -> None:
+        """Count a fit; sets of several effects are not counted."""
+        if " + " in hypothesis:
+            return
+        if self._done == self._singles:
+            self.finish()
+            self._task, self._done = self._here.progress.begin("fitting effects again", self._singles), 0
+        self._task.advance()
+        self._done += 1
+
+    def finish(self) -> None:
+        """End the last bar."""
+        self._task.finish()
 
 
 def improvement_json(found: Improvement, measurement: Measurement) -> dict[str, Any]:
@@ -126,7 +148,7 @@ def _put_aside(found: Improvement) -> str:
 
 def _say(here: Session, found: Improvement) -> None:
     for place, step in enumerate(found.steps, start=1):
-        here.say(f"{place}  {'+ ' + ' + '.join(step.added) if step.added else 'as it was'}: {step.why}")
+        here.say(f"{place}  {'+ ' + ' + '.join(step.added) + ': ' if step.added else ''}{step.why}")
     here.say(_table(found))
     if found.final is not None:
         say_parameters(here, found.final.uncertainty)

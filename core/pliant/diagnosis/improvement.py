@@ -48,7 +48,7 @@ class Step:
     Attributes:
         added: the effects of this step; empty for the model as it was.
         effects: all effects of the model.
-        why: the reason for this step, in sentences.
+        why: the reason for this step, and where the model is still wrong after it, in sentences.
         locked: error on the runs put aside.
         locked_se: standard error of its ratio to the floor, from the floor's and from how few runs there are.
         unseen: that of those of them whose condition is in no training run; None without such.
@@ -144,9 +144,7 @@ class _Walk:
         self.effects = study.effects
         self.added: list[str] = []
         plain = self.ground.residuals(self.effects)
-        self.drafts = [
-            _Draft((), self.effects, "The model as it was.", self._everywhere(self.effects), plain)
-        ]
+        self.drafts = [_Draft((), self.effects, self._seen(), self._everywhere(self.effects), plain)]
 
     def go(self, most_steps: int) -> tuple[str, str]:
         """Take steps; returns why it stopped."""
@@ -195,18 +193,28 @@ class _Walk:
         return now < (1.0 - LEAST_GAIN) * before
 
     def _take(self, kind: str) -> None:
-        why = self._why(kind)
         found = extend(self.ground, self.effects, [*self.added, kind], profiles=False)
         self.effects = found.effects
         self.added.append(kind)
         left = found.left_out or found.residuals
+        before = score(self.drafts[-1].left_out, found.noise.floors)
+        why = (
+            f"{self._why(kind, before.over_floor, score(left, found.noise.floors).over_floor)} {self._seen()}"
+        )
         self.drafts.append(_Draft((kind,), self.effects, why, self._everywhere(self.effects), left))
 
-    def _why(self, kind: str) -> str:
-        """Where the model fails on training runs, and what this effect is known by."""
-        seen = interpret(compare(self.locked.training, self.ground.predict(self.effects)))
+    def _why(self, kind: str, before: float, after: float) -> str:
+        """What the effect is known by, and what it does to training conditions left out."""
         notes = self.bench.registry.get("effect", kind).implementation_class().notes
-        return f"{seen} {kind.replace('_', ' ').capitalize()}: {notes.signature}" if notes.signature else seen
+        known = f" It is known by this: {notes.signature}" if notes.signature else ""
+        return (
+            f"The training runs speak for {kind}.{known} It takes the error of training conditions that are left out "
+            f"of the fit from {before:.2f} to {after:.2f} times the noise."
+        )
+
+    def _seen(self) -> str:
+        """Where the model fails on the training runs now."""
+        return interpret(compare(self.locked.training, self.ground.predict(self.effects)))
 
     def _everywhere(self, effects: Sequence[EffectConfig]) -> Residuals:
         return self.ground.residuals(effects, self.measurement)

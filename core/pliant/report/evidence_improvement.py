@@ -7,7 +7,7 @@ from pliant.diagnosis.improvement import Improvement, summary
 from pliant.diagnosis.uncertainty import rounded_text
 from pliant.evidence.words import number, shown
 from pliant.report.facts import Table
-from pliant.report.figures.error_steps import error_steps
+from pliant.report.figures.error_steps import MOST_OUTPUTS, error_steps
 from pliant.report.layout import Page, Picture, Section
 from pliant.report.template import page_template
 from pliant.report.words import Warned
@@ -39,10 +39,15 @@ def _caption(found: Improvement) -> str:
         if found.locked.runs
         else "conditions left out of the fit one after another"
     )
+    drawn = (
+        f" Shown: the {MOST_OUTPUTS} outputs farthest above their noise."
+        if len(found.floors) > MOST_OUTPUTS
+        else ""
+    )
     return (
         f"Error on {data}, after each step. Bars: standard error, of few runs and of the floor; grey band: twice that "
         "of the floor. Dots: training conditions, each left out of the fit. The dashed line is what the bench's own "
-        "scatter leaves to no model."
+        f"scatter leaves to no model.{drawn}"
     )
 
 

@@ -21,7 +21,9 @@ SMALLEST_PX = 620
 def error_steps(found: Improvement, reasons: Sequence[str]) -> style.Png:
     """A panel per output, the farthest above its floor first; beside them `reasons`, one per step."""
     outputs = outputs_by_error(found)[:MOST_OUTPUTS]
-    texts = [_wrapped(number_, text) for number_, text in enumerate(reasons, start=1)]
+    heads = [_head(place, step.added) for place, step in enumerate(found.steps, start=1)]
+    texts = [[head, *textwrap.wrap(text, CHARACTERS)] for head, text in zip(heads, reasons, strict=True)]
+    texts.append(["Why it stops here", *textwrap.wrap(found.reason, CHARACTERS)])
     lines = sum(len(text) + 1 for text in texts)
     height = max(SMALLEST_PX, LINE_PX * lines + 60)
     with style.canvas(WIDTH_PX, height) as figure:
@@ -77,7 +79,7 @@ def _panel(axes: Any, found: Improvement, name: str) -> None:
     axes.set_xticks(places, labels)
     axes.grid(visible=False, axis="x")
     axes.set_xlim(*ends)
-    axes.set_ylim(0, 1.22 * float(np.nanmax([*(locked * (1 + share)), *training, level])))
+    axes.set_ylim(0, 1.38 * float(np.nanmax([*(locked * (1 + share)), *training, level])))
     axes.set_ylabel(f"rms error ({words.unit})")
     axes.set_title(words.label)
     axes.legend(loc="upper right")
@@ -88,21 +90,14 @@ def _label(place: int, added: Sequence[str]) -> str:
     return f"{place}\n+ {textwrap.fill(name, 14)}" if added else f"{place}\nas it was"
 
 
-def _wrapped(place: int, text: str) -> list[str]:
-    return textwrap.wrap(f"{place}  {text}", CHARACTERS, subsequent_indent="    ")
+def _head(place: int, added: Sequence[str]) -> str:
+    return f"{place}  + {' + '.join(added)}" if added else f"{place}  as it was"
 
 
 def _reasons(figure: Any, texts: Sequence[Sequence[str]], height: int) -> None:
     left, y = 1 - TEXT_PX / WIDTH_PX + 0.005, 1 - 64 / height
     for text in texts:
         for k, line in enumerate(text):
-            figure.text(
-                left,
-                y,
-                line,
-                fontsize=9.2,
-                va="top",
-                weight="bold" if k == 0 and len(text) == 1 else "normal",
-            )
+            figure.text(left, y, line, fontsize=9.2, va="top", weight="normal" if k else "bold")
             y -= LINE_PX / height
         y -= LINE_PX / height
