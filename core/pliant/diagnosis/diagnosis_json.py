@@ -14,17 +14,14 @@ from pliant.diagnosis.table import UNKNOWN, Kinds
 from pliant.evidence.columns import unit_of
 from pliant.records.design import Array
 
-MOST_HYPOTHESES = 40
-
 
 def diagnosis_json(found: Diagnosis) -> dict[str, Any]:
     """Keys of contracts.md, and beside them what the verdict rests on."""
     judgement = found.judgement
-    shown = list(judgement.probability)[:MOST_HYPOTHESES]
     return {
         "verdict": judgement.verdict,
         "reasons": list(judgement.reasons),
-        "hypotheses": [_hypothesis(found, kinds, judgement.probability[kinds]) for kinds in shown],
+        "hypotheses": [_hypothesis(found, *entry) for entry in judgement.probability.items()],
         "selected": list(judgement.selected),
         "credible_set": [list(kinds) for kinds in judgement.credible],
         "not_excited": [
@@ -72,7 +69,7 @@ def _hypothesis(found: Diagnosis, kinds: Kinds, probability: float) -> dict[str,
             "rmse_over_floor": found.table.over_floor(found.noise.floor_square),
         }
     fit, row = found.fits[kinds], found.table.rows[kinds]
-    left = heldout_residual(fit, found.readings.run)
+    left = heldout_residual(fit, found.readings.fold)
     return {
         "kinds": list(kinds),
         "probability": probability,
@@ -81,6 +78,7 @@ def _hypothesis(found: Diagnosis, kinds: Kinds, probability: float) -> dict[str,
         "rmse_over_floor": found.table.over_floor(row.heldout_square),
         "mean_square": row.mean_square,
         "heldout_square": row.heldout_square,
+        "unseen_square": row.unseen_square,
         "n_parameters": row.n_parameters,
         "at_limit": list(row.at_limit),
     }

@@ -20,24 +20,40 @@ from pliant.diagnosis.fitting import PRIOR_WEIGHT, Fit
 from pliant.records.design import Array
 
 
-def heldout_residual(fit: Fit, groups: NDArray[np.intp]) -> Array:
-    """(N,) residual of each reading with the readings of its group left out; `groups` (N,) numbers them."""
+# A group that holds more than all but this share of what is known of some parameter cannot be predicted without it.
+LEAST_LEFT = 0.02
+
+
+def heldout_residual(fit: Fit, groups: NDArray[np.intp], plain: Array | None = None) -> Array:
+    """(N,) residual of each reading with the readings of its group left out.
+
+    Args:
+        fit: at its optimum.
+        groups: (N,) number of each reading's group.
+        plain: (N,) residual of the model as it is: what stands for groups without which a parameter would not be
+            known at all, as for the only warm runs when softening with temperature is fitted.
+    """
     if fit.slopes.shape[1] == 0:
         return fit.residual
     low, high = fit.candidate.limits()
+    prior = PRIOR_WEIGHT * np.eye(len(fit.x))
+    whole = fit.slopes.T @ fit.slopes
     left = fit.residual.copy()
     for group in np.unique(groups):
         mine = groups == group
         slopes, residual = fit.slopes[~mine], fit.residual[~mine]
-        normal = slopes.T @ slopes + PRIOR_WEIGHT * np.eye(len(fit.x))
-        move = np.linalg.solve(normal, slopes.T @ residual - PRIOR_WEIGHT * fit.x)
+        normal = slopes.T @ slopes
+        if plain is not None and _share_left(normal, whole + prior) < LEAST_LEFT:
+            left[mine] = plain[mine]
+            continue
+        move = np.linalg.solve(normal + prior, slopes.T @ residual - PRIOR_WEIGHT * fit.x)
         left[mine] -= fit.slopes[mine] @ (np.clip(fit.x + move, low, high) - fit.x)
     return left
 
 
-def by_group(values: Array, groups: NDArray[np.intp]) -> Array:
-    """Sums of values (N,) over each group."""
-    return np.asarray(np.bincount(groups, weights=values), float)
+def _share_left(rest: Array, whole: Array) -> float:
+    """Least share of the information that stays, over all directions of the parameters."""
+    return float(np.linalg.eigvals(np.linalg.solve(whole, rest)).real.min())
 
 
 def condition_of_runs(n_runs: int, repeats: Sequence[Sequence[int]]) -> NDArray[np.intp]:

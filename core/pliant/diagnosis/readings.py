@@ -11,6 +11,9 @@ from numpy.typing import NDArray
 from pliant.records.design import Array
 from pliant.records.measurement import Measurement
 
+FEWEST_FOLDS = 3
+QUARTERS = 4
+
 
 @dataclass(frozen=True, eq=False)
 class ReadingVector:
@@ -21,6 +24,8 @@ class ReadingVector:
         scales: noise floor of each output, in its unit.
         values: (N,) readings over their scales.
         run, output: (N,) index of the run and of the output of each.
+        fold: (N,) number of the part that is left out together: the run; with fewer than `FEWEST_FOLDS` of them,
+            quarters of each run.
     """
 
     outputs: tuple[str, ...]
@@ -28,25 +33,30 @@ class ReadingVector:
     values: Array
     run: NDArray[np.intp]
     output: NDArray[np.intp]
+    fold: NDArray[np.intp]
     _masks: tuple[tuple[NDArray[np.bool_], ...], ...]
 
     @staticmethod
     def of(measurement: Measurement, outputs: Sequence[str], scales: Mapping[str, float]) -> ReadingVector:
         """All readings of these outputs that are finite."""
         masks = tuple(tuple(np.isfinite(run.outputs[name]) for run in measurement.runs) for name in outputs)
-        pieces, runs, which = [], [], []
+        pieces, runs, which, quarters = [], [], [], []
         for k, name in enumerate(outputs):
             for r, run in enumerate(measurement.runs):
                 piece = run.outputs[name][masks[k][r]] / scales[name]
                 pieces.append(piece)
                 runs.append(np.full(len(piece), r))
                 which.append(np.full(len(piece), k))
+                quarters.append(QUARTERS * np.arange(len(piece)) // max(len(piece), 1))
+        of_run = np.concatenate(runs).astype(np.intp)
+        whole = len(np.unique(of_run)) >= FEWEST_FOLDS
         return ReadingVector(
             tuple(outputs),
             dict(scales),
             np.concatenate(pieces),
-            np.concatenate(runs).astype(np.intp),
+            of_run,
             np.concatenate(which).astype(np.intp),
+            of_run if whole else (QUARTERS * of_run + np.concatenate(quarters)).astype(np.intp),
             masks,
         )
 

@@ -11,10 +11,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pliant.diagnosis.candidates import Candidate
 from pliant.diagnosis.fitting import MOST_LOST, Fit, Fitter
-from pliant.diagnosis.heldout import by_group, heldout_residual
+from pliant.diagnosis.heldout import condition_of_runs, heldout_residual
 from pliant.diagnosis.noise import NoiseView, noise_view
 from pliant.diagnosis.readings import ReadingVector
 from pliant.diagnosis.table import (
@@ -58,6 +59,8 @@ class Search:
 
     def __post_init__(self) -> None:
         self.groups: tuple[RepeatGroup, ...] = repeat_groups(self.measurement)
+        repeats = [group.runs for group in self.groups]
+        self.condition = condition_of_runs(len(self.measurement.runs), repeats)
 
     def run(self, kinds: Sequence[str]) -> EvidenceTable:
         """The table of everything that was worth fitting among these kinds."""
@@ -168,18 +171,17 @@ class Search:
         known = {} if near is None else self._known(near)
         fit = self.fitter.fit(candidate, candidate.starts(known))
         self.fits[kinds] = fit
-        self.rows[kinds] = _row(kinds, fit, self.readings)
+        self.rows[kinds] = _row(kinds, fit, self.readings, self.condition)
         self.tick(" + ".join(kinds) or "nothing")
 
 
-def _row(kinds: Kinds, fit: Fit, readings: ReadingVector) -> Row:
-    left = heldout_residual(fit, readings.run)
-    sums = by_group(left**2, readings.run)
+def _row(kinds: Kinds, fit: Fit, readings: ReadingVector, condition: NDArray[np.intp]) -> Row:
+    left, unseen = (heldout_residual(fit, folds) for folds in (readings.fold, condition[readings.run]))
     return Row(
         kinds=kinds,
         n_parameters=len(fit.x),
-        mean_square=fit.mean_square(),
+        mean_square=fit.mean_square() if np.isfinite(fit.mean_square()) else np.inf,
         heldout_square=float(np.mean(left**2)),
-        heldout_by_run=tuple(float(s) for s in sums),
+        unseen_square=float(np.mean(unseen**2)) if len(np.unique(condition)) > 1 else float(np.mean(left**2)),
         at_limit=at_limit(fit),
     )

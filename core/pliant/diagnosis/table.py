@@ -24,7 +24,7 @@ class Row:
         n_parameters: fitted numbers.
         mean_square: S, the mean squared residual in units of the floor's square.
         heldout_square: the same with each run left out of its own fit.
-        heldout_by_run: sums of squared residuals of the runs left out, (runs,).
+        unseen_square: the same with each condition left out, all its repeats together.
         at_limit: names of parameters that ended on a bound.
     """
 
@@ -32,7 +32,7 @@ class Row:
     n_parameters: int
     mean_square: float
     heldout_square: float
-    heldout_by_run: tuple[float, ...]
+    unseen_square: float
     at_limit: tuple[str, ...]
 
 
@@ -132,6 +132,17 @@ def credible_set(found: Mapping[Kinds, float], share: float = 0.9) -> tuple[Kind
         if total >= share:
             break
     return tuple(chosen)
+
+
+def predicts_unseen(table: EvidenceTable, kinds: Kinds) -> bool:
+    """Whether every effect of a set lowers the error on runs and on conditions that its fit has not seen."""
+    row = table.rows[kinds]
+    simpler = [tuple(kind for kind in kinds if kind != left) for left in kinds]
+    others = [table.rows[part] for part in simpler if part in table.rows]
+    return all(
+        row.heldout_square < other.heldout_square and row.unseen_square < other.unseen_square
+        for other in others
+    )
 
 
 def room_above_floor(table: EvidenceTable, kinds: Kinds, prices: Prices) -> bool:

@@ -13,6 +13,7 @@ from pliant.diagnosis.table import (
     Prices,
     credible_set,
     log_evidence,
+    predicts_unseen,
     probabilities,
 )
 
@@ -92,4 +93,9 @@ def _verdict(
                 "that is left is noise.",
             )
         return "nothing_missing", ("The error is what the noise allows, and no listed effect lowers it.",)
+    if not predicts_unseen(table, first):
+        return "ambiguous", (
+            f"{' with '.join(first)} fits best, but does not predict runs or conditions that were left out of the fit "
+            "better than a simpler model does.",
+        )
     return "missing_effect", ()

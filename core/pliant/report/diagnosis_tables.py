@@ -34,7 +34,7 @@ def hypotheses_table(diagnosed: Diagnosed) -> Table:
         if kinds == UNKNOWN:
             row += ["–"] * len(outputs)
         else:
-            left = heldout_errors(found, heldout_residual(found.fits[kinds], found.readings.run))
+            left = heldout_errors(found, heldout_residual(found.fits[kinds], found.readings.fold, found.fits[NOTHING].residual))
             row += [shown(name).text(left[name]["rmse"], 3) for name in outputs]
         rows.append(row)
     head = ["hypothesis", "parameters", "probability", "in noise floors", *(shown(n).label for n in outputs)]
