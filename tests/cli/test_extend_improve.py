@@ -1,7 +1,6 @@
 """`pliant extend` and `pliant improve` as commands."""
 
 import pytest
-
 from tests.diagnosis.bench_files import STUDY, bench, csv, histories
 from tests.diagnosis.quick import effect
 
