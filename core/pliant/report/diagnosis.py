@@ -33,14 +33,21 @@ from pliant.report.template import page_template
 from pliant.report.words import Warned
 
 OUTPUTS_DRAWN = 2
+MOST_PAIRS = 6
 DEMANDS = {
     "missing_effect": "The effect stands out: put it into the study with pliant extend and compare again.",
     "ambiguous": "Do the run below, add it to the file and diagnose again; do not extend the study yet.",
     "nothing_missing": "Leave the model as it is for what these runs cover.",
-    "unknown_effect": "Do not extend the study with the nearest effect; look at what the error depends on.",
+    "unknown_effect": "Do not extend the study with an effect that does not reach the floor; measure what the error "
+    "depends on.",
     "not_repeatable": "Look at the repeats below: a shift, a drift and a remounted specimen look different there.",
     "insufficient_data": "Measure what stands below, add it to the file and ask again.",
 }
+
+
+# Verdicts whose demand is the next run; without one, more of everything.
+UNDECIDED = ("ambiguous", "insufficient_data")
+RECORD = "Record other rates, holds, loads, orientations, each twice, and diagnose again; do not extend the study yet."
 
 
 def diagnosis_page(title: str, measurement: Measurement, found: Diagnosis, registry: Registry) -> Page:
@@ -54,7 +61,7 @@ def diagnosis_page(title: str, measurement: Measurement, found: Diagnosis, regis
     """
     diagnosed = Diagnosed(measurement, found)
     notes = {kind: registry.get("effect", kind).implementation_class().notes for kind in found.excitations}
-    points = [*why(found, registry), DEMANDS[found.verdict]]
+    points = [*why(found, registry), _demand(found)]
     sentence = numbers_text(found) or points[0]
     hero = Picture("hypotheses", _hero_caption(diagnosed), hypotheses(diagnosed))
     made = [
@@ -81,6 +88,10 @@ def diagnosis_page(title: str, measurement: Measurement, found: Diagnosis, regis
     )
     pictures = {p.name: p.png for p in (hero, *(p for s in sections for p in s.pictures))}
     return Page(text, pictures)
+
+
+def _demand(found: Diagnosis) -> str:
+    return DEMANDS[found.verdict] if found.next_run is not None or found.verdict not in UNDECIDED else RECORD
 
 
 def _warnings(found: Diagnosis) -> list[str]:
@@ -115,6 +126,8 @@ def _separated(pairs: Sequence[tuple[Kinds, Kinds]]) -> str:
     every = list(dict.fromkeys(kinds for pair in pairs for kinds in pair))
     if len(every) > 2 and len(pairs) == len(every) * (len(every) - 1) // 2:
         return f"{listed([named(kinds) for kinds in every])} from one another"
+    if len(pairs) > MOST_PAIRS:
+        return f"{len(pairs)} of the {len(every) * (len(every) - 1) // 2} pairs of these explanations apart"
     others: dict[Kinds, list[str]] = {}
     for a, b in pairs:
         others.setdefault(a, []).append(named(b))
@@ -130,7 +143,7 @@ def _changes(diagnosed: Diagnosed) -> Section:
     title = {
         "missing_effect": f"What {names} changes",
         "ambiguous": f"What {names} would change",
-        "unknown_effect": f"The nearest listed explanation, {names}, does not do it",
+        "unknown_effect": f"The most probable in the list, {names}, does not do it",
     }.get(diagnosed.found.verdict, f"What {names} would change")
     return Section(title if names else "The model in its worst runs", tuple(pictures))
 

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from pliant.diagnosis.diagnosis import Diagnosis
-from pliant.diagnosis.diagnosis_json import heldout_errors
-from pliant.diagnosis.heldout import heldout_residual
+from pliant.diagnosis.diagnosis_json import diagnosis_json
 from pliant.diagnosis.table import NOTHING, UNKNOWN
 from pliant.diagnosis.words import named
 from pliant.evidence.words import number, percent, shown
@@ -24,6 +23,7 @@ def hypotheses_table(diagnosed: Diagnosed) -> Table:
     """The hypotheses of the bar chart, with parameters and the error of each output."""
     found = diagnosed.found
     outputs = found.readings.outputs[:OUTPUTS]
+    errors = {tuple(entry["kinds"]): entry["heldout"] for entry in diagnosis_json(found)["hypotheses"]}
     rows = []
     for kinds in diagnosed.hypotheses():
         row = [named(kinds), "; ".join(parameter_texts(found, kinds)) or "–"]
@@ -34,7 +34,7 @@ def hypotheses_table(diagnosed: Diagnosed) -> Table:
         if kinds == UNKNOWN:
             row += ["–"] * len(outputs)
         else:
-            left = heldout_errors(found, heldout_residual(found.fits[kinds], found.readings.fold, found.fits[NOTHING].residual))
+            left = errors[kinds]
             row += [shown(name).text(left[name]["rmse"], 3) for name in outputs]
         rows.append(row)
     head = ["hypothesis", "parameters", "probability", "in noise floors", *(shown(n).label for n in outputs)]

@@ -100,7 +100,7 @@ def numbers_text(found: Diagnosis) -> str:
         return ""
     fall = f"the error on runs left out of the fit falls from {before:.2f} to {after:.2f} × the noise floor"
     if found.verdict == "unknown_effect":
-        return f"Even with {named(best)}, the nearest in the list, {fall} only."
+        return f"Even with {named(best)}, the most probable in the list, {fall} only."
     if found.verdict == "missing_effect":
         return (
             f"With {named(best)} {fall} (probability {probability_text(found.judgement.probability[best])})."

@@ -14,7 +14,10 @@ from pliant.report.folder import finished
 from pliant.store.fingerprint import versions
 from pliant.store.store import write_atomically, writing_in
 
-NAMES = {"finger", "module_shape", "law", "chain_pose"}  # of pictures, as `page` gives them
+# Pictures of every page; those that a page no longer has are taken away.
+NAMES = {"finger", "module_shape", "law", "chain_pose"}
+NAMES |= {"runs", "where", "loops", "map", "steps"}
+NAMES |= {"hypotheses", "changes", "depends", "repeats"}
 NUMBERED = re.compile(r"_\d+$")
 
 

@@ -79,11 +79,11 @@ def _column(
     if np.isfinite(band):
         panels[1].axhspan(-band, band, color=BAND_COLOUR, lw=0)
     pick = thin(len(run))
-    for _, colour, predicted in lines:
+    marker = "o" if len(pick) < 40 else ""
+    for order, (_, colour, predicted) in enumerate(lines):
         error = words.factor * (run.outputs[output] - predicted[index][output])
-        panels[1].plot(
-            time[pick], error[pick], color=colour, lw=1.0, marker="o" if len(pick) < 40 else "", ms=3
-        )
+        dashes = DASHES[2] if order == 2 else ()
+        panels[1].plot(time[pick], error[pick], color=colour, lw=1.0, dashes=dashes, marker=marker, ms=3)
     panels[1].axhline(0, color=style.SOFT, lw=0.8)
     panels[1].set_xlabel(label)
     panels[0].set_title(f"{name_of(diagnosed, run.name)}\n", fontsize=9.5, pad=2)

@@ -41,7 +41,10 @@ def _name(kinds: Kinds) -> str:
     if kinds == NOTHING:
         return "nothing missing (model as it is)"
     text = named(kinds)
-    return text if len(text) <= WIDE else text.replace(" + ", " +\n")
+    if len(text) <= WIDE:
+        return text
+    middle = (len(kinds) + 1) // 2
+    return f"{named(kinds[:middle])} +\n{named(kinds[middle:])}"
 
 
 def _probabilities(panel: Any, diagnosed: Diagnosed, shown: list[Kinds], colours: list[str]) -> None:

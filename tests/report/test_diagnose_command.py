@@ -1,0 +1,58 @@
+"""`pliant diagnose` writes its page where it was told, and prints what fits a terminal."""
+
+import json
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from pliant.cli.verbs import app
+
+STUDY = Path(__file__).parents[2] / "examples" / "hidden_effect" / "finger.yaml"
+FEW = ["--effect", "viscoelastic", "--effect", "stiffness", "--effect", "sensor_bias"]
+
+
+@pytest.fixture
+def workplace(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.delenv("PLIANT_STORE", raising=False)
+    monkeypatch.setenv("COLUMNS", "80")
+    return tmp_path
+
+
+def run(*words):
+    return CliRunner().invoke(app, ["diagnose", str(STUDY), *FEW, *words])
+
+
+def test_the_page_stands_in_the_folder_that_was_asked_for(workplace):
+    done = run("--out", "here", "--json", "found.json", "--quiet")
+    assert done.exit_code == 0 and done.stdout == ""
+    found = json.loads((workplace / "found.json").read_text())
+    assert (found["out"], found["report"]) == ("here", "here/report.html")
+    assert "hidden-effect" in (workplace / "here" / "report.html").read_text(encoding="utf-8")
+    assert (workplace / "here" / "pictures" / "hypotheses.png").is_file()
+
+
+def test_pictures_of_another_verdict_are_taken_away(workplace):
+    for name in ("hypotheses", "repeats", "changes_2", "mine"):
+        (workplace / "here" / "pictures").mkdir(parents=True, exist_ok=True)
+        (workplace / "here" / "pictures" / f"{name}.png").write_bytes(b"old")
+    assert run("--out", "here", "--quiet").exit_code == 0
+    left = {p.stem for p in (workplace / "here" / "pictures").iterdir()}
+    assert "changes_2" not in left and {"mine", "changes_1", "hypotheses"} <= left
+
+
+def test_a_folder_that_cannot_be_written_is_refused_before_the_work(workplace):
+    (workplace / "file").write_text("")
+    done = run("--out", "file/inside")
+    assert done.exit_code == 2 and "cannot be written" in done.stderr
+
+
+def test_the_table_fits_eighty_columns_and_parameters_stand_below_it(workplace):
+    done = run()
+    lines = done.stdout.splitlines()
+    end = next(k for k, line in enumerate(lines) if line.startswith("viscoelastic: share"))
+    assert max(map(len, lines[: end + 1])) <= 80
+    assert lines[0].split() == ["hypothesis", "probability", "left-out", "error", "/", "floor"]
+    assert " s" in lines[end] and "rad" not in lines[end]
+    assert lines[-1].split() == ["report", "runs/hidden-effect-diagnose/report.html"]

@@ -1,0 +1,246 @@
+"""The page of a diagnosis: one for each verdict, self-contained, the same each time, true to the numbers behind it."""
+
+import re
+from dataclasses import replace
+from typing import get_args
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from tests.diagnosis.quick import (
+    REGISTRY,
+    effect,
+    joint,
+    measured,
+    measurement_of,
+    poor,
+    predictor_of,
+    ramp,
+    rich,
+)
+
+from pliant.diagnosis.diagnosis import diagnose
+from pliant.diagnosis.table import NOTHING, UNKNOWN
+from pliant.diagnosis.verdict import Verdict
+from pliant.report.diagnosis import diagnosis_page
+from pliant.report.diagnosis_reading import Diagnosed
+from pliant.report.diagnosis_tables import (
+    detectable_table,
+    hypotheses_table,
+    look_alikes_table,
+    not_excited_table,
+)
+from pliant.report.diagnosis_words import implausible, numbers_text, parameter_texts, value_text
+
+PNG = b"\x89PNG\r\n\x1a\n"
+FEW = ("stiffness", "actuation_gain", "viscoelastic", "thermal_softening")
+
+
+def made(verdict):
+    """A measurement whose diagnosis has this verdict, and the diagnosis."""
+    chain, kinds = joint(), FEW
+    if verdict == "missing_effect":
+        measurement = measured(chain, rich(), effect("viscoelastic"))
+    elif verdict == "nothing_missing":
+        measurement = measured(chain, rich())
+    elif verdict == "unknown_effect":
+        measurement, kinds = (
+            measured(chain, rich(), effect("viscoelastic", share=0.8, time_s=10.0)),
+            ("stiffness", "actuation_gain"),
+        )
+    elif verdict == "ambiguous":
+        chain = joint(gravity=(0, 0, 0))
+        measurement = measured(chain, poor(3), effect("stiffness", factor=1.15))
+    elif verdict == "not_repeatable":
+        measurement = measured(chain, rich(), offset=0.02)
+    else:
+        measurement = measured(chain, [ramp("only", 500.0, 10.0)])
+    found = diagnose(predictor_of(chain, measurement), kinds=kinds)
+    assert found.verdict == verdict
+    return measurement, found
+
+
+@pytest.fixture(scope="module", params=get_args(Verdict))
+def case(request):
+    measurement, found = made(request.param)
+    return measurement, found, diagnosis_page("<b>finger</b>", measurement, found, REGISTRY)
+
+
+@pytest.fixture(scope="module")
+def missing():
+    return Diagnosed(*made("missing_effect"))
+
+
+@pytest.fixture(scope="module")
+def ambiguous():
+    return Diagnosed(*made("ambiguous"))
+
+
+HEADLINES = {
+    "missing_effect": "Missing: viscoelastic.",
+    "ambiguous": "These data do not decide",
+    "nothing_missing": "Nothing is missing",
+    "unknown_effect": "it is not in the list",
+    "not_repeatable": "does not repeat",
+    "insufficient_data": "cannot tell",
+}
+
+
+def test_every_verdict_has_a_whole_page(case):
+    _, found, page = case
+    (headline,) = re.findall(r"<h1>(.*?)</h1>", page.html)
+    assert HEADLINES[found.verdict] in headline
+    (sentence,) = re.findall(r'<p class="result">(.*?)</p>', page.html, re.DOTALL)
+    assert sentence.strip().endswith(".")
+    assert {"hypotheses", "changes_1"} <= set(page.pictures)
+    assert all(png.tobytes().startswith(PNG) for png in page.pictures.values())
+    assert not re.search(r"<tbody>\s*</tbody>|<ul[^>]*>\s*</ul>|<p>\s*</p>|<td[^>]*>nan|\bNone\b", page.html)
+    sections = re.findall(r"<section.*?</section>", page.html, re.DOTALL)
+    assert len(sections) >= 4
+    assert all(re.search(r"<img|<td|<p", section) for section in sections)
+
+
+def test_the_page_is_self_contained_and_escaped(case):
+    html = case[2].html
+    assert "<script" not in html and "http" not in html.replace("data:image", "")
+    assert "&lt;b&gt;finger" in html and "<b>finger" not in html
+
+
+def test_the_same_diagnosis_gives_the_same_bytes(missing):
+    first, second = (diagnosis_page("f", missing.measurement, missing.found, REGISTRY).html for _ in range(2))
+    assert first == second
+
+
+def test_a_bench_that_does_not_repeat_shows_its_repeats_first():
+    measurement, found = made("not_repeatable")
+    page = diagnosis_page("f", measurement, found, REGISTRY)
+    assert re.findall(r"<h2>(.*?)</h2>", page.html.split("</aside>")[-1])[0] == "Noise"
+    assert "repeats" in page.pictures
+
+
+def test_a_run_alone_has_no_picture_of_repeats():
+    measurement, found = made("insufficient_data")
+    page = diagnosis_page("f", measurement, found, REGISTRY)
+    assert "repeats" not in page.pictures
+    assert "nobody knows whether the bench repeats" in page.html
+
+
+def test_the_model_as_it_is_and_an_unknown_effect_are_always_among_the_bars(missing, ambiguous):
+    for diagnosed in (missing, ambiguous):
+        shown = diagnosed.hypotheses()
+        assert NOTHING in shown and UNKNOWN in shown
+        probability = diagnosed.found.judgement.probability
+        assert [probability[k] for k in shown] == sorted((probability[k] for k in shown), reverse=True)
+
+
+def test_predictions_and_residuals_of_the_page_add_up_to_the_readings(missing):
+    for kinds in (NOTHING, ("viscoelastic",)):
+        residual = missing.found.readings.unpack(missing.found.fits[kinds].residual)
+        for run, model, left in zip(
+            missing.measurement.runs, missing.predicted(kinds), residual, strict=True
+        ):
+            np.testing.assert_allclose(
+                model["angle_rad"] + left["angle_rad"], run.outputs["angle_rad"], atol=1e-9
+            )
+
+
+def test_runs_are_chosen_where_the_explanation_takes_most_of_the_error(missing):
+    fits, readings = missing.found.fits, missing.found.readings
+    fall = fits[NOTHING].residual ** 2 - fits[("viscoelastic",)].residual ** 2
+    mean = {run.name: fall[readings.run == k].mean() for k, run in enumerate(missing.measurement.runs)}
+    chosen = missing.telling_runs(3)
+    conditions = missing.before.comparison.conditions
+    of = {name: np.mean([mean[n] for n in c.runs]) for c in conditions for name in c.runs}
+    assert len({frozenset(next(c.runs for c in conditions if n in c.runs)) for n in chosen}) == 3
+    assert min(of[name] for name in chosen) >= sorted({*of.values()})[-3] - 1e-12
+
+
+def test_two_explanations_are_drawn_where_the_data_do_not_decide(missing, ambiguous):
+    assert missing.explanations == (("viscoelastic",),)
+    assert {kinds[0] for kinds in ambiguous.explanations} == {"stiffness", "actuation_gain"}
+
+
+def test_look_alikes_are_named_with_what_tells_them_apart(missing, ambiguous):
+    notes = {k: REGISTRY.get("effect", k).implementation_class().notes for k in FEW}
+    table = look_alikes_table(ambiguous.found, notes)
+    row = next(row for row in table.rows if row[0] == "stiffness")
+    assert "actuation_gain" in row[1] and "load without pressure" in row[2]
+    pairs = {(pair.a, pair.b) for pair in missing.found.indistinguishable}
+    assert ("stiffness", "actuation_gain") not in pairs
+
+
+def test_effects_that_are_not_excited_have_their_run_and_no_smallest_strength(ambiguous):
+    rows = dict(not_excited_table(ambiguous.found).rows)
+    assert "temperature" in rows["thermal_softening"]
+    assert "thermal_softening" not in [row[0] for row in detectable_table(ambiguous.found).rows]
+
+
+def test_the_sentence_tells_the_fall_of_the_left_out_error(missing):
+    table = missing.found.table
+    before, after = (table.over_floor(table.rows[k].heldout_square) for k in (NOTHING, ("viscoelastic",)))
+    assert f"from {before:.2f} to {after:.2f} × the noise floor" in numbers_text(missing.found)
+    assert after < 1.15 < before
+
+
+def test_parameters_hold_the_truth_within_what_is_printed(missing):
+    (share, time) = parameter_texts(missing.found, ("viscoelastic",))
+    value, sd = map(float, re.fullmatch(r"share ([\d.]+) ± ([\d.]+)", share).groups())
+    assert abs(value - 0.3) < 4 * sd < 0.2
+    assert time.startswith("time ") and time.endswith(" s")
+    assert hypotheses_table(missing).rows[0][1] == f"{share}; {time}"
+
+
+def test_values_outside_the_plausible_range_are_said():
+    chain = joint()
+    measurement = measured(chain, rich(), effect("stiffness", factor=2.0))
+    found = diagnose(predictor_of(chain, measurement), kinds=("stiffness", "sensor_bias"))
+    (text,) = implausible(found, ("stiffness",))
+    assert "stiffness.factor" in text and "0.7 to 1.4" in text
+    assert "(implausible" in parameter_texts(found, ("stiffness",))[0]
+    assert "plausible range" in diagnosis_page("f", measurement, found, REGISTRY).html
+
+
+@pytest.mark.parametrize(
+    ("entry", "text"),
+    [
+        ({"value": 612.34, "sd": 12.0, "unit": "Pa"}, "0.612 ± 0.012 kPa"),
+        ({"value": np.radians(-2.5), "sd": np.radians(0.03), "unit": "rad"}, "−2.500 ± 0.030°"),
+        ({"value": 0.0061, "sd": 0.0004, "unit": "K^-1"}, "0.610 ± 0.040 % per K"),
+        ({"value": 6.084, "sd": 0.61, "unit": "s"}, "6.08 ± 0.61 s"),
+        ({"value": 1.2, "sd": np.inf, "unit": "1"}, "1.2"),
+        ({"value": 0.0, "sd": 0.0, "unit": "m"}, "0 mm"),
+        ({"value": 1.2, "sd": np.nan, "unit": "N"}, "1.2 N"),
+    ],
+)
+def test_values_have_units_for_people_and_the_digits_that_are_known(entry, text):
+    assert value_text(entry) == text
+
+
+@given(st.floats(1e-3, 1e3), st.floats(1e-4, 1.0))
+def test_what_is_printed_is_the_value_to_a_twentieth_of_its_deviation(value, share):
+    """Two digits of the deviation: what is rounded off is at most a twentieth of it, a hundredth of large numbers."""
+    sd = share * value
+    printed = float(value_text({"value": value, "sd": sd, "unit": "1"}).split()[0])
+    assert abs(printed - value) <= max(0.051 * sd, 0.006 * value if sd >= 10 else 0.0)
+
+
+def test_readings_without_noise_and_missing_ones_have_a_page():
+    chain = joint()
+    measurement = measured(chain, rich(), effect("stiffness"), sigma=0.0)
+    holes = [
+        {"angle_rad": np.where(np.arange(len(run)) % 7 == 3, np.nan, run.outputs["angle_rad"])}
+        for run in measurement.runs
+    ]
+    punched = measurement_of([run.history for run in measurement.runs], holes)
+    found = diagnose(predictor_of(chain, punched), kinds=("stiffness", "actuation_gain"))
+    page = diagnosis_page("f", punched, found, REGISTRY)
+    assert "changes_1" in page.pictures and "nan" not in re.sub(r'"data:[^"]*"', "", page.html)
+
+
+def test_a_measurement_without_time_has_a_page():
+    chain = joint()
+    histories = [replace(h, time_s=None) for h in poor(2)]
+    measurement = measured(chain, histories, effect("stiffness"))
+    found = diagnose(predictor_of(chain, measurement), kinds=("stiffness", "sensor_bias"))
+    assert "changes_1" in diagnosis_page("f", measurement, found, REGISTRY).pictures
