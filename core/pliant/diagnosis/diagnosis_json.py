@@ -10,7 +10,7 @@ import numpy as np
 from pliant.diagnosis.diagnosis import Diagnosis
 from pliant.diagnosis.fitting import Fit
 from pliant.diagnosis.heldout import heldout_residual
-from pliant.diagnosis.table import UNKNOWN, Kinds
+from pliant.diagnosis.table import NOTHING, UNKNOWN, Kinds
 from pliant.evidence.columns import unit_of
 from pliant.records.design import Array
 
@@ -69,7 +69,7 @@ def _hypothesis(found: Diagnosis, kinds: Kinds, probability: float) -> dict[str,
             "rmse_over_floor": found.table.over_floor(found.noise.floor_square),
         }
     fit, row = found.fits[kinds], found.table.rows[kinds]
-    left = heldout_residual(fit, found.readings.fold)
+    left = heldout_residual(fit, found.readings.fold, found.fits[NOTHING].residual)
     return {
         "kinds": list(kinds),
         "probability": probability,

@@ -42,8 +42,8 @@ class Extension:
         before: the error of the model as it was, all readings.
         after: the same with the effects.
         residuals: (t,) per run by output, of the fitted model.
-        left_out: the same with the readings of each condition left out of the fit that predicts them; None where
-            there is one condition only.
+        left_out: the same with the readings of each condition left out of the fit that predicts them, and those of
+            the model as it was where a parameter would then not be known at all; None with one condition only.
     """
 
     kinds: tuple[str, ...]
@@ -140,7 +140,8 @@ def extend(
     readings = ground.readings(effects)
     fitter = Fitter(ground.predictor, readings)
     present = InPlace.among(registry, effects, ())
-    before = readings.unpack(fitter.look(present, np.zeros(0)).residual)
+    plain = fitter.look(present, np.zeros(0)).residual
+    before = readings.unpack(plain)
     fit = fitter.fit(candidate, _starts(candidate, effects))
     after = readings.unpack(fit.residual)
     noise = noise_view(ground.measurement, after, readings.scales, ground.groups)
@@ -157,7 +158,7 @@ def extend(
         before=score(before, noise.floors),
         after=score(after, noise.floors),
         residuals=after,
-        left_out=_left_out(ground, readings, fit),
+        left_out=_left_out(ground, readings, fit, plain),
     )
 
 
@@ -172,12 +173,12 @@ def _starts(candidate: InPlace, effects: Sequence[EffectConfig]) -> list[Array]:
     return [*candidate.starts(known), *(candidate.starts() if known else [])]
 
 
-def _left_out(ground: Ground, readings: ReadingVector, fit: Fit) -> Residuals | None:
+def _left_out(ground: Ground, readings: ReadingVector, fit: Fit, plain: Array) -> Residuals | None:
     condition = condition_of_runs(readings.n_runs, [group.runs for group in ground.groups])
     groups = condition[readings.run]
     if len(np.unique(groups)) < 2:
         return None
-    return readings.unpack(heldout_residual(fit, groups))
+    return readings.unpack(heldout_residual(fit, groups, plain))
 
 
 def _rounded(fitter: Fitter, fit: Fit, candidate: InPlace, found: Uncertainty) -> dict[str, float]:

@@ -19,7 +19,6 @@ from numpy.typing import NDArray
 from pliant.diagnosis.fitting import PRIOR_WEIGHT, Fit
 from pliant.records.design import Array
 
-
 # A group that holds more than all but this share of what is known of some parameter cannot be predicted without it.
 LEAST_LEFT = 0.02
 

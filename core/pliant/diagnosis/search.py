@@ -31,6 +31,7 @@ from pliant.diagnosis.table import (
     sorted_kinds,
 )
 from pliant.evidence.repeats import RepeatGroup, repeat_groups
+from pliant.records.design import Array
 from pliant.records.measurement import Measurement
 from pliant.registry.discovery import Registry
 
@@ -171,12 +172,13 @@ class Search:
         known = {} if near is None else self._known(near)
         fit = self.fitter.fit(candidate, candidate.starts(known))
         self.fits[kinds] = fit
-        self.rows[kinds] = _row(kinds, fit, self.readings, self.condition)
+        self.rows[kinds] = _row(kinds, fit, self.fits[NOTHING].residual, self.readings, self.condition)
         self.tick(" + ".join(kinds) or "nothing")
 
 
-def _row(kinds: Kinds, fit: Fit, readings: ReadingVector, condition: NDArray[np.intp]) -> Row:
-    left, unseen = (heldout_residual(fit, folds) for folds in (readings.fold, condition[readings.run]))
+def _row(kinds: Kinds, fit: Fit, plain: Array, readings: ReadingVector, condition: NDArray[np.intp]) -> Row:
+    left = heldout_residual(fit, readings.fold, plain)
+    unseen = heldout_residual(fit, condition[readings.run], plain)
     return Row(
         kinds=kinds,
         n_parameters=len(fit.x),
