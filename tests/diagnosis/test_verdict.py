@@ -1,0 +1,48 @@
+"""Each verdict by a table that calls for it, and which of them comes first."""
+
+from __future__ import annotations
+
+import pytest
+from tests.diagnosis.tables import table
+
+from pliant.diagnosis.table import PRICES, UNKNOWN
+from pliant.diagnosis.verdict import judge
+
+CLEAN = {(): 1.02, ("a",): 1.0, ("b",): 1.01}
+MISSING = {(): 9.0, ("a",): 1.0, ("b",): 5.0}
+TWINS = {(): 9.0, ("a",): 1.0, ("b",): 1.0}
+STRANGE = {(): 90.0, ("a",): 80.0, ("b",): 85.0}
+CASES = [
+    ("nothing_missing", CLEAN, {}, 2),
+    ("missing_effect", MISSING, {}, 2),
+    ("missing_effect", MISSING, {"judged": False}, 2),
+    ("ambiguous", TWINS, {}, 2),
+    ("unknown_effect", STRANGE, {}, 2),
+    ("not_repeatable", MISSING, {"slip": 3.0}, 2),
+    ("insufficient_data", MISSING, {"n": 5.0}, 2),
+    ("insufficient_data", MISSING, {"readings": 10}, 2),
+    ("insufficient_data", MISSING, {"readings": 10, "slip": 3.0}, 2),
+    ("insufficient_data", CLEAN, {}, 1),
+    ("insufficient_data", CLEAN, {"judged": False}, 2),
+    ("missing_effect", {(): 9.0, ("a",): 1.0}, {}, 1),
+]
+
+
+@pytest.mark.parametrize(("verdict", "squares", "noise", "excited"), CASES)
+def test_verdicts(verdict, squares, noise, excited) -> None:
+    found = judge(table(squares, **noise), PRICES, excited)
+    assert found.verdict == verdict
+    assert found.selected == (("a",) if verdict == "missing_effect" else ())
+    assert sum(found.probability.values()) == pytest.approx(1.0)
+    assert bool(found.reasons) is (verdict != "missing_effect")
+    assert all(reason.endswith(".") for reason in found.reasons)
+
+
+def test_ambiguous_names_both_and_selects_neither() -> None:
+    found = judge(table(TWINS), PRICES, 2)
+    assert set(found.credible) == {("a",), ("b",)}
+    assert found.selected == ()
+
+
+def test_unknown_is_credible() -> None:
+    assert judge(table(STRANGE), PRICES, 2).credible == (UNKNOWN,)
