@@ -24,6 +24,7 @@ from pliant.diagnosis.noise import NoiseView
 from pliant.diagnosis.readings import ReadingVector
 from pliant.diagnosis.search import Search, Tick
 from pliant.diagnosis.table import LEAST_SQUARE, NOTHING, PRICES, UNKNOWN, EvidenceTable, Kinds, Prices
+from pliant.diagnosis.uncertainty import Uncertainty, uncertainty
 from pliant.diagnosis.verdict import Judgement, judge
 from pliant.errors import NotReachedError, UserError
 from pliant.evidence.covariates import covariates
@@ -37,6 +38,7 @@ from pliant.registry.discovery import Registry
 REPEATING = "the medium run again, three times"
 # An output without any floor is weighed by this share of its range.
 SHARE_OF_RANGE = 0.02
+MOST_PROFILED = 3
 # A diagnosis is refused where the model has no equilibrium in a larger share of the samples.
 MOST_WITHOUT = 0.5
 
@@ -57,6 +59,7 @@ class Diagnosis:
         next_run: what to do next, where something is open.
         remarks: what limits the verdict, in sentences.
         explained: the hypothesis whose residual `depends_on` describes.
+        estimates: parameters of every hypothesis with their uncertainty; profile intervals for the credible ones.
     """
 
     judgement: Judgement
@@ -71,6 +74,7 @@ class Diagnosis:
     next_run: NextRun | None
     remarks: tuple[str, ...]
     explained: Kinds
+    estimates: Mapping[Kinds, Uncertainty]
     excitations: Mapping[str, Excitation]
     wall_s: float
 
@@ -146,6 +150,7 @@ def diagnose(
             *_remarks(predictor, left_out, table),
         ),
         explained=explained,
+        estimates=_estimates(fitter, search.fits, judgement, n),
         excitations=shown,
         wall_s=time.perf_counter() - started,
     )
@@ -222,6 +227,17 @@ def _scales(
 def _explained(judgement: Judgement) -> Kinds:
     """The most probable hypothesis that predicts something."""
     return next(kinds for kinds in judgement.probability if kinds != UNKNOWN)
+
+
+def _estimates(
+    fitter: Fitter, fits: Mapping[Kinds, Fit], judgement: Judgement, n: float
+) -> dict[Kinds, Uncertainty]:
+    leading = judgement.credible[:MOST_PROFILED]
+    return {
+        kinds: uncertainty(fitter, fit, n, profiles=kinds in leading)
+        for kinds, fit in fits.items()
+        if len(fit.x) and np.isfinite(fit.mean_square())
+    }
 
 
 def _ways_to_excite(

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 
 from pliant.diagnosis.diagnosis import Diagnosis
-from pliant.diagnosis.fitting import Fit
 from pliant.diagnosis.heldout import heldout_residual
 from pliant.diagnosis.table import NOTHING, UNKNOWN, Kinds
 from pliant.evidence.columns import unit_of
@@ -73,7 +72,7 @@ def _hypothesis(found: Diagnosis, kinds: Kinds, probability: float) -> dict[str,
     return {
         "kinds": list(kinds),
         "probability": probability,
-        "parameters": parameters(fit, found.noise.n_effective),
+        "parameters": parameters(found, kinds),
         "heldout": heldout_errors(found, left),
         "rmse_over_floor": found.table.over_floor(row.heldout_square),
         "mean_square": row.mean_square,
@@ -94,31 +93,18 @@ def heldout_errors(found: Diagnosis, left: Array) -> Mapping[str, Any]:
     return errors
 
 
-def parameters(fit: Fit, n_effective: float) -> dict[str, Any]:
-    """Value, standard deviation and unit of each parameter, coloured noise counted."""
-    spread = standard_deviations(fit, n_effective)
-    result = {}
-    for knob, x, sd in zip(fit.candidate.knobs, fit.x, spread, strict=True):
-        low, high = knob.parameter.plausible
-        value = knob.value(float(x))
-        result[knob.name] = {
-            "value": value,
-            "sd": float(sd * abs(knob.slope(float(x)))),
-            "unit": knob.parameter.unit,
-            "plausible": bool(min(low, knob.parameter.neutral) <= value <= max(high, knob.parameter.neutral)),
+def parameters(found: Diagnosis, kinds: Kinds) -> dict[str, Any]:
+    """Value, standard deviation, 90 % interval and unit of each parameter; empty where nothing was fitted."""
+    if kinds not in found.estimates:
+        return {}
+    return {
+        e.name: {
+            "value": e.value,
+            "sd": e.sd,
+            "low": e.low,
+            "high": e.high,
+            "unit": e.parameter.unit,
+            "plausible": e.plausible,
         }
-    return result
-
-
-def standard_deviations(fit: Fit, n_effective: float) -> Array:
-    """(k,) of the knobs x: √ diag(S (N / n_eff) (JᵀJ)⁻¹); NaN for a fit without an equilibrium."""
-    if not len(fit.x):
-        return np.zeros(0)
-    if not np.isfinite(fit.mean_square()):
-        return np.full(len(fit.x), np.nan)
-    n = len(fit.residual)
-    normal = fit.slopes.T @ fit.slopes
-    inverse = np.linalg.pinv(normal + 1e-12 * np.trace(normal) * np.eye(len(normal)))
-    variance = fit.mean_square() * n / max(n_effective, 2.0) * np.diag(inverse)
-    spread: Array = np.sqrt(np.maximum(variance, 0.0))
-    return spread
+        for e in found.estimates[kinds].estimates
+    }

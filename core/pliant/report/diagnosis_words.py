@@ -28,7 +28,7 @@ def parameter_texts(found: Diagnosis, kinds: Kinds) -> list[str]:
     """Each parameter of a hypothesis: ``share 0.213 ± 0.004``; implausible values say so."""
     if kinds in (NOTHING, UNKNOWN):
         return []
-    entries = parameters(found.fits[kinds], found.noise.n_effective)
+    entries = parameters(found, kinds)
     limits = set(found.table.rows[kinds].at_limit)
     texts = []
     for name, entry in entries.items():
@@ -73,7 +73,7 @@ def implausible(found: Diagnosis, kinds: Kinds) -> list[str]:
         return []
     registry = {knob.name: knob.parameter for knob in found.fits[kinds].candidate.knobs}
     texts = []
-    for name, entry in parameters(found.fits[kinds], found.noise.n_effective).items():
+    for name, entry in parameters(found, kinds).items():
         if not entry["plausible"]:
             low, high = (strength_text(v, entry["unit"]) for v in registry[name].plausible)
             texts.append(
