@@ -17,6 +17,7 @@ from ruamel.yaml import YAML
 from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 
 from pliant.config.loading import PATH_KEYS, read_yaml
+from pliant.config.splicing import Splicer, find, kind_of
 from pliant.errors import UserError
 from pliant.units import strip_unit_suffix
 
@@ -100,62 +101,13 @@ def flow_text(value: Any) -> str:
     return json.dumps(value, ensure_ascii=False)
 
 
-class _Splicer:
-    """A YAML text, its tree, and changes by position."""
-
-    def __init__(self, text: str) -> None:
-        self.text = text if text.endswith("\n") else text + "\n"
-        self.root: Node = YAML(typ="safe", pure=True).compose(self.text)
-        self._changes: list[tuple[int, int, str]] = []
-
-    def replace(self, start: int, end: int, new: str) -> None:
-        self._changes.append((start, end, new))
-
-    def done(self) -> str:
-        text = self.text
-        for start, end, new in sorted(self._changes, key=lambda change: change[:2], reverse=True):
-            text = text[:start] + new + text[end:]
-        return text
-
-    def of(self, node: Node) -> str:
-        return self.text[node.start_mark.index : node.end_mark.index]
-
-    def line_end(self, at: int) -> int:
-        """Index of the line break that ends the line of a position."""
-        if at > 0 and self.text[at - 1] == "\n":
-            return at - 1
-        return self.text.index("\n", at)
-
-    def last(self, node: Node) -> int:
-        """Where a node's own text ends; a block's end mark lies behind the comments that follow it."""
-        if isinstance(node, MappingNode | SequenceNode) and not node.flow_style and node.value:
-            final = node.value[-1]
-            return max(self.last(n) for n in (final if isinstance(final, tuple) else (final,)))
-        return int(node.end_mark.index)
-
-    def key_end(self, mapping: Node, key: str) -> int:
-        """Behind the colon of a key."""
-        name = next(name for name, _ in mapping.value if name.value == key)
-        return self.text.index(":", name.end_mark.index) + 1
-
-    def insert_key(self, mapping: MappingNode, key: str, value: str) -> None:
-        """`key: value` at the end of a mapping."""
-        if mapping.flow_style:
-            comma = ", " if mapping.value else ""
-            self.replace(mapping.end_mark.index - 1, mapping.end_mark.index - 1, f"{comma}{key}: {value}")
-            return
-        at = self.line_end(self.last(mapping))
-        indent = " " * mapping.start_mark.column
-        self.replace(at, at, f"\n{indent}{key}: {value}")
-
-
 def _relocated(text: str, old: Path, new: Path) -> str:
     """Relative paths of the file as they read from another folder."""
     if old == new:
         return text
-    splicer = _Splicer(text)
-    nodes = [_find(splicer.root, path) for path in (("extends",), *PATH_KEYS)]
-    plugins = _find(splicer.root, ("plugins",))
+    splicer = Splicer(text)
+    nodes = [find(splicer.root, path) for path in (("extends",), *PATH_KEYS)]
+    plugins = find(splicer.root, ("plugins",))
     nodes += plugins.value if isinstance(plugins, SequenceNode) else []
     for node in nodes:
         if isinstance(node, ScalarNode) and node.value and not os.path.isabs(node.value):  # noqa: PTH117
@@ -186,10 +138,10 @@ def _overridden(text: str, override: str, folder: Path) -> str:
 
 def _set(text: str, path: Sequence[str], value: str) -> str:
     """The text with one value set; a changed `kind` clears its block, as it does on loading."""
-    splicer = _Splicer(text)
+    splicer = Splicer(text)
     node = splicer.root
     for depth, key in enumerate(path):
-        child = _find(node, (key,))
+        child = find(node, (key,))
         rest = path[depth + 1 :]
         if child is None:
             if not isinstance(node, MappingNode):
@@ -199,7 +151,7 @@ def _set(text: str, path: Sequence[str], value: str) -> str:
             splicer.insert_key(node, key, _nested(rest, value))
             return splicer.done()
         ends = child.start_mark.index, child.end_mark.index
-        if list(rest) == ["kind"] and _kind(child) != value:
+        if list(rest) == ["kind"] and kind_of(child) != value:
             ends = ends[0], splicer.last(child)
             splicer.replace(*ends, _nested(rest, value))
             return splicer.done()
@@ -219,30 +171,11 @@ def _nested(path: Sequence[str], value: str) -> str:
     return value if not path else "{" + f"{path[0]}: {_nested(path[1:], value)}" + "}"
 
 
-def _kind(node: Node) -> str | None:
-    if isinstance(node, ScalarNode):
-        return str(node.value)
-    kind = _find(node, ("kind",))
-    return str(kind.value) if isinstance(kind, ScalarNode) else None
-
-
-def _find(node: Node | None, path: Sequence[str]) -> Node | None:
-    """The node at a path of keys and item numbers, or None."""
-    for key in path:
-        if isinstance(node, MappingNode):
-            node = next((value for name, value in node.value if name.value == key), None)
-        elif isinstance(node, SequenceNode) and key.isdecimal() and int(key) < len(node.value):
-            node = node.value[int(key)]
-        else:
-            return None
-    return node
-
-
 def _with_effects(
     text: str, entries: Sequence[EffectEntry], present: Sequence[Mapping[str, Any]], own: bool
 ) -> str:
-    splicer = _Splicer(text)
-    root, node = splicer.root, _find(splicer.root, ("effects",))
+    splicer = Splicer(text)
+    root, node = splicer.root, find(splicer.root, ("effects",))
     if isinstance(root, MappingNode) and root.flow_style:
         items = [flow_text(effect) for effect in present]
         _place(items, [entry.flow() for entry in entries], entries)
@@ -270,7 +203,7 @@ def _with_effects(
     return splicer.done()
 
 
-def _added(splicer: _Splicer, root: MappingNode, whole: str) -> str:
+def _added(splicer: Splicer, root: MappingNode, whole: str) -> str:
     splicer.insert_key(root, "effects", whole)
     return splicer.done()
 
@@ -284,7 +217,7 @@ def _place(items: list[str], texts: Sequence[str], entries: Sequence[EffectEntry
             items[entry.at] = text
 
 
-def _gaps(splicer: _Splicer, node: Node) -> str:
+def _gaps(splicer: Splicer, node: Node) -> str:
     """What stands in a flow list between its items."""
     edges = [node.start_mark.index]
     for item in node.value:
@@ -293,7 +226,7 @@ def _gaps(splicer: _Splicer, node: Node) -> str:
     return "\n".join(splicer.text[a:b] for a, b in zip(edges[::2], edges[1::2], strict=True))
 
 
-def _in_block(splicer: _Splicer, node: SequenceNode, entries: Sequence[EffectEntry]) -> str:
+def _in_block(splicer: Splicer, node: SequenceNode, entries: Sequence[EffectEntry]) -> str:
     """Entries in a list of which every item has its own dash."""
     at = splicer.line_end(splicer.last(node))
     indent = " " * node.start_mark.column
@@ -311,7 +244,7 @@ def _in_block(splicer: _Splicer, node: SequenceNode, entries: Sequence[EffectEnt
     return splicer.done()
 
 
-def _refreshed(splicer: _Splicer, item: MappingNode, entry: EffectEntry) -> None:
+def _refreshed(splicer: Splicer, item: MappingNode, entry: EffectEntry) -> None:
     """New values in a block item; comments that people wrote stay."""
     nodes = {str(key.value): value for key, value in item.value}
     indent = " " * item.start_mark.column
