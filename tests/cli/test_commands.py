@@ -4,6 +4,7 @@ import json
 import os
 import re
 import signal
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -203,15 +204,20 @@ def test_a_home_folder_in_the_stores_variable(pliant, write, workplace, stated, 
 
 
 def test_the_documented_keys_are_in_the_results(pliant, write, read, workplace):
-    page = (Path(__file__).parents[2] / "docs" / "command_line.md").read_text(encoding="utf-8")
+    root = Path(__file__).parents[2]
+    page = (root / "docs" / "command_line.md").read_text(encoding="utf-8")
     bench_table(workplace)
+    loop = workplace / "loop"
+    shutil.copytree(root / "examples" / "hidden_effect", loop)
+    with_bench = {"compare": [], "diagnose": [], "extend": ["--effect", "viscoelastic"], "improve": []}
     checked = []
     for verb, cells in re.findall(r"^\| `(\w+)` \| (.*) \|$", page, re.M):
         if verb == "fem":
             continue  # minutes of FEM; tests/endtoend reads its keys
-        assert pliant(verb, write(BENCH), "--json", "out.json", "--quiet").code == 0
+        study = loop / "finger.yaml" if verb in with_bench else write(BENCH)
+        assert pliant(verb, study, *with_bench.get(verb, []), "--json", "out.json", "--quiet").code == 0
         result = read("out.json")
         for key in re.findall(r"`(\w+)`", re.sub(r"\([^)]*\)", "", cells)):
             assert key in result or (verb, key) == ("run", "fem"), f"{verb}: {key}"
         checked.append(verb)
-    assert checked == ["fit", "simulate", "run"]
+    assert checked == ["fit", "simulate", "run", *with_bench]

@@ -275,8 +275,4 @@ def _remarks(predictor: Predictor, left_out: Mapping[str, str], table: EvidenceT
         remarks.append(
             f"The readings have no noise: errors are weighed against {SHARE_OF_RANGE:.0%} of each output's range."
         )
-    if len(predictor.measurement.runs) == 1:
-        remarks.append(
-            "There is one run only: nothing can be left out of a fit, and whether the bench repeats is not known."
-        )
     return remarks

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pliant.config.study import Study
 from pliant.diagnosis.fitting import Fit, Fitter
@@ -44,6 +45,7 @@ class Extension:
         residuals: (t,) per run by output, of the fitted model.
         left_out: the same with the readings of each condition left out of the fit that predicts them, and those of
             the model as it was where a parameter would then not be known at all; None with one condition only.
+        left_out_runs: the same run by run; repeats of the run that is left out are then fitted.
     """
 
     kinds: tuple[str, ...]
@@ -57,6 +59,7 @@ class Extension:
     after: Score
     residuals: Residuals
     left_out: Residuals | None
+    left_out_runs: Residuals | None
 
     @property
     def heldout(self) -> Score | None:
@@ -145,6 +148,7 @@ def extend(
     fit = fitter.fit(candidate, _starts(candidate, effects))
     after = readings.unpack(fit.residual)
     noise = noise_view(ground.measurement, after, readings.scales, ground.groups)
+    condition = condition_of_runs(readings.n_runs, [group.runs for group in ground.groups])
     found = uncertainty(fitter, fit, noise.n_effective, profiles)
     values = _rounded(fitter, fit, candidate, found)
     return Extension(
@@ -158,7 +162,8 @@ def extend(
         before=score(before, noise.floors),
         after=score(after, noise.floors),
         residuals=after,
-        left_out=_left_out(ground, readings, fit, plain),
+        left_out=_left_out(readings, fit, plain, condition),
+        left_out_runs=_left_out(readings, fit, plain, np.arange(readings.n_runs)),
     )
 
 
@@ -173,9 +178,9 @@ def _starts(candidate: InPlace, effects: Sequence[EffectConfig]) -> list[Array]:
     return [*candidate.starts(known), *(candidate.starts() if known else [])]
 
 
-def _left_out(ground: Ground, readings: ReadingVector, fit: Fit, plain: Array) -> Residuals | None:
-    condition = condition_of_runs(readings.n_runs, [group.runs for group in ground.groups])
-    groups = condition[readings.run]
+def _left_out(readings: ReadingVector, fit: Fit, plain: Array, number: NDArray[np.intp]) -> Residuals | None:
+    """Residuals with the runs of one number (runs,) left out after another; None where all have the same."""
+    groups = number[readings.run]
     if len(np.unique(groups)) < 2:
         return None
     return readings.unpack(heldout_residual(fit, groups, plain))

@@ -35,7 +35,7 @@ from pliant.records.measurement import Measurement
 from pliant.registry.discovery import Registry
 
 MOST_STEPS = 6
-# A set of effects is kept if it lowers the error on conditions left out of training by this share.
+# A set of effects is kept if it lowers the error on training runs left out of the fit by this share.
 LEAST_GAIN = 0.01
 # Errors above the floor by less than this share are not worth a warning.
 CLEARLY_ABOVE = 0.15
@@ -52,7 +52,7 @@ class Step:
         locked: error on the runs put aside.
         locked_se: standard error of its ratio to the floor, from the floor's and from how few runs there are.
         unseen: that of those of them whose condition is in no training run; None without such.
-        training: error on training conditions, each left out of the fit that predicts it.
+        training: error on training runs, each left out of the fit that predicts it.
     """
 
     added: tuple[str, ...]
@@ -90,7 +90,7 @@ class Improvement:
 
 @dataclass(frozen=True, eq=False)
 class _Draft:
-    """A step before the floor is known: residuals of all runs, and of training conditions left out."""
+    """A step before the floor is known: residuals of all runs, and of training runs left out."""
 
     added: tuple[str, ...]
     effects: tuple[EffectConfig, ...]
@@ -166,7 +166,7 @@ class _Walk:
             if not self._gains(whole):
                 return "no_gain", (
                     f"Adding {' and '.join(order)} lowers the error of the runs that it is fitted to, but not that of "
-                    "conditions left out of the fit: it was not added."
+                    "runs and conditions left out of the fit: it was not added."
                 )
             for kind in order:
                 self._take(kind)
@@ -177,7 +177,7 @@ class _Walk:
             return None
         found = extend(self.ground, self.effects, self.added)
         last = self.drafts.pop()
-        left = found.left_out or found.residuals
+        left = found.left_out_runs or found.residuals
         self.drafts.append(_Draft(last.added, found.effects, last.why, self._everywhere(found.effects), left))
         self.effects = found.effects
         return found
@@ -188,15 +188,18 @@ class _Walk:
         return diagnose(predictor, kinds=self.kinds, tick=self.tick)
 
     def _gains(self, whole: Extension) -> bool:
-        now = score(whole.left_out or whole.residuals, whole.noise.floors).over_floor
-        before = score(self.drafts[-1].left_out, whole.noise.floors).over_floor
-        return now < (1.0 - LEAST_GAIN) * before
+        """Better on runs left out, and no worse on conditions left out: where one alone shows an effect, they stay."""
+        floors = whole.noise.floors
+        now = score(whole.left_out_runs or whole.residuals, floors).over_floor
+        before = score(self.drafts[-1].left_out, floors).over_floor
+        conditions = score(whole.left_out or whole.residuals, floors).over_floor
+        return now < (1.0 - LEAST_GAIN) * before and conditions < (1.0 + LEAST_GAIN) * before
 
     def _take(self, kind: str) -> None:
         found = extend(self.ground, self.effects, [*self.added, kind], profiles=False)
         self.effects = found.effects
         self.added.append(kind)
-        left = found.left_out or found.residuals
+        left = found.left_out_runs or found.residuals
         before = score(self.drafts[-1].left_out, found.noise.floors)
         why = (
             f"{self._why(kind, before.over_floor, score(left, found.noise.floors).over_floor)} {self._seen()}"
@@ -208,7 +211,7 @@ class _Walk:
         notes = self.bench.registry.get("effect", kind).implementation_class().notes
         known = f" It is known by this: {notes.signature}" if notes.signature else ""
         return (
-            f"The training runs speak for {kind}.{known} It takes the error of training conditions that are left out "
+            f"The training runs speak for {kind}.{known} It takes the error of training runs that are left out "
             f"of the fit from {before:.2f} to {after:.2f} times the noise."
         )
 
@@ -257,7 +260,7 @@ def _told(walk: _Walk, stop: str, reason: str, final: Extension | None) -> Impro
     remarks = [walk.locked.why, *_rises(steps), *_still_wrong(steps[-1], stop)]
     if not runs:
         remarks.append(
-            "Errors are those of conditions left out one after another, not of runs that nothing has seen."
+            "Errors are those of runs left out one after another, not of runs that nothing has seen."
         )
     if not noise.judged:
         remarks.append(
@@ -296,7 +299,7 @@ def _rises(steps: Sequence[Step]) -> list[str]:
     """Steps after which the error on runs put aside was larger: reported, never acted upon."""
     return [
         f"With {' + '.join(now.added)} the error on the runs put aside rose from {before.locked.over_floor:.2f} to "
-        f"{now.locked.over_floor:.2f} times the noise, although it fell on training conditions left out: do not "
+        f"{now.locked.over_floor:.2f} times the noise, although it fell on training runs left out: do not "
         "trust this step without further runs."
         for before, now in pairwise(steps)
         if now.locked.over_floor > before.locked.over_floor
@@ -306,7 +309,7 @@ def _rises(steps: Sequence[Step]) -> list[str]:
 def summary(found: Improvement) -> str:
     """What came of it, in one sentence."""
     first, last = found.steps[0].locked, found.steps[-1].locked
-    on = "runs that were put aside" if found.locked.runs else "conditions left out"
+    on = "runs that were put aside" if found.locked.runs else "runs left out"
     if len(found.steps) == 1:
         return f"No effect was added: the error on {on} is {number(first.over_floor)} times the noise."
     kinds = listed([kind for step in found.steps for kind in step.added])

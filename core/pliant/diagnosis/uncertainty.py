@@ -68,10 +68,10 @@ class Estimate:
 
     @property
     def plausible(self) -> bool:
-        """Within the plausible range, or between it and the value at which the effect vanishes."""
+        """Within the plausible range or between it and neutral, or not further outside than one sd."""
         low, high = self.parameter.plausible
-        neutral = self.parameter.neutral
-        return min(low, neutral) <= self.value <= max(high, neutral)
+        neutral, doubt = self.parameter.neutral, self.sd if math.isfinite(self.sd) else 0.0
+        return min(low, neutral) - doubt <= self.value <= max(high, neutral) + doubt
 
     @property
     def includes_neutral(self) -> bool:
