@@ -37,7 +37,7 @@ def _caption(found: Improvement) -> str:
     data = (
         "runs that were put aside before anything was looked at"
         if found.locked.runs
-        else "conditions left out of the fit one after another"
+        else "runs left out of the fit one after another"
     )
     drawn = (
         f" Shown: the {MOST_OUTPUTS} outputs farthest above their noise."
@@ -46,7 +46,7 @@ def _caption(found: Improvement) -> str:
     )
     return (
         f"Error on {data}, after each step. Bars: standard error, of few runs and of the floor; grey band: twice that "
-        "of the floor. Dots: training conditions, each left out of the fit. The dashed line is what the bench's own "
+        "of the floor. Dots: training runs, each left out of the fit. The dashed line is what the bench's own "
         f"scatter leaves to no model.{drawn}"
     )
 

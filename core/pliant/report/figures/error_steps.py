@@ -63,12 +63,10 @@ def _panel(axes: Any, found: Improvement, name: str) -> None:
         f"noise floor {words.text(floor.value, 2)}", (ends[1], level), (-4, -5), textcoords="offset points",
         ha="right", va="top", fontsize=8.5, color=style.SOFT,
     )  # fmt: skip
-    axes.plot(
-        places, training, "o:", color=style.SOFT, ms=4, lw=1, label="training conditions, left out in turn"
-    )
+    axes.plot(places, training, "o:", color=style.SOFT, ms=4, lw=1, label="training runs, left out in turn")
     axes.errorbar(
         places, locked, yerr=locked * share, fmt="o-", color=style.SERIES[0], ms=8, lw=2.2, capsize=4,
-        label="runs put aside at the start" if found.locked.runs else "conditions left out",
+        label="runs put aside at the start" if found.locked.runs else "runs left out",
     )  # fmt: skip
     for x, value in zip(places, locked, strict=True):
         axes.annotate(
