@@ -32,6 +32,8 @@ MAX_HALVINGS = 8
 # Pseudo-transient continuation: iterations, and the turn of a joint that its first step aims at.
 RELAX_ITERATIONS = 300
 RELAX_TURN = 0.05
+# A joint that has turned so far (rad) has no equilibrium in reach.
+MOST_TURNED = 2.0 * np.pi
 
 
 def _nothing(angle: float, rate: float, dt: float, p: float, t: float, old: Any, new: Any, c: Any) -> float:
@@ -299,8 +301,12 @@ def _relax(chain, now, q, memory, frame, square, lines, options):  # type: ignor
         for i in range(len(q)):
             stiffness[i, i] += shift
         scale = _step(stiffness, frame[4], step, work, max_turn)
+        turned = 0.0
         for i in range(len(q)):
             q[i] += scale * step[i]
+            turned = max(turned, abs(q[i] - memory[0][i]))
+        if turned > MOST_TURNED:
+            return False
         reached = _balance(chain, now, q, memory, frame)
         damping *= min(max(reached / size, 0.1), 2.0)
         size = reached
