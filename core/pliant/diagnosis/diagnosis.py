@@ -22,6 +22,7 @@ from pliant.diagnosis.fitting import Fit, Fitter
 from pliant.diagnosis.next_run import NextRun, next_run, run_that_excites
 from pliant.diagnosis.noise import NoiseView
 from pliant.diagnosis.readings import ReadingVector
+from pliant.diagnosis.scores import SHARE_OF_RANGE, scales_of
 from pliant.diagnosis.search import Search, Tick
 from pliant.diagnosis.table import LEAST_SQUARE, NOTHING, PRICES, UNKNOWN, EvidenceTable, Kinds, Prices
 from pliant.diagnosis.uncertainty import Uncertainty, uncertainty
@@ -36,8 +37,6 @@ from pliant.records.measurement import Measurement
 from pliant.registry.discovery import Registry
 
 REPEATING = "the medium run again, three times"
-# An output without any floor is weighed by this share of its range.
-SHARE_OF_RANGE = 0.02
 MOST_PROFILED = 3
 # A diagnosis is refused where the model has no equilibrium in a larger share of the samples.
 MOST_WITHOUT = 0.5
@@ -209,16 +208,7 @@ def _scales(
         for run, model in zip(measurement.runs, plain, strict=True)
     ]
     floors = noise_floors(measurement, residuals)
-    scales = {}
-    for name in predictor.outputs:
-        series: Array = np.concatenate([run.outputs[name] for run in measurement.runs])
-        there = series[np.isfinite(series)]
-        if not len(there):
-            continue
-        span = float(np.ptp(there))
-        value = floors[name].value
-        smallest = 1e-6 * max(span, float(np.abs(there).max()))
-        scales[name] = value if np.isfinite(value) and value > smallest else (SHARE_OF_RANGE * span or 1.0)
+    scales = scales_of(measurement, floors, predictor.outputs)
     if not scales:
         raise UserError(f"{measurement.source}: no reading of {', '.join(predictor.outputs)} is there.")
     return scales, floors
