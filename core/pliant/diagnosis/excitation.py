@@ -106,9 +106,13 @@ def look_alikes(
 
 
 def detectable(found: Mapping[str, Excitation], n: float, prices: Prices) -> tuple[Detectable, ...]:
-    """For each effect the strength at which the evidence would pay its price, changes taken as proportional."""
-    price = 2.0 * (prices.effect + 0.5 * np.log(max(n, 2.0)))
-    smallest = float(np.sqrt(np.expm1(price / max(n, 2.0))))
+    """For each effect the strength at which it would be believed against "nothing", changes taken as proportional.
+
+    It pays its price, what a slightly wrong law explains by itself, and the odds that a verdict needs.
+    """
+    odds = prices.temper * np.log(prices.believed / (1.0 - prices.believed))
+    price = 2.0 * (prices.effect + 0.5 * np.log(max(n, 2.0)) + odds)
+    smallest = float(np.sqrt((1.0 + prices.excited**2) * np.exp(price / max(n, 2.0)) - 1.0))
     results = []
     for one in found.values():
         if one.snr <= 0.0:

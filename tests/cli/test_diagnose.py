@@ -1,0 +1,75 @@
+"""`pliant diagnose`: words, JSON, candidates, wrong input."""
+
+from __future__ import annotations
+
+import pytest
+from tests.diagnosis.quick import effect, joint, measured, rich
+
+from pliant.evidence.writing import write_measurement
+
+STUDY = """\
+pliant: 1
+name: joint
+surrogate:
+  kind: polynomial
+  form: study
+  odd: true
+  coefficients: {k_n: 1.637e-6, m_a: -1.704e-6, b_a: 0, m_e: 0.1012, b_e: 0.0245}
+chain: {modules: 1, module_length: 11 mm, module_mass: 1.6 g, payload: 30 g}
+physics: quasistatic
+"""
+FEW = ("--effect", "stiffness", "--effect", "sensor_bias", "--effect", "supply_lag")
+
+
+@pytest.fixture
+def bench(write, workplace):
+    """A study and data with a hidden sensor bias."""
+    write_measurement(measured(joint(), rich(), effect("sensor_bias"), seed=1), workplace / "bench.csv")
+    return write(STUDY)
+
+
+def test_the_missing_effect_is_named_and_written(pliant, bench, read) -> None:
+    call = pliant("diagnose", bench, "--data", "bench.csv", "--json", "out.json", *FEW)
+    assert call.code == 0, call.err
+    assert "Missing: sensor_bias." in call.out
+    found = read("out.json")
+    assert found["command"] == "diagnose"
+    assert found["verdict"] == "missing_effect"
+    assert found["selected"] == ["sensor_bias"]
+    assert sum(h["probability"] for h in found["hypotheses"]) == pytest.approx(1.0)
+    best = found["hypotheses"][0]
+    assert best["kinds"] == ["sensor_bias"]
+    bias = best["parameters"]["sensor_bias.bias_rad"]
+    assert bias["value"] == pytest.approx(0.03, abs=0.003)
+    assert bias["unit"] == "rad"
+    assert best["heldout"]["angle_rad"]["unit"] == "rad"
+    assert {"credible_set", "not_excited", "indistinguishable", "covariates", "next_experiment"} <= set(found)
+    assert {entry["kind"] for entry in found["smallest_detectable"]} <= set(FEW)
+
+
+def test_effects_of_the_study_are_part_of_the_model(pliant, bench, read) -> None:
+    known = 'effects=[{"kind": "sensor_bias", "bias_rad": 0.03}]'
+    assert pliant("diagnose", bench, known, "--data", "bench.csv", "--json", "out.json", *FEW).code == 0
+    assert read("out.json")["verdict"] == "nothing_missing"
+
+
+def test_unknown_candidates_name_the_closest(pliant, bench) -> None:
+    call = pliant("diagnose", bench, "--data", "bench.csv", "--effect", "sensor_bais")
+    assert call.code == 2
+    assert "did you mean 'sensor_bias'" in call.err
+    assert "Traceback" not in call.err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (("--data", "none.csv"), "none.csv"),
+        ((), "names no measurements"),
+        (("physics=mujoco", "--data", "bench.csv"), "quasistatic"),
+    ],
+)
+def test_wrong_input_is_a_sentence(pliant, bench, arguments, says) -> None:
+    call = pliant("diagnose", bench, *arguments)
+    assert call.code == 2
+    assert says in call.err
+    assert "Traceback" not in call.err

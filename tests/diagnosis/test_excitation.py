@@ -1,0 +1,125 @@
+"""What runs can show: silent effects, look-alikes, detectable strengths, the run to do next."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from tests.diagnosis.quick import (
+    REGISTRY,
+    SIGMA,
+    effect,
+    fitter_of,
+    joint,
+    measured,
+    poor,
+    predictor_of,
+    pushes,
+    ramp,
+    rich,
+)
+
+from pliant.diagnosis.candidates import Candidate
+from pliant.diagnosis.diagnosis import diagnose
+from pliant.diagnosis.excitation import detectable, excitations, look_alikes, not_excited
+from pliant.diagnosis.next_run import menu, next_run, run_that_excites
+from pliant.diagnosis.table import PRICES, UNKNOWN
+
+CHAIN = joint()
+FLAT = joint(gravity=(0, 0, 0))
+SOME = ["stiffness", "actuation_gain", "thermal_softening", "viscoelastic", "mullins", "sensor_bias"]
+
+
+def shown(histories, chain=CHAIN, kinds=SOME):
+    fitter = fitter_of(predictor_of(chain, measured(chain, histories)))
+    nothing = fitter.fit(Candidate.of(REGISTRY, ()))
+    return excitations(REGISTRY, fitter, nothing, kinds)
+
+
+def test_without_temperatures_thermal_softening_is_silent_and_its_run_is_named() -> None:
+    assert not_excited(shown(poor()), PRICES) == ("thermal_softening",)
+    assert not_excited(shown(rich()), PRICES) == ()
+    found = diagnose(predictor_of(CHAIN, measured(CHAIN, poor())), kinds=SOME)
+    assert "temperature" in found.not_excited["thermal_softening"]
+
+
+def test_the_change_is_that_of_the_plausible_end() -> None:
+    one = shown(rich(), kinds=["sensor_bias"])["sensor_bias"]
+    assert one.snr == pytest.approx(0.05 / SIGMA, rel=1e-6)
+    assert one.change == pytest.approx(np.full(len(one.change), np.sign(one.x[0]) * 0.05 / SIGMA))
+
+
+def test_look_alikes_are_so_in_both_directions_and_loads_part_them() -> None:
+    narrow = [ramp(f"r{k}", 200.0, 0.5, (3e3, 2e3, 3e3)) for k in range(2)]
+    found = look_alikes(shown(narrow, FLAT), {}, 100.0)
+    pairs = {(pair.a, pair.b) for pair in found}
+    assert {("stiffness", "actuation_gain"), ("actuation_gain", "stiffness")} <= pairs
+    assert all(0.0 <= pair.unexplained_share <= 1.0 for pair in found)
+    loaded = look_alikes(shown([*narrow, pushes("p", 0.0), pushes("q", 6e3)], FLAT), {}, 100.0)
+    assert ("stiffness", "actuation_gain") not in {(pair.a, pair.b) for pair in loaded}
+
+
+@pytest.mark.parametrize("kind", ["stiffness", "sensor_bias"])
+def test_a_detectable_strength_is_found_and_a_fifth_of_it_is_not(kind: str) -> None:
+    clean = measured(CHAIN, rich(), seed=7)
+    kinds = ["stiffness", "actuation_gain", "sensor_bias", "mullins"]
+    limit = {d.kind: d for d in diagnose(predictor_of(CHAIN, clean), kinds=kinds).detectable}[kind]
+    neutral = REGISTRY.get("effect", kind).implementation_class().parameters[0].neutral
+
+    def verdict(share: float) -> tuple[str, ...]:
+        hidden = effect(kind, **{limit.parameter: neutral + share * (limit.value - neutral)})
+        return diagnose(predictor_of(CHAIN, measured(CHAIN, rich(), hidden, seed=7)), kinds=kinds).selected
+
+    assert verdict(2.0) == (kind,)
+    assert verdict(0.2) == ()
+
+
+def test_detectable_strengths_shrink_with_readings() -> None:
+    found = shown(rich(), kinds=["stiffness"])
+    few, many = detectable(found, 50.0, PRICES), detectable(found, 5000.0, PRICES)
+    assert abs(few[0].value - 1.0) > 2 * abs(many[0].value - 1.0) > 0
+
+
+def contenders(histories, *kinds: str):
+    """Fits of look-alikes to data with the first of them."""
+    measurement = measured(FLAT, histories, effect(kinds[0]), seed=2)
+    fitter = fitter_of(predictor_of(FLAT, measurement))
+    fits = {(kind,): fitter.fit(Candidate.of(REGISTRY, (kind,))) for kind in kinds}
+    return fitter.predictor, fits
+
+
+def test_the_next_run_parts_a_stiffness_from_a_gain_by_a_load() -> None:
+    runs = [ramp("a", 200.0, 0.5, (3e3, 2e3, 3e3)), pushes("once", 0.6 * 3e3, moment=1e-4)]
+    predictor, fits = contenders(runs, "stiffness", "actuation_gain")
+    heavy = [runs[0], pushes("bench", 3e3)]
+    predictor = predictor_of(FLAT, measured(FLAT, heavy))
+    found = next_run(predictor, {"angle_rad": SIGMA}, fits, dict.fromkeys(fits, 0.5))
+    assert found is not None
+    assert "load steps of both signs" in found.run  # without a load the two are one
+    assert found.separates == ((("stiffness",), ("actuation_gain",)),)
+    assert found.minutes == pytest.approx(2.0, abs=0.1)
+
+
+def test_nothing_to_separate_means_no_run() -> None:
+    predictor, fits = contenders(poor(), "stiffness")
+    assert next_run(predictor, {"angle_rad": SIGMA}, fits, {("stiffness",): 0.99, UNKNOWN: 0.01}) is None
+
+
+def test_only_a_new_specimen_is_virgin() -> None:
+    """Mullins softening shows most where the specimen has never been loaded."""
+    predictor = predictor_of(FLAT, measured(FLAT, poor()))
+    found = run_that_excites(predictor, {"angle_rad": SIGMA}, {"mullins": [effect("mullins")]})
+    assert found["mullins"]
+    specimens = {run.history.specimen: run.words for run in menu(predictor.measurement)}
+    assert specimens["new"].startswith("a new specimen")
+    assert len(specimens) == 2
+
+
+def test_the_menu_drives_the_input_that_the_bench_drove() -> None:
+    chain = joint(actuators=[{"input": "pressure_1_pa", "sign": 1}, {"input": "pressure_2_pa", "sign": -1}])
+    runs = [
+        h.with_(actuation={"pressure_1_pa": np.zeros(len(h)), "pressure_2_pa": h.actuation["pressure_pa"]})
+        for h in poor()
+    ]
+    for run in menu(measured(chain, runs)):
+        assert not run.history.actuation["pressure_1_pa"].any()
+        assert run.history.actuation["pressure_2_pa"].max() == pytest.approx(15e3)
