@@ -17,6 +17,7 @@ from pliant.testing.physics_bench import (
     pressed,
     settled_under,
 )
+from pliant.testing.physics_histories import suite as histories
 from pliant.testing.physics_loads import suite as loads
 from pliant.testing.samples import (
     MODULE_LENGTH_M,
@@ -27,6 +28,7 @@ from pliant.testing.suite import Subject, Suite, require, require_close
 
 suite = Suite("physics")
 suite.checks.extend(loads.checks)
+suite.checks.extend(histories.checks)
 KINDS = ("revolute", "spherical", "prismatic")
 
 

@@ -11,9 +11,12 @@ from pliant.interfaces.physics import Capabilities, SimulationState
 from pliant.mechanics.rotations import left_jacobian
 from pliant.records.chain import ChainModel, default_base_rotation
 from pliant.records.design import Array
+from pliant.records.history import Followed, History
 from pliant.records.rollout import Equilibrium, Inputs
 from pliant.registry.component import Component
 from pliant.testing.stand_ins import StandIn, StandInConfig, StandInSimulation
+from pliant_plugins.physics.quasistatic.backend import Quasistatic
+from pliant_plugins.physics.quasistatic.config import QuasistaticConfig
 from spoiled import Spoils
 
 
@@ -306,3 +309,58 @@ class SlidesInMillimetres(Engine):
     """Extensions in its own unit."""
 
     simulation = Doubled
+
+
+class Follower(Engine):
+    """Follows histories as the quasi-static engine does."""
+
+    capabilities = Capabilities(("revolute",), dynamic=False, internal_states=True)
+
+    def follow(self, chain, histories, towards=()):
+        return Quasistatic(QuasistaticConfig()).follow(chain, histories, towards)
+
+
+@spoils.by("follows_settled_states", "of sample 1 without a clock")
+class ForgetsForces(Follower):
+    """No tip force in histories."""
+
+    def follow(self, chain, histories, towards=()):
+        return super().follow(chain, [h.with_(tip_force_n=0 * h.tip_force_n) for h in histories], towards)
+
+
+@spoils.by("follows_time", "damped joint")
+class WithoutClock(Follower):
+    """Every sample is reached slowly."""
+
+    def follow(self, chain, histories, towards=()):
+        return super().follow(chain, [h.with_(time_s=None) for h in histories], towards)
+
+
+@spoils.by("keeps_damage_in_its_specimen", "virgin specimen after another")
+class OneSpecimen(Follower):
+    """All runs are of one specimen."""
+
+    def follow(self, chain, histories, towards=()):
+        return super().follow(chain, [h.with_(specimen="") for h in histories], towards)
+
+
+@spoils.by("differentiates", "in run 2")
+class ShortMemory(Follower):
+    """Derivatives of later runs forget what earlier ones changed."""
+
+    def follow(self, chain, histories: list[History], towards=()):
+        paths, changes = super().follow(chain, histories, towards)
+        spoilt = tuple(
+            (change[0], *(Followed(0.9 * c.joint_angles, c.converged) for c in change[1:]))
+            for change in changes
+        )
+        return paths, spoilt
+
+
+@spoils.by("names_missing_inputs_of_runs", "was followed")
+class TakesZero(Follower):
+    """A missing pressure is 0."""
+
+    def follow(self, chain, histories, towards=()):
+        given = [h.with_actuation(pressure_pa=np.zeros(len(h))) for h in histories]
+        return super().follow(chain, given, towards)
