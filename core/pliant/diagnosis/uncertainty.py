@@ -21,6 +21,7 @@ import numpy as np
 
 from pliant.diagnosis.candidates import NINETY, Candidate
 from pliant.diagnosis.fitting import Fit, Fitter
+from pliant.diagnosis.table import LEAST_SQUARE
 from pliant.evidence.words import number
 from pliant.interfaces.effect import EffectConfig, EffectParameter
 from pliant.records.design import Array
@@ -182,7 +183,9 @@ def square_per_reading(fitter: Fitter, fit: Fit, n_effective: float) -> float:
     """s²: what one independent reading adds to Σ r² by chance, as these residuals show it."""
     n = float(fitter.weights.sum())
     free = max(n_effective - len(fit.x), 1.0)
-    return fit.mean_square(fitter.weights) * n / free
+    return (
+        max(fit.mean_square(fitter.weights), LEAST_SQUARE) * n / free
+    )  # data without noise have none to show
 
 
 def covariance_of(fitter: Fitter, fit: Fit, scale: float) -> Array:
