@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from tests.diagnosis.quick import effect, joint, measured, rich
 
-from pliant.evidence.writing import write_measurement
+from pliant.measurements.writing import write_measurement
 
 STUDY = """\
 pliant: 1

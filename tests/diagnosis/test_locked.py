@@ -5,8 +5,8 @@ from tests.diagnosis.bench_files import histories
 from tests.diagnosis.quick import blank, measurement_of
 
 from pliant.diagnosis.locked import lock
-from pliant.evidence.floors import noise_floors
-from pliant.evidence.repeats import repeat_groups
+from pliant.measurements.floors import noise_floors
+from pliant.measurements.repeats import repeat_groups
 
 
 def zeros(repeats=2):

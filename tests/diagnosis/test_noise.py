@@ -7,7 +7,7 @@ import pytest
 from tests.diagnosis.quick import P, colour, measurement_of, ramp, run_of
 
 from pliant.diagnosis.noise import NoiseView, noise_view
-from pliant.evidence.repeats import repeat_groups
+from pliant.measurements.repeats import repeat_groups
 from pliant.records.measurement import Measurement
 
 N = 400

@@ -7,7 +7,7 @@ from tests.diagnosis.formula import candidate, fitter, measured, parameter
 
 from pliant.diagnosis.noise import noise_view
 from pliant.diagnosis.uncertainty import Estimate, rounded, rounded_text, uncertainty
-from pliant.evidence.repeats import repeat_groups
+from pliant.measurements.repeats import repeat_groups
 
 CLOCK = np.arange(0.0, 20.0, 0.5)
 

@@ -7,10 +7,10 @@ from hypothesis import strategies as st
 from tests.evidence.compare_data import bench, colour
 
 from pliant.evidence.bootstrap import block_sums, interval
-from pliant.evidence.floors import noise_floors
 from pliant.evidence.noise import Noise, noise_of
-from pliant.evidence.repeats import repeat_groups
 from pliant.evidence.significance import bin_means, coloured_count, significant
+from pliant.measurements.floors import noise_floors
+from pliant.measurements.repeats import repeat_groups
 
 
 @given(st.lists(st.integers(0, 2), min_size=1, max_size=30), st.floats(0, 0.99), st.integers(0, 2**30))

@@ -29,9 +29,9 @@ from pliant.diagnosis.uncertainty import Uncertainty, uncertainty
 from pliant.diagnosis.verdict import Judgement, judge
 from pliant.errors import NotReachedError, UserError
 from pliant.evidence.covariates import covariates
-from pliant.evidence.floors import Floor, floor_remarks, noise_floors
 from pliant.evidence.importance import importance
 from pliant.evidence.prediction import Predictor
+from pliant.measurements.floors import Floor, floor_remarks, noise_floors
 from pliant.records.design import Array
 from pliant.records.measurement import Measurement
 from pliant.registry.discovery import Registry

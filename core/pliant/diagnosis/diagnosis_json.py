@@ -10,7 +10,7 @@ import numpy as np
 from pliant.diagnosis.diagnosis import Diagnosis
 from pliant.diagnosis.heldout import heldout_residual
 from pliant.diagnosis.table import NOTHING, UNKNOWN, Kinds
-from pliant.evidence.columns import unit_of
+from pliant.measurements.columns import unit_of
 from pliant.records.design import Array
 
 

@@ -17,10 +17,10 @@ from pliant.diagnosis.readings import ReadingVector
 from pliant.diagnosis.scores import Residuals, Score, scales_of, score
 from pliant.diagnosis.uncertainty import Uncertainty, rounded, uncertainty
 from pliant.errors import UserError
-from pliant.evidence.floors import noise_floors
 from pliant.evidence.prediction import Predictor, RunReadings
-from pliant.evidence.repeats import RepeatGroup, repeat_groups
 from pliant.interfaces.effect import EffectConfig, EffectParameter
+from pliant.measurements.floors import noise_floors
+from pliant.measurements.repeats import RepeatGroup, repeat_groups
 from pliant.pipeline.workbench import Workbench
 from pliant.records.design import Array
 from pliant.records.measurement import Measurement

@@ -24,12 +24,12 @@ from pliant.diagnosis.search import Tick
 from pliant.diagnosis.table import sorted_kinds
 from pliant.diagnosis.words import explanation, headline
 from pliant.evidence.comparison import compare
-from pliant.evidence.floors import Floor
 from pliant.evidence.interpretation import interpret
 from pliant.evidence.prediction import Predictor
-from pliant.evidence.repeats import repeat_groups
 from pliant.evidence.words import listed, number
 from pliant.interfaces.effect import EffectConfig
+from pliant.measurements.floors import Floor
+from pliant.measurements.repeats import repeat_groups
 from pliant.pipeline.workbench import Workbench
 from pliant.records.measurement import Measurement
 from pliant.registry.discovery import Registry

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pliant.evidence.effective import effective_samples
-from pliant.evidence.floors import Floor, noise_floors
-from pliant.evidence.repeats import RepeatGroup
+from pliant.measurements.effective import effective_samples
+from pliant.measurements.floors import Floor, noise_floors
+from pliant.measurements.repeats import RepeatGroup
 from pliant.records.design import Array
 from pliant.records.measurement import Measurement
 

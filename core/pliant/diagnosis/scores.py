@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pliant.evidence.floors import Floor
 from pliant.evidence.words import si_unit
+from pliant.measurements.floors import Floor
 from pliant.records.design import Array
 from pliant.records.measurement import Measurement
 

@@ -30,7 +30,7 @@ from pliant.diagnosis.table import (
     room_above_floor,
     sorted_kinds,
 )
-from pliant.evidence.repeats import RepeatGroup, repeat_groups
+from pliant.measurements.repeats import RepeatGroup, repeat_groups
 from pliant.records.design import Array
 from pliant.records.measurement import Measurement
 from pliant.registry.discovery import Registry

@@ -81,7 +81,7 @@ class Prices:
 
     effect: float = 7.0
     unknown: float = 30.0
-    form: float = 0.06
+    form: float = 0.03
     temper: float = 2.0
     believed: float = 0.9
     slip: float = 1.5
@@ -152,10 +152,10 @@ def predicts_unseen(table: EvidenceTable, kinds: Kinds) -> bool:
 def room_above_floor(table: EvidenceTable, kinds: Kinds, prices: Prices) -> bool:
     """Whether a further effect could pay its price if it reached the noise floor."""
     n = max(table.noise.n_effective, 2.0)
-    row = table.rows[kinds]
+    now = table.rows[kinds].mean_square + _allowance(table, kinds, prices)
     floor = table.noise.floor_square if np.isfinite(table.noise.floor_square) else 0.0
     reach = max(floor + _left_over(table, kinds, prices), 1e-12)
-    gain = 0.5 * n * np.log(max(row.mean_square, 1e-12) / reach)
+    gain = 0.5 * n * np.log(max(now, 1e-12) / reach)
     return bool(gain > prices.effect + 0.5 * np.log(n))
 
 

@@ -1,4 +1,4 @@
-"""The evidence loop: measurements → prediction → comparison → diagnosis → extended model.
+"""The model against a recording: prediction → comparison, and where the error is.
 
-Import from the files: each holds one stage.
+Import from the files: `prediction.py` drives the model, `comparison.py` judges it.
 """

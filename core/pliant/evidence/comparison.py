@@ -14,12 +14,9 @@ import numpy as np
 from pliant.errors import UserError
 from pliant.evidence.bootstrap import NONE, Interval
 from pliant.evidence.covariates import covariates
-from pliant.evidence.effective import clock_of
-from pliant.evidence.floors import Floor, floor_remarks, noise_floors
 from pliant.evidence.importance import importance
 from pliant.evidence.noise import noise_of
 from pliant.evidence.places import Place, Residuals, find_places, worst_places
-from pliant.evidence.repeats import repeat_groups
 from pliant.evidence.scores import (
     GroupError,
     OutputError,
@@ -29,6 +26,9 @@ from pliant.evidence.scores import (
     overall,
     run_words,
 )
+from pliant.measurements.effective import clock_of
+from pliant.measurements.floors import Floor, floor_remarks, noise_floors
+from pliant.measurements.repeats import repeat_groups
 from pliant.records.design import Array
 from pliant.records.measurement import MeasuredRun, Measurement
 

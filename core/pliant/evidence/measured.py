@@ -10,7 +10,7 @@ import numpy as np
 from pliant.config.measurements import MeasurementsConfig
 from pliant.config.study import Study
 from pliant.errors import UserError
-from pliant.evidence.reading import read_measurement
+from pliant.measurements.reading import read_measurement
 from pliant.pipeline.study import chain_of_study
 from pliant.pipeline.workbench import Workbench
 from pliant.records.chain import ChainModel

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pliant.evidence.effective import autocorrelation, clock_of
-from pliant.evidence.floors import Floor
-from pliant.evidence.repeats import Aligned, RepeatGroup, aligned
+from pliant.measurements.effective import autocorrelation, clock_of
+from pliant.measurements.floors import Floor
+from pliant.measurements.repeats import Aligned, RepeatGroup, aligned
 from pliant.records.design import Array
 from pliant.records.measurement import Measurement
 

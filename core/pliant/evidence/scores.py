@@ -10,12 +10,12 @@ import numpy as np
 from pliant.evidence.bins import binned
 from pliant.evidence.bootstrap import Interval, block_sums, interval
 from pliant.evidence.covariates import Covariates
-from pliant.evidence.floors import Floor
 from pliant.evidence.noise import Noise
 from pliant.evidence.places import Residuals
-from pliant.evidence.repeats import RepeatGroup
 from pliant.evidence.significance import coloured_count
 from pliant.evidence.words import si_unit
+from pliant.measurements.floors import Floor
+from pliant.measurements.repeats import RepeatGroup
 from pliant.records.measurement import Measurement
 
 FORGETTING = 6.0  # memory times in a bootstrap block

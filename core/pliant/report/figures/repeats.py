@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from pliant.evidence.repeats import RepeatGroup, aligned, repeat_groups
 from pliant.evidence.words import Shown, shown
+from pliant.measurements.repeats import RepeatGroup, aligned, repeat_groups
 from pliant.records.design import Array
 from pliant.report.diagnosis_reading import Diagnosed
 from pliant.report.evidence_reading import clock, thin

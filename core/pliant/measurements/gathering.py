@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from pliant.errors import UserError
-from pliant.evidence.columns import Column
-from pliant.evidence.sheet import Cells, Problems
+from pliant.measurements.columns import Column
+from pliant.measurements.sheet import Cells, Problems
 from pliant.records.design import Array
 
 MOST_RUNS = 10_000

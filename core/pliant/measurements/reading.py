@@ -10,10 +10,10 @@ import numpy as np
 from pliant.config.loading import load_notes
 from pliant.config.measurements import MOST_SAMPLES, MeasurementNotes, MeasurementsConfig
 from pliant.errors import UserError
-from pliant.evidence.assembly import assembled
-from pliant.evidence.gathering import Gatherer
-from pliant.evidence.header import Header, read_header
-from pliant.evidence.sheet import Sheet, count_lines, listed, numbers, open_sheet, plural
+from pliant.measurements.assembly import assembled
+from pliant.measurements.gathering import Gatherer
+from pliant.measurements.header import Header, read_header
+from pliant.measurements.sheet import Sheet, count_lines, listed, numbers, open_sheet, plural
 from pliant.pipeline.progress import Progress, Silent
 from pliant.records.measurement import Measurement
 

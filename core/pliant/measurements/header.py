@@ -8,7 +8,7 @@ from pathlib import Path
 
 from pliant.config.measurements import MeasurementNotes
 from pliant.errors import UserError, closest
-from pliant.evidence.columns import EXAMPLES, Column, column_of
+from pliant.measurements.columns import EXAMPLES, Column, column_of
 
 ALIASES = {"moment_nm": "moment_n_m"}
 

@@ -10,12 +10,12 @@ import numpy as np
 
 from pliant.config.measurements import ExcludedSpan, MeasurementNotes
 from pliant.errors import UserError, closest
-from pliant.evidence.columns import is_output, unit_of
-from pliant.evidence.cycles import cycles, spans
-from pliant.evidence.gathering import Gatherer, RunRows
-from pliant.evidence.header import Header
-from pliant.evidence.plausible import out_of_range, time_remarks
-from pliant.evidence.sheet import listed, plural
+from pliant.measurements.columns import is_output, unit_of
+from pliant.measurements.cycles import cycles, spans
+from pliant.measurements.gathering import Gatherer, RunRows
+from pliant.measurements.header import Header
+from pliant.measurements.plausible import out_of_range, time_remarks
+from pliant.measurements.sheet import listed, plural
 from pliant.records.design import Array
 from pliant.records.history import REFERENCE_TEMPERATURE_C, History
 from pliant.records.measurement import MeasuredRun, Measurement

@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from pliant.errors import UserError
-from pliant.evidence.reading import read_measurement
-from pliant.evidence.writing import write_measurement
+from pliant.measurements.reading import read_measurement
+from pliant.measurements.writing import write_measurement
 from pliant.records.history import History
 from pliant.records.measurement import MeasuredRun, Measurement
 

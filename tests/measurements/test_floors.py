@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from pliant.evidence.effective import effective_samples
-from pliant.evidence.floors import floor_remarks, noise_floors
-from pliant.evidence.highpass import noise_variance
-from pliant.evidence.repeats import repeat_groups
+from pliant.measurements.effective import effective_samples
+from pliant.measurements.floors import floor_remarks, noise_floors
+from pliant.measurements.highpass import noise_variance
+from pliant.measurements.repeats import repeat_groups
 from pliant.records.history import History
 from pliant.records.measurement import MeasuredRun, Measurement
 

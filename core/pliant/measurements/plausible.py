@@ -6,7 +6,7 @@ import math
 import re
 from collections.abc import Mapping
 
-from pliant.evidence.columns import conversion, unit_of
+from pliant.measurements.columns import conversion, unit_of
 
 # Units that people record in, by SI unit.
 WRITTEN = {

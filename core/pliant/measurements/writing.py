@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from pliant.errors import UserError
-from pliant.evidence.assembly import BASE, FORCES
+from pliant.measurements.assembly import BASE, FORCES
 from pliant.records.design import Array
 from pliant.records.history import REFERENCE_TEMPERATURE_C
 from pliant.records.measurement import MeasuredRun, Measurement

@@ -9,10 +9,10 @@ from typing import Literal
 
 import numpy as np
 
-from pliant.evidence.columns import unit_of
-from pliant.evidence.effective import autocorrelation, clock_of
-from pliant.evidence.highpass import noise_variance
-from pliant.evidence.repeats import Aligned, RepeatGroup, aligned, repeat_groups
+from pliant.measurements.columns import unit_of
+from pliant.measurements.effective import autocorrelation, clock_of
+from pliant.measurements.highpass import noise_variance
+from pliant.measurements.repeats import Aligned, RepeatGroup, aligned, repeat_groups
 from pliant.records.design import Array
 from pliant.records.measurement import MeasuredRun, Measurement
 

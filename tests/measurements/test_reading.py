@@ -7,7 +7,7 @@ import pytest
 
 from pliant.config.loading import load_study
 from pliant.config.measurements import ExcludedSpan, MeasurementsConfig
-from pliant.evidence.reading import read_measurement
+from pliant.measurements.reading import read_measurement
 from pliant.records.history import REFERENCE_TEMPERATURE_C
 from pliant.records.measurement import Measurement
 from pliant.registry.discovery import discover
@@ -245,7 +245,7 @@ def test_blocks_do_not_show(read, monkeypatch):
         for i in range(300)
     )
     whole = read(text)
-    monkeypatch.setattr("pliant.evidence.sheet.BLOCK", 64)
+    monkeypatch.setattr("pliant.measurements.sheet.BLOCK", 64)
     pieces = read(text)
     assert whole.remarks == pieces.remarks
     for a, b in zip(whole.runs, pieces.runs, strict=True):
@@ -270,7 +270,7 @@ def test_progress_of_a_large_file(read, monkeypatch):
             self.ended += 1
 
     watch = Watch()
-    monkeypatch.setattr("pliant.evidence.reading.LARGE_FILE", 10)
+    monkeypatch.setattr("pliant.measurements.reading.LARGE_FILE", 10)
     read(PLAIN, progress=watch)
     assert (watch.done, watch.total, watch.ended) == (5, 6, 1)
 

@@ -1,0 +1,4 @@
+"""Bench recordings: files are read, repeats recognised, noise floors and effective sample sizes estimated.
+
+Import from the files: `reading.py` is the way in.
+"""
