@@ -18,6 +18,7 @@ def row(kinds: Kinds, square: float, n_parameters: int | None = None, heldout: f
         "mean_square": square,
         "heldout_square": left,
         "unseen_square": left,
+        "unseen": (left,),
         "heldout_by_run": (),
         "at_limit": (),
     }

@@ -177,13 +177,17 @@ class Search:
 
 
 def _row(kinds: Kinds, fit: Fit, plain: Array, readings: ReadingVector, condition: NDArray[np.intp]) -> Row:
+    of_reading = condition[readings.run]
     left = heldout_residual(fit, readings.fold, plain)
-    unseen = heldout_residual(fit, condition[readings.run], plain)
+    unseen = heldout_residual(fit, of_reading, np.full_like(plain, np.nan))
+    several = len(np.unique(of_reading)) > 1
+    known = np.where(np.isnan(unseen), plain, unseen) if several else left
     return Row(
         kinds=kinds,
         n_parameters=len(fit.x),
         mean_square=fit.mean_square() if np.isfinite(fit.mean_square()) else np.inf,
         heldout_square=float(np.mean(left**2)),
-        unseen_square=float(np.mean(unseen**2)) if len(np.unique(condition)) > 1 else float(np.mean(left**2)),
+        unseen_square=float(np.mean(known**2)),
+        unseen=tuple(np.bincount(of_reading, weights=unseen**2)) if several else (),
         at_limit=at_limit(fit),
     )
