@@ -9,7 +9,7 @@ from tests.evidence.compare_data import angle, bench, falling_shift, measured_ru
 from pliant.evidence.comparison import compare
 from pliant.records.history import History
 from pliant.records.measurement import Measurement
-from pliant.report.evidence import comparison_page
+from pliant.report.comparison import comparison_page
 
 PNG = b"\x89PNG\r\n\x1a\n"
 

@@ -9,7 +9,7 @@ import numpy as np
 import typer
 from rich.table import Table
 
-from pliant.cli.evidence_verbs import DataFile
+from pliant.cli.compare import DataFile
 from pliant.cli.options import DEFAULT_STORE, JsonFile, Overrides, Quiet, StoreFolder, StudyFile
 from pliant.cli.session import Session, check_writable, session
 from pliant.diagnosis.diagnosis import Diagnosis

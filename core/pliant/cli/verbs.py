@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from pliant import __version__
-from pliant.cli import diagnose, evidence_extend, evidence_improve, evidence_verbs, later, plugins, studies
+from pliant.cli import compare, diagnose, extend, improve, later, plugins, studies
 
 app = typer.Typer(
     name="pliant",
@@ -22,10 +22,10 @@ app.command("plugins")(plugins.plugins)
 app.command("check")(plugins.check)
 app.command("schema")(plugins.schema)
 app.command("new-plugin")(plugins.new_plugin)
-app.command("compare")(evidence_verbs.compare)
+app.command("compare")(compare.compare)
 app.command("diagnose")(diagnose.diagnose)
-app.command("extend")(evidence_extend.extend)
-app.command("improve")(evidence_improve.improve)
+app.command("extend")(extend.extend)
+app.command("improve")(improve.improve)
 later.add_to(app)
 
 

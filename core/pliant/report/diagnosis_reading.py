@@ -13,7 +13,7 @@ from pliant.evidence.comparison import compare
 from pliant.evidence.prediction import RunReadings
 from pliant.evidence.scores import GroupError
 from pliant.records.measurement import Measurement
-from pliant.report.evidence_reading import Compared
+from pliant.report.comparison_reading import Compared
 
 MOST_EXPLANATIONS = 2
 MOST_HYPOTHESES = 8

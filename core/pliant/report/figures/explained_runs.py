@@ -11,8 +11,8 @@ from pliant.diagnosis.words import named
 from pliant.evidence.prediction import RunReadings
 from pliant.evidence.words import Shown, shown
 from pliant.records.measurement import MeasuredRun
+from pliant.report.comparison_reading import abscissa, clock, fitting, input_of, thin
 from pliant.report.diagnosis_reading import Diagnosed
-from pliant.report.evidence_reading import abscissa, clock, fitting, input_of, thin
 from pliant.report.figures import style
 
 MOST = 3

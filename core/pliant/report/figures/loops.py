@@ -10,7 +10,7 @@ from pliant.evidence.phases import phases
 from pliant.evidence.scores import GroupError
 from pliant.evidence.words import Shown, shown
 from pliant.records.design import Array
-from pliant.report.evidence_reading import (
+from pliant.report.comparison_reading import (
     Compared,
     abscissa,
     fitting,

@@ -8,8 +8,8 @@ from typing import Annotated, Any
 import typer
 from rich.table import Table
 
-from pliant.cli.evidence_extend import data_path, parameters_json, say_parameters
-from pliant.cli.evidence_verbs import DataFile
+from pliant.cli.compare import DataFile
+from pliant.cli.extend import data_path, parameters_json, say_parameters
 from pliant.cli.new_study import check_target, digest, write_study
 from pliant.cli.options import DEFAULT_STORE, JsonFile, Overrides, Quiet, StoreFolder, StudyFile
 from pliant.cli.session import Session, check_writable, session
@@ -77,7 +77,7 @@ def improve(
             write_study(study, target, loaded, overrides or (), found.final, note, installed)
             here.result["final_study"] = str(target)
         _say(here, found)
-        from pliant.report.evidence_improvement import improvement_page  # matplotlib takes a second to import
+        from pliant.report.improvement import improvement_page  # matplotlib takes a second to import
 
         made = improvement_page(loaded.name, measurement.source, found)
         page = write_page(folder, made.html, made.pictures)

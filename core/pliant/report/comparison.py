@@ -13,7 +13,7 @@ from pliant.evidence.scores import GroupError
 from pliant.evidence.words import number, percent, shown
 from pliant.records.design import Array
 from pliant.records.measurement import Measurement
-from pliant.report.evidence_reading import Compared
+from pliant.report.comparison_reading import Compared
 from pliant.report.facts import Table
 from pliant.report.figures.condition_map import MOST_RUNS, condition_map
 from pliant.report.figures.loops import loops

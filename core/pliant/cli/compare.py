@@ -59,7 +59,7 @@ def compare(
             }
         )
         _say(here, comparison)
-        from pliant.report.evidence import comparison_page  # matplotlib takes a second to import
+        from pliant.report.comparison import comparison_page  # matplotlib takes a second to import
 
         made = comparison_page(loaded.name, measurement, predicted, comparison)
         page = write_page(folder, made.html, made.pictures)
