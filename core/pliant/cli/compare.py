@@ -54,6 +54,7 @@ def compare(
             {
                 "study": loaded.name,
                 "data": measurement.source,
+                "data_sha256": measurement.sha256,
                 **comparison_json(comparison),
                 "out": str(folder),
             }

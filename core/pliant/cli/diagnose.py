@@ -56,7 +56,13 @@ def diagnose(
         found = diagnose_with(predictor, kinds=kinds, tick=lambda _: task.advance())
         task.finish()
         here.result.update(
-            {"study": loaded.name, "data": measurement.source, **diagnosis_json(found), "out": str(folder)}
+            {
+                "study": loaded.name,
+                "data": measurement.source,
+                "data_sha256": measurement.sha256,
+                **diagnosis_json(found),
+                "out": str(folder),
+            }
         )
         _say(here, found)
         from pliant.report.diagnosis import diagnosis_page  # matplotlib takes a second to import

@@ -10,7 +10,7 @@ import typer
 from rich.table import Table
 
 from pliant.cli.compare import DataFile
-from pliant.cli.new_study import check_target, digest, write_study
+from pliant.cli.new_study import check_target, write_study
 from pliant.cli.options import DEFAULT_STORE, JsonFile, Overrides, Quiet, StoreFolder, StudyFile
 from pliant.cli.session import Session, session
 from pliant.config.study import Study
@@ -21,6 +21,7 @@ from pliant.diagnosis.uncertainty import Uncertainty, rounded_text
 from pliant.errors import UserError
 from pliant.evidence.measured import measurement_of_study
 from pliant.evidence.words import listed, number, shown
+from pliant.records.measurement import Measurement
 
 Effects = Annotated[
     list[str] | None,
@@ -61,30 +62,32 @@ def extend(
         ground = Ground.of(bench, loaded, measurement)
         found = extend_with(ground, loaded.effects, kinds)
         here.result.update(extension_json(found))
-        here.result |= {"study": loaded.name, "data": measurement.source, "out": None}
+        here.result |= {
+            "study": loaded.name,
+            "data": measurement.source,
+            "data_sha256": measurement.sha256,
+            "out": None,
+        }
         _say(here, found)
         if found.absent:
             here.say(_absent_words(here, found))
             here.exit_code = NOT_REACHED
             return
-        note = fit_note(found, measurement.source, data_path(loaded, data))
+        note = fit_note(found, measurement)
         write_study(study, target, loaded, overrides or (), found, note, installed)
         here.result["out"] = str(target)
         here.say(_outcome(found))
         here.say(f"study    {target}")
 
 
-def data_path(study: Study, data: Path | None) -> Path:
-    """The measurement's file."""
-    if data is not None:
-        return data
-    assert study.measurements is not None
-    return Path(study.measurements.file)
-
-
-def fit_note(found: Extension, source: str, path: Path) -> str:
+def fit_note(found: Extension, measurement: Measurement) -> str:
     """Where fitted values come from."""
-    return f"fitted to {source} (sha256 {digest(path)}); {_errors(found)}"
+    return f"fitted to {cited(measurement)}; {_errors(found)}"
+
+
+def cited(measurement: Measurement) -> str:
+    """The measurement's file and the first digits of its SHA-256."""
+    return f"{measurement.source} (sha256 {measurement.sha256[:8]})"
 
 
 def extension_json(found: Extension) -> dict[str, Any]:

@@ -9,8 +9,8 @@ import typer
 from rich.table import Table
 
 from pliant.cli.compare import DataFile
-from pliant.cli.extend import data_path, parameters_json, say_parameters
-from pliant.cli.new_study import check_target, digest, write_study
+from pliant.cli.extend import cited, parameters_json, say_parameters
+from pliant.cli.new_study import check_target, write_study
 from pliant.cli.options import DEFAULT_STORE, JsonFile, Overrides, Quiet, StoreFolder, StudyFile
 from pliant.cli.session import Session, check_writable, session
 from pliant.diagnosis.improvement import Improvement, Step, summary
@@ -68,12 +68,12 @@ def improve(
         here.result |= {
             "study": loaded.name,
             "data": measurement.source,
+            "data_sha256": measurement.sha256,
             **improvement_json(found, measurement),
         }
         here.result["final_study"] = str(study)
         if found.final is not None:
-            path = data_path(loaded, data)
-            note = f"fitted to {measurement.source} (sha256 {digest(path)}) by 'pliant improve', {_put_aside(found)}"
+            note = f"fitted to {cited(measurement)} by 'pliant improve', {_put_aside(found)}"
             write_study(study, target, loaded, overrides or (), found.final, note, installed)
             here.result["final_study"] = str(target)
         _say(here, found)

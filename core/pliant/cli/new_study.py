@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import os
 import tempfile
 from collections.abc import Mapping, Sequence
@@ -21,8 +20,6 @@ from pliant.errors import UserError
 from pliant.interfaces.effect import EffectConfig
 from pliant.registry.discovery import Registry
 
-DIGEST_SHOWN = 8
-
 
 def check_target(source: Path, target: Path, force: bool) -> None:
     """Refuse a place that cannot be written or that holds something, before any work is done."""
@@ -35,12 +32,6 @@ def check_target(source: Path, target: Path, force: bool) -> None:
     if os.path.exists(target) and not force:  # noqa: PTH110 - never raises
         raise UserError(f"{target} is there already; give another --out, or --force to overwrite it.")
     check_writable(target.parent)
-
-
-def digest(path: Path) -> str:
-    """The first digits of the file's SHA-256."""
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()[:DIGEST_SHOWN]
 
 
 def write_study(

@@ -56,6 +56,8 @@ class Predictor:
         self._geometry = ChainGeometry.of(self._base.chain)
         self._histories = [run.history for run in measurement.runs]
         self._check_arms()
+        if sentence := backend.preparing(chain):
+            bench.progress.note(sentence)
         self.outputs, self.missing = self._readable(measurement.outputs)
         if not self.outputs:
             raise UserError(

@@ -117,6 +117,10 @@ class PhysicsBackend(ABC):
     def build(self, chain: ChainModel) -> Simulation:
         """A simulation at rest: joint coordinates 0, no actuation, no velocity."""
 
+    def preparing(self, chain: ChainModel) -> str | None:
+        """A sentence for the user where the first `follow` of this chain will take long, once; else None."""
+        return None
+
     def follow(
         self, chain: ChainModel, histories: Sequence[History], towards: Sequence[Variation] = ()
     ) -> tuple[tuple[Followed, ...], tuple[tuple[Followed, ...], ...]]:

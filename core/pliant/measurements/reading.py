@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -57,7 +59,9 @@ def read_measurement(
         raise UserError(f"{path}: {_no_rows(gatherer)}")
     remarks = [*header.remarks, *_row_remarks(sheet, gatherer)]
     wanted = settings.outputs if settings else ()
-    return assembled(path, gatherer, header, notes, notes_name, wanted, expected or {}, remarks)
+    found = assembled(path, gatherer, header, notes, notes_name, wanted, expected or {}, remarks)
+    with path.open("rb") as file:
+        return replace(found, sha256=hashlib.file_digest(file, "sha256").hexdigest())
 
 
 def _notes(path: Path, settings: MeasurementsConfig | None) -> tuple[MeasurementNotes, str]:

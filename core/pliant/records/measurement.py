@@ -49,6 +49,7 @@ class Measurement:
         runs: see `MeasuredRun`.
         outputs: names as in docs/conventions.md (`angle_rad`, `tip_x_m`…); the unit is in the name.
         source: the file's name, for messages.
+        sha256: of the file's content; empty for data made in memory.
         remarks: what the reader did or noticed that changes how results should be read, in sentences.
         marker_arms_m: position along the chain at rest of `marker_k`, from the base, for k from 1; empty where
             markers are the chain's own (joints 1…N, then the tip as N + 1).
@@ -59,6 +60,7 @@ class Measurement:
     source: str = ""
     remarks: tuple[str, ...] = ()
     marker_arms_m: tuple[float, ...] = ()
+    sha256: str = ""
 
     @property
     def n_samples(self) -> int:

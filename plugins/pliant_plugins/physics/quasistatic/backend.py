@@ -145,6 +145,15 @@ class Quasistatic(PhysicsBackend):
     def build(self, chain: ChainModel) -> QuasistaticSimulation:
         return QuasistaticSimulation(chain, self.config)
 
+    def preparing(self, chain: ChainModel) -> str | None:
+        if chain.laws[0].joint != "revolute":
+            return None
+        from pliant_plugins.physics.quasistatic.kernel import is_compiled  # numba takes a second
+
+        if is_compiled():
+            return None
+        return "compiling the simulation, about half a minute; this happens once after an installation."
+
     def follow(
         self, chain: ChainModel, histories: Sequence[History], towards: Sequence[Variation] = ()
     ) -> Paths:

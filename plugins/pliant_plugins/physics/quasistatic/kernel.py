@@ -13,6 +13,7 @@ the step makes of the changed past at q + dq. Everything is plain loops over sma
 from __future__ import annotations
 
 import warnings
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -476,3 +477,12 @@ def follow(model, keeps, laws, body, gravity, drive, clock, others, options):  #
         dq_all[:, sample] = before_v
         kept[owner], kept_v[owner] = old, old_v
     return q_all, dq_all, converged
+
+
+def is_compiled() -> bool:
+    """Whether machine code of `follow` is there, in this process or in numba's cache, as new as this file."""
+    if follow.signatures:
+        return True
+    source = Path(__file__).stat().st_mtime
+    cached = Path(follow.stats.cache_path).glob("kernel.follow-*.nbc")
+    return any(file.stat().st_mtime >= source for file in cached)
