@@ -53,7 +53,7 @@ def diagnose(
         check_writable(folder)
         kinds = effect or here.registry.kinds("effect")
         task = here.progress.begin("fitting effects", 1 + len(kinds))
-        found = diagnose_with(predictor, kinds=kinds, tick=lambda _: task.advance())
+        found = diagnose_with(predictor, kinds=kinds, tick=lambda name: task.advance(" + " not in name))
         task.finish()
         here.result.update(
             {

@@ -62,12 +62,16 @@ def extend(
         ground = Ground.of(bench, loaded, measurement)
         found = extend_with(ground, loaded.effects, kinds)
         here.result.update(extension_json(found))
+        remarks = [*measurement.remarks, *ground.predictor.remarks]
         here.result |= {
             "study": loaded.name,
             "data": measurement.source,
             "data_sha256": measurement.sha256,
             "out": None,
+            "remarks": remarks,
         }
+        for remark in remarks:
+            here.say(f"note: {remark}")
         _say(here, found)
         if found.absent:
             here.say(_absent_words(here, found))

@@ -160,7 +160,7 @@ def _say(here: Session, found: Improvement) -> None:
 def _table(found: Improvement) -> Table:
     """Errors on the runs put aside, after each step."""
     table = Table(box=None, pad_edge=False, header_style="bold")
-    table.add_column("error on runs put aside" if found.locked.runs else "error on runs left out")
+    table.add_column(f"error on {found.scored_on}")
     names = list(found.steps[0].locked.rmse)
     for name in (*(shown(name).label for name in names), "over the noise"):
         table.add_column(name, justify="right", no_wrap=True)

@@ -57,6 +57,7 @@ class Diagnosis:
         depends_on: what the unexplained residual depends on, the most important first.
         next_run: what to do next, where something is open.
         remarks: what limits the verdict, in sentences.
+        circumstances: their names in words, as `compare` says them.
         explained: the hypothesis whose residual `depends_on` describes.
         estimates: parameters of every hypothesis with their uncertainty; profile intervals for the credible ones.
     """
@@ -70,6 +71,7 @@ class Diagnosis:
     indistinguishable: tuple[LookAlike, ...]
     detectable: tuple[Detectable, ...]
     depends_on: Mapping[str, float]
+    circumstances: Mapping[str, str]
     next_run: NextRun | None
     remarks: tuple[str, ...]
     explained: Kinds
@@ -141,11 +143,12 @@ def diagnose(
         indistinguishable=look_alikes(shown, search.fits, n),
         detectable=detectable(shown, n, prices),
         depends_on=importance(residuals, found, dict(scales)),
+        circumstances={item.name: item.shown.label for item in found.items},
         next_run=_what_next(predictor, scales, search.fits, judgement),
         remarks=(
             *measurement.remarks,
             *lost,
-            *floor_remarks(floors),
+            *floor_remarks({name: floors[name] for name in predictor.outputs}),
             *_remarks(predictor, left_out, table),
         ),
         explained=explained,
@@ -259,8 +262,7 @@ def _what_next(
 
 def _remarks(predictor: Predictor, left_out: Mapping[str, str], table: EvidenceTable) -> list[str]:
     remarks = [f"'{kind}' was left out: {reason}" for kind, reason in left_out.items()]
-    if predictor.missing:
-        remarks.append(f"The model has no {', '.join(predictor.missing)}: left out.")
+    remarks += predictor.remarks
     if table.noise.floor_square <= LEAST_SQUARE:
         remarks.append(
             f"The readings have no noise: errors are weighed against {SHARE_OF_RANGE:.0%} of each output's range."

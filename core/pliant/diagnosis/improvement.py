@@ -87,6 +87,13 @@ class Improvement:
     final: Extension | None
     remarks: tuple[str, ...]
 
+    @property
+    def scored_on(self) -> str:
+        """Which readings the errors of the steps are of."""
+        if self.locked.runs:
+            return "runs put aside"
+        return "runs left out" if len(self.locked.training.runs) > 1 else "the run fitted"
+
 
 @dataclass(frozen=True, eq=False)
 class _Draft:
@@ -152,7 +159,7 @@ class _Walk:
         while True:
             found = self._diagnose()
             if found.verdict != "missing_effect":
-                return found.verdict, _stop_words(found, registry)
+                return found.verdict, _stop_words(found, registry, bool(self.added))
             again = [kind for kind in found.selected if kind in self.added]
             if again:
                 return "same_effect", (
@@ -210,9 +217,11 @@ class _Walk:
         """What the effect is known by, and what it does to training conditions left out."""
         notes = self.bench.registry.get("effect", kind).implementation_class().notes
         known = f" It is known by this: {notes.signature}" if notes.signature else ""
+        alone = len(self.locked.training.runs) == 1
+        on = "the run that it is fitted to" if alone else "training runs that are left out of the fit"
         return (
-            f"The training runs speak for {kind}.{known} It takes the error of training runs that are left out "
-            f"of the fit from {before:.2f} to {after:.2f} times the noise."
+            f"The training runs speak for {kind}.{known} It takes the error of {on} "
+            f"from {before:.2f} to {after:.2f} times the noise."
         )
 
     def _seen(self) -> str:
@@ -237,10 +246,12 @@ def _by_gain(found: Diagnosis) -> list[str]:
     return chosen
 
 
-def _stop_words(found: Diagnosis, registry: Registry) -> str:
+def _stop_words(found: Diagnosis, registry: Registry, added: bool) -> str:
     if found.verdict == "nothing_missing":
         return "What is left is noise: no listed effect lowers the error of the training runs any further."
-    return " ".join([headline(found), *explanation(found, registry)])
+    cannot_tell = added and found.verdict == "insufficient_data"
+    first = "Whether more is missing these data cannot tell." if cannot_tell else headline(found)
+    return " ".join([first, *explanation(found, registry)])
 
 
 def _told(walk: _Walk, stop: str, reason: str, final: Extension | None) -> Improvement:
@@ -257,8 +268,11 @@ def _told(walk: _Walk, stop: str, reason: str, final: Extension | None) -> Impro
         se = _standard_error(locked, noise.floors, noise.n_effective * share)
         unseen = score(draft.residuals, noise.floors, walk.locked.unseen) if walk.locked.unseen else None
         steps.append(Step(draft.added, draft.effects, draft.why, locked, se, unseen, training))
-    remarks = [walk.locked.why, *_rises(steps), *_still_wrong(steps[-1], stop)]
-    if not runs:
+    seen = [*walk.measurement.remarks, *walk.ground.predictor.remarks]
+    remarks = [*seen, walk.locked.why, *_rises(steps), *_still_wrong(steps[-1], stop)]
+    if len(walk.locked.training.runs) == 1:
+        remarks.append("Errors are those of the run that was fitted, not of one that nothing has seen.")
+    elif not runs:
         remarks.append(
             "Errors are those of runs left out one after another, not of runs that nothing has seen."
         )
@@ -309,7 +323,7 @@ def _rises(steps: Sequence[Step]) -> list[str]:
 def summary(found: Improvement) -> str:
     """What came of it, in one sentence."""
     first, last = found.steps[0].locked, found.steps[-1].locked
-    on = "runs that were put aside" if found.locked.runs else "runs left out"
+    on = "runs that were put aside" if found.locked.runs else found.scored_on
     if len(found.steps) == 1:
         return f"No effect was added: the error on {on} is {number(first.over_floor)} times the noise."
     kinds = listed([kind for step in found.steps for kind in step.added])

@@ -173,7 +173,7 @@ def _distance(a: Array, b: Array) -> float:
 
 
 def _worded(contenders: Sequence[Kinds]) -> str:
-    return " or ".join(" with ".join(kinds) or "nothing missing" for kinds in contenders[:3])
+    return " or ".join(" + ".join(kinds) or "nothing missing" for kinds in contenders[:3])
 
 
 def _triangles(period_s: float, amplitudes: Sequence[float]) -> Array:

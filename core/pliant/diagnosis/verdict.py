@@ -95,7 +95,7 @@ def _verdict(
         return "nothing_missing", ("The error is what the noise allows, and no listed effect lowers it.",)
     if not predicts_unseen(table, first):
         return "ambiguous", (
-            f"{' with '.join(first)} fits best, but does not predict runs or conditions that were left out of the fit "
+            f"{' + '.join(first)} fits best, but does not predict runs or conditions that were left out of the fit "
             "better than a simpler model does.",
         )
     return "missing_effect", ()

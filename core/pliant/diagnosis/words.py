@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from pliant.diagnosis.diagnosis import Diagnosis
 from pliant.diagnosis.table import NOTHING, UNKNOWN, Kinds
-from pliant.evidence.words import percent, shown
+from pliant.evidence.words import percent
+from pliant.measurements.plausible import TO_CHECK
 from pliant.registry.discovery import Registry
 
 HEADLINES = {
@@ -16,6 +17,7 @@ HEADLINES = {
     "insufficient_data": "These data cannot tell.",
 }
 MOST_NAMED = 4
+WRONG_UNIT = "A unit in the file looks wrong (see the remarks): settle that first, then believe a verdict."
 
 
 def named(kinds: Kinds) -> str:
@@ -28,6 +30,8 @@ def named(kinds: Kinds) -> str:
 def headline(found: Diagnosis) -> str:
     """The verdict in one sentence."""
     contenders = [named(kinds) for kinds in found.judgement.credible[:MOST_NAMED]]
+    if more := len(found.judgement.credible) - len(contenders):
+        contenders.append(f"{more} more")
     return HEADLINES[found.verdict].format(
         kinds=" and ".join(found.selected), contenders=" or ".join(contenders)
     )
@@ -43,7 +47,8 @@ def explanation(found: Diagnosis, registry: Registry) -> list[str]:
 
 def why(found: Diagnosis, registry: Registry) -> list[str]:
     """The reasons of the verdict, what gives the selected effects away, what the rest depends on."""
-    lines = list(found.judgement.reasons)
+    lines = [WRONG_UNIT] if any(TO_CHECK in remark for remark in found.remarks) else []
+    lines += found.judgement.reasons
     for kind in found.selected:
         notes = registry.get("effect", kind).implementation_class().notes
         if notes.signature:
@@ -67,10 +72,10 @@ def _dependence(found: Diagnosis) -> list[str]:
     most = [(name, value) for name, value in found.depends_on.items() if value >= 0.1][:3]
     if not most:
         return []
-    words = [f"{_circumstance(name)} ({percent(value)})" for name, value in most]
+    words = [f"{_circumstance(found, name)} ({percent(value)})" for name, value in most]
     return [f"What is unexplained depends on {', '.join(words)}: shares of its variance on runs left out."]
 
 
-def _circumstance(name: str) -> str:
+def _circumstance(found: Diagnosis, name: str) -> str:
     """A covariate, or a pair of them, in words."""
-    return " × ".join(shown(part).label for part in name.split(" × "))
+    return " × ".join(found.circumstances.get(part, part) for part in name.split(" × "))

@@ -89,6 +89,11 @@ class Predictor:
         """The chain with the study's effects."""
         return self._base.chain
 
+    @property
+    def remarks(self) -> list[str]:
+        """What was measured and the model does not have, in a sentence."""
+        return [f"The model has no {', '.join(self.missing)}: left out."] if self.missing else []
+
     def predict(self, effects: Sequence[EffectConfig] = ()) -> tuple[RunReadings, ...]:
         """Predicted outputs of each run; see `Prediction`.
 

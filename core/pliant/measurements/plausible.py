@@ -31,6 +31,7 @@ USUAL = {
 }
 # What they usually reach, to tell which unit was meant.
 TYPICAL = {"Pa": 3e4, "rad": 0.5, "m": 0.05, "N": 1.0, "N*m": 0.05, "kg": 0.03, "dimensionless": 0.2}
+TO_CHECK = "Unit to check"
 HOT_C = 200.0
 LONGEST_STEP_S = 8.0
 # How far beyond the caller's range a column may reach, as a factor.
@@ -38,7 +39,9 @@ BEYOND = {"rad": 15.0, "dimensionless": 50.0}
 BEYOND_OTHERWISE = 100.0
 
 
-def unit_remark(name: str, largest: float, expected: tuple[float, float] | None, notes: str) -> str | None:
+def unit_remark(
+    name: str, largest: float, expected: tuple[float, float] | None, notes: str, alike: float = 0.0
+) -> str | None:
     """A sentence where a column's largest magnitude does not fit its unit, or None.
 
     Args:
@@ -47,6 +50,7 @@ def unit_remark(name: str, largest: float, expected: tuple[float, float] | None,
         expected: the range that the caller knows: a law's domain, the chain's length. Without it the usual
             range of benches decides, which is wide.
         notes: name of the YAML file to write the unit into.
+        alike: the largest magnitude among columns that have the same range; they share a unit.
     """
     unit = unit_of(name)
     if largest <= 0:
@@ -63,7 +67,7 @@ def unit_remark(name: str, largest: float, expected: tuple[float, float] | None,
         if largest < reference and unit not in ("Pa",) and not name.startswith("tendon_force"):
             return None
         ratio = largest / reference
-        size = f"{ratio:.3g} times" if ratio >= 1 else f"1/{1 / ratio:.3g} of"
+        size = f"{ratio:.0f} times" if ratio >= 1 else f"1/{1 / ratio:.0f} of"
         text = f"{name} reaches {largest:.4g}, {size} what the model expects ({reference:.4g})"
     else:
         low, high = (
@@ -74,7 +78,7 @@ def unit_remark(name: str, largest: float, expected: tuple[float, float] | None,
         reference = TYPICAL[unit]
         text = f"{name} reaches only {largest:.4g}" if largest < low else f"{name} reaches {largest:.4g}"
         text += f"{'' if unit == 'dimensionless' else ' ' + unit}, which is unlikely"
-    return _advice(text, name, _nearest(unit, largest, reference), notes)
+    return _advice(text, name, _nearest(unit, max(largest, alike), reference), notes)
 
 
 def time_remarks(step_s: float, whole: bool, notes: str) -> list[str]:
@@ -96,11 +100,11 @@ def _nearest(unit: str, largest: float, reference: float) -> str | None:
 
 def _advice(text: str, name: str, written: str | None, notes: str) -> str:
     if written is None:
-        return f"Unit to check: {text}. Nothing was changed."
+        return f"{TO_CHECK}: {text}. Nothing was changed."
     factor = conversion(written, unit_of(name), name)[0]
     by = "" if written == "K" else f", a factor of {factor:g}"
     return (
-        f"Unit to check: {text}. If the file is in {written}{by}, write 'units: {{{name}: {written}}}' in {notes}. "
+        f"{TO_CHECK}: {text}. If the file is in {written}{by}, write 'units: {{{name}: {written}}}' in {notes}. "
         "Nothing was changed."
     )
 
@@ -109,5 +113,12 @@ def out_of_range(
     largest: Mapping[str, float], expected: Mapping[str, tuple[float, float]], notes: str
 ) -> list[str]:
     """`unit_remark` for every column."""
-    remarks = (unit_remark(name, value, expected.get(name), notes) for name, value in largest.items())
+    alike: dict[tuple[float, float], float] = {}
+    for name in largest.keys() & expected.keys():
+        alike[expected[name]] = max(largest[name], alike.get(expected[name], 0.0))
+    remarks = (
+        unit_remark(name, value, span, notes, alike.get(span, 0.0) if span else 0.0)
+        for name, value in largest.items()
+        for span in (expected.get(name),)
+    )
     return [text for text in remarks if text is not None]

@@ -148,7 +148,7 @@ def _row_remarks(sheet: Sheet, gatherer: Gatherer) -> list[str]:
         total = sum(run.count for run in gatherer.runs)
         remarks.append(
             f"{total} rows are more than max_samples ({gatherer.most}): of {len(thinned)} of {len(gatherer.runs)} runs "
-            f"only every 2nd to {longest.stride}th row is kept (run '{longest.name}': every {longest.stride}th of "
+            f"only a part of the rows is kept (run '{longest.name}': one in {longest.stride} of "
             f"{longest.count}). Nothing was averaged; what is faster than the kept rows is not seen."
         )
     return remarks

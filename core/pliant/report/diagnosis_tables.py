@@ -135,9 +135,8 @@ def noise_table(found: Diagnosis) -> Table:
 def dependence_table(diagnosed: Diagnosed) -> Table | None:
     """What the error that is left depends on."""
     found = diagnosed.found
-    labels = {item.name: item.shown.label for item in diagnosed.before.covariates.items}
     rows = [
-        [" × ".join(labels.get(part, part) for part in name.split(" × ")), percent(value)]
+        [" × ".join(found.circumstances.get(part, part) for part in name.split(" × ")), percent(value)]
         for name, value in found.depends_on.items()
         if value >= 0.02
     ][:6]

@@ -34,11 +34,7 @@ def improvement_page(title: str, source: str, found: Improvement) -> Page:
 
 
 def _caption(found: Improvement) -> str:
-    data = (
-        "runs that were put aside before anything was looked at"
-        if found.locked.runs
-        else "runs left out of the fit one after another"
-    )
+    data = "runs that were put aside before anything was looked at" if found.locked.runs else found.scored_on
     drawn = (
         f" Shown: the {MOST_OUTPUTS} outputs farthest above their noise."
         if len(found.floors) > MOST_OUTPUTS

@@ -66,7 +66,7 @@ def _panel(axes: Any, found: Improvement, name: str) -> None:
     axes.plot(places, training, "o:", color=style.SOFT, ms=4, lw=1, label="training runs, left out in turn")
     axes.errorbar(
         places, locked, yerr=locked * share, fmt="o-", color=style.SERIES[0], ms=8, lw=2.2, capsize=4,
-        label="runs put aside at the start" if found.locked.runs else "runs left out",
+        label="runs put aside at the start" if found.locked.runs else found.scored_on,
     )  # fmt: skip
     for x, value in zip(places, locked, strict=True):
         axes.annotate(
