@@ -73,3 +73,18 @@ def test_wrong_input_is_a_sentence(pliant, bench, arguments, says) -> None:
     assert call.code == 2
     assert says in call.err
     assert "Traceback" not in call.err
+
+
+def test_ctrl_c_inside_compiled_code_is_an_interrupt(pliant, bench, monkeypatch) -> None:
+    def stopped(*_: object, **__: object) -> None:
+        try:
+            raise KeyboardInterrupt
+        except KeyboardInterrupt as interrupt:  # what numba makes of it
+            raise SystemError("returned a result with an exception set") from interrupt
+
+    monkeypatch.setattr("pliant.cli.diagnose.diagnose_with", stopped)
+    call = pliant("diagnose", bench, "--data", "bench.csv", "--json", "out.json", *FEW)
+    assert call.code == 130
+    assert "interrupted" in call.err
+    assert "Traceback" not in call.err
+    assert not (bench.parent / "out.json").exists()

@@ -11,7 +11,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 import typer
 from rich.console import Console
@@ -86,9 +86,10 @@ def session(command: str, json_target: str | None, quiet: bool) -> Iterator[Sess
         here.err.print(f"error: {place}{error.strerror or error}.", markup=False, soft_wrap=True)
         raise typer.Exit(UserError.exit_code) from None
     except KeyboardInterrupt:
-        here.err.print("interrupted; finished work is kept, run the same command to go on.")
-        raise typer.Exit(INTERRUPTED) from None
+        _stop(here)
     except Exception as error:
+        if _interrupted(error):
+            _stop(here)
         sentence = blamed(error)  # effects from a file of the user's own may fail in any way
         if sentence is None:
             raise
@@ -96,6 +97,18 @@ def session(command: str, json_target: str | None, quiet: bool) -> Iterator[Sess
         raise typer.Exit(UserError.exit_code) from None
     if here.exit_code:
         raise typer.Exit(here.exit_code)
+
+
+def _stop(here: Session) -> NoReturn:
+    here.err.print("interrupted; finished work is kept, run the same command to go on.")
+    raise typer.Exit(INTERRUPTED) from None
+
+
+def _interrupted(error: BaseException | None) -> bool:
+    """Whether Ctrl-C is behind it: compiled code turns a KeyboardInterrupt into a SystemError."""
+    while error is not None and not isinstance(error, KeyboardInterrupt):
+        error = error.__cause__ or error.__context__
+    return error is not None
 
 
 def _check_json_target(target: str) -> None:
