@@ -16,6 +16,7 @@ from typing import Any
 from pydantic_core import PydanticUndefined
 
 from pliant.config.chain import ActuatorConfig, BaseConfig, ChainConfig, SegmentConfig
+from pliant.config.measurements import ExcludedSpan, MeasurementsConfig
 from pliant.config.study import Study, nested_model, written_name
 from pliant.interfaces.base import FrozenModel
 from pliant.registry.component import INTERFACES, Component
@@ -32,6 +33,8 @@ STUDY_BLOCKS = {
     SegmentConfig: "chain.segments[]",
     BaseConfig: "chain.base",
     ActuatorConfig: "chain.actuators[]",
+    MeasurementsConfig: "measurements",
+    ExcludedSpan: "measurements.exclude[]",
 }
 STUDY_INTRODUCTION = [
     "YAML 1.2. A block with a `kind` belongs to that plugin: see its page. `physics: mujoco` is short for",
