@@ -94,7 +94,7 @@ def _index(registry: Registry) -> str:
 
 def _study_page() -> str:
     lines = ["# Study file", "", *STUDY_INTRODUCTION, "", *_keys(Study), ""]
-    for model in (ChainConfig, SegmentConfig, BaseConfig, ActuatorConfig):
+    for model in STUDY_BLOCKS:
         lines += [
             f"## {STUDY_BLOCKS[model]}",
             "",
