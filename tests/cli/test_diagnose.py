@@ -88,3 +88,57 @@ def test_ctrl_c_inside_compiled_code_is_an_interrupt(pliant, bench, monkeypatch)
     assert "interrupted" in call.err
     assert "Traceback" not in call.err
     assert not (bench.parent / "out.json").exists()
+
+
+OWN = """\
+from typing import Literal
+
+from pydantic import Field
+
+from pliant.interfaces.effect import Effect, EffectConfig, EffectParameter, Model
+from pliant.records.term import LawTerm
+
+
+class OwnConfig(EffectConfig):
+    kind: Literal["own"] = "own"
+    rise: float = Field(default=0.0, ge=0.0, le=5.0)
+
+
+class Own(Effect):
+    place = "law"
+    parameters = (EffectParameter("rise", "rad^-2", neutral=0.0, bounds=(0.0, 5.0), plausible=(0.5, 4.0)),)
+    config: OwnConfig
+
+    def apply(self, model: Model) -> Model:
+        return model.with_term(LawTerm("elastic", factor, (self.config.rise,)))
+
+
+def factor(angle, rate, dt_s, actuation, temperature_c, old, new, parameters):
+    return 1.0 + parameters[0] * angle * angle
+"""
+
+
+@pytest.mark.parametrize(
+    ("right", "wrong", "says"),
+    [
+        (
+            '("rise", "rad',
+            '("lift", "rad',
+            "'own' was left out: The parameters of effect 'own' and the fields",
+        ),
+        ("le=5.0", "le=3.0", "rise: Input should be less than or equal to 3"),
+        ("1.0 + parameters[0] *", "1.0 / (angle - angle) *", "'own' could not be judged"),
+        ("parameters[0]", "parameter[0]", "'own' was left out: "),
+    ],
+)
+def test_a_mistake_in_an_effect_of_ones_own_is_told_and_the_others_are_judged(
+    pliant, bench, workplace, right, wrong, says
+) -> None:
+    assert OWN.count(right) == 1
+    (workplace / "own.py").write_text(OWN.replace(right, wrong))
+    bench.write_text(bench.read_text() + "plugins: [own.py]\n")
+    call = pliant("diagnose", bench, "--data", "bench.csv", "--effect", "own", *FEW)
+    assert call.code == 0, call.err
+    assert says in call.out
+    assert "Missing: sensor_bias." in call.out
+    assert "Traceback" not in call.err

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from tests.diagnosis.quick import REGISTRY
@@ -84,3 +86,9 @@ def test_moves_stay_within_bounds() -> None:
 
 def test_groups() -> None:
     np.testing.assert_array_equal(condition_of_runs(5, [(0, 3), (1, 4)]), [0, 1, 2, 0, 1])
+
+
+def test_a_fit_without_an_equilibrium_has_no_left_out_error() -> None:
+    found, _, y, groups = linear(0)
+    lost = replace(found, residual=np.full_like(y, np.nan), slopes=np.full_like(found.slopes, np.nan))
+    assert np.isnan(heldout_residual(lost, groups, y)).all()

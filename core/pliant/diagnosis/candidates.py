@@ -8,7 +8,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from pydantic import ValidationError
 
+from pliant.errors import UserError
 from pliant.interfaces.effect import EffectConfig, EffectParameter
 from pliant.records.design import Array
 from pliant.registry.discovery import Registry
@@ -101,25 +103,28 @@ class Candidate:
 
     @staticmethod
     def of(registry: Registry, kinds: Sequence[str]) -> Candidate:
-        """Raises `UserError` for an unknown kind."""
+        """Raises `UserError` for an unknown kind, and for one whose config refuses its own parameters or bounds."""
         components = [registry.get("effect", kind) for kind in kinds]
         knobs = tuple(
             Knob(index, kind, parameter)
             for index, (kind, component) in enumerate(zip(kinds, components, strict=True))
             for parameter in component.implementation_class().parameters
         )
-        return Candidate(tuple(kinds), knobs, tuple(c.config_model() for c in components))  # type: ignore[misc]
+        found = Candidate(tuple(kinds), knobs, tuple(c.config_model() for c in components))  # type: ignore[misc]
+        for end in found.limits():
+            found.configs(np.where(np.isfinite(end), end, 0.0))
+        return found
 
     def __len__(self) -> int:
         return len(self.knobs)
 
     def configs(self, x: Array) -> tuple[EffectConfig, ...]:
-        """The effects at x (k,)."""
+        """The effects at x (k,); raises `UserError` where a plugin's config refuses its own parameters."""
         values: list[dict[str, float]] = [{} for _ in self.kinds]
         for knob, number in zip(self.knobs, x, strict=True):
             values[knob.effect][knob.parameter.name] = knob.value(float(number))
         return tuple(
-            model.model_validate({"kind": kind, **given})
+            _config(model, kind, given)
             for model, kind, given in zip(self.models, self.kinds, values, strict=True)
         )
 
@@ -140,3 +145,15 @@ class Candidate:
         if len(found) <= MOST_STARTS:
             return found
         return [found[k] for k in np.linspace(0, len(found) - 1, MOST_STARTS).round().astype(int)]
+
+
+def _config(model: type[EffectConfig], kind: str, given: dict[str, float]) -> EffectConfig:
+    try:
+        return model.model_validate({"kind": kind, **given})
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        field = ".".join(map(str, first["loc"]))
+        raise UserError(
+            f"The parameters of effect '{kind}' and the fields of its config disagree ({field}: {first['msg']}); "
+            f"'pliant check effect {kind}' tells what is asked of them."
+        ) from None

@@ -58,6 +58,7 @@ class Diagnosis:
         next_run: what to do next, where something is open.
         remarks: what limits the verdict, in sentences.
         circumstances: their names in words, as `compare` says them.
+        not_tried: candidates that could not be judged, and why, in sentences; `remarks` holds them, too.
         explained: the hypothesis whose residual `depends_on` describes.
         estimates: parameters of every hypothesis with their uncertainty; profile intervals for the credible ones.
     """
@@ -74,6 +75,7 @@ class Diagnosis:
     circumstances: Mapping[str, str]
     next_run: NextRun | None
     remarks: tuple[str, ...]
+    not_tried: tuple[str, ...]
     explained: Kinds
     estimates: Mapping[Kinds, Uncertainty]
     excitations: Mapping[str, Excitation]
@@ -128,6 +130,7 @@ def diagnose(
     table = search.run(chosen)
     shown = excitations(registry, fitter, search.fits[NOTHING], chosen)
     silent = not_excited(shown, prices)
+    not_tried = _not_tried(left_out, [kind for kind in chosen if not _solved(search.fits, kind)])
     judgement = judge(table, prices, len(chosen) - len(silent))
     explained = _explained(judgement)
     residuals = readings.unpack(search.fits[explained].residual)
@@ -149,9 +152,10 @@ def diagnose(
             *measurement.remarks,
             *lost,
             *floor_remarks({name: floors[name] for name in predictor.outputs}),
-            *_remarks(predictor, left_out, table),
+            *_remarks(predictor, not_tried, table),
         ),
         explained=explained,
+        not_tried=tuple(not_tried),
         estimates=_estimates(fitter, search.fits, judgement, n),
         excitations=shown,
         wall_s=time.perf_counter() - started,
@@ -260,8 +264,24 @@ def _what_next(
     return next_run(predictor, scales, fits, judgement.probability)
 
 
-def _remarks(predictor: Predictor, left_out: Mapping[str, str], table: EvidenceTable) -> list[str]:
-    remarks = [f"'{kind}' was left out: {reason}" for kind, reason in left_out.items()]
+def _solved(fits: Mapping[Kinds, Fit], kind: str) -> bool:
+    return bool(np.all(np.isfinite(fits[(kind,)].residual)))
+
+
+def _not_tried(refused: Mapping[str, str], unsolved: Sequence[str]) -> list[str]:
+    """Which candidates could not be judged, and why."""
+    return [
+        *(f"'{kind}' was left out: {reason}" for kind, reason in refused.items()),
+        *(
+            f"'{kind}' could not be judged: with it the model finds no equilibrium at any start of its fit; "
+            f"'pliant check effect {kind}' may tell why."
+            for kind in unsolved
+        ),
+    ]
+
+
+def _remarks(predictor: Predictor, not_tried: Sequence[str], table: EvidenceTable) -> list[str]:
+    remarks = [*not_tried]
     remarks += predictor.remarks
     if table.noise.floor_square <= LEAST_SQUARE:
         remarks.append(

@@ -31,9 +31,13 @@ def heldout_residual(fit: Fit, groups: NDArray[np.intp], plain: Array | None = N
         groups: (N,) number of each reading's group.
         plain: (N,) residual of the model as it is: what stands for groups without which a parameter would not be
             known at all, as for the only warm runs when softening with temperature is fitted.
+
+    Of a fit without an equilibrium at any start, NaN.
     """
     if fit.slopes.shape[1] == 0:
         return fit.residual
+    if not (np.isfinite(fit.residual).all() and np.isfinite(fit.slopes).all()):
+        return np.full_like(fit.residual, np.nan)
     low, high = fit.candidate.limits()
     prior = PRIOR_WEIGHT * np.eye(len(fit.x))
     whole = fit.slopes.T @ fit.slopes

@@ -150,6 +150,7 @@ class _Walk:
         self.ground = Ground.of(bench, study, locked.training)
         self.effects = study.effects
         self.added: list[str] = []
+        self.not_tried: tuple[str, ...] = ()
         plain = self.ground.residuals(self.effects)
         self.drafts = [_Draft((), self.effects, self._seen(), self._everywhere(self.effects), plain)]
 
@@ -192,7 +193,9 @@ class _Walk:
     def _diagnose(self) -> Diagnosis:
         study = self.study.model_copy(update={"effects": self.effects})
         predictor = Predictor.of_study(self.bench, study, self.locked.training)
-        return diagnose(predictor, kinds=self.kinds, tick=self.tick)
+        found = diagnose(predictor, kinds=self.kinds, tick=self.tick)
+        self.not_tried = found.not_tried
+        return found
 
     def _gains(self, whole: Extension) -> bool:
         """Better on runs left out, and no worse on conditions left out: where one alone shows an effect, they stay."""
@@ -268,7 +271,7 @@ def _told(walk: _Walk, stop: str, reason: str, final: Extension | None) -> Impro
         se = _standard_error(locked, noise.floors, noise.n_effective * share)
         unseen = score(draft.residuals, noise.floors, walk.locked.unseen) if walk.locked.unseen else None
         steps.append(Step(draft.added, draft.effects, draft.why, locked, se, unseen, training))
-    seen = [*walk.measurement.remarks, *walk.ground.predictor.remarks]
+    seen = [*walk.measurement.remarks, *walk.ground.predictor.remarks, *walk.not_tried]
     remarks = [*seen, walk.locked.why, *_rises(steps), *_still_wrong(steps[-1], stop)]
     if len(walk.locked.training.runs) == 1:
         remarks.append("Errors are those of the run that was fitted, not of one that nothing has seen.")

@@ -171,7 +171,7 @@ def _compile(function: TermFunction) -> Any:
     try:
         for helper in _helpers(function):
             register_jitable(helper)
-        return cfunc(TERM_SIGNATURE, cache=_on_disk(function))(function)
+        return cfunc(TERM_SIGNATURE, cache=_on_disk(function), error_model="numpy")(function)
     except Exception as error:  # numba lets Python's own errors through beside its own
         raise UserError(_why_not(function, error)) from error
 
