@@ -224,12 +224,17 @@ def test_states_without_equilibrium_are_left_out_and_told() -> None:
 
 
 @pytest.mark.parametrize("force", [1e3, 1e6])
-def test_absurd_loads_are_no_crash(force: float) -> None:
+def test_absurd_loads_in_one_run_name_no_wrong_effect(force: float) -> None:
     measurement = measured(CHAIN, rich(), STIFF)
     runs = list(measurement.runs)
     pulled = runs[0].history.with_(tip_force_n=np.tile([force, 0.0, force], (len(runs[0]), 1)))
     runs[0] = type(runs[0])(pulled, runs[0].outputs, {}, runs[0].cycle, runs[0].lines)
-    judged(Measurement(tuple(runs), measurement.outputs, "bench.csv"), kinds=["stiffness", "sensor_bias"])
+    found = judged(
+        Measurement(tuple(runs), measurement.outputs, "bench.csv"), kinds=["stiffness", "sensor_bias"]
+    )
+    assert found.selected in ((), ("stiffness",))
+    assert sum(found.judgement.probability.values()) == pytest.approx(1.0)
+    assert all(np.isfinite(p) for p in found.judgement.probability.values())
 
 
 def test_two_actuators() -> None:

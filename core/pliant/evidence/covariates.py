@@ -39,11 +39,6 @@ class Covariate:
     def numeric(self) -> bool:
         return not self.categories
 
-    @property
-    def constant_in_runs(self) -> bool:
-        """Whether it only changes from run to run."""
-        return all(len(np.unique(v)) <= 1 for v in self.values)
-
 
 @dataclass(frozen=True, eq=False)
 class Covariates:

@@ -66,7 +66,3 @@ class Measurement:
     def n_samples(self) -> int:
         """Readings that are there, over all outputs."""
         return int(sum(np.isfinite(run.outputs[name]).sum() for run in self.runs for name in self.outputs))
-
-    def pick(self, chosen: Mapping[str, bool] | set[str]) -> Measurement:
-        """The runs of these names only. Damage done in other runs is then unknown: prefer weights in fits."""
-        return replace(self, runs=tuple(run for run in self.runs if run.name in chosen))
