@@ -25,14 +25,40 @@ Count = Annotated[int, BeforeValidator(_no_truth)]
 Vector = tuple[Ratio, Ratio, Ratio]
 
 
-class SegmentConfig(FrozenModel):
-    """A run of equal modules. `family` holds the design parameters that differ from the study's family."""
+class RigidConfig(FrozenModel):
+    """A rigid piece: a uniform cylinder along the chain axis, such as a base, a coupling or an end cap."""
 
-    modules: Count = Field(ge=1, le=4096, description="number of equal modules")
+    length_m: Length = Field(gt=0, description="along the chain")
+    mass_kg: Mass = Field(default=0.0, ge=0, description="0 for a piece without weight")
+    radius_m: Length | None = Field(
+        default=None, gt=0, description="outer radius; without one it does not collide"
+    )
+
+
+class SegmentConfig(FrozenModel):
+    """A run of equal modules, or a rigid piece between modules.
+
+    `family` holds the design parameters that differ from the study's family; `module_length` and `module_mass` those
+    that differ from the chain's where there is no family.
+    """
+
+    modules: Count | None = Field(default=None, ge=1, le=4096, description="number of equal modules")
+    rigid: RigidConfig | None = Field(default=None, description="instead of `modules`: a rigid piece")
     rotation_rad: Angle = Field(default=0.0, description="about the chain axis, relative to the base")
     family: dict[str, Any] = Field(
         default_factory=dict, description="parameters that differ, e.g. {wall: 2 mm}"
     )
+    module_length_m: Length | None = Field(default=None, gt=0, description="only without a family")
+    module_mass_kg: Mass | None = Field(default=None, ge=0, description="only without a family")
+
+    @model_validator(mode="after")
+    def _modules_or_rigid(self) -> SegmentConfig:
+        if (self.modules is None) == (self.rigid is None):
+            raise ValueError("give either 'modules' or 'rigid'")
+        of_modules = self.model_fields_set & {"rotation_rad", "family", "module_length_m", "module_mass_kg"}
+        if self.rigid is not None and of_modules:
+            raise ValueError("a rigid piece has a length, a mass and a radius, and nothing of modules")
+        return self
 
 
 class BaseConfig(FrozenModel):
@@ -84,11 +110,16 @@ class ChainConfig(FrozenModel):
     )
     module_length_m: Length | None = Field(default=None, gt=0, description="only without a family")
     module_mass_kg: Mass = Field(default=0.0, ge=0, description="only without a family; a uniform rod")
+    module_radius_m: Length | None = Field(
+        default=None, gt=0, description="only without a family: radius of the rod, for contact and pictures"
+    )
 
     @model_validator(mode="after")
     def _modules_or_segments(self) -> ChainConfig:
         if (self.modules is None) == (not self.segments):
             raise ValueError("give either 'modules' or 'segments'")
+        if self.segments and all(segment.rigid is not None for segment in self.segments):
+            raise ValueError("a chain needs modules, and all its segments are rigid")
         return self
 
     def as_segments(self) -> tuple[SegmentConfig, ...]:

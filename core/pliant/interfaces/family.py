@@ -6,9 +6,11 @@ from abc import ABC, abstractmethod
 from typing import ClassVar
 
 from pliant.interfaces.base import ComponentConfig
+from pliant.meshing.surfaces import half_boxes, half_skins
 from pliant.records.design import Design, ModuleMass
 from pliant.records.fem import ModuleProblem
 from pliant.records.law import JointKind
+from pliant.records.shape import HalfShapes, HalfSurfaces
 
 
 class FamilyConfig(ComponentConfig):
@@ -44,6 +46,14 @@ class ActuatorFamily(ABC):
     @abstractmethod
     def problem(self, refinement: int = 1) -> ModuleProblem:
         """The boundary-value problem of one module; `refinement` multiplies the elements along each edge."""
+
+    def shapes(self) -> HalfShapes:
+        """Convex collision shapes of the two halves; the boxes around them unless the family knows better."""
+        return half_boxes(self.problem().mesh)
+
+    def surface(self) -> HalfSurfaces:
+        """Outer surface of the two halves at rest, for pictures and STL; the skin of the mesh by default."""
+        return half_skins(self.problem().mesh)
 
     @abstractmethod
     def mass(self, density_kg_m3: float) -> ModuleMass:

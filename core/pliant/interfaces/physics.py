@@ -8,13 +8,16 @@ from dataclasses import dataclass
 from types import TracebackType
 from typing import ClassVar
 
+import numpy as np
+
 from pliant.errors import ContractError
 from pliant.interfaces.base import ComponentConfig
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
 from pliant.records.history import Followed, History
 from pliant.records.law import JointKind
-from pliant.records.rollout import Equilibrium, Inputs
+from pliant.records.rollout import Equilibrium, Inputs, OutsideDomain, Rollout, Sensitivity
+from pliant.records.scene import Contact, Scene, SceneState
 
 
 class PhysicsConfig(ComponentConfig):
@@ -29,11 +32,17 @@ class Capabilities:
         joints: kinds of joints it simulates.
         dynamic: `step` advances inertia and damping; otherwise each step is an equilibrium.
         internal_states: law terms that need time or memory are followed, and `follow` is there.
+        gradients: `Simulation.sensitivity` is there.
+        batch: `settle_batch` and `rollout_batch` use all cores, not one case after another.
+        contacts: `build_scene` is there.
     """
 
     joints: tuple[JointKind, ...]
     dynamic: bool
     internal_states: bool = False
+    gradients: bool = False
+    batch: bool = False
+    contacts: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,6 +94,14 @@ class Simulation(ABC):
         A joint's marker is the origin of the body that it carries: on a prismatic joint it moves with q.
         """
 
+    def sensitivity(self) -> Sensitivity:
+        """Derivatives of the equilibrium that the last `settle` ended in.
+
+        Raises:
+            UserError: the last `settle` did not converge, or ended where the stiffness is singular.
+        """
+        raise ContractError(f"{type(self).__name__} has no gradients (Capabilities.gradients is False)")
+
     def close(self) -> None:  # noqa: B027 - an engine without resources has nothing to free
         """Free the engine's resources."""
 
@@ -95,6 +112,83 @@ class Simulation(ABC):
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
+
+
+class SceneSimulation(ABC):
+    """A scene in one engine. Tasks drive it: `apply`, `carry`, `step`, then read markers, contacts and state.
+
+    What is given to `apply`, `carry` and `push` holds until the next call of the same. SI and docs/conventions.md
+    outside; scaling, quaternion order and the engine's own friction rule stay inside.
+    """
+
+    scene: Scene
+
+    @abstractmethod
+    def apply(self, inputs: Sequence[Inputs]) -> None:
+        """Actuation and loads of each arm from now on."""
+
+    @abstractmethod
+    def carry(self, velocity_m_s: Array) -> None:
+        """Move the carriage, and all arms' bases with it, at this velocity (3,), whatever the contacts."""
+
+    @abstractmethod
+    def push(self, index: int, force_n: Array, moment_n_m: Array | None = None) -> None:
+        """A dead wrench (world) on object `index` at its centre of mass from now on."""
+
+    @abstractmethod
+    def step(self, duration_s: float) -> None:
+        """Advance by `duration_s`, in as many internal steps as the engine needs.
+
+        Raises:
+            UserError: the motion has become unbounded; the message says what to change.
+        """
+
+    @abstractmethod
+    def snapshot(self) -> SceneState:
+        """The present state; `restore` brings it back exactly, and the same steps then give the same motion."""
+
+    @abstractmethod
+    def restore(self, state: SceneState) -> None:
+        """Return to a snapshot."""
+
+    @abstractmethod
+    def markers(self, arm: int) -> Array:
+        """(n + 2, 3) base, joints and tip of an arm in the world."""
+
+    @abstractmethod
+    def contacts(self) -> tuple[Contact, ...]:
+        """What touches at the end of the last step, with the forces of that step."""
+
+    @abstractmethod
+    def outside_domain(self) -> tuple[OutsideDomain, ...]:
+        """Where laws are used outside their domain now; joints are numbered through all arms in a row."""
+
+    def close(self) -> None:  # noqa: B027 - an engine without resources has nothing to free
+        """Free the engine's resources."""
+
+    def __enter__(self) -> SceneSimulation:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """One chain under one set of loads, for `settle_batch`."""
+
+    chain: ChainModel
+    inputs: Inputs
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """One chain through one history, for `rollout_batch`; the history has times."""
+
+    chain: ChainModel
+    history: History
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,6 +210,41 @@ class PhysicsBackend(ABC):
     @abstractmethod
     def build(self, chain: ChainModel) -> Simulation:
         """A simulation at rest: joint coordinates 0, no actuation, no velocity."""
+
+    def build_scene(self, scene: Scene) -> SceneSimulation:
+        """A scene at rest: straight arms without actuation, objects where the scene puts them.
+
+        Raises:
+            UserError: a kind of joint or shape that the engine does not have.
+        """
+        raise ContractError(f"{type(self).__name__} has no scenes (Capabilities.contacts is False)")
+
+    def settle_batch(self, cases: Sequence[Case]) -> tuple[Equilibrium, ...]:
+        """Equilibria of many chains, each from its straight state; one case after another by default."""
+        found = []
+        for case in cases:
+            with self.build(case.chain) as simulation:
+                simulation.apply(case.inputs)
+                found.append(simulation.settle())
+        return tuple(found)
+
+    def rollout_batch(self, runs: Sequence[Run]) -> tuple[Rollout, ...]:
+        """Many chains through their histories, from rest at the first sample; one after another by default."""
+        return tuple(self._roll(run) for run in runs)
+
+    def _roll(self, run: Run) -> Rollout:
+        history = run.history
+        if history.time_s is None:
+            raise ContractError(f"run '{history.run}' has no times")
+        positions, markers = [], []
+        with self.build(run.chain) as simulation:
+            for k in range(len(history)):
+                simulation.apply(history.at(k))
+                simulation.step(float(history.time_s[k] - history.time_s[k - 1]) if k else 0.0)
+                positions.append(simulation.snapshot().position)
+                markers.append(simulation.markers())
+        actuation = np.stack([history.actuation[name] for name in history.actuation], axis=1)
+        return Rollout(history.time_s, actuation, np.array(positions), np.array(markers))
 
     def preparing(self, chain: ChainModel) -> str | None:
         """A sentence for the user where the first `follow` of this chain will take long, once; else None."""

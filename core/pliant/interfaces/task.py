@@ -1,17 +1,29 @@
-"""Task: what the robot is asked to do."""
+"""Task: what the robot is asked to do, alone or in a scene with contact."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
+from typing import Literal
+
+from pydantic import Field
 
 from pliant.interfaces.base import ComponentConfig
-from pliant.interfaces.physics import Simulation
+from pliant.interfaces.physics import SceneSimulation, Simulation
 from pliant.records.chain import ChainModel
 from pliant.records.rollout import TaskResult
+from pliant.records.scene import Scene
+
+SceneEngine = Callable[[Scene], SceneSimulation]
 
 
 class TaskConfig(ComponentConfig):
     """Base of a task's config: actuation and loads."""
+
+    outside_domain: Literal["report", "error"] = Field(
+        default="report",
+        description="what a joint outside its law's data means: a line in the result, or an error",
+    )
 
 
 class Task(ABC):
@@ -27,3 +39,22 @@ class Task(ABC):
     @abstractmethod
     def run(self, simulation: Simulation) -> TaskResult:
         """Drive the simulation and measure it. Metrics are SI with the unit in the name."""
+
+
+class SceneTask(ABC):
+    """A task with contact. It builds scenes of the chain, one per trial, and drives each of them."""
+
+    def __init__(self, config: TaskConfig) -> None:
+        self.config = config
+
+    def prepare(self, chain: ChainModel) -> ChainModel:
+        """The chain with the task's own loads, before effects are applied."""
+        return chain
+
+    @abstractmethod
+    def scene(self, chain: ChainModel) -> Scene:
+        """The nominal scene, without noise: what viewers draw and exports write."""
+
+    @abstractmethod
+    def run(self, chain: ChainModel, engine: SceneEngine) -> TaskResult:
+        """Build scenes with `engine`, drive and measure them. Metrics are SI with the unit in the name."""

@@ -15,9 +15,10 @@ the chain is planar, and keeps the chain conservative where it is not.
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -28,17 +29,20 @@ from pliant.mechanics.rotations import left_jacobian_transpose_slope
 from pliant.mechanics.terms import Memory
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
-from pliant.records.rollout import Inputs
+from pliant.records.rollout import Cord, Inputs, PointForce
 
 # Curvature below this share of the largest is neutral within rounding, not unstable.
 NEUTRAL_SHARE = 1e-10
+# A cord that ends on its pulley has no direction.
+SHORTEST_CORD_M = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
 class Loads:
     """What drives a chain at one instant; a straight path between two of them is a continuation.
 
-    `memory` is what law terms know of the past; None is a rested chain.
+    `memory` is what law terms know of the past; None is a rested chain. `forces` and `cords` act at points of
+    bodies, beside the tip force.
     """
 
     actuation: Mapping[str, float]
@@ -46,6 +50,8 @@ class Loads:
     tip_force_n: Array = field(default_factory=lambda: np.zeros(3))
     moment_n_m: float = 0.0
     memory: Memory | None = None
+    forces: tuple[PointForce, ...] = ()
+    cords: tuple[Cord, ...] = ()
 
     @staticmethod
     def of(chain: ChainModel, inputs: Inputs) -> Loads:
@@ -59,6 +65,14 @@ class Loads:
             "tip_force_n": inputs.tip_force_n,
             "moment_n_m": inputs.moment_n_m,
         }
+        loads: tuple[PointForce | Cord, ...] = (*inputs.forces, *inputs.cords)
+        for number, load in enumerate(loads):
+            if not 0 <= load.body <= chain.n_joints:
+                raise UserError(
+                    f"a load acts on body {load.body}; the chain has bodies 0 to {chain.n_joints}"
+                )
+            for part in dataclasses.fields(load)[1:]:
+                given[f"{part.name} of load {number + 1}"] = getattr(load, part.name)
         for name, value in given.items():
             if not np.all(np.isfinite(value)):
                 raise UserError(f"{name} is {value}: an input needs a finite number")
@@ -66,7 +80,14 @@ class Loads:
             raise UserError("a chain of prismatic joints takes no end moment: leave moment_n_m at 0")
         gravity = np.asarray(chain.gravity_m_s2, float)
         force = np.array(inputs.tip_force_n, float)
-        return Loads(dict(inputs.actuation), gravity, force, float(inputs.moment_n_m))
+        return Loads(
+            dict(inputs.actuation),
+            gravity,
+            force,
+            float(inputs.moment_n_m),
+            forces=inputs.forces,
+            cords=inputs.cords,
+        )
 
     @staticmethod
     def unactuated(chain: ChainModel) -> Loads:
@@ -88,11 +109,34 @@ class Loads:
             keep * self.tip_force_n + take * other.tip_force_n,
             keep * self.moment_n_m + take * other.moment_n_m,
             other.memory,
+            _shared(self.forces, other.forces, take),
+            _shared(self.cords, other.cords, take),
         )
 
     def after(self, memory: Memory) -> Loads:
         """The same loads on a chain with this past."""
         return replace(self, memory=memory)
+
+
+PointLoad = TypeVar("PointLoad", PointForce, Cord)
+
+
+def _shared(old: tuple[PointLoad, ...], new: tuple[PointLoad, ...], take: float) -> tuple[PointLoad, ...]:
+    """What is in both stays whole; the rest fades out and in."""
+    kept = tuple(load for load in new if any(load is other for other in old))
+    fading = tuple(load.scaled(1.0 - take) for load in old if not any(load is k for k in kept))
+    coming = tuple(load.scaled(take) for load in new if not any(load is k for k in kept))
+    return kept + fading + coming
+
+
+@dataclass(frozen=True, eq=False)
+class ActingForce:
+    """A force in the world (3,) at a point of the world (3,) on a body, with its slope ∂F/∂x = −stiffness (3, 3)."""
+
+    body: int
+    point_m: Array
+    force_n: Array
+    stiffness: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,7 +172,8 @@ class ChainStatics:
         effort = self.efforts.evaluate(q, loads.actuation, loads.memory)
         residual = self._with_moment(effort.tau, loads) + self._generalised(pose, moment, force)
         n, a = q.shape
-        stiffness = self._load_stiffness(q, pose, moment, torsor).reshape(n, a, n, a)
+        stiffness = self._load_stiffness(q, pose, moment, torsor) + self._cord_stiffness(pose, loads)
+        stiffness = stiffness.reshape(n, a, n, a)
         joints = np.arange(n)
         stiffness[joints, :, joints, :] -= effort.dtau_du
         return Balance(residual, stiffness.reshape(n * a, n * a))
@@ -137,7 +182,33 @@ class ChainStatics:
         """(n·a, n·a) Hessian of the potential of weights, payload and tip force."""
         pose = self.geometry.forward(q)
         moment, _, torsor = self._beyond(pose, loads)
-        return self._load_stiffness(q, pose, moment, torsor)
+        return self._load_stiffness(q, pose, moment, torsor) + self._cord_stiffness(pose, loads)
+
+    def acting(self, pose: Pose, loads: Loads) -> list[ActingForce]:
+        """The point forces and cords of the loads where they act, for engines that push bodies."""
+        found = [
+            ActingForce(f.body, _point(pose, f), np.asarray(f.force_n, float), np.zeros((3, 3)))
+            for f in loads.forces
+        ]
+        for cord in loads.cords:
+            point = _point(pose, cord)
+            away = point - np.asarray(cord.pulley_m, float)
+            distance = max(float(np.linalg.norm(away)), SHORTEST_CORD_M)
+            away /= distance
+            stiffness = cord.tension_n / distance * (np.eye(3) - np.outer(away, away))
+            found.append(ActingForce(cord.body, point, -cord.tension_n * away, stiffness))
+        return found
+
+    def point_jacobian(self, pose: Pose, body: int, point_m: Array) -> Array:
+        """(3, n, a) velocity of a world point of a body per rate of the joint coordinates."""
+        jacobian = np.zeros((3, *pose.directions.shape[::2]))
+        moving = pose.directions[:body]
+        if self.geometry.kind == "prismatic":
+            jacobian[:, :body] = moving.transpose(1, 0, 2)
+        else:
+            arms = point_m - pose.origins[1 : body + 1]
+            jacobian[:, :body] = np.cross(moving, arms[:, :, None], axis=1).transpose(1, 0, 2)
+        return jacobian
 
     def effort(self, q: Array, loads: Loads) -> Array:
         """(n, a) efforts of the laws less the end moment: what an engine applies at its joints."""
@@ -145,8 +216,13 @@ class ChainStatics:
 
     def potential(self, q: Array, loads: Loads) -> float:
         """Total potential Π in J; its constant is arbitrary."""
-        points = self._points(self.geometry.forward(q))
+        pose = self.geometry.forward(q)
+        points = self._points(pose)
         work = float(np.einsum("ki,ki->", self._forces(loads), points))
+        for force in loads.forces:
+            work += float(force.force_n @ _point(pose, force))
+        for cord in loads.cords:
+            work -= cord.tension_n * float(np.linalg.norm(_point(pose, cord) - cord.pulley_m))
         opposed = loads.moment_n_m * float(q[:, self.geometry.main].sum())
         return self.efforts.potential(q, loads.actuation, loads.memory) - work + opposed
 
@@ -169,8 +245,12 @@ class ChainStatics:
     def _beyond(self, pose: Pose, loads: Loads) -> tuple[Array, Array, Array]:
         """(moment (n, 3), force (n, 3), Σ r Fᵀ (n, 3, 3)) about each joint of the forces beyond it."""
         forces, points = self._forces(loads), self._points(pose)
-        force = np.cumsum(forces[::-1], axis=0)[::-1][:-1]
         products = points[:, :, None] * forces[:, None, :]
+        for acting in self.acting(pose, loads):
+            if acting.body:
+                forces[acting.body - 1] += acting.force_n
+                products[acting.body - 1] += np.outer(acting.point_m, acting.force_n)
+        force = np.cumsum(forces[::-1], axis=0)[::-1][:-1]
         torsor = np.cumsum(products[::-1], axis=0)[::-1][:-1]
         torsor = torsor - pose.origins[1:, :, None] * force[:, None, :]
         moment = np.stack(
@@ -205,6 +285,14 @@ class ChainStatics:
         blocks[joints, :, joints, :] = 0.5 * (diagonal + diagonal.transpose(0, 2, 1))
         return blocks.reshape(n * a, n * a)
 
+    def _cord_stiffness(self, pose: Pose, loads: Loads) -> Array:
+        n, _, a = pose.directions.shape
+        total = np.zeros((n * a, n * a))
+        for acting in self.acting(pose, loads) if loads.cords else []:
+            jacobian = self.point_jacobian(pose, acting.body, acting.point_m).reshape(3, n * a)
+            total += jacobian.T @ acting.stiffness @ jacobian
+        return total
+
     def _own_slopes(self, q: Array, pose: Pose, moment: Array) -> Array:
         """(n, a, a) Gᵀ ∂ω/∂q of each joint's own coordinates; a hinge has none."""
         basis = self.geometry.basis
@@ -212,6 +300,12 @@ class ChainStatics:
         slope = left_jacobian_transpose_slope(self.geometry.rotation_vectors(q), seen)
         own: Array = basis.T @ slope @ basis
         return own
+
+
+def _point(pose: Pose, load: PointForce | Cord) -> Array:
+    """(3,) where a load acts in the world."""
+    point: Array = pose.origins[load.body] + pose.rotations[load.body] @ np.asarray(load.point_m, float)
+    return point
 
 
 def unstable_mode(stiffness: Array) -> Array | None:

@@ -15,79 +15,115 @@ from pliant.mechanics.rotations import exp_map, matrix_of_quaternion
 from pliant.records.chain import Actuator, ChainModel, Joint, default_base_rotation
 from pliant.records.design import Array, MassProperties, ModuleMass
 from pliant.records.law import JointLaw
+from pliant.records.shape import HalfShapes, Shape
 
 WATER_KG_M3 = 1000.0
+NO_SHAPES = HalfShapes((), ())
 
 
 @dataclass(frozen=True, eq=False)
 class Module:
-    """What the chain needs to know of one module: its law, length and masses."""
+    """What the chain needs to know of one module: its law, length, masses and collision shapes."""
 
     law: JointLaw
     length_m: float
     mass: ModuleMass
+    shapes: HalfShapes = NO_SHAPES
+
+
+@dataclass(frozen=True, eq=False)
+class RigidPiece:
+    """A piece without a joint, x from 0 to `length_m` in its own frame."""
+
+    length_m: float
+    mass: MassProperties
+    shapes: tuple[Shape, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
 class Segment:
-    """Equal modules in a row; `rotation_rad` turns them about the chain axis, relative to the base."""
+    """Equal modules in a row, turned by `rotation_rad` about the chain axis relative to the base; or a rigid piece."""
 
-    module: Module
-    count: int
-    rotation_rad: float
+    piece: Module | RigidPiece
+    count: int = 1
+    rotation_rad: float = 0.0
 
 
-def rod_module(law: JointLaw, length_m: float, mass_kg: float) -> Module:
-    """A module without a family: a thin uniform rod."""
-    half = mass_kg / 2
+def rod_module(law: JointLaw, length_m: float, mass_kg: float, radius_m: float | None = None) -> Module:
+    """A module without a family: a uniform rod, thin where it has no radius."""
 
-    def piece(centre: float) -> MassProperties:
-        inertia = half * (length_m / 2) ** 2 / 12
-        return MassProperties(half, np.array([centre, 0.0, 0.0]), np.diag([0.0, inertia, inertia]))
+    def half(start_m: float) -> RigidPiece:
+        rod = rigid_rod(length_m / 2, mass_kg / 2, radius_m)
+        offset = np.array([start_m, 0.0, 0.0])
+        shapes = tuple(shape.placed(np.eye(3), offset) for shape in rod.shapes)
+        return RigidPiece(rod.length_m, rod.mass.shifted(offset), shapes)
 
-    return Module(law, length_m, ModuleMass(piece(-length_m / 4), piece(length_m / 4)))
+    start, end = half(-length_m / 2), half(0.0)
+    return Module(law, length_m, ModuleMass(start.mass, end.mass), HalfShapes(start.shapes, end.shapes))
+
+
+def rigid_rod(length_m: float, mass_kg: float, radius_m: float | None = None) -> RigidPiece:
+    """A uniform cylinder about the chain axis; thin and without a shape where it has no radius."""
+    radius = radius_m or 0.0
+    across = mass_kg * (length_m**2 / 12 + radius**2 / 4)
+    centre = np.array([length_m / 2, 0.0, 0.0])
+    mass = MassProperties(mass_kg, centre, np.diag([mass_kg * radius**2 / 2, across, across]))
+    if radius_m is None:
+        return RigidPiece(length_m, mass)
+    along_x = exp_map(np.array([0.0, np.pi / 2, 0.0]))
+    return RigidPiece(length_m, mass, (Shape("cylinder", (radius, length_m / 2), centre, along_x),))
 
 
 def family_module(law: JointLaw, family: ActuatorFamily, density_kg_m3: float | None) -> Module:
     """A module of a family; without a density it has that of water, for chains on which no weight acts."""
     density = WATER_KG_M3 if density_kg_m3 is None else density_kg_m3
-    return Module(law, family.module_length_m, family.mass(density))
+    return Module(law, family.module_length_m, family.mass(density), family.shapes())
 
 
 def build_chain(config: ChainConfig, segments: Sequence[Segment]) -> ChainModel:
     """Rigid pieces l/2, l, …, l, l/2 between base, joints and tip; each module's mass goes to its two halves.
 
     A segment's rotation is about the chain axis and relative to the base frame, so that the rest frame of its
-    first joint is turned by the difference to the segment before it.
+    first joint is turned by the difference to the segment before it. Rigid pieces lengthen the body in which
+    they stand.
 
     Raises:
         UserError: the chain's actuators and its laws take different inputs.
     """
-    modules = [(s.module, s.rotation_rad) for s in segments for _ in range(s.count)]
-    laws = list(dict.fromkeys(module.law for module, _ in modules))
+    laws = list(dict.fromkeys(s.piece.law for s in segments if isinstance(s.piece, Module)))
     joints: list[Joint] = []
-    bodies: list[MassProperties] = []
-    previous_rotation, before = 0.0, 0.0
-    tail = MassProperties.none()
-    for module, rotation in modules:
-        turn = exp_map(np.array([rotation - previous_rotation, 0.0, 0.0]))
-        offset = np.array([before + module.length_m / 2, 0.0, 0.0])
-        # The start half moves with the parent body, whose axes are turned back by `turn`.
-        start = module.mass.start.rotated(turn).shifted(offset)
-        bodies.append(tail.joined(start))
-        joints.append(Joint(laws.index(module.law), offset, turn))
-        tail, before, previous_rotation = module.mass.end, module.length_m / 2, rotation
-    bodies.append(tail)
+    bodies = [MassProperties.none()]
+    shapes: list[tuple[Shape, ...]] = [()]
+    rotation, reach = 0.0, 0.0
+    for segment in segments:
+        for _ in range(segment.count):
+            piece = segment.piece
+            if isinstance(piece, RigidPiece):
+                offset = np.array([reach, 0.0, 0.0])
+                bodies[-1] = bodies[-1].joined(piece.mass.shifted(offset))
+                shapes[-1] += tuple(shape.placed(np.eye(3), offset) for shape in piece.shapes)
+                reach += piece.length_m
+                continue
+            # The start half moves with the parent body, whose axes are turned back by `turn`.
+            turn = exp_map(np.array([segment.rotation_rad - rotation, 0.0, 0.0]))
+            offset = np.array([reach + piece.length_m / 2, 0.0, 0.0])
+            bodies[-1] = bodies[-1].joined(piece.mass.start.rotated(turn).shifted(offset))
+            shapes[-1] += tuple(shape.placed(turn, offset) for shape in piece.shapes.start)
+            joints.append(Joint(laws.index(piece.law), offset, turn))
+            bodies.append(piece.mass.end)
+            shapes.append(piece.shapes.end)
+            reach, rotation = piece.length_m / 2, segment.rotation_rad
     return ChainModel(
         joints=tuple(joints),
         bodies=tuple(bodies),
         laws=tuple(laws),
-        tip_offset_m=np.array([before, 0.0, 0.0]),
+        tip_offset_m=np.array([reach, 0.0, 0.0]),
         base_position_m=np.array(config.base.position_m, float),
         base_rotation=base_rotation(config.base),
         gravity_m_s2=np.array(config.gravity_m_s2, float),
         payload_kg=config.payload_kg,
         actuators=_actuators(config, laws),
+        shapes=tuple(shapes) if any(shapes) else (),
     )
 
 

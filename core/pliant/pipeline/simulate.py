@@ -13,12 +13,12 @@ import numpy as np
 from pliant.errors import UserError
 from pliant.interfaces.effect import Effect, EffectConfig, Model
 from pliant.interfaces.physics import PhysicsBackend, PhysicsConfig, Simulation, SimulationState
-from pliant.interfaces.task import Task, TaskConfig
+from pliant.interfaces.task import SceneEngine, SceneTask, Task, TaskConfig
 from pliant.pipeline.workbench import Workbench, content
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
 from pliant.records.history import History
-from pliant.records.rollout import Equilibrium, Inputs, TaskResult
+from pliant.records.rollout import Equilibrium, Inputs, OutsideDomain, TaskResult
 from pliant.registry.component import Component
 from pliant.store.store import Artifact
 
@@ -46,7 +46,7 @@ def simulate_stage(
     cannot simulate.
     """
     backend: PhysicsBackend = bench.build("physics", physics)
-    built_task: Task = bench.build("task", task)
+    built_task: Task | SceneTask = bench.build("task", task)
     built_effects: list[Effect] = [bench.build("effect", effect) for effect in effects]
     check_capabilities(backend, source.chain, physics.kind)
 
@@ -73,15 +73,56 @@ def simulate_stage(
     )
 
 
-def run_task(backend: PhysicsBackend, task: Task, effects: Sequence[Effect], chain: ChainModel) -> TaskResult:
-    """Apply the effects to the prepared chain, simulate it under the task, map the result."""
+def run_task(
+    backend: PhysicsBackend, task: Task | SceneTask, effects: Sequence[Effect], chain: ChainModel
+) -> TaskResult:
+    """Apply the effects to the prepared chain, simulate it under the task, map the result.
+
+    Raises:
+        UserError: the engine cannot simulate it, or a joint leaves its law's data and the task calls that an error.
+    """
     model = Model(task.prepare(chain))
     for effect in effects:
         model = effect.apply(model)
     check_terms(backend, model.chain)
-    with backend.build(model.chain) as simulation:
-        result = task.run(_WithInputs(simulation, model) if model.inputs else simulation)
+    if isinstance(task, SceneTask):
+        result = task.run(model.chain, _scene_engine(backend, model))
+    else:
+        with backend.build(model.chain) as simulation:
+            result = task.run(_WithInputs(simulation, model) if model.inputs else simulation)
+    if task.config.outside_domain == "error":
+        refuse_extrapolation(result.final.outside_domain)
     return replace(result, metrics=dict(model.reported(result.metrics)))
+
+
+def refuse_extrapolation(outside: Sequence[OutsideDomain]) -> None:
+    """Raise `UserError` that names the entry furthest outside its law's domain."""
+    if not outside:
+        return
+    worst = max(outside, key=lambda entry: abs(entry.excess))
+    raise UserError(
+        f"joint {worst.module} leaves the domain of its law: {worst.variable} by {worst.excess:.3g} at "
+        f"{worst.time_s:.3g} s ({len(outside)} such entries). Give the law data there, load the chain less, or "
+        "set 'outside_domain: report' in the task."
+    )
+
+
+def _scene_engine(backend: PhysicsBackend, model: Model) -> SceneEngine:
+    """The engine's scenes, with the effects' input maps in front of them.
+
+    Raises:
+        UserError: the engine has no contacts.
+    """
+    kind = backend.config.kind
+    if not backend.capabilities.contacts:
+        raise UserError(
+            f"physics '{kind}' has no contacts, which this task needs; use 'mujoco' or 'pybullet'."
+        )
+    if model.inputs:
+        raise UserError(
+            "effects on the input are not followed in scenes with contact yet; leave them out of 'effects'."
+        )
+    return backend.build_scene
 
 
 def check_terms(backend: PhysicsBackend, chain: ChainModel) -> None:

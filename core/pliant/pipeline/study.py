@@ -9,10 +9,11 @@ from typing import Any
 
 import numpy as np
 
+from pliant.config.chain import ChainConfig, SegmentConfig
 from pliant.config.study import BLOCKS, Study, varied
 from pliant.errors import MissingDependencyError, UserError
 from pliant.interfaces.family import ActuatorFamily, FamilyConfig
-from pliant.pipeline.chain import Module, Segment, build_chain, family_module, rod_module
+from pliant.pipeline.chain import Module, Segment, build_chain, family_module, rigid_rod, rod_module
 from pliant.pipeline.dataset import fem_stage
 from pliant.pipeline.simulate import ChainSource, simulate_stage
 from pliant.pipeline.surrogate import LawStage, law_stage
@@ -178,12 +179,16 @@ def _chain_source(bench: Workbench, study: Study, designs: Sequence[DesignStages
     modules = {repr(d.family.canonical()) if d.family else "": _module(bench, study, d) for d in designs}
     segments = []
     for segment, family in zip(chain.as_segments(), _segment_families(study), strict=True):
-        module = modules[repr(family.canonical()) if family else ""]
-        segments.append(Segment(module, segment.modules, segment.rotation_rad))
+        if segment.rigid is not None:
+            rigid = segment.rigid
+            segments.append(Segment(rigid_rod(rigid.length_m, rigid.mass_kg, rigid.radius_m)))
+            continue
+        module = _of_segment(segment, chain, modules[repr(family.canonical()) if family else ""])
+        segments.append(Segment(module, segment.modules or 1, segment.rotation_rad))
     surrogate = content(study.surrogate) if study.surrogate else {"kind": DEFAULT_SURROGATE}
     surrogate.pop("data", None)  # its content is in the law's key
     # Segments as they were understood, not as they were written: "2 mm" and "0.002" make one chain.
-    pieces = [[s.modules, s.rotation_rad] for s in chain.as_segments()]
+    pieces = [{k: v for k, v in content(segment).items() if k != "family"} for segment in chain.as_segments()]
     config = {
         "chain": {k: v for k, v in content(chain).items() if k not in ("modules", "segments")},
         "segments": pieces,
@@ -198,6 +203,15 @@ def _chain_source(bench: Workbench, study: Study, designs: Sequence[DesignStages
     return ChainSource(build_chain(chain, segments), config, inputs, components)
 
 
+def _of_segment(segment: SegmentConfig, chain: ChainConfig, module: Module) -> Module:
+    """The segment's own rod where it has another length or mass than the chain's."""
+    if segment.module_length_m is None and segment.module_mass_kg is None:
+        return module
+    length = segment.module_length_m or module.length_m
+    mass = chain.module_mass_kg if segment.module_mass_kg is None else segment.module_mass_kg
+    return rod_module(module.law, length, mass, chain.module_radius_m)
+
+
 def _density(study: Study) -> float | None:
     return float(study.material.density_kg_m3) if study.material else None
 
@@ -209,11 +223,12 @@ def _module(bench: Workbench, study: Study, design: DesignStages) -> Module:
             raise UserError(
                 "a chain without a 'family' block needs 'chain.module_length', for example '11 mm'."
             )
-        return rod_module(design.law.law, chain.module_length_m, chain.module_mass_kg)
-    if chain.module_length_m is not None or chain.module_mass_kg:
+        return rod_module(design.law.law, chain.module_length_m, chain.module_mass_kg, chain.module_radius_m)
+    of_rods = (chain, *chain.segments)
+    if chain.module_radius_m or any(c.module_length_m is not None or c.module_mass_kg for c in of_rods):
         raise UserError(
-            "'chain.module_length' and 'chain.module_mass' are for chains without a 'family' block; "
-            "here the family gives both."
+            "'module_length', 'module_mass' and 'module_radius' are for chains without a 'family' block; "
+            "here the family gives them."
         )
     family: ActuatorFamily = bench.build("family", design.family)
     density = _density(study)

@@ -8,6 +8,7 @@ import numpy as np
 
 from pliant.records.design import Array, MassProperties
 from pliant.records.law import JointLaw
+from pliant.records.shape import Shape
 from pliant.records.term import LawTerm
 
 GRAVITY_M_S2 = (0.0, 0.0, -9.81)
@@ -51,6 +52,7 @@ class ChainModel:
         payload_kg: point mass hung at the tip.
         actuators: one entry for a single chamber; two of opposite sign for opposed chambers.
         terms: what effects add to the law of every joint.
+        shapes: what collides, per body (n + 1 entries) in the body's frame; empty where nothing does.
     """
 
     joints: tuple[Joint, ...]
@@ -63,6 +65,7 @@ class ChainModel:
     payload_kg: float = 0.0
     actuators: tuple[Actuator, ...] = (Actuator("pressure_pa"),)
     terms: tuple[LawTerm, ...] = ()
+    shapes: tuple[tuple[Shape, ...], ...] = ()
 
     @property
     def n_joints(self) -> int:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -51,6 +51,22 @@ class LawRecord:
     arrays: Mapping[str, Array]
 
 
+# f(actuation, deformation, parameters, tau, dtau_dp, dtau_du): fills tau (a,), dtau_dp (a,) and dtau_du (a, a).
+ScalarFunction = Callable[[float, Array, Array, Array, Array, Array], None]
+
+
+@dataclass(frozen=True, eq=False)
+class ScalarLaw:
+    """A law as one plain function of numbers and small arrays, which an engine may compile, and its parameters.
+
+    The function stands at the top of its file and uses arithmetic, `if`, loops, functions of `math` and other
+    functions of the same file; it allocates nothing. All laws of one form share the function.
+    """
+
+    function: ScalarFunction
+    parameters: Array
+
+
 class JointLaw(ABC):
     """τ(p, u) of one module's joint with u in the joint's own coordinates (docs/conventions.md).
 
@@ -84,6 +100,10 @@ class JointLaw(ABC):
             tau = self.evaluate(actuation, node * deformation).tau
             work += weight * np.einsum("na,na->n", tau, deformation)
         return -work
+
+    def scalar(self) -> ScalarLaw | None:
+        """The same law for compiled engines; None where it has no such form, then engines call `evaluate`."""
+        return None
 
     @abstractmethod
     def record(self) -> LawRecord:

@@ -3,12 +3,43 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
 from pliant.records.design import Array
+from pliant.records.scene import SceneFrames
+
+
+@dataclass(frozen=True, eq=False)
+class PointForce:
+    """A dead force: `force_n` (3,) in the world, at `point_m` (3,) in the frame of body 0…n of the chain.
+
+    A wrench is a force and a couple of two opposite forces beside each other: so it has a potential.
+    """
+
+    body: int
+    point_m: Array
+    force_n: Array
+
+    def scaled(self, share: float) -> PointForce:
+        """A share of the force."""
+        return replace(self, force_n=share * np.asarray(self.force_n, float))
+
+
+@dataclass(frozen=True, eq=False)
+class Cord:
+    """A cord of constant tension T from a point x of body 0…n to a pulley in the world, of potential T |x − pulley|."""
+
+    body: int
+    point_m: Array
+    pulley_m: Array
+    tension_n: float
+
+    def scaled(self, share: float) -> Cord:
+        """A share of the tension."""
+        return replace(self, tension_n=share * self.tension_n)
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,11 +52,15 @@ class Inputs:
         moment_n_m: external end moment about the main axis that opposes the actuation. It is carried by every
             joint: its potential is moment · Σ main-axis coordinates, on a planar chain that of a moment on the
             tip body. Prismatic chains take none.
+        forces: dead forces at points of the bodies.
+        cords: cords of constant tension toward pulleys.
     """
 
     actuation: Mapping[str, float]
     tip_force_n: Array = field(default_factory=lambda: np.zeros(3))
     moment_n_m: float = 0.0
+    forces: tuple[PointForce, ...] = ()
+    cords: tuple[Cord, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -84,8 +119,29 @@ class Rollout:
 
 @dataclass(frozen=True, eq=False)
 class TaskResult:
-    """What a task leaves behind: the settled chain, the task's metrics (SI, unit in the name), a history."""
+    """What a task leaves behind: the settled chain, the task's metrics (SI, unit in the name), a history.
+
+    A task in a scene leaves `frames` of its first trial; its `final` is the first arm at the end, whose residual is
+    not a number because contact forces are not in it.
+    """
 
     final: Equilibrium
     metrics: Mapping[str, Any]
     rollout: Rollout | None = None
+    frames: SceneFrames | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Sensitivity:
+    """How an equilibrium moves to first order, by the implicit function theorem.
+
+    Keys: each input's name (`pressure_pa`), `tip_force_n` (trailing 3), `moment_n_m`, `payload_kg`,
+    `gravity_m_s2` (trailing 3) and `law_0`… (trailing: the parameters of `ChainModel.laws[k].scalar()`).
+
+    Attributes:
+        joint_angles: (n, a, …) change of the joint coordinates per unit of each quantity.
+        markers_m: (n + 2, 3, …) change of the markers.
+    """
+
+    joint_angles: Mapping[str, Array]
+    markers_m: Mapping[str, Array]

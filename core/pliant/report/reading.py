@@ -141,9 +141,9 @@ def module_designs(run: FinishedRun) -> tuple[list[int], list[float]] | None:
     segments = chain.as_segments()
     indices = run.segment_designs or (0,) * len(segments)
     designs = [
-        index for index, segment in zip(indices, segments, strict=True) for _ in range(segment.modules)
+        index for index, segment in zip(indices, segments, strict=True) for _ in range(segment.modules or 0)
     ]
-    turns = [segment.rotation_rad for segment in segments for _ in range(segment.modules)]
+    turns = [segment.rotation_rad for segment in segments for _ in range(segment.modules or 0)]
     return designs, turns
 
 

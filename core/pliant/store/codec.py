@@ -12,6 +12,7 @@ from pliant.records.design import Design
 from pliant.records.fem import FemDataset, FemState, ModuleShape
 from pliant.records.law import FitReport, LawRecord
 from pliant.records.rollout import Equilibrium, OutsideDomain, Rollout, TaskResult
+from pliant.records.scene import SceneFrames
 
 RECORDS: dict[str, type[Any]] = {
     cls.__name__: cls
@@ -26,6 +27,7 @@ RECORDS: dict[str, type[Any]] = {
         OutsideDomain,
         Rollout,
         TaskResult,
+        SceneFrames,
     )
 }
 

@@ -1,0 +1,142 @@
+"""A scene: arms on one carriage, free objects, a floor. What tasks with contact build and engines simulate."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from pliant.records.chain import GRAVITY_M_S2, ChainModel
+from pliant.records.design import Array, MassProperties
+from pliant.records.shape import Shape
+
+
+@dataclass(frozen=True, eq=False)
+class Arm:
+    """A chain on the scene's carriage; its `ChainModel.shapes` collide, with this coefficient of friction."""
+
+    chain: ChainModel
+    friction: float = 0.8
+
+
+@dataclass(frozen=True, eq=False)
+class FreeBody:
+    """An object that moves freely.
+
+    Attributes:
+        name: for messages and pictures.
+        mass: in the object's own frame; its centre of mass need not be the origin.
+        shapes: what collides, in the same frame.
+        friction: coefficient against the floor, and against arms by the scene's rule.
+        position_m, rotation: (3,) and (3, 3), pose at the start.
+    """
+
+    name: str
+    mass: MassProperties
+    shapes: tuple[Shape, ...]
+    friction: float
+    position_m: Array
+    rotation: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """Arms, objects and floor, at rest at time 0.
+
+    The coefficient of friction of a pair is the product of both bodies' coefficients, in every engine: an
+    object of coefficient 1 takes the arms' own. Arms do not collide with each other or themselves.
+
+    Attributes:
+        arms: chains with their base poses in the world at the start; the carriage moves all of them together.
+        objects: free bodies; they collide with arms, floor and each other.
+        floor_m: height of a horizontal floor, or None.
+        floor_friction: its coefficient.
+        gravity_m_s2: (3,), for arms and objects alike; the chains' own is not used.
+    """
+
+    arms: tuple[Arm, ...]
+    objects: tuple[FreeBody, ...] = ()
+    floor_m: float | None = None
+    floor_friction: float = 1.0
+    gravity_m_s2: Array = field(default_factory=lambda: np.array(GRAVITY_M_S2))
+
+
+class Part(NamedTuple):
+    """A body in a scene: arm `number` (from 0) and its body, object `number`, or the floor."""
+
+    kind: Literal["arm", "object", "floor"]
+    number: int = 0
+    body: int = 0
+
+
+@dataclass(frozen=True, eq=False)
+class Contact:
+    """A touching point. Forces are those on `second`, in the world.
+
+    Attributes:
+        first, second: the bodies; of an arm and an object, the arm comes first.
+        position_m: (3,).
+        normal: (3,) unit vector from first to second.
+        normal_n: pressing force along it, ≥ 0.
+        friction_n: (3,) tangential force on second.
+    """
+
+    first: Part
+    second: Part
+    position_m: Array
+    normal: Array
+    normal_n: float
+    friction_n: Array
+
+
+@dataclass(frozen=True, eq=False)
+class SceneState:
+    """Snapshot of a scene.
+
+    Attributes:
+        time_s: since the start.
+        carriage_m: (3,) displacement of the carriage.
+        coordinates, rates: per arm (n, a) joint coordinates and their rates.
+        positions_m, rotations: (k, 3) and (k, 3, 3) of the objects.
+        velocities: (k, 6) linear velocity of the frame's origin and angular velocity, world.
+        memories: per arm the memory of law terms (n, a, states), or None.
+        private: what else the engine needs to go on exactly (warm starts, caches), arrays by name.
+    """
+
+    time_s: float
+    carriage_m: Array
+    coordinates: tuple[Array, ...]
+    rates: tuple[Array, ...]
+    positions_m: Array
+    rotations: Array
+    velocities: Array
+    memories: tuple[Array | None, ...] = ()
+    private: dict[str, Array] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
+class SceneFrames:
+    """A scene's motion as recorded: time_s (t,), carriage_m (t, 3), per arm coordinates (t, n, a), and objects.
+
+    positions_m (t, k, 3) and rotations (t, k, 3, 3) are those of the objects. No engine is needed to draw it.
+    """
+
+    time_s: Array
+    carriage_m: Array
+    coordinates: tuple[Array, ...]
+    positions_m: Array
+    rotations: Array
+
+    @staticmethod
+    def of(states: Sequence[SceneState]) -> SceneFrames:
+        """Frames of a series of snapshots."""
+        arms = range(len(states[0].coordinates))
+        return SceneFrames(
+            time_s=np.array([s.time_s for s in states]),
+            carriage_m=np.array([s.carriage_m for s in states]),
+            coordinates=tuple(np.array([s.coordinates[k] for s in states]) for k in arms),
+            positions_m=np.array([s.positions_m for s in states]),
+            rotations=np.array([s.rotations for s in states]),
+        )

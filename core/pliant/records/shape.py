@@ -1,0 +1,74 @@
+"""Shapes: what collides, and what is drawn."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pliant.records.design import Array
+
+ShapeKind = Literal["box", "sphere", "capsule", "cylinder", "ellipsoid", "mesh"]
+
+
+@dataclass(frozen=True, eq=False)
+class TriangleMesh:
+    """A surface: vertices_m (v, 3) in metres, faces (f, 3) vertex ids, counter-clockwise seen from outside."""
+
+    vertices_m: Array
+    faces: NDArray[np.int64]
+
+    def placed(self, rotation: Array, position_m: Array) -> TriangleMesh:
+        """The same surface turned, then moved."""
+        return TriangleMesh(self.vertices_m @ np.asarray(rotation, float).T + position_m, self.faces)
+
+    def joined(self, other: TriangleMesh) -> TriangleMesh:
+        """Both surfaces as one, without merging vertices."""
+        faces = np.concatenate([self.faces, other.faces + len(self.vertices_m)])
+        return TriangleMesh(np.concatenate([self.vertices_m, other.vertices_m]), faces)
+
+
+@dataclass(frozen=True, eq=False)
+class Shape:
+    """A convex collision shape in the frame of the body that carries it.
+
+    Attributes:
+        kind: a primitive, or "mesh", which stands for the convex hull of `mesh`.
+        size_m: box: half edges (3,); sphere: (radius,); capsule and cylinder: (radius, half length along the
+            shape's own z, a capsule's without its caps); ellipsoid: semi-axes (3,); mesh: ().
+        position_m, rotation: (3,) and (3, 3) pose of the shape in the body's frame.
+        mesh: the surface of kind "mesh".
+    """
+
+    kind: ShapeKind
+    size_m: tuple[float, ...]
+    position_m: Array
+    rotation: Array
+    mesh: TriangleMesh | None = None
+
+    def placed(self, rotation: Array, position_m: Array) -> Shape:
+        """The same shape with its body's frame turned, then moved."""
+        turned = np.asarray(rotation, float)
+        return replace(
+            self,
+            position_m=turned @ self.position_m + np.asarray(position_m, float),
+            rotation=turned @ self.rotation,
+        )
+
+
+@dataclass(frozen=True)
+class HalfShapes:
+    """Collision shapes of a module's two halves in the module frame, as in `ModuleMass`."""
+
+    start: tuple[Shape, ...]
+    end: tuple[Shape, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class HalfSurfaces:
+    """Surfaces of a module's two halves in the module frame, for pictures and STL."""
+
+    start: TriangleMesh
+    end: TriangleMesh
