@@ -7,7 +7,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from pliant.records.design import Array
-from pliant.records.law import Domain, Effort, JointKind, JointLaw, LawRecord
+from pliant.records.law import Domain, Effort, JointKind, JointLaw, LawRecord, ScalarLaw
+from pliant_plugins.surrogates.polynomial.scalar import axes_effort, block
 
 KIND = "polynomial"
 # A continuation in p may take at most this share of the boundary's stiffness.
@@ -72,6 +73,13 @@ class PolynomialLaw(JointLaw):
         """Π(p, u) − Π(p, 0) in J, shape (n,), in closed form, continuation included."""
         p, u = np.asarray(actuation, float), np.asarray(deformation, float)[:, 0]
         return self._antiderivative(p, np.zeros_like(u)) - self._antiderivative(p, u)
+
+    def scalar(self) -> ScalarLaw:
+        """The same law for compiled engines; the continuation's reaches are held parameters there."""
+        box = np.concatenate([self.domain.actuation[None], self.domain.deformation])
+        maps = (self.actuation_map, self.deformation_map)
+        parameters = block(self.coefficients, maps, box, self._reach, self._reference_gain, self.odd)
+        return ScalarLaw(axes_effort, parameters)
 
     def record(self) -> LawRecord:
         """Coefficients, scales and domain; `Polynomial.load` makes the same law of them."""
