@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -28,7 +29,10 @@ class FittedLaw:
 
 
 class Surrogate(ABC):
-    """A way to make a law. The fit stage calls `stated` first; if that is None, `fit` with a data set."""
+    """A way to make a law. The fit stage calls `stated` first; if that is None, `fit` with a data set.
+
+    A law of several axes has a table for each: then `tables` names them and `fit_axes` gets them.
+    """
 
     def __init__(self, config: SurrogateConfig) -> None:
         self.config = config
@@ -36,6 +40,21 @@ class Surrogate(ABC):
     def stated(self) -> JointLaw | None:
         """The law that the config states by its coefficients, or None if the law must be fitted."""
         return None
+
+    def tables(self) -> Mapping[str, Path]:
+        """The config's own tables by axis; "" stands for the law of one axis."""
+        return {} if self.config.data is None else {"": self.config.data}
+
+    def needs_fem(self) -> bool:
+        """Whether some axis is neither stated nor has a table, so that the FEM stage's states are fitted."""
+        return not self.tables() and self.stated() is None
+
+    def fit_axes(self, data: Mapping[str, FemDataset]) -> FittedLaw:
+        """Fit the data of `tables`, those of the FEM stage under ""; a law of one axis is `fit` of that.
+
+        Raises `UserError` as `fit` does.
+        """
+        return self.fit(data[""])
 
     @abstractmethod
     def fit(self, data: FemDataset) -> FittedLaw:

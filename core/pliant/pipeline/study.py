@@ -99,7 +99,7 @@ def laws_of_study(bench: Workbench, study: Study) -> tuple[DesignStages, ...]:
     """Data and law of each distinct design of the study."""
     surrogate = study.surrogate or _default(bench, "surrogate", DEFAULT_SURROGATE)
     families: Sequence[FamilyConfig | None] = _distinct_families(study) or [None]
-    needs_fem = surrogate.data is None and bench.build("surrogate", surrogate).stated() is None
+    needs_fem = bench.build("surrogate", surrogate).needs_fem()
     designs = []
     for family in families:
         fem = _fem(bench, study, family) if needs_fem and family is not None else None
@@ -140,6 +140,21 @@ def simulate_study(bench: Workbench, study: Study) -> StudyRun:
     return StudyRun(study, designs, source.chain, tuple(engines), wall_s, tuple(study.unused()))
 
 
+def chain_segments(bench: Workbench, study: Study, designs: Sequence[DesignStages]) -> list[Segment]:
+    """The segments of the study's chain, for `build_chain`."""
+    chain = study.need("chain", "a simulation")
+    modules = {repr(d.family.canonical()) if d.family else "": _module(bench, study, d) for d in designs}
+    segments = []
+    for segment, family in zip(chain.as_segments(), _segment_families(study), strict=True):
+        if segment.rigid is not None:
+            rigid = segment.rigid
+            segments.append(Segment(rigid_rod(rigid.length_m, rigid.mass_kg, rigid.radius_m)))
+            continue
+        module = _of_segment(segment, chain, modules[repr(family.canonical()) if family else ""])
+        segments.append(Segment(module, segment.modules or 1, segment.rotation_rad))
+    return segments
+
+
 def _fem(bench: Workbench, study: Study, family: FamilyConfig) -> Artifact:
     return fem_stage(bench, family, study.need("material", "FEM"), study.need("fem", "FEM"))
 
@@ -176,15 +191,7 @@ def _distinct_families(study: Study) -> list[FamilyConfig]:
 
 def _chain_source(bench: Workbench, study: Study, designs: Sequence[DesignStages]) -> ChainSource:
     chain = study.need("chain", "a simulation")
-    modules = {repr(d.family.canonical()) if d.family else "": _module(bench, study, d) for d in designs}
-    segments = []
-    for segment, family in zip(chain.as_segments(), _segment_families(study), strict=True):
-        if segment.rigid is not None:
-            rigid = segment.rigid
-            segments.append(Segment(rigid_rod(rigid.length_m, rigid.mass_kg, rigid.radius_m)))
-            continue
-        module = _of_segment(segment, chain, modules[repr(family.canonical()) if family else ""])
-        segments.append(Segment(module, segment.modules or 1, segment.rotation_rad))
+    segments = chain_segments(bench, study, designs)
     surrogate = content(study.surrogate) if study.surrogate else {"kind": DEFAULT_SURROGATE}
     surrogate.pop("data", None)  # its content is in the law's key
     # Segments as they were understood, not as they were written: "2 mm" and "0.002" make one chain.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -37,10 +38,10 @@ def law_stage(bench: Workbench, config: SurrogateConfig, dataset: Artifact | Non
     stated = surrogate.stated()
     if stated is not None:
         return LawStage(stated, None, None, None)
-    data, key = _data(config, dataset)
+    data, keys = _data(surrogate, dataset)
 
     def compute(partial: Path) -> Any:
-        fitted = surrogate.fit(data)
+        fitted = surrogate.fit_axes(data)
         return {"law": fitted.law.record(), "report": fitted.report}
 
     artifact = bench.make(
@@ -48,20 +49,39 @@ def law_stage(bench: Workbench, config: SurrogateConfig, dataset: Artifact | Non
         compute,
         components=[bench.component("surrogate", config)],
         modules=["pliant.pipeline.surrogate"],
-        config={"surrogate": {name: value for name, value in content(config).items() if name != "data"}},
-        inputs={"data": key},
+        config={"surrogate": without_tables(content(config))},
+        inputs=keys,
     )
     law = surrogate.load(artifact.value["law"])
-    return LawStage(law, artifact.value["report"], artifact, data)
+    return LawStage(law, artifact.value["report"], artifact, _shown(data))
 
 
-def _data(config: SurrogateConfig, dataset: Artifact | None) -> tuple[FemDataset, str]:
-    if config.data is not None:
-        data = read_table(config.data)
-        return data, "sha256:" + hashlib.sha256(config.data.read_bytes()).hexdigest()
-    if dataset is None:
-        raise UserError(
-            f"surrogate '{config.kind}' needs data: give a 'family', 'material' and 'fem' block, "
-            "or 'surrogate.data: table.csv'."
-        )
-    return dataset.value, dataset.key
+def without_tables(config: Mapping[str, Any]) -> dict[str, Any]:
+    """A surrogate's config without the places of its tables: their content is what counts."""
+    return {
+        name: without_tables(value) if isinstance(value, Mapping) else value
+        for name, value in config.items()
+        if name != "data"
+    }
+
+
+def _data(surrogate: Surrogate, dataset: Artifact | None) -> tuple[dict[str, FemDataset], dict[str, str]]:
+    """Data sets by axis, and what keys them."""
+    data, keys = {}, {}
+    for axis, path in surrogate.tables().items():
+        name = f"data_{axis}" if axis else "data"
+        data[axis] = read_table(path)
+        keys[name] = "sha256:" + hashlib.sha256(path.read_bytes()).hexdigest()
+    if surrogate.needs_fem():
+        if dataset is None:
+            raise UserError(
+                f"surrogate '{surrogate.config.kind}' needs data: give a 'family', 'material' and 'fem' block, "
+                "or 'surrogate.data: table.csv'."
+            )
+        data[""], keys["data"] = dataset.value, dataset.key
+    return data, keys
+
+
+def _shown(data: Mapping[str, FemDataset]) -> FemDataset:
+    """The data set that pictures show: that of the law's only axis or of the main one, else the first."""
+    return next((data[axis] for axis in ("", "y") if axis in data), next(iter(data.values())))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import BeforeValidator, ConfigDict, Field, model_validator
@@ -9,7 +10,7 @@ from pydantic_core import PydanticCustomError
 
 from pliant.interfaces.base import FrozenModel
 from pliant.interfaces.surrogate import SurrogateConfig
-from pliant.units import Angle, UnitError, parse_quantity
+from pliant.units import Angle, Length, UnitError, parse_quantity
 
 
 def _actuation(value: Any) -> Any:
@@ -32,7 +33,10 @@ Actuation = Annotated[float, BeforeValidator(_actuation)]
 
 
 class StudyCoefficients(FrozenModel):
-    """Coefficients of τ(p, u) = k_n p + (m_a p + b_a) u − (m_e u²/2 + b_e u), in Pa (or N), rad and N·m."""
+    """Coefficients of τ(p, u) = k_n p + (m_a p + b_a) u − (m_e u²/2 + b_e u), in Pa (or N), rad and N·m.
+
+    On a prismatic joint u is in m and τ in N.
+    """
 
     # "k_n" is a name, not a field "k" in newtons.
     model_config = ConfigDict(alias_generator=None)
@@ -49,10 +53,13 @@ class StatedDomain(FrozenModel):
 
     actuation: tuple[Actuation, Actuation] | None = None
     deformation: tuple[Angle, Angle] | None = None
+    extension_m: tuple[Length, Length] | None = Field(
+        default=None, description="instead of `deformation` on a prismatic joint"
+    )
 
     @model_validator(mode="after")
     def _ordered(self) -> Self:
-        for name in ("actuation", "deformation"):
+        for name in ("actuation", "deformation", "extension_m"):
             side = getattr(self, name)
             if side is not None and not side[0] < side[1]:
                 raise PydanticCustomError(
@@ -63,14 +70,14 @@ class StatedDomain(FrozenModel):
         return self
 
 
-class PolynomialConfig(SurrogateConfig):
-    """A polynomial law τ(p, u).
+class AxisConfig(FrozenModel):
+    """A polynomial law of one axis, fitted to data or stated.
 
     `form: adaptive` fits a polynomial whose degree is chosen by cross-validation; `form: study` fits the
     published five-coefficient form, or states it by `coefficients`.
     """
 
-    kind: Literal["polynomial"] = "polynomial"
+    data: Path | None = Field(default=None, description="CSV with pressure_pa, angle_rad, moment_n_m")
     form: Literal["adaptive", "study"] = Field(
         default="adaptive", description="adaptive: degree by cross-validation; study: the published form"
     )
@@ -83,7 +90,6 @@ class PolynomialConfig(SurrogateConfig):
     actuation_name: Literal["pressure_pa", "tendon_force_n"] = Field(
         default="pressure_pa", description="input of a stated law"
     )
-    axis: Literal["x", "y", "z"] = Field(default="y", description="axis of a stated law")
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
@@ -98,6 +104,49 @@ class PolynomialConfig(SurrogateConfig):
             )
         elif self.coefficients is not None and self.data is not None:
             problem = "coefficients state the law and data fits one: give only one of them"
+        if problem:
+            raise PydanticCustomError("polynomial", "{problem}", {"problem": problem})
+        return self
+
+
+class AxesConfig(FrozenModel):
+    """The axes of a spherical joint, each with a law of its own: x is the twist, y the main axis."""
+
+    x: AxisConfig
+    y: AxisConfig
+    z: AxisConfig
+
+    def each(self) -> dict[str, AxisConfig]:
+        """The blocks by axis."""
+        return {"x": self.x, "y": self.y, "z": self.z}
+
+
+class PolynomialConfig(AxisConfig, SurrogateConfig):
+    """A polynomial law τ(p, u) of one axis, or `axes`: three of them for a spherical joint."""
+
+    kind: Literal["polynomial"] = "polynomial"
+    axis: Literal["x", "y", "z"] | None = Field(
+        default=None, description="axis of a stated law; y, or x on a prismatic joint, by default"
+    )
+    joint: Literal["revolute", "prismatic"] = Field(default="revolute", description="joint of a stated law")
+    axes: AxesConfig | None = Field(default=None, description="a spherical joint: a law for each of x, y, z")
+
+    @model_validator(mode="after")
+    def _one_joint(self) -> Self:
+        domain = self.domain or StatedDomain()
+        own = PolynomialConfig.model_fields.items()
+        beside = [n for n, f in own if n not in ("kind", "axes") and getattr(self, n) != f.default]
+        problem = None
+        if self.axes is not None and beside:
+            problem = f"'{beside[0]}' stands beside 'axes': give it in the axes it belongs to"
+        elif self.joint == "prismatic" and self.coefficients is None:
+            problem = "joint prismatic is for a law stated by coefficients, in N and m: give 'coefficients'"
+        elif self.joint == "prismatic" and domain.deformation is not None:
+            problem = "a prismatic joint has no angle: give 'domain.extension' for 'domain.deformation'"
+        elif self.joint == "revolute" and domain.extension_m is not None:
+            problem = (
+                "domain.extension belongs to 'joint: prismatic'; an angle's range is 'domain.deformation'"
+            )
         if problem:
             raise PydanticCustomError("polynomial", "{problem}", {"problem": problem})
         return self

@@ -14,7 +14,7 @@ import numpy as np
 
 from pliant.errors import UserError
 from pliant.records.fem import FemDataset
-from pliant.records.law import Domain
+from pliant.records.law import Domain, JointKind
 from pliant_plugins.surrogates.polynomial.config import StatedDomain, StudyCoefficients
 from pliant_plugins.surrogates.polynomial.law import PolynomialLaw
 
@@ -27,6 +27,7 @@ def study_law(
     domain: Domain,
     actuation_name: str = "pressure_pa",
     axis: str = "y",
+    joint: JointKind = "revolute",
 ) -> PolynomialLaw:
     """The law of the study's coefficients in SI; `odd` puts u|u| for u²."""
     k = coefficients
@@ -37,7 +38,7 @@ def study_law(
     if not odd:
         table[0, 2] = -k.m_e / 2
     return PolynomialLaw(
-        table, UNITY, UNITY, domain, -k.m_e / 2 if odd else 0.0, actuation_name=actuation_name, axes=(axis,)
+        table, UNITY, UNITY, domain, -k.m_e / 2 if odd else 0.0, actuation_name, (axis,), joint
     )
 
 
@@ -64,7 +65,8 @@ def stated_domain(domain: StatedDomain | None) -> Domain:
     everywhere = Domain.unbounded(1)
     if domain is None:
         return everywhere
+    deformation = domain.deformation or domain.extension_m
     return Domain(
         everywhere.actuation if domain.actuation is None else np.array(domain.actuation, float),
-        everywhere.deformation if domain.deformation is None else np.array([domain.deformation], float),
+        everywhere.deformation if deformation is None else np.array([deformation], float),
     )

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 from pliant.errors import UserError
@@ -9,6 +11,8 @@ from pliant.interfaces.surrogate import FittedLaw, Surrogate
 from pliant.records.fem import FemDataset
 from pliant.records.law import FitReport, LawRecord
 from pliant_plugins.surrogates.polynomial import scoring
+from pliant_plugins.surrogates.polynomial.axes import axes_law, fit_each
+from pliant_plugins.surrogates.polynomial.axes_law import AxesLaw
 from pliant_plugins.surrogates.polynomial.config import PolynomialConfig
 from pliant_plugins.surrogates.polynomial.fit import Candidate, fit_adaptive
 from pliant_plugins.surrogates.polynomial.law import KIND, PolynomialLaw, largest_slope
@@ -29,13 +33,41 @@ class Polynomial(Surrogate):
     def __init__(self, config: PolynomialConfig) -> None:
         super().__init__(config)
 
-    def stated(self) -> PolynomialLaw | None:
+    def stated(self) -> PolynomialLaw | AxesLaw | None:
         """The law of the config's coefficients, or None."""
         config = self.config
+        if config.axes is not None:
+            laws = {axis: of_axis.stated() for axis, of_axis in self._of_axes().items()}
+            return axes_law(laws) if all(isinstance(law, PolynomialLaw) for law in laws.values()) else None
         if config.coefficients is None:
             return None
+        axis = config.axis or ("x" if config.joint == "prismatic" else "y")
         domain = stated_domain(config.domain)
-        return study_law(config.coefficients, config.odd, domain, config.actuation_name, config.axis)
+        return study_law(config.coefficients, config.odd, domain, config.actuation_name, axis, config.joint)
+
+    def tables(self) -> dict[str, Path]:
+        """The table of the law, or of each axis that has one."""
+        if self.config.axes is None:
+            return dict(super().tables())
+        return {axis: path for axis, one in self._of_axes().items() for path in one.tables().values()}
+
+    def needs_fem(self) -> bool:
+        """Whether the law, or one of its axes, is neither stated nor has a table."""
+        if self.config.axes is None:
+            return super().needs_fem()
+        return any(one.needs_fem() for one in self._of_axes().values())
+
+    def fit_axes(self, data: Mapping[str, FemDataset]) -> FittedLaw:
+        """The law of one axis, or of three: each stated, fitted to its table, or to the FEM states."""
+        return self.fit(data[""]) if self.config.axes is None else fit_each(self._of_axes(), data)
+
+    def _of_axes(self) -> dict[str, Polynomial]:
+        """The surrogate of each axis of a spherical joint."""
+        assert self.config.axes is not None
+        return {
+            axis: Polynomial(PolynomialConfig.model_validate({**one.model_dump(), "axis": axis}))
+            for axis, one in self.config.axes.each().items()
+        }
 
     def fit(self, data: FemDataset) -> FittedLaw:
         """Fit the states of role "fit" and score the law on those of role "check" (see `states.split`).
@@ -59,10 +91,12 @@ class Polynomial(Surrogate):
             choice = {"form": "adaptive", **_choice(chosen, candidates)}
         return FittedLaw(law, _report(law, states, {**choice, "parameters": parameters}))
 
-    def load(self, record: LawRecord) -> PolynomialLaw:
-        """The law of a record that `PolynomialLaw.record` wrote."""
+    def load(self, record: LawRecord) -> PolynomialLaw | AxesLaw:
+        """The law of a record that `PolynomialLaw.record` or `AxesLaw.record` wrote."""
         if record.kind != KIND:
             raise UserError(f"surrogate '{KIND}' cannot read a law of kind '{record.kind}'")
+        if record.values["joint"] == "spherical":
+            return AxesLaw.of_record(record)
         return PolynomialLaw.of_record(record)
 
 

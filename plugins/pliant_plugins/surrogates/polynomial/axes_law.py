@@ -1,0 +1,101 @@
+"""The law of a spherical joint whose three axes do not affect each other."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from pliant.errors import UserError
+from pliant.records.design import Array
+from pliant.records.law import Domain, Effort, JointKind, JointLaw, LawRecord, ScalarLaw
+from pliant_plugins.surrogates.polynomial.law import KIND, PolynomialLaw
+from pliant_plugins.surrogates.polynomial.scalar import axes_effort
+
+AXES = ("x", "y", "z")
+
+
+@dataclass(frozen=True, eq=False)
+class AxesLaw(JointLaw):
+    """τ_k(p, u) = law_k(p, u_k) for k = x, y, z, the components of the joint's rotation vector.
+
+    It derives from the potential Σ Π_k(p, u_k). Its domain is the box of all three laws: their pressures in
+    common, and each one's own angles.
+
+    Attributes:
+        laws: one law for each of x, y, z.
+
+    Raises:
+        UserError: the laws take different inputs or have no actuation in common.
+    """
+
+    laws: tuple[PolynomialLaw, PolynomialLaw, PolynomialLaw]
+    axes: tuple[str, ...] = AXES
+    joint: JointKind = "spherical"
+    actuation_name: str = field(init=False)
+    domain: Domain = field(init=False)
+
+    def __post_init__(self) -> None:
+        names = sorted({law.actuation_name for law in self.laws})
+        if len(names) > 1:
+            raise UserError(f"one joint has one actuation, and its axes take {' and '.join(names)}")
+        boxes = np.array([law.domain.actuation for law in self.laws])
+        common = np.array([boxes[:, 0].max(), boxes[:, 1].min()])
+        if not common[0] < common[1]:
+            ranges = ", ".join(f"{a} {low:g} to {high:g}" for a, (low, high) in zip(AXES, boxes, strict=True))
+            raise UserError(f"the axes have no {names[0]} in common: {ranges}")
+        deformation = np.concatenate([law.domain.deformation for law in self.laws])
+        object.__setattr__(self, "actuation_name", names[0])
+        object.__setattr__(self, "domain", Domain(common, deformation))
+
+    def evaluate(self, actuation: Array, deformation: Array) -> Effort:
+        """τ (n, 3), ∂τ/∂p (n, 3) and the diagonal ∂τ/∂u (n, 3, 3) for deformation (n, 3)."""
+        u = np.asarray(deformation, float)
+        each = [law.evaluate(actuation, u[:, k : k + 1]) for k, law in enumerate(self.laws)]
+        slopes = np.zeros((len(u), 3, 3))
+        for k, effort in enumerate(each):
+            slopes[:, k, k] = effort.dtau_du[:, 0, 0]
+        return Effort(
+            np.concatenate([effort.tau for effort in each], axis=1),
+            np.concatenate([effort.dtau_dp for effort in each], axis=1),
+            slopes,
+        )
+
+    def potential(self, actuation: Array, deformation: Array) -> Array:
+        """Π(p, u) − Π(p, 0) in J, shape (n,), in closed form."""
+        u = np.asarray(deformation, float)
+        total: Array = np.sum(
+            [law.potential(actuation, u[:, k : k + 1]) for k, law in enumerate(self.laws)], axis=0
+        )
+        return total
+
+    def scalar(self) -> ScalarLaw:
+        """The same law for compiled engines."""
+        return ScalarLaw(axes_effort, np.concatenate([law.scalar().parameters for law in self.laws]))
+
+    def record(self) -> LawRecord:
+        """The records of the axes, their names led by the axis."""
+        records = {axis: law.record() for axis, law in zip(AXES, self.laws, strict=True)}
+        values = {
+            "joint": self.joint,
+            "axes": list(AXES),
+            "actuation_name": self.actuation_name,
+            "of_axes": {axis: dict(record.values) for axis, record in records.items()},
+        }
+        arrays = {
+            f"{axis}_{name}": array
+            for axis, record in records.items()
+            for name, array in record.arrays.items()
+        }
+        return LawRecord(KIND, values, arrays)
+
+    @staticmethod
+    def of_record(record: LawRecord) -> AxesLaw:
+        """The law of a record; both evaluate to the same bits."""
+
+        def one(axis: str) -> PolynomialLaw:
+            start = f"{axis}_"
+            arrays = {k.removeprefix(start): v for k, v in record.arrays.items() if k.startswith(start)}
+            return PolynomialLaw.of_record(LawRecord(KIND, record.values["of_axes"][axis], arrays))
+
+        return AxesLaw((one("x"), one("y"), one("z")))
