@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from types import FunctionType
 from typing import Any
 
 import numpy as np
-from numba import cfunc
-from numba.extending import register_jitable
 
 from pliant.errors import UserError
 from pliant.mechanics.kinematics import ChainGeometry
@@ -18,6 +14,7 @@ from pliant.records.chain import ChainModel
 from pliant.records.design import Array
 from pliant.records.history import History
 from pliant.records.term import LawTerm, TermFunction
+from pliant_plugins.physics.compiled.functions import compile_function
 from pliant_plugins.physics.quasistatic.kernel import MAX_TERMS, NOTHING, ROLES, TERM_SIGNATURE
 
 
@@ -153,7 +150,7 @@ class Terms:
         parameters: list[float] = []
         for term in terms:
             if term.function not in compiled:
-                compiled[term.function] = _compile(term.function)
+                compiled[term.function] = compile_function(term.function, TERM_SIGNATURE, "law term")
             first, state = len(parameters), len(keeps)
             parameters += list(term.parameters)
             keeps += [term.keeps] * term.n_states
@@ -165,46 +162,3 @@ class Terms:
             np.array(keeps, np.bool_),
             np.array(parameters, float),
         )
-
-
-def _compile(function: TermFunction) -> Any:
-    try:
-        for helper in _helpers(function):
-            register_jitable(helper)
-        return cfunc(TERM_SIGNATURE, cache=_on_disk(function), error_model="numpy")(function)
-    except Exception as error:  # numba lets Python's own errors through beside its own
-        raise UserError(_why_not(function, error)) from error
-
-
-def _helpers(function: TermFunction) -> list[FunctionType]:
-    """Functions of its own file that a law term calls, and those that they call."""
-    found: list[FunctionType] = []
-    queue: list[Any] = [function]
-    while queue:
-        caller = queue.pop()
-        for name in caller.__code__.co_names:
-            helper = caller.__globals__.get(name)
-            ours = isinstance(helper, FunctionType) and helper.__module__ == function.__module__
-            if ours and helper is not function and helper not in found:
-                found.append(helper)
-                queue.append(helper)
-    return found
-
-
-def _why_not(function: TermFunction, error: Exception) -> str:
-    """Where and why a function cannot be compiled."""
-    code = getattr(function, "__code__", None)
-    if code is None:
-        return f"the law term {function!r} is no plain function; write one with 'def' at the top of its file"
-    text = [line.strip() for line in str(error).splitlines() if line.strip()]
-    reason = next((line for line in text if not line.startswith("Failed in")), type(error).__name__)
-    lines = re.findall(r'File "[^"]*", line (\d+)', str(error)) or [code.co_firstlineno]
-    return (
-        f"{code.co_filename}, line {lines[0]}: the law term '{function.__name__}' cannot be compiled "
-        f"({reason.rstrip('.:')}); it is scalar Python: arithmetic, 'if' and functions of math."
-    )
-
-
-def _on_disk(function: TermFunction) -> bool:
-    """Whether numba can cache it: functions made inside others have no stable name."""
-    return "<" not in function.__qualname__ and not function.__code__.co_filename.startswith("<")

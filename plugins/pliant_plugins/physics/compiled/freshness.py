@@ -1,0 +1,34 @@
+"""Machine code in numba's cache that is older than the sources of this room."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from numba import njit
+
+ROOM = Path(__file__).parent
+
+
+def cache_folder() -> Path:
+    """Where numba keeps the machine code of this room; all of its files share one folder."""
+    return Path(njit(cache=True)(_probe).stats.cache_path)
+
+
+def discard_stale() -> None:
+    """Remove cache indexes older than the newest source of the room: numba compiles anew what they listed."""
+    newest = max(source.stat().st_mtime for source in ROOM.glob("*.py"))
+    for index in cache_folder().glob("*.nbi"):
+        try:
+            if index.stat().st_mtime < newest:
+                index.unlink()
+        except OSError:  # another process was faster, or the installation is read-only
+            continue
+
+
+def is_cached(file: str, function: str) -> bool:
+    """Whether machine code of a function of this room, given by its file's stem, is in the cache."""
+    return any(cache_folder().glob(f"{file}.{function}-*.nbi"))
+
+
+def _probe() -> None:
+    """A function of this room; its cache's path is that of all."""
