@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -13,7 +15,7 @@ from pliant.mechanics.statics import ChainStatics, Loads, unstable_mode
 from pliant.records.chain import Actuator, ChainModel
 from pliant.records.design import Array
 from pliant.records.law import Domain, JointKind
-from pliant.records.rollout import Inputs
+from pliant.records.rollout import Cord, Inputs, PointForce
 
 
 def state(chain: ChainModel, seed: int = 1) -> tuple[ChainStatics, Array, Loads]:
@@ -21,7 +23,14 @@ def state(chain: ChainModel, seed: int = 1) -> tuple[ChainStatics, Array, Loads]
     turn = 0.01 if chain.laws[0].joint == "prismatic" else 0.8
     q = turn * random.normal(size=(chain.n_joints, len(chain.axes)))
     moment = 0.0 if chain.laws[0].joint == "prismatic" else 3e-3
-    inputs = Inputs({a.input: 1e4 for a in chain.actuators}, 0.1 * random.normal(size=3), moment)
+    forces = tuple(
+        PointForce(body, 0.01 * random.normal(size=3), 0.1 * random.normal(size=3))
+        for body in (0, 2, chain.n_joints)
+    )
+    cords = tuple(Cord(body, 0.01 * random.normal(size=3), random.normal(size=3), 0.3) for body in (1, 4))
+    inputs = Inputs(
+        {a.input: 1e4 for a in chain.actuators}, 0.1 * random.normal(size=3), moment, forces, cords
+    )
     return ChainStatics(chain), q, Loads.of(chain, inputs)
 
 
@@ -74,7 +83,14 @@ def test_rotating_base_gravity_and_force_together_rotates_everything(chain: Chai
         gravity_m_s2=turn @ chain.gravity_m_s2,
     )
     other = ChainStatics(turned)
-    there = Loads(loads.actuation, turn @ loads.gravity_m_s2, turn @ loads.tip_force_n, loads.moment_n_m)
+    there = Loads(
+        loads.actuation,
+        turn @ loads.gravity_m_s2,
+        turn @ loads.tip_force_n,
+        loads.moment_n_m,
+        forces=tuple(replace(f, force_n=turn @ f.force_n) for f in loads.forces),
+        cords=tuple(replace(c, pulley_m=turn @ c.pulley_m) for c in loads.cords),
+    )
     np.testing.assert_allclose(other.residual(q, there), statics.residual(q, loads), atol=1e-15)
     np.testing.assert_allclose(other.geometry.markers(q), statics.geometry.markers(q) @ turn.T, atol=1e-15)
 
@@ -216,3 +232,55 @@ def test_laws_of_a_chain_must_agree(chain: ChainModel) -> None:
     stray = type(chain.joints[0])(7, chain.joints[0].offset_m, chain.joints[0].rest_rotation)
     with pytest.raises(ContractError, match="does not have"):
         ChainStatics(chain.with_(joints=(stray, *chain.joints[1:])))
+
+
+def test_a_force_at_the_tip_is_the_tip_force(chain: ChainModel) -> None:
+    statics, q, _ = state(chain)
+    idle, force = {a.input: 0.0 for a in chain.actuators}, np.array([0.1, -0.2, 0.3])
+    at_tip = PointForce(chain.n_joints, chain.tip_offset_m, force)
+    one = statics.residual(q, Loads.of(chain, Inputs(idle, force)))
+    other = statics.residual(q, Loads.of(chain, Inputs(idle, forces=(at_tip,))))
+    np.testing.assert_allclose(other, one, atol=1e-15)
+
+
+def test_a_far_pulley_pulls_like_a_dead_force(spherical_chain: ChainModel) -> None:
+    statics, q, _ = state(spherical_chain)
+    idle, away = {a.input: 0.0 for a in spherical_chain.actuators}, np.array([0.0, 0.6, 0.8])
+    cord = Cord(3, np.zeros(3), 1e6 * away, 0.5)
+    dead = PointForce(3, np.zeros(3), 0.5 * away)
+    pulled = statics.balance(q, Loads.of(spherical_chain, Inputs(idle, cords=(cord,))))
+    pushed = statics.balance(q, Loads.of(spherical_chain, Inputs(idle, forces=(dead,))))
+    np.testing.assert_allclose(pulled.residual, pushed.residual, atol=1e-8)
+    np.testing.assert_allclose(pulled.stiffness, pushed.stiffness, atol=1e-8)
+
+
+def test_point_jacobian_is_the_slope_of_the_point(chain: ChainModel) -> None:
+    statics, q, _ = state(chain)
+    arm, step = np.array([0.01, -0.02, 0.005]), 1e-6
+
+    def point(at: Array) -> Array:
+        pose = statics.geometry.forward(at)
+        found: Array = pose.origins[3] + pose.rotations[3] @ arm
+        return found
+
+    columns = [(point(q + d) - point(q - d)) / (2 * step) for d in nudges(q, step)]
+    jacobian = statics.point_jacobian(statics.geometry.forward(q), 3, point(q)).reshape(3, -1)
+    np.testing.assert_allclose(jacobian, np.array(columns).T, atol=1e-9)
+
+
+def test_loads_on_bodies_that_are_not_there_are_refused(spherical_chain: ChainModel) -> None:
+    idle = {a.input: 0.0 for a in spherical_chain.actuators}
+    with pytest.raises(UserError, match="body 6; the chain has bodies 0 to 5"):
+        Loads.of(spherical_chain, Inputs(idle, forces=(PointForce(6, np.zeros(3), np.zeros(3)),)))
+    with pytest.raises(UserError, match="tension_n of load 1 is nan"):
+        Loads.of(spherical_chain, Inputs(idle, cords=(Cord(1, np.zeros(3), np.ones(3), np.nan),)))
+
+
+def test_loads_that_stay_are_not_faded_by_a_continuation(spherical_chain: ChainModel) -> None:
+    idle = {a.input: 0.0 for a in spherical_chain.actuators}
+    stays, comes = PointForce(1, np.zeros(3), np.ones(3)), PointForce(2, np.zeros(3), np.ones(3))
+    before = Loads.of(spherical_chain, Inputs(idle, forces=(stays,)))
+    after = Loads.of(spherical_chain, Inputs(idle, forces=(stays, comes)))
+    between = before.between(after, 0.25)
+    assert [f.body for f in between.forces] == [1, 2]
+    np.testing.assert_allclose([f.force_n[0] for f in between.forces], [1.0, 0.25])
