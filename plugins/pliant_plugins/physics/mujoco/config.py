@@ -7,7 +7,7 @@ from typing import Literal
 from pydantic import Field
 
 from pliant.interfaces.physics import PhysicsConfig
-from pliant.units import Time
+from pliant.units import Length, Time
 
 
 class MujocoConfig(PhysicsConfig):
@@ -32,3 +32,29 @@ class MujocoConfig(PhysicsConfig):
         0.05, gt=0.0, description="pseudo-time step of the relaxation in `settle`"
     )
     max_settle_steps: int = Field(10000, ge=1, description="steps after which `settle` gives up")
+    contact_timestep_s: Time = Field(
+        2e-3,
+        gt=0.0,
+        description="longest internal step in a scene while an arm is near an object or an object moves; "
+        "else it is `timestep_s`",
+    )
+    near: Length = Field(
+        2e-3,
+        gt=0.0,
+        description="arm and object are near within this distance; steps are so short that none is jumped over",
+    )
+    contact_stiffness: float = Field(
+        1e5, gt=0.0, description="stiffness of contacts per effective mass, 1/s²"
+    )
+    contact_damping: float = Field(600.0, gt=0.0, description="damping of contacts per effective mass, 1/s")
+    contact_impedance: float = Field(
+        0.95, gt=0.0, lt=1.0, description="MuJoCo's solimp: the closer to 1, the harder the contact"
+    )
+    impratio: float = Field(
+        100.0,
+        gt=0.0,
+        description="MuJoCo's ratio of frictional to normal impedance: held objects creep less as it grows",
+    )
+    noslip_iterations: int = Field(
+        0, ge=0, description="MuJoCo's iterations against creep after each contact solve"
+    )

@@ -1,8 +1,4 @@
-"""A chain inside MuJoCo: joint coordinates in and out, efforts of the laws applied at every step.
-
-A ball joint's dofs are the angular velocity ω in the child's frame, dφ/dt = Jᵣ⁻¹ ω; an effort τ conjugate to
-φ is the torque Jᵣ⁻ᵀ τ there, so the work is the same in both coordinates.
-"""
+"""A chain alone in MuJoCo: it moves in real time, or relaxes in pseudo-time."""
 
 from __future__ import annotations
 
@@ -13,16 +9,11 @@ import mujoco
 import numpy as np
 
 from pliant.mechanics.inertia import longest_explicit_step, mass_matrix, regular
-from pliant.mechanics.rotations import (
-    quaternion_of_vector,
-    right_jacobian,
-    right_jacobian_inverse,
-    vector_of_quaternion,
-)
 from pliant.mechanics.statics import ChainStatics, Loads
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
 from pliant_plugins.physics.mujoco.config import MujocoConfig
+from pliant_plugins.physics.mujoco.joints import ChainJoints
 from pliant_plugins.physics.mujoco.mjcf import INERTIA_FLOOR_KG_M2, MASS_FLOOR_KG, chain_mjcf
 
 FALLBACK = "mujoco {} has no integrator 'discrete' (3.13 or later has): using implicitfast with shorter steps"
@@ -46,30 +37,23 @@ class MujocoChain:
         document = chain_mjcf(chain, "discrete" if self.implicit else "implicitfast")
         self.model = mujoco.MjModel.from_xml_string(document)
         self.data = mujoco.MjData(self.model)
-        self._geometry = statics.geometry
-        self._ball = self._geometry.kind == "spherical"
+        self.joints = ChainJoints(self.model, self.data, chain, statics)
         self._heard: list[str] = []
         self._listener = None
-        self._tip = self.model.body("tip").id
-        self._base = self.model.body("base").id
 
     @property
     def q(self) -> Array:
         """(n, a) joint coordinates."""
-        qpos = self.data.qpos
-        if not self._ball:
-            return np.array(qpos).reshape(-1, 1)
-        coordinates: Array = vector_of_quaternion(qpos.reshape(-1, 4)) @ self._geometry.basis
-        return coordinates
+        return self.joints.q
 
     @property
     def rates(self) -> Array:
         """(n, a) dq/dt."""
-        if not self._ball:
-            return np.array(self.data.qvel).reshape(-1, 1)
-        phi = self._geometry.rotation_vectors(self.q)
-        rates: Array = np.einsum("nij,nj->ni", right_jacobian_inverse(phi), self.data.qvel.reshape(-1, 3))
-        return rates @ self._geometry.basis
+        return self.joints.rates
+
+    def place(self, q: Array, rates: Array) -> None:
+        """Set joint coordinates and their rates."""
+        self.joints.place(q, rates)
 
     def set_stepping(self, timestep_s: float, damping: float) -> None:
         """Length of the next steps, and the viscous damping of every joint coordinate in them."""
@@ -83,49 +67,15 @@ class MujocoChain:
         mass = mass_matrix(self._chain.with_(bodies=pieces), self.q)
         return longest_explicit_step(mass, self.statics.balance(self.q, loads).stiffness, damping)
 
-    def place(self, q: Array, rates: Array) -> None:
-        """Set joint coordinates and their rates."""
-        if self._ball:
-            phi, phi_rate = self._geometry.rotation_vectors(q), self._geometry.rotation_vectors(rates)
-            self.data.qpos[:] = quaternion_of_vector(phi).ravel()
-            self.data.qvel[:] = np.einsum("nij,nj->ni", right_jacobian(phi), phi_rate).ravel()
-        else:
-            self.data.qpos[:] = q.ravel()
-            self.data.qvel[:] = rates.ravel()
-
     def advance(
         self, loads: Loads, q: Array, extra_stiffness: Array | None = None, caution: float = 1.0
     ) -> None:
-        """One step of `model.opt.timestep` from coordinates q, which are the present ones.
-
-        The joint's stiffness is set to the law's local slope k and the applied force to τ + k φ: the force is
-        exactly τ, and the integrator knows its slope. With `extra_stiffness` (n,), k is `caution` times the
-        slope's magnitude plus the extra; the force is still exactly τ.
-        """
-        effort = self.statics.efforts.evaluate(q, loads.actuation)
-        slopes = -0.5 * (effort.dtau_du + effort.dtau_du.transpose(0, 2, 1))
-        eigenvalues = np.linalg.eigvalsh(slopes) if self._ball else slopes[:, 0]
-        if extra_stiffness is None:
-            stiffness = np.maximum(eigenvalues, 0.0).max(axis=1)
-        else:
-            stiffness = caution * (np.abs(eigenvalues).max(axis=1) + extra_stiffness)
-        phi = self._geometry.rotation_vectors(q)
-        tau = effort.tau
-        tau[:, self._geometry.main] -= loads.moment_n_m
-        if self._ball:
-            inverse = right_jacobian_inverse(phi)
-            force = np.einsum("nji,nj->ni", inverse, self._geometry.rotation_vectors(tau))
-        else:
-            force, phi = tau, q
-        if self.implicit:
-            self.model.jnt_stiffness[:] = stiffness
-            force = force + stiffness[:, None] * phi
-        elif extra_stiffness is not None:
+        """One step of `model.opt.timestep` from coordinates q, which are the present ones; see `drive`."""
+        stiffness = self.joints.drive(loads, q, extra_stiffness, caution, self.implicit)
+        if not self.implicit and extra_stiffness is not None:
             # Without implicit stiffness the relaxation moves against inertia of the same size.
-            per_dof = np.repeat(stiffness, force.shape[1])
+            per_dof = np.repeat(stiffness, self.model.nv // len(stiffness))
             self.model.dof_armature[:] = self.model.opt.timestep**2 * per_dof
-        self.data.qfrc_applied[:] = force.ravel()
-        self.data.xfrc_applied[self._tip, :3] = loads.tip_force_n
         mujoco.mj_step(self.model, self.data)
 
     def halt(self, q: Array) -> None:
@@ -183,4 +133,4 @@ class MujocoChain:
     def markers(self) -> Array:
         """(n + 2, 3) base, joints and tip from MuJoCo's own kinematics."""
         mujoco.mj_kinematics(self.model, self.data)
-        return np.array(self.data.xpos[self._base : self._tip + 1])
+        return self.joints.markers()
