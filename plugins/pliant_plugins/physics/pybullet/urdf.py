@@ -1,9 +1,8 @@
-"""URDF of a chain: one link per body, inertias on their principal axes, no collision shapes."""
+"""URDF of chains and free bodies: one link per body, inertias on their principal axes, collision shapes on request."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
-from math import atan2, cos, hypot, sin
 from xml.etree import ElementTree
 
 import numpy as np
@@ -12,6 +11,9 @@ from pliant.mechanics.inertia import regular
 from pliant.mechanics.kinematics import ChainGeometry
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array, MassProperties
+from pliant.records.shape import Shape
+from pliant_plugins.physics.pybullet.collisions import CollisionWriter
+from pliant_plugins.physics.pybullet.xml_values import add_origin, text
 
 JOINT_TYPES = {"revolute": "continuous", "spherical": "spherical", "prismatic": "prismatic"}
 # A body without mass or inertia would make Bullet's recursion singular. The mass floor weighs 1e-11 N; the
@@ -20,13 +22,21 @@ MASS_FLOOR_KG = 1e-12
 INERTIA_FLOOR_KG_M2 = 1e-9
 
 
-def chain_urdf(chain: ChainModel) -> str:
-    """The URDF document. Link names: base, body_1…n, tip (fixed to the last body, carries the payload)."""
+def chain_urdf(
+    chain: ChainModel, base: MassProperties | None = None, collisions: CollisionWriter | None = None
+) -> str:
+    """The URDF document. Link names: base, body_1…n, tip (fixed to the last body, carries the payload).
+
+    Args:
+        base: what the base link weighs; nothing by default, for a base that is fixed.
+        collisions: writes the chain's shapes; without it nothing collides.
+    """
     geometry = ChainGeometry.of(chain)
+    shapes = chain.shapes if collisions is not None and chain.shapes else ((),) * (chain.n_joints + 1)
     root = ElementTree.Element("robot", name="chain")
-    _add_link(root, "base", MassProperties.none())
+    add_link(root, "base", base or MassProperties.none(), shapes[0], collisions)
     for i in range(chain.n_joints):
-        _add_link(root, f"body_{i + 1}", moving(chain.bodies[i + 1]))
+        add_link(root, f"body_{i + 1}", moving(chain.bodies[i + 1]), shapes[i + 1], collisions)
         joint = _add_joint(
             root,
             f"joint_{i + 1}",
@@ -34,14 +44,26 @@ def chain_urdf(chain: ChainModel) -> str:
             "base" if i == 0 else f"body_{i}",
             f"body_{i + 1}",
         )
-        _add_origin(joint, geometry.offsets[i], geometry.rest_rotations[i])
-        ElementTree.SubElement(joint, "axis", xyz=_text(geometry.basis[:, 0]))
+        add_origin(joint, geometry.offsets[i], geometry.rest_rotations[i])
+        ElementTree.SubElement(joint, "axis", xyz=text(geometry.basis[:, 0]))
         if geometry.kind == "prismatic":
             # Wider than any chain, so that the limit never acts.
             ElementTree.SubElement(joint, "limit", lower="-1e3", upper="1e3", effort="1e9", velocity="1e9")
-    _add_link(root, "tip", MassProperties(chain.payload_kg, np.zeros(3), np.zeros((3, 3))))
+    add_link(root, "tip", MassProperties(chain.payload_kg, np.zeros(3), np.zeros((3, 3))))
     tip = _add_joint(root, "tip", "fixed", f"body_{chain.n_joints}", "tip")
-    _add_origin(tip, chain.tip_offset_m, np.eye(3))
+    add_origin(tip, chain.tip_offset_m, np.eye(3))
+    return document(root)
+
+
+def body_urdf(piece: MassProperties, shapes: Iterable[Shape], collisions: CollisionWriter) -> str:
+    """The URDF document of one free body."""
+    root = ElementTree.Element("robot", name="object")
+    add_link(root, "object", moving(piece), shapes, collisions)
+    return document(root)
+
+
+def document(root: ElementTree.Element) -> str:
+    """The tree as text."""
     # Bullet's parser refuses long lines.
     ElementTree.indent(root)
     return ElementTree.tostring(root, encoding="unicode")
@@ -60,13 +82,24 @@ def principal(piece: MassProperties) -> tuple[Array, Array]:
     return moments, axes
 
 
-def _add_link(root: ElementTree.Element, name: str, piece: MassProperties) -> None:
-    inertial = ElementTree.SubElement(ElementTree.SubElement(root, "link", name=name), "inertial")
+def add_link(
+    root: ElementTree.Element,
+    name: str,
+    piece: MassProperties,
+    shapes: Iterable[Shape] = (),
+    collisions: CollisionWriter | None = None,
+) -> ElementTree.Element:
+    """A link with the piece's inertia on its principal axes, and shapes."""
+    link = ElementTree.SubElement(root, "link", name=name)
+    inertial = ElementTree.SubElement(link, "inertial")
     moments, axes = principal(piece)
-    _add_origin(inertial, piece.com_m, axes)
+    add_origin(inertial, piece.com_m, axes)
     ElementTree.SubElement(inertial, "mass", value=repr(float(piece.mass_kg)))
     ixx, iyy, izz = (repr(max(float(moment), 0.0)) for moment in moments)
     ElementTree.SubElement(inertial, "inertia", ixx=ixx, iyy=iyy, izz=izz, ixy="0", ixz="0", iyz="0")
+    if collisions is not None:
+        collisions.add(link, shapes)
+    return link
 
 
 def _add_joint(
@@ -76,22 +109,3 @@ def _add_joint(
     ElementTree.SubElement(joint, "parent", link=parent)
     ElementTree.SubElement(joint, "child", link=child)
     return joint
-
-
-def _add_origin(element: ElementTree.Element, position: Array, rotation: Array) -> None:
-    ElementTree.SubElement(element, "origin", xyz=_text(position), rpy=_text(roll_pitch_yaw(rotation)))
-
-
-def roll_pitch_yaw(rotation: Array) -> tuple[float, float, float]:
-    """Angles with R = Rz(yaw) Ry(pitch) Rx(roll), accurate also at a pitch of ±90°."""
-    R = np.asarray(rotation, float)
-    yaw = atan2(R[1, 0], R[0, 0])
-    pitch = atan2(-R[2, 0], hypot(R[0, 0], R[1, 0]))
-    # Roll from the axes with yaw undone: no division by cos(pitch).
-    sine = sin(yaw) * R[0, 2] - cos(yaw) * R[1, 2]
-    cosine = cos(yaw) * R[1, 1] - sin(yaw) * R[0, 1]
-    return atan2(sine, cosine), pitch, yaw
-
-
-def _text(values: Iterable[float]) -> str:
-    return " ".join(repr(float(value)) for value in values)
