@@ -51,6 +51,7 @@ INTERFACE_CLASS = {
     "physics": "PhysicsBackend",
     "task": "Task",
     "optimizer": "Optimizer",
+    "viewer": "Viewer",
 }
 
 
@@ -164,10 +165,7 @@ def _kind_page(component: Component) -> str:
         f"{component.summary[0].upper()}{component.summary[1:]}.",
         "",
         *_requirement(component),
-        "```yaml",
-        *_example(component),
-        "```",
-        "",
+        *_usage(component),
         "## Keys",
         "",
         *_keys(model),
@@ -181,6 +179,13 @@ def _kind_page(component: Component) -> str:
         f"Contract: [{INTERFACE_CLASS[component.interface]}](index.md).",
     ]
     return "\n".join(lines) + "\n"
+
+
+def _usage(component: Component) -> list[str]:
+    """The block in a study; a viewer is an option of two verbs instead."""
+    if component.interface == "viewer":
+        return [f"`pliant render STUDY.yaml --viewer {component.kind}`", ""]
+    return ["```yaml", *_example(component), "```", ""]
 
 
 def _see_catalogue(component: Component) -> list[str]:

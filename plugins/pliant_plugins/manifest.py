@@ -26,7 +26,7 @@ NO_PYBULLET_WHEEL = (
 @hookimpl
 def pliant_components() -> Iterable[Component]:
     """All built-in components."""
-    return [*_modules(), *_engines(), *_effects()]
+    return [*_modules(), *_engines(), *_effects(), *_viewers()]
 
 
 def _modules() -> list[Component]:
@@ -112,6 +112,20 @@ def _engines() -> list[Component]:
             summary="actuate the chain with a payload or a force at its tip",
             example={"pressure": "15 kPa", "payload": "13 g"},
         ),
+    ]
+
+
+def _viewers() -> list[Component]:
+    return [
+        Component(
+            interface="viewer",
+            kind="mujoco",
+            config=f"{HERE}.viewing.config:MujocoViewerConfig",
+            implementation=f"{HERE}.viewing.backend:MujocoViewer",
+            summary="MuJoCo's renderer and its interactive window, for the results of every engine",
+            requires=("mujoco",),
+            install="pip install mujoco",
+        )
     ]
 
 

@@ -10,6 +10,7 @@ effect   → `Effect.apply`                           a model becomes a model wi
 physics  → `PhysicsBackend.build`                   a chain becomes a simulation
 task     → `Task.run`                               a simulation becomes metrics
 optimizer→ `Optimizer.ask`, `.tell`                 metrics become better designs
+viewer   → `Viewer.pictures`, `.show`               motions become pictures
 
 Every implementation is built by ``Class(config)`` with its own validated, frozen config model, a subclass of
 `pliant.interfaces.base.ComponentConfig`.

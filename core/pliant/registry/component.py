@@ -19,6 +19,7 @@ from pliant.interfaces.optimizer import OptimizerConfig
 from pliant.interfaces.physics import PhysicsConfig
 from pliant.interfaces.surrogate import SurrogateConfig
 from pliant.interfaces.task import TaskConfig
+from pliant.interfaces.viewer import ViewerConfig
 
 # Interface → the base that a component's config model has.
 CONFIG_BASES: dict[str, type[ComponentConfig]] = {
@@ -30,6 +31,7 @@ CONFIG_BASES: dict[str, type[ComponentConfig]] = {
     "physics": PhysicsConfig,
     "task": TaskConfig,
     "optimizer": OptimizerConfig,
+    "viewer": ViewerConfig,
 }
 INTERFACES = tuple(CONFIG_BASES)
 PLACE = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*:[A-Za-z_]\w*")

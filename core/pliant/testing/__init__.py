@@ -28,6 +28,7 @@ check_effect = partial(check_component, interface="effect")
 check_physics = partial(check_component, interface="physics")
 check_task = partial(check_component, interface="task")
 check_optimizer = partial(check_component, interface="optimizer")
+check_viewer = partial(check_component, interface="viewer")
 
 __all__ = [
     "BoundCheck",
@@ -46,6 +47,7 @@ __all__ = [
     "check_physics",
     "check_surrogate",
     "check_task",
+    "check_viewer",
     "checks_for",
     "parametrize_with_checks",
     "run_checks",

@@ -19,6 +19,7 @@ from pliant.interfaces.optimizer import Optimizer, OptimizerConfig
 from pliant.interfaces.physics import PhysicsBackend, PhysicsConfig
 from pliant.interfaces.surrogate import Surrogate, SurrogateConfig
 from pliant.interfaces.task import Task, TaskConfig
+from pliant.interfaces.viewer import Viewer, ViewerConfig
 from pliant.registry.files import FILE_MODULE
 from pliant.testing.suite import Subject, Suite, require
 from pliant.units import UNIT_SUFFIXES, Quantity
@@ -34,6 +35,7 @@ BASES: dict[str, tuple[type[ComponentConfig], type[Any]]] = {
     "physics": (PhysicsConfig, PhysicsBackend),
     "task": (TaskConfig, Task),
     "optimizer": (OptimizerConfig, Optimizer),
+    "viewer": (ViewerConfig, Viewer),
 }
 HEAVY = (
     "skfem",

@@ -1,0 +1,122 @@
+"""From a finished simulation to what a viewer draws: surfaces for shapes, frames at even times."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from pliant.errors import UserError
+from pliant.interfaces.family import ActuatorFamily
+from pliant.interfaces.task import SceneTask, Task
+from pliant.mechanics.rotations import exp_map, log_map
+from pliant.pipeline.chain import Module, Segment, build_chain
+from pliant.pipeline.study import DesignStages, StudyRun, chain_segments
+from pliant.pipeline.workbench import Workbench
+from pliant.records.chain import ChainModel
+from pliant.records.design import Array
+from pliant.records.motion import Motion
+from pliant.records.rollout import Rollout, TaskResult
+from pliant.records.scene import Arm, Scene, SceneFrames
+from pliant.records.shape import HalfShapes, Shape, TriangleMesh
+
+
+def motion_of_run(bench: Workbench, run: StudyRun) -> Motion:
+    """The motion of the study's first engine: frames of a scene, a chain's history, or its settled pose.
+
+    Raises:
+        UserError: the engine did not run.
+    """
+    result = run.engines[0].result if run.engines else None
+    if result is None:
+        raise UserError("nothing was simulated, so there is nothing to draw: the study needs a 'task' block.")
+    task: Task | SceneTask = bench.build("task", run.study.need("task", "a picture"))
+    chain = task.prepare(drawn_chain(bench, run))
+    if isinstance(task, SceneTask):
+        if result.frames is None:
+            raise UserError(f"task '{task.config.kind}' recorded no frames to draw.")
+        return Motion(task.scene(chain), result.frames)
+    return Motion(chain_scene(chain), _frames_of(result))
+
+
+def drawn_chain(bench: Workbench, run: StudyRun) -> ChainModel:
+    """The study's chain with its families' surfaces for shapes."""
+    study = run.study
+    config = study.need("chain", "a picture")
+    segments = chain_segments(bench, study, run.designs)
+    designs = [run.designs[number] for number in run.segment_designs]
+    dressed = [_dressed(bench, segment, design) for segment, design in zip(segments, designs, strict=True)]
+    return build_chain(config, dressed)
+
+
+def chain_scene(chain: ChainModel) -> Scene:
+    """A chain alone."""
+    return Scene((Arm(chain),), gravity_m_s2=np.asarray(chain.gravity_m_s2, float))
+
+
+def chain_frames(time_s: Array, coordinates: Array) -> SceneFrames:
+    """Frames of a chain alone: times (t,), joint coordinates (t, n, a)."""
+    steps = len(time_s)
+    none = np.zeros((steps, 0, 3)), np.zeros((steps, 0, 3, 3))
+    return SceneFrames(np.asarray(time_s, float), np.zeros((steps, 3)), (coordinates,), *none)
+
+
+def at_times(frames: SceneFrames, time_s: Array) -> SceneFrames:
+    """The frames at other times, between the recorded ones by straight lines and even turns."""
+    last = len(frames.time_s) - 1
+    if last == 0:
+        return sampled(frames, np.zeros(len(time_s), int))
+    right = np.clip(np.searchsorted(frames.time_s, time_s, side="right"), 1, last)
+    left = right - 1
+    gap = np.maximum(frames.time_s[right] - frames.time_s[left], 1e-12)
+    share = np.clip((time_s - frames.time_s[left]) / gap, 0.0, 1.0)
+
+    def between(values: Array) -> Array:
+        part = share.reshape(-1, *[1] * (values.ndim - 1))
+        return np.asarray((1.0 - part) * values[left] + part * values[right])
+
+    turns = frames.rotations[left]
+    if turns.size:
+        turn = log_map(np.swapaxes(turns, -1, -2) @ frames.rotations[right])
+        turns = turns @ exp_map(share[:, None, None] * turn)
+    return SceneFrames(
+        np.asarray(time_s, float),
+        between(frames.carriage_m),
+        tuple(between(q) for q in frames.coordinates),
+        between(frames.positions_m),
+        turns,
+    )
+
+
+def sampled(frames: SceneFrames, index: Sequence[int] | Array) -> SceneFrames:
+    """Some of the frames."""
+    return SceneFrames(
+        frames.time_s[index],
+        frames.carriage_m[index],
+        tuple(q[index] for q in frames.coordinates),
+        frames.positions_m[index],
+        frames.rotations[index],
+    )
+
+
+def _frames_of(result: TaskResult) -> SceneFrames:
+    rollout: Rollout | None = result.rollout
+    if rollout is None:
+        return chain_frames(np.zeros(1), result.final.joint_angles[None])
+    return chain_frames(rollout.time_s, rollout.joint_angles)
+
+
+def _mesh(surface: TriangleMesh) -> Shape:
+    return Shape("mesh", (), np.zeros(3), np.eye(3), surface)
+
+
+def _dressed(bench: Workbench, segment: Segment, design: DesignStages) -> Segment:
+    """The segment with what is to be seen of it."""
+    piece = segment.piece
+    if not isinstance(piece, Module) or design.family is None:
+        return segment
+    family: ActuatorFamily = bench.build("family", design.family)
+    surface = family.surface()
+    shapes = HalfShapes((_mesh(surface.start),), (_mesh(surface.end),))
+    return replace(segment, piece=replace(piece, shapes=shapes))

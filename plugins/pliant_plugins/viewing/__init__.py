@@ -1,0 +1,1 @@
+"""Pictures, films and the interactive viewer: MuJoCo draws, whatever engine simulated."""

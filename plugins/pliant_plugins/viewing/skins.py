@@ -1,0 +1,168 @@
+"""One smooth surface per arm: halves of modules are bent across their joints by linear blend skinning.
+
+A half that ends at a joint moves with its own body and, the nearer to the joint, the more with the body on the
+joint's other side: half and half at the joint, not at all at the half's far end. Only pictures need it; engines
+know rigid bodies.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pliant.mechanics.kinematics import ChainGeometry, Pose
+from pliant.records.chain import ChainModel
+from pliant.records.design import Array
+from pliant.records.shape import Shape, TriangleMesh
+
+AT_JOINT = 0.02  # of a half's length: closer than this, it ends at the joint
+WELD_M = 1e-7
+SLENDER = 0.02  # radius of a chain that has no shapes, of its length
+SIDES = 40  # of a drawn cylinder
+CREASE_COSINE = np.cos(np.radians(35.0))
+
+
+@dataclass(frozen=True, eq=False)
+class Skin:
+    """A surface that follows the bodies of a chain.
+
+    Attributes:
+        rest: vertices (v, 3) and faces of the straight chain, in the world.
+        body: (v,) the proximal of the two bodies that a vertex follows; the other is the next one.
+        share: (v,) of the next body, 0 to 1.
+    """
+
+    rest: TriangleMesh
+    body: NDArray[np.int64]
+    share: Array
+
+    def posed(self, straight: Pose, pose: Pose) -> Array:
+        """(v, 3) vertices at a pose of the chain."""
+        last = len(straight.origins) - 1
+        moved = []
+        for body in (self.body, np.minimum(self.body + 1, last)):
+            turn = np.einsum("bij,bkj->bik", pose.rotations, straight.rotations)[body]
+            arm = self.rest.vertices_m - straight.origins[body]
+            moved.append(np.einsum("vij,vj->vi", turn, arm) + pose.origins[body])
+        share = self.share[:, None]
+        return np.asarray((1.0 - share) * moved[0] + share * moved[1])
+
+
+def skin_of(chain: ChainModel) -> Skin | None:
+    """The skin of a chain's meshes and cylinders; None where it has neither."""
+    straight = ChainGeometry.of(chain).forward(np.zeros((chain.n_joints, len(chain.axes))))
+    parts, bodies, shares = [], [], []
+    for number, shapes in enumerate(chain.shapes):
+        for shape in shapes:
+            mesh = surface_of(shape)
+            if mesh is None:
+                continue
+            body, share = _followed(chain, number, mesh.vertices_m[:, 0])
+            parts.append(mesh.placed(straight.rotations[number], straight.origins[number]))
+            bodies.append(body)
+            shares.append(share)
+    if not parts:
+        return None
+    whole = parts[0]
+    for part in parts[1:]:
+        whole = whole.joined(part)
+    return _creased(_welded(Skin(whole, np.concatenate(bodies), np.concatenate(shares))))
+
+
+def dressed(chain: ChainModel) -> ChainModel:
+    """The chain itself, or with slender rods for bodies where it has no shapes at all."""
+    if any(chain.shapes):
+        return chain
+    radius = SLENDER * chain.length_m
+    ends = [joint.offset_m for joint in chain.joints] + [chain.tip_offset_m]
+    shapes = []
+    for end in ends:
+        length = max(float(np.linalg.norm(end)), 1e-9)
+        x, helper = end / length, np.eye(3)[int(np.argmin(np.abs(end)))]
+        y = np.cross(helper, x) / np.linalg.norm(np.cross(helper, x))
+        shapes.append(
+            (Shape("cylinder", (radius, length / 2), 0.5 * end, np.column_stack([y, np.cross(x, y), x])),)
+        )
+    return chain.with_(shapes=tuple(shapes))
+
+
+def surface_of(shape: Shape) -> TriangleMesh | None:
+    """The surface of a mesh or cylinder in the body's frame."""
+    if shape.kind == "mesh" and shape.mesh is not None:
+        return shape.mesh.placed(shape.rotation, shape.position_m)
+    if shape.kind == "cylinder":
+        return cylinder(*shape.size_m).placed(shape.rotation, shape.position_m)
+    return None
+
+
+def cylinder(radius_m: float, half_m: float) -> TriangleMesh:
+    """A cylinder along z about the origin; rings along it, so that it can bend."""
+    turn = np.linspace(0.0, 2 * np.pi, SIDES, endpoint=False)
+    circle = np.stack([np.cos(turn), np.sin(turn)], axis=1) * radius_m
+    heights = np.linspace(-half_m, half_m, 9)
+    rings = [np.column_stack([circle, np.full(SIDES, z)]) for z in heights]
+    vertices = np.concatenate([*rings, [[0.0, 0.0, -half_m], [0.0, 0.0, half_m]]])
+    here = np.arange(SIDES)
+    there = (here + 1) % SIDES
+    faces = []
+    for ring in range(len(heights) - 1):
+        low, high = ring * SIDES, (ring + 1) * SIDES
+        faces += [
+            np.stack([low + here, low + there, high + there], axis=1),
+            np.stack([low + here, high + there, high + here], axis=1),
+        ]
+    bottom, top = len(vertices) - 2, len(vertices) - 1
+    rim = (len(heights) - 1) * SIDES
+    faces.append(np.stack([np.full(SIDES, bottom), there, here], axis=1))
+    faces.append(np.stack([np.full(SIDES, top), rim + here, rim + there], axis=1))
+    return TriangleMesh(vertices, np.concatenate(faces).astype(np.int64))
+
+
+def _followed(chain: ChainModel, number: int, x: Array) -> tuple[NDArray[np.int64], Array]:
+    """Which body each vertex of a half follows, and how much of the next one."""
+    low, high = float(x.min()), float(x.max())
+    length = max(high - low, 1e-12)
+    if number > 0 and abs(low) < AT_JOINT * length:
+        return np.full(len(x), number - 1), 0.5 + 0.5 * (x - low) / length
+    if number < chain.n_joints and abs(high - chain.joints[number].offset_m[0]) < AT_JOINT * length:
+        return np.full(len(x), number), 0.5 - 0.5 * (high - x) / length
+    return np.full(len(x), number), np.zeros(len(x))
+
+
+def _welded(skin: Skin) -> Skin:
+    """Vertices at one place made one, and walls between welded pieces taken away."""
+    key = np.round(skin.rest.vertices_m / WELD_M).astype(np.int64)
+    _, first, renumbered = np.unique(key, axis=0, return_index=True, return_inverse=True)
+    faces = renumbered.ravel()[skin.rest.faces]
+    faces = faces[(faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 2] != faces[:, 0])]
+    _, which, count = np.unique(np.sort(faces, axis=1), axis=0, return_inverse=True, return_counts=True)
+    faces = faces[count[which.ravel()] == 1]
+    return Skin(TriangleMesh(skin.rest.vertices_m[first], faces), skin.body[first], skin.share[first])
+
+
+def _creased(skin: Skin) -> Skin:
+    """Vertices on sharp edges split, so that smooth shading keeps the edge."""
+    corners = skin.rest.vertices_m[skin.rest.faces]
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30)
+    order = np.argsort(skin.rest.faces.ravel(), kind="stable")
+    faces = skin.rest.faces.copy().ravel()
+    starts = np.searchsorted(faces[order], np.arange(len(skin.body) + 1))
+    source = list(range(len(skin.body)))
+    for vertex in range(len(skin.body)):
+        corners_here = order[starts[vertex] : starts[vertex + 1]]
+        groups: list[tuple[Array, int]] = []
+        for corner in corners_here.tolist():
+            own = normal[corner // 3]
+            found = next((name for seed, name in groups if seed @ own > CREASE_COSINE), None)
+            if found is None:
+                found = vertex if not groups else len(source)
+                if groups:
+                    source.append(vertex)
+                groups.append((own, found))
+            faces[corner] = found
+    take = np.array(source)
+    mesh = TriangleMesh(skin.rest.vertices_m[take], faces.reshape(-1, 3))
+    return Skin(mesh, skin.body[take], skin.share[take])
