@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import BeforeValidator, Field, model_validator
 from pydantic_core import PydanticCustomError
 
 from pliant.interfaces.base import FrozenModel
+from pliant.interfaces.surrogate import SurrogateConfig
 from pliant.records.chain import GRAVITY_M_S2
 from pliant.units import Acceleration, Angle, Length, Mass, Ratio
 
@@ -26,20 +27,33 @@ Vector = tuple[Ratio, Ratio, Ratio]
 
 
 class RigidConfig(FrozenModel):
-    """A rigid piece: a uniform cylinder along the chain axis, such as a base, a coupling or an end cap."""
+    """A rigid piece: a uniform cylinder along the chain axis, or the section of a module, as an end cap has it."""
 
     length_m: Length = Field(gt=0, description="along the chain")
-    mass_kg: Mass = Field(default=0.0, ge=0, description="0 for a piece without weight")
-    radius_m: Length | None = Field(
-        default=None, gt=0, description="outer radius; without one it does not collide"
+    section: Literal["rod", "module"] = Field(
+        default="rod", description="a cylinder about the chain axis, or the shape of the study's module"
     )
+    mass_kg: Mass | None = Field(
+        default=None,
+        ge=0,
+        description="by default none for a rod, and a module's mass per length for its section",
+    )
+    radius_m: Length | None = Field(
+        default=None, gt=0, description="outer radius of a rod; without one it does not collide"
+    )
+
+    @model_validator(mode="after")
+    def _radius_of_rods(self) -> RigidConfig:
+        if self.section == "module" and self.radius_m is not None:
+            raise ValueError("a piece with the section of a module has no 'radius'")
+        return self
 
 
 class SegmentConfig(FrozenModel):
     """A run of equal modules, or a rigid piece between modules.
 
-    `family` holds the design parameters that differ from the study's family; `module_length` and `module_mass` those
-    that differ from the chain's where there is no family.
+    `family` holds the design parameters that differ from the study's family, `surrogate` is a law of the segment's
+    own; the keys of rods are those that differ from the chain's where there is no family.
     """
 
     modules: Count | None = Field(default=None, ge=1, le=4096, description="number of equal modules")
@@ -48,15 +62,21 @@ class SegmentConfig(FrozenModel):
     family: dict[str, Any] = Field(
         default_factory=dict, description="parameters that differ, e.g. {wall: 2 mm}"
     )
+    surrogate: SurrogateConfig | None = Field(
+        default=None, description="a law of its own, instead of the study's; a block with `kind`"
+    )
     module_length_m: Length | None = Field(default=None, gt=0, description="only without a family")
     module_mass_kg: Mass | None = Field(default=None, ge=0, description="only without a family")
+    module_radius_m: Length | None = Field(default=None, gt=0, description="only without a family")
+    module_offset_m: Length | None = Field(default=None, description="only without a family")
 
     @model_validator(mode="after")
     def _modules_or_rigid(self) -> SegmentConfig:
         if (self.modules is None) == (self.rigid is None):
             raise ValueError("give either 'modules' or 'rigid'")
-        of_modules = self.model_fields_set & {"rotation_rad", "family", "module_length_m", "module_mass_kg"}
-        if self.rigid is not None and of_modules:
+        # A study that was read and written has all keys: what counts is their values.
+        plain = SegmentConfig.model_construct(rigid=self.rigid)
+        if self.rigid is not None and dict(self) != dict(plain):
             raise ValueError("a rigid piece has a length, a mass and a radius, and nothing of modules")
         return self
 
@@ -112,6 +132,10 @@ class ChainConfig(FrozenModel):
     module_mass_kg: Mass = Field(default=0.0, ge=0, description="only without a family; a uniform rod")
     module_radius_m: Length | None = Field(
         default=None, gt=0, description="only without a family: radius of the rod, for contact and pictures"
+    )
+    module_offset_m: Length = Field(
+        default=0.0,
+        description="only without a family: how far the rod's centre line lies from its joint, along module z",
     )
 
     @model_validator(mode="after")

@@ -242,11 +242,23 @@ def _plain(node: Any, path: Path, sources: _Sources, at: KeyPath) -> Any:
 
 def _absolute_paths(study: dict[str, Any], folder: Path) -> None:
     for block, key in PATH_KEYS:
-        inner = study.get(block)
-        if isinstance(inner, dict) and isinstance(inner.get(key), str):
-            inner[key] = str(folder / inner[key])
+        _absolute(study.get(block), key, folder)
+    chain = study.get("chain")
+    segments = chain.get("segments") if isinstance(chain, dict) else None
+    for segment in segments if isinstance(segments, list) else []:
+        if isinstance(segment, dict):
+            _absolute(segment.get("surrogate"), "data", folder)
     if isinstance(study.get("plugins"), list):
         study["plugins"] = [str(folder / f) if isinstance(f, str) else f for f in study["plugins"]]
+
+
+def _absolute(block: Any, key: str, folder: Path) -> None:
+    """Make a block's path absolute, and those of blocks inside it, such as the axes of a law."""
+    for name, value in block.items() if isinstance(block, dict) else ():
+        if name == key and isinstance(value, str):
+            block[name] = str(folder / value)
+        else:
+            _absolute(value, key, folder)
 
 
 def merge(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:

@@ -8,7 +8,7 @@ from typing import Any, Literal, get_args
 
 from pydantic import Field, create_model
 
-from pliant.config.chain import ChainConfig
+from pliant.config.chain import ChainConfig, SegmentConfig
 from pliant.config.measurements import MeasurementsConfig
 from pliant.errors import UserError
 from pliant.interfaces.base import ComponentConfig, FrozenModel
@@ -114,7 +114,38 @@ def study_model(raw: Mapping[str, Any], registry: Registry) -> type[Study]:
         if isinstance(blocks, list) and blocks and all(_kind_of(block) for block in blocks):
             models = tuple(registry.get(interface, _kind_of(b) or "").config_model() for b in blocks)
             fields[key] = (tuple[models], ...)  # type: ignore[valid-type]
+    segments = _segment_models(raw.get("chain"), registry)
+    if segments:
+        chain = create_model(
+            "ChainConfig",
+            __base__=ChainConfig,
+            segments=(tuple[segments], ...),  # type: ignore[valid-type]
+        )
+        fields["chain"] = (chain, ...)
     return create_model("Study", __base__=Study, **fields)
+
+
+def _segment_models(chain: Any, registry: Registry) -> tuple[type[SegmentConfig], ...]:
+    """A model for each segment, its own law typed by its kind; none where no segment has a law of its own."""
+    segments = chain.get("segments") if isinstance(chain, Mapping) else None
+    blocks = [s.get("surrogate") if isinstance(s, Mapping) else None for s in _list(segments)]
+    kinds = [_kind_of(block) for block in blocks]
+    if not any(kinds):
+        return ()
+    return tuple(
+        create_model(
+            "SegmentConfig",
+            __base__=SegmentConfig,
+            surrogate=(registry.get("surrogate", kind).config_model(), ...),
+        )
+        if kind
+        else SegmentConfig
+        for kind in kinds
+    )
+
+
+def _list(value: Any) -> list[Any]:
+    return value if isinstance(value, list) else []
 
 
 def _kind_of(block: Any) -> str | None:

@@ -1,6 +1,9 @@
-"""Surfaces and collision boxes of a module from the mesh of the piece that is solved, and from mirror images."""
+"""Surfaces and collision shapes: a module's from the mesh of the piece that is solved; shapes merged and stretched."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -50,3 +53,98 @@ def mirrored(surface: TriangleMesh, axis: int) -> TriangleMesh:
     signs[axis] = -1.0
     faces: IntArray = surface.faces[:, ::-1].copy()
     return TriangleMesh(surface.vertices_m * signs, faces)
+
+
+def welded(surface: TriangleMesh) -> TriangleMesh:
+    """Pieces that meet as one skin: equal vertices become one, and faces that two pieces share disappear.
+
+    Vertices nearer than a millionth of the surface's size are equal.
+    """
+    grid = 1e-6 * float(np.ptp(surface.vertices_m, axis=0).max())
+    _, first, renumbered = np.unique(
+        np.round(surface.vertices_m / grid).astype(np.int64), axis=0, return_index=True, return_inverse=True
+    )
+    faces = renumbered.reshape(-1)[surface.faces]
+    _, kind, count = np.unique(np.sort(faces, axis=1), axis=0, return_inverse=True, return_counts=True)
+    kept = faces[count[kind.reshape(-1)] == 1]
+    used, kept = np.unique(kept, return_inverse=True)
+    return TriangleMesh(surface.vertices_m[first[used]], kept.reshape(-1, 3).astype(np.int64))
+
+
+def stretched(shape: Shape, factor: float) -> Shape:
+    """The shape with x multiplied: exact for boxes, meshes and cylinders along the axes, else the box around it."""
+    along = np.array([factor, 1.0, 1.0])
+    position = shape.position_m * along
+    if shape.kind == "mesh" and shape.mesh is not None:
+        turned = shape.mesh.vertices_m @ shape.rotation.T
+        mesh = TriangleMesh(turned * along, shape.mesh.faces)
+        return Shape("mesh", (), position, np.eye(3), mesh)
+    reach = np.abs(shape.rotation[0])  # along x, of the shape's own axes
+    if shape.kind == "box" and np.isclose(reach.max(), 1.0):
+        half = np.where(reach > 0.5, factor, 1.0) * shape.size_m
+        return Shape("box", tuple(half.tolist()), position, shape.rotation)
+    if shape.kind == "cylinder" and np.isclose(reach[2], 1.0):
+        radius, half_length = shape.size_m
+        return Shape("cylinder", (radius, factor * half_length), position, shape.rotation)
+    high = np.array([support(shape, axis) for axis in np.eye(3)]) * along
+    low = -np.array([support(shape, -axis) for axis in np.eye(3)]) * along
+    return box(low, high)
+
+
+def support(shape: Shape, direction: Array) -> float:
+    """Largest x·d over the points x of the shape, for a direction d (3,) in the frame that holds the shape (m)."""
+    d = shape.rotation.T @ direction
+    size = np.array(shape.size_m)
+    centre = float(shape.position_m @ direction)
+    if shape.kind == "mesh" and shape.mesh is not None:
+        return centre + float((shape.mesh.vertices_m @ d).max())
+    if shape.kind == "box":
+        return centre + float(size @ np.abs(d))
+    if shape.kind == "ellipsoid":
+        return centre + float(np.linalg.norm(size * d))
+    radius = size[0] * (np.hypot(d[0], d[1]) if shape.kind == "cylinder" else np.linalg.norm(d))
+    return centre + float(radius) + (float(size[1] * abs(d[2])) if len(size) > 1 else 0.0)
+
+
+def merged(shapes: Sequence[Shape]) -> tuple[Shape, ...]:
+    """The same solid in fewer shapes: boxes, or cylinders, that continue each other along x become one.
+
+    Fewer shapes mean fewer contacts, and no inner edges to catch on.
+    """
+    found: list[Shape] = []
+    for shape in shapes:
+        for k, other in enumerate(found):
+            joined = _joined(other, shape)
+            if joined is not None:
+                found[k] = joined
+                break
+        else:
+            found.append(shape)
+    return tuple(found)
+
+
+def _joined(first: Shape, second: Shape) -> Shape | None:
+    """Both as one shape, if they are of one kind and section, in line along x, and touch or overlap."""
+    if first.kind != second.kind or first.kind not in ("box", "cylinder"):
+        return None
+    if not np.allclose(first.rotation, second.rotation, atol=1e-9):
+        return None
+    axis = int(np.argmax(np.abs(first.rotation[0])))  # the shape's own axis along x
+    if not np.isclose(abs(first.rotation[0, axis]), 1.0) or (first.kind == "cylinder" and axis != 2):
+        return None
+    along = axis if first.kind == "box" else 1  # its place in `size_m`
+    sections = [np.delete(shape.size_m, along) for shape in (first, second)]
+    apart = second.position_m - first.position_m
+    near = 1e-6 * max(*first.size_m, *second.size_m)
+    reach = first.size_m[along] + second.size_m[along]
+    if (
+        not np.allclose(*sections, atol=near)
+        or np.abs(apart[1:]).max() > near
+        or abs(apart[0]) > reach + near
+    ):
+        return None
+    ends = [(s.position_m[0] - s.size_m[along], s.position_m[0] + s.size_m[along]) for s in (first, second)]
+    low, high = min(end[0] for end in ends), max(end[1] for end in ends)
+    size = list(first.size_m)
+    size[along] = (high - low) / 2
+    return replace(first, size_m=tuple(size), position_m=np.array([(low + high) / 2, *first.position_m[1:]]))

@@ -12,7 +12,8 @@ from pliant.config.chain import BaseConfig, ChainConfig
 from pliant.errors import UserError
 from pliant.interfaces.family import ActuatorFamily
 from pliant.mechanics.rotations import exp_map, matrix_of_quaternion
-from pliant.records.chain import Actuator, ChainModel, Joint, default_base_rotation
+from pliant.meshing.surfaces import merged, stretched
+from pliant.records.chain import Actuator, ChainModel, Joint, Ring, default_base_rotation
 from pliant.records.design import Array, MassProperties, ModuleMass
 from pliant.records.law import JointLaw
 from pliant.records.shape import HalfShapes, Shape
@@ -23,12 +24,16 @@ NO_SHAPES = HalfShapes((), ())
 
 @dataclass(frozen=True, eq=False)
 class Module:
-    """What the chain needs to know of one module: its law, length, masses and collision shapes."""
+    """What the chain needs to know of one module: its law, length, masses and collision shapes.
+
+    `offset_m` is how far the chain's centre line lies from the joint, along module z.
+    """
 
     law: JointLaw
     length_m: float
     mass: ModuleMass
     shapes: HalfShapes = NO_SHAPES
+    offset_m: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,17 +54,20 @@ class Segment:
     rotation_rad: float = 0.0
 
 
-def rod_module(law: JointLaw, length_m: float, mass_kg: float, radius_m: float | None = None) -> Module:
-    """A module without a family: a uniform rod, thin where it has no radius."""
+def rod_module(
+    law: JointLaw, length_m: float, mass_kg: float, radius_m: float | None = None, offset_m: float = 0.0
+) -> Module:
+    """A module without a family: a uniform rod, thin where it has no radius, `offset_m` beside its joint."""
 
     def half(start_m: float) -> RigidPiece:
         rod = rigid_rod(length_m / 2, mass_kg / 2, radius_m)
-        offset = np.array([start_m, 0.0, 0.0])
+        offset = np.array([start_m, 0.0, offset_m])
         shapes = tuple(shape.placed(np.eye(3), offset) for shape in rod.shapes)
         return RigidPiece(rod.length_m, rod.mass.shifted(offset), shapes)
 
     start, end = half(-length_m / 2), half(0.0)
-    return Module(law, length_m, ModuleMass(start.mass, end.mass), HalfShapes(start.shapes, end.shapes))
+    mass, shapes = ModuleMass(start.mass, end.mass), HalfShapes(start.shapes, end.shapes)
+    return Module(law, length_m, mass, shapes, offset_m)
 
 
 def rigid_rod(length_m: float, mass_kg: float, radius_m: float | None = None) -> RigidPiece:
@@ -74,6 +82,29 @@ def rigid_rod(length_m: float, mass_kg: float, radius_m: float | None = None) ->
     return RigidPiece(length_m, mass, (Shape("cylinder", (radius, length_m / 2), centre, along_x),))
 
 
+def module_like(piece: Module, length_m: float, mass_kg: float | None = None) -> RigidPiece:
+    """A rigid piece with a module's section: its shapes and masses stretched along the chain to this length.
+
+    Args:
+        piece: the module.
+        length_m: of the piece.
+        mass_kg: of the piece; by default as much per length as the module has.
+    """
+    factor = length_m / piece.length_m
+    whole = piece.mass.start.joined(piece.mass.end)
+    share = factor if mass_kg is None or whole.mass_kg == 0.0 else mass_kg / whole.mass_kg
+    along = np.diag([factor, 1.0, 1.0])
+    # ∫ r rᵀ dm about the centre stretches with x; the inertia is tr(S) 1 − S.
+    second = 0.5 * np.trace(whole.inertia_kg_m2) * np.eye(3) - whole.inertia_kg_m2
+    second = share * along @ second @ along
+    inertia = np.trace(second) * np.eye(3) - second
+    mass = MassProperties(share * whole.mass_kg, along @ whole.com_m, inertia)
+    offset = np.array([length_m / 2, 0.0, 0.0])
+    halves = merged([*piece.shapes.start, *piece.shapes.end])
+    shapes = tuple(stretched(shape, factor).placed(np.eye(3), offset) for shape in halves)
+    return RigidPiece(length_m, mass.shifted(offset), shapes)
+
+
 def family_module(law: JointLaw, family: ActuatorFamily, density_kg_m3: float | None) -> Module:
     """A module of a family; without a density it has that of water, for chains on which no weight acts."""
     density = WATER_KG_M3 if density_kg_m3 is None else density_kg_m3
@@ -85,7 +116,7 @@ def build_chain(config: ChainConfig, segments: Sequence[Segment]) -> ChainModel:
 
     A segment's rotation is about the chain axis and relative to the base frame, so that the rest frame of its
     first joint is turned by the difference to the segment before it. Rigid pieces lengthen the body in which
-    they stand.
+    they stand. The centre line starts at the base and ends at the tip; joints may stand beside it.
 
     Raises:
         UserError: the chain's actuators and its laws take different inputs.
@@ -94,36 +125,42 @@ def build_chain(config: ChainConfig, segments: Sequence[Segment]) -> ChainModel:
     joints: list[Joint] = []
     bodies = [MassProperties.none()]
     shapes: list[tuple[Shape, ...]] = [()]
-    rotation, reach = 0.0, 0.0
+    rotation = 0.0
+    # Where the centre line has come to, in the last body's frame.
+    reach = np.zeros(3)
+    rings = [Ring(0, reach)]
     for segment in segments:
         for _ in range(segment.count):
             piece = segment.piece
             if isinstance(piece, RigidPiece):
-                offset = np.array([reach, 0.0, 0.0])
-                bodies[-1] = bodies[-1].joined(piece.mass.shifted(offset))
-                shapes[-1] += tuple(shape.placed(np.eye(3), offset) for shape in piece.shapes)
-                reach += piece.length_m
+                bodies[-1] = bodies[-1].joined(piece.mass.shifted(reach))
+                shapes[-1] += tuple(shape.placed(np.eye(3), reach) for shape in piece.shapes)
+                reach = reach + [piece.length_m, 0.0, 0.0]
                 continue
             # The start half moves with the parent body, whose axes are turned back by `turn`.
             turn = exp_map(np.array([segment.rotation_rad - rotation, 0.0, 0.0]))
-            offset = np.array([reach + piece.length_m / 2, 0.0, 0.0])
+            beside = np.array([0.0, 0.0, piece.offset_m])
+            half = np.array([piece.length_m / 2, 0.0, 0.0])
+            offset = reach + half - turn @ beside
             bodies[-1] = bodies[-1].joined(piece.mass.start.rotated(turn).shifted(offset))
             shapes[-1] += tuple(shape.placed(turn, offset) for shape in piece.shapes.start)
             joints.append(Joint(laws.index(piece.law), offset, turn))
             bodies.append(piece.mass.end)
             shapes.append(piece.shapes.end)
-            reach, rotation = piece.length_m / 2, segment.rotation_rad
+            reach, rotation = half + beside, segment.rotation_rad
+        rings.append(Ring(len(joints), reach))
     return ChainModel(
         joints=tuple(joints),
         bodies=tuple(bodies),
         laws=tuple(laws),
-        tip_offset_m=np.array([reach, 0.0, 0.0]),
+        tip_offset_m=reach,
         base_position_m=np.array(config.base.position_m, float),
         base_rotation=base_rotation(config.base),
         gravity_m_s2=np.array(config.gravity_m_s2, float),
         payload_kg=config.payload_kg,
         actuators=_actuators(config, laws),
-        shapes=tuple(shapes) if any(shapes) else (),
+        shapes=tuple(merged(piece) for piece in shapes) if any(shapes) else (),
+        rings=tuple(rings),
     )
 
 

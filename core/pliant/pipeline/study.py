@@ -9,30 +9,60 @@ from typing import Any
 
 import numpy as np
 
-from pliant.config.chain import ChainConfig, SegmentConfig
+from pliant.config.chain import ChainConfig, RigidConfig, SegmentConfig
 from pliant.config.study import BLOCKS, Study, varied
 from pliant.errors import MissingDependencyError, UserError
 from pliant.interfaces.family import ActuatorFamily, FamilyConfig
-from pliant.pipeline.chain import Module, Segment, build_chain, family_module, rigid_rod, rod_module
+from pliant.interfaces.surrogate import SurrogateConfig
+from pliant.pipeline.chain import (
+    Module,
+    RigidPiece,
+    Segment,
+    build_chain,
+    family_module,
+    module_like,
+    rigid_rod,
+    rod_module,
+)
 from pliant.pipeline.dataset import fem_stage
 from pliant.pipeline.simulate import ChainSource, simulate_stage
-from pliant.pipeline.surrogate import LawStage, law_stage
+from pliant.pipeline.surrogate import LawStage, law_stage, without_tables
 from pliant.pipeline.workbench import Workbench, content
 from pliant.records.chain import ChainModel
+from pliant.records.law import JointLaw
 from pliant.records.rollout import TaskResult
 from pliant.store.store import Artifact
 
 DEFAULT_SURROGATE = "polynomial"
 DEFAULT_PHYSICS = "quasistatic"
+OF_RODS = ("module_length_m", "module_mass_kg", "module_radius_m", "module_offset_m")
+
+
+@dataclass(frozen=True)
+class Design:
+    """What modules are made of: a family (None for a law without one) and a surrogate (None for the default)."""
+
+    family: FamilyConfig | None
+    surrogate: SurrogateConfig | None
+
+    @property
+    def name(self) -> str:
+        """The same text for the same design, however it was written."""
+        return repr([config.canonical() if config else None for config in (self.family, self.surrogate)])
 
 
 @dataclass(frozen=True)
 class DesignStages:
-    """One distinct design of the chain: its config (None for a law without a family), data and law."""
+    """One distinct design of the chain with its data and law."""
 
-    family: FamilyConfig | None
+    design: Design
     fem: Artifact | None
     law: LawStage
+
+    @property
+    def family(self) -> FamilyConfig | None:
+        """The design's family."""
+        return self.design.family
 
 
 @dataclass(frozen=True)
@@ -65,9 +95,9 @@ class StudyRun:
         """For each segment of the chain, the index of its design in `designs`; empty without a chain."""
         if self.study.chain is None:
             return ()
-        known = [design.family.canonical() if design.family else None for design in self.designs]
-        families = _segment_families(self.study)
-        return tuple(known.index(family.canonical() if family else None) for family in families)
+        known = [stages.design.name for stages in self.designs]
+        of_segments = segment_designs(self.study)
+        return tuple(known.index(design.name) if design else 0 for design in of_segments)
 
 
 def surrogate_kind(study: Study) -> str:
@@ -75,13 +105,21 @@ def surrogate_kind(study: Study) -> str:
     return study.surrogate.kind if study.surrogate else DEFAULT_SURROGATE
 
 
+def surrogate_kind_of(design: Design) -> str:
+    """The kind of surrogate of a design."""
+    return design.surrogate.kind if design.surrogate else DEFAULT_SURROGATE
+
+
 def check_study(bench: Workbench, study: Study) -> None:
     """Build every plugin that the study names, so that a wrong design or a missing package shows at once.
 
     Engines of `cross_check` may be missing: they are skipped later.
     """
-    for family in _distinct_families(study):
-        bench.build("family", family)
+    for design in _distinct_designs(study):
+        if design.family is not None:
+            bench.build("family", design.family)
+        if design.surrogate is not None:
+            bench.build("surrogate", design.surrogate)
     for key, interface in BLOCKS.items():
         if getattr(study, key) is not None:
             bench.build(interface, getattr(study, key))
@@ -92,19 +130,19 @@ def check_study(bench: Workbench, study: Study) -> None:
 def fem_of_study(bench: Workbench, study: Study) -> tuple[Artifact, ...]:
     """The FEM data of each distinct design of the study."""
     study.need("family", "FEM")
-    return tuple(_fem(bench, study, family) for family in _distinct_families(study))
+    families = {repr(d.family.canonical()): d.family for d in _distinct_designs(study) if d.family}
+    return tuple(_fem(bench, study, family) for family in families.values())
 
 
 def laws_of_study(bench: Workbench, study: Study) -> tuple[DesignStages, ...]:
     """Data and law of each distinct design of the study."""
-    surrogate = study.surrogate or _default(bench, "surrogate", DEFAULT_SURROGATE)
-    families: Sequence[FamilyConfig | None] = _distinct_families(study) or [None]
-    needs_fem = bench.build("surrogate", surrogate).needs_fem()
-    designs = []
-    for family in families:
-        fem = _fem(bench, study, family) if needs_fem and family is not None else None
-        designs.append(DesignStages(family, fem, law_stage(bench, surrogate, fem)))
-    return tuple(designs)
+    stages = []
+    for design in _distinct_designs(study):
+        surrogate = design.surrogate or _default(bench, "surrogate", DEFAULT_SURROGATE)
+        needs_fem = bench.build("surrogate", surrogate).needs_fem()
+        fem = _fem(bench, study, design.family) if needs_fem and design.family is not None else None
+        stages.append(DesignStages(design, fem, law_stage(bench, surrogate, fem)))
+    return tuple(stages)
 
 
 def chain_of_study(bench: Workbench, study: Study) -> ChainSource:
@@ -140,19 +178,31 @@ def simulate_study(bench: Workbench, study: Study) -> StudyRun:
     return StudyRun(study, designs, source.chain, tuple(engines), wall_s, tuple(study.unused()))
 
 
-def chain_segments(bench: Workbench, study: Study, designs: Sequence[DesignStages]) -> list[Segment]:
+def chain_segments(bench: Workbench, study: Study, stages: Sequence[DesignStages]) -> list[Segment]:
     """The segments of the study's chain, for `build_chain`."""
-    chain = study.need("chain", "a simulation")
-    modules = {repr(d.family.canonical()) if d.family else "": _module(bench, study, d) for d in designs}
+    chain: ChainConfig = study.need("chain", "a simulation")
+    made = {s.design.name: s for s in stages}
+    families = {name: _family_module(bench, study, s) for name, s in made.items()}
+    configs, designs = chain.as_segments(), segment_designs(study)
+    modules = [
+        (families[design.name] or _rod(segment, chain, made[design.name].law.law)) if design else None
+        for segment, design in zip(configs, designs, strict=True)
+    ]
     segments = []
-    for segment, family in zip(chain.as_segments(), _segment_families(study), strict=True):
-        if segment.rigid is not None:
-            rigid = segment.rigid
-            segments.append(Segment(rigid_rod(rigid.length_m, rigid.mass_kg, rigid.radius_m)))
-            continue
-        module = _of_segment(segment, chain, modules[repr(family.canonical()) if family else ""])
-        segments.append(Segment(module, segment.modules or 1, segment.rotation_rad))
+    like = next(module for module in modules if module is not None)
+    for segment, module in zip(configs, modules, strict=True):
+        like = module or like
+        piece = module if segment.rigid is None else _rigid(segment.rigid, like)
+        assert piece is not None
+        segments.append(Segment(piece, segment.modules or 1, segment.rotation_rad))
     return segments
+
+
+def _rigid(config: RigidConfig, like: Module) -> RigidPiece:
+    """A rigid piece; `like` is the module before it, or the first."""
+    if config.section == "module":
+        return module_like(like, config.length_m, config.mass_kg)
+    return rigid_rod(config.length_m, config.mass_kg or 0.0, config.radius_m)
 
 
 def _fem(bench: Workbench, study: Study, family: FamilyConfig) -> Artifact:
@@ -163,84 +213,100 @@ def _default(bench: Workbench, interface: str, kind: str) -> Any:
     return bench.registry.get(interface, kind).config_model()(kind=kind)
 
 
-def _segment_families(study: Study) -> list[FamilyConfig | None]:
-    """The family config of each segment, its changes applied and validated."""
+def segment_designs(study: Study) -> list[Design | None]:
+    """What each segment's modules are made of, changes applied and validated; None for a rigid piece.
+
+    Raises:
+        UserError: a segment changes a family in a way that is not possible.
+    """
     if study.chain is None:
-        return [study.family]
-    result: list[FamilyConfig | None] = []
-    for number, segment in enumerate(study.chain.as_segments()):
-        if segment.family and study.family is None:
-            raise UserError(f"chain.segments.{number} changes a family, but the study has no 'family' block.")
-        try:
-            changed = (
-                varied(study.family, segment.family) if segment.family and study.family else study.family
-            )
-        except ValueError as error:
-            raise UserError(f"chain.segments.{number}.family: {error}") from None
-        result.append(changed)  # type: ignore[arg-type]
-    return result
+        return [Design(study.family, study.surrogate)]
+    return [
+        Design(_family(study, number, segment), segment.surrogate or study.surrogate)
+        if segment.rigid is None
+        else None
+        for number, segment in enumerate(study.chain.as_segments())
+    ]
 
 
-def _distinct_families(study: Study) -> list[FamilyConfig]:
-    distinct: dict[str, FamilyConfig] = {}
-    for family in _segment_families(study):
-        if family is not None:
-            distinct.setdefault(repr(family.canonical()), family)
+def _family(study: Study, number: int, segment: SegmentConfig) -> FamilyConfig | None:
+    """The family config of a segment."""
+    if not segment.family:
+        return study.family
+    if study.family is None:
+        raise UserError(f"chain.segments.{number} changes a family, but the study has no 'family' block.")
+    try:
+        return varied(study.family, segment.family)  # type: ignore[return-value]
+    except ValueError as error:
+        raise UserError(f"chain.segments.{number}.family: {error}") from None
+
+
+def _distinct_designs(study: Study) -> list[Design]:
+    distinct: dict[str, Design] = {}
+    for design in segment_designs(study):
+        if design is not None:
+            distinct.setdefault(design.name, design)
     return list(distinct.values())
 
 
-def _chain_source(bench: Workbench, study: Study, designs: Sequence[DesignStages]) -> ChainSource:
+def _chain_source(bench: Workbench, study: Study, stages: Sequence[DesignStages]) -> ChainSource:
     chain = study.need("chain", "a simulation")
-    segments = chain_segments(bench, study, designs)
-    surrogate = content(study.surrogate) if study.surrogate else {"kind": DEFAULT_SURROGATE}
-    surrogate.pop("data", None)  # its content is in the law's key
-    # Segments as they were understood, not as they were written: "2 mm" and "0.002" make one chain.
-    pieces = [{k: v for k, v in content(segment).items() if k != "family"} for segment in chain.as_segments()]
+    segments = chain_segments(bench, study, stages)
+    # Segments as they were understood, not as they were written: "2 mm" and "0.002" make one chain. The content of
+    # tables is in the keys of the laws.
+    pieces = [
+        without_tables({k: v for k, v in content(segment).items() if k != "family"})
+        for segment in chain.as_segments()
+    ]
     config = {
         "chain": {k: v for k, v in content(chain).items() if k not in ("modules", "segments")},
         "segments": pieces,
-        "families": [content(family) if family else None for family in _segment_families(study)],
-        "surrogate": surrogate,
+        "families": [content(d.family) if d and d.family else None for d in segment_designs(study)],
+        "surrogate": without_tables(content(study.surrogate)) if study.surrogate else {},
         "density_kg_m3": _density(study),
     }
-    families = [study.family] if study.family else []
-    components = [bench.component("family", family) for family in families]
-    components.append(bench.registry.get("surrogate", surrogate["kind"]))
-    inputs = {f"law{number}": design.law.key for number, design in enumerate(designs)}
+    components = [bench.component("family", study.family)] if study.family else []
+    kinds = dict.fromkeys(surrogate_kind_of(s.design) for s in stages)
+    components += [bench.registry.get("surrogate", kind) for kind in kinds]
+    inputs = {f"law{number}": s.law.key for number, s in enumerate(stages)}
     return ChainSource(build_chain(chain, segments), config, inputs, components)
 
 
-def _of_segment(segment: SegmentConfig, chain: ChainConfig, module: Module) -> Module:
-    """The segment's own rod where it has another length or mass than the chain's."""
-    if segment.module_length_m is None and segment.module_mass_kg is None:
-        return module
-    length = segment.module_length_m or module.length_m
-    mass = chain.module_mass_kg if segment.module_mass_kg is None else segment.module_mass_kg
-    return rod_module(module.law, length, mass, chain.module_radius_m)
+def _rod(segment: SegmentConfig, chain: ChainConfig, law: JointLaw) -> Module:
+    """A module without a family, by the segment's own measures or else the chain's.
+
+    Raises:
+        UserError: neither has a length.
+    """
+    given = [_first(getattr(segment, name), getattr(chain, name)) for name in OF_RODS]
+    if given[0] is None:
+        raise UserError("a chain without a 'family' block needs 'chain.module_length', for example '11 mm'.")
+    length, mass, radius, offset = given
+    return rod_module(law, length, mass, radius, offset)
+
+
+def _first(own: float | None, other: float | None) -> Any:
+    return other if own is None else own
 
 
 def _density(study: Study) -> float | None:
     return float(study.material.density_kg_m3) if study.material else None
 
 
-def _module(bench: Workbench, study: Study, design: DesignStages) -> Module:
+def _family_module(bench: Workbench, study: Study, stages: DesignStages) -> Module | None:
+    """A module of the design's family, or None without one."""
     chain = study.need("chain", "a simulation")
-    if design.family is None:
-        if chain.module_length_m is None:
-            raise UserError(
-                "a chain without a 'family' block needs 'chain.module_length', for example '11 mm'."
-            )
-        return rod_module(design.law.law, chain.module_length_m, chain.module_mass_kg, chain.module_radius_m)
-    of_rods = (chain, *chain.segments)
-    if chain.module_radius_m or any(c.module_length_m is not None or c.module_mass_kg for c in of_rods):
+    if stages.design.family is None:
+        return None
+    if any(getattr(owner, name) for owner in (chain, *chain.segments) for name in OF_RODS):
         raise UserError(
-            "'module_length', 'module_mass' and 'module_radius' are for chains without a 'family' block; "
-            "here the family gives them."
+            "'module_length', 'module_mass', 'module_radius' and 'module_offset' are for chains without a "
+            "'family' block; here the family gives them."
         )
-    family: ActuatorFamily = bench.build("family", design.family)
+    family: ActuatorFamily = bench.build("family", stages.design.family)
     density = _density(study)
     if density is None and np.any(chain.gravity_m_s2):
         raise UserError(
             "the modules' weight needs a 'material' block with a density (or set chain.gravity to [0, 0, 0])."
         )
-    return family_module(design.law.law, family, density)
+    return family_module(stages.law.law, family, density)

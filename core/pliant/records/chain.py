@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -29,6 +30,13 @@ class Joint:
     rest_rotation: Array
 
 
+class Ring(NamedTuple):
+    """A point of the centre line where segments meet: `point_m` (3,) in the frame of `body`."""
+
+    body: int
+    point_m: Array
+
+
 @dataclass(frozen=True)
 class Actuator:
     """A chamber or tendon that acts on every joint: τ += sign · law(p, sign · u). `input` names its signal."""
@@ -53,6 +61,7 @@ class ChainModel:
         actuators: one entry for a single chamber; two of opposite sign for opposed chambers.
         terms: what effects add to the law of every joint.
         shapes: what collides, per body (n + 1 entries) in the body's frame; empty where nothing does.
+        rings: base, the end of each segment, the last of them the tip; empty where segments are not known.
     """
 
     joints: tuple[Joint, ...]
@@ -66,6 +75,7 @@ class ChainModel:
     actuators: tuple[Actuator, ...] = (Actuator("pressure_pa"),)
     terms: tuple[LawTerm, ...] = ()
     shapes: tuple[tuple[Shape, ...], ...] = ()
+    rings: tuple[Ring, ...] = ()
 
     @property
     def n_joints(self) -> int:

@@ -41,9 +41,12 @@ def skipped(run: FinishedRun) -> list[EngineResult]:
 
 
 def chain_config(run: FinishedRun) -> ChainConfig | None:
-    """The study's chain."""
+    """The study's chain, without the laws of its segments."""
     chain = run.study.get("chain")
-    return ChainConfig.model_validate(chain) if chain else None
+    if not chain:
+        return None
+    segments = [{k: v for k, v in segment.items() if k != "surrogate"} for segment in chain["segments"]]
+    return ChainConfig.model_validate({**chain, "segments": segments})
 
 
 def base_pose(run: FinishedRun) -> tuple[Array, Array]:
