@@ -19,20 +19,14 @@ from pliant.records.rollout import Equilibrium, Inputs, OutsideDomain, Rollout, 
 from pliant.units import Force, Pressure
 
 
-class DriveConfig(TaskConfig):
-    """Actuation of a task: a pressure or a tendon force, reached in equal steps from zero."""
+class ActuatedConfig(TaskConfig):
+    """Actuation of a task: a pressure or a tendon force."""
 
     pressure_pa: Pressure | None = Field(default=None, description="full pressure; this or tendon_force")
     tendon_force_n: Force | None = Field(default=None, description="full tendon force; this or pressure")
-    steps: int = Field(
-        default=11,
-        ge=1,
-        le=100_000,
-        description="recorded levels from zero; 1 goes to the full value at once",
-    )
 
     @model_validator(mode="after")
-    def _one_drive(self) -> DriveConfig:
+    def _one_drive(self) -> ActuatedConfig:
         if (self.pressure_pa is None) == (self.tendon_force_n is None):
             raise ValueError("give exactly one of 'pressure' and 'tendon_force'")
         return self
@@ -56,6 +50,17 @@ class DriveConfig(TaskConfig):
         if driven not in inputs:
             raise UserError(f"the task gives {name} but the chain is driven by {', '.join(inputs)}")
         return {**dict.fromkeys(inputs, 0.0), driven: float(value or 0.0)}
+
+
+class DriveConfig(ActuatedConfig):
+    """Actuation of a quasi-static task, reached in equal steps from zero."""
+
+    steps: int = Field(
+        default=11,
+        ge=1,
+        le=100_000,
+        description="recorded levels from zero; 1 goes to the full value at once",
+    )
 
 
 def ramp(simulation: Simulation, config: DriveConfig, tip_force_n: Sequence[float] = (0, 0, 0)) -> TaskResult:
