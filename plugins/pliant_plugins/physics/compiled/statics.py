@@ -1,0 +1,309 @@
+"""Compiled: residual, stiffness and potential of a chain; equations and signs are those of `pliant.mechanics.statics`.
+
+Arguments are `Body.arrays`, `CompiledLaws.arrays` and `load_arrays`. A frame holds everything that depends on q,
+in arrays made once; directions are stored by component (3, n·a), so that stiffness is filled along rows.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from pliant.mechanics.statics import SHORTEST_CORD_M
+from pliant_plugins.physics.compiled.cholesky import LOOSE
+from pliant_plugins.physics.compiled.efforts import efforts, law_potential
+from pliant_plugins.physics.compiled.rotations import (
+    coefficients,
+    left_jacobian_transpose_slope,
+    polynomial_of_skew,
+)
+
+REVOLUTE, SPHERICAL, PRISMATIC = 0, 1, 2
+
+
+@njit(cache=True, nogil=True)
+def new_frame(n, a, k):  # type: ignore[no-untyped-def]
+    """Arrays of a chain of n joints with a axes under k actuators.
+
+    Origins and rotations of bodies, rest frames, directions, points, τ, ∂τ/∂p, ∂τ/∂u, Σ r Fᵀ about the joints,
+    residual (n, a), moments about the joints, and six small matrices.
+    """
+    return (
+        np.empty((n + 1, 3)),
+        np.empty((n + 1, 3, 3)),
+        np.empty((n, 3, 3)),
+        np.empty((3, n * a)),
+        np.empty((n + 1, 3)),
+        np.empty((n, a)),
+        np.empty((k, n, a)),
+        np.empty((n, a, a)),
+        np.empty((n, 3, 3)),
+        np.empty((n, a)),
+        np.empty((n, 3)),
+        np.empty((6, 3, 3)),
+    )
+
+
+@njit(cache=True, nogil=True)
+def _times(first, second, out):  # type: ignore[no-untyped-def]
+    for i in range(3):
+        for j in range(3):
+            out[i, j] = first[i, 0] * second[0, j] + first[i, 1] * second[1, j] + first[i, 2] * second[2, j]
+
+
+@njit(cache=True, nogil=True)
+def _row(matrix, i, v):  # type: ignore[no-untyped-def]
+    return matrix[i, 0] * v[0] + matrix[i, 1] * v[1] + matrix[i, 2] * v[2]
+
+
+@njit(cache=True, nogil=True)
+def place(body, q, frame):  # type: ignore[no-untyped-def]
+    """Fills origins, rotations, rest frames, directions and points of the frame at q (n, a)."""
+    kind, axes, _, position, rotation, offsets, rests, arms, _ = body
+    origins, rotations, rest_frames, directions, points = frame[:5]
+    turn, jacobian, seen = frame[11][0], frame[11][1], frame[11][2]
+    phi = frame[11][3, 0]
+    n, a = q.shape
+    origins[0], rotations[0] = position, rotation
+    for i in range(n):
+        rest = rest_frames[i]
+        _times(rotations[i], rests[i], rest)
+        phi[:] = 0.0
+        for b in range(a):
+            phi[axes[b]] = q[i, b]
+        for c in range(3):
+            origins[i + 1, c] = origins[i, c] + _row(rotations[i], c, offsets[i])
+            if kind == PRISMATIC:
+                origins[i + 1, c] += _row(rest, c, phi)
+        if kind == PRISMATIC:
+            rotations[i + 1] = rest
+        else:
+            x = phi[0] * phi[0] + phi[1] * phi[1] + phi[2] * phi[2]
+            first, second, third = coefficients(x)
+            polynomial_of_skew(phi, x, first, second, turn)
+            _times(rest, turn, rotations[i + 1])
+            if kind == SPHERICAL:
+                polynomial_of_skew(phi, x, second, third, jacobian)
+                _times(rest, jacobian, seen)
+                rest = seen
+        for b in range(a):
+            for c in range(3):
+                directions[c, i * a + b] = rest[c, axes[b]]
+        for c in range(3):
+            points[i, c] = origins[i + 1, c] + _row(rotations[i + 1], c, arms[i])
+    for c in range(3):
+        points[n, c] = origins[n, c] + _row(rotations[n], c, arms[n])
+
+
+@njit(cache=True, nogil=True)
+def _point(frame, body, offset, out):  # type: ignore[no-untyped-def]
+    for c in range(3):
+        out[c] = frame[0][body, c] + _row(frame[1][body], c, offset)
+
+
+@njit(cache=True, nogil=True)
+def _pull(frame, loads, cord, point, force):  # type: ignore[no-untyped-def]
+    """Fills where a cord acts and its force; returns its length."""
+    bodies, places, pulleys, tensions = loads[8:12]
+    _point(frame, bodies[cord], places[cord], point)
+    square = 0.0
+    for c in range(3):
+        force[c] = point[c] - pulleys[cord, c]
+        square += force[c] * force[c]
+    length = max(np.sqrt(square), SHORTEST_CORD_M)
+    for c in range(3):
+        force[c] *= -tensions[cord] / length
+    return length
+
+
+@njit(cache=True, nogil=True)
+def _add(total, torsor, point, force):  # type: ignore[no-untyped-def]
+    for c in range(3):
+        total[c] += force[c]
+        for d in range(3):
+            torsor[c, d] += point[c] * force[d]
+
+
+@njit(cache=True, nogil=True)
+def _sum_beyond(body, loads, frame):  # type: ignore[no-untyped-def]
+    """Fills Σ r Fᵀ (n, 3, 3) about the joints, and moments (forces on prismatic chains) (n, 3), of what lies beyond."""
+    kind, masses = body[0], body[8]
+    gravity, tip_force, payload = loads[1], loads[2], loads[4]
+    origins, points, torsors, moments = frame[0], frame[4], frame[8], frame[10]
+    sums = frame[11][2]
+    total, force, point = frame[11][3, 0], frame[11][3, 1], frame[11][3, 2]
+    n = len(torsors)
+    total[:], sums[:] = 0.0, 0.0
+    for i in range(n, -1, -1):
+        mass = payload if i == n else masses[i]
+        for c in range(3):
+            force[c] = mass * gravity[c] + (tip_force[c] if i == n else 0.0)
+        _add(total, sums, points[i], force)
+        if i == n:
+            continue
+        for m in range(len(loads[5])):
+            if loads[5][m] == i + 1:
+                _point(frame, i + 1, loads[6][m], point)
+                _add(total, sums, point, loads[7][m])
+        for m in range(len(loads[8])):
+            if loads[8][m] == i + 1:
+                _pull(frame, loads, m, point, force)
+                _add(total, sums, point, force)
+        own = torsors[i]
+        for c in range(3):
+            for d in range(3):
+                own[c, d] = sums[c, d] - origins[i + 1, c] * total[d]
+        if kind == PRISMATIC:
+            moments[i] = total
+        else:
+            moments[i, 0] = own[1, 2] - own[2, 1]
+            moments[i, 1] = own[2, 0] - own[0, 2]
+            moments[i, 2] = own[0, 1] - own[1, 0]
+
+
+@njit(cache=True, nogil=True)
+def balance(body, laws, loads, q, frame):  # type: ignore[no-untyped-def]
+    """Fills the frame and its residual at q (n, a); returns its largest entry and its norm, infinite if no number."""
+    place(body, q, frame)
+    _sum_beyond(body, loads, frame)
+    directions, tau, residual, moments = frame[3], frame[5], frame[9], frame[10]
+    efforts(laws, q, loads[0], tau, frame[6], frame[7])
+    n, a = q.shape
+    largest, square = 0.0, 0.0
+    for i in range(n):
+        for b in range(a):
+            d = i * a + b
+            value = tau[i, b]
+            for c in range(3):
+                value += directions[c, d] * moments[i, c]
+            if b == body[2]:
+                value -= loads[3]
+            residual[i, b] = value
+            if not np.isfinite(value):
+                return np.inf, np.inf
+            largest = max(largest, abs(value))
+            square += value * value
+    return largest, np.sqrt(square)
+
+
+@njit(cache=True, nogil=True, fastmath=LOOSE)
+def _turn_others(row, directions, x, y, z):  # type: ignore[no-untyped-def]
+    """row[d] = −(direction d) · (x, y, z)."""
+    first, second, third = directions[0], directions[1], directions[2]
+    for d in range(len(row)):
+        row[d] = -(first[d] * x + second[d] * y + third[d] * z)
+
+
+@njit(cache=True, nogil=True)
+def stiffen(body, loads, q, frame, stiffness):  # type: ignore[no-untyped-def]
+    """Fills the lower triangle and the diagonal blocks of the stiffness (n·a, n·a) from a frame that `balance` filled.
+
+    Returns the largest difference of ∂τ/∂u to its transpose: 0 where the laws derive from an energy.
+    """
+    kind, axes = body[0], body[1]
+    rest_frames, directions, by_q = frame[2], frame[3], frame[7]
+    torsors, moments = frame[8], frame[10]
+    slope, phi, seen = frame[11][0], frame[11][3, 0], frame[11][3, 1]
+    n, a = q.shape
+    skewness = 0.0
+    for i in range(n):
+        own = torsors[i]
+        trace = own[0, 0] + own[1, 1] + own[2, 2]
+        for b in range(a):
+            d = i * a + b
+            if kind == PRISMATIC:
+                stiffness[d, : d + 1] = 0.0
+                continue
+            direction = directions[:, d]
+            x = _row(own, 0, direction) - trace * direction[0]
+            y = _row(own, 1, direction) - trace * direction[1]
+            z = _row(own, 2, direction) - trace * direction[2]
+            _turn_others(stiffness[d, : (i + 1) * a], directions, x, y, z)
+        if kind == SPHERICAL:
+            phi[:] = 0.0
+            for b in range(a):
+                phi[axes[b]] = q[i, b]
+            for c in range(3):
+                rest = rest_frames[i]
+                seen[c] = rest[0, c] * moments[i, 0] + rest[1, c] * moments[i, 1] + rest[2, c] * moments[i, 2]
+            left_jacobian_transpose_slope(phi, seen, slope)
+            for b in range(a):
+                for e in range(a):
+                    stiffness[i * a + b, i * a + e] -= slope[axes[b], axes[e]]
+        for b in range(a):
+            for e in range(b):
+                r, s = i * a + b, i * a + e
+                mean = 0.5 * (stiffness[r, s] + stiffness[s, r])
+                stiffness[r, s] = stiffness[s, r] = mean
+                skewness = max(skewness, abs(by_q[i, b, e] - by_q[i, e, b]))
+        for b in range(a):
+            for e in range(a):
+                stiffness[i * a + b, i * a + e] -= by_q[i, b, e]
+    for cord in range(len(loads[8])):
+        _stiffen_by_cord(kind, a, loads, cord, frame, stiffness)
+    return skewness
+
+
+@njit(cache=True, nogil=True)
+def _stiffen_by_cord(kind, a, loads, cord, frame, stiffness):  # type: ignore[no-untyped-def]
+    """Adds Jᵀ T/L (1 − d dᵀ) J of a cord's point, d its direction, L its length."""
+    origins, directions = frame[0], frame[3]
+    point, away = frame[11][4, 0], frame[11][4, 1]
+    length = _pull(frame, loads, cord, point, away)
+    tension = loads[11][cord]
+    if tension == 0.0:
+        return
+    for c in range(3):
+        away[c] /= -tension
+    size = loads[8][cord] * a
+    moved, along = np.empty((3, size)), np.empty(size)
+    for d in range(size):
+        if kind == PRISMATIC:
+            for c in range(3):
+                moved[c, d] = directions[c, d]
+        else:
+            origin = origins[d // a + 1]
+            for c in range(3):
+                e, f = (c + 1) % 3, (c + 2) % 3
+                moved[c, d] = directions[e, d] * (point[f] - origin[f]) - directions[f, d] * (
+                    point[e] - origin[e]
+                )
+        along[d] = away[0] * moved[0, d] + away[1] * moved[1, d] + away[2] * moved[2, d]
+    share = tension / length
+    for d in range(size):
+        for e in range((d // a + 1) * a):
+            value = moved[0, d] * moved[0, e] + moved[1, d] * moved[1, e] + moved[2, d] * moved[2, e]
+            stiffness[d, e] += share * (value - along[d] * along[e])
+
+
+@njit(cache=True, nogil=True)
+def mirror(stiffness, a):  # type: ignore[no-untyped-def]
+    """Copies the lower triangle beyond the diagonal blocks of size a to the upper one."""
+    n = len(stiffness)
+    for d in range(n):
+        for e in range(d // a * a):
+            stiffness[e, d] = stiffness[d, e]
+
+
+@njit(cache=True, nogil=True)
+def potential(body, laws, loads, q, frame):  # type: ignore[no-untyped-def]
+    """Total potential in J at the q (n, a) at which the frame was filled by `balance` or `place`."""
+    masses, main = body[8], body[2]
+    p, gravity, tip_force, moment, payload = loads[:5]
+    points = frame[4]
+    point, force = frame[11][4, 0], frame[11][4, 1]
+    n = len(q)
+    energy = law_potential(laws, q, p)
+    for i in range(n + 1):
+        mass = payload if i == n else masses[i]
+        for c in range(3):
+            energy -= (mass * gravity[c] + (tip_force[c] if i == n else 0.0)) * points[i, c]
+    for m in range(len(loads[5])):
+        _point(frame, loads[5][m], loads[6][m], point)
+        for c in range(3):
+            energy -= loads[7][m, c] * point[c]
+    for m in range(len(loads[8])):
+        energy += loads[11][m] * _pull(frame, loads, m, point, force)
+    for i in range(n):
+        energy += moment * q[i, main]
+    return energy
