@@ -112,6 +112,14 @@ def _engines() -> list[Component]:
             summary="actuate the chain with a payload or a force at its tip",
             example={"pressure": "15 kPa", "payload": "13 g"},
         ),
+        Component(
+            interface="task",
+            kind="grasp",
+            config=f"{HERE}.tasks.grasp.config:GraspConfig",
+            implementation=f"{HERE}.tasks.grasp.task:Grasp",
+            summary="lower fingers over an object, actuate them and lift it",
+            example={"object": "egg", "pressure": "15 kPa"},
+        ),
     ]
 
 

@@ -10,6 +10,7 @@ from pydantic import Field, create_model
 
 from pliant.config.chain import ChainConfig, SegmentConfig
 from pliant.config.measurements import MeasurementsConfig
+from pliant.config.noise import NoiseConfig
 from pliant.errors import UserError
 from pliant.interfaces.base import ComponentConfig, FrozenModel
 from pliant.interfaces.effect import EffectConfig
@@ -36,7 +37,7 @@ BLOCKS = {
 BLOCK_LISTS = {"effects": "effect", "cross_check": "physics"}
 NAME_PATTERN = r"^[A-Za-z0-9][A-Za-z0-9._-]*$"
 # Keys of the study format whose stages are not built yet: read, kept, and reported as unused.
-NOT_USED_YET = ("sweep", "meta_model", "search", "optimizer", "noise", "protocols")
+NOT_USED_YET = ("sweep", "meta_model", "search", "optimizer", "protocols")
 
 
 class Study(FrozenModel):
@@ -79,8 +80,8 @@ class Study(FrozenModel):
     search: dict[str, Any] | None = Field(
         default=None, description="what to optimise; not used by this version"
     )
-    noise: dict[str, Any] | None = Field(
-        default=None, description="uncertainty of the task; not used by this version"
+    noise: NoiseConfig | None = Field(
+        default=None, description="how far the task's conditions vary from trial to trial"
     )
     protocols: list[dict[str, Any]] | None = Field(
         default=None, description="runs that the bench can do; not used by this version"
@@ -95,7 +96,26 @@ class Study(FrozenModel):
 
     def unused(self) -> list[str]:
         """Keys that are set but that no stage of this version reads."""
-        return [key for key in NOT_USED_YET if getattr(self, key) is not None]
+        keys = [key for key in NOT_USED_YET if getattr(self, key) is not None]
+        if self.noise is not None and self.task is not None and not self._task_has_noise():
+            keys.append("noise")
+        return keys
+
+    def noisy_task(self) -> TaskConfig:
+        """The task's config with the study's noise, where the task knows noise.
+
+        Raises:
+            UserError: no task, or noise in both places.
+        """
+        task: TaskConfig = self.need("task", "a simulation")
+        if self.noise is None or not self._task_has_noise():
+            return task
+        if "noise" in task.model_fields_set:
+            raise UserError(f"study '{self.name}' has 'noise' at its top and in its task; give it once.")
+        return task.model_copy(update={"noise": self.noise})
+
+    def _task_has_noise(self) -> bool:
+        return self.task is not None and "noise" in type(self.task).model_fields
 
 
 def study_model(raw: Mapping[str, Any], registry: Registry) -> type[Study]:

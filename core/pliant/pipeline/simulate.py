@@ -2,23 +2,19 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from pliant.errors import UserError
 from pliant.interfaces.effect import Effect, EffectConfig, Model
-from pliant.interfaces.physics import PhysicsBackend, PhysicsConfig, Simulation, SimulationState
+from pliant.interfaces.physics import PhysicsBackend, PhysicsConfig
 from pliant.interfaces.task import SceneEngine, SceneTask, Task, TaskConfig
+from pliant.pipeline.commands import SceneWithInputs, WithInputs
 from pliant.pipeline.workbench import Workbench, content
 from pliant.records.chain import ChainModel
-from pliant.records.design import Array
-from pliant.records.history import History
-from pliant.records.rollout import Equilibrium, Inputs, OutsideDomain, TaskResult
+from pliant.records.rollout import OutsideDomain, TaskResult
 from pliant.registry.component import Component
 from pliant.store.store import Artifact
 
@@ -89,7 +85,7 @@ def run_task(
         result = task.run(model.chain, _scene_engine(backend, model))
     else:
         with backend.build(model.chain) as simulation:
-            result = task.run(_WithInputs(simulation, model) if model.inputs else simulation)
+            result = task.run(WithInputs(simulation, model) if model.inputs else simulation)
     if task.config.outside_domain == "error":
         refuse_extrapolation(result.final.outside_domain)
     return replace(result, metrics=dict(model.reported(result.metrics)))
@@ -118,11 +114,9 @@ def _scene_engine(backend: PhysicsBackend, model: Model) -> SceneEngine:
         raise UserError(
             f"physics '{kind}' has no contacts, which this task needs; use 'mujoco' or 'pybullet'."
         )
-    if model.inputs:
-        raise UserError(
-            "effects on the input are not followed in scenes with contact yet; leave them out of 'effects'."
-        )
-    return backend.build_scene
+    if not model.inputs:
+        return backend.build_scene
+    return lambda scene: SceneWithInputs(backend.build_scene(scene), model)
 
 
 def check_terms(backend: PhysicsBackend, chain: ChainModel) -> None:
@@ -144,58 +138,3 @@ def check_capabilities(backend: PhysicsBackend, chain: ChainModel, kind: str) ->
             f"physics '{kind}' has no {', '.join(sorted(unknown))} joints; "
             f"it has {', '.join(backend.capabilities.joints)}."
         )
-
-
-class _WithInputs(Simulation):
-    """A simulation whose inputs pass through the effects' input maps first.
-
-    Maps take whole histories, so the commands are written down from the start; `settle` waits for long.
-    """
-
-    def __init__(self, inner: Simulation, model: Model) -> None:
-        self.inner, self.model, self.chain = inner, model, inner.chain
-        self._time_s = 0.0
-        self._commands: list[tuple[float, Inputs]] = []
-        self._present: Inputs | None = None
-
-    def apply(self, inputs: Inputs) -> None:
-        self._present = inputs
-        self.inner.apply(self._acting(math.inf))
-
-    def settle(self) -> Equilibrium:
-        if self._present is not None:
-            self.inner.apply(self._acting(math.inf))
-            self._commands = [(self._time_s, self._present)]
-        return self.inner.settle()
-
-    def step(self, duration_s: float) -> None:
-        self._time_s += duration_s
-        if self._present is not None:
-            self.inner.apply(self._acting(duration_s))
-            self._commands.append((self._time_s, self._present))
-        self.inner.step(duration_s)
-
-    def snapshot(self) -> SimulationState:
-        return self.inner.snapshot()
-
-    def restore(self, state: SimulationState) -> None:
-        self._time_s = state.time_s
-        self._commands = [entry for entry in self._commands if entry[0] <= state.time_s]
-        self.inner.restore(state)
-
-    def markers(self) -> Array:
-        return self.inner.markers()
-
-    def _acting(self, duration_s: float) -> Inputs:
-        """What acts at the end of a step with the present command; after a long wait, without its past."""
-        assert self._present is not None
-        past = [] if math.isinf(duration_s) else self._commands
-        commands = [*past, (self._time_s, self._present)]
-        names = self._present.actuation
-        history = History.of(
-            {name: np.array([inputs.actuation[name] for _, inputs in commands]) for name in names},
-            np.array([time_s for time_s, _ in commands]) if past else None,
-            tip_force_n=np.array([inputs.tip_force_n for _, inputs in commands]),
-            moment_n_m=np.array([inputs.moment_n_m for _, inputs in commands]),
-        )
-        return self.model.commanded(history).at(-1)

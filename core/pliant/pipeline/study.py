@@ -161,7 +161,7 @@ def simulate_study(bench: Workbench, study: Study) -> StudyRun:
     """All stages up to the task in the study's engine and in those of `cross_check`."""
     started = time.perf_counter()
     study.need("chain", "a simulation")
-    task = study.need("task", "a simulation")
+    task = study.noisy_task()
     physics = physics_of_study(bench, study)
     check_study(bench, study)
     designs = laws_of_study(bench, study)

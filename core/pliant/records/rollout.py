@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from pliant.records.design import Array
-from pliant.records.scene import SceneFrames
+from pliant.records.scene import SceneFrames, SceneStill
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,14 +121,15 @@ class Rollout:
 class TaskResult:
     """What a task leaves behind: the settled chain, the task's metrics (SI, unit in the name), a history.
 
-    A task in a scene leaves `frames` of its first trial; its `final` is the first arm at the end, whose residual is
-    not a number because contact forces are not in it.
+    A task in a scene leaves `frames` and a few `stills` of its first trial; its `final` is the first arm at the
+    end, whose residual is not a number because contact forces are not in it.
     """
 
     final: Equilibrium
     metrics: Mapping[str, Any]
     rollout: Rollout | None = None
     frames: SceneFrames | None = None
+    stills: tuple[SceneStill, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

@@ -140,3 +140,22 @@ class SceneFrames:
             positions_m=np.array([s.positions_m for s in states]),
             rotations=np.array([s.rotations for s in states]),
         )
+
+
+@dataclass(frozen=True, eq=False)
+class SceneStill:
+    """A scene at one instant, for a picture: every shape in the world frame.
+
+    Attributes:
+        label: what the instant is ("lifted").
+        time_s: when.
+        arms: per arm all its shapes.
+        objects: per object all its shapes.
+        floor_m: height of the floor, or None.
+    """
+
+    label: str
+    time_s: float
+    arms: tuple[tuple[Shape, ...], ...]
+    objects: tuple[tuple[Shape, ...], ...]
+    floor_m: float | None = None

@@ -12,7 +12,8 @@ from pliant.records.design import Design
 from pliant.records.fem import FemDataset, FemState, ModuleShape
 from pliant.records.law import FitReport, LawRecord
 from pliant.records.rollout import Equilibrium, OutsideDomain, Rollout, TaskResult
-from pliant.records.scene import SceneFrames
+from pliant.records.scene import SceneFrames, SceneStill
+from pliant.records.shape import Shape, TriangleMesh
 
 RECORDS: dict[str, type[Any]] = {
     cls.__name__: cls
@@ -28,6 +29,9 @@ RECORDS: dict[str, type[Any]] = {
         Rollout,
         TaskResult,
         SceneFrames,
+        SceneStill,
+        Shape,
+        TriangleMesh,
     )
 }
 

@@ -6,11 +6,14 @@ from functools import cached_property
 
 from pliant.interfaces.family import ActuatorFamily
 from pliant.meshing.masses import half_masses
+from pliant.meshing.surfaces import half_skins
 from pliant.records.design import ModuleMass
 from pliant.records.fem import ModuleMesh, ModuleProblem
+from pliant.records.shape import HalfShapes, HalfSurfaces
 from pliant_plugins.families.bellow_bending.config import BellowBendingConfig
 from pliant_plugins.families.bellow_bending.geometry import BellowGeometry
 from pliant_plugins.families.bellow_bending.mesh import build_mesh
+from pliant_plugins.families.bellow_bending.shapes import half_shapes
 
 
 class BellowBending(ActuatorFamily):
@@ -50,6 +53,14 @@ class BellowBending(ActuatorFamily):
     @cached_property
     def _mesh(self) -> ModuleMesh:
         return build_mesh(self.geometry)
+
+    def shapes(self) -> HalfShapes:
+        """Plate and bellow of the two halves."""
+        return half_shapes(self.geometry)
+
+    def surface(self) -> HalfSurfaces:
+        """The skin of the mesh: the undulating wall, open at both ends as the modules are, and the plate."""
+        return half_skins(self._mesh)
 
     def mass(self, density_kg_m3: float) -> ModuleMass:
         """Masses of the two halves, by Gauss quadrature over the mesh and its mirror images."""

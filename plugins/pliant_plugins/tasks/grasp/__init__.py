@@ -1,0 +1,1 @@
+"""Grasp: fingers are lowered over an object, actuated and lifted."""

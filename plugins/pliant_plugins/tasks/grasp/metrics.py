@@ -1,0 +1,138 @@
+"""What an episode says: rise, forces, slip, creep and the mode of the grasp (docs/grasping.md)."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+
+from pliant.records.design import Array
+from pliant.records.scene import Contact, Scene
+from pliant_plugins.tasks.grasp.config import GraspConfig
+from pliant_plugins.tasks.grasp.episode import Episode
+
+Mode = Literal["miss", "touch", "slip", "stable"]
+MODES: tuple[Mode, ...] = ("miss", "touch", "slip", "stable")
+LIFTED_M = 0.005  # a smaller rise is a tilt or a push, no lifting
+HELD_SHARE = 0.5  # of the lift: an object that ends lower was not carried
+SINKING_M_S = 0.002  # an object that sinks faster in the final hold is on its way out
+
+
+@dataclass(frozen=True)
+class Grip:
+    """Touching of fingers and object at one instant: sums of forces (N), and the share of bodies that touch."""
+
+    normal_n: float
+    friction_n: float
+    touching_share: float
+
+    @staticmethod
+    def of(contacts: Sequence[Contact], scene: Scene) -> Grip:
+        """Sums over the contacts between arms and objects."""
+        held = [c for c in contacts if c.first.kind == "arm" and c.second.kind == "object" and c.normal_n > 0]
+        bodies = sum(1 for arm in scene.arms for shapes in arm.chain.shapes[1:] if shapes)
+        return Grip(
+            sum(c.normal_n for c in held),
+            float(sum(np.linalg.norm(c.friction_n) for c in held)),
+            len({c.first for c in held}) / max(bodies, 1),
+        )
+
+
+@dataclass(frozen=True)
+class TrialMetrics:
+    """One trial, SI. Heights are rises of the object's centre of mass over its place at the start.
+
+    Attributes:
+        z_max_m, z_end_m: largest and final rise.
+        normal_n, friction_n: sums over all contacts of fingers and object, mean over the final hold.
+        efficiency: share of the fingers' moving bodies that touch the object, mean over the final hold.
+        slip: share of the lift that the object did not follow, 0 to 1.
+        creep_m_s: speed at which the object sinks in the final hold.
+        mode: see `mode_of`.
+    """
+
+    z_max_m: float
+    z_end_m: float
+    normal_n: float
+    friction_n: float
+    efficiency: float
+    slip: float
+    creep_m_s: float
+    mode: Mode
+
+    @property
+    def friction_to_normal(self) -> float:
+        """Σ|friction| / Σ normal; 0 where nothing is held."""
+        return self.friction_n / self.normal_n if self.normal_n > 0 else 0.0
+
+
+def trial_metrics(episode: Episode, scene: Scene, config: GraspConfig) -> TrialMetrics:
+    """Measure one episode."""
+    rise = _rise_m(episode, scene)
+    final = episode.during("final")
+    grips = [Grip.of(episode.contacts[k], scene) for k in final]
+    time = np.array([episode.states[k].time_s for k in final])
+    creep = -float(np.polyfit(time, rise[final], 1)[0]) if len(final) > 1 else 0.0
+    touched = any(Grip.of(contacts, scene).normal_n > 0 for contacts in episode.contacts)
+    z_max, z_end = float(rise.max()), float(rise[-1])
+    return TrialMetrics(
+        z_max_m=z_max,
+        z_end_m=z_end,
+        normal_n=float(np.mean([grip.normal_n for grip in grips])),
+        friction_n=float(np.mean([grip.friction_n for grip in grips])),
+        efficiency=float(np.mean([grip.touching_share for grip in grips])),
+        slip=float(np.clip(1.0 - z_end / config.lift_height_m, 0.0, 1.0)),
+        creep_m_s=creep,
+        mode=mode_of(touched, z_max, z_end, creep, config.lift_height_m),
+    )
+
+
+def mode_of(touched: bool, z_max_m: float, z_end_m: float, creep_m_s: float, lift_m: float) -> Mode:
+    """The mode of a grasp.
+
+    miss: no finger ever pressed on the object. touch: the object never rose by 5 mm. stable: at the end it is up
+    by at least half the lift and sinks by no more than 2 mm/s. slip: everything else.
+    """
+    if not touched:
+        return "miss"
+    if z_max_m < min(LIFTED_M, HELD_SHARE * lift_m):
+        return "touch"
+    if z_end_m >= HELD_SHARE * lift_m and creep_m_s <= SINKING_M_S:
+        return "stable"
+    return "slip"
+
+
+def summary(trials: Sequence[TrialMetrics]) -> dict[str, Any]:
+    """Means over the trials, the most frequent mode (the worse of two equally frequent), the share of `stable`."""
+    count = Counter(trial.mode for trial in trials)
+    means = {name: float(np.mean(values)) for name, values in trial_lists(trials).items()}
+    return {
+        **means,
+        "mode": max(MODES[::-1], key=lambda mode: (count[mode], -MODES.index(mode))),
+        "success_share": count["stable"] / len(trials),
+        "modes": {mode: count[mode] for mode in MODES},
+    }
+
+
+def trial_lists(trials: Sequence[TrialMetrics]) -> dict[str, list[float]]:
+    """Numbers of every trial by metric, unit in the name."""
+    return {
+        "z_max_m": [trial.z_max_m for trial in trials],
+        "z_end_m": [trial.z_end_m for trial in trials],
+        "normal_force_n": [trial.normal_n for trial in trials],
+        "friction_force_n": [trial.friction_n for trial in trials],
+        "friction_to_normal_ratio": [trial.friction_to_normal for trial in trials],
+        "contact_efficiency_share": [trial.efficiency for trial in trials],
+        "slip_ratio": [trial.slip for trial in trials],
+        "creep_m_s": [trial.creep_m_s for trial in trials],
+    }
+
+
+def _rise_m(episode: Episode, scene: Scene) -> Array:
+    """(frames,) height of the object's centre of mass over its place at the start."""
+    com = scene.objects[0].mass.com_m
+    height = np.array([(s.positions_m[0] + s.rotations[0] @ com)[2] for s in episode.states])
+    return np.asarray(height - height[0])

@@ -1,0 +1,97 @@
+"""The grasp task: trials one after another, each in a scene of its own."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from pliant.interfaces.physics import SceneSimulation
+from pliant.interfaces.task import SceneEngine, SceneTask
+from pliant.mechanics.stills import still
+from pliant.records.chain import ChainModel
+from pliant.records.rollout import Equilibrium, TaskResult
+from pliant.records.scene import Scene, SceneFrames, SceneStill
+from pliant_plugins.tasks.grasp.config import GraspConfig
+from pliant_plugins.tasks.grasp.episode import Episode, play
+from pliant_plugins.tasks.grasp.metrics import TrialMetrics, summary, trial_lists, trial_metrics
+from pliant_plugins.tasks.grasp.objects import GraspObject, grasp_object
+from pliant_plugins.tasks.grasp.placement import Draw, grasp_scene
+
+STILLS = {"lower": "lowered", "hold": "actuated", "final": "lifted"}
+
+
+class Grasp(SceneTask):
+    """Fingers around an object: lowered, actuated, lifted; `trials` times under the config's noise."""
+
+    config: GraspConfig
+
+    @cached_property
+    def target(self) -> GraspObject:
+        """The object as it stands on the floor."""
+        return grasp_object(self.config)
+
+    def scene(self, chain: ChainModel) -> Scene:
+        return grasp_scene(chain, self.config, self.target, Draw.none())
+
+    def run(self, chain: ChainModel, engine: SceneEngine) -> TaskResult:
+        started = time.perf_counter()
+        trials: list[TrialMetrics] = []
+        draws = [Draw.of(self.config, k, self.target.radius_m) for k in range(self.config.trials)]
+        for number, draw in enumerate(draws):
+            scene = grasp_scene(chain, self.config, self.target, draw)
+            with engine(scene) as simulation:
+                episode = play(simulation, self.config, self.actuation(chain, draw))
+                trials.append(trial_metrics(episode, scene, self.config))
+                if number == 0:
+                    final = _final(simulation, episode)
+                    frames = SceneFrames.of(episode.states)
+                    stills = _stills(scene, episode)
+        metrics: dict[str, Any] = {
+            **summary(trials),
+            "object_mass_kg": self.target.body.mass.mass_kg,
+        }
+        if self.target.note:
+            metrics["note"] = self.target.note
+        if len(trials) > 1:
+            metrics["trials"] = {
+                "mode": [trial.mode for trial in trials],
+                **trial_lists(trials),
+                "friction_ratio": [draw.friction * self.config.friction for draw in draws],
+                "actuation_offset_pa": [draw.pressure_pa for draw in draws],
+                "placement_m": [float(np.linalg.norm(draw.offset_m)) for draw in draws],
+            }
+        final = replace(final, wall_s=time.perf_counter() - started)
+        return TaskResult(final, metrics, None, frames, stills)
+
+    def actuation(self, chain: ChainModel, draw: Draw) -> dict[str, float]:
+        """Full value of each input in a trial; the pressure's noise goes to the inputs that are driven."""
+        full: Mapping[str, float] = self.config.actuation(chain)
+        pressed = self.config.pressure_pa is not None
+        return {name: max(v + draw.pressure_pa, 0.0) if pressed and v else v for name, v in full.items()}
+
+
+def _final(simulation: SceneSimulation, episode: Episode) -> Equilibrium:
+    """The first finger at the end; contact holds it, so that its own residual says nothing."""
+    return Equilibrium(
+        joint_angles=episode.states[-1].coordinates[0],
+        markers_m=simulation.markers(0),
+        residual=float("nan"),
+        converged=True,
+        stable=None,
+        iterations=len(episode.states) - 1,
+        wall_s=0.0,
+        outside_domain=tuple(episode.outside[key] for key in sorted(episode.outside)),
+    )
+
+
+def _stills(scene: Scene, episode: Episode) -> tuple[SceneStill, ...]:
+    return tuple(
+        still(scene, episode.states[episode.last_of(phase)], label)
+        for phase, label in STILLS.items()
+        if phase in episode.phase
+    )
