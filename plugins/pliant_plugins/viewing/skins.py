@@ -121,14 +121,20 @@ def cylinder(radius_m: float, half_m: float) -> TriangleMesh:
 
 
 def _followed(chain: ChainModel, number: int, x: Array) -> tuple[NDArray[np.int64], Array]:
-    """Which body each vertex of a half follows, and how much of the next one."""
+    """The proximal of the two bodies that each vertex of a piece follows, and the share of the next one."""
     low, high = float(x.min()), float(x.max())
     length = max(high - low, 1e-12)
-    if number > 0 and abs(low) < AT_JOINT * length:
-        return np.full(len(x), number - 1), 0.5 + 0.5 * (x - low) / length
-    if number < chain.n_joints and abs(high - chain.joints[number].offset_m[0]) < AT_JOINT * length:
-        return np.full(len(x), number), 0.5 - 0.5 * (high - x) / length
-    return np.full(len(x), number), np.zeros(len(x))
+    begins = number > 0 and abs(low) < AT_JOINT * length
+    ends = number < chain.n_joints and abs(high - chain.joints[number].offset_m[0]) < AT_JOINT * length
+    body, share = np.full(len(x), number), np.zeros(len(x))
+    reach = length / 2 if begins and ends else length
+    if begins:
+        near = x <= low + reach
+        body[near], share[near] = number - 1, 0.5 + 0.5 * (x[near] - low) / reach
+    if ends:
+        near = x > high - reach
+        share[near] = 0.5 - 0.5 * (high - x[near]) / reach
+    return body, share
 
 
 def _welded(skin: Skin) -> Skin:
