@@ -16,8 +16,6 @@ from pliant.interfaces.physics import PhysicsBackend, SimulationState
 from pliant.mechanics.inertia import mass_matrix
 from pliant.mechanics.kinematics import ChainGeometry
 from pliant.records.chain import ChainModel
-from pliant.records.rollout import Inputs
-from pliant_plugins.physics.mujoco import engine as engine_module
 from pliant_plugins.physics.mujoco.backend import Mujoco
 from pliant_plugins.physics.mujoco.config import MujocoConfig
 from pliant_plugins.physics.mujoco.mjcf import chain_mjcf
@@ -45,7 +43,7 @@ def test_roll_pitch_yaw(roll: float, pitch: float, yaw: float) -> None:
 
 def test_mujoco_has_the_same_mass_matrix(heavy_chain: ChainModel) -> None:
     """Masses, inertias, offsets and payload arrive in MuJoCo as they were given."""
-    model = mujoco.MjModel.from_xml_string(chain_mjcf(heavy_chain, "implicitfast"))
+    model = mujoco.MjModel.from_xml_string(chain_mjcf(heavy_chain))
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     theirs = np.zeros((model.nv, model.nv))
@@ -66,22 +64,6 @@ def test_close_twice(engine: PhysicsBackend, massless_finger: ChainModel) -> Non
     simulation = engine.build(massless_finger)
     simulation.close()
     simulation.close()
-
-
-def test_engines_without_the_discrete_integrator_say_so(
-    monkeypatch: pytest.MonkeyPatch, loaded_finger: ChainModel, quasistatic: PhysicsBackend
-) -> None:
-    """An older MuJoCo falls back to implicitfast, warns, and finds the same equilibrium."""
-    monkeypatch.setattr(engine_module, "has_discrete_integrator", lambda: False)
-    with pytest.warns(RuntimeWarning, match="implicitfast"):
-        simulation = Mujoco(MujocoConfig()).build(loaded_finger)
-    tips = []
-    for chain in (simulation, quasistatic.build(loaded_finger)):
-        chain.apply(Inputs({"pressure_pa": 15e3}))
-        tips.append(chain.settle().tip_m)
-    np.testing.assert_allclose(tips[0], tips[1], atol=1e-6)
-    simulation.step(0.01)
-    np.testing.assert_allclose(simulation.markers()[-1], tips[0], atol=1e-6)
 
 
 def test_the_longest_chain_of_every_kind(

@@ -19,6 +19,8 @@ from pliant.mechanics.rotations import (
 from pliant.mechanics.statics import ChainStatics, Loads
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
+from pliant_plugins.physics.compiled.dof_forces import drive_axes, drive_balls
+from pliant_plugins.physics.compiled.laws import CompiledLaws
 
 NOT_NEEDED = np.empty(0)
 
@@ -43,16 +45,23 @@ class ChainJoints:
         coordinates, dofs = int(model.jnt_qposadr[first]), int(model.jnt_dofadr[first])
         self.dofs = slice(dofs, dofs + n * (3 if self._ball else 1))
         self._qpos = data.qpos[coordinates : coordinates + n * (4 if self._ball else 1)]
-        self._qvel = data.qvel[self.dofs]
-        self._applied = data.qfrc_applied[self.dofs]
-        self._stiffness = model.jnt_stiffness[first : first + n]
+        self._qvel, self._applied = data.qvel[self.dofs], data.qfrc_applied[self.dofs]
+        self._damping = model.dof_damping[self.dofs]
+        if self._ball:
+            self._qpos, self._qvel = self._qpos.reshape(n, 4), self._qvel.reshape(n, 3)
+            self._applied, self._damping = self._applied.reshape(n, 3), self._damping.reshape(n, 3)
+        self._order, self._none = np.argmax(self._geometry.basis, axis=0), np.zeros(n)
+        compiled = CompiledLaws.of(chain)
+        self._laws = None if compiled is None or chain.terms else compiled.arrays
+        self._loads: Loads | None = None
+        self._values = self._none
 
     @property
     def q(self) -> Array:
         """(n, a) joint coordinates."""
         if not self._ball:
             return self._qpos.reshape(-1, 1).copy()
-        coordinates: Array = vector_of_quaternion(self._qpos.reshape(-1, 4)) @ self._geometry.basis
+        coordinates: Array = vector_of_quaternion(self._qpos) @ self._geometry.basis
         return coordinates
 
     @property
@@ -60,55 +69,59 @@ class ChainJoints:
         """(n, a) dq/dt."""
         if not self._ball:
             return self._qvel.reshape(-1, 1).copy()
-        phi = vector_of_quaternion(self._qpos.reshape(-1, 4))
-        rates: Array = np.einsum("nij,nj->ni", right_jacobian_inverse(phi), self._qvel.reshape(-1, 3))
+        inverse = right_jacobian_inverse(vector_of_quaternion(self._qpos))
+        rates: Array = np.einsum("nij,nj->ni", inverse, self._qvel)
         return rates @ self._geometry.basis
 
     def place(self, q: Array, rates: Array) -> None:
         """Set joint coordinates and their rates."""
         if self._ball:
             phi, phi_rate = self._geometry.rotation_vectors(q), self._geometry.rotation_vectors(rates)
-            self._qpos[:] = quaternion_of_vector(phi).ravel()
-            self._qvel[:] = np.einsum("nij,nj->ni", right_jacobian(phi), phi_rate).ravel()
+            self._qpos[:] = quaternion_of_vector(phi)
+            self._qvel[:] = np.einsum("nij,nj->ni", right_jacobian(phi), phi_rate)
         else:
-            self._qpos[:] = q.ravel()
-            self._qvel[:] = rates.ravel()
+            self._qpos[:], self._qvel[:] = q.ravel(), rates.ravel()
 
     def drive(
-        self,
-        loads: Loads,
-        q: Array,
-        extra_stiffness: Array | None = None,
-        caution: float = 1.0,
-        implicit: bool = True,
-    ) -> Array:
-        """Efforts of laws and end moment at the joints for the next step, from q, which is where they are.
+        self, loads: Loads, damping: float, extra_stiffness: Array | None = None, caution: float = 1.0
+    ) -> None:
+        """Forces of laws and loads for the next step, from where the chain is.
 
-        The joint's stiffness is set to the law's local slope k and the applied force to τ + k φ: the force is
-        exactly τ, and the integrator knows its slope. With `extra_stiffness` (n,), k is `caution` times the
-        slope's magnitude plus the extra; the force is still exactly τ. Returns k (n,); an integrator that is
-        not `implicit` in stiffness gets τ alone.
+        The force at the joints is exactly the laws' τ. Their local slope k enters as a damping h k beside the
+        physical one, which MuJoCo takes implicitly, so the stiffness is implicit too (`dof_forces`). With
+        `extra_stiffness` (n,), k is `caution` times the slope's magnitude plus the extra.
         """
-        effort = self.statics.efforts.evaluate(q, loads.actuation, loads.memory)
-        slopes = -0.5 * (effort.dtau_du + effort.dtau_du.transpose(0, 2, 1))
-        eigenvalues = np.linalg.eigvalsh(slopes) if self._ball else slopes[:, 0]
-        if extra_stiffness is None:
-            stiffness = np.maximum(eigenvalues, 0.0).max(axis=1)
+        extra = self._none if extra_stiffness is None else extra_stiffness
+        if self._laws is None or loads.memory is not None:
+            self._drive_plainly(loads, damping, extra, caution)
         else:
-            stiffness = caution * (np.abs(eigenvalues).max(axis=1) + extra_stiffness)
-        tau = effort.tau
-        tau[:, self._geometry.main] -= loads.moment_n_m
-        force, phi = tau, q
-        if self._ball:
-            phi = self._geometry.rotation_vectors(q)
-            inverse = right_jacobian_inverse(phi)
-            force = np.einsum("nji,nj->ni", inverse, self._geometry.rotation_vectors(tau))
-        if implicit:
-            self._stiffness[:] = stiffness
-            force = force + stiffness[:, None] * phi
-        self._applied[:] = force.ravel()
+            self._drive_compiled(loads, damping, extra, caution)
         self._push(loads)
-        return np.asarray(stiffness)
+
+    def _drive_compiled(self, loads: Loads, damping: float, extra: Array, caution: float) -> None:
+        if loads is not self._loads:
+            self._loads, self._values = loads, self.statics.efforts.values(loads.actuation)
+        before = (self._values, loads.moment_n_m, extra, caution, self._model.opt.timestep, damping)
+        if self._ball:
+            order = (self._order, self._geometry.main)
+            drive_balls(self._laws, self._qpos, *order, *before, self._applied, self._damping)
+        else:
+            drive_axes(self._laws, self._qpos, *before, self._applied, self._damping)
+
+    def _drive_plainly(self, loads: Loads, damping: float, extra: Array, caution: float) -> None:
+        """The same without machine code, for laws without a scalar form and for law terms."""
+        q = self.q
+        effort = self.statics.efforts.evaluate(q, loads.actuation, loads.memory)
+        slopes = np.abs(0.5 * (effort.dtau_du + effort.dtau_du.transpose(0, 2, 1))).sum(axis=2)
+        implicit = damping + self._model.opt.timestep * caution * (slopes + extra[:, None])
+        force = effort.tau
+        force[:, self._geometry.main] -= loads.moment_n_m
+        if self._ball:
+            inverse = right_jacobian_inverse(self._geometry.rotation_vectors(q))
+            force = np.einsum("nji,nj->ni", inverse, self._geometry.rotation_vectors(force))
+            implicit = implicit @ self._geometry.basis.T
+        self._applied[:] = force.reshape(self._applied.shape)
+        self._damping[:] = implicit.reshape(self._damping.shape)
 
     def _push(self, loads: Loads) -> None:
         """Forces of the loads on the bodies, where these are now."""

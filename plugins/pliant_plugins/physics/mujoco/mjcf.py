@@ -18,13 +18,13 @@ MASS_FLOOR_KG = 1e-9
 INERTIA_FLOOR_KG_M2 = 1e-12
 
 
-def chain_mjcf(chain: ChainModel, integrator: str) -> str:
+def chain_mjcf(chain: ChainModel) -> str:
     """The MJCF document. Body names: base, body_1…n, tip (welded to the last body, carries the payload)."""
     root = document("chain")
-    option = SubElement(
-        root, "option", integrator=integrator, gravity=text(chain.gravity_m_s2), jacobian="dense"
-    )
-    SubElement(option, "flag", contact="disable", autoreset="disable")
+    # This integrator takes damping implicitly, and with it the laws' stiffness (`ChainJoints.drive`).
+    gravity = text(chain.gravity_m_s2)
+    option = SubElement(root, "option", integrator="implicitfast", gravity=gravity, jacobian="dense")
+    SubElement(option, "flag", contact="disable", constraint="disable", autoreset="disable")
     add_chain(SubElement(root, "worldbody"), chain)
     return tostring(root, encoding="unicode")
 
@@ -42,9 +42,7 @@ def add_chain(parent: Element, chain: ChainModel, prefix: str = "") -> tuple[Ele
     base = add_body(parent, f"{prefix}base", chain.base_position_m, chain.base_rotation)
     bodies = [base]
     for i in range(chain.n_joints):
-        body = add_body(
-            bodies[-1], f"{prefix}body_{i + 1}", geometry.offsets[i], geometry.rest_rotations[i]
-        )
+        body = add_body(bodies[-1], f"{prefix}body_{i + 1}", geometry.offsets[i], geometry.rest_rotations[i])
         add_inertia(body, chain.bodies[i + 1])
         joint = SubElement(body, "joint", type=JOINT_TYPES[geometry.kind])
         if geometry.kind != "spherical":

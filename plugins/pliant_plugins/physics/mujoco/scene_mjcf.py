@@ -98,19 +98,6 @@ def _add_options(root: Element, scene: Scene, config: MujocoConfig) -> None:
         noslip_iterations=str(config.noslip_iterations),
     )
     SubElement(option, "flag", autoreset="disable")
-    # The solver's tolerance is relative to the mean inertia, in which the carriage must not count.
-    SubElement(root, "statistic", meaninertia=repr(_mean_inertia(scene)))
-
-
-def _mean_inertia(scene: Scene) -> float:
-    """A typical diagonal entry of the mass matrix: the arms' lateral inertias and the objects' masses."""
-    entries = [1e-9]
-    for arm in scene.arms:
-        mass = sum(body.mass_kg for body in arm.chain.bodies[1:]) + arm.chain.payload_kg
-        entries += [mass * arm.chain.length_m**2 / 3.0] * arm.chain.n_joints
-    for free in scene.objects:
-        entries += [free.mass.mass_kg] * 3 + [float(np.trace(free.mass.inertia_kg_m2)) / 3.0] * 3
-    return float(np.mean(entries))
 
 
 def _add_carriage(world: Element) -> Element:
