@@ -1,0 +1,30 @@
+"""The environments' names. The engines are imported by `gymnasium.make` only."""
+
+from __future__ import annotations
+
+from pliant.errors import MissingDependencyError
+
+HERE = "pliant_plugins.envs"
+ENVIRONMENTS = {
+    "pliant/FreeBending-v0": f"{HERE}.free_bending:FreeBendingEnv",
+    "pliant/TipLoad-v0": f"{HERE}.tip_load:TipLoadEnv",
+    "pliant/HelicalHang-v0": f"{HERE}.helical_hang:HelicalHangEnv",
+    "pliant/TendonFinger-v0": f"{HERE}.tendon_finger:TendonFingerEnv",
+    "pliant/FollowShape-v0": f"{HERE}.follow_shape:FollowShapeEnv",
+    "pliant/Grasp-v0": f"{HERE}.grasp:GraspEnv",
+}
+
+
+def register() -> None:
+    """Make the environments known to gymnasium; again and again is no harm.
+
+    Raises:
+        MissingDependencyError: gymnasium is not installed.
+    """
+    try:
+        import gymnasium
+    except ImportError:
+        raise MissingDependencyError("the environments need gymnasium: pip install 'pliant[gym]'.") from None
+    for name, place in ENVIRONMENTS.items():
+        if name not in gymnasium.registry:
+            gymnasium.register(id=name, entry_point=place)
