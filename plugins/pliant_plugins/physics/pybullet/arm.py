@@ -67,7 +67,7 @@ class BulletArm:
         self._effort = scale.force if slides else scale.torque
         # (n, 3, 3) principal axes of the moving bodies, as columns, and their transposes.
         self._principal = np.array([principal(moving(body))[1] for body in chain.bodies[1:]])
-        self._to_principal = self._principal.transpose(0, 2, 1)
+        self.to_principal = self._principal.transpose(0, 2, 1)
         self._free()
 
     def state(self) -> tuple[Array, Array]:
@@ -87,8 +87,8 @@ class BulletArm:
         """Set joint coordinates and their rates."""
         if self.ball:
             phi, phi_rates = self._geometry.rotation_vectors(q), self._geometry.rotation_vectors(rates)
-            positions = np.roll(quaternion_of_vector(times(self._to_principal, phi)), -1, axis=1)
-            rates = times(self._to_principal, times(right_jacobian(phi), phi_rates))
+            positions = np.roll(quaternion_of_vector(times(self.to_principal, phi)), -1, axis=1)
+            rates = times(self.to_principal, times(right_jacobian(phi), phi_rates))
         else:
             positions, rates = self._coordinate * q, self._coordinate * rates
         self._bullet.resetJointStatesMultiDof(
@@ -100,7 +100,7 @@ class BulletArm:
         if self.ball:
             inverse = right_jacobian_inverse(self._geometry.rotation_vectors(q))
             effort = times(inverse.transpose(0, 2, 1), self._geometry.rotation_vectors(effort))
-            effort = times(self._to_principal, effort)
+            effort = times(self.to_principal, effort)
         self.drive_torques(self._effort * effort)
 
     def drive_torques(self, torques: Array) -> None:

@@ -1,24 +1,40 @@
-"""The PyBullet engine: explicit dynamics, and equilibria by relaxation."""
+"""The PyBullet engine: explicit dynamics, equilibria by relaxation, scenes with contact."""
 
 from __future__ import annotations
 
 from typing import ClassVar
 
-from pliant.interfaces.physics import Capabilities, PhysicsBackend
+from pliant.errors import UserError
+from pliant.interfaces.physics import Capabilities, PhysicsBackend, SceneSimulation
 from pliant.mechanics.statics import ChainStatics
 from pliant.records.chain import ChainModel
+from pliant.records.scene import Scene
 from pliant_plugins.physics.dynamic import DynamicSimulation
 from pliant_plugins.physics.pybullet.config import PybulletConfig
 from pliant_plugins.physics.pybullet.engine import BulletChain
+from pliant_plugins.physics.pybullet.published import PublishedChain
 
 
 class Pybullet(PhysicsBackend):
     """PyBullet (Bullet's articulated bodies) with explicit torques of the laws."""
 
-    capabilities: ClassVar[Capabilities] = Capabilities(("revolute", "spherical", "prismatic"), dynamic=True)
+    capabilities: ClassVar[Capabilities] = Capabilities(
+        ("revolute", "spherical", "prismatic"), dynamic=True, contacts=True
+    )
     config: PybulletConfig
 
     def build(self, chain: ChainModel) -> DynamicSimulation:
         statics = ChainStatics(chain)
-        engine = BulletChain(chain, statics, self.config)
+        kind = PublishedChain if self.config.preset == "published" else BulletChain
+        engine = kind(chain, statics, self.config)
         return DynamicSimulation(chain, statics, engine, self.config.tolerance, self.config.max_settle_steps)
+
+    def build_scene(self, scene: Scene) -> SceneSimulation:
+        if self.config.preset == "published":
+            raise UserError(
+                "physics.preset 'published' is a baseline for single chains: leave it out for tasks with contact"
+            )
+        # Law functions are compiled for scenes only: single chains do not wait for numba.
+        from pliant_plugins.physics.pybullet.scene import BulletScene
+
+        return BulletScene(scene, self.config)

@@ -23,7 +23,7 @@ class CollisionWriter:
     """Adds shapes to links; hulls go to OBJ files in `folder`."""
 
     def __init__(self, folder: Path) -> None:
-        self._folder = folder
+        self.folder = folder
         self._count = 0
 
     def add(self, link: ElementTree.Element, shapes: Iterable[Shape]) -> None:
@@ -47,7 +47,7 @@ class CollisionWriter:
             ElementTree.SubElement(geometry, shape.kind, radius=text([radius]), length=text([2.0 * half]))
         else:
             self._count += 1
-            path = self._folder / f"hull_{self._count}.obj"
+            path = self.folder / f"hull_{self._count}.obj"
             write_hull(path, hull_points(shape))
             ElementTree.SubElement(geometry, "mesh", filename=str(path))
 

@@ -14,6 +14,11 @@ class PybulletConfig(PhysicsConfig):
     """``physics: {kind: pybullet}``."""
 
     kind: Literal["pybullet"] = "pybullet"
+    preset: Literal["pliant", "published"] = Field(
+        "pliant",
+        description="`published` steps a chain as the published study did (friction motors, naive torques, one law "
+        "call per joint and axis, fixed steps), as a baseline for benchmarks; scenes and `settle` know only `pliant`",
+    )
     timestep_s: Time = Field(
         1 / 2400,
         gt=0.0,
@@ -31,3 +36,12 @@ class PybulletConfig(PhysicsConfig):
         0.02, gt=0.0, description="pseudo-time step of the relaxation in `settle`; inertia is scaled to it"
     )
     max_settle_steps: int = Field(20000, ge=1, description="steps after which `settle` gives up")
+    world_scale: float = Field(
+        10.0,
+        gt=0.0,
+        description="how many times longer everything is inside Bullet in a scene; its contact margins suit metres",
+    )
+    friction_anchors: bool = Field(
+        True, description="contacts in a scene remember where they began to stick and are pulled back there"
+    )
+    solver_iterations: int = Field(50, ge=1, description="iterations of the contact solver at every step")
