@@ -170,5 +170,5 @@ def _say_run(here: Session, done: StudyRun) -> None:
 
 def _exit_unless_converged(here: Session, done: StudyRun) -> None:
     ran = [engine.result for engine in done.engines if engine.result is not None]
-    if not all(result.final.converged for result in ran):
+    if not all(result.final.converged and not result.not_reached for result in ran):
         here.exit_code = NOT_CONVERGED

@@ -119,6 +119,7 @@ def simulation(engine: EngineRun) -> dict[str, Any]:
         "residual": final.residual,
         "wall_s": final.wall_s,
         "outside_domain": [vars(entry) for entry in final.outside_domain],
+        "not_reached": result.not_reached,
         "metrics": result.metrics,
         "stages": [stage(engine.artifact)],
     }
@@ -145,15 +146,17 @@ def simulation_lines(engine: EngineRun) -> list[str]:
         f"{engine.kind:<12} tip ({x:.3f}, {y:.3f}, {z:.3f}) mm, {state}, residual {result.final.residual:.1e}, "
         f"{_time(engine.artifact)}"
     )
+    lines = [line]
     outside = result.final.outside_domain
-    if not outside:
-        return [line]
-    worst = max(outside, key=lambda entry: abs(entry.excess))
-    return [
-        line,
-        f"             outside the law's domain at {len(outside)} places, "
-        f"worst: module {worst.module}, {worst.variable} by {worst.excess:.3g}",
-    ]
+    if outside:
+        worst = max(outside, key=lambda entry: abs(entry.excess))
+        lines.append(
+            f"             outside the law's domain at {len(outside)} places, "
+            f"worst: module {worst.module}, {worst.variable} by {worst.excess:.3g}"
+        )
+    if result.not_reached:
+        lines.append(f"             NOT REACHED: {result.not_reached}")
+    return lines
 
 
 def _r2(r2: float) -> str:

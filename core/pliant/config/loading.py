@@ -24,7 +24,7 @@ from pliant.registry.discovery import Registry
 from pliant.registry.files import shown, with_files
 
 # Paths inside a study are relative to the file that states them.
-PATH_KEYS = (("surrogate", "data"), ("measurements", "file"), ("task", "mesh"))
+PATH_KEYS = (("surrogate", "data"), ("measurements", "file"), ("task", "mesh"), ("task", "points"))
 KeyPath = tuple[Any, ...]
 Notes = TypeVar("Notes", bound=FrozenModel)
 DEEPEST = 64

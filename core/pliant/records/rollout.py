@@ -123,6 +123,8 @@ class TaskResult:
 
     A task in a scene leaves `frames` and a few `stills` of its first trial; its `final` is the first arm at the
     end, whose residual is not a number because contact forces are not in it.
+
+    `not_reached` is a sentence where the task was not carried out in full: what failed, and what held last.
     """
 
     final: Equilibrium
@@ -130,6 +132,7 @@ class TaskResult:
     rollout: Rollout | None = None
     frames: SceneFrames | None = None
     stills: tuple[SceneStill, ...] = ()
+    not_reached: str = ""
 
 
 @dataclass(frozen=True, eq=False)

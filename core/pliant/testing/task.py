@@ -15,7 +15,7 @@ from pliant.records.chain import ChainModel
 from pliant.records.rollout import Equilibrium, TaskResult
 from pliant.store.codec import encode
 from pliant.testing.physics_bench import chain_numbers
-from pliant.testing.samples import sample_chain
+from pliant.testing.samples import linear_law, sample_chain
 from pliant.testing.stand_ins import StandIn, StandInConfig, StandInSimulation
 from pliant.testing.suite import Subject, Suite, require, require_close
 
@@ -26,13 +26,18 @@ DIMENSIONLESS = "ratio|share|count|score|strain"
 NAME = re.compile(rf"([a-z][a-z0-9_]*_)?({UNITS}|{DIMENSIONLESS})")
 
 
-def _chain() -> ChainModel:
-    return sample_chain(modules=3)
+def _chain(subject: Subject, modules: int = 3) -> ChainModel:
+    """A chain that takes pressure, or a tendon's force where the task gives no pressure."""
+    names = type(subject.build().config).model_fields
+    if "tendon_force_n" not in names or "pressure_pa" in names:
+        return sample_chain(modules=modules)
+    law = replace(linear_law(gain=1.5e-3), actuation_name="tendon_force_n")
+    return sample_chain(law, modules=modules)
 
 
 def _run(subject: Subject, simulation: type[StandInSimulation] | None = None) -> TaskResult:
     task: Task = subject.build()
-    chain = task.prepare(_chain())
+    chain = task.prepare(_chain(subject))
     with (simulation or StandIn(StandInConfig()).build)(chain) as built:
         return task.run(built)
 
@@ -55,7 +60,7 @@ def _leaves(name: str, value: Any) -> Iterator[tuple[str, Any]]:
 
 @suite.check("`prepare` returns a chain and leaves the one it was given as it was.")
 def prepare_leaves_the_chain_alone(subject: Subject) -> None:
-    chain = _chain()
+    chain = _chain(subject)
     before, payload = chain_numbers(chain), chain.payload_kg
     prepared = subject.build().prepare(chain)
     require(
@@ -73,7 +78,7 @@ def leaves_a_settled_chain(subject: Subject) -> None:
     result = _result(subject)
     require(isinstance(result, TaskResult), f"run returned {type(result).__name__}, no TaskResult")
     require(isinstance(result.final, Equilibrium), f"final is {type(result.final).__name__}, no Equilibrium")
-    n = _chain().n_joints
+    n = _chain(subject).n_joints
     require(
         result.final.markers_m.shape == (n + 2, 3),
         f"final.markers_m has shape {result.final.markers_m.shape}",
@@ -134,7 +139,7 @@ def is_deterministic(subject: Subject) -> None:
 @suite.check("the task runs on any number of modules.")
 def runs_on_one_joint(subject: Subject) -> None:
     task: Task = subject.build()
-    with StandIn(StandInConfig()).build(task.prepare(sample_chain(modules=1))) as simulation:
+    with StandIn(StandInConfig()).build(task.prepare(_chain(subject, 1))) as simulation:
         result = task.run(simulation)
     require(
         result.final.markers_m.shape == (3, 3),
@@ -153,7 +158,7 @@ def history_is_consistent(subject: Subject) -> None:
     history = _result(subject).rollout
     if history is None:
         return
-    n, t = _chain().n_joints, len(history.time_s)
+    n, t = _chain(subject).n_joints, len(history.time_s)
     shapes = (history.joint_angles.shape, history.markers_m.shape, len(history.actuation))
     require(shapes == ((t, n, 1), (t, n + 2, 3), t), f"for {t} times and {n} joints the shapes are {shapes}")
     require(np.all(np.diff(history.time_s) >= 0), "time_s runs backwards")

@@ -1,10 +1,8 @@
-"""What the quasi-static tasks share: their drive, the ramp to it, and the metrics of a settled chain."""
+"""What the quasi-static tasks share: their drive and the ramp to it."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
-from typing import Any
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -12,11 +10,10 @@ from pydantic import Field, model_validator
 from pliant.errors import UserError
 from pliant.interfaces.physics import Simulation
 from pliant.interfaces.task import TaskConfig
-from pliant.mechanics.kinematics import ChainGeometry
 from pliant.records.chain import ChainModel
-from pliant.records.design import Array
-from pliant.records.rollout import Equilibrium, Inputs, OutsideDomain, Rollout, TaskResult
+from pliant.records.rollout import Inputs, TaskResult
 from pliant.units import Force, Pressure
+from pliant_plugins.tasks.levels import Level, result_of, settle_levels
 
 
 class ActuatedConfig(TaskConfig):
@@ -32,24 +29,10 @@ class ActuatedConfig(TaskConfig):
         return self
 
     def actuation(self, chain: ChainModel) -> dict[str, float]:
-        """Full value of every input of the chain.
-
-        The drive goes to the input of its name or, where chambers or tendons are numbered, to the first; the
-        others stay at zero.
-
-        Raises:
-            UserError: the chain has no such input.
-        """
-        name, value = ("pressure_pa", self.pressure_pa)
-        if value is None:
-            name, value = "tendon_force_n", self.tendon_force_n
-        inputs = [actuator.input for actuator in chain.actuators]
-        stem, unit = name.rsplit("_", 1)
-        first = f"{stem}_1_{unit}"
-        driven = name if name in inputs else first
-        if driven not in inputs:
-            raise UserError(f"the task gives {name} but the chain is driven by {', '.join(inputs)}")
-        return {**dict.fromkeys(inputs, 0.0), driven: float(value or 0.0)}
+        """Full value of every input of the chain; see `driven`."""
+        if self.pressure_pa is not None:
+            return driven(chain, "pressure_pa", self.pressure_pa)
+        return driven(chain, "tendon_force_n", self.tendon_force_n or 0.0)
 
 
 class DriveConfig(ActuatedConfig):
@@ -63,65 +46,45 @@ class DriveConfig(ActuatedConfig):
     )
 
 
-def ramp(simulation: Simulation, config: DriveConfig, tip_force_n: Sequence[float] = (0, 0, 0)) -> TaskResult:
-    """Settle at each level of the actuation, loads constant; metrics are those of the last level.
+def driven(chain: ChainModel, name: str, value: float) -> dict[str, float]:
+    """A value for every input of the chain.
 
-    The history's time is the share of the ramp. `iterations` and `wall_s` of the result are those of it;
-    its `outside_domain` holds the worst entry of each joint and variable over all levels.
+    The drive goes to the input of its name or, where chambers or tendons are numbered, to the first; the others
+    stay at zero.
+
+    Raises:
+        UserError: the chain has no such input.
     """
-    chain = simulation.chain
+    inputs = [actuator.input for actuator in chain.actuators]
+    stem, unit = name.rsplit("_", 1)
+    first = name if name in inputs else f"{stem}_1_{unit}"
+    if first not in inputs:
+        raise UserError(f"the task gives {name} but the chain is driven by {', '.join(inputs)}")
+    return {**dict.fromkeys(inputs, 0.0), first: float(value)}
+
+
+def ramp(simulation: Simulation, config: DriveConfig, tip_force_n: Sequence[float] = (0, 0, 0)) -> TaskResult:
+    """Settle at each level of the actuation, loads constant; see `levels.result_of`."""
+    levels = ramp_levels(simulation.chain, config, tip_force_n)
+    return result_of(simulation.chain, levels, settle_levels(simulation, levels))
+
+
+def ramp_levels(
+    chain: ChainModel, config: DriveConfig, tip_force_n: Sequence[float] = (0, 0, 0)
+) -> list[Level]:
+    """Equal steps of the actuation from zero; their time is the share of the ramp."""
     full = config.actuation(chain)
     shares = np.linspace(0.0, 1.0, config.steps) if config.steps > 1 else np.ones(1)
     force = np.array(tip_force_n, float)
-    levels: list[Equilibrium] = []
-    for share in shares.tolist():
-        simulation.apply(Inputs({name: share * value for name, value in full.items()}, force))
-        levels.append(simulation.settle())
-    final = replace(
-        levels[-1],
-        iterations=sum(level.iterations for level in levels),
-        wall_s=sum(level.wall_s for level in levels),
-        outside_domain=_worst_outside(shares, levels),
-    )
-    rollout = Rollout(
-        time_s=shares,
-        actuation=shares[:, None] * np.array(list(full.values())),
-        joint_angles=np.array([level.joint_angles for level in levels]),
-        markers_m=np.array([level.markers_m for level in levels]),
-    )
-    unsettled = sum(not level.converged for level in levels)
-    return TaskResult(final, {**chain_metrics(chain, final), "unsettled_levels": unsettled}, rollout)
+    return [
+        Level(
+            share, Inputs({name: share * value for name, value in full.items()}, force), _drive(full, share)
+        )
+        for share in shares.tolist()
+    ]
 
 
-def chain_metrics(chain: ChainModel, final: Equilibrium) -> dict[str, Any]:
-    """Tip position, its distance from the straight chain's tip, and bending or extension of the joints.
-
-    `bend_angle_rad` is the sum of the joints' main-axis angles, `max_joint_angle_rad` the largest turn of one
-    joint; prismatic chains have `extension_m` and `extension_strain` instead.
-    """
-    geometry = ChainGeometry.of(chain)
-    straight: Array = geometry.markers(np.zeros_like(final.joint_angles))[-1]
-    tip = final.tip_m
-    metrics: dict[str, Any] = {
-        "tip_x_m": float(tip[0]),
-        "tip_y_m": float(tip[1]),
-        "tip_z_m": float(tip[2]),
-        "tip_displacement_m": float(np.linalg.norm(tip - straight)),
-    }
-    if geometry.kind == "prismatic":
-        extension = float(final.joint_angles.sum())
-        return metrics | {"extension_m": extension, "extension_strain": extension / chain.length_m}
-    return metrics | {
-        "bend_angle_rad": float(final.joint_angles[:, geometry.main].sum()),
-        "max_joint_angle_rad": float(np.linalg.norm(final.joint_angles, axis=1).max()),
-    }
-
-
-def _worst_outside(shares: Array, levels: Sequence[Equilibrium]) -> tuple[OutsideDomain, ...]:
-    worst: dict[tuple[int, str], OutsideDomain] = {}
-    for share, level in zip(shares.tolist(), levels, strict=True):
-        for entry in level.outside_domain:
-            key = (entry.module, entry.variable)
-            if key not in worst or abs(entry.excess) > abs(worst[key].excess):
-                worst[key] = replace(entry, time_s=share)
-    return tuple(worst[key] for key in sorted(worst))
+def _drive(full: Mapping[str, float], share: float) -> str:
+    """The level for people: "12 kPa"."""
+    name, value = max(full.items(), key=lambda item: abs(item[1]))
+    return f"{share * value / 1e3:g} kPa" if name.endswith("_pa") else f"{share * value:g} N"

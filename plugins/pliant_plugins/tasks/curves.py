@@ -1,0 +1,101 @@
+"""Target curves and distances between curves, point by point at the same share of their lengths."""
+
+from __future__ import annotations
+
+import csv
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from pliant.errors import UserError
+from pliant.mechanics.rotations import exp_map
+from pliant.records.design import Array
+
+COLUMNS = ("x_m", "y_m", "z_m")
+
+
+def helix(radius_m: float, height_m: float, turns: float, right_handed: bool, count: int = 1001) -> Array:
+    """(count, 3) a helix from the origin along +x; its axis lies at z = −radius, where positive bending goes."""
+    angle = 2 * np.pi * turns * np.linspace(0.0, 1.0, count)
+    # A turn about +x takes +z to −y.
+    side = -np.sin(angle) if right_handed else np.sin(angle)
+    return np.stack(
+        [np.linspace(0.0, height_m, count), radius_m * side, radius_m * (np.cos(angle) - 1.0)], axis=1
+    )
+
+
+def read_points(path: Path) -> Array:
+    """(n, 3) points of a CSV with the columns x_m, y_m, z_m; lines that start with # are comments.
+
+    Raises:
+        UserError: the file, its columns or a number is wrong; or it has fewer than two different points.
+    """
+    try:
+        with path.open(encoding="utf-8-sig", newline="") as file:
+            lines = [(n, line) for n, line in enumerate(file, start=1) if line.strip() and line[0] != "#"]
+    except (OSError, UnicodeDecodeError) as error:
+        raise UserError(f"{path} cannot be read ({error}); 'target.points' needs a CSV of points.") from None
+    rows = csv.DictReader(line for _, line in lines)
+    missing = [name for name in COLUMNS if name not in (rows.fieldnames or ())]
+    if missing:
+        raise UserError(f"{path} has no column {missing[0]}; a curve needs x_m, y_m and z_m.")
+    points = np.array(
+        [[_number(path, n, row[c], c) for c in COLUMNS] for (n, _), row in zip(lines[1:], rows, strict=True)]
+    )
+    if len(points) < 2 or not np.ptp(points, axis=0).any():
+        raise UserError(f"{path} has fewer than two different points; a curve needs at least two.")
+    return points
+
+
+def resampled(points: Array, count: int) -> Array:
+    """(count, 3) points of a polyline (n, 3) at equal steps of its own length, both ends included."""
+    steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    reach = np.concatenate([[0.0], np.cumsum(steps)])
+    wanted = np.linspace(0.0, reach[-1], count)
+    return np.stack([np.interp(wanted, reach, points[:, k]) for k in range(3)], axis=1)
+
+
+def length_m(points: Array) -> float:
+    """Length of a polyline."""
+    return float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
+
+
+def best_roll(points: Array, target: Array) -> float:
+    """The turn (rad) of the target about x that brings it closest to the points in the mean square.
+
+    Both (n, 3), point by point; the optimum is in closed form, as in Kabsch's problem in a plane.
+    """
+    (y, z), (v, w) = points[:, 1:].T, target[:, 1:].T
+    return float(np.arctan2(np.sum(z * v - y * w), np.sum(y * v + z * w)))
+
+
+def rolled(points: Array, angle_rad: float) -> Array:
+    """The points (n, 3) turned about x."""
+    turned: Array = points @ exp_map(np.array([angle_rad, 0.0, 0.0])).T
+    return turned
+
+
+@dataclass(frozen=True)
+class Distances:
+    """Distances between two curves at the same shares of their lengths, m."""
+
+    rmse_m: float
+    mean_m: float
+    e_max_m: float
+
+    @staticmethod
+    def between(points: Array, target: Array) -> Distances:
+        """Of points (n, 3) and as many of the target."""
+        apart = np.linalg.norm(points - target, axis=1)
+        return Distances(float(np.sqrt(np.mean(apart**2))), float(apart.mean()), float(apart.max()))
+
+
+def _number(path: Path, line: int, text: str | None, column: str) -> float:
+    try:
+        value = float(text or "")
+    except ValueError:
+        value = float("nan")
+    if not np.isfinite(value):
+        raise UserError(f"{path}, line {line}: {column} is '{text}'; it needs a finite number.")
+    return value

@@ -1,0 +1,94 @@
+"""Follow shape: how far the settled backbone is from a target curve."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from pliant.interfaces.base import FrozenModel
+from pliant.interfaces.physics import Simulation
+from pliant.interfaces.task import Task
+from pliant.records.design import Array
+from pliant.records.rollout import TaskResult
+from pliant.units import Angle, Length
+from pliant_plugins.tasks import curves
+from pliant_plugins.tasks.levels import as_list
+from pliant_plugins.tasks.ramp import DriveConfig, ramp
+
+# Points of both curves that are kept for pictures.
+DRAWN = 61
+
+
+class TargetConfig(FrozenModel):
+    """A helix that starts at the base and runs along the base's axis, or a CSV of points in the base's frame."""
+
+    radius_m: Length | None = Field(default=None, gt=0, description="of a helix")
+    height_m: Length | None = Field(default=None, gt=0, description="of a helix, along the base's axis")
+    turns: float = Field(default=1.0, gt=0, description="of a helix")
+    handedness: Literal["right", "left"] = Field(default="right", description="of a helix")
+    phase_rad: Angle = Field(default=0.0, description="turns the target about the base's axis")
+    points: Path | None = Field(default=None, description="CSV with x_m, y_m, z_m, instead of a helix")
+
+    @model_validator(mode="after")
+    def _one_curve(self) -> TargetConfig:
+        given = [value is not None for value in (self.radius_m, self.height_m)]
+        if not (all(given) if self.points is None else not any(given)):
+            raise ValueError("give 'radius' and 'height' of a helix, or 'points: curve.csv'")
+        return self
+
+    def curve(self) -> Array:
+        """(n, 3) points in the base's frame, x along the chain."""
+        if self.points is not None:
+            points = curves.read_points(self.points)
+        else:
+            right = self.handedness == "right"
+            points = curves.helix(self.radius_m or 0.0, self.height_m or 0.0, self.turns, right)
+        return curves.rolled(points, self.phase_rad)
+
+
+class FollowShapeConfig(DriveConfig):
+    """``task: {kind: follow_shape, pressure: 15 kPa, target: {radius: 18 mm, height: 60 mm}}``."""
+
+    kind: Literal["follow_shape"] = "follow_shape"
+    target: TargetConfig = Field(description="the curve to follow")
+    alignment: Literal["base", "roll"] = Field(
+        default="base",
+        description="base: the target as it stands; roll: turned about the base's axis to fit best",
+    )
+    samples: int = Field(default=101, ge=2, le=10_001, description="points along both curves")
+
+
+class FollowShape(Task):
+    """Ramps the actuation, then compares the line through the markers with the target.
+
+    Both are resampled by normalised arc length, so that points correspond one to one: a backbone that has the
+    target's shape but another length is not at distance zero.
+    """
+
+    config: FollowShapeConfig
+
+    def __init__(self, config: FollowShapeConfig) -> None:
+        super().__init__(config)
+        self.target = curves.resampled(config.target.curve(), config.samples)
+
+    def run(self, simulation: Simulation) -> TaskResult:
+        chain = simulation.chain
+        result = ramp(simulation, self.config)
+        frame, origin = np.asarray(chain.base_rotation, float), np.asarray(chain.base_position_m, float)
+        backbone = curves.resampled((result.final.markers_m - origin) @ frame, self.config.samples)
+        roll = curves.best_roll(backbone, self.target) if self.config.alignment == "roll" else 0.0
+        target = curves.rolled(self.target, roll)
+        world = curves.resampled(origin + target @ frame.T, DRAWN)
+        metrics = {
+            **result.metrics,
+            **asdict(curves.Distances.between(backbone, target)),
+            "roll_rad": roll,
+            "backbone_length_m": curves.length_m(result.final.markers_m),
+            "target_length_m": curves.length_m(self.config.target.curve()),
+            "target_points_m": as_list(world),
+        }
+        return replace(result, metrics=metrics)
