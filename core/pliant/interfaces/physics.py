@@ -246,8 +246,10 @@ class PhysicsBackend(ABC):
         actuation = np.stack([history.actuation[name] for name in history.actuation], axis=1)
         return Rollout(history.time_s, actuation, np.array(positions), np.array(markers))
 
-    def preparing(self, chain: ChainModel) -> str | None:
-        """A sentence for the user where the first `follow` of this chain will take long, once; else None."""
+    def preparing(self, chain: ChainModel, histories: bool = True) -> str | None:
+        """A sentence for the user where the first `follow` of this chain (or `settle`, without `histories`) will
+        take long, once; else None.
+        """
         return None
 
     def follow(

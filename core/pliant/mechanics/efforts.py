@@ -5,7 +5,7 @@ Terms split that sum into its elastic part, the sum at p = 0, and its actuation 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from pliant.errors import UserError
 from pliant.mechanics.terms import LawTerms, Memory
-from pliant.records.chain import ChainModel
+from pliant.records.chain import Actuator, ChainModel
 from pliant.records.design import Array
 from pliant.records.law import JointLaw
 from pliant.records.rollout import OutsideDomain
@@ -29,6 +29,19 @@ class ChainEffort:
     tau: Array
     dtau_dp: Mapping[str, Array]
     dtau_du: Array
+
+
+def actuation_values(actuators: Sequence[Actuator], actuation: Mapping[str, float]) -> Array:
+    """(actuators,) the value of each actuator's input.
+
+    Raises:
+        UserError: an input of the chain has no value.
+    """
+    missing = sorted({a.input for a in actuators} - set(actuation))
+    if missing:
+        given = ", ".join(sorted(actuation)) or "none"
+        raise UserError(f"the chain is driven by {', '.join(missing)}, which has no value (given: {given})")
+    return np.array([actuation[actuator.input] for actuator in actuators], float)
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,18 +64,8 @@ class JointEfforts:
         self.terms = LawTerms(chain.terms, self.shape)
 
     def values(self, actuation: Mapping[str, float]) -> Array:
-        """(actuators,) the value of each actuator's input.
-
-        Raises:
-            UserError: an input of the chain has no value.
-        """
-        missing = sorted({a.input for a in self.actuators} - set(actuation))
-        if missing:
-            given = ", ".join(sorted(actuation)) or "none"
-            raise UserError(
-                f"the chain is driven by {', '.join(missing)}, which has no value (given: {given})"
-            )
-        return np.array([actuation[actuator.input] for actuator in self.actuators], float)
+        """(actuators,) the value of each actuator's input; see `actuation_values`."""
+        return actuation_values(self.actuators, actuation)
 
     def evaluate(self, q: Array, actuation: Mapping[str, float], memory: Memory | None = None) -> ChainEffort:
         """Effort and slopes of all joints at coordinates q (n, a); without a memory the chain is rested."""

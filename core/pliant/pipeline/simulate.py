@@ -47,6 +47,8 @@ def simulate_stage(
     check_capabilities(backend, source.chain, physics.kind)
 
     def compute(partial: Path) -> TaskResult:
+        if sentence := backend.preparing(source.chain, histories=False):
+            bench.progress.note(sentence)
         return run_task(backend, built_task, built_effects, source.chain)
 
     return bench.make(

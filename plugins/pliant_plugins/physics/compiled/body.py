@@ -40,10 +40,10 @@ class Body:
             kind=KINDS.index(geometry.kind),
             axes=np.argmax(geometry.basis, axis=0).astype(np.int64),
             main=geometry.main,
-            position=geometry.base_position,
-            rotation=np.ascontiguousarray(geometry.base_rotation),
-            offsets=geometry.offsets,
-            rests=np.ascontiguousarray(geometry.rest_rotations),
+            position=_plain(geometry.base_position),
+            rotation=_plain(geometry.base_rotation),
+            offsets=_plain(geometry.offsets),
+            rests=_plain(geometry.rest_rotations),
             arms=np.array([*(b.com_m for b in moving), chain.tip_offset_m], float),
             masses=np.array([*(b.mass_kg for b in moving), 0.0], float),
         )
@@ -71,8 +71,8 @@ def load_arrays(loads: Loads, pressures: Array, payload_kg: float) -> tuple[Any,
     """
     return (
         pressures,
-        loads.gravity_m_s2,
-        loads.tip_force_n,
+        _plain(loads.gravity_m_s2),
+        _plain(loads.tip_force_n),
         float(loads.moment_n_m),
         float(payload_kg),
         _bodies(loads.forces),
@@ -83,6 +83,11 @@ def load_arrays(loads: Loads, pressures: Array, payload_kg: float) -> tuple[Any,
         _rows([c.pulley_m for c in loads.cords]),
         np.array([c.tension_n for c in loads.cords], float),
     )
+
+
+def _plain(values: Array) -> Array:
+    """A copy: contiguous and writable, because numba compiles anew for arrays that are not."""
+    return np.array(values, float, order="C")
 
 
 _NO_ROWS, _NO_BODIES = np.zeros((0, 3)), np.zeros(0, np.int64)

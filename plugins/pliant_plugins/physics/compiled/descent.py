@@ -61,7 +61,7 @@ def _factorise_shifted(stiffness, factor):  # type: ignore[no-untyped-def]
 def _lowest_mode(stiffness, a):  # type: ignore[no-untyped-def]
     """Whether K has a negative curvature beyond rounding, and its lowest mode."""
     mirror(stiffness, a)
-    values, modes = np.linalg.eigh(0.5 * (stiffness + stiffness.T))
+    values, modes = np.linalg.eigh(stiffness)  # reads the lower triangle
     return values[0] < -NEUTRAL_SHARE * np.abs(values).max(), modes[:, 0].copy()
 
 
@@ -170,7 +170,9 @@ def relax(chain, q, frame, square, options):  # type: ignore[no-untyped-def]
     stiffness, factor = square
     size, _ = balance(body, laws, loads, q, frame)
     damping = size / (RELAX_SHARE * max_step)
-    for iteration in range(RELAX_ITERATIONS):
+    done = 0
+    while done < RELAX_ITERATIONS:
+        done += 1
         if size <= 1e3 * tolerance or not np.isfinite(size):
             break
         stiffen(body, loads, q, frame, stiffness)
@@ -184,4 +186,4 @@ def relax(chain, q, frame, square, options):  # type: ignore[no-untyped-def]
         damping *= min(max(reached / size, 0.1), 2.0)
         size = reached
     converged, stable, size, more = descend(chain, q, frame, square, options)
-    return converged, stable, size, iteration + more
+    return converged, stable, size, done + more

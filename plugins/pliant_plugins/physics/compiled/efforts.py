@@ -61,6 +61,13 @@ def efforts(laws, q, p, tau, dtau_dp, dtau_du):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
+def evaluate_law(address, parameters, p, u, tau, dtau_dp, dtau_du):  # type: ignore[no-untyped-def]
+    """Fills tau (m, a), dtau_dp (m, a) and dtau_du (m, a, a) of one law in m states p (m,), u (m, a)."""
+    for row in range(len(p)):
+        call_law(address, p[row], u[row], parameters, tau[row], dtau_dp[row], dtau_du[row])
+
+
+@njit(cache=True, nogil=True)
 def law_potential(laws, q, p):  # type: ignore[no-untyped-def]
     """Σ Π(p, s q) − Π(p, 0) over joints and actuators in J, by 12-point Gauss–Legendre."""
     addresses, spans, parameters, signs = laws

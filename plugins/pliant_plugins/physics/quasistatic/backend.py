@@ -2,38 +2,46 @@
 
 from __future__ import annotations
 
+import itertools
 import math
+import os
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from functools import cached_property
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from pliant.interfaces.physics import Capabilities, PhysicsBackend, Simulation, SimulationState, Variation
-from pliant.mechanics.statics import Balance, ChainStatics, Loads
+from pliant.errors import UserError
+from pliant.interfaces.physics import (
+    Capabilities,
+    Case,
+    PhysicsBackend,
+    Simulation,
+    SimulationState,
+    Variation,
+)
+from pliant.mechanics.efforts import actuation_values
+from pliant.mechanics.statics import ChainStatics, Loads
+from pliant.mechanics.terms import LawTerms
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
 from pliant.records.history import History
-from pliant.records.rollout import Equilibrium, Inputs
+from pliant.records.rollout import Equilibrium, Inputs, OutsideDomain, Sensitivity
 from pliant_plugins.physics.quasistatic.config import QuasistaticConfig
-from pliant_plugins.physics.quasistatic.newton import NewtonOptions, Solution, minimise
+from pliant_plugins.physics.quasistatic.newton import NewtonOptions, Solution
+from pliant_plugins.physics.quasistatic.solver import PlainSolver, Solver
 from pliant_plugins.physics.quasistatic.stepping import Paths, step_through
 
 if TYPE_CHECKING:
+    from pliant_plugins.physics.compiled.packs import Packs
+    from pliant_plugins.physics.quasistatic.compiled_solver import CompiledSolver
     from pliant_plugins.physics.quasistatic.histories import HingeFollower
 
-
-@dataclass(frozen=True, eq=False)
-class _Problem:
-    statics: ChainStatics
-    loads: Loads
-
-    def balance(self, q: Array) -> Balance:
-        return self.statics.balance(q, self.loads)
-
-    def potential(self, q: Array) -> float:
-        return self.statics.potential(q, self.loads)
+# Cases that a thread takes at a time.
+CASES_AT_ONCE = 16
 
 
 class QuasistaticSimulation(Simulation):
@@ -42,23 +50,24 @@ class QuasistaticSimulation(Simulation):
     `settle` reaches the present inputs slowly, `step` within the time given.
     """
 
-    def __init__(self, chain: ChainModel, config: QuasistaticConfig) -> None:
+    def __init__(self, chain: ChainModel, config: QuasistaticConfig, solver: Solver | None = None) -> None:
         self.chain = chain
         self._config = config
-        self._statics = ChainStatics(chain)
-        reach = config.max_turn
-        if chain.laws[0].joint == "prismatic":
-            reach *= chain.length_m / chain.n_joints
-        self._options = NewtonOptions(config.tolerance, config.max_iterations, reach)
+        self._solver = solver or PlainSolver(self._statics, newton_options(chain, config))
         self._time_s = 0.0
         self._q = np.zeros((chain.n_joints, len(chain.axes)))
         # The last loads whose equilibrium is known: continuation starts there.
         self._settled_q, self._settled_loads = self._q, Loads.none(chain)
         self._loads = Loads.unactuated(chain)
-        self._memory = self._statics.efforts.terms.rested()
+        self._memory = LawTerms(chain.terms, self._q.shape).rested()
+        self._settled: Equilibrium | None = None
+
+    @cached_property
+    def _statics(self) -> ChainStatics:
+        return ChainStatics(self.chain)
 
     def apply(self, inputs: Inputs) -> None:
-        self._statics.efforts.values(inputs.actuation)
+        actuation_values(self.chain.actuators, inputs.actuation)
         self._loads = Loads.of(self.chain, inputs)
 
     def settle(self) -> Equilibrium:
@@ -75,19 +84,25 @@ class QuasistaticSimulation(Simulation):
     def advance(self, duration_s: float) -> Equilibrium:
         """The equilibrium at the end of a step of this duration; infinite where it is reached slowly."""
         start = time.perf_counter()
-        self._loads = self._loads.after(self._memory.over(duration_s))
-        solution = minimise(_Problem(self._statics, self._loads), self._q, self._options)
+        if self.chain.terms:
+            self._loads = self._loads.after(self._memory.over(duration_s))
+        solution = self._solver.solve(self._q, self._loads)
         if not solution.converged:
             solution = self._continue(solution)
         self._q = solution.q
-        efforts = self._statics.efforts
-        self._memory = efforts.advance(self._q, self._loads.actuation, self._memory.over(duration_s))
+        if self.chain.terms:
+            self._memory = self._statics.efforts.advance(
+                self._q, self._loads.actuation, self._memory.over(duration_s)
+            )
         if solution.converged:
             self._settled_q, self._settled_loads = solution.q, self._loads
-        outside = efforts.outside_domain(self._q, self._loads.actuation, self._time_s)
-        return Equilibrium(
+        outside: tuple[OutsideDomain, ...] = ()
+        if not solution.inside:
+            efforts = self._statics.efforts
+            outside = efforts.outside_domain(self._q, self._loads.actuation, self._time_s)
+        self._settled = Equilibrium(
             joint_angles=self._q.copy(),
-            markers_m=self.markers(),
+            markers_m=self.markers() if solution.markers is None else solution.markers,
             residual=solution.residual,
             converged=solution.converged,
             stable=solution.stable,
@@ -95,6 +110,17 @@ class QuasistaticSimulation(Simulation):
             wall_s=time.perf_counter() - start,
             outside_domain=outside,
         )
+        return self._settled
+
+    def sensitivity(self) -> Sensitivity:
+        if self._settled is None or not self._settled.converged:
+            raise UserError(
+                "the chain has not settled in an equilibrium, so its answer has no derivatives: call settle() "
+                "and see that it converged"
+            )
+        from pliant_plugins.physics.quasistatic.sensitivity import sensitivity  # numba takes a second
+
+        return sensitivity(self.chain, self._statics, self._settled_q, self._settled_loads)
 
     def snapshot(self) -> SimulationState:
         memory = self._memory.states.copy()
@@ -119,38 +145,75 @@ class QuasistaticSimulation(Simulation):
         while done < 1.0 and step >= self._config.smallest_step:
             target = min(1.0, done + step)
             loads = self._settled_loads.between(self._loads, target)
-            last = minimise(_Problem(self._statics, loads), q, self._options)
+            last = self._solver.solve(q, loads)
             iterations += last.iterations
             if last.converged:
                 q, done, step = last.q, target, 2.0 * step
             else:
                 step *= 0.5
-        if done < 1.0:
-            return Solution(direct.q, direct.residual, False, direct.stable, iterations)
-        return Solution(q, last.residual, True, last.stable, iterations)
+        return replace(last if done >= 1.0 else direct, iterations=iterations)
+
+
+def newton_options(chain: ChainModel, config: QuasistaticConfig) -> NewtonOptions:
+    """Tolerance, iterations and the longest move of a coordinate, in rad or m."""
+    reach = config.max_turn
+    if chain.laws[0].joint == "prismatic":
+        reach *= chain.length_m / chain.n_joints
+    return NewtonOptions(config.tolerance, config.max_iterations, reach)
 
 
 class Quasistatic(PhysicsBackend):
     """Statics by Newton's method with the analytic stiffness of `pliant.mechanics.statics`."""
 
     capabilities: ClassVar[Capabilities] = Capabilities(
-        ("revolute", "spherical", "prismatic"), dynamic=False, internal_states=True
+        ("revolute", "spherical", "prismatic"),
+        dynamic=False,
+        internal_states=True,
+        gradients=True,
+        batch=True,
     )
     config: QuasistaticConfig
 
     def __init__(self, config: QuasistaticConfig) -> None:
         super().__init__(config)
         self._follower: HingeFollower | None = None
+        self._packs: Packs | None = None
 
     def build(self, chain: ChainModel) -> QuasistaticSimulation:
-        return QuasistaticSimulation(chain, self.config)
+        return QuasistaticSimulation(chain, self.config, self._compiled(chain))
 
-    def preparing(self, chain: ChainModel) -> str | None:
-        if chain.laws[0].joint != "revolute":
+    def _compiled(self, chain: ChainModel) -> CompiledSolver | None:
+        """The compiled way; None for chains with law terms or laws that cannot be compiled."""
+        if chain.terms or (self._packs is None and any(law.scalar() is None for law in chain.laws)):
             return None
-        from pliant_plugins.physics.quasistatic.kernel import is_compiled  # numba takes a second
+        from pliant_plugins.physics.compiled.packs import Packs  # numba takes a second
+        from pliant_plugins.physics.quasistatic.compiled_solver import CompiledSolver
 
-        if is_compiled():
+        self._packs = self._packs or Packs()
+        return CompiledSolver.of(chain, newton_options(chain, self.config), self._packs)
+
+    def settle_batch(self, cases: Sequence[Case]) -> tuple[Equilibrium, ...]:
+        """Each chain from its straight state, on all cores: compiled loops run beside each other."""
+        first = [self._settle(case) for case in cases[:1]]  # alone, because it may compile
+        rest = cases[1:]
+        parts = [rest[k : k + CASES_AT_ONCE] for k in range(0, len(rest), CASES_AT_ONCE)]
+        with ThreadPoolExecutor(os.cpu_count()) as pool:
+            solved = pool.map(lambda part: [self._settle(case) for case in part], parts)
+            return tuple(itertools.chain(first, *solved))
+
+    def _settle(self, case: Case) -> Equilibrium:
+        with self.build(case.chain) as simulation:
+            simulation.apply(case.inputs)
+            return simulation.settle()
+
+    def preparing(self, chain: ChainModel, histories: bool = True) -> str | None:
+        followed = histories and chain.laws[0].joint == "revolute"
+        if not followed and (chain.terms or any(law.scalar() is None for law in chain.laws)):
+            return None
+        from pliant_plugins.physics.compiled.freshness import is_cached  # numba takes a second
+        from pliant_plugins.physics.quasistatic.kernel import is_compiled
+
+        if is_compiled() if followed else is_cached("equilibrium", "settle"):
             return None
         return "compiling the simulation, about half a minute; this happens once after an installation."
 

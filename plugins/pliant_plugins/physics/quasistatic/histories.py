@@ -16,10 +16,11 @@ from pliant.records.design import Array
 from pliant.records.history import Followed, History
 from pliant.records.law import JointLaw
 from pliant.records.term import LawTerm, TermFunction
+from pliant_plugins.physics.compiled.body import Body
 from pliant_plugins.physics.quasistatic.config import QuasistaticConfig
 from pliant_plugins.physics.quasistatic.kernel import follow
 from pliant_plugins.physics.quasistatic.law_table import LawTable, tabulate
-from pliant_plugins.physics.quasistatic.packing import Body, Clock, Drive, Terms
+from pliant_plugins.physics.quasistatic.packing import Clock, Drive, Terms
 from pliant_plugins.physics.quasistatic.stepping import Paths
 
 # Tables reach this much beyond the actuation that occurs, so that fits may scale and shift it.
@@ -91,7 +92,7 @@ class HingeFollower:
                 base_rotations(body.rotation, drive.angles),
                 body.offsets,
                 body.rests,
-                body.axis,
+                int(body.axes[0]),
                 body.arms,
                 body.masses,
             ),

@@ -42,13 +42,18 @@ class NewtonOptions:
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """Where the iteration ended: q (n, a), its largest residual, and what that point is."""
+    """Where the iteration ended: q (n, a), its largest residual, and what that point is.
+
+    `markers` (n + 2, 3) and `inside`, no law outside its domain, are there where they cost nothing.
+    """
 
     q: Array
     residual: float
     converged: bool
     stable: bool
     iterations: int
+    markers: Array | None = None
+    inside: bool = False
 
 
 def minimise(problem: Problem, q: Array, options: NewtonOptions) -> Solution:

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from pliant.errors import UserError
-from pliant.mechanics.kinematics import ChainGeometry
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
 from pliant.records.history import History
@@ -98,33 +97,6 @@ class Clock:
         finite = np.where(np.isfinite(duration), duration, 0.0)
         substeps = np.maximum(1, np.ceil(finite / longest_step_s - 1e-9)).astype(np.int64)
         return Clock(duration, np.concatenate(starts), np.concatenate(specimens), len(names), substeps)
-
-
-@dataclass(frozen=True, eq=False)
-class Body:
-    """What of a chain does not move: position, offsets, rest rotations, axis, arms, masses."""
-
-    position: Array
-    rotation: Array
-    offsets: Array
-    rests: Array
-    axis: int
-    arms: Array
-    masses: Array
-
-    @staticmethod
-    def of(chain: ChainModel) -> Body:
-        geometry = ChainGeometry.of(chain)
-        moving = chain.bodies[1:]
-        return Body(
-            position=geometry.base_position,
-            rotation=geometry.base_rotation,
-            offsets=geometry.offsets,
-            rests=np.ascontiguousarray(geometry.rest_rotations),
-            axis=int(np.argmax(geometry.basis[:, 0])),
-            arms=np.array([*(b.com_m for b in moving), chain.tip_offset_m], float),
-            masses=np.array([*(b.mass_kg for b in moving), 0.0], float),
-        )
 
 
 @dataclass(frozen=True, eq=False)
