@@ -7,11 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from pliant.config.chain import RigidConfig
 from pliant.errors import UserError
 from pliant.interfaces.family import ActuatorFamily
 from pliant.interfaces.task import SceneTask, Task
 from pliant.mechanics.rotations import exp_map, log_map
-from pliant.pipeline.chain import Module, Segment, build_chain
+from pliant.pipeline.chain import Module, RigidPiece, Segment, build_chain, module_like, rigid_rod
 from pliant.pipeline.study import DesignStages, StudyRun, chain_segments
 from pliant.pipeline.workbench import Workbench
 from pliant.records.chain import ChainModel
@@ -32,12 +33,13 @@ def motion_of_run(bench: Workbench, run: StudyRun) -> Motion:
     if result is None:
         raise UserError("nothing was simulated, so there is nothing to draw: the study needs a 'task' block.")
     task: Task | SceneTask = bench.build("task", run.study.need("task", "a picture"))
-    chain = task.prepare(drawn_chain(bench, run))
+    looks = drawn_chain(bench, run)
     if isinstance(task, SceneTask):
-        if result.frames is None:
+        if result.frames is None or run.chain is None:
             raise UserError(f"task '{task.config.kind}' recorded no frames to draw.")
-        return Motion(task.scene(chain), result.frames)
-    return Motion(chain_scene(chain), _frames_of(result))
+        # Scenes are laid out by what collides.
+        return Motion(with_surfaces(task.scene(task.prepare(run.chain)), looks), result.frames)
+    return Motion(chain_scene(task.prepare(looks)), _frames_of(result))
 
 
 def drawn_chain(bench: Workbench, run: StudyRun) -> ChainModel:
@@ -46,8 +48,19 @@ def drawn_chain(bench: Workbench, run: StudyRun) -> ChainModel:
     config = study.need("chain", "a picture")
     segments = chain_segments(bench, study, run.designs)
     designs = [run.designs[number] for number in run.segment_designs]
-    dressed = [_dressed(bench, segment, design) for segment, design in zip(segments, designs, strict=True)]
+    worn = [_dressed(bench, one, design) for one, design in zip(segments, designs, strict=True)]
+    module = next(one.piece for one in worn if isinstance(one.piece, Module))
+    dressed = []
+    for written, segment in zip(config.as_segments(), worn, strict=True):
+        module = segment.piece if isinstance(segment.piece, Module) else module
+        dressed.append(replace(segment, piece=_rigid_look(written.rigid, segment.piece, module)))
     return build_chain(config, dressed)
+
+
+def with_surfaces(scene: Scene, looks: ChainModel) -> Scene:
+    """The scene with another chain's shapes on its arms."""
+    arms = tuple(replace(arm, chain=arm.chain.with_(shapes=looks.shapes)) for arm in scene.arms)
+    return replace(scene, arms=arms)
 
 
 def chain_scene(chain: ChainModel) -> Scene:
@@ -120,3 +133,15 @@ def _dressed(bench: Workbench, segment: Segment, design: DesignStages) -> Segmen
     surface = family.surface()
     shapes = HalfShapes((_mesh(surface.start),), (_mesh(surface.end),))
     return replace(segment, piece=replace(piece, shapes=shapes))
+
+
+def _rigid_look(config: RigidConfig | None, piece: Module | RigidPiece, like: Module) -> Module | RigidPiece:
+    """A rigid piece as it looks: a module's surface where it has that section, a stub where it has no radius."""
+    if config is None or isinstance(piece, Module):
+        return piece
+    look = piece
+    if config.section == "module":
+        look = module_like(like, config.length_m)
+    elif not piece.shapes:
+        look = rigid_rod(config.length_m, 0.0, 0.5 * config.length_m)
+    return replace(piece, shapes=look.shapes)

@@ -1,0 +1,198 @@
+"""``gymnasium.make("pliant/Grasp-v0")``"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+
+from pliant.errors import UserError
+from pliant.pipeline.motion import drawn_chain, with_surfaces
+from pliant.records.design import Array
+from pliant.records.rollout import Inputs
+from pliant.records.scene import Scene, SceneFrames, SceneState
+from pliant_plugins.envs.base import OBSERVED, SoftRobotEnv
+from pliant_plugins.envs.chain_env import CHANGE_COST, RATE_S, vector_option
+from pliant_plugins.envs.plant import Plant
+from pliant_plugins.tasks.grasp.metrics import HELD_SHARE, Grip
+from pliant_plugins.tasks.grasp.placement import Draw, grasp_scene
+from pliant_plugins.tasks.grasp.task import Grasp
+
+FASTEST_M_S = 0.06
+TOUCH_REWARD, GAP_COST, LIFT_REWARD, SLIP_COST = 0.5, 0.5, 2.0, 0.5
+LOST_M = 0.15  # sideways from the start: the object rolled away
+
+
+class GraspEnv(SoftRobotEnv):
+    """Lower the fingers over an object, actuate them, lift it.
+
+    Actions: the share of each input's highest value (−1 for none), the same for all fingers, then the carriage's
+    vertical velocity in 60 mm/s. The carriage goes from the lowered place (−`lower_height`) to `lift_height` above
+    the start.
+
+    Observation: per finger joint coordinates (rad), then their changes in 0.1 s; height of the carriage over its
+    start and rise of the object in lift heights; object from the gripper's middle (3) and its change in 0.1 s (3)
+    in finger lengths; sums of normal and friction forces of the fingers in object weights; share of the finger
+    bodies that touch; shares of the actuation.
+
+    Reward per step: 0.5 · (touching share) − 0.5 · (height of the carriage over the lowered place, in lower
+    heights, until something touches) + 2 · (rise in lift heights, 0 to 1) − 0.5 · slip − 0.01 · (change of the
+    actuation)². Slip is the part of the carriage's rise from its lowest place that the object did not follow.
+
+    Each episode draws the object's place within the task's noise. Option `placement_m`: (x, y, 0) instead.
+    `info`: `rise_m`, `carriage_m`, `normal_n`, `friction_n`, `touching_share`, `slip_ratio`, `is_success` (up by
+    half the lift). An object that rolls 150 mm away ends the episode.
+
+    Args:
+        study: path of a study with a `grasp` task; by default three bellow fingers with a stated law and an egg.
+        actuation_max, control_s, episode_s, render_mode, size, camera: see `ChainEnv`.
+    """
+
+    default_study: ClassVar[str] = "grasp"
+    option_names: ClassVar[tuple[str, ...]] = ("placement_m",)
+
+    def __init__(
+        self,
+        study: str | Path | None = None,
+        *,
+        actuation_max: float | None = None,
+        control_s: float = 0.05,
+        episode_s: float = 6.0,
+        render_mode: str | None = None,
+        size: tuple[int, int] = (480, 360),
+        camera: str = "iso",
+    ) -> None:
+        super().__init__(control_s, episode_s, render_mode, size, camera)
+        self.plant = Plant.of(study, self.default_study, actuation_max)
+        task = self.plant.task
+        if not isinstance(task, Grasp):
+            raise UserError("pliant/Grasp-v0 needs a study with 'task: {kind: grasp, ...}'.")
+        if not self.plant.backend.capabilities.contacts:
+            kind = self.plant.backend.config.kind
+            raise UserError(f"physics '{kind}' has no contacts, which a grasp needs; use 'mujoco'.")
+        self.task, self.config = task, task.config
+        self.scene: Scene = grasp_scene(self.plant.chain, task.config, task.target, Draw.none())
+        self.simulation = self.plant.backend.build_scene(self.scene)
+        self._rest = self.simulation.snapshot()
+        self._length_m = self.plant.chain.length_m
+        body = task.target.body
+        self._weight_n = body.mass.mass_kg * float(np.linalg.norm(self.scene.gravity_m_s2) or 9.81)
+        self._share = self._before = np.zeros(len(self.plant.names))
+        coordinates = sum(q.size for q in self._rest.coordinates)
+        self._set_spaces(len(self.plant.names) + 1, 2 * coordinates + 11 + len(self.plant.names))
+        self._state, self._grip, self._lowest = self._rest, Grip(0.0, 0.0, 0.0), 0.0
+
+    def _begin(self, options: dict[str, Any]) -> None:
+        self._share = self._before = np.zeros(len(self.plant.names))
+        reach = self.config.noise.placement * self.task.target.radius_m * np.sqrt(self.np_random.uniform())
+        angle = self.np_random.uniform(0.0, 2 * np.pi)
+        place = reach * np.array([np.cos(angle), np.sin(angle), 0.0])
+        given = vector_option(options, "placement_m")
+        self.simulation.restore(_moved(self._rest, place if given is None else given))
+        self.simulation.apply([self._inputs()] * len(self.scene.arms))
+        self.simulation.carry(np.zeros(3))
+        self._state, self._grip, self._lowest = self.simulation.snapshot(), Grip(0.0, 0.0, 0.0), 0.0
+
+    def _advance(self, action: Array) -> bool:
+        self._before, self._share = self._share, 0.5 * (action[:-1] + 1.0)
+        height = self._carriage_m
+        reach = np.array([-self.config.lower_height_m, self.config.lift_height_m]) - height
+        speed = float(np.clip(FASTEST_M_S * action[-1], *(reach / self.control_s)))
+        self.simulation.apply([self._inputs()] * len(self.scene.arms))
+        self.simulation.carry(np.array([0.0, 0.0, speed]))
+        try:
+            self.simulation.step(self.control_s)
+        except UserError:
+            return False
+        self._state = self.simulation.snapshot()
+        self._grip = Grip.of(self.simulation.contacts(), self.scene)
+        self._lowest = min(self._lowest, self._carriage_m)
+        return True
+
+    def _observed(self) -> OBSERVED:
+        state, grip, lift = self._state, self._grip, self.config.lift_height_m
+        middle = np.mean([arm.chain.base_position_m for arm in self.scene.arms], axis=0) + state.carriage_m
+        return self._clipped(
+            *state.coordinates,
+            *(RATE_S * rates for rates in state.rates),
+            np.array([self._carriage_m / lift, self._rise_m / lift]),
+            (state.positions_m[0] - middle) / self._length_m,
+            RATE_S * state.velocities[0, :3] / self._length_m,
+            np.array([grip.normal_n, grip.friction_n]) / self._weight_n,
+            np.array([grip.touching_share]),
+            self._share,
+        )
+
+    def _reward(self, action: Array) -> float:
+        config, touching = self.config, self._grip.touching_share
+        gap = (self._carriage_m + config.lower_height_m) / max(config.lower_height_m, 1e-9)
+        change = float(np.mean((self._share - self._before) ** 2))
+        return (
+            TOUCH_REWARD * touching
+            - (0.0 if touching else GAP_COST * gap)
+            + LIFT_REWARD * float(np.clip(self._rise_m / config.lift_height_m, 0.0, 1.0))
+            - SLIP_COST * self._slip
+            - CHANGE_COST * change
+        )
+
+    def _done(self) -> bool:
+        sideways = (self._state.positions_m[0] - self._rest.positions_m[0])[:2]
+        return bool(np.linalg.norm(sideways) > LOST_M)
+
+    def _metrics(self) -> dict[str, Any]:
+        return {
+            "time_s": self._taken * self.control_s,
+            "carriage_m": self._carriage_m,
+            "rise_m": self._rise_m,
+            "normal_n": self._grip.normal_n,
+            "friction_n": self._grip.friction_n,
+            "touching_share": self._grip.touching_share,
+            "slip_ratio": self._slip,
+            "is_success": bool(self._rise_m >= HELD_SHARE * self.config.lift_height_m),
+            **self.plant.actuation(self._share),
+        }
+
+    @property
+    def _carriage_m(self) -> float:
+        return float(self._state.carriage_m[2])
+
+    @property
+    def _rise_m(self) -> float:
+        """Of the object's centre of mass over its place at rest."""
+        com = self.scene.objects[0].mass.com_m
+        heights = [(s.positions_m[0] + s.rotations[0] @ com)[2] for s in (self._rest, self._state)]
+        return float(heights[1] - heights[0])
+
+    @property
+    def _slip(self) -> float:
+        followed = self._carriage_m - self._lowest - max(self._rise_m, 0.0)
+        return float(np.clip(followed / self.config.lift_height_m, 0.0, 1.0))
+
+    def _inputs(self) -> Inputs:
+        return Inputs(self.plant.actuation(self._share))
+
+    def _frame(self) -> SceneFrames:
+        return SceneFrames.of([self._state])
+
+    def _drawn(self) -> tuple[Scene, SceneFrames]:
+        looks = drawn_chain(self.plant.opened.bench, self.plant.drawn())
+        heights = (0.0, -self.config.lower_height_m, self.config.lift_height_m)
+        ends = [_carried(self._rest, height) for height in heights]
+        return with_surfaces(self.scene, looks), SceneFrames.of(ends)
+
+    def close(self) -> None:
+        super().close()
+        self.simulation.close()
+
+
+def _moved(state: SceneState, offset_m: Array) -> SceneState:
+    """The state with the first object elsewhere on the floor."""
+    positions = state.positions_m.copy()
+    positions[0, :2] += offset_m[:2]
+    return replace(state, positions_m=positions)
+
+
+def _carried(state: SceneState, height_m: float) -> SceneState:
+    return replace(state, carriage_m=np.array([0.0, 0.0, height_m]))
