@@ -1,4 +1,8 @@
-"""Checks of a `PhysicsBackend`: conventions, honesty and the life of a simulation; statics in `physics_loads`."""
+"""Checks of a `PhysicsBackend`: conventions, honesty and the life of a simulation.
+
+Statics is in `physics_loads` and `physics_points`, scenes with contact in `physics_scene`, what engines may declare
+beside in `physics_histories` and `physics_batches`.
+"""
 
 from __future__ import annotations
 
@@ -9,6 +13,7 @@ from pliant.interfaces.physics import Capabilities, PhysicsBackend, Simulation
 from pliant.mechanics.kinematics import ChainGeometry
 from pliant.records.law import Domain
 from pliant.records.rollout import Inputs
+from pliant.testing.physics_batches import suite as batches
 from pliant.testing.physics_bench import (
     NO_GRAVITY,
     POSITION_M,
@@ -19,6 +24,8 @@ from pliant.testing.physics_bench import (
 )
 from pliant.testing.physics_histories import suite as histories
 from pliant.testing.physics_loads import suite as loads
+from pliant.testing.physics_points import suite as points
+from pliant.testing.physics_scene import suite as scenes
 from pliant.testing.samples import (
     MODULE_LENGTH_M,
     linear_law,
@@ -27,8 +34,8 @@ from pliant.testing.samples import (
 from pliant.testing.suite import Subject, Suite, require, require_close
 
 suite = Suite("physics")
-suite.checks.extend(loads.checks)
-suite.checks.extend(histories.checks)
+for other in (loads, points, histories, batches, scenes):
+    suite.checks.extend(other.checks)
 KINDS = ("revolute", "spherical", "prismatic")
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import pkgutil
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
@@ -58,6 +59,9 @@ def good(interface: str) -> Component:
 
 
 def of(suite: str) -> list[Spoil]:
-    """The spoiled components of a suite."""
+    """The spoiled components of a suite: those of its module, and of modules `<suite>_...` that add to them."""
     spoils: Spoils = importlib.import_module(f"spoiled.{suite}").spoils
+    for module in pkgutil.iter_modules(__path__):
+        if module.name.startswith(f"{suite}_"):
+            importlib.import_module(f"spoiled.{module.name}")
     return spoils.all

@@ -36,8 +36,11 @@ class Dots(Viewer):
                 picture[max(row - 2, 0) : row + 3, max(column - 2, 0) : column + 3] = 0
             yield picture
 
-    def show(self, motion: Motion, handle: Handle | None = None) -> None:
+    def require_display(self) -> None:
         raise UserError("dots have no window")
+
+    def show(self, motion: Motion, handle: Handle | None = None) -> None:
+        raise AssertionError("asked to show without a display")
 
 
 spoils = Spoils(Component("viewer", "small", "spoiled.viewer:DotsConfig", "spoiled.viewer:Dots", "dots"))
