@@ -1,0 +1,91 @@
+"""Compiled statics are those of `pliant.mechanics`: rotations, residual, stiffness, potential."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from tests.physics.conftest import random_chain
+from tests.physics.scalar_laws import SCALAR
+
+from pliant.mechanics import rotations
+from pliant.mechanics.statics import ChainStatics, Loads
+from pliant.records.chain import Actuator, ChainModel
+from pliant.records.rollout import Cord, Inputs, PointForce
+from pliant_plugins.physics.compiled import rotations as compiled
+from pliant_plugins.physics.compiled.body import Body, load_arrays
+from pliant_plugins.physics.compiled.cholesky import factorise, solve_factorised
+from pliant_plugins.physics.compiled.laws import CompiledLaws
+from pliant_plugins.physics.compiled.statics import balance, mirror, new_frame, potential, stiffen
+
+
+def loaded(kind: str, seed: int) -> tuple[ChainModel, Inputs, np.ndarray]:
+    """A chain turned in all directions under every kind of load, and joint coordinates."""
+    random = np.random.default_rng(seed)
+    two = (Actuator("pressure_1_pa", 1.0), Actuator("pressure_2_pa", -0.7))
+    chain = random_chain(seed, n=7).with_(laws=(SCALAR[kind](),), actuators=two)
+
+    def place() -> np.ndarray:
+        return random.normal(size=3) * 0.01
+
+    inputs = Inputs(
+        {"pressure_1_pa": 9e3, "pressure_2_pa": 4e3},
+        random.normal(size=3) * 0.1,
+        0.0 if kind == "prismatic" else 0.01,
+        tuple(PointForce(body, place(), random.normal(size=3) * 0.1) for body in (0, 3, 7)),
+        tuple(Cord(body, place(), random.normal(size=3), 0.3) for body in (0, 5)),
+    )
+    size = 0.003 if kind == "prismatic" else 0.9
+    return chain, inputs, random.normal(size=(7, len(chain.axes))) * size
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("kind", SCALAR)
+def test_residual_stiffness_and_potential(kind: str, seed: int) -> None:
+    chain, inputs, q = loaded(kind, seed)
+    loads, statics, laws = Loads.of(chain, inputs), ChainStatics(chain), CompiledLaws.of(chain)
+    assert laws is not None
+    body = Body.of(chain).arrays
+    arrays = load_arrays(loads, np.array([9e3, 4e3]), chain.payload_kg)
+    frame = new_frame(*q.shape, 2)
+    size, norm = balance(body, laws.arrays, arrays, q, frame)
+    stiffness = np.zeros((q.size, q.size))
+    skewness = stiffen(body, arrays, q, frame, stiffness)
+    mirror(stiffness, q.shape[1])
+    wanted = statics.balance(q, loads)
+    largest = np.abs(wanted.residual).max()
+    np.testing.assert_allclose(frame[9], wanted.residual, rtol=0, atol=1e-12 * largest)
+    np.testing.assert_allclose(
+        stiffness, wanted.stiffness, rtol=0, atol=1e-12 * np.abs(wanted.stiffness).max()
+    )
+    assert size == pytest.approx(largest) and norm == pytest.approx(np.linalg.norm(wanted.residual))
+    assert skewness < 1e-15
+    energy = potential(body, laws.arrays, arrays, q, frame)
+    assert energy == pytest.approx(statics.potential(q, loads), rel=1e-12)
+
+
+@pytest.mark.parametrize("angle", [0.0, 1e-9, 1e-4, 0.099, 0.101, 0.29, 0.31, 1.7, 3.1, np.pi - 1e-9])
+def test_rotations(angle: float) -> None:
+    direction = np.array([0.3, -0.8, 0.5])
+    v, g = angle * direction / np.linalg.norm(direction), np.array([0.4, 1.3, -0.7])
+    out, vector = np.empty((3, 3)), np.empty(3)
+    for name in ("exp_map", "left_jacobian", "right_jacobian_inverse"):
+        getattr(compiled, name)(v, out)
+        np.testing.assert_allclose(out, getattr(rotations, name)(v), atol=2e-14)
+    compiled.left_jacobian_transpose_slope(v, g, out)
+    np.testing.assert_allclose(out, rotations.left_jacobian_transpose_slope(v, g), atol=1e-12)
+    compiled.log_map(rotations.exp_map(v), vector)
+    np.testing.assert_allclose(vector, v, atol=1e-14)
+
+
+@pytest.mark.parametrize("n", [1, 3, 4, 5, 66, 131])
+def test_cholesky(n: int) -> None:
+    random = np.random.default_rng(n)
+    root, right = random.normal(size=(n, n)), random.normal(size=n)
+    matrix = root @ root.T + np.eye(n)
+    factor, x = np.zeros((n, n)), right.copy()
+    lower = np.tril(matrix) + np.triu(np.full((n, n), np.nan), 1)
+    assert factorise(lower, 0.5, factor)
+    solve_factorised(factor, x)
+    np.testing.assert_allclose((matrix + 0.5 * np.eye(n)) @ x, right, atol=1e-9)
+    assert not factorise(matrix, -np.linalg.eigvalsh(matrix)[0] - 1e-3, factor)
+    assert not factorise(np.full((n, n), np.nan), 0.0, factor)
