@@ -128,7 +128,7 @@ def build_chain(config: ChainConfig, segments: Sequence[Segment]) -> ChainModel:
     rotation = 0.0
     # Where the centre line has come to, in the last body's frame.
     reach = np.zeros(3)
-    rings = [Ring(0, reach)]
+    rings, line = [Ring(0, reach)], [Ring(0, reach)]
     for segment in segments:
         for _ in range(segment.count):
             piece = segment.piece
@@ -144,6 +144,7 @@ def build_chain(config: ChainConfig, segments: Sequence[Segment]) -> ChainModel:
             offset = reach + half - turn @ beside
             bodies[-1] = bodies[-1].joined(piece.mass.start.rotated(turn).shifted(offset))
             shapes[-1] += tuple(shape.placed(turn, offset) for shape in piece.shapes.start)
+            line += [Ring(len(joints), reach + half), Ring(len(joints) + 1, beside)]
             joints.append(Joint(laws.index(piece.law), offset, turn))
             bodies.append(piece.mass.end)
             shapes.append(piece.shapes.end)
@@ -161,6 +162,7 @@ def build_chain(config: ChainConfig, segments: Sequence[Segment]) -> ChainModel:
         actuators=_actuators(config, laws),
         shapes=tuple(merged(piece) for piece in shapes) if any(shapes) else (),
         rings=tuple(rings),
+        centre_line=(*line, rings[-1]),
     )
 
 

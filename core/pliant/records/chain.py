@@ -31,7 +31,7 @@ class Joint:
 
 
 class Ring(NamedTuple):
-    """A point of the centre line where segments meet: `point_m` (3,) in the frame of `body`."""
+    """A point of the centre line: `point_m` (3,) in the frame of `body`."""
 
     body: int
     point_m: Array
@@ -62,6 +62,7 @@ class ChainModel:
         terms: what effects add to the law of every joint.
         shapes: what collides, per body (n + 1 entries) in the body's frame; empty where nothing does.
         rings: base, the end of each segment, the last of them the tip; empty where segments are not known.
+        centre_line: base, both sides of each joint, tip; empty where it runs through the joints.
     """
 
     joints: tuple[Joint, ...]
@@ -76,6 +77,7 @@ class ChainModel:
     terms: tuple[LawTerm, ...] = ()
     shapes: tuple[tuple[Shape, ...], ...] = ()
     rings: tuple[Ring, ...] = ()
+    centre_line: tuple[Ring, ...] = ()
 
     @property
     def n_joints(self) -> int:

@@ -17,6 +17,7 @@ from pliant.records.rollout import TaskResult
 from pliant.units import Angle, Length
 from pliant_plugins.tasks import curves
 from pliant_plugins.tasks.levels import as_list
+from pliant_plugins.tasks.measures import backbone
 from pliant_plugins.tasks.ramp import DriveConfig, ramp
 
 # Points of both curves that are kept for pictures.
@@ -63,7 +64,7 @@ class FollowShapeConfig(DriveConfig):
 
 
 class FollowShape(Task):
-    """Ramps the actuation, then compares the line through the markers with the target.
+    """Ramps the actuation, then compares the chain's centre line with the target.
 
     Both are resampled by normalised arc length, so that points correspond one to one: a backbone that has the
     target's shape but another length is not at distance zero.
@@ -79,16 +80,18 @@ class FollowShape(Task):
         chain = simulation.chain
         result = ramp(simulation, self.config)
         frame, origin = np.asarray(chain.base_rotation, float), np.asarray(chain.base_position_m, float)
-        backbone = curves.resampled((result.final.markers_m - origin) @ frame, self.config.samples)
-        roll = curves.best_roll(backbone, self.target) if self.config.alignment == "roll" else 0.0
+        line = backbone(chain, result.final.joint_angles)
+        points = curves.resampled((line - origin) @ frame, self.config.samples)
+        roll = curves.best_roll(points, self.target) if self.config.alignment == "roll" else 0.0
         target = curves.rolled(self.target, roll)
         world = curves.resampled(origin + target @ frame.T, DRAWN)
         metrics = {
             **result.metrics,
-            **asdict(curves.Distances.between(backbone, target)),
+            **asdict(curves.Distances.between(points, target)),
             "roll_rad": roll,
-            "backbone_length_m": curves.length_m(result.final.markers_m),
+            "backbone_length_m": curves.length_m(line),
             "target_length_m": curves.length_m(self.config.target.curve()),
+            "backbone_points_m": as_list(curves.resampled(line, DRAWN)),
             "target_points_m": as_list(world),
         }
         return replace(result, metrics=metrics)

@@ -13,8 +13,9 @@ from pliant.records.design import Array
 from pliant.records.rollout import Equilibrium, Inputs, OutsideDomain, Rollout, TaskResult
 from pliant_plugins.tasks.measures import chain_metrics
 
-# A joint that is further outside its law's box than the box is wide, or turned further than this, holds nothing.
-FAR_WIDTHS = 1.0
+# A joint that is further outside its law's box than this share of the box's width, or turned further than this, is
+# no answer: the law is a continuation there, and would carry any load.
+FAR_WIDTHS = 0.25
 FAR_TURN_RAD = np.pi
 
 
@@ -76,7 +77,7 @@ def why_not_held(chain: ChainModel, found: Equilibrium) -> str:
             excess = law.domain.excess(np.zeros(1), actuator.sign * q[None])[0, 1:]
             far = np.abs(excess) / np.ptp(box, axis=1)
             if far.max() > FAR_WIDTHS:
-                return f"is far outside its law: joint {number} stands {far.max():.1f} widths of the data's range off"
+                return f"is held by no data: joint {number} stands {100 * far.max():.0f} % of its law's range outside"
         if law.joint != "prismatic" and np.linalg.norm(q) > FAR_TURN_RAD:
             return f"folds: joint {number} is turned by {np.degrees(np.linalg.norm(q)):.0f}°"
     return ""

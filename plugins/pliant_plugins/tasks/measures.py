@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -38,6 +39,17 @@ def chain_metrics(chain: ChainModel, final: Equilibrium) -> dict[str, Any]:
 
 def ring_positions(chain: ChainModel, joint_angles: Array) -> Array:
     """(r, 3) base, end of each segment and tip in the world at joint coordinates (n, a)."""
-    pose = ChainGeometry.of(chain).forward(joint_angles)
     ends = (Ring(0, np.zeros(3)), Ring(chain.n_joints, np.asarray(chain.tip_offset_m, float)))
-    return np.array([pose.origins[r.body] + pose.rotations[r.body] @ r.point_m for r in chain.rings or ends])
+    return _placed(chain, chain.rings or ends, joint_angles)
+
+
+def backbone(chain: ChainModel, joint_angles: Array) -> Array:
+    """(k, 3) the centre line in the world as a polyline; the markers where it runs through the joints."""
+    if not chain.centre_line:
+        return ChainGeometry.of(chain).markers(joint_angles)
+    return _placed(chain, chain.centre_line, joint_angles)
+
+
+def _placed(chain: ChainModel, points: Sequence[Ring], joint_angles: Array) -> Array:
+    pose = ChainGeometry.of(chain).forward(joint_angles)
+    return np.array([pose.origins[p.body] + pose.rotations[p.body] @ p.point_m for p in points])
