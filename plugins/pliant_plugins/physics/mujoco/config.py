@@ -38,23 +38,28 @@ class MujocoConfig(PhysicsConfig):
         description="longest internal step in a scene while an arm is near an object or an object moves; "
         "else it is `timestep_s`",
     )
-    near: Length = Field(
+    near_m: Length = Field(
         2e-3,
         gt=0.0,
         description="arm and object are near within this distance; steps are so short that none is jumped over",
     )
     contact_stiffness: float = Field(
-        1e5, gt=0.0, description="stiffness of contacts per effective mass, 1/s²"
+        1e4,
+        gt=0.0,
+        description="stiffness of contacts per effective mass, 1/s²: softer ones need no shorter steps",
     )
-    contact_damping: float = Field(600.0, gt=0.0, description="damping of contacts per effective mass, 1/s")
+    contact_damping: float = Field(400.0, gt=0.0, description="damping of contacts per effective mass, 1/s")
+    slip_damping: float = Field(
+        50.0,
+        gt=0.0,
+        description="damping of friction per effective mass, 1/s: sliding objects are lifted off in proportion to "
+        "it, what is held creeps at a speed inverse to it",
+    )
     contact_impedance: float = Field(
         0.95, gt=0.0, lt=1.0, description="MuJoCo's solimp: the closer to 1, the harder the contact"
     )
     impratio: float = Field(
-        100.0,
+        1000.0,
         gt=0.0,
-        description="MuJoCo's ratio of frictional to normal impedance: held objects creep less as it grows",
-    )
-    noslip_iterations: int = Field(
-        0, ge=0, description="MuJoCo's iterations against creep after each contact solve"
+        description="MuJoCo's ratio of frictional to normal impedance: what is held creeps at a speed inverse to it",
     )

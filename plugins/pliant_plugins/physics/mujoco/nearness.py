@@ -39,8 +39,9 @@ class Nearness:
             reaches.append(np.repeat(_reaches(arm.chain), 3 if arm.chain.laws[0].joint == "spherical" else 1))
         self._arms = np.concatenate(reaches)
         self._objects = np.array([_extent(free.shapes) for free in scene.objects])
-        self._short, self._long = config.contact_timestep_s, max(config.timestep_s, config.contact_timestep_s)
-        self._room = SHARE * config.near
+        self._long = config.timestep_s
+        self._short = min(config.contact_timestep_s, config.timestep_s)
+        self._room = SHARE * config.near_m
 
     def is_near(self, data: mujoco.MjData) -> bool:
         """Whether an arm is near an object by the last list of contacts, or an object touches nothing."""

@@ -31,6 +31,8 @@ from pliant_plugins.physics.mujoco.mjcf import (
 # The heaviest arm cannot slow a carriage of this inertia: 1 N changes its speed by 2e-9 m/s in 2 ms.
 CARRIAGE_KG = 1e6
 CARRIAGE_DOFS = 3
+# MuJoCo's own 1e-8 lets what is held jitter, and slip below its limit.
+SOLVER_TOLERANCE = 1e-12
 # A ball's rolling resistance and a patch's resistance to spinning are not in the scene's rule.
 POINT_FRICTION = 3
 
@@ -95,7 +97,7 @@ def _add_options(root: Element, scene: Scene, config: MujocoConfig) -> None:
         jacobian="dense",
         cone="elliptic",
         impratio=repr(config.impratio),
-        noslip_iterations=str(config.noslip_iterations),
+        tolerance=repr(SOLVER_TOLERANCE),
     )
     SubElement(option, "flag", autoreset="disable")
 
@@ -168,6 +170,7 @@ def _add_pair(contact: Element, one: Geom, other: Geom, config: MujocoConfig) ->
         friction=text([coefficient, coefficient, 0.0, 0.0, 0.0]),
         # Negative numbers are MuJoCo's direct format: the penetration does not depend on the step.
         solref=text((-stiffness, -damping)),
+        solreffriction=text((-stiffness, -config.slip_damping)),
         solimp=text((config.contact_impedance, config.contact_impedance, 1e-3, 0.5, 2.0)),
-        gap=repr(config.near) if "arm" in (one.part.kind, other.part.kind) else "0",
+        gap=repr(config.near_m) if "arm" in (one.part.kind, other.part.kind) else "0",
     )

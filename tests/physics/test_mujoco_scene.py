@@ -1,0 +1,267 @@
+"""Scenes in MuJoCo by law: free fall, rest, friction cone, holding on a moving carriage, exact snapshots."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from pliant.errors import UserError
+from pliant.interfaces.physics import SceneSimulation
+from pliant.mechanics.rotations import exp_map
+from pliant.records.chain import ChainModel
+from pliant.records.design import Array, MassProperties
+from pliant.records.rollout import Inputs
+from pliant.records.scene import Arm, FreeBody, Part, Scene, SceneState
+from pliant.records.shape import Shape, TriangleMesh
+from pliant.testing.samples import linear_law, sample_chain
+from pliant_plugins.physics.mujoco.backend import Mujoco
+from pliant_plugins.physics.mujoco.config import MujocoConfig
+
+G = 9.81
+SIDE_M, MASS_KG = 0.02, 0.03
+FINGER = {"law": linear_law(gain=2e-6, stiffness=0.04), "modules": 4}
+
+
+def block(z_m: float, friction: float = 1.0, mass_kg: float = MASS_KG, x_m: float = 0.0) -> FreeBody:
+    """A cube of 20 mm."""
+    mass = MassProperties(mass_kg, np.zeros(3), mass_kg * SIDE_M**2 / 6 * np.eye(3))
+    shape = Shape("box", (SIDE_M / 2,) * 3, np.zeros(3), np.eye(3))
+    return FreeBody("block", mass, (shape,), friction, np.array([x_m, 0.0, z_m]), np.eye(3))
+
+
+def pincers(friction: float = 0.8) -> Scene:
+    """Two fingers that close on a block on the floor; positive bending turns each toward the middle."""
+    arms = []
+    for side, yaw in ((-1.0, 0.0), (1.0, np.pi)):
+        base = {"position": [side * 0.019, 0.0, 0.058]}
+        chain = sample_chain(**FINGER, base=base)  # type: ignore[arg-type]
+        pads = [()] * chain.n_joints + [(Shape("sphere", (0.006,), np.array([0.005, 0, 0]), np.eye(3)),)]
+        turned = exp_map(np.array([0.0, 0.0, yaw])) @ chain.base_rotation
+        arms.append(Arm(chain.with_(base_rotation=turned, shapes=tuple(pads)), friction))
+    return Scene(tuple(arms), (block(SIDE_M / 2),), floor_m=0.0)
+
+
+def build(scene: Scene, **config: object) -> SceneSimulation:
+    return Mujoco(MujocoConfig(joint_damping=1e-3, **config)).build_scene(scene)  # type: ignore[arg-type]
+
+
+def pinch(simulation: SceneSimulation, pressure: float = 15e3) -> None:
+    simulation.apply([Inputs({"pressure_pa": pressure})] * 2)
+
+
+def held(simulation: SceneSimulation) -> Array:
+    """Height of the block above the carriage."""
+    state = simulation.snapshot()
+    return np.asarray(state.positions_m[0] - state.carriage_m)
+
+
+def test_an_object_falls_freely() -> None:
+    """z = z₀ − g t² / 2 with the first-order error g t h / 2 of the step, whatever the calls' lengths."""
+    with build(Scene((), (block(1.0),)), contact_timestep_s=1e-3) as simulation:
+        for duration in (0.05, 0.1, 0.05):
+            simulation.step(duration)
+        state = simulation.snapshot()
+    fallen = 1.0 - state.positions_m[0, 2]
+    assert fallen == pytest.approx(0.5 * G * 0.2**2, abs=0.6 * G * 0.2 * 1e-3)
+    assert state.velocities[0, 2] == pytest.approx(-G * 0.2, rel=1e-9)
+    assert state.time_s == pytest.approx(0.2)
+
+
+def test_a_resting_object_is_carried_by_the_floor() -> None:
+    with build(Scene((), (block(SIDE_M / 2 + 0.2, x_m=0.3),), floor_m=0.2)) as simulation:
+        simulation.step(0.5)
+        contacts, height = simulation.contacts(), simulation.snapshot().positions_m[0, 2]
+        for contact in contacts:
+            assert contact.first == Part("floor") and contact.second == Part("object", 0)
+            np.testing.assert_allclose(contact.normal, [0, 0, 1], atol=1e-9)
+            assert contact.position_m[2] == pytest.approx(0.2, abs=1e-4)
+        total = sum(c.normal_n * c.normal + c.friction_n for c in contacts)
+    np.testing.assert_allclose(total, [0, 0, MASS_KG * G], atol=1e-6)
+    assert height == pytest.approx(0.2 + SIDE_M / 2, abs=5e-5)
+
+
+@pytest.mark.parametrize(("floor", "own"), [(0.5, 0.8), (1.0, 0.4), (0.8, 0.5)])
+def test_sliding_starts_at_the_product_of_both_coefficients(floor: float, own: float) -> None:
+    """Gravity tilted inside and outside of tan α = μ₁ μ₂ = 0.4; outside, the block slides by g (sin α − μ cos α)."""
+    moved = []
+    for share in (0.97, 1.4):
+        tilt = np.arctan(share * 0.4)
+        gravity = G * np.array([np.sin(tilt), 0.0, -np.cos(tilt)])
+        scene = Scene((), (block(SIDE_M / 2, own),), 0.0, floor, gravity)
+        with build(scene) as simulation:
+            simulation.step(0.2)
+            before = simulation.snapshot()
+            simulation.step(0.2)
+            after = simulation.snapshot()
+        moved.append(after.velocities[0, 0] - before.velocities[0, 0])
+    slide = 0.2 * G * (np.sin(tilt) - 0.4 * np.cos(tilt))
+    assert abs(moved[0]) < 1e-4
+    assert moved[1] == pytest.approx(slide, rel=0.05)
+
+
+def test_arms_carry_a_block_at_the_speed_of_the_carriage() -> None:
+    """Friction holds the pinched block against its weight; it creeps by less than 0.1 mm/s."""
+    speed = 0.03
+    with build(pincers()) as simulation:
+        pinch(simulation)
+        simulation.step(0.5)
+        simulation.carry(np.array([0.0, 0.0, speed]))
+        simulation.step(1.0)
+        start = held(simulation)
+        simulation.step(1.0)
+        creep = np.linalg.norm(held(simulation) - start)
+        state, contacts = simulation.snapshot(), simulation.contacts()
+    assert state.positions_m[0, 2] > SIDE_M / 2 + 0.05
+    assert state.velocities[0, 2] == pytest.approx(speed, abs=1e-4)
+    np.testing.assert_allclose(state.carriage_m, [0, 0, 2 * speed], atol=1e-12)
+    assert creep < 1e-4
+    assert {c.first.kind for c in contacts} == {"arm"} and {c.first.number for c in contacts} == {0, 1}
+    total = sum(c.normal_n * c.normal + c.friction_n for c in contacts)
+    np.testing.assert_allclose(total, [0, 0, MASS_KG * G], atol=2e-3)
+    for c in contacts:
+        assert np.linalg.norm(c.friction_n) <= 0.8 * c.normal_n * 1.001
+        assert c.normal @ c.friction_n == pytest.approx(0.0, abs=1e-12)
+
+
+def test_without_enough_friction_the_block_stays_behind() -> None:
+    with build(pincers(friction=0.05)) as simulation:
+        pinch(simulation)
+        simulation.step(0.5)
+        simulation.carry(np.array([0.0, 0.0, 0.03]))
+        simulation.step(1.5)
+        assert simulation.snapshot().positions_m[0, 2] < SIDE_M / 2 + 1e-3
+
+
+def test_a_push_moves_an_object_and_the_carriage_yields_to_nothing() -> None:
+    with build(Scene((), (block(0.0),), gravity_m_s2=np.zeros(3))) as simulation:
+        simulation.push(0, np.array([0.3, 0.0, 0.0]), np.array([0.0, 0.0, 1e-4]))
+        simulation.step(0.1)
+        velocity = simulation.snapshot().velocities[0]
+    inertia = MASS_KG * SIDE_M**2 / 6
+    np.testing.assert_allclose(velocity, [1.0, 0, 0, 0, 0, 0.1 * 1e-4 / inertia], rtol=1e-6, atol=1e-9)
+    with build(pincers()) as simulation:
+        pinch(simulation)
+        simulation.push(0, np.array([0.0, 0.0, -20.0]))
+        simulation.carry(np.array([0.01, 0.0, 0.02]))
+        simulation.step(0.4)
+        np.testing.assert_allclose(simulation.snapshot().carriage_m, [4e-3, 0, 8e-3], atol=1e-12)
+
+
+def test_after_restore_the_same_steps_give_the_same_bits() -> None:
+    def motion(simulation: SceneSimulation) -> SceneState:
+        simulation.step(0.011)
+        simulation.step(0.1)
+        return simulation.snapshot()
+
+    with build(pincers()) as simulation:
+        pinch(simulation)
+        simulation.carry(np.array([0.0, 0.0, 0.02]))
+        simulation.step(0.23)
+        kept, seen = simulation.snapshot(), simulation.contacts()
+        first = motion(simulation)
+        simulation.restore(kept)
+        assert {(c.first, c.second) for c in simulation.contacts()} == {(c.first, c.second) for c in seen}
+        again = motion(simulation)
+    np.testing.assert_array_equal(first.positions_m, again.positions_m)
+    np.testing.assert_array_equal(first.velocities, again.velocities)
+    np.testing.assert_array_equal(first.coordinates, again.coordinates)
+    np.testing.assert_array_equal(first.rates, again.rates)
+
+
+def test_a_state_without_the_engine_s_own_part_is_taken_up() -> None:
+    """What another engine left is a place to go on from."""
+    with build(pincers()) as simulation:
+        pinch(simulation)
+        simulation.step(0.3)
+        kept = simulation.snapshot()
+        bare = SceneState(
+            kept.time_s, kept.carriage_m, kept.coordinates, kept.rates, kept.positions_m, kept.rotations,
+            kept.velocities,
+        )  # fmt: skip
+        simulation.step(0.1)
+        simulation.restore(bare)
+        back = simulation.snapshot()
+    np.testing.assert_allclose(back.coordinates, kept.coordinates, atol=1e-15)
+    np.testing.assert_allclose(back.positions_m, kept.positions_m, atol=1e-15)
+    np.testing.assert_allclose(back.velocities, kept.velocities, atol=1e-15)
+
+
+SHAPES: dict[str, tuple[Shape, float]] = {
+    "sphere": (Shape("sphere", (0.01,), np.zeros(3), np.eye(3)), 0.01),
+    "capsule": (Shape("capsule", (0.004, 0.006), np.zeros(3), np.eye(3)), 0.01),
+    "cylinder": (Shape("cylinder", (0.01, 0.007), np.zeros(3), np.eye(3)), 0.007),
+    "ellipsoid": (Shape("ellipsoid", (0.012, 0.012, 0.009), np.zeros(3), np.eye(3)), 0.009),
+    "box": (Shape("box", (0.01, 0.01, 0.004), np.zeros(3), np.eye(3)), 0.004),
+    "mesh": (
+        Shape(
+            "mesh",
+            (),
+            np.zeros(3),
+            np.eye(3),
+            TriangleMesh(
+                0.01 * np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1], [0, 0, -1], [1, 1, -1.0],
+                                 [-1, -1, -1]]),
+                np.array([[0, 1, 2], [0, 3, 1], [0, 2, 3], [1, 3, 2]]),
+            ),
+        ),
+        0.01,
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", SHAPES)
+def test_every_shape_rests_on_the_floor_at_its_height(kind: str) -> None:
+    shape, height = SHAPES[kind]
+    mass = MassProperties(0.02, np.zeros(3), 1e-6 * np.eye(3))
+    free = FreeBody(kind, mass, (shape,), 1.0, np.array([0, 0, height + 1e-4]), np.eye(3))
+    with build(Scene((), (free,), floor_m=0.0)) as simulation:
+        simulation.step(0.5)
+        assert simulation.snapshot().positions_m[0, 2] == pytest.approx(height, abs=5e-5)
+        total = sum(c.normal_n for c in simulation.contacts())
+    assert total == pytest.approx(0.02 * G, rel=1e-3)
+
+
+def test_arms_move_alike_alone_and_in_a_scene(loaded_finger: ChainModel) -> None:
+    """Loads, efforts and bases of two arms arrive at the right joints."""
+    other = loaded_finger.with_(base_position_m=np.array([0.1, 0.0, 0.0]), payload_kg=0.0)
+    inputs = [
+        Inputs({"pressure_pa": 9e3}, tip_force_n=np.array([0.01, 0.02, 0.0])),
+        Inputs({"pressure_pa": 5e3}, moment_n_m=1e-3),
+    ]
+    backend = Mujoco(MujocoConfig(timestep_s=1e-3, joint_damping=1e-4))
+    with backend.build_scene(Scene((Arm(loaded_finger), Arm(other)))) as scene:
+        scene.apply(inputs)
+        scene.step(0.05)
+        together = [scene.markers(k) for k in range(2)]
+        angles = scene.snapshot().coordinates
+    for k, chain in enumerate((loaded_finger, other)):
+        with backend.build(chain) as alone:
+            alone.apply(inputs[k])
+            alone.step(0.05)
+            np.testing.assert_allclose(together[k], alone.markers(), atol=1e-7)
+            np.testing.assert_allclose(angles[k], alone.snapshot().position, atol=1e-5)
+
+
+def test_joints_outside_their_data_are_counted_through_all_arms(finger_of: Callable[..., ChainModel]) -> None:
+    chain = finger_of("revolute", 3)
+    law = type(chain.laws[0])(domain=_box())
+    arms = (Arm(chain.with_(laws=(law,))), Arm(chain.with_(laws=(law,))))
+    with build(Scene(arms)) as simulation:
+        simulation.apply([Inputs({"pressure_pa": 1e3}), Inputs({"pressure_pa": 3e3})])
+        outside = simulation.outside_domain()
+    assert [entry.module for entry in outside if entry.variable == "pressure_pa"] == [4, 5, 6]
+
+
+def _box() -> object:
+    from pliant.records.law import Domain
+
+    return Domain(np.array([0.0, 2e3]), np.array([[-1.0, 1.0]]))
+
+
+def test_unbounded_motion_is_an_error_that_says_what_to_change() -> None:
+    with build(pincers()) as simulation:
+        simulation.push(0, np.array([1e300, 0.0, 0.0]))
+        with pytest.raises(UserError, match="unbounded before 0.01 s .*contact_timestep"):
+            simulation.step(0.01)
