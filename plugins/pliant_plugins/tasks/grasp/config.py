@@ -22,6 +22,8 @@ class ObjectConfig(FrozenModel):
     """An egg (ellipsoid of revolution), an upright cylinder, or a part from a file; ``object: egg`` is short.
 
     An egg is 30 mm in radius, 65 mm high and weighs 50 g, a cylinder 16 mm, 35 mm and 10 g, unless said otherwise.
+    No ellipsoid that is higher than wide stands by itself: an egg has a foot, a disc between its curved end and
+    the floor.
     """
 
     shape: Literal["egg", "cylinder"] | None = Field(default=None, description="this or `mesh`")
@@ -31,6 +33,9 @@ class ObjectConfig(FrozenModel):
     )
     radius_m: Length | None = Field(default=None, gt=0, description="of egg or cylinder")
     height_m: Length | None = Field(default=None, gt=0, description="of egg or cylinder")
+    foot_radius_m: Length | None = Field(
+        default=None, ge=0, description="of the disc on which an egg stands; 8 mm by default, 0 for none"
+    )
     mass_kg: Mass | None = Field(default=None, gt=0, description="without the extra weights")
     density_kg_m3: Density | None = Field(default=None, gt=0, description="of a part; this or its mass")
 
@@ -44,6 +49,8 @@ class ObjectConfig(FrozenModel):
             )
         if self.mesh is not None and (self.radius_m is not None or self.height_m is not None):
             raise ValueError("'radius' and 'height' are for egg and cylinder; a 'mesh' has a 'scale'")
+        if self.foot_radius_m is not None and self.shape != "egg":
+            raise ValueError("only an egg has a 'foot_radius'")
         if self.mesh is not None and (self.density_kg_m3 is None) == (self.mass_kg is None):
             raise ValueError("a 'mesh' needs either 'mass' or 'density'")
         return self

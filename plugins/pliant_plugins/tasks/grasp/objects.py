@@ -15,6 +15,7 @@ from pliant_plugins.solids import read_solid
 from pliant_plugins.tasks.grasp.config import GraspConfig, ObjectConfig
 
 DIMENSIONS = {"egg": (0.030, 0.065, 0.050), "cylinder": (0.016, 0.035, 0.010)}  # radius m, height m, mass kg
+FOOT_RADIUS_M = 0.008
 INSETS_M = {"egg": 0.016}
 OTHER_INSET_M = 0.002
 HEAVIEST_KG = 50.0
@@ -47,6 +48,7 @@ def grasp_object(config: GraspConfig) -> GraspObject:
         UserError: a mesh that cannot be used, or an object that no gripper of this kind is meant for.
     """
     shape, mass, note = _part(config.object) if config.object.mesh else _simple(config.object)
+    foot = _foot(shape, config.object)
     bottom = -support(shape, np.array([0.0, 0.0, -1.0]))
     high, low = ([support(shape, sign * axis) for axis in np.eye(3)[:2]] for sign in (1.0, -1.0))
     across = [0.5 * (a - b) for a, b in zip(high, low, strict=True)]
@@ -63,7 +65,7 @@ def grasp_object(config: GraspConfig) -> GraspObject:
     body = FreeBody(
         name=config.object.mesh.stem if config.object.mesh else str(config.object.shape),
         mass=mass,
-        shapes=(shape,),
+        shapes=(shape, *foot),
         friction=config.object_friction,
         position_m=np.array([-across[0], -across[1], -bottom]),
         rotation=np.eye(3),
@@ -93,6 +95,22 @@ def _simple(config: ObjectConfig) -> tuple[Shape, MassProperties, str]:
         across, upright = mass * (radius**2 / 4 + height**2 / 12), mass * radius**2 / 2
         shape = Shape("cylinder", (radius, half), np.zeros(3), np.eye(3))
     return shape, MassProperties(mass, np.zeros(3), np.diag([across, across, upright])), ""
+
+
+def _foot(shape: Shape, config: ObjectConfig) -> tuple[Shape, ...]:
+    """The disc from the floor to the height at which the egg has the foot's radius; it weighs nothing.
+
+    Raises:
+        UserError: the foot is wider than the egg.
+    """
+    radius = FOOT_RADIUS_M if config.foot_radius_m is None else config.foot_radius_m
+    if config.shape != "egg" or radius == 0.0:
+        return ()
+    across, _, half = shape.size_m
+    if radius >= across:
+        raise UserError(f"task.object: a foot of radius {1e3 * radius:g} mm is wider than the egg.")
+    height = half * (1.0 - np.sqrt(1.0 - (radius / across) ** 2))
+    return (Shape("cylinder", (radius, height / 2), np.array([0.0, 0.0, height / 2 - half]), np.eye(3)),)
 
 
 def _part(config: ObjectConfig) -> tuple[Shape, MassProperties, str]:

@@ -1,0 +1,1 @@
+"""Benchmarks of the grasp task: speed, holding limits and creep, the measured table."""

@@ -1,0 +1,113 @@
+"""Holding limits of egg and cylinder, MuJoCo against PyBullet under one friction rule, and the creep of what is held.
+
+python benchmarks/grasp/holding.py [--quick]    prints, and writes benchmarks/out/grasp_holding.json; resumes
+
+The limit is the largest extra mass, at the object's centre, with which a grasp without noise is `stable`, by
+bisection from a mass that is held and one that is not.
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Any
+
+sys.path.insert(0, str(Path(__file__).parents[2]))
+
+from benchmarks.grasp.gripper import engine, finger, grasp, held, read, write
+
+from pliant.errors import MissingDependencyError
+from pliant.interfaces.physics import PhysicsBackend
+from pliant.records.chain import ChainModel
+
+CASES = tuple((name, kpa) for name in ("egg", "cylinder") for kpa in (13, 15))
+WITHIN_SHARE, WITHIN_KG = 0.10, 0.020
+CREEP_M_S = 1e-4
+CREEP_SHARE = 0.75  # of the limit: held by a margin, so that what moves is the engine's creep
+HEAVIEST_KG = 0.64
+HOLD_S = 4.0
+# MuJoCo's own defaults for contact: what the engine's settings are compared with.
+MUJOCO_DEFAULTS = {"impratio": 1.0, "noslip_iterations": 0}
+
+
+def main() -> None:
+    """Limits, then creep."""
+    quick = "--quick" in sys.argv
+    resolution = 0.010 if quick else 0.002
+    chain = finger()
+    found: dict[str, Any] = {} if quick else read("grasp_holding")
+    if found.get("chain") != fingerprint(chain):
+        found = {"chain": fingerprint(chain)}
+    print("object, pressure      MuJoCo  PyBullet  apart")
+    for name, kpa in CASES[:: 2 if quick else 1]:
+        limits = {}
+        for kind in ("mujoco", "pybullet"):
+            key = f"{name}_{kpa}_{kind}_{resolution:g}"
+            try:
+                if key not in found:
+                    found[key] = limit_kg(engine(kind), chain, name, 1e3 * kpa, resolution)
+            except MissingDependencyError as error:
+                print(error)
+                continue
+            limits[kind] = found[key]
+            write("grasp_holding", found)
+        print(_line(name, kpa, limits))
+    for name, kpa in CASES:
+        extra = CREEP_SHARE * found.get(f"{name}_{kpa}_mujoco_{resolution:g}", 0.0)
+        creeps = {
+            "ours": creep_m_s(engine("mujoco"), chain, name, 1e3 * kpa, extra),
+            "MuJoCo's defaults": creep_m_s(engine("mujoco", **MUJOCO_DEFAULTS), chain, name, 1e3 * kpa, extra),
+        }
+        found[f"creep_{name}_{kpa}"] = {"extra_kg": extra, "creep_m_s": creeps}
+        texts = ", ".join(f"{which} {1e3 * value:.3f} mm/s" for which, value in creeps.items())
+        print(f"creep of the {name} at {kpa} kPa with {1e3 * extra:.0f} g: {texts} (to reach {1e3 * CREEP_M_S:g})")
+    write("grasp_holding", found)
+
+
+def limit_kg(backend: PhysicsBackend, chain: ChainModel, name: str, pressure: float, within_kg: float) -> float:
+    """Largest extra mass held; 0 where not even the object itself is."""
+    low, high = 0.0, 0.02
+    if not held(backend, chain, 0.0, object=name, pressure=pressure):
+        return 0.0
+    while high < HEAVIEST_KG and held(backend, chain, high, object=name, pressure=pressure):
+        low, high = high, 2 * high
+    while high - low > within_kg:
+        middle = 0.5 * (low + high)
+        if held(backend, chain, middle, object=name, pressure=pressure):
+            low = middle
+        else:
+            high = middle
+    return low
+
+
+def creep_m_s(backend: PhysicsBackend, chain: ChainModel, name: str, pressure: float, extra_kg: float) -> float:
+    """Speed at which a held object sinks, over the second half of a long hold."""
+    task = grasp(
+        object=name, pressure=pressure, extra_weights=1, weight_kg=extra_kg or 1e-6, final_time_s=2 * HOLD_S
+    )
+    result = task.run(chain, backend.build_scene)
+    assert result.frames is not None
+    time_s, height = result.frames.time_s, result.frames.positions_m[:, 0, 2]
+    late = int(abs(time_s - (time_s[-1] - HOLD_S)).argmin())
+    return float((height[late] - height[-1]) / (time_s[-1] - time_s[late]))
+
+
+def fingerprint(chain: ChainModel) -> str:
+    """What a limit depends on besides the engine, as text."""
+    law = chain.laws[0].record()
+    return f"{law.kind} {sorted(law.values.items())} {[a.round(12).tolist() for a in law.arrays.values()]}"
+
+
+def _line(name: str, kpa: int, limits: dict[str, float]) -> str:
+    texts = [f"{1e3 * limits[k]:7.1f} g" if k in limits else "      –" for k in ("mujoco", "pybullet")]
+    line = f"{name:<9} {kpa} kPa     {'  '.join(texts)}"
+    if len(limits) < 2:
+        return line
+    apart = abs(limits["mujoco"] - limits["pybullet"])
+    share = apart / max(*limits.values(), 1e-9)
+    verdict = "within" if share <= WITHIN_SHARE or apart <= WITHIN_KG else "NOT within"
+    return f"{line}  {1e3 * apart:5.1f} g, {100 * share:.0f} %: {verdict} 10 % or 20 g"
+
+
+if __name__ == "__main__":
+    main()
