@@ -23,8 +23,6 @@ from pliant_plugins.physics.quasistatic.law_table import tabulate
 from pliant_plugins.physics.quasistatic.stepping import step_through
 
 KINDS = tuple(VALUES)
-# Of effects without damage: plain stepping starts every run with a virgin chain.
-LASTING = {"mullins", "permanent_set"}
 
 
 def history(run: str = "a", **changes: object) -> History:
@@ -101,10 +99,13 @@ def test_opposed_actuators_and_segments_of_several_laws() -> None:
     agree(chain, [base.with_(actuation={"pressure_1_pa": p, "pressure_2_pa": 0.6 * p[::-1]})])
 
 
-@pytest.mark.parametrize("kind", [kind for kind in KINDS if kind not in LASTING])
-def test_every_effect_without_damage_is_that_of_plain_stepping(kind: str) -> None:
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_effect_is_that_of_plain_stepping(kind: str) -> None:
+    """Also the damage that the second run of a specimen finds, and that of another specimen does not."""
     model = with_effects(sample_chain(modules=3, payload=0.004), kind)
-    agree(model.chain, [model.commanded(history())], atol=1e-7)
+    again = history("again", specimen="one", tip_force_n=0.4 * history().tip_force_n)
+    runs = [history(specimen="one"), again, again.with_(run="other", specimen="two")]
+    agree(model.chain, [model.commanded(run) for run in runs], atol=1e-7)
 
 
 def test_a_long_chain_that_curls_and_snaps_is_followed() -> None:
@@ -382,6 +383,14 @@ def test_spatial_joints_feel_the_temperature() -> None:
     chain = with_effects(sample_chain(linear_spherical_law(), modules=2), "thermal_softening").chain
     (warm, cold), _ = ENGINE.follow(chain, [history(), history(temperature_c=np.full(41, 22.0))])
     assert np.abs(warm.joint_angles - cold.joint_angles).max() > 1e-3
+
+
+def test_damage_goes_on_from_run_to_run_of_spatial_joints() -> None:
+    chain = with_effects(sample_chain(linear_spherical_law(), modules=2), "mullins").chain
+    small = history("b", specimen="one").with_actuation(pressure_pa=0.5 * history().actuation["pressure_pa"])
+    paths, _ = ENGINE.follow(chain, [history(specimen="one"), small, small.with_(specimen="two")])
+    after, virgin = paths[1].joint_angles, paths[2].joint_angles
+    assert np.abs(after - virgin).max() > 1e-3
 
 
 def test_all_shipped_effects_are_tested_here() -> None:

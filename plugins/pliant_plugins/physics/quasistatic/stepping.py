@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -33,18 +34,32 @@ def step_through(
     """See `PhysicsBackend.follow`; samples further apart than `longest_step_s` are reached in equal parts.
 
     Raises:
-        UserError: damage that goes on from run to run, or a base or payload that changes within a run.
+        UserError: a base or payload that changes within a run.
     """
-    if any(term.keeps for term in chain.terms):
-        raise UserError(f"effects with lasting damage are not followed on {chain.laws[0].joint} joints yet")
-    paths = tuple(_one(build, chain, history, longest_step_s) for history in histories)
-    changed = [
-        tuple(_one(build, v.chain, history, longest_step_s) for history in v.histories) for v in towards
-    ]
+    paths = _all(build, chain, histories, longest_step_s)
+    changed = [_all(build, v.chain, v.histories, longest_step_s) for v in towards]
     return paths, tuple(_difference(moved, paths) for moved in changed)
 
 
-def _one(build: Builder, chain: ChainModel, history: History, longest_step_s: float) -> Followed:
+def _all(
+    build: Builder, chain: ChainModel, histories: Sequence[History], longest_step_s: float
+) -> tuple[Followed, ...]:
+    """One run after another; what terms keep goes on with the specimen."""
+    keeps = np.repeat([term.keeps for term in chain.terms], [term.n_states for term in chain.terms])
+    damage: dict[str, Array] = {}
+    paths = []
+    for history in histories:
+        path, memory = _one(build, chain, history, longest_step_s, damage.get(history.specimen))
+        paths.append(path)
+        if keeps.any() and memory is not None:
+            damage[history.specimen] = np.where(keeps, memory, 0.0)
+    return tuple(paths)
+
+
+def _one(
+    build: Builder, chain: ChainModel, history: History, longest_step_s: float, damage: Array | None
+) -> tuple[Followed, Array | None]:
+    """The run and the memory of the law terms (n, a, states) at its end, from that at its beginning."""
     rotation = base_rotations(np.asarray(chain.base_rotation, float), history.base_angles_rad[:1])[0]
     payload = chain.payload_kg if history.payload_kg is None else float(history.payload_kg[0])
     if np.ptp(history.base_angles_rad, axis=0).any() or (
@@ -58,6 +73,8 @@ def _one(build: Builder, chain: ChainModel, history: History, longest_step_s: fl
     converged: list[bool] = []
     simulation = build(chain.with_(base_rotation=rotation, payload_kg=payload))
     with simulation:
+        if damage is not None:
+            simulation.restore(replace(simulation.snapshot(), memory=damage))
         for k in range(len(history)):
             duration = math.inf
             if k and history.time_s is not None:
@@ -71,7 +88,7 @@ def _one(build: Builder, chain: ChainModel, history: History, longest_step_s: fl
                 reached &= simulation.advance(duration / parts).converged
             converged.append(reached)
             q.append(simulation.snapshot().position)
-    return Followed(np.array(q), np.array(converged))
+    return Followed(np.array(q), np.array(converged)), simulation.snapshot().memory
 
 
 def _between(history: History, k: int, share: float) -> tuple[Inputs, float]:
