@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from pliant import __version__
-from pliant.cli import compare, diagnose, extend, improve, later, plugins, studies
+from pliant.cli import compare, diagnose, export, extend, improve, later, plugins, render, studies, view
 
 app = typer.Typer(
     name="pliant",
@@ -26,6 +26,9 @@ app.command("compare")(compare.compare)
 app.command("diagnose")(diagnose.diagnose)
 app.command("extend")(extend.extend)
 app.command("improve")(improve.improve)
+app.command("export")(export.export)
+app.command("render")(render.render)
+app.command("view")(view.view)
 later.add_to(app)
 
 

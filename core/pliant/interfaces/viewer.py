@@ -57,9 +57,9 @@ class Viewer(ABC):
         """
 
     @abstractmethod
-    def show(self, motion: Motion, handle: Handle | None = None) -> None:
-        """Open a window until it is closed: replay the motion over and over, or let the user drive `handle`.
+    def require_display(self) -> None:
+        """Raise `UserError` where `show` could open no window; asked before anything is computed."""
 
-        Raises:
-            UserError: there is no display.
-        """
+    @abstractmethod
+    def show(self, motion: Motion, handle: Handle | None = None) -> None:
+        """Open a window until it is closed: replay the motion over and over, or let the user drive `handle`."""

@@ -13,7 +13,13 @@ class Motion:
 
     The shapes of arms and objects are what is to be seen, surfaces rather than collision shapes: halves of modules
     that end at a joint belong together and may be drawn bent. A chain alone is a scene with one arm and no floor.
+
+    Attributes:
+        scene: what is drawn.
+        frames: its poses, one picture each.
+        seen: all poses that the camera must see, where they are more than the frames.
     """
 
     scene: Scene
     frames: SceneFrames
+    seen: SceneFrames | None = None

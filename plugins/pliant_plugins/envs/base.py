@@ -29,7 +29,7 @@ class SoftRobotEnv(gymnasium.Env[OBSERVED, NDArray[np.float32]]):
         camera: "iso", "front", "side" or "top".
     """
 
-    metadata: ClassVar[dict[str, Any]] = {"render_modes": ["rgb_array"], "render_fps": 20}  # type: ignore[misc]
+    metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 20}  # noqa: RUF012 - gymnasium's
 
     def __init__(
         self,
@@ -80,7 +80,7 @@ class SoftRobotEnv(gymnasium.Env[OBSERVED, NDArray[np.float32]]):
         reward = self._reward(wanted)
         return self._observed(), reward, self._done(), truncated, self._metrics()
 
-    def render(self) -> Picture | None:  # type: ignore[override]
+    def render(self) -> Picture | None:
         """(height, width, 3) uint8, or None without a render mode."""
         if self.render_mode is None:
             return None

@@ -10,13 +10,15 @@ from pliant.errors import UserError
 from pliant.records.design import Array
 from pliant_plugins.envs.chain_env import ChainEnv
 from pliant_plugins.envs.reach import LEAST_SHARE
+from pliant_plugins.tasks.curves import Distances, resampled
+from pliant_plugins.tasks.follow_shape import FollowShape
 
 SEEN = 5  # points of the curve in the observation
 COMPARED = 50  # points at which backbone and curve are compared
 
 
 class FollowShapeEnv(ChainEnv):
-    """Bend the backbone along a curve: another pose that the chain can settle in, or one of your own.
+    """Bend the backbone along a curve: that of the study's `follow_shape` task, or a pose that the chain can settle in.
 
     Reward per step: −(RMS distance at equal shares of the arc length) / (chain length) − 0.01 (change of the
     actuation)². Adds to the observation: five points of the curve from the base in chain lengths (15).
@@ -31,33 +33,25 @@ class FollowShapeEnv(ChainEnv):
     _curve: Array = np.zeros((COMPARED, 3))
 
     def _ask(self, options: dict[str, Any]) -> None:
+        # Drawn in any case, so that an option does not change later episodes.
         share = self.np_random.uniform(LEAST_SHARE, 1.0, len(self.plant.names))
-        given = _curve_option(options)
-        self._curve = even_points(self._settled(share) if given is None else given, COMPARED)
+        curve = _curve_option(options)
+        if curve is None and isinstance(self.plant.task, FollowShape):
+            curve = self.chain.base_position_m + self.plant.task.target @ self.chain.base_rotation.T
+        self._curve = resampled(self._settled(share) if curve is None else curve, COMPARED)
 
     def _goal(self) -> Array:
         chosen = np.linspace(0, COMPARED - 1, SEEN + 1).round().astype(int)[1:]
         return self._in_lengths(self._curve[chosen])
 
-    def _distances(self) -> Array:
-        return np.asarray(np.linalg.norm(even_points(self._markers, COMPARED) - self._curve, axis=1))
+    def _distances(self) -> Distances:
+        return Distances.between(resampled(self._markers, COMPARED), self._curve)
 
     def _error_m(self) -> float:
-        return float(np.sqrt(np.mean(self._distances() ** 2)))
+        return self._distances().rmse_m
 
     def _metrics(self) -> dict[str, Any]:
-        return {
-            **super()._metrics(),
-            "e_max_m": float(self._distances().max()),
-            "curve_m": self._curve.copy(),
-        }
-
-
-def even_points(points_m: Array, count: int) -> Array:
-    """(count, 3) points at equal shares of the arc length of a polyline (k, 3)."""
-    reach = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points_m, axis=0), axis=1))])
-    wanted = np.linspace(0.0, reach[-1], count)
-    return np.stack([np.interp(wanted, reach, points_m[:, axis]) for axis in range(3)], axis=1)
+        return {**super()._metrics(), "e_max_m": self._distances().e_max_m, "curve_m": self._curve.copy()}
 
 
 def _curve_option(options: dict[str, Any]) -> Array | None:

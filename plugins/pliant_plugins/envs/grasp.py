@@ -146,7 +146,7 @@ class GraspEnv(SoftRobotEnv):
             "time_s": self._taken * self.control_s,
             "carriage_m": self._carriage_m,
             "rise_m": self._rise_m,
-            "normal_n": self._grip.normal_n,
+            "normal_n": float(self._grip.normal_n),
             "friction_n": self._grip.friction_n,
             "touching_share": self._grip.touching_share,
             "slip_ratio": self._slip,

@@ -11,10 +11,9 @@ import numpy as np
 
 from pliant.api import DEFAULT_STORE, OpenStudy, open_study
 from pliant.errors import UserError
-from pliant.interfaces.effect import Model
 from pliant.interfaces.physics import PhysicsBackend
-from pliant.pipeline.simulate import check_capabilities, check_terms
-from pliant.pipeline.study import StudyRun, chain_of_study, laws_of_study, physics_of_study
+from pliant.pipeline.handle import highest_actuation, prepared_chain
+from pliant.pipeline.study import StudyRun, laws_of_study
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
 
@@ -55,27 +54,17 @@ class Plant:
         """
         opened = open_study(study or STUDIES / f"{default}.yaml", store=_store())
         bench, loaded = opened.bench, opened.study
-        chain = chain_of_study(bench, loaded).chain
-        physics = physics_of_study(bench, loaded)
-        backend: PhysicsBackend = bench.build("physics", physics)
+        chain, backend, task = prepared_chain(bench, loaded)
         if not backend.capabilities.dynamic:
             raise UserError(
-                f"an environment steps through time and physics '{physics.kind}' has equilibria only; "
+                f"an environment steps through time and physics '{backend.config.kind}' has equilibria only; "
                 "use 'mujoco' or 'pybullet' in the study."
             )
-        check_capabilities(backend, chain, physics.kind)
-        task = bench.build("task", loaded.task) if loaded.task is not None else None
-        model = Model(chain if task is None else task.prepare(chain))
-        for effect in loaded.effects:
-            model = bench.build("effect", effect).apply(model)
-        check_terms(backend, model.chain)
-        if model.inputs:
-            raise UserError(
-                "effects on the input are not followed in environments: leave them out of 'effects'."
-            )
         names = tuple(dict.fromkeys(actuator.input for actuator in chain.actuators))
-        highest = np.full(len(names), _highest(actuation_max, loaded.task, chain))
-        return Plant(opened, model.chain, backend, task, names, highest)
+        top = highest_actuation(loaded, chain) if actuation_max is None else actuation_max
+        if not (np.isfinite(top) and top > 0):
+            raise UserError(f"actuation_max is {top}; it needs a positive number of Pa or N.")
+        return Plant(opened, chain, backend, task, names, np.full(len(names), float(top)))
 
     def drawn(self) -> StudyRun:
         """What the drawing of the chain is made from."""
@@ -88,15 +77,3 @@ class Plant:
 
 def _store() -> Path:
     return Path(os.environ.get("PLIANT_STORE") or DEFAULT_STORE)
-
-
-def _highest(given: float | None, task: Any, chain: ChainModel) -> float:
-    stated = [getattr(task, name, None) for name in ("pressure_pa", "tendon_force_n")]
-    limits = [law.domain.actuation[1] for law in chain.laws]
-    for value in (given, *stated, min(limits)):
-        if value is not None and np.isfinite(value) and value > 0:
-            return float(value)
-    raise UserError(
-        "nothing says how far the actuation goes: give the environment 'actuation_max' (Pa or N), "
-        "or the study a task with a pressure."
-    )

@@ -15,12 +15,14 @@ class MujocoViewer(Viewer):
     """Surfaces bent smoothly across their joints, a floor with a grid of round size, shadows."""
 
     def pictures(self, motion: Motion, size: tuple[int, int], view: View) -> Iterator[Picture]:
-        with Painter(Drawing(motion.scene, motion.frames, size), size, view) as painter:
+        with Painter(Drawing(motion.scene, motion.seen or motion.frames, size), size, view) as painter:
             for index in range(len(motion.frames.time_s)):
                 yield painter.picture(motion.frames, index)
 
-    def show(self, motion: Motion, handle: Handle | None = None) -> None:
+    def require_display(self) -> None:
         window.require_display()
+
+    def show(self, motion: Motion, handle: Handle | None = None) -> None:
         if handle is None:
             window.replay(motion)
         else:

@@ -102,9 +102,9 @@ class Drawing:
         glob.azimuth, glob.elevation = 120.0, -18.0
         spec.visual.map.znear, spec.visual.map.zfar = 0.02, 60.0
         spec.visual.quality.shadowsize, spec.visual.quality.offsamples = 2048, 4
-        spec.visual.headlight.ambient = [0.42] * 3
-        spec.visual.headlight.diffuse = [0.38] * 3
-        spec.visual.headlight.specular = [0.12] * 3
+        spec.visual.headlight.ambient = [0.36] * 3
+        spec.visual.headlight.diffuse = [0.32] * 3
+        spec.visual.headlight.specular = [0.06] * 3
         _surroundings(spec, self._floor_m(), self.square_m, box.mean(axis=0), size)
         for number, arm in enumerate(self.scene.arms):
             self._add_arm(spec, number, arm.chain, self._skins[number])
@@ -219,7 +219,7 @@ def _surroundings(spec: mujoco.MjSpec, floor_m: float, square_m: float, centre: 
     lamp = spec.worldbody.add_light(pos=centre + size_m * np.array([0.9, -1.3, 3.0]))
     lamp.dir = [-0.3, 0.43, -1.0]
     lamp.type = mujoco.mjtLightType.mjLIGHT_DIRECTIONAL
-    lamp.diffuse, lamp.specular, lamp.castshadow = [0.45] * 3, [0.15] * 3, True
+    lamp.diffuse, lamp.specular, lamp.castshadow = [0.42] * 3, [0.1] * 3, True
 
 
 def _add_sliders(spec: mujoco.MjSpec, sliders: Mapping[str, tuple[float, float]]) -> None:

@@ -53,7 +53,7 @@ class Painter:
         view = mujoco.MjrRect(0, 0, width, height)
         mujoco.mjr_render(view, self._scene, self._context)
         if self._caption:
-            words = f"{frames.time_s[index]:.2f} s, squares {1e3 * self.drawing.square_m:g} mm"
+            words = f"t = {frames.time_s[index]:.2f}, squares {1e3 * self.drawing.square_m:g} mm"
             corner = mujoco.mjtGridPos.mjGRID_BOTTOMLEFT
             mujoco.mjr_overlay(mujoco.mjtFont.mjFONT_NORMAL, corner, view, words, "", self._context)
         pixels: Picture = np.empty((height, width, 3), np.uint8)
