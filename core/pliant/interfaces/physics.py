@@ -5,6 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from types import TracebackType
 from typing import ClassVar
 
@@ -35,6 +36,7 @@ class Capabilities:
         gradients: `Simulation.sensitivity` is there.
         batch: `settle_batch` and `rollout_batch` use all cores, not one case after another.
         contacts: `build_scene` is there.
+        export: the format that `export` writes ("mjcf", "urdf"), empty where there is none.
     """
 
     joints: tuple[JointKind, ...]
@@ -43,6 +45,7 @@ class Capabilities:
     gradients: bool = False
     batch: bool = False
     contacts: bool = False
+    export: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -218,6 +221,19 @@ class PhysicsBackend(ABC):
             UserError: a kind of joint or shape that the engine does not have.
         """
         raise ContractError(f"{type(self).__name__} has no scenes (Capabilities.contacts is False)")
+
+    def export(self, chain: ChainModel, path: Path, looks: ChainModel | None = None) -> tuple[Path, ...]:
+        """Write a chain as a file for other programs, meshes beside it; the law's function is not in it.
+
+        Args:
+            chain: bodies, joints, and shapes that collide.
+            path: the file; its folder exists.
+            looks: the same chain with what is to be seen for shapes.
+
+        Returns:
+            all files that were written, `path` first.
+        """
+        raise ContractError(f"{type(self).__name__} writes no files (Capabilities.export is empty)")
 
     def settle_batch(self, cases: Sequence[Case]) -> tuple[Equilibrium, ...]:
         """Equilibria of many chains, each from its straight state; one case after another by default."""

@@ -6,6 +6,9 @@ beside in `physics_histories` and `physics_batches`.
 
 from __future__ import annotations
 
+import tempfile
+from pathlib import Path
+
 import numpy as np
 
 from pliant.errors import UserError
@@ -31,7 +34,7 @@ from pliant.testing.samples import (
     linear_law,
     sample_chain,
 )
-from pliant.testing.suite import Subject, Suite, require, require_close
+from pliant.testing.suite import CheckSkipped, Subject, Suite, require, require_close
 
 suite = Suite("physics")
 for other in (loads, points, histories, batches, scenes):
@@ -205,4 +208,28 @@ def leaves_the_chain_alone(subject: Subject) -> None:
     chain = bent_chain(payload=0.004)
     before = chain_numbers(chain)
     settled_under(subject, chain, pressed())
+    require(np.array_equal(before, chain_numbers(chain)), "an array of the chain was changed in place")
+
+
+@suite.check(
+    "`export` writes the file that it was asked for and names it first; engines without a format declare none."
+)
+def exports_a_file(subject: Subject) -> None:
+    engine: PhysicsBackend = subject.build()
+    if not engine.capabilities.export:
+        raise CheckSkipped(f"{subject.component.label} exports no files")
+    chain = bent_chain(payload=0.004)
+    before = chain_numbers(chain)
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / f"chain.{engine.capabilities.export}"
+        written = engine.export(chain, path)
+        require(
+            bool(written) and written[0] == path, f"the files that it names are {written}, not {path} first"
+        )
+        absent = [str(file) for file in written if not file.is_file() or not file.stat().st_size]
+        require(not absent, f"it names files that are missing or empty: {', '.join(absent)}")
+        require(
+            all(file.is_relative_to(path.parent) for file in written),
+            "files are written elsewhere than beside it",
+        )
     require(np.array_equal(before, chain_numbers(chain)), "an array of the chain was changed in place")

@@ -1,4 +1,4 @@
-"""Engines that lose loads at points, cases of a batch or derivatives."""
+"""Engines that lose loads at points, cases of a batch, derivatives or files."""
 
 from __future__ import annotations
 
@@ -118,3 +118,13 @@ class Kilopascals(Batcher):
     """Derivatives per kilopascal."""
 
     simulation = PerKilopascal
+
+
+@spoils.by("exports_a_file", "missing or empty")
+class ForgetsToWrite(Engine):
+    """Names a file that it did not write."""
+
+    capabilities = Capabilities(("revolute",), dynamic=False, export="mjcf")
+
+    def export(self, chain, path, looks=None):
+        return (path,)

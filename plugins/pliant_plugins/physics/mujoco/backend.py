@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import ClassVar
 
 from pliant.interfaces.physics import Capabilities, PhysicsBackend
 from pliant.mechanics.statics import ChainStatics
 from pliant.records.chain import ChainModel
 from pliant.records.scene import Scene
+from pliant_plugins.exporting.mjcf import write_mjcf
 from pliant_plugins.physics.dynamic import DynamicSimulation
 from pliant_plugins.physics.mujoco.config import MujocoConfig
 from pliant_plugins.physics.mujoco.engine import MujocoChain
@@ -18,7 +20,7 @@ class Mujoco(PhysicsBackend):
     """MuJoCo with its `discrete` integrator, which takes the laws' slopes implicitly."""
 
     capabilities: ClassVar[Capabilities] = Capabilities(
-        ("revolute", "spherical", "prismatic"), dynamic=True, contacts=True
+        ("revolute", "spherical", "prismatic"), dynamic=True, contacts=True, export="mjcf"
     )
     config: MujocoConfig
 
@@ -29,3 +31,6 @@ class Mujoco(PhysicsBackend):
 
     def build_scene(self, scene: Scene) -> MujocoScene:
         return MujocoScene(scene, self.config)
+
+    def export(self, chain: ChainModel, path: Path, looks: ChainModel | None = None) -> tuple[Path, ...]:
+        return write_mjcf(chain, path, looks, self.config.joint_damping)

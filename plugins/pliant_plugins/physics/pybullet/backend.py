@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import ClassVar
 
 from pliant.errors import UserError
@@ -9,6 +10,7 @@ from pliant.interfaces.physics import Capabilities, PhysicsBackend, SceneSimulat
 from pliant.mechanics.statics import ChainStatics
 from pliant.records.chain import ChainModel
 from pliant.records.scene import Scene
+from pliant_plugins.exporting.urdf import write_urdf
 from pliant_plugins.physics.dynamic import DynamicSimulation
 from pliant_plugins.physics.pybullet.config import PybulletConfig
 from pliant_plugins.physics.pybullet.engine import BulletChain
@@ -19,7 +21,7 @@ class Pybullet(PhysicsBackend):
     """PyBullet (Bullet's articulated bodies) with explicit torques of the laws."""
 
     capabilities: ClassVar[Capabilities] = Capabilities(
-        ("revolute", "spherical", "prismatic"), dynamic=True, contacts=True
+        ("revolute", "spherical", "prismatic"), dynamic=True, contacts=True, export="urdf"
     )
     config: PybulletConfig
 
@@ -38,3 +40,6 @@ class Pybullet(PhysicsBackend):
         from pliant_plugins.physics.pybullet.scene import BulletScene
 
         return BulletScene(scene, self.config)
+
+    def export(self, chain: ChainModel, path: Path, looks: ChainModel | None = None) -> tuple[Path, ...]:
+        return write_urdf(chain, path, looks)

@@ -20,11 +20,14 @@ GOLDEN_ANGLE_RAD = np.pi * (3.0 - np.sqrt(5.0))
 
 
 class CollisionWriter:
-    """Adds shapes to links; hulls go to OBJ files in `folder`."""
+    """Adds shapes to links; hulls go to OBJ files in `folder`, which is made when the first comes.
 
-    def __init__(self, folder: Path) -> None:
-        self.folder = folder
-        self._count = 0
+    File names are absolute, or relative to `start`.
+    """
+
+    def __init__(self, folder: Path, start: Path | None = None) -> None:
+        self.folder, self._start = folder, start
+        self.written: list[Path] = []
 
     def add(self, link: ElementTree.Element, shapes: Iterable[Shape]) -> None:
         """One `collision` element per shape.
@@ -38,18 +41,27 @@ class CollisionWriter:
             self._geometry(ElementTree.SubElement(collision, "geometry"), shape)
 
     def _geometry(self, geometry: ElementTree.Element, shape: Shape) -> None:
-        if shape.kind == "box":
-            ElementTree.SubElement(geometry, "box", size=text(2.0 * np.asarray(shape.size_m)))
-        elif shape.kind == "sphere":
-            ElementTree.SubElement(geometry, "sphere", radius=text(shape.size_m))
-        elif shape.kind in ("cylinder", "capsule"):
-            radius, half = shape.size_m
-            ElementTree.SubElement(geometry, shape.kind, radius=text([radius]), length=text([2.0 * half]))
-        else:
-            self._count += 1
-            path = self.folder / f"hull_{self._count}.obj"
+        if not add_primitive(geometry, shape):
+            path = self.folder / f"hull_{len(self.written) + 1}.obj"
+            self.folder.mkdir(exist_ok=True)
             write_hull(path, hull_points(shape))
-            ElementTree.SubElement(geometry, "mesh", filename=str(path))
+            self.written.append(path)
+            name = path if self._start is None else path.relative_to(self._start)
+            ElementTree.SubElement(geometry, "mesh", filename=name.as_posix())
+
+
+def add_primitive(geometry: ElementTree.Element, shape: Shape) -> bool:
+    """The shape as URDF has it; False, and nothing, for ellipsoids and meshes."""
+    if shape.kind == "box":
+        ElementTree.SubElement(geometry, "box", size=text(2.0 * np.asarray(shape.size_m)))
+    elif shape.kind == "sphere":
+        ElementTree.SubElement(geometry, "sphere", radius=text(shape.size_m))
+    elif shape.kind in ("cylinder", "capsule"):
+        radius, half = shape.size_m
+        ElementTree.SubElement(geometry, shape.kind, radius=text([radius]), length=text([2.0 * half]))
+    else:
+        return False
+    return True
 
 
 def hull_points(shape: Shape) -> Array:

@@ -25,7 +25,14 @@ INERTIA_FLOOR_KG_M2 = 1e-9
 def chain_urdf(
     chain: ChainModel, base: MassProperties | None = None, collisions: CollisionWriter | None = None
 ) -> str:
-    """The URDF document. Link names: base, body_1…n, tip (fixed to the last body, carries the payload).
+    """The URDF document of `chain_tree`."""
+    return document(chain_tree(chain, base, collisions))
+
+
+def chain_tree(
+    chain: ChainModel, base: MassProperties | None = None, collisions: CollisionWriter | None = None
+) -> ElementTree.Element:
+    """A chain's links and joints. Link names: base, body_1…n, tip (fixed to the last body, carries the payload).
 
     Args:
         base: what the base link weighs; nothing by default, for a base that is fixed.
@@ -37,7 +44,7 @@ def chain_urdf(
     add_link(root, "base", base or MassProperties.none(), shapes[0], collisions)
     for i in range(chain.n_joints):
         add_link(root, f"body_{i + 1}", moving(chain.bodies[i + 1]), shapes[i + 1], collisions)
-        joint = _add_joint(
+        joint = add_joint(
             root,
             f"joint_{i + 1}",
             JOINT_TYPES[geometry.kind],
@@ -50,9 +57,9 @@ def chain_urdf(
             # Wider than any chain, so that the limit never acts.
             ElementTree.SubElement(joint, "limit", lower="-1e3", upper="1e3", effort="1e9", velocity="1e9")
     add_link(root, "tip", MassProperties(chain.payload_kg, np.zeros(3), np.zeros((3, 3))))
-    tip = _add_joint(root, "tip", "fixed", f"body_{chain.n_joints}", "tip")
+    tip = add_joint(root, "tip", "fixed", f"body_{chain.n_joints}", "tip")
     add_origin(tip, chain.tip_offset_m, np.eye(3))
-    return document(root)
+    return root
 
 
 def body_urdf(piece: MassProperties, shapes: Iterable[Shape], collisions: CollisionWriter) -> str:
@@ -102,9 +109,10 @@ def add_link(
     return link
 
 
-def _add_joint(
+def add_joint(
     root: ElementTree.Element, name: str, kind: str, parent: str, child: str
 ) -> ElementTree.Element:
+    """A joint between two links."""
     joint = ElementTree.SubElement(root, "joint", name=name, type=kind)
     ElementTree.SubElement(joint, "parent", link=parent)
     ElementTree.SubElement(joint, "child", link=child)

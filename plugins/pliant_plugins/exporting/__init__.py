@@ -1,0 +1,1 @@
+"""Chains as files for other programs: MJCF and URDF, with surfaces beside them."""

@@ -1,0 +1,56 @@
+"""A chain as URDF. The format has no stiffness: each joint's stands in a comment.
+
+Spherical joints are PyBullet's extension of the format.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from xml.etree.ElementTree import Comment, Element, SubElement
+
+import numpy as np
+
+from pliant.records.chain import ChainModel
+from pliant.records.design import MassProperties
+from pliant_plugins.exporting.stiffness import THE_LAW, stiffness_at_rest
+from pliant_plugins.exporting.surfaces import SurfaceFiles, shapes_of
+from pliant_plugins.physics.pybullet.collisions import CollisionWriter, add_primitive
+from pliant_plugins.physics.pybullet.urdf import add_joint, add_link, chain_tree, document
+from pliant_plugins.physics.pybullet.xml_values import add_origin
+
+
+def write_urdf(chain: ChainModel, path: Path, looks: ChainModel | None = None) -> tuple[Path, ...]:
+    """Links `world`, `base`, `body_1`…`body_n`, `tip`; the base's pose is that of a fixed joint on `world`."""
+    surfaces = SurfaceFiles(path)
+    collisions = CollisionWriter(surfaces.folder, start=path.parent)
+    root = chain_tree(chain, collisions=collisions)
+    root.insert(0, Comment(THE_LAW))
+    _place_base(root, chain)
+    links = {link.get("name"): link for link in root.iter("link")}
+    for body in range(chain.n_joints + 1):
+        name = f"body_{body}" if body else "base"
+        _dress(links[name], looks, body, surfaces, path.parent)
+    unit = "N/m" if chain.laws[0].joint == "prismatic" else "N m/rad"
+    for number, stiffness in enumerate(stiffness_at_rest(chain), start=1):
+        joint = root.find(f"joint[@name='joint_{number}']")
+        assert joint is not None
+        rows = "; ".join(" ".join(f"{value:.9g}" for value in row) for row in stiffness)
+        joint.append(Comment(f" stiffness at rest about {' '.join(chain.axes)}: {rows} {unit} "))
+    path.write_text(document(root) + "\n", encoding="utf-8")
+    return (path, *surfaces.written, *collisions.written)
+
+
+def _place_base(root: Element, chain: ChainModel) -> None:
+    add_link(root, "world", MassProperties.none())
+    joint = add_joint(root, "base", "fixed", "world", "base")
+    add_origin(joint, chain.base_position_m, np.asarray(chain.base_rotation, float))
+
+
+def _dress(link: Element, looks: ChainModel | None, body: int, surfaces: SurfaceFiles, start: Path) -> None:
+    for shape in shapes_of(looks, body):
+        visual = SubElement(link, "visual")
+        add_origin(visual, shape.position_m, shape.rotation)
+        geometry = SubElement(visual, "geometry")
+        if not add_primitive(geometry, shape) and shape.mesh is not None:
+            name = surfaces.file(shape.mesh).relative_to(start)
+            SubElement(geometry, "mesh", filename=name.as_posix())
