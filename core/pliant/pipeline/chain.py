@@ -119,9 +119,10 @@ def build_chain(config: ChainConfig, segments: Sequence[Segment]) -> ChainModel:
     they stand. The centre line starts at the base and ends at the tip; joints may stand beside it.
 
     Raises:
-        UserError: the chain's actuators and its laws take different inputs.
+        UserError: laws of different joints, or actuators and laws that take different inputs.
     """
     laws = list(dict.fromkeys(s.piece.law for s in segments if isinstance(s.piece, Module)))
+    _one_kind(laws)
     joints: list[Joint] = []
     bodies = [MassProperties.none()]
     shapes: list[tuple[Shape, ...]] = [()]
@@ -164,6 +165,15 @@ def build_chain(config: ChainConfig, segments: Sequence[Segment]) -> ChainModel:
         rings=tuple(rings),
         centre_line=(*line, rings[-1]),
     )
+
+
+def _one_kind(laws: Sequence[JointLaw]) -> None:
+    kinds = sorted({f"{law.joint} ({', '.join(law.axes)})" for law in laws})
+    if len(kinds) > 1:
+        raise UserError(
+            f"one chain has one kind of joint with the same axes, and its segments have {' and '.join(kinds)}: give "
+            "them laws of one kind, where need be with a stiff axis."
+        )
 
 
 def base_rotation(base: BaseConfig) -> Array:

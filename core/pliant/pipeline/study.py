@@ -100,14 +100,10 @@ class StudyRun:
         return tuple(known.index(design.name) if design else 0 for design in of_segments)
 
 
-def surrogate_kind(study: Study) -> str:
-    """The kind of surrogate that the study names, or the default."""
-    return study.surrogate.kind if study.surrogate else DEFAULT_SURROGATE
-
-
-def surrogate_kind_of(design: Design) -> str:
-    """The kind of surrogate of a design."""
-    return design.surrogate.kind if design.surrogate else DEFAULT_SURROGATE
+def surrogate_kinds(stages: Sequence[DesignStages]) -> list[str]:
+    """The kinds of surrogate behind the laws, each once."""
+    kinds = [s.design.surrogate.kind if s.design.surrogate else DEFAULT_SURROGATE for s in stages]
+    return list(dict.fromkeys(kinds))
 
 
 def check_study(bench: Workbench, study: Study) -> None:
@@ -266,8 +262,7 @@ def _chain_source(bench: Workbench, study: Study, stages: Sequence[DesignStages]
         "density_kg_m3": _density(study),
     }
     components = [bench.component("family", study.family)] if study.family else []
-    kinds = dict.fromkeys(surrogate_kind_of(s.design) for s in stages)
-    components += [bench.registry.get("surrogate", kind) for kind in kinds]
+    components += [bench.registry.get("surrogate", kind) for kind in surrogate_kinds(stages)]
     inputs = {f"law{number}": s.law.key for number, s in enumerate(stages)}
     return ChainSource(build_chain(chain, segments), config, inputs, components)
 

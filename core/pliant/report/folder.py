@@ -98,6 +98,7 @@ def write_folder(folder: Path, run: StudyRun, summary: Mapping[str, Any]) -> Non
             "artifacts": [name for name, _ in artifacts],
             "tables": tables,
             "designs": [_design_name(number, run) for number in range(len(run.designs))],
+            "surrogates": [c.canonical() if (c := d.design.surrogate) else None for d in run.designs],
             "segment_designs": run.segment_designs,
             "engines": [[e.kind, e.skipped] for e in run.engines],
         }
@@ -168,12 +169,14 @@ def _read_designs(
     study: Mapping[str, Any],
     registry: Registry,
 ) -> tuple[DesignResult, ...]:
-    config = dict(study.get("surrogate") or {"kind": DEFAULT_SURROGATE})
-    config["data"] = None  # the file may be elsewhere by now; what was fitted is in the folder
-    component = registry.get("surrogate", config["kind"])
-    surrogate = component.build(component.config_model().model_validate(config))
+    # A folder of an older version has one surrogate for all designs.
+    configs = index.get("surrogates") or [study.get("surrogate")] * len(index["designs"])
     designs = []
-    for number, name in enumerate(index["designs"]):
+    for number, (name, written) in enumerate(zip(index["designs"], configs, strict=True)):
+        config = dict(written or {"kind": DEFAULT_SURROGATE})
+        config["data"] = None  # the file may be elsewhere by now; what was fitted is in the folder
+        component = registry.get("surrogate", config["kind"])
+        surrogate = component.build(component.config_model().model_validate(config))
         fit = artifacts.get(f"fit{number}")
         if fit is None:
             if (law := surrogate.stated()) is None:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from pliant import __version__
-from pliant.pipeline.study import StudyRun, surrogate_kind
+from pliant.pipeline.study import StudyRun, surrogate_kinds
 from pliant.pipeline.workbench import Workbench
 from pliant.report.folder import finished
 from pliant.store.fingerprint import versions
@@ -34,7 +34,7 @@ def report_stage(bench: Workbench, run: StudyRun, summary: Mapping[str, Any], fo
     artifact = bench.make(
         "report",
         compute,
-        components=[bench.registry.get("surrogate", surrogate_kind(run.study))],
+        components=[bench.registry.get("surrogate", kind) for kind in surrogate_kinds(run.designs)],
         modules=["pliant.report.page"],
         config={
             "study": run.study.canonical(),

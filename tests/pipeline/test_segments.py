@@ -1,0 +1,248 @@
+"""Chains of every kind from a YAML study to settled chains: joints, segments, rigid parts, laws of their own."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pliant.config.loading import load_study
+from pliant.errors import UserError
+from pliant.mechanics.kinematics import ChainGeometry
+from pliant.mechanics.statics import ChainStatics, Loads
+from pliant.pipeline.progress import Silent
+from pliant.pipeline.study import StudyRun, chain_of_study, simulate_study
+from pliant.pipeline.workbench import Workbench
+from pliant.records.chain import ChainModel
+from pliant.records.rollout import Inputs
+from pliant.registry.discovery import discover
+from pliant.report.folder import finished, read_folder, write_folder
+from pliant.store.store import ArtifactStore
+
+REGISTRY = discover()
+ENGINES = ["mujoco", *(["pybullet"] if importlib.util.find_spec("pybullet") else [])]
+
+
+def stated(k_n: float = 1.6e-6, m_e: float = 0.1, b_e: float = 0.03, **more: Any) -> dict[str, Any]:
+    numbers = {"k_n": k_n, "m_a": -1e-6 if k_n else 0.0, "m_e": m_e, "b_e": b_e}
+    return {"kind": "polynomial", "form": "study", "odd": True, "coefficients": numbers, **more}
+
+
+def axis(**numbers: float) -> dict[str, Any]:
+    return {key: value for key, value in stated(**numbers).items() if key != "kind"}
+
+
+SPHERICAL = {
+    "kind": "polynomial",
+    "axes": {"x": axis(k_n=0.0, b_e=0.04), "y": axis(), "z": axis(k_n=3e-7, b_e=0.05)},
+}
+PRISMATIC = {
+    "kind": "polynomial",
+    "form": "study",
+    "joint": "prismatic",
+    "coefficients": {"k_n": 1e-4, "m_a": 0, "m_e": 2e4, "b_e": 300},
+}
+ROD = {"module_length": "11 mm", "module_mass": "1.6 g"}
+TURNED = [{"modules": 2}, {"modules": 2, "rotation": "70 deg"}]
+WITH_RIGID = [
+    {"rigid": {"length": "20 mm", "mass": "5 g", "radius": "4 mm"}},
+    {"modules": 2},
+    {"rigid": {"length": "8 mm", "mass": "3 g"}},
+    {"modules": 2, "rotation": "-40 deg"},
+    {"rigid": {"length": "6 mm", "mass": "2 g", "radius": "4 mm"}},
+]
+OWN_LAWS = [{"modules": 2}, {"modules": 2, "surrogate": stated(k_n=8e-7), "module_length": "9 mm"}]
+OPPOSED = [{"input": "pressure_1_pa", "sign": 1}, {"input": "pressure_2_pa", "sign": -1}]
+
+STUDIES: dict[str, dict[str, Any]] = {
+    "revolute": {"surrogate": stated(), "chain": {"modules": 4, **ROD}},
+    "spherical": {"surrogate": SPHERICAL, "chain": {"segments": TURNED, "payload": "5 g", **ROD}},
+    "prismatic": {
+        "surrogate": PRISMATIC,
+        "chain": {"modules": 3, "base": {"direction": [0.3, 0, -1]}, **ROD},
+    },
+    "opposed chambers": {"surrogate": stated(), "chain": {"modules": 3, "actuators": OPPOSED, **ROD}},
+    "turned hinges": {"surrogate": stated(), "chain": {"segments": TURNED, **ROD}},
+    "rigid parts": {"surrogate": stated(), "chain": {"segments": WITH_RIGID, **ROD}},
+    "own laws": {"surrogate": stated(), "chain": {"segments": OWN_LAWS, **ROD}},
+    "beside the axis": {
+        "surrogate": SPHERICAL,
+        "chain": {"segments": TURNED, "module_offset": "3 mm", **ROD},
+    },
+}
+
+
+def study_file(folder: Path, **study: Any) -> Path:
+    """A study file; JSON is YAML."""
+    task = {"kind": "free_bending", "pressure": "12 kPa", "steps": 1}
+    path = folder / "study.yaml"
+    path.write_text(json.dumps({"name": "chain", "task": task, **study}))
+    return path
+
+
+def run(folder: Path, **study: Any) -> StudyRun:
+    bench = Workbench(REGISTRY, ArtifactStore(folder / "store"), Silent())
+    return simulate_study(bench, load_study(study_file(folder, **study), REGISTRY))
+
+
+def chain_of(folder: Path, **study: Any) -> ChainModel:
+    bench = Workbench(REGISTRY, ArtifactStore(folder / "store"), Silent())
+    return chain_of_study(bench, load_study(study_file(folder, **study), REGISTRY)).chain
+
+
+@pytest.mark.parametrize("name", STUDIES)
+def test_a_study_settles_alike_in_all_engines(tmp_path: Path, name: str) -> None:
+    done = run(tmp_path, **STUDIES[name], cross_check=ENGINES)
+    first, *others = [engine.result.final for engine in done.engines if engine.result is not None]
+    assert len(others) == len(ENGINES) and done.chain is not None
+    actuation = {a.input: 12e3 if "2" not in a.input else 0.0 for a in done.chain.actuators}
+    loads = Loads.of(done.chain, Inputs(actuation))
+    assert np.abs(ChainStatics(done.chain).residual(first.joint_angles, loads)).max() < 1e-9
+    assert np.abs(first.joint_angles).max() > 1e-3
+    for other in others:
+        assert other.converged
+        assert np.linalg.norm(other.markers_m - first.markers_m, axis=1).max() < 1e-5
+
+
+def test_opposed_chambers_at_one_pressure_cancel(tmp_path: Path) -> None:
+    chain = chain_of(tmp_path, **STUDIES["opposed chambers"]).with_(gravity_m_s2=np.zeros(3))
+    both = Loads.of(chain, Inputs({"pressure_1_pa": 1e4, "pressure_2_pa": 1e4}))
+    np.testing.assert_allclose(ChainStatics(chain).residual(np.zeros((3, 1)), both), 0.0, atol=1e-15)
+
+
+def test_rigid_parts_lengthen_the_bodies_they_stand_in(tmp_path: Path) -> None:
+    chain = chain_of(tmp_path, **STUDIES["rigid parts"])
+    markers = ChainGeometry.of(chain).markers(np.zeros((4, 1)))[:, 2]
+    np.testing.assert_allclose(-1e3 * np.diff(markers), [25.5, 11, 19, 11, 11.5], atol=1e-9)
+    grams = [1e3 * body.mass_kg for body in chain.bodies]
+    np.testing.assert_allclose(grams, [5 + 0.8, 1.6, 1.6 + 3, 1.6, 0.8 + 2])
+    # The coupling hangs 5.5 to 13.5 mm beyond joint 2, between two halves of a module.
+    centre = (0.8 * 2.75 + 3 * 9.5 + 0.8 * 16.25) / 4.6
+    np.testing.assert_allclose(1e3 * chain.bodies[2].com_m, [centre, 0, 0], atol=1e-9)
+    assert [len(shapes) for shapes in chain.shapes] == [1, 0, 0, 0, 1]
+    cap = chain.shapes[-1][0]
+    np.testing.assert_allclose(cap.position_m, [8.5e-3, 0, 0])
+    np.testing.assert_allclose(cap.size_m, (4e-3, 3e-3))
+    np.testing.assert_allclose(np.abs(cap.rotation[:, 2]), [1, 0, 0], atol=1e-15)
+    np.testing.assert_allclose(cap.rotation.T @ cap.rotation, np.eye(3), atol=1e-15)
+
+
+def test_rings_are_the_ends_of_the_segments(tmp_path: Path) -> None:
+    chain = chain_of(tmp_path, **STUDIES["rigid parts"])
+    pose = ChainGeometry.of(chain).forward(np.zeros((4, 1)))
+    heights = [pose.origins[r.body] + pose.rotations[r.body] @ r.point_m for r in chain.rings]
+    np.testing.assert_allclose(-1e3 * np.array(heights)[:, 2], [0, 20, 42, 50, 72, 78], atol=1e-9)
+
+
+def test_joints_beside_the_axis_turn_with_their_segment(tmp_path: Path) -> None:
+    """The centre line stays straight at rest; each hinge lies 3 mm from it, on its own segment's −z side."""
+    chain = chain_of(tmp_path, **STUDIES["beside the axis"])
+    pose = ChainGeometry.of(chain).forward(np.zeros((4, 3)))
+    line = np.array([pose.origins[r.body] + pose.rotations[r.body] @ r.point_m for r in chain.centre_line])
+    np.testing.assert_allclose(line[:, :2], 0.0, atol=1e-15)
+    np.testing.assert_allclose(line[1:-1:2], line[2:-1:2], atol=1e-15)
+    aside = pose.origins[1:] - line[1:-1:2]
+    np.testing.assert_allclose(aside, -3e-3 * pose.rotations[1:, :, 2], atol=1e-15)
+    turn = np.degrees(np.arccos(aside[0] @ aside[3] / 9e-6))
+    assert turn == pytest.approx(70.0)
+    # A module's mass is on the centre line.
+    assert chain.bodies[1].com_m[2] == pytest.approx(3e-3)
+    bent = ChainGeometry.of(chain).forward(np.tile([0.0, 0.3, 0.0], (4, 1)))
+    both = [bent.origins[r.body] + bent.rotations[r.body] @ r.point_m for r in chain.centre_line[1:3]]
+    assert np.linalg.norm(both[1] - both[0]) == pytest.approx(2 * 3e-3 * np.sin(0.15))
+
+
+def test_each_segment_has_its_own_law(tmp_path: Path) -> None:
+    chain = chain_of(tmp_path, **STUDIES["own laws"])
+    assert [joint.law for joint in chain.joints] == [0, 0, 1, 1]
+    at = np.array([1e4]), np.zeros((1, 1))
+    assert [float(law.evaluate(*at).tau[0, 0]) for law in chain.laws] == pytest.approx([1.6e-2, 8e-3])
+
+
+def test_segments_of_one_law_share_it_and_only_laws_in_use_are_made(tmp_path: Path) -> None:
+    """The study's own surrogate would need data, but no module has it."""
+    same = [{"modules": 1, "surrogate": stated()}, {"modules": 1, "surrogate": stated(), "rotation": 1}]
+    chain = chain_of(tmp_path, chain={"segments": same, **ROD})
+    assert len(chain.laws) == 1
+    with pytest.raises(UserError, match="needs data"):
+        chain_of(tmp_path, chain={"segments": [*same, {"modules": 1}], **ROD})
+
+
+def table(path: Path, stiffness: float) -> None:
+    rows = [
+        f"{p},{u},{1.6e-6 * p - stiffness * u - 1e-6 * p * u}"
+        for p in range(0, 15001, 3000)
+        for u in (0, 0.2, 0.4)
+    ]
+    path.write_text("\n".join(["pressure_pa,angle_rad,moment_n_m", *rows]))
+
+
+def test_a_segment_s_table_counts_by_its_content(tmp_path: Path) -> None:
+    own = {"modules": 1, "surrogate": {"kind": "polynomial", "data": "own.csv"}}
+    study = {"surrogate": stated(), "chain": {"segments": [{"modules": 1}, own], **ROD}}
+
+    def key(stiffness: float) -> tuple[str, bool]:
+        table(tmp_path / "own.csv", stiffness)
+        artifact = run(tmp_path, **study).engines[0].artifact
+        assert artifact is not None
+        return artifact.key, artifact.cached
+
+    first, again, other = key(0.03), key(0.03), key(0.04)
+    assert first[0] == again[0] and again[1] and not other[1] and other[0] != first[0]
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ({"rigid": {"length": "6 mm"}}, {"rigid": {"length": "7 mm"}}),
+        ({"rigid": {"length": "6 mm", "mass": "1 g"}}, {"rigid": {"length": "6 mm", "mass": "2 g"}}),
+        ({"modules": 1, "surrogate": stated()}, {"modules": 1, "surrogate": stated(b_e=0.04)}),
+        ({"modules": 1, "module_offset": "1 mm"}, {"modules": 1, "module_offset": "2 mm"}),
+    ],
+)
+def test_what_a_segment_is_made_of_is_in_the_key(tmp_path: Path, old: Any, new: Any) -> None:
+    keys = []
+    for segment in (old, new):
+        done = run(tmp_path, surrogate=stated(), chain={"segments": [{"modules": 1}, segment], **ROD})
+        assert done.engines[0].artifact is not None
+        keys.append(done.engines[0].artifact.key)
+    assert keys[0] != keys[1]
+
+
+def test_a_finished_run_reads_the_laws_of_its_segments(tmp_path: Path) -> None:
+    done = run(tmp_path, **STUDIES["own laws"])
+    write_folder(tmp_path / "out", done, {})
+    read, here = read_folder(tmp_path / "out", REGISTRY), finished(done, {})
+    assert read.segment_designs == here.segment_designs == (0, 1)
+    at = np.array([1e4]), np.zeros((1, 1))
+    for one, other in zip(read.designs, here.designs, strict=True):
+        assert one.law.evaluate(*at).tau == other.law.evaluate(*at).tau
+
+
+@pytest.mark.parametrize(
+    ("segments", "says"),
+    [
+        ([{"modules": 1, "rigid": {"length": "1 mm"}}], "either 'modules' or 'rigid'"),
+        ([{"rotation": 1}], "either 'modules' or 'rigid'"),
+        ([{"modules": 1}, {"rigid": {"length": 0}}], "length"),
+        ([{"modules": 1}, {"rigid": {"mass": "1 g"}}], "'chain.segments.1.rigid.length' is missing"),
+        ([{"modules": 1}, {"rigid": {"length": "1 mm"}, "rotation": 1}], "nothing of modules"),
+        ([{"modules": 1}, {"rigid": {"length": "1 mm"}, "surrogate": stated()}], "nothing of modules"),
+        ([{"rigid": {"length": "1 mm"}}], "all its segments are rigid"),
+        ([{"modules": 1, "surrogate": {"kind": "polynomail"}}], "polynomail"),
+        ([{"modules": 1, "surrogate": {"kind": "polynomial", "degree": 3}}], "'degree' is not a key"),
+        ([{"modules": 1, "surrogate": {"form": "study"}}], "kind"),
+        ([{"modules": 1, "surrogate": PRISMATIC}, {"modules": 1}], r"prismatic \(x\) and revolute \(y\)"),
+        (
+            [{"modules": 1, "surrogate": SPHERICAL}, {"modules": 1}],
+            r"revolute \(y\) and spherical \(x, y, z\)",
+        ),
+    ],
+)
+def test_wrong_segments_are_refused(tmp_path: Path, segments: Any, says: str) -> None:
+    with pytest.raises(UserError, match=says):
+        chain_of(tmp_path, surrogate=stated(), chain={"segments": segments, **ROD})
