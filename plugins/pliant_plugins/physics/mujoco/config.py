@@ -63,3 +63,4 @@ class MujocoConfig(PhysicsConfig):
         gt=0.0,
         description="MuJoCo's ratio of frictional to normal impedance: what is held creeps at a speed inverse to it",
     )
+    noslip_iterations: int = Field(0, ge=0, description="MuJoCo's iterations against creep after each contact solve")

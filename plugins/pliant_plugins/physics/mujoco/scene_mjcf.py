@@ -98,6 +98,7 @@ def _add_options(root: Element, scene: Scene, config: MujocoConfig) -> None:
         cone="elliptic",
         impratio=repr(config.impratio),
         tolerance=repr(SOLVER_TOLERANCE),
+        noslip_iterations=str(config.noslip_iterations),
     )
     SubElement(option, "flag", autoreset="disable")
 
