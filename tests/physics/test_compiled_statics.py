@@ -13,9 +13,14 @@ from pliant.records.chain import Actuator, ChainModel
 from pliant.records.rollout import Cord, Inputs, PointForce
 from pliant_plugins.physics.compiled import rotations as compiled
 from pliant_plugins.physics.compiled.body import Body, load_arrays
-from pliant_plugins.physics.compiled.cholesky import factorise, solve_factorised
+from pliant_plugins.physics.compiled.chain_stiffness import (
+    factorise_chain,
+    fill_dense,
+    new_factor,
+    solve_chain,
+)
 from pliant_plugins.physics.compiled.laws import CompiledLaws
-from pliant_plugins.physics.compiled.statics import balance, mirror, new_frame, potential, stiffen
+from pliant_plugins.physics.compiled.statics import balance, new_frame, potential, stiffen
 
 
 def loaded(kind: str, seed: int) -> tuple[ChainModel, Inputs, np.ndarray]:
@@ -48,9 +53,9 @@ def test_residual_stiffness_and_potential(kind: str, seed: int) -> None:
     arrays = load_arrays(loads, np.array([9e3, 4e3]), chain.payload_kg)
     frame = new_frame(*q.shape, 2)
     size, norm = balance(body, laws.arrays, arrays, q, frame)
-    stiffness = np.zeros((q.size, q.size))
-    skewness = stiffen(body, arrays, q, frame, stiffness)
-    mirror(stiffness, q.shape[1])
+    parts, stiffness = new_factor(*q.shape, 3 + 3 * len(loads.cords)), np.zeros((q.size, q.size))
+    skewness = stiffen(body, arrays, q, frame, parts)
+    fill_dense(parts, stiffness)
     wanted = statics.balance(q, loads)
     largest = np.abs(wanted.residual).max()
     np.testing.assert_allclose(frame[9], wanted.residual, rtol=0, atol=1e-12 * largest)
@@ -77,15 +82,23 @@ def test_rotations(angle: float) -> None:
     np.testing.assert_allclose(vector, v, atol=1e-14)
 
 
-@pytest.mark.parametrize("n", [1, 3, 4, 5, 66, 131])
-def test_cholesky(n: int) -> None:
+@pytest.mark.parametrize("n, a, rank", [(1, 1, 3), (9, 1, 3), (40, 1, 6), (1, 3, 3), (22, 3, 3), (22, 3, 9)])
+def test_factors_of_a_stiffness_in_parts(n: int, a: int, rank: int) -> None:
+    """Solutions are those of the dense matrix; positive is what its eigenvalues say."""
     random = np.random.default_rng(n)
-    root, right = random.normal(size=(n, n)), random.normal(size=n)
-    matrix = root @ root.T + np.eye(n)
-    factor, x = np.zeros((n, n)), right.copy()
-    lower = np.tril(matrix) + np.triu(np.full((n, n), np.nan), 1)
-    assert factorise(lower, 0.5, factor)
-    solve_factorised(factor, x)
-    np.testing.assert_allclose((matrix + 0.5 * np.eye(n)) @ x, right, atol=1e-9)
-    assert not factorise(matrix, -np.linalg.eigvalsh(matrix)[0] - 1e-3, factor)
-    assert not factorise(np.full((n, n), np.nan), 0.0, factor)
+    parts, stiffness = new_factor(n, a, rank), np.zeros((n * a, n * a))
+    parts[0][:], parts[1][:] = random.normal(size=(2, n, a, rank))
+    own = random.normal(size=(n, a, a))
+    parts[3][:] = own + own.transpose(0, 2, 1)
+    fill_dense(parts, stiffness)
+    np.testing.assert_array_equal(stiffness, stiffness.T)
+    lowest = np.linalg.eigvalsh(stiffness)[0]
+    right = random.normal(size=n * a)
+    x = right.copy()
+    shift = 1.0 - lowest
+    assert factorise_chain(parts, shift)
+    solve_chain(parts, x)
+    np.testing.assert_allclose((stiffness + shift * np.eye(n * a)) @ x, right, atol=1e-10)
+    assert factorise_chain(parts, 1e-9 - lowest)
+    assert not factorise_chain(parts, -1e-9 - lowest)
+    assert not factorise_chain(parts, np.nan)

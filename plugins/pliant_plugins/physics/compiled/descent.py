@@ -11,8 +11,8 @@ import numpy as np
 from numba import njit
 
 from pliant.mechanics.statics import NEUTRAL_SHARE
-from pliant_plugins.physics.compiled.cholesky import factorise, solve_factorised
-from pliant_plugins.physics.compiled.statics import balance, mirror, place, potential, stiffen
+from pliant_plugins.physics.compiled.chain_stiffness import factorise_chain, fill_dense, solve_chain
+from pliant_plugins.physics.compiled.statics import balance, place, potential, stiffen
 
 SUFFICIENT_DECREASE = 1e-4
 MAX_HALVINGS = 30
@@ -34,34 +34,38 @@ def _largest(values):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _newton(stiffness, factor, skewness, a, step):  # type: ignore[no-untyped-def]
+def _newton(parts, skewness, step):  # type: ignore[no-untyped-def]
     """Overwrites step (n·a,), the residual, with K⁻¹ of it; laws without an energy have an unsymmetric K."""
-    if skewness > ROUNDING * _largest(stiffness[0, :1]):
-        mirror(stiffness, a)
-        step[:] = np.linalg.solve(stiffness, step)
+    if skewness > ROUNDING * _largest(parts[3]):
+        step[:] = np.linalg.solve(_dense(parts), step)
     else:
-        solve_factorised(factor, step)
+        solve_chain(parts, step)
 
 
 @njit(cache=True, nogil=True)
-def _factorise_shifted(stiffness, factor):  # type: ignore[no-untyped-def]
+def _dense(parts):  # type: ignore[no-untyped-def]
+    n, a, _ = parts[0].shape
+    stiffness = np.empty((n * a, n * a))
+    fill_dense(parts, stiffness)
+    return stiffness
+
+
+@njit(cache=True, nogil=True)
+def _factorise_shifted(parts):  # type: ignore[no-untyped-def]
     """Cholesky's factor of K + s 1 with about the smallest s ≥ 0 that makes it positive; returns s."""
-    scale = 0.0
-    for d in range(len(stiffness)):
-        scale = max(scale, abs(stiffness[d, d]))
+    scale = _largest(parts[3])
     if not np.isfinite(scale):
         return np.inf
     shift = 1e-3 * scale + 1e-300
-    while not factorise(stiffness, shift, factor):
+    while not factorise_chain(parts, shift):
         shift *= 3.0
     return shift
 
 
 @njit(cache=True, nogil=True)
-def _lowest_mode(stiffness, a):  # type: ignore[no-untyped-def]
+def _lowest_mode(parts):  # type: ignore[no-untyped-def]
     """Whether K has a negative curvature beyond rounding, and its lowest mode."""
-    mirror(stiffness, a)
-    values, modes = np.linalg.eigh(stiffness)  # reads the lower triangle
+    values, modes = np.linalg.eigh(_dense(parts))
     return values[0] < -NEUTRAL_SHARE * np.abs(values).max(), modes[:, 0].copy()
 
 
@@ -109,13 +113,13 @@ def _search(chain, q, step, share, positive, norm, frame):  # type: ignore[no-un
 
 
 @njit(cache=True, nogil=True)
-def descend(chain, q, frame, square, options):  # type: ignore[no-untyped-def]
+def descend(chain, q, frame, parts, options):  # type: ignore[no-untyped-def]
     """Moves q (n, a) to a stable equilibrium.
 
     Args:
         chain: `Body.arrays`, `CompiledLaws.arrays`, `load_arrays`.
         frame: see `new_frame`; filled at the q where it ends.
-        square: two arrays (n·a, n·a).
+        parts: see `new_factor`, of rank 3 and 3 more for each cord.
         options: tolerance on the largest residual, iterations allowed, longest move of a coordinate in one.
 
     Returns:
@@ -123,18 +127,16 @@ def descend(chain, q, frame, square, options):  # type: ignore[no-untyped-def]
     """
     tolerance, max_iterations, max_step = options
     body, laws, loads = chain
-    stiffness, factor = square
-    a = q.shape[1]
     size, norm = balance(body, laws, loads, q, frame)
     for iteration in range(max_iterations + 1):
         if not np.isfinite(size):
             return False, False, size, iteration
-        skewness = stiffen(body, loads, q, frame, stiffness)
-        positive = factorise(stiffness, 0.0, factor)
+        skewness = stiffen(body, loads, q, frame, parts)
+        positive = factorise_chain(parts, 0.0)
         if size <= tolerance:
             if positive:
                 return True, True, size, iteration
-            unstable, mode = _lowest_mode(stiffness, a)
+            unstable, mode = _lowest_mode(parts)
             if not unstable:
                 return True, True, size, iteration
             if iteration < max_iterations:
@@ -145,11 +147,11 @@ def descend(chain, q, frame, square, options):  # type: ignore[no-untyped-def]
             return False, positive, size, iteration
         step = frame[9].ravel().copy()
         if positive:
-            _newton(stiffness, factor, skewness, a, step)
+            _newton(parts, skewness, step)
         else:
-            if not np.isfinite(_factorise_shifted(stiffness, factor)):
+            if not np.isfinite(_factorise_shifted(parts)):
                 return False, False, size, iteration
-            solve_factorised(factor, step)
+            solve_chain(parts, step)
         share = min(1.0, max_step / _largest(step))
         moved = (share * step).reshape(q.shape)
         size, norm, helped = _search(chain, q, moved, share, positive, norm, frame)
@@ -159,7 +161,7 @@ def descend(chain, q, frame, square, options):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def relax(chain, q, frame, square, options):  # type: ignore[no-untyped-def]
+def relax(chain, q, frame, parts, options):  # type: ignore[no-untyped-def]
     """Like `descend`, as an overdamped motion with ever longer steps, (K + δ 1) Δq = r.
 
     Pseudo-transient continuation with switched evolution (Kelley & Keyes, SIAM J. Numer. Anal. 35, 1998): slow, but it
@@ -167,7 +169,6 @@ def relax(chain, q, frame, square, options):  # type: ignore[no-untyped-def]
     """
     tolerance, _, max_step = options
     body, laws, loads = chain
-    stiffness, factor = square
     size, _ = balance(body, laws, loads, q, frame)
     damping = size / (RELAX_SHARE * max_step)
     done = 0
@@ -175,15 +176,15 @@ def relax(chain, q, frame, square, options):  # type: ignore[no-untyped-def]
         done += 1
         if size <= 1e3 * tolerance or not np.isfinite(size):
             break
-        stiffen(body, loads, q, frame, stiffness)
+        stiffen(body, loads, q, frame, parts)
         shift = damping
-        while not factorise(stiffness, shift, factor) and np.isfinite(shift):
+        while not factorise_chain(parts, shift) and np.isfinite(shift):
             shift = 2.0 * shift + 1e-12
         step = frame[9].ravel().copy()
-        solve_factorised(factor, step)
+        solve_chain(parts, step)
         q += (min(1.0, max_step / _largest(step)) * step).reshape(q.shape)
         reached, _ = balance(body, laws, loads, q, frame)
         damping *= min(max(reached / size, 0.1), 2.0)
         size = reached
-    converged, stable, size, more = descend(chain, q, frame, square, options)
+    converged, stable, size, more = descend(chain, q, frame, parts, options)
     return converged, stable, size, done + more

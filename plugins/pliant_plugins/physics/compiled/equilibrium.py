@@ -6,6 +6,7 @@ import numpy as np
 from numba import njit
 
 from pliant.mechanics.efforts import DOMAIN_ROUNDING
+from pliant_plugins.physics.compiled.chain_stiffness import new_factor
 from pliant_plugins.physics.compiled.cholesky import factorise
 from pliant_plugins.physics.compiled.descent import descend, relax
 from pliant_plugins.physics.compiled.statics import new_frame
@@ -45,13 +46,13 @@ def settle(body, laws, boxes, loads, q, markers, options, patient):  # type: ign
     """
     n, a = q.shape
     frame = new_frame(n, a, len(laws[3]))
-    square = (np.empty((n * a, n * a)), np.empty((n * a, n * a)))
+    parts = new_factor(n, a, 3 + 3 * len(loads[8]))
     chain = (body, laws, loads)
     start = q.copy()
-    converged, stable, size, iterations = descend(chain, q, frame, square, options)
+    converged, stable, size, iterations = descend(chain, q, frame, parts, options)
     if patient and not converged:
         q[:] = start
-        converged, stable, size, more = relax(chain, q, frame, square, options)
+        converged, stable, size, more = relax(chain, q, frame, parts, options)
         iterations += more
     markers[: n + 1], markers[n + 1] = frame[0], frame[4][n]
     outside = _leaves_domain(boxes, laws[3], loads[0], q, frame[7])

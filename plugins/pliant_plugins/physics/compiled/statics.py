@@ -1,7 +1,7 @@
 """Compiled: residual, stiffness and potential of a chain; equations and signs are those of `pliant.mechanics.statics`.
 
-Arguments are `Body.arrays`, `CompiledLaws.arrays` and `load_arrays`. A frame holds everything that depends on q,
-in arrays made once; directions are stored by component (3, n·a), so that stiffness is filled along rows.
+Arguments are `Body.arrays`, `CompiledLaws.arrays` and `load_arrays`. A frame holds everything that depends on q, in
+arrays made once; the stiffness is held in the parts of `chain_stiffness`.
 """
 
 from __future__ import annotations
@@ -10,7 +10,6 @@ import numpy as np
 from numba import njit
 
 from pliant.mechanics.statics import SHORTEST_CORD_M
-from pliant_plugins.physics.compiled.cholesky import LOOSE
 from pliant_plugins.physics.compiled.efforts import efforts, law_potential
 from pliant_plugins.physics.compiled.rotations import (
     coefficients,
@@ -186,17 +185,9 @@ def balance(body, laws, loads, q, frame):  # type: ignore[no-untyped-def]
     return largest, np.sqrt(square)
 
 
-@njit(cache=True, nogil=True, fastmath=LOOSE)
-def _turn_others(row, directions, x, y, z):  # type: ignore[no-untyped-def]
-    """row[d] = −(direction d) · (x, y, z)."""
-    first, second, third = directions[0], directions[1], directions[2]
-    for d in range(len(row)):
-        row[d] = -(first[d] * x + second[d] * y + third[d] * z)
-
-
 @njit(cache=True, nogil=True)
-def stiffen(body, loads, q, frame, stiffness):  # type: ignore[no-untyped-def]
-    """Fills the lower triangle and the diagonal blocks of the stiffness (n·a, n·a) from a frame that `balance` filled.
+def stiffen(body, loads, q, frame, parts):  # type: ignore[no-untyped-def]
+    """Fills U, Y and the diagonal blocks of `chain_stiffness.new_factor` from a frame that `balance` filled.
 
     Returns the largest difference of ∂τ/∂u to its transpose: 0 where the laws derive from an energy.
     """
@@ -204,21 +195,21 @@ def stiffen(body, loads, q, frame, stiffness):  # type: ignore[no-untyped-def]
     rest_frames, directions, by_q = frame[2], frame[3], frame[7]
     torsors, moments = frame[8], frame[10]
     slope, phi, seen = frame[11][0], frame[11][3, 0], frame[11][3, 1]
+    before, beyond, own_blocks = parts[0], parts[1], parts[3]
     n, a = q.shape
     skewness = 0.0
     for i in range(n):
-        own = torsors[i]
+        own, block = torsors[i], own_blocks[i]
         trace = own[0, 0] + own[1, 1] + own[2, 2]
         for b in range(a):
-            d = i * a + b
-            if kind == PRISMATIC:
-                stiffness[d, : d + 1] = 0.0
-                continue
-            direction = directions[:, d]
-            x = _row(own, 0, direction) - trace * direction[0]
-            y = _row(own, 1, direction) - trace * direction[1]
-            z = _row(own, 2, direction) - trace * direction[2]
-            _turn_others(stiffness[d, : (i + 1) * a], directions, x, y, z)
+            for c in range(3):
+                before[i, b, c] = directions[c, i * a + b]
+            for c in range(3):
+                turned = _row(own, c, before[i, b]) - trace * before[i, b, c]
+                beyond[i, b, c] = 0.0 if kind == PRISMATIC else -turned
+        for b in range(a):
+            for e in range(a):
+                block[b, e] = _dot(before[i, b], beyond[i, e])
         if kind == SPHERICAL:
             phi[:] = 0.0
             for b in range(a):
@@ -229,60 +220,54 @@ def stiffen(body, loads, q, frame, stiffness):  # type: ignore[no-untyped-def]
             left_jacobian_transpose_slope(phi, seen, slope)
             for b in range(a):
                 for e in range(a):
-                    stiffness[i * a + b, i * a + e] -= slope[axes[b], axes[e]]
+                    block[b, e] -= slope[axes[b], axes[e]]
         for b in range(a):
             for e in range(b):
-                r, s = i * a + b, i * a + e
-                mean = 0.5 * (stiffness[r, s] + stiffness[s, r])
-                stiffness[r, s] = stiffness[s, r] = mean
+                block[b, e] = block[e, b] = 0.5 * (block[b, e] + block[e, b])
                 skewness = max(skewness, abs(by_q[i, b, e] - by_q[i, e, b]))
         for b in range(a):
             for e in range(a):
-                stiffness[i * a + b, i * a + e] -= by_q[i, b, e]
+                block[b, e] -= by_q[i, b, e]
     for cord in range(len(loads[8])):
-        _stiffen_by_cord(kind, a, loads, cord, frame, stiffness)
+        _stiffen_by_cord(kind, loads, cord, frame, parts)
     return skewness
 
 
 @njit(cache=True, nogil=True)
-def _stiffen_by_cord(kind, a, loads, cord, frame, stiffness):  # type: ignore[no-untyped-def]
-    """Adds Jᵀ T/L (1 − d dᵀ) J of a cord's point, d its direction, L its length."""
-    origins, directions = frame[0], frame[3]
+def _dot(first, second):  # type: ignore[no-untyped-def]
+    return first[0] * second[0] + first[1] * second[1] + first[2] * second[2]
+
+
+@njit(cache=True, nogil=True)
+def _stiffen_by_cord(kind, loads, cord, frame, parts):  # type: ignore[no-untyped-def]
+    """Adds T/L Jᵀ (1 − d dᵀ) J of a cord's point, d its direction, L its length, as three rows of U and Y."""
+    origins = frame[0]
+    before, beyond, own_blocks = parts[0], parts[1], parts[3]
     point, away = frame[11][4, 0], frame[11][4, 1]
     length = _pull(frame, loads, cord, point, away)
-    tension = loads[11][cord]
+    tension, first = loads[11][cord], 3 + 3 * cord
+    a = before.shape[1]
+    before[:, :, first : first + 3], beyond[:, :, first : first + 3] = 0.0, 0.0
     if tension == 0.0:
         return
     for c in range(3):
         away[c] /= -tension
-    size = loads[8][cord] * a
-    moved, along = np.empty((3, size)), np.empty(size)
-    for d in range(size):
-        if kind == PRISMATIC:
+    for i in range(loads[8][cord]):
+        for b in range(a):
+            direction, moved = before[i, b], before[i, b, first : first + 3]
             for c in range(3):
-                moved[c, d] = directions[c, d]
-        else:
-            origin = origins[d // a + 1]
+                d, e = (c + 1) % 3, (c + 2) % 3
+                if kind == PRISMATIC:
+                    moved[c] = direction[c]
+                else:
+                    moved[c] = direction[d] * (point[e] - origins[i + 1, e])
+                    moved[c] -= direction[e] * (point[d] - origins[i + 1, d])
+            along = _dot(away, moved)
             for c in range(3):
-                e, f = (c + 1) % 3, (c + 2) % 3
-                moved[c, d] = directions[e, d] * (point[f] - origin[f]) - directions[f, d] * (
-                    point[e] - origin[e]
-                )
-        along[d] = away[0] * moved[0, d] + away[1] * moved[1, d] + away[2] * moved[2, d]
-    share = tension / length
-    for d in range(size):
-        for e in range((d // a + 1) * a):
-            value = moved[0, d] * moved[0, e] + moved[1, d] * moved[1, e] + moved[2, d] * moved[2, e]
-            stiffness[d, e] += share * (value - along[d] * along[e])
-
-
-@njit(cache=True, nogil=True)
-def mirror(stiffness, a):  # type: ignore[no-untyped-def]
-    """Copies the lower triangle beyond the diagonal blocks of size a to the upper one."""
-    n = len(stiffness)
-    for d in range(n):
-        for e in range(d // a * a):
-            stiffness[e, d] = stiffness[d, e]
+                beyond[i, b, first + c] = tension / length * (moved[c] - along * away[c])
+        for b in range(a):
+            for e in range(a):
+                own_blocks[i, b, e] += _dot(before[i, b, first:], beyond[i, e, first:])
 
 
 @njit(cache=True, nogil=True)
