@@ -11,7 +11,7 @@ import numpy as np
 from pliant.errors import UserError
 from pliant.pipeline.motion import chain_frames, chain_scene, drawn_chain
 from pliant.records.design import Array
-from pliant.records.rollout import Inputs
+from pliant.records.rollout import Equilibrium, Inputs
 from pliant.records.scene import Scene, SceneFrames
 from pliant_plugins.envs.base import OBSERVED, SoftRobotEnv
 from pliant_plugins.envs.plant import Plant
@@ -52,6 +52,10 @@ class ChainEnv(SoftRobotEnv):
         self.chain = self.plant.chain
         self.simulation = self.plant.backend.build(self.chain)
         self._rest = self.simulation.snapshot()
+        # Equilibria, by which goals are drawn: the engines agree, and Newton is the quickest.
+        self._statics = self.plant.equilibria.build(self.chain)
+        self._straight = self._statics.snapshot()
+        self._length_m = self.chain.length_m
         self._share = self._before = np.zeros(len(self.plant.names))
         self._markers = self.simulation.markers()
         size_seen = 2 * self._rest.position.size + 3 + len(self.plant.names) + self.goal_size
@@ -83,7 +87,7 @@ class ChainEnv(SoftRobotEnv):
 
     def _reward(self, action: Array) -> float:
         change = float(np.mean((self._share - self._before) ** 2))
-        return -self._error_m() / self.chain.length_m - CHANGE_COST * change
+        return -self._error_m() / self._length_m - CHANGE_COST * change
 
     def _metrics(self) -> dict[str, Any]:
         error = self._error_m()
@@ -91,7 +95,7 @@ class ChainEnv(SoftRobotEnv):
             "time_s": self._taken * self.control_s,
             "tip_m": np.array(self._markers[-1]),
             "error_m": error,
-            "is_success": bool(error < REACHED * self.chain.length_m),
+            "is_success": bool(error < REACHED * self._length_m),
             **self.plant.actuation(self._share),
         }
 
@@ -101,13 +105,13 @@ class ChainEnv(SoftRobotEnv):
 
     def _in_lengths(self, points_m: Array) -> Array:
         """World points from the base, in chain lengths."""
-        return np.asarray((points_m - self.chain.base_position_m) / self.chain.length_m)
+        return np.asarray((points_m - self.chain.base_position_m) / self._length_m)
 
-    def _settled(self, share: Array) -> Array:
-        """(n + 2, 3) markers of the equilibrium at this actuation and this episode's loads."""
-        self.simulation.restore(self._rest)
-        self.simulation.apply(self._inputs(share))
-        return self.simulation.settle().markers_m
+    def _settled(self, share: Array) -> Equilibrium:
+        """The equilibrium at this actuation and this episode's loads."""
+        self._statics.restore(self._straight)
+        self._statics.apply(self._inputs(share))
+        return self._statics.settle()
 
     def _frame(self) -> SceneFrames:
         state = self.simulation.snapshot()
@@ -116,19 +120,14 @@ class ChainEnv(SoftRobotEnv):
     def _drawn(self) -> tuple[Scene, SceneFrames]:
         looks = drawn_chain(self.plant.opened.bench, self.plant.drawn())
         chain = self.chain.with_(shapes=looks.shapes)
-        before = self.simulation.snapshot()
-        poses = []
-        for level in (0.0, 0.5, 1.0):
-            self.simulation.restore(self._rest)
-            self.simulation.apply(self._inputs(np.full(len(self.plant.names), level)))
-            poses.append(self.simulation.settle().joint_angles)
-        self.simulation.restore(before)
-        self.simulation.apply(self._inputs(self._share))
-        return chain_scene(chain), chain_frames(np.arange(3.0), np.array(poses))
+        levels = [np.full(len(self.plant.names), level) for level in (0.0, 0.5, 1.0)]
+        poses = np.array([self._settled(share).joint_angles for share in levels])
+        return chain_scene(chain), chain_frames(np.arange(3.0), poses)
 
     def close(self) -> None:
         super().close()
         self.simulation.close()
+        self._statics.close()
 
     @abstractmethod
     def _ask(self, options: dict[str, Any]) -> None:

@@ -38,7 +38,7 @@ class FollowShapeEnv(ChainEnv):
         curve = _curve_option(options)
         if curve is None and isinstance(self.plant.task, FollowShape):
             curve = self.chain.base_position_m + self.plant.task.target @ self.chain.base_rotation.T
-        self._curve = resampled(self._settled(share) if curve is None else curve, COMPARED)
+        self._curve = resampled(self._settled(share).markers_m if curve is None else curve, COMPARED)
 
     def _goal(self) -> Array:
         chosen = np.linspace(0, COMPARED - 1, SEEN + 1).round().astype(int)[1:]

@@ -41,9 +41,11 @@ class GraspEnv(SoftRobotEnv):
     heights, until something touches) + 2 · (rise in lift heights, 0 to 1) − 0.5 · slip − 0.01 · (change of the
     actuation)². Slip is the part of the carriage's rise from its lowest place that the object did not follow.
 
-    Each episode draws the object's place within the task's noise. Option `placement_m`: (x, y, 0) instead.
+    Each episode draws the object's place and the pressure's error within the task's noise; friction stays.
+    Option `placement_m`: (x, y, 0) instead.
     `info`: `rise_m`, `carriage_m`, `normal_n`, `friction_n`, `touching_share`, `slip_ratio`, `is_success` (up by
-    half the lift). An object that rolls 150 mm away ends the episode.
+    half the lift). An object that rolls 150 mm away ends the episode at −0.5 for each
+    step that is left.
 
     Args:
         study: path of a study with a `grasp` task; by default three bellow fingers with a stated law and an egg.
@@ -80,6 +82,7 @@ class GraspEnv(SoftRobotEnv):
         body = task.target.body
         self._weight_n = body.mass.mass_kg * float(np.linalg.norm(self.scene.gravity_m_s2) or 9.81)
         self._share = self._before = np.zeros(len(self.plant.names))
+        self._offset = 0.0
         coordinates = sum(q.size for q in self._rest.coordinates)
         self._set_spaces(len(self.plant.names) + 1, 2 * coordinates + 11 + len(self.plant.names))
         self._state, self._grip, self._lowest = self._rest, Grip(0.0, 0.0, 0.0), 0.0
@@ -89,6 +92,7 @@ class GraspEnv(SoftRobotEnv):
         reach = self.config.noise.placement * self.task.target.radius_m * np.sqrt(self.np_random.uniform())
         angle = self.np_random.uniform(0.0, 2 * np.pi)
         place = reach * np.array([np.cos(angle), np.sin(angle), 0.0])
+        self._offset = self.config.noise.pressure_pa * float(self.np_random.uniform(-1.0, 1.0))
         given = vector_option(options, "placement_m")
         self.simulation.restore(_moved(self._rest, place if given is None else given))
         self.simulation.apply([self._inputs()] * len(self.scene.arms))
@@ -135,6 +139,7 @@ class GraspEnv(SoftRobotEnv):
             + LIFT_REWARD * float(np.clip(self._rise_m / config.lift_height_m, 0.0, 1.0))
             - SLIP_COST * self._slip
             - CHANGE_COST * change
+            - (GAP_COST * (self.steps - self._taken) if self._done() else 0.0)
         )
 
     def _done(self) -> bool:
@@ -171,7 +176,13 @@ class GraspEnv(SoftRobotEnv):
         return float(np.clip(followed / self.config.lift_height_m, 0.0, 1.0))
 
     def _inputs(self) -> Inputs:
-        return Inputs(self.plant.actuation(self._share))
+        """Actuation with this episode's error of the pressure, where there is pressure at all."""
+        full = self.plant.actuation(self._share)
+        if self.config.pressure_pa is None:
+            return Inputs(full)
+        return Inputs(
+            {name: max(value + self._offset, 0.0) if value else 0.0 for name, value in full.items()}
+        )
 
     def _frame(self) -> SceneFrames:
         return SceneFrames.of([self._state])
@@ -191,7 +202,8 @@ def _moved(state: SceneState, offset_m: Array) -> SceneState:
     """The state with the first object elsewhere on the floor."""
     positions = state.positions_m.copy()
     positions[0, :2] += offset_m[:2]
-    return replace(state, positions_m=positions)
+    # What the engine remembers belongs to the old place.
+    return replace(state, positions_m=positions, private={})
 
 
 def _carried(state: SceneState, height_m: float) -> SceneState:

@@ -13,7 +13,7 @@ from pliant.api import DEFAULT_STORE, OpenStudy, open_study
 from pliant.errors import UserError
 from pliant.interfaces.physics import PhysicsBackend
 from pliant.pipeline.handle import highest_actuation, prepared_chain
-from pliant.pipeline.study import StudyRun, laws_of_study
+from pliant.pipeline.study import DEFAULT_PHYSICS, StudyRun, laws_of_study
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
 
@@ -65,6 +65,13 @@ class Plant:
         if not (np.isfinite(top) and top > 0):
             raise UserError(f"actuation_max is {top}; it needs a positive number of Pa or N.")
         return Plant(opened, chain, backend, task, names, np.full(len(names), float(top)))
+
+    @property
+    def equilibria(self) -> PhysicsBackend:
+        """The engine that finds equilibria, with its defaults."""
+        component = self.opened.bench.registry.get("physics", DEFAULT_PHYSICS)
+        built: PhysicsBackend = component.build(component.config_model()(kind=DEFAULT_PHYSICS))
+        return built
 
     def drawn(self) -> StudyRun:
         """What the drawing of the chain is made from."""

@@ -35,7 +35,7 @@ class ReachEnv(ChainEnv):
         drawn = self._draw_force()
         share = self.np_random.uniform(LEAST_SHARE, 1.0, len(self.plant.names))
         self._force = drawn if force is None else force
-        self._target = self._settled(share)[-1].copy() if target is None else target
+        self._target = self._settled(share).tip_m.copy() if target is None else target
 
     def _draw_force(self) -> Array:
         """This episode's tip force (3,) in N."""

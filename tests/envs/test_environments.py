@@ -1,0 +1,236 @@
+"""Every environment keeps gymnasium's rules, is deterministic under a seed, and rewards the right thing."""
+
+import warnings
+
+import numpy as np
+import pytest
+
+gymnasium = pytest.importorskip("gymnasium")
+pytest.importorskip("mujoco")
+
+import pliant_plugins.envs  # noqa: E402, F401 - registers them
+from pliant.errors import UserError  # noqa: E402
+from pliant_plugins.envs.registration import ENVIRONMENTS  # noqa: E402
+
+CHAINS = [name for name in ENVIRONMENTS if name != "pliant/Grasp-v0"]
+# 22 spherical joints take their time: fewer steps say the same.
+SHORT = {"episode_s": 0.5}
+
+
+@pytest.fixture(params=ENVIRONMENTS)
+def env(request):
+    made = gymnasium.make(request.param, **SHORT)
+    yield made
+    made.close()
+
+
+def played(env, seed, policy):
+    """Observations and rewards of one episode."""
+    seen, info = env.reset(seed=seed)
+    observations, rewards, infos = [seen], [], [info]
+    over = False
+    while not over:
+        seen, reward, ended, truncated, info = env.step(policy(seen))
+        observations.append(seen)
+        rewards.append(reward)
+        infos.append(info)
+        over = ended or truncated
+    return np.array(observations), np.array(rewards), infos
+
+
+def test_gymnasiums_checker_has_no_remark(env):
+    from gymnasium.utils.env_checker import check_env
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        check_env(env.unwrapped, skip_render_check=True)
+
+
+def test_stable_baselines_checker_has_no_remark(env):
+    checker = pytest.importorskip("stable_baselines3.common.env_checker")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        checker.check_env(env.unwrapped)
+
+
+def test_a_random_policy_runs_three_episodes(env):
+    env.action_space.seed(1)
+    for seed in range(3):
+        observations, rewards, infos = played(env, seed, lambda _: env.action_space.sample())
+        assert len(rewards) <= 10
+        assert np.all(np.abs(observations) <= 10.0)
+        assert np.all(np.isfinite(rewards))
+        assert infos[-1]["time_s"] == pytest.approx(0.05 * len(rewards))
+
+
+def test_a_seed_decides_an_episode(env):
+    def bang(seen):
+        return np.sign(np.resize(np.sin(1e3 * seen), env.action_space.shape)).astype(np.float32)
+
+    first, again, other = (played(env, seed, bang) for seed in (3, 3, 4))
+    np.testing.assert_array_equal(first[0], again[0])
+    np.testing.assert_array_equal(first[1], again[1])
+    assert not np.array_equal(first[0][0], other[0][0])
+
+
+@pytest.mark.parametrize("name", ["pliant/FreeBending-v0", "pliant/TipLoad-v0", "pliant/TendonFinger-v0"])
+def test_the_target_is_reached_by_an_actuation(name):
+    """Holding the actuation that the target was drawn at brings the tip there; none at all does not."""
+    env = gymnasium.make(name, episode_s=3.0)
+    env.reset(seed=5)
+    raw = env.unwrapped
+    errors = []
+    for share in np.linspace(0.0, 1.0, 11):
+        _, rewards, infos = played(env, 5, lambda _, a=share: np.array([2 * a - 1], np.float32))
+        errors.append(infos[-1]["error_m"])
+        assert rewards[-1] == pytest.approx(-infos[-1]["error_m"] / raw.chain.length_m, abs=1e-9)
+    assert min(errors) < 0.05 * raw.chain.length_m < max(errors)
+    env.close()
+
+
+def test_options_fix_what_is_drawn():
+    env = gymnasium.make("pliant/TipLoad-v0", **SHORT)
+    wanted = {"target_m": [0.03, 0.0, -0.05], "tip_force_n": [0.0, 0.0, -0.05]}
+    _, info = env.reset(seed=1, options=wanted)
+    np.testing.assert_array_equal(info["target_m"], wanted["target_m"])
+    np.testing.assert_array_equal(info["tip_force_n"], wanted["tip_force_n"])
+    # The next episode is what it would have been without options.
+    _, following = env.reset()
+    env.reset(seed=1)
+    _, plain = env.reset()
+    np.testing.assert_allclose(following["target_m"], plain["target_m"])
+    env.close()
+
+
+def test_a_shape_that_the_chain_takes_is_followed():
+    env = gymnasium.make("pliant/FollowShape-v0", **SHORT)
+    straight = [[0.0, 0.0, 0.0], [0.0, 0.0, -0.088]]
+    _, info = env.reset(seed=1, options={"curve_m": straight})
+    assert info["error_m"] == pytest.approx(0.0, abs=1e-9)
+    assert info["is_success"]
+    env.close()
+
+
+def test_a_plain_script_grasps_the_egg_and_earns_more_than_doing_nothing():
+    def script(steps):
+        for k in range(steps):
+            yield [-1, -1] if k < 22 else [min(1.0, -1 + 0.1 * (k - 22)), 0] if k < 50 else [1, 1]
+
+    env = gymnasium.make("pliant/Grasp-v0", episode_s=4.5)
+    actions = script(90)
+    _, rewards, infos = played(env, 0, lambda _: np.array(next(actions), np.float32))
+    _, idle, still = played(env, 0, lambda _: np.array([-1, 0], np.float32))
+    assert infos[-1]["is_success"]
+    assert infos[-1]["rise_m"] > 0.08
+    assert infos[-1]["normal_n"] > 0.5
+    assert infos[-1]["slip_ratio"] < 0.1
+    assert not still[-1]["is_success"]
+    assert rewards.sum() > idle.sum() + 30
+    env.close()
+
+
+def test_several_at_once():
+    envs = gymnasium.make_vec("pliant/FreeBending-v0", num_envs=3, **SHORT)
+    seen, _ = envs.reset(seed=[1, 1, 2])
+    np.testing.assert_array_equal(seen[0], seen[1])
+    assert not np.array_equal(seen[0], seen[2])
+    _, rewards, *_ = envs.step(np.ones((3, 1), np.float32))
+    assert rewards.shape == (3,)
+    envs.close()
+
+
+def test_pictures_show_the_motion():
+    pytest.importorskip("OpenGL")
+    env = gymnasium.make("pliant/FreeBending-v0", render_mode="rgb_array", size=(160, 120))
+    env.reset(seed=1)
+    try:
+        before = env.render()
+    except UserError as error:
+        pytest.skip(str(error))
+    for _ in range(10):
+        env.step(np.ones(1, np.float32))
+    after = env.render()
+    assert before.shape == after.shape == (120, 160, 3)
+    assert np.mean(np.any(before != after, axis=2)) > 0.01
+    env.close()
+
+
+@pytest.mark.parametrize(
+    ("name", "changes", "says"),
+    [
+        ("pliant/FreeBending-v0", {"study": "no_such.yaml"}, "no_such.yaml"),
+        ("pliant/FreeBending-v0", {"control_s": 0.0}, "control_s"),
+        ("pliant/FreeBending-v0", {"actuation_max": -1.0}, "actuation_max is -1"),
+    ],
+)
+def test_wrong_input_is_told_in_a_sentence(name, changes, says):
+    with pytest.raises(UserError, match=says):
+        gymnasium.make(name, **changes)
+
+
+STUDY = """
+pliant: 1
+name: own
+surrogate: {kind: polynomial, form: study, axis: y, odd: true,
+            coefficients: {k_n: 1.6e-6, m_a: 0, m_e: 0.1, b_e: 0.02}}
+chain: {modules: 3, module_length: 11 mm, module_mass: 2 g}
+physics: PHYSICS
+task: {kind: free_bending, pressure: 10 kPa}
+"""
+
+
+def test_a_study_of_ones_own(tmp_path):
+    path = tmp_path / "own.yaml"
+    path.write_text(STUDY.replace("PHYSICS", "mujoco"))
+    env = gymnasium.make("pliant/FreeBending-v0", study=str(path))
+    env.reset(seed=0)
+    *_, info = env.step(np.ones(1, np.float32))
+    assert info["pressure_pa"] == pytest.approx(10e3)
+    assert env.unwrapped.chain.n_joints == 3
+    env.close()
+
+
+@pytest.mark.parametrize(
+    ("name", "physics", "says"),
+    [
+        ("pliant/FreeBending-v0", "quasistatic", "has equilibria only"),
+        ("pliant/Grasp-v0", "mujoco", "needs a study with 'task: {kind: grasp"),
+    ],
+)
+def test_a_study_that_does_not_fit(tmp_path, name, physics, says):
+    path = tmp_path / "own.yaml"
+    path.write_text(STUDY.replace("PHYSICS", physics))
+    with pytest.raises(UserError, match=says):
+        gymnasium.make(name, study=str(path))
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        ({"target": [0, 0, 0]}, "unknown option 'target'"),
+        ({"target_m": [0, 0]}, "three numbers"),
+        ({"target_m": "here"}, "three numbers"),
+    ],
+)
+def test_wrong_options(options, says):
+    env = gymnasium.make("pliant/FreeBending-v0")
+    with pytest.raises(UserError, match=says):
+        env.reset(options=options)
+    env.close()
+
+
+@pytest.mark.slow
+def test_ppo_learns_to_reach(tmp_path):
+    stable_baselines3 = pytest.importorskip("stable_baselines3")
+    env = gymnasium.make("pliant/FreeBending-v0")
+
+    def score(policy):
+        return float(np.mean([played(env, seed, policy)[1].sum() for seed in range(100, 110)]))
+
+    env.action_space.seed(0)
+    random = score(lambda _: env.action_space.sample())
+    model = stable_baselines3.PPO("MlpPolicy", env, seed=0, n_steps=512, batch_size=64, device="cpu")
+    model.learn(10_000)
+    learned = score(lambda seen: model.predict(seen, deterministic=True)[0])
+    assert learned > 0.7 * random  # both negative: at least 30 % nearer
+    env.close()
