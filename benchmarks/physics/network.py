@@ -10,9 +10,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from benchmarks.physics.helix import PRESSURE_PA
 from numpy.typing import NDArray
 
-from benchmarks.physics.helix import PRESSURE_PA
 from pliant.records.design import Array
 from pliant.records.law import Domain, Effort, JointKind, JointLaw, LawRecord
 from pliant_plugins.surrogates.polynomial.axes_law import AxesLaw

@@ -1,4 +1,4 @@
-"""What the physics benchmarks share: bars with the number reached, interleaved timing, JSON files."""
+"""What the physics benchmarks share: bars with the number reached, ratios of times, JSON files."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import json
 import os
 import platform
 import statistics
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -36,18 +36,9 @@ class Bar:
         return f"bar: {self.what}: {self.reached:.3g} {self.unit} ({word} {self.bar:g}): {verdict}"
 
 
-def interleaved(cases: Mapping[str, Callable[[], float]], repeats: int) -> dict[str, list[float]]:
-    """Seconds of every case, `repeats` rounds, all cases once in each round; a case times itself."""
-    seconds: dict[str, list[float]] = {name: [] for name in cases}
-    for _ in range(repeats):
-        for name, case in cases.items():
-            seconds[name].append(case())
-    return seconds
-
-
 def ratio(baseline: Sequence[float], other: Sequence[float]) -> float:
-    """Median over rounds of baseline / other: load of the machine hits both alike."""
-    return statistics.median(slow / fast for slow, fast in zip(baseline, other, strict=True))
+    """Median over common rounds of baseline / other: load of the machine hits both alike."""
+    return statistics.median(slow / fast for slow, fast in zip(baseline, other, strict=False))
 
 
 def write(name: str, results: Mapping[str, Any], bars: Sequence[Bar] = ()) -> None:

@@ -15,8 +15,8 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
-
 from benchmarks.physics.helix import PRESSURE_PA
+
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
 

@@ -1,0 +1,79 @@
+"""Random designs solved to a stable equilibrium from a cold start, and the failures explained.
+
+    python -m benchmarks.physics.designs      prints, and writes benchmarks/out/physics_designs.json
+
+An answer counts when the common statics in Python, not the engine, find its residual below 1e-9 N·m and its
+stiffness positive definite.
+"""
+
+from __future__ import annotations
+
+import statistics
+import time
+from collections import Counter
+
+import numpy as np
+from benchmarks.physics.output import Bar, write
+from benchmarks.physics.random_designs import random_cases
+
+from pliant.interfaces.physics import Case
+from pliant.mechanics.statics import ChainStatics, Loads, unstable_mode
+from pliant.records.rollout import Equilibrium
+from pliant_plugins.physics.quasistatic.backend import Quasistatic
+from pliant_plugins.physics.quasistatic.config import QuasistaticConfig
+
+DESIGNS = 1000
+# The engine's residual and the statics' differ by rounding.
+TOLERANCE_N_M = 1.01e-9
+
+
+def main() -> None:
+    """Solve, judge, count."""
+    cases = random_cases(DESIGNS)
+    backend = Quasistatic(QuasistaticConfig())
+    backend.settle_batch(cases[:2])  # compiles
+    start = time.perf_counter()
+    ends = backend.settle_batch(cases)
+    wall_s = time.perf_counter() - start
+    verdicts = [verdict(case, end) for case, end in zip(cases, ends, strict=True)]
+    counts = Counter(verdicts)
+    joints = statistics.mean(case.chain.n_joints for case in cases)
+    print(
+        f"{DESIGNS} designs of {joints:.0f} joints on average in {wall_s:.2f} s: {DESIGNS / wall_s:.0f} designs/s"
+    )
+    for text, count in counts.most_common():
+        print(f"  {count:5d} {text}")
+    for number in [k for k, text in enumerate(verdicts) if text != "stable equilibrium"][:10]:
+        case, end = cases[number], ends[number]
+        print(
+            f"  design {number}: {verdicts[number]}; {case.chain.n_joints} joints, residual {end.residual:.1e}"
+        )
+    iterations = [end.iterations for end in ends]
+    print(f"  iterations: median {statistics.median(iterations):.0f}, most {max(iterations)}")
+    bar = Bar(
+        "random designs in a stable equilibrium",
+        counts["stable equilibrium"],
+        DESIGNS,
+        "of 1000",
+        at_most=False,
+    )
+    print(bar)
+    results = {"verdicts": counts, "wall_s": wall_s, "median_iterations": statistics.median(iterations)}
+    write("physics_designs", results, [bar])
+
+
+def verdict(case: Case, end: Equilibrium) -> str:
+    """What the common statics say of an answer."""
+    balance = ChainStatics(case.chain).balance(end.joint_angles, Loads.of(case.chain, case.inputs))
+    balanced = np.abs(balance.residual).max() <= TOLERANCE_N_M
+    stable = unstable_mode(balance.stiffness) is None
+    if balanced and stable:
+        return "stable equilibrium" if end.converged else "stable equilibrium that the engine did not trust"
+    honest = "said so" if not end.converged else "NOT SAID"
+    runs_away = any(entry.variable == "dtau_du" for entry in end.outside_domain)
+    cause = "a law that runs away" if runs_away else "no balance" if not balanced else "a saddle"
+    return f"{cause} ({honest})"
+
+
+if __name__ == "__main__":
+    main()

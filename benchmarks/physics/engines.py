@@ -1,0 +1,267 @@
+"""All engines, the published formulation and a Cosserat rod on the same helix in one run, as ratios.
+
+    python -m benchmarks.physics.engines      prints, and writes benchmarks/out/physics_engines.json
+
+20 g hang at the tip. Every case runs once in every round, so that the machine's load hits all alike; ratios are
+medians over the rounds of the baseline's time by the case's. The baseline is the published formulation as a bare
+script (`published.py`): 1 s of ramp and 1 s of hold, one network call per joint and axis. One thread throughout.
+"""
+
+from __future__ import annotations
+
+import os
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+os.environ.setdefault("NUMBA_NUM_THREADS", "1")
+
+import statistics
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from benchmarks.physics import cosserat, published
+from benchmarks.physics.helix import LOADS_KG, helix, helix_law, inputs, linear_law
+from benchmarks.physics.histories import Ended, away_mm, drive, residual_n_m, run_history
+from benchmarks.physics.network import NetworkLaw, fit_errors, network_law
+from benchmarks.physics.output import Bar, ratio, write
+
+from pliant.interfaces.physics import PhysicsBackend
+from pliant.records.chain import ChainModel
+from pliant.records.design import Array
+from pliant.records.law import Effort, JointLaw, LawRecord, ScalarLaw
+from pliant_plugins.physics.mujoco.backend import Mujoco
+from pliant_plugins.physics.mujoco.config import MujocoConfig
+from pliant_plugins.physics.pybullet.backend import Pybullet
+from pliant_plugins.physics.pybullet.config import PybulletConfig
+from pliant_plugins.physics.quasistatic.backend import Quasistatic
+from pliant_plugins.physics.quasistatic.config import QuasistaticConfig
+from pliant_plugins.surrogates.polynomial.axes_law import AxesLaw
+
+LOAD_KG = 0.020
+ROUNDS = 3
+BASELINE = "published formulation: bare script, networks"
+COLD = "quasi-static, cold start"
+PRESET = "  the same as `preset: published`, polynomial"
+# Quick cases are repeated within a round, and their median is the round's time.
+QUICK_REPEATS = 25
+MUJOCO_DAMPING = 1e-3
+MUJOCO_STEPS_S = (2e-3, 10e-3, 20e-3)
+
+
+@dataclass(frozen=True, eq=False)
+class Uncompiled(JointLaw):
+    """A law without a scalar form, so that the quasi-static engine takes its numpy path."""
+
+    inner: AxesLaw
+    axes: tuple[str, ...] = ("x", "y", "z")
+    joint: Any = "spherical"
+    actuation_name: str = "pressure_pa"
+    domain: Any = field(init=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "domain", self.inner.domain)
+
+    def evaluate(self, actuation: Array, deformation: Array) -> Effort:
+        return self.inner.evaluate(actuation, deformation)
+
+    def scalar(self) -> ScalarLaw | None:
+        return None
+
+    def record(self) -> LawRecord:
+        return self.inner.record()
+
+
+class Cases:
+    """Every contestant, as a function that runs it once and tells where it ended."""
+
+    def __init__(self) -> None:
+        self.law = helix_law()
+        self.networks: NetworkLaw = network_law(self.law)
+        self.chain = helix(self.law)
+        quasistatic = Quasistatic(QuasistaticConfig())
+        self.named: dict[str, Callable[[], Ended]] = {
+            BASELINE: lambda: self.script(self.networks.efforts),
+            "  the same, polynomial, all joints in one call": lambda: self.script(self.polynomial),
+            PRESET: self.preset,
+            COLD: lambda: settled(quasistatic, self.chain, False),
+            "quasi-static, building the chain's model included": lambda: settled(
+                quasistatic, self.chain, True
+            ),
+            "quasi-static, numpy instead of compiled": lambda: settled(
+                Quasistatic(QuasistaticConfig()), helix(Uncompiled(self.law)), False
+            ),
+        }
+        for step in MUJOCO_STEPS_S:
+            name = f"mujoco, the same history, steps of {1e3 * step:.0f} ms"
+            self.named[name] = lambda step=step: self.mujoco(step)
+        self.named["mujoco, settle"] = lambda: settled(Mujoco(MujocoConfig()), self.chain, False)
+        self.named["pybullet, settle"] = lambda: settled(Pybullet(PybulletConfig()), self.chain, False)
+
+    def script(self, efforts: published.Efforts) -> Ended:
+        done = published.run(self.chain, efforts, LOAD_KG)
+        return Ended(done.angles_rad, done.markers_m, done.wall_s)
+
+    def polynomial(self, pressure_pa: float, angles_rad: Array) -> Array:
+        return self.law.evaluate(np.full(len(angles_rad), pressure_pa), angles_rad).tau
+
+    def preset(self) -> Ended:
+        backend = Pybullet(PybulletConfig(preset="published"))
+        return run_history(backend, self.chain, LOAD_KG, published.STEP_S)
+
+    def mujoco(self, step_s: float) -> Ended:
+        backend = Mujoco(MujocoConfig(timestep_s=step_s, joint_damping=MUJOCO_DAMPING))
+        return run_history(backend, self.chain, LOAD_KG, step_s)
+
+
+def settled(backend: PhysicsBackend, chain: ChainModel, with_build: bool) -> Ended:
+    """The equilibrium from the straight chain, `apply` and `settle` counted, `build` if asked."""
+    start = time.perf_counter()
+    with backend.build(chain) as simulation:
+        if not with_build:
+            start = time.perf_counter()
+        simulation.apply(inputs(LOAD_KG))
+        final = simulation.settle()
+        return Ended(final.joint_angles, final.markers_m, time.perf_counter() - start)
+
+
+def main() -> None:
+    """Warm up, run the rounds, print the tables."""
+    cases = Cases()
+    errors = fit_errors(cases.law, cases.networks)
+    print(
+        "networks 2-64-64-1: RMS error of the range "
+        + ", ".join(f"{a} {100 * e:.2f} %" for a, e in errors.items())
+    )
+    equilibrium = settled(Quasistatic(QuasistaticConfig()), cases.chain, False)
+    for name, case in cases.named.items():  # compiles, and fills caches
+        if not name.startswith(("pub", "  ")):
+            case()
+    ends, seconds = rounds(cases.named)
+    bars, rows = table(cases.chain, equilibrium, ends, seconds)
+    rods = rod_rows(seconds[BASELINE])
+    histories, history_bar = mujoco_histories(cases, seconds[BASELINE])
+    for bar in (*bars, history_bar):
+        print(bar)
+    results = {"cases": rows, "rod": rods, "mujoco_histories": histories, "network_errors": errors}
+    write("physics_engines", results, [*bars, history_bar])
+
+
+def rounds(cases: Mapping[str, Callable[[], Ended]]) -> tuple[dict[str, Ended], dict[str, list[float]]]:
+    """Where each case ends, and its seconds in every round."""
+    ends: dict[str, Ended] = {}
+    seconds: dict[str, list[float]] = {name: [] for name in cases}
+    for number in range(ROUNDS):
+        for name, case in cases.items():
+            if name == PRESET and number:  # half a minute, and no ratio hangs on it
+                continue
+            ends[name] = case()
+            quick = ends[name].wall_s < 0.05
+            again = [case().wall_s for _ in range(QUICK_REPEATS if quick else 0)]
+            seconds[name].append(statistics.median([ends[name].wall_s, *again]))
+    return ends, seconds
+
+
+def table(
+    chain: ChainModel, equilibrium: Ended, ends: Mapping[str, Ended], seconds: Mapping[str, list[float]]
+) -> tuple[list[Bar], dict[str, Any]]:
+    """Prints and returns every case; the bar on the quasi-static engine."""
+    print(f"{'20 g at the tip, 15 kPa':52s} {'s':>9} {'ratio':>9} {'residual N·m':>13} {'away mm':>9}")
+    rows: dict[str, Any] = {}
+    for name, end in ends.items():
+        residual = residual_n_m(chain, end.angles_rad, LOAD_KG)
+        row = {
+            "median_s": statistics.median(seconds[name]),
+            "ratio": ratio(seconds[BASELINE], seconds[name]),
+            "residual_n_m": residual,
+            "away_mm": away_mm(end.markers_m, equilibrium.markers_m),
+            "seconds": seconds[name],
+        }
+        rows[name] = row
+        print(
+            f"{name:52s} {row['median_s']:9.2g} {row['ratio']:9.1f} {residual:13.1e} {row['away_mm']:9.2g}",
+            flush=True,
+        )
+    cold = rows[COLD]
+    bars = [
+        Bar(
+            "quasi-static, cold start, against the published 2 s run", cold["ratio"], 1e4, "×", at_most=False
+        ),
+        Bar("its residual by the common statics", cold["residual_n_m"], 1e-9, "N·m", at_most=True),
+    ]
+    return bars, rows
+
+
+def rod_rows(baseline: list[float]) -> dict[str, Any]:
+    """PyElastica, tuned for speed, on the linear-law helix without its end cylinder, and the engines on the same."""
+    law = linear_law()
+    chain = helix(law, end_cylinder=False)
+    cosserat.settle_rod(law, LOAD_KG, cosserat.COMPILING)
+    quasistatic = Quasistatic(QuasistaticConfig())
+    settled(quasistatic, chain, False)
+    rows: dict[str, Any] = {"PyElastica": [], "quasi-static": []}
+    for _ in range(ROUNDS):
+        rod = cosserat.settle_rod(law, LOAD_KG, cosserat.FAST)
+        rows["PyElastica"].append(rod.settled_after_s(1e-4))
+        quick = [settled(quasistatic, chain, False).wall_s for _ in range(QUICK_REPEATS)]
+        rows["quasi-static"].append(statistics.median(quick))
+    times = ratio(rows["PyElastica"], rows["quasi-static"])
+    rod_s = statistics.median(rows["PyElastica"])
+    print(
+        f"linear law: PyElastica has its tip within 0.1 mm of rest after {rod_s:.2g} s, {times:.0f} × the "
+        f"quasi-static engine and 1/{statistics.median(baseline) / rod_s:.0f} of the baseline"
+    )
+    return {**rows, "rod_over_quasistatic": times}
+
+
+def mujoco_histories(cases: Cases, baseline: list[float]) -> tuple[list[dict[str, Any]], Bar]:
+    """MuJoCo's 2 s run under all loads, and when it comes within 0.1 mm of equilibrium."""
+    print(f"MuJoCo, the same history, joint damping {MUJOCO_DAMPING:g} N·m·s/rad:")
+    print(
+        f"{'load':>6} {'step':>6} {'ratio':>7} {'away after 2 s':>15} {'within 0.1 mm after':>20} {'ratio then':>11}"
+    )
+    rows = []
+    base = statistics.median(baseline)
+    for load in LOADS_KG:
+        with Quasistatic(QuasistaticConfig()).build(cases.chain) as still:
+            still.apply(inputs(load))
+            rest = still.settle().markers_m
+        for step in MUJOCO_STEPS_S:
+            row = _history(cases.chain, load, step, rest)
+            row |= {"ratio": base / row["wall_s"], "ratio_then": base / row["wall_then_s"]}
+            rows.append(row)
+            print(
+                f"{1e3 * load:4.0f} g {1e3 * step:3.0f} ms {row['ratio']:7.0f} {row['away_mm']:12.3f} mm "
+                f"{row['within_s']:18.2f} s {row['ratio_then']:11.0f}"
+            )
+    good = [row for row in rows if row["load_kg"] == LOAD_KG and row["away_mm"] <= 0.1]
+    reached = max((row["ratio"] for row in good), default=0.0)
+    return rows, Bar(
+        "MuJoCo, the same history, ending within 0.1 mm, 20 g", reached, 500.0, "×", at_most=False
+    )
+
+
+def _history(chain: ChainModel, load_kg: float, step_s: float, rest_m: Array) -> dict[str, Any]:
+    backend = Mujoco(MujocoConfig(timestep_s=step_s, joint_damping=MUJOCO_DAMPING))
+    walls = [run_history(backend, chain, load_kg, step_s).wall_s for _ in range(ROUNDS)]
+    with backend.build(chain) as simulation:
+        drive(simulation, load_kg, step_s, 0.0, published.DURATION_S)
+        away = away_mm(simulation.markers(), rest_m)
+        now = published.DURATION_S
+        while away_mm(simulation.markers(), rest_m) > 0.1 and now < 10.0:
+            drive(simulation, load_kg, step_s, now, now + 0.1)
+            now += 0.1
+    wall = statistics.median(walls)
+    return {
+        "load_kg": load_kg,
+        "step_s": step_s,
+        "wall_s": wall,
+        "away_mm": away,
+        "within_s": now,
+        "wall_then_s": wall * now / published.DURATION_S,
+    }
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,54 @@
+"""The history of the published run in Pliant's engines, and how far from equilibrium it ends."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+
+import numpy as np
+from benchmarks.physics.helix import PRESSURE_PA, inputs
+from benchmarks.physics.published import DURATION_S, RAMP_S
+
+from pliant.interfaces.physics import PhysicsBackend, Simulation
+from pliant.mechanics.statics import ChainStatics, Loads
+from pliant.records.chain import ChainModel
+from pliant.records.design import Array
+
+
+@dataclass(frozen=True, eq=False)
+class Ended:
+    """Where a run ended, and the wall time of its steps; building is not counted."""
+
+    angles_rad: Array
+    markers_m: Array
+    wall_s: float
+
+
+def run_history(
+    backend: PhysicsBackend, chain: ChainModel, load_kg: float, step_s: float, duration_s: float = DURATION_S
+) -> Ended:
+    """1 s of pressure ramp, then hold, from the straight chain; the pressure is set anew every `step_s`."""
+    with backend.build(chain) as simulation:
+        wall_s = drive(simulation, load_kg, step_s, 0.0, duration_s)
+        return Ended(simulation.snapshot().position, simulation.markers(), wall_s)
+
+
+def drive(simulation: Simulation, load_kg: float, step_s: float, from_s: float, to_s: float) -> float:
+    """A part of the history; returns its wall time."""
+    start = time.perf_counter()
+    for k in range(round(from_s / step_s), round(to_s / step_s)):
+        pressure = PRESSURE_PA * min((k + 1) * step_s / RAMP_S, 1.0)
+        simulation.apply(inputs(load_kg, pressure))
+        simulation.step(step_s)
+    return time.perf_counter() - start
+
+
+def away_mm(markers_m: Array, equilibrium_m: Array) -> float:
+    """Largest distance of a marker from where it settles, mm."""
+    return 1e3 * float(np.linalg.norm(markers_m - equilibrium_m, axis=1).max())
+
+
+def residual_n_m(chain: ChainModel, angles_rad: Array, load_kg: float) -> float:
+    """Largest unbalanced effort of a state by the common statics, N·m."""
+    loads = Loads.of(chain, inputs(load_kg))
+    return float(np.abs(ChainStatics(chain).residual(angles_rad, loads)).max())

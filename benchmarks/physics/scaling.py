@@ -1,0 +1,152 @@
+"""How the engines scale: modules in a chain, and designs in a batch.
+
+    python -m benchmarks.physics.scaling      prints, and writes benchmarks/out/physics_scaling.json
+
+Helices of 8 to 256 modules of one size; the longer the chain, the less of its own weight it could carry, so
+gravity is scaled by (22 / N)³ above 22 modules and all chains curl alike. Times are of `apply` and `settle`.
+"""
+
+from __future__ import annotations
+
+import os
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+
+import statistics
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+from benchmarks.physics.helix import helix, helix_law, inputs, of_size
+from benchmarks.physics.output import write
+from benchmarks.physics.random_designs import random_cases
+
+from pliant.errors import UserError
+from pliant.interfaces.physics import Case, PhysicsBackend
+from pliant.records.chain import ChainModel
+from pliant_plugins.physics.mujoco.backend import Mujoco
+from pliant_plugins.physics.mujoco.config import MujocoConfig
+from pliant_plugins.physics.pybullet.backend import Pybullet
+from pliant_plugins.physics.pybullet.config import PybulletConfig
+from pliant_plugins.physics.quasistatic.backend import Quasistatic
+from pliant_plugins.physics.quasistatic.config import QuasistaticConfig
+
+MODULES = (8, 16, 32, 64, 128, 256)
+BATCHES = (1, 2, 8, 32, 128, 512)
+STUDY_MODULES = 22
+# An engine that took longer than this on a chain is not asked for the next, longer one.
+PATIENCE_S = 20.0
+
+
+def main() -> None:
+    """Both tables."""
+    chains = modules()
+    batches = designs()
+    write("physics_scaling", {"modules": chains, "designs": batches})
+
+
+def modules() -> list[dict[str, Any]]:
+    """Time to the settled state per engine and size, with the residual reached, or why there is none."""
+    engines: list[PhysicsBackend] = [
+        Quasistatic(QuasistaticConfig()),
+        Mujoco(MujocoConfig()),
+        Pybullet(PybulletConfig()),
+    ]
+    rows = []
+    print(f"{'modules':>7}  " + "".join(f"{engine.config.kind:>34}" for engine in engines))
+    given_up: set[str] = set()
+    for count in MODULES:
+        chain = _chain(count)
+        cells = []
+        for engine in engines:
+            kind = engine.config.kind
+            row = {"modules": count, "engine": kind}
+            row |= {"skipped": "took too long before"} if kind in given_up else _settle(engine, chain)
+            rows.append(row)
+            if row.get("wall_s", 0.0) > PATIENCE_S:
+                given_up.add(kind)
+            cells.append(_cell(row))
+        print(f"{count:7d}  " + "".join(f"{cell:>34}" for cell in cells), flush=True)
+    for row in rows:
+        if "refused" in row:
+            print(f"  {row['engine']}, {row['modules']} modules: {row['refused']}")
+    return rows
+
+
+def designs() -> list[dict[str, Any]]:
+    """Designs per second of `settle_batch`, the machine's cores against one."""
+    backend = Quasistatic(QuasistaticConfig())
+    cases = [case for case in random_cases(4 * max(BATCHES), seed=1) if 18 <= case.chain.n_joints <= 26]
+    while len(cases) < max(BATCHES):
+        cases += cases
+    backend.settle_batch(cases[:2])
+    cores = os.cpu_count() or 1
+    rows = []
+    print(f"designs of 18 to 26 modules; designs/s on 1 thread, on {cores}")
+    for count in BATCHES:
+        rates = {}
+        for threads in (1, cores):
+            with _cores(threads):
+                rates[threads] = _rate(backend, cases[:count])
+        rows.append({"designs": count, "per_s": {str(k): v for k, v in rates.items()}})
+        print(f"{count:7d}  " + "".join(f"{rate:10.0f}" for rate in rates.values()), flush=True)
+    return rows
+
+
+def _rate(backend: PhysicsBackend, cases: Sequence[Case]) -> float:
+    """Designs per second, building their models included; the best of five, because others use the cores too."""
+    times = []
+    for _ in range(5):
+        start = time.perf_counter()
+        backend.settle_batch(cases)
+        times.append(time.perf_counter() - start)
+    return len(cases) / min(times)
+
+
+def _chain(count: int) -> ChainModel:
+    chain = helix(helix_law(), of_size(count))
+    share = min(1.0, (STUDY_MODULES / count) ** 3)
+    return chain.with_(gravity_m_s2=share * np.asarray(chain.gravity_m_s2))
+
+
+def _settle(engine: PhysicsBackend, chain: ChainModel) -> dict[str, Any]:
+    times = []
+    try:
+        while len(times) < 5 and sum(times) < 2.0:
+            with engine.build(chain) as simulation:
+                start = time.perf_counter()
+                simulation.apply(inputs(0.0))
+                final = simulation.settle()
+                times.append(time.perf_counter() - start)
+    except UserError as error:
+        return {"refused": str(error)}
+    return {
+        "wall_s": statistics.median(times),
+        "residual_n_m": final.residual,
+        "converged": final.converged,
+        "iterations": final.iterations,
+    }
+
+
+def _cell(row: dict[str, Any]) -> str:
+    if "wall_s" not in row:
+        return "refused" if "refused" in row else row["skipped"]
+    verdict = "" if row["converged"] else "NOT CONVERGED "
+    return f"{verdict}{row['wall_s'] * 1e3:.2f} ms, {row['residual_n_m']:.0e} N·m"
+
+
+@contextmanager
+def _cores(count: int) -> Iterator[None]:
+    """Keep this process on so many cores; threads made meanwhile stay there."""
+    before = os.sched_getaffinity(0)
+    os.sched_setaffinity(0, set(sorted(before)[:count]))
+    try:
+        yield
+    finally:
+        os.sched_setaffinity(0, before)
+
+
+if __name__ == "__main__":
+    main()
