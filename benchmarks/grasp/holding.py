@@ -56,15 +56,21 @@ def main() -> None:
         extra = CREEP_SHARE * found.get(f"{name}_{kpa}_mujoco_{resolution:g}", 0.0)
         creeps = {
             "ours": creep_m_s(engine("mujoco"), chain, name, 1e3 * kpa, extra),
-            "MuJoCo's defaults": creep_m_s(engine("mujoco", **MUJOCO_DEFAULTS), chain, name, 1e3 * kpa, extra),
+            "MuJoCo's defaults": creep_m_s(
+                engine("mujoco", **MUJOCO_DEFAULTS), chain, name, 1e3 * kpa, extra
+            ),
         }
         found[f"creep_{name}_{kpa}"] = {"extra_kg": extra, "creep_m_s": creeps}
         texts = ", ".join(f"{which} {1e3 * value:.3f} mm/s" for which, value in creeps.items())
-        print(f"creep of the {name} at {kpa} kPa with {1e3 * extra:.0f} g: {texts} (to reach {1e3 * CREEP_M_S:g})")
+        print(
+            f"creep of the {name} at {kpa} kPa with {1e3 * extra:.0f} g: {texts} (to reach {1e3 * CREEP_M_S:g})"
+        )
     write("grasp_holding", found)
 
 
-def limit_kg(backend: PhysicsBackend, chain: ChainModel, name: str, pressure: float, within_kg: float) -> float:
+def limit_kg(
+    backend: PhysicsBackend, chain: ChainModel, name: str, pressure: float, within_kg: float
+) -> float:
     """Largest extra mass held; 0 where not even the object itself is."""
     low, high = 0.0, 0.02
     if not held(backend, chain, 0.0, object=name, pressure=pressure):
@@ -80,7 +86,9 @@ def limit_kg(backend: PhysicsBackend, chain: ChainModel, name: str, pressure: fl
     return low
 
 
-def creep_m_s(backend: PhysicsBackend, chain: ChainModel, name: str, pressure: float, extra_kg: float) -> float:
+def creep_m_s(
+    backend: PhysicsBackend, chain: ChainModel, name: str, pressure: float, extra_kg: float
+) -> float:
     """Speed at which a held object sinks, over the second half of a long hold."""
     task = grasp(
         object=name, pressure=pressure, extra_weights=1, weight_kg=extra_kg or 1e-6, final_time_s=2 * HOLD_S

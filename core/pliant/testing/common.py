@@ -18,7 +18,7 @@ from pliant.interfaces.material import Material, MaterialConfig
 from pliant.interfaces.optimizer import Optimizer, OptimizerConfig
 from pliant.interfaces.physics import PhysicsBackend, PhysicsConfig
 from pliant.interfaces.surrogate import Surrogate, SurrogateConfig
-from pliant.interfaces.task import Task, TaskConfig
+from pliant.interfaces.task import SceneTask, Task, TaskConfig
 from pliant.interfaces.viewer import Viewer, ViewerConfig
 from pliant.registry.files import FILE_MODULE
 from pliant.testing.suite import Subject, Suite, require
@@ -26,14 +26,14 @@ from pliant.units import UNIT_SUFFIXES, Quantity
 
 suite = Suite("common")
 
-BASES: dict[str, tuple[type[ComponentConfig], type[Any]]] = {
+BASES: dict[str, tuple[type[ComponentConfig], type[Any] | tuple[type[Any], ...]]] = {
     "family": (FamilyConfig, ActuatorFamily),
     "material": (MaterialConfig, Material),
     "fem": (FemConfig, FEMBackend),
     "surrogate": (SurrogateConfig, Surrogate),
     "effect": (EffectConfig, Effect),
     "physics": (PhysicsConfig, PhysicsBackend),
-    "task": (TaskConfig, Task),
+    "task": (TaskConfig, (Task, SceneTask)),
     "optimizer": (OptimizerConfig, Optimizer),
     "viewer": (ViewerConfig, Viewer),
 }
@@ -161,9 +161,10 @@ def _import_of(module: str) -> str:
 
 @suite.check("the implementation is a concrete subclass of its interface, built by `Class(config)`.")
 def implementation_fills_the_interface(subject: Subject) -> None:
-    _, base = BASES[subject.component.interface]
+    bases = _implementations(subject)
     built = subject.build()
-    require(isinstance(built, base), f"{type(built).__name__} does not subclass {base.__name__}")
+    names = " or ".join(base.__name__ for base in bases)
+    require(isinstance(built, bases), f"{type(built).__name__} does not subclass {names}")
     require(
         getattr(built, "config", None) is not None,
         f"{type(built).__name__} has no `config`: call super().__init__(config)",
@@ -187,10 +188,16 @@ def building_leaves_the_config_alone(subject: Subject) -> None:
 def describes_itself(subject: Subject) -> None:
     summary = subject.component.summary
     require(summary.strip() and "\n" not in summary, f"the summary is {summary!r}, not one line")
-    bases = BASES[subject.component.interface]
-    for thing, base in zip((subject.model, type(subject.build())), bases, strict=True):
+    inherited = {base.__doc__ for base in (BASES[subject.component.interface][0], *_implementations(subject))}
+    for thing in (subject.model, type(subject.build())):
         own = thing.__dict__.get("__doc__")
-        require(own and own != base.__doc__, f"{thing.__name__} has no docstring of its own")
+        require(own and own not in inherited, f"{thing.__name__} has no docstring of its own")
+
+
+def _implementations(subject: Subject) -> tuple[type[Any], ...]:
+    """The classes of which a component's implementation subclasses one."""
+    base = BASES[subject.component.interface][1]
+    return base if isinstance(base, tuple) else (base,)
 
 
 def _fields(model: type[BaseModel]) -> Iterator[tuple[str, Any, tuple[Any, ...]]]:

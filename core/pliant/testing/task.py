@@ -1,4 +1,4 @@
-"""Checks of a `Task`, run on a small chain in the stand-in engine."""
+"""Checks of a `Task` or `SceneTask`, run on a small chain in the stand-in engines."""
 
 from __future__ import annotations
 
@@ -10,14 +10,17 @@ from typing import Any
 
 import numpy as np
 
-from pliant.interfaces.task import Task
+from pliant.interfaces.task import SceneTask, Task
 from pliant.records.chain import ChainModel
 from pliant.records.rollout import Equilibrium, TaskResult
+from pliant.records.scene import Scene
+from pliant.records.shape import Shape
 from pliant.store.codec import encode
 from pliant.testing.physics_bench import chain_numbers
 from pliant.testing.samples import linear_law, sample_chain
+from pliant.testing.scene_stand_in import StandInScene
 from pliant.testing.stand_ins import StandIn, StandInConfig, StandInSimulation
-from pliant.testing.suite import Subject, Suite, require, require_close
+from pliant.testing.suite import CheckSkipped, Subject, Suite, require, require_close
 
 suite = Suite("task")
 UNITS = r"m|rad|n|n_m|pa|s|j|kg|w|c|hz|k|m_s|rad_s|m_s2|n_m_rad|n_per_m"
@@ -27,17 +30,23 @@ NAME = re.compile(rf"([a-z][a-z0-9_]*_)?({UNITS}|{DIMENSIONLESS})")
 
 
 def _chain(subject: Subject, modules: int = 3) -> ChainModel:
-    """A chain that takes pressure, or a tendon's force where the task gives no pressure."""
-    names = type(subject.build().config).model_fields
+    """A chain that takes pressure, or a tendon's force where the task gives no pressure; round where it may touch."""
+    task = subject.build()
+    if isinstance(task, SceneTask):
+        ball = Shape("sphere", (4e-3,), np.zeros(3), np.eye(3))
+        return sample_chain(modules=modules).with_(shapes=((ball,),) * (modules + 1))
+    names = type(task.config).model_fields
     if "tendon_force_n" not in names or "pressure_pa" in names:
         return sample_chain(modules=modules)
     law = replace(linear_law(gain=1.5e-3), actuation_name="tendon_force_n")
     return sample_chain(law, modules=modules)
 
 
-def _run(subject: Subject, simulation: type[StandInSimulation] | None = None) -> TaskResult:
-    task: Task = subject.build()
-    chain = task.prepare(_chain(subject))
+def _run(subject: Subject, simulation: type[StandInSimulation] | None = None, modules: int = 3) -> TaskResult:
+    task: Task | SceneTask = subject.build()
+    chain = task.prepare(_chain(subject, modules))
+    if isinstance(task, SceneTask):
+        return task.run(chain, StandInScene)
     with (simulation or StandIn(StandInConfig()).build)(chain) as built:
         return task.run(built)
 
@@ -71,6 +80,42 @@ def prepare_leaves_the_chain_alone(subject: Subject) -> None:
         "prepare changed the chain in place; use chain.with_(...)",
     )
     require(prepared.n_joints == chain.n_joints, "prepare changed the number of joints")
+
+
+@suite.check("`scene` puts copies of the chain into a `Scene` and leaves the chain alone.")
+def makes_a_scene(subject: Subject) -> None:
+    task = subject.build()
+    if not isinstance(task, SceneTask):
+        raise CheckSkipped("a task without contact has no scene")
+    chain = task.prepare(_chain(subject))
+    before = chain_numbers(chain)
+    scene = task.scene(chain)
+    require(isinstance(scene, Scene), f"scene returned {scene!r}, no Scene: a forgotten return?")
+    require(len(scene.arms) > 0, "the scene has no arms")
+    require(
+        np.array_equal(before, chain_numbers(chain)), "scene changed the chain in place; use chain.with_(...)"
+    )
+    joints = [arm.chain.n_joints for arm in scene.arms]
+    require(set(joints) == {chain.n_joints}, f"the chain has {chain.n_joints} joints, the arms have {joints}")
+
+
+@suite.check(
+    "a task with contact leaves frames of its motion: a time, a carriage and joint coordinates of each arm."
+)
+def leaves_frames(subject: Subject) -> None:
+    if not isinstance(subject.build(), SceneTask):
+        raise CheckSkipped("a task without contact leaves a rollout instead")
+    frames = _result(subject).frames
+    require(frames is not None, "the result has no frames: SceneFrames.of(states) of the first trial")
+    assert frames is not None
+    t = len(frames.time_s)
+    require(t > 1 and np.all(np.diff(frames.time_s) > 0), f"time_s of the {t} frames does not increase")
+    shapes = {
+        frames.carriage_m.shape[0],
+        *(q.shape[0] for q in frames.coordinates),
+        frames.positions_m.shape[0],
+    }
+    require(shapes == {t}, f"for {t} times the frames' arrays have {shapes} rows")
 
 
 @suite.check("`run` gives a `TaskResult` whose `final` is the settled chain, with markers base, joints, tip.")
@@ -120,6 +165,8 @@ def metrics_are_finite(subject: Subject) -> None:
         for leaf, number in _leaves(name, value):
             if isinstance(number, float | int | np.number):
                 require(np.isfinite(number), f"metric '{leaf}' is {number}")
+    if isinstance(subject.build(), SceneTask):  # contact forces are not in its residual
+        result = replace(result, final=replace(result.final, residual=0.0))
     json.dumps(encode(result, {}), allow_nan=False)
 
 
@@ -138,9 +185,7 @@ def is_deterministic(subject: Subject) -> None:
 
 @suite.check("the task runs on any number of modules.")
 def runs_on_one_joint(subject: Subject) -> None:
-    task: Task = subject.build()
-    with StandIn(StandInConfig()).build(task.prepare(_chain(subject, 1))) as simulation:
-        result = task.run(simulation)
+    result = _run(subject, modules=1)
     require(
         result.final.markers_m.shape == (3, 3),
         f"markers of one joint have shape {result.final.markers_m.shape}",
@@ -149,6 +194,8 @@ def runs_on_one_joint(subject: Subject) -> None:
 
 @suite.check("a chain that did not settle is not called settled: `final.converged` is the engine's.")
 def passes_on_that_it_did_not_converge(subject: Subject) -> None:
+    if isinstance(subject.build(), SceneTask):
+        raise CheckSkipped("a task with contact does not settle")
     result = _run(subject, _NeverSettles)
     require(not result.final.converged, "the engine did not converge, the task says that it did")
 

@@ -6,9 +6,10 @@ from typing import Any, Literal
 import numpy as np
 
 from pliant.interfaces.physics import Simulation
-from pliant.interfaces.task import Task, TaskConfig
+from pliant.interfaces.task import SceneEngine, SceneTask, Task, TaskConfig
 from pliant.records.chain import ChainModel
-from pliant.records.rollout import Inputs, Rollout, TaskResult
+from pliant.records.rollout import Equilibrium, Inputs, Rollout, TaskResult
+from pliant.records.scene import Arm, Scene, SceneFrames
 from pliant.registry.component import Component
 from pliant.units import Mass, Pressure
 from spoiled import Spoils
@@ -128,3 +129,37 @@ class ForgetsTheTip(Measured):
     def changed(self, result: TaskResult) -> TaskResult:
         assert result.rollout is not None
         return replace(result, rollout=replace(result.rollout, markers_m=result.rollout.markers_m[:, 1:-1]))
+
+
+class Squeeze(SceneTask):
+    """One arm, actuated for a moment: a good task with contact, but for what its subclasses spoil."""
+
+    config: HoldConfig
+
+    def scene(self, chain: ChainModel) -> Scene:
+        return Scene(arms=(Arm(chain),))
+
+    def run(self, chain: ChainModel, engine: SceneEngine) -> TaskResult:
+        with engine(Scene(arms=(Arm(chain),))) as simulation:
+            states = [simulation.snapshot()]
+            simulation.apply([Inputs({"pressure_pa": self.config.pressure_pa})])
+            simulation.step(0.1)
+            states.append(simulation.snapshot())
+            final = Equilibrium(states[-1].coordinates[0], simulation.markers(0), 0.0, True, None, 1, 0.0)
+        return TaskResult(final, {"time_s": 0.1}, None, SceneFrames.of(states))
+
+
+@spoils.by("makes_a_scene", "the scene has no arms")
+class Armless(Squeeze):
+    """Forgets the robot."""
+
+    def scene(self, chain: ChainModel) -> Scene:
+        return Scene(arms=())
+
+
+@spoils.by("leaves_frames", "the result has no frames")
+class Unseen(Squeeze):
+    """Keeps no motion."""
+
+    def run(self, chain: ChainModel, engine: SceneEngine) -> TaskResult:
+        return replace(super().run(chain, engine), frames=None)

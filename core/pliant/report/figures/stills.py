@@ -61,7 +61,9 @@ def outline(shape: Shape) -> Array:
     if shape.kind == "mesh" and shape.mesh is not None:
         local = shape.mesh.vertices_m
     elif shape.kind == "box":
-        local = np.stack(np.meshgrid(*[[-1.0, 1.0]] * 3, indexing="ij"), axis=-1).reshape(-1, 3) * shape.size_m
+        local = (
+            np.stack(np.meshgrid(*[[-1.0, 1.0]] * 3, indexing="ij"), axis=-1).reshape(-1, 3) * shape.size_m
+        )
     elif shape.kind == "cylinder":
         radius, half = shape.size_m
         ring = radius * _circle()
