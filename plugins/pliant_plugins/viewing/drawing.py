@@ -223,10 +223,10 @@ def _surroundings(spec: mujoco.MjSpec, floor_m: float, square_m: float, centre: 
 
 
 def _add_sliders(spec: mujoco.MjSpec, sliders: Mapping[str, tuple[float, float]]) -> None:
-    """A control per slider; each needs something to act on: a ball without size that is never simulated."""
+    """A control per slider; each needs something to act on: a body without shape that is never simulated."""
     for name, limits in sliders.items():
         dummy = spec.worldbody.add_body(name=f"slider {name}", gravcomp=1.0)
-        dummy.add_geom(type=GEOMS["sphere"], size=[1e-6, 0, 0], rgba=[0, 0, 0, 0], mass=1e-6)
+        dummy.mass, dummy.inertia, dummy.explicitinertial = 1.0, [1.0, 1.0, 1.0], True
         dummy.add_joint(name=name, type=mujoco.mjtJoint.mjJNT_SLIDE)
         control = spec.add_actuator(name=name, target=name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
         control.ctrllimited, control.ctrlrange = True, limits
