@@ -60,7 +60,7 @@ def engine_table(run: FinishedRun) -> Table | None:
 def metrics_table(run: FinishedRun) -> Table | None:
     """The task's metrics, one column per engine."""
     engines = ran(run)
-    names = list(dict.fromkeys(name for e in engines for name in e.result.metrics))
+    names = list(dict.fromkeys(name for e in engines for name in e.result.metrics if name != "note"))
     if not names:
         return None
     rows = []
@@ -180,9 +180,22 @@ def _residual(engine: Ran, run: FinishedRun) -> str:
 
 
 def _metric(value: Any, unit: units.Unit) -> str:
+    if isinstance(value, list | tuple):
+        return _listed(value, unit)
+    if isinstance(value, Mapping):
+        if any(isinstance(item, list | tuple) for item in value.values()):
+            return "in run.json"
+        return ", ".join(f"{key} {_metric(item, unit)}" for key, item in value.items())
     if isinstance(value, bool) or not isinstance(value, int | float):
         return "–" if value is None else str(value)
     return units.number(value * unit.factor if unit.name else value, 6)
+
+
+def _listed(values: Sequence[Any], unit: units.Unit) -> str:
+    """A short list of numbers; points stand in pictures and in run.json."""
+    if any(isinstance(value, list | tuple) for value in values):
+        return f"{len(values)} entries, in run.json"
+    return ", ".join(_metric(value, unit) for value in values)
 
 
 def _ratio(wall_s: float, base: float) -> str:

@@ -111,6 +111,8 @@ def read_folder(folder: Path, registry: Registry) -> FinishedRun:
     try:
         index = json.loads((folder / "run.json").read_text())
         study = json.loads((folder / "study.json").read_text())
+        if not isinstance(study, dict) or "name" not in study:
+            raise ValueError("study.json holds no study")
         artifacts = {name: load_artifact(folder / "data" / name) for name in index["artifacts"]}
         designs = _read_designs(folder, index, artifacts, study, registry)
         engines = tuple(

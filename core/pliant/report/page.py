@@ -12,10 +12,13 @@ from pliant.report.facts import (
     provenance_table,
     time_tables,
 )
+from pliant.report.figures.backbones import backbone_picture
+from pliant.report.figures.backbones import caption as backbone_caption
 from pliant.report.figures.chain_pose import chain_pose
 from pliant.report.figures.finger import finger_picture
 from pliant.report.figures.law import law_picture
 from pliant.report.figures.module_shape import can_show, module_shape
+from pliant.report.figures.stills import still_pictures
 from pliant.report.folder import FinishedRun
 from pliant.report.layout import Page, Picture, Section
 from pliant.report.reading import ran
@@ -97,11 +100,30 @@ def _law_caption(run: FinishedRun, number: int) -> str:
 def _poses(run: FinishedRun) -> Section | None:
     if not ran(run):
         return None
+    if ran(run)[0].result.stills:
+        return _stills(run)
     caption = "Markers are base, joints and tip, at equal scales; faint lines are levels of the actuation."
     tables = [t for t in (engine_table(run), metrics_table(run)) if t is not None]
-    return Section(
-        "The finger in the engines", (Picture("chain_pose", caption, chain_pose(run)),), tuple(tables)
+    first = ran(run)[0].result
+    curves = backbone_picture(first)
+    measured = [Picture("backbones", backbone_caption(first), curves)] if curves is not None else []
+    pictures = (Picture("chain_pose", caption, chain_pose(run)), *measured)
+    return Section("The finger in the engines", pictures, tuple(tables))
+
+
+def _stills(run: FinishedRun) -> Section:
+    """A task with contact: outlines of its scene, and its metrics."""
+    pictures = tuple(
+        Picture(
+            _numbered("stills", number),
+            f"{engine.kind}: outlines of what collides, from the side and from above; the first trial.",
+            still_pictures(engine.result.stills),
+        )
+        for number, engine in enumerate(ran(run))
     )
+    table = metrics_table(run)
+    notes = dict.fromkeys(str(e.result.metrics["note"]) for e in ran(run) if "note" in e.result.metrics)
+    return Section("The scene in the engines", pictures, (table,) if table else (), " ".join(notes))
 
 
 def _tables(run: FinishedRun) -> list[Section]:

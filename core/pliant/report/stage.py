@@ -15,7 +15,7 @@ from pliant.store.fingerprint import versions
 from pliant.store.store import write_atomically, writing_in
 
 # Pictures of every page; those that a page no longer has are taken away.
-NAMES = {"finger", "module_shape", "law", "chain_pose"}
+NAMES = {"finger", "module_shape", "law", "chain_pose", "backbones", "stills"}
 NAMES |= {"runs", "where", "loops", "map", "steps"}
 NAMES |= {"hypotheses", "changes", "depends", "repeats"}
 NUMBERED = re.compile(r"_\d+$")

@@ -60,6 +60,8 @@ def _bend(run: FinishedRun) -> str:
     if not engines:
         return f"a joint law of one module, no chain simulated ({run.study.get('name', 'study')})"
     final = engines[0].result.final
+    if engines[0].result.stills:
+        return grasp_words(engines[0], actuation(run))
     joints = final.joint_angles
     at = f" at {units.of_actuation(given[0]).text(given[1])}" if given else ""
     load = payload_kg(run)
@@ -77,8 +79,21 @@ def _bend(run: FinishedRun) -> str:
     return f"{name} {verb} {size}{at}{under}"
 
 
+def grasp_words(engine: Ran, given: tuple[str, float] | None) -> str:
+    """A task with contact: how the grasp went."""
+    measured = engine.result.metrics
+    at = f" at {units.of_actuation(given[0]).text(given[1])}" if given else ""
+    mode, rise, share = (measured.get(name) for name in ("mode", "z_end_m", "success_share"))
+    parts = [f"the grasp{at} is '{mode}'" if mode else f"the scene was simulated{at}"]
+    if rise is not None:
+        parts.append(f"the object ends {units.MILLIMETRES.text(float(rise), 3)} above its place")
+    if share is not None and "trials" in measured:
+        parts.append(f"{100 * float(share):.0f} % of {len(measured['trials']['mode'])} trials hold it")
+    return ", ".join(parts)
+
+
 def _agreement(engines: list[Ran]) -> str:
-    if len(engines) < 2:
+    if len(engines) < 2 or engines[0].result.stills:
         return ""
     worst = max(float(d.max()) for d in distances_m(engines))
     numbers = {2: "two", 3: "three", 4: "four"}
@@ -106,6 +121,8 @@ def _engine_warnings(engine: Ran, run: FinishedRun) -> list[Warned]:
         found.append(
             Warned(f"{engine.kind} settled in an unstable equilibrium: the energy has no minimum there.")
         )
+    if engine.result.not_reached:
+        found.append(Warned(f"{engine.kind}: {engine.result.not_reached}"))
     if final.outside_domain:
         p_unit, u_unit = units.of_actuation(law.actuation_name), units.of_deformation(law)
         entries = sorted(final.outside_domain, key=lambda e: -abs(e.excess))

@@ -12,6 +12,8 @@ from pliant.errors import UserError
 from pliant.mechanics.rotations import exp_map
 from pliant.records.design import Array
 
+# Points of a curve that are kept for pictures.
+DRAWN = 61
 COLUMNS = ("x_m", "y_m", "z_m")
 
 

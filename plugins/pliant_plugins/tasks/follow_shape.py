@@ -20,9 +20,6 @@ from pliant_plugins.tasks.levels import as_list
 from pliant_plugins.tasks.measures import backbone
 from pliant_plugins.tasks.ramp import DriveConfig, ramp
 
-# Points of both curves that are kept for pictures.
-DRAWN = 61
-
 
 class TargetConfig(FrozenModel):
     """A helix that starts at the base and runs along the base's axis, or a CSV of points in the base's frame."""
@@ -84,14 +81,14 @@ class FollowShape(Task):
         points = curves.resampled((line - origin) @ frame, self.config.samples)
         roll = curves.best_roll(points, self.target) if self.config.alignment == "roll" else 0.0
         target = curves.rolled(self.target, roll)
-        world = curves.resampled(origin + target @ frame.T, DRAWN)
+        world = curves.resampled(origin + target @ frame.T, curves.DRAWN)
         metrics = {
             **result.metrics,
             **asdict(curves.Distances.between(points, target)),
             "roll_rad": roll,
             "backbone_length_m": curves.length_m(line),
             "target_length_m": curves.length_m(self.config.target.curve()),
-            "backbone_points_m": as_list(curves.resampled(line, DRAWN)),
+            "backbone_points_m": as_list(curves.resampled(line, curves.DRAWN)),
             "target_points_m": as_list(world),
         }
         return replace(result, metrics=metrics)

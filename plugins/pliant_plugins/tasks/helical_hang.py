@@ -13,8 +13,9 @@ from pliant.interfaces.task import Task
 from pliant.records.chain import GRAVITY_M_S2
 from pliant.records.rollout import Inputs, TaskResult
 from pliant.units import Mass
+from pliant_plugins.tasks.curves import DRAWN, resampled
 from pliant_plugins.tasks.levels import Level, as_list, result_of, settle_levels, why_not_held
-from pliant_plugins.tasks.measures import ring_positions
+from pliant_plugins.tasks.measures import backbone, ring_positions
 from pliant_plugins.tasks.ramp import DriveConfig, ramp_levels
 
 
@@ -50,12 +51,14 @@ class HelicalHang(Task):
         result = result_of(chain, levels, found, asked=range(first, len(levels)))
         hung = found[first:]
         rings = np.array([ring_positions(chain, one.joint_angles) for one in hung])
+        lines = np.array([resampled(backbone(chain, one.joint_angles), DRAWN) for one in hung])
         held = [load for load, one in zip(config.loads_kg, hung, strict=True) if not why_not_held(chain, one)]
         metrics = {
             **result.metrics,
             "loads_kg": list(config.loads_kg),
             "tips_m": as_list(np.array([one.tip_m for one in hung])),
             "rings_m": as_list(rings),
+            "backbone_points_m": as_list(lines),
             "converged": [one.converged for one in hung],
             "held_kg": max(held, default=None),
         }
