@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from threading import Lock
 from typing import Any, TypeVar
 
 from pliant.records.chain import ChainModel
@@ -18,6 +19,7 @@ class Packs:
 
     def __init__(self) -> None:
         self._kept: dict[tuple[Any, ...], tuple[ChainModel, Any]] = {}
+        self._lock = Lock()
 
     def laws(self, chain: ChainModel) -> CompiledLaws | None:
         """See `CompiledLaws.of`; loads, payload and pose of a chain do not matter."""
@@ -39,9 +41,11 @@ class Packs:
     def _keep(self, key: tuple[Any, ...], chain: ChainModel, make: Callable[[ChainModel], Packed]) -> Packed:
         found = self._kept.get(key)
         if found is None:
-            while len(self._kept) >= MOST_PACKS:
-                self._kept.pop(next(iter(self._kept)), None)
             # The chain is kept: the identities of its parts stay their own.
-            found = self._kept[key] = (chain, make(chain))
+            found = (chain, make(chain))
+            with self._lock:
+                while len(self._kept) >= MOST_PACKS:
+                    self._kept.pop(next(iter(self._kept)))
+                self._kept[key] = found
         packed: Packed = found[1]
         return packed
