@@ -36,25 +36,33 @@ class PublishedRun:
     wall_s: float
 
 
-def run(chain: ChainModel, efforts: Efforts, load_kg: float, motor_n_m: float = MOTOR_N_M) -> PublishedRun:
+def run(
+    chain: ChainModel, efforts: Efforts, load_kg: float, motor_n_m: float = MOTOR_N_M, step_s: float = STEP_S
+) -> PublishedRun:
     """1 s of pressure ramp and 1 s of hold from the straight chain."""
     import pybullet
 
     client = pybullet.connect(pybullet.DIRECT)
     try:
-        return _run(pybullet, client, chain, efforts, load_kg, motor_n_m)
+        return _run(pybullet, client, chain, efforts, load_kg, motor_n_m, step_s)
     finally:
         pybullet.disconnect(client)
 
 
 def _run(
-    bullet: Any, client: int, chain: ChainModel, efforts: Efforts, load_kg: float, motor_n_m: float
+    bullet: Any,
+    client: int,
+    chain: ChainModel,
+    efforts: Efforts,
+    load_kg: float,
+    motor_n_m: float,
+    step_s: float,
 ) -> PublishedRun:
     body = _load(bullet, client, chain)
     joints = list(range(chain.n_joints))
     tip = chain.n_joints
     bullet.setGravity(*[float(g) for g in chain.gravity_m_s2], physicsClientId=client)
-    bullet.setTimeStep(STEP_S, physicsClientId=client)
+    bullet.setTimeStep(step_s, physicsClientId=client)
     for joint in joints:
         bullet.setJointMotorControlMultiDof(
             body,
@@ -69,8 +77,8 @@ def _run(
         )
     weight = [0.0, 0.0, -load_kg * float(np.linalg.norm(chain.gravity_m_s2))]
     start = time.perf_counter()
-    for k in range(round(DURATION_S / STEP_S)):
-        pressure = PRESSURE_PA * min(k * STEP_S / RAMP_S, 1.0)
+    for k in range(round(DURATION_S / step_s)):
+        pressure = PRESSURE_PA * min(k * step_s / RAMP_S, 1.0)
         states = bullet.getJointStatesMultiDof(body, joints, physicsClientId=client)
         torque = efforts(pressure, rotation_vectors(np.array([state[0] for state in states])))
         bullet.setJointMotorControlMultiDofArray(

@@ -1,0 +1,110 @@
+"""Step size and damping against the distance from equilibrium after the 2 s run: the study's ablation.
+
+    python -m benchmarks.physics.ablation      prints, and writes benchmarks/out/physics_ablation.json
+
+The helix with 20 g at the tip, 1 s of ramp and 1 s of hold. MuJoCo over steps of 1 to 50 ms and viscous damping of
+the joints; the published formulation over steps around its 1/2400 s and friction of its motors.
+"""
+
+from __future__ import annotations
+
+import os
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+
+import warnings
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+from benchmarks.physics import published
+from benchmarks.physics.helix import helix, helix_law, inputs
+from benchmarks.physics.histories import Ended, away_mm, run_history
+from benchmarks.physics.output import write
+
+from pliant.records.chain import ChainModel
+from pliant.records.design import Array
+from pliant_plugins.physics.mujoco.backend import Mujoco
+from pliant_plugins.physics.mujoco.config import MujocoConfig
+from pliant_plugins.physics.quasistatic.backend import Quasistatic
+from pliant_plugins.physics.quasistatic.config import QuasistaticConfig
+
+LOAD_KG = 0.020
+STEPS_S = (1e-3, 2e-3, 5e-3, 10e-3, 20e-3, 50e-3)
+DAMPINGS = (1e-4, 3e-4, 1e-3, 3e-3)
+PUBLISHED_STEPS_S = (1 / 2400, 1 / 1200, 1 / 480)
+MOTORS_N_M = (3e-5, 1e-4, 1e-3)
+# Further from equilibrium than the helix is long: the motion has no bound.
+LOST_MM = 120.0
+
+
+def main() -> None:
+    """Both tables."""
+    law = helix_law()
+    chain = helix(law)
+    with Quasistatic(QuasistaticConfig()).build(chain) as still:
+        still.apply(inputs(LOAD_KG))
+        rest = still.settle().markers_m
+
+    def polynomial(pressure_pa: float, angles_rad: Array) -> Array:
+        return law.evaluate(np.full(len(angles_rad), pressure_pa), angles_rad).tau
+
+    mujoco = table(
+        "mujoco: joint damping, N·m·s/rad", STEPS_S, DAMPINGS, rest, lambda step, c: _mujoco(chain, step, c)
+    )
+    script = table(
+        "published formulation: friction of the motors, N·m",
+        PUBLISHED_STEPS_S,
+        MOTORS_N_M,
+        rest,
+        lambda step, motor: _script(chain, polynomial, step, motor),
+    )
+    write("physics_ablation", {"load_kg": LOAD_KG, "mujoco": mujoco, "published": script})
+
+
+def table(
+    title: str,
+    steps: Sequence[float],
+    dampings: Sequence[float],
+    rest_m: Array,
+    run: Callable[[float, float], Ended],
+) -> list[dict[str, Any]]:
+    """Distance from equilibrium and wall time, a row per step size, a column per damping."""
+    print(f"{title}; mm from equilibrium after 2 s (wall time in ms)")
+    print(f"{'step, ms':>9} " + "".join(f"{damping:>18.0e}" for damping in dampings))
+    rows = []
+    for step in steps:
+        cells = []
+        for damping in dampings:
+            end = run(step, damping)
+            away = away_mm(end.markers_m, rest_m)
+            bounded = bool(np.isfinite(away)) and away < LOST_MM
+            rows.append(
+                {
+                    "step_s": step,
+                    "damping": damping,
+                    "away_mm": away if bounded else None,
+                    "wall_s": end.wall_s,
+                }
+            )
+            cells.append(f"{away:9.3f}" if bounded else f"{'diverged':>9}")
+            cells.append(f" ({1e3 * end.wall_s:6.1f})")
+        print(f"{1e3 * step:9.2f} " + "".join(cells), flush=True)
+    return rows
+
+
+def _mujoco(chain: ChainModel, step_s: float, damping: float) -> Ended:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # that a motion diverged is what the table says
+        return run_history(
+            Mujoco(MujocoConfig(timestep_s=step_s, joint_damping=damping)), chain, LOAD_KG, step_s
+        )
+
+
+def _script(chain: ChainModel, efforts: published.Efforts, step_s: float, motor_n_m: float) -> Ended:
+    done = published.run(chain, efforts, LOAD_KG, motor_n_m, step_s)
+    return Ended(done.angles_rad, done.markers_m, done.wall_s)
+
+
+if __name__ == "__main__":
+    main()
