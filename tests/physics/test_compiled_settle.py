@@ -14,6 +14,7 @@ from pliant.records.chain import ChainModel, default_base_rotation
 from pliant.records.design import Array
 from pliant.records.law import Domain, Effort, ScalarLaw
 from pliant.records.rollout import Cord, Equilibrium, Inputs, PointForce
+from pliant_plugins.physics.compiled.equilibrium import settle
 from pliant_plugins.physics.quasistatic.backend import Quasistatic, QuasistaticSimulation
 from pliant_plugins.physics.quasistatic.config import QuasistaticConfig
 
@@ -144,6 +145,15 @@ def test_a_second_settle_starts_from_the_first() -> None:
     again = settled(simulation, inputs)
     assert again.iterations == 0
     np.testing.assert_array_equal(first.joint_angles, again.joint_angles)
+
+
+def test_one_compiled_form_serves_all_chains() -> None:
+    """Another type of argument would be another half minute of compiling."""
+    for chain in chains().values():
+        odd = np.asfortranarray(chain.base_rotation)
+        odd.setflags(write=False)
+        settled(BACKEND.build(chain.with_(base_rotation=odd)), Inputs({"pressure_pa": 5e3}))
+    assert len(settle.signatures) == 1
 
 
 def test_compiled_code_is_much_faster() -> None:

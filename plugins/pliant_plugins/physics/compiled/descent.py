@@ -84,32 +84,43 @@ def _leave_saddle(chain, q, mode, length, frame):  # type: ignore[no-untyped-def
 
 
 @njit(cache=True, nogil=True)
-def _search(chain, q, step, share, positive, norm, frame):  # type: ignore[no-untyped-def]
-    """Moves q along the step (n, a), the `share` of a whole one, or less far; returns residual, norm, moved or not."""
+def _search(chain, q, step, share, positive, norm, above, frame):  # type: ignore[no-untyped-def]
+    """Moves q along the step (n, a), the `share` of a whole one, or less far.
+
+    `above` is the potential at q, or no number where nobody has needed it yet.
+
+    Returns:
+        largest residual, its norm, potential (or no number) where it ends; whether the step helped.
+    """
     body, laws, loads = chain
     slope = np.sum(frame[9] * step)
     start = q.copy()
     q += step
     size, reached = balance(body, laws, loads, q, frame)
     if positive and reached <= (1.0 - 0.1 * share) * norm:
-        return size, reached, True
+        return size, reached, np.nan, True
     whole = reached
     below = potential(body, laws, loads, q, frame) if np.isfinite(reached) else np.inf
-    place(body, start, frame)
-    above = potential(body, laws, loads, start, frame)
+    moved = False
+    if np.isnan(above):
+        place(body, start, frame)
+        above = potential(body, laws, loads, start, frame)
+        moved = True
     rounding = 1e-14 * max(abs(above), 1e-12)
     part = 1.0
     for _ in range(MAX_HALVINGS):
         if above - below >= SUFFICIENT_DECREASE * part * slope - rounding:
-            size, reached = balance(body, laws, loads, q, frame)
-            return size, reached, True
+            if moved:
+                size, reached = balance(body, laws, loads, q, frame)
+            return size, reached, below, True
         part *= 0.5
         q[:] = start + part * step
         place(body, q, frame)
         below = potential(body, laws, loads, q, frame)
+        moved = True
     q[:] = start + step if whole < norm else start
     size, reached = balance(body, laws, loads, q, frame)
-    return size, reached, whole < norm
+    return size, reached, np.nan, whole < norm
 
 
 @njit(cache=True, nogil=True)
@@ -128,6 +139,7 @@ def descend(chain, q, frame, parts, options):  # type: ignore[no-untyped-def]
     tolerance, max_iterations, max_step = options
     body, laws, loads = chain
     size, norm = balance(body, laws, loads, q, frame)
+    energy = np.nan
     for iteration in range(max_iterations + 1):
         if not np.isfinite(size):
             return False, False, size, iteration
@@ -142,6 +154,7 @@ def descend(chain, q, frame, parts, options):  # type: ignore[no-untyped-def]
             if iteration < max_iterations:
                 _leave_saddle(chain, q, mode, PUSH * max_step, frame)
                 size, norm = balance(body, laws, loads, q, frame)
+                energy = np.nan
             continue
         if iteration == max_iterations:
             return False, positive, size, iteration
@@ -154,7 +167,7 @@ def descend(chain, q, frame, parts, options):  # type: ignore[no-untyped-def]
             solve_chain(parts, step)
         share = min(1.0, max_step / _largest(step))
         moved = (share * step).reshape(q.shape)
-        size, norm, helped = _search(chain, q, moved, share, positive, norm, frame)
+        size, norm, energy, helped = _search(chain, q, moved, share, positive, norm, energy, frame)
         if not helped:
             return False, positive, size, iteration + 1
     return False, False, size, max_iterations
