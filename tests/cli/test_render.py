@@ -1,0 +1,173 @@
+"""`pliant render` and `pliant view`: files whole or not at all, wrong input told before anything is computed."""
+
+import json
+import shutil
+
+import numpy as np
+import pytest
+
+pytest.importorskip("mujoco")
+from PIL import Image
+
+from pliant.errors import MissingDependencyError
+from pliant.report import films
+
+STATED = """\
+pliant: 1
+name: stated
+surrogate:
+  kind: polynomial
+  form: study
+  odd: true
+  coefficients: {k_n: 1.637e-6, m_a: -1.704e-6, b_a: 0, m_e: 0.1012, b_e: 0.0245}
+chain: {modules: 8, module_length: 11 mm, module_radius: 6 mm, gravity: [0, 0, 0]}
+physics: quasistatic
+task: {kind: free_bending, pressure: 15 kPa}
+"""
+SMALL = ("--size", "96x64")
+
+
+@pytest.fixture
+def study(write):
+    return write(STATED)
+
+
+def drawn(call):
+    """The call's result, or a skip where this machine has no OpenGL."""
+    if call.code == 2 and "OpenGL" in call.err:
+        pytest.skip(call.err)
+    return call
+
+
+def test_a_picture(pliant, study, read):
+    call = drawn(pliant("render", study, "--out", "tip.png", *SMALL, "--camera", "front", "--json", "r.json"))
+    assert call.code == 0
+    assert "written  tip.png" in call.out
+    assert Image.open("tip.png").size == (96, 64)
+    result = read("r.json")
+    assert result["out"] == "tip.png"
+    assert result["pictures"] == 1
+
+
+def test_the_instant_of_a_picture(pliant, study):
+    for name, more in (("start", ["--time", "0"]), ("end", ["--time", "1"]), ("last", [])):
+        drawn(pliant("render", study, "--out", f"{name}.png", *SMALL, *more))
+    start, end, last = (np.array(Image.open(f"{name}.png")) for name in ("start", "end", "last"))
+    np.testing.assert_array_equal(end, last)
+    assert np.mean(start != end) > 0.01
+
+
+def test_a_gif_has_the_length_of_the_motion(pliant, study):
+    drawn(pliant("render", study, "--out", "bend.gif", *SMALL, "--fps", "10"))
+    film = Image.open("bend.gif")
+    assert film.n_frames == 11  # a ramp lasts from 0 to 1
+    total = 0
+    for frame in range(film.n_frames):
+        film.seek(frame)
+        total += film.info["duration"]
+    assert total == pytest.approx(1100, abs=10)
+
+
+def test_the_length_of_a_film_may_be_given(pliant, study):
+    drawn(pliant("render", study, "--out", "bend.gif", *SMALL, "--fps", "5", "--seconds", "2"))
+    assert Image.open("bend.gif").n_frames == 11
+
+
+def test_an_mp4_plays(pliant, study):
+    try:
+        films._ffmpeg()
+    except MissingDependencyError as error:
+        pytest.skip(str(error))
+    drawn(pliant("render", study, "--out", "bend.mp4", *SMALL, "--fps", "5"))
+    head = (study.parent / "bend.mp4").read_bytes()
+    assert head[4:8] == b"ftyp"
+    assert len(head) > 1000
+
+
+@pytest.mark.parametrize("ending", ["svg", "png", "pdf"])
+def test_a_backbone(pliant, study, ending):
+    assert pliant("render", study, "--out", f"line.{ending}", "--backbone").code == 0
+    content = (study.parent / f"line.{ending}").read_bytes()
+    assert {"svg": b"<svg", "png": b"PNG", "pdf": b"%PDF"}[ending] in content[:600]
+    assert len(content) > 5000
+
+
+WRONG = [
+    (["--out", "film.gift"], "did you mean '.gif'?"),
+    (["--out", "line.svg"], "needs --backbone"),
+    (["--out", "film"], "'' is none of .png, .gif, .mp4"),
+    (["--out", "line.gif", "--backbone"], "none of .svg, .png, .pdf"),
+    (["--size", "abc"], "--size abc: write width x height"),
+    (["--size", "9x9"], "each from 32 to 4096"),
+    (["--out", "film.mp4", "--size", "97x64"], "even numbers"),
+    (["--out", "film.gif", "--fps", "0"], "--fps 0"),
+    (["--out", "film.gif", "--fps", "nan"], "--fps nan"),
+    (["--camera", "fron"], "did you mean 'front'?"),
+    (["--time", "2"], "the motion goes from 0 to 1 s"),
+    (["--out", "film.gif", "--time", "0.5"], "--time is the instant of a .png"),
+    (["--seconds", "3"], "--seconds is the length of a film"),
+    (["--out", "film.gif", "--seconds", "-1"], "--seconds -1"),
+    (["--viewer", "mujocco"], "did you mean 'mujoco'?"),
+    (["task=null"], "has no 'task' block"),
+]
+
+
+@pytest.mark.parametrize(("arguments", "says"), WRONG, ids=[" ".join(a) for a, _ in WRONG])
+def test_wrong_input(pliant, study, arguments, says):
+    before = set(study.parent.iterdir())
+    call = pliant("render", study, *arguments)
+    assert call.code == 2
+    assert says in " ".join(call.err.split())
+    assert {p.name for p in set(study.parent.iterdir()) - before} <= {".pliant"}
+
+
+def test_mp4_without_ffmpeg_is_told(monkeypatch, tmp_path):
+    def absent(name):
+        raise ImportError(name)
+
+    monkeypatch.setattr(shutil, "which", lambda name: None)
+    monkeypatch.setattr(films.importlib, "import_module", absent)
+    with pytest.raises(MissingDependencyError, match=r"pip install 'pliant\[video\]'"):
+        films.film(tmp_path / "film.mp4", 25.0)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("ending", ["png", "gif", "mp4"])
+def test_an_interrupted_film_leaves_the_earlier_one(tmp_path, ending):
+    path = tmp_path / f"film.{ending}"
+    path.write_text("the one before")
+    picture = np.zeros((64, 96, 3), np.uint8)
+
+    def interrupted():
+        with films.film(path, 25.0) as file:
+            for _ in range(3):
+                file.add(picture)
+            raise KeyboardInterrupt
+
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            interrupted()
+    except MissingDependencyError as error:
+        pytest.skip(str(error))
+    assert [p.name for p in tmp_path.iterdir()] == [path.name]
+    assert path.read_text() == "the one before"
+
+
+def test_view_without_a_display_is_told_before_anything_is_computed(pliant, study, monkeypatch):
+    monkeypatch.setattr("sys.platform", "linux")
+    monkeypatch.delenv("DISPLAY", raising=False)
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    call = pliant("view", study)
+    assert call.code == 2
+    assert "no display here" in call.err
+    assert not (study.parent / ".pliant").exists()
+
+
+def test_results_come_from_the_store_the_second_time(pliant, study):
+    drawn(pliant("render", study, "--out", "a.png", *SMALL))
+    manifests = list((study.parent / ".pliant" / "store" / "simulate").glob("*/manifest.json"))
+    assert len(manifests) == 1
+    made = json.loads(manifests[0].read_text())
+    pliant("render", study, "--out", "b.png", *SMALL)
+    again = list((study.parent / ".pliant" / "store" / "simulate").glob("*/manifest.json"))
+    assert [json.loads(p.read_text()) for p in again] == [made]
