@@ -15,7 +15,7 @@ from pliant.records.design import MassProperties
 from pliant_plugins.exporting.stiffness import THE_LAW, stiffness_at_rest
 from pliant_plugins.exporting.surfaces import SurfaceFiles, shapes_of
 from pliant_plugins.physics.pybullet.collisions import CollisionWriter, add_primitive
-from pliant_plugins.physics.pybullet.urdf import add_joint, add_link, chain_tree, document
+from pliant_plugins.physics.pybullet.urdf import add_joint, add_link, chain_tree, document, floored
 from pliant_plugins.physics.pybullet.xml_values import add_origin
 
 
@@ -23,7 +23,7 @@ def write_urdf(chain: ChainModel, path: Path, looks: ChainModel | None = None) -
     """Links `world`, `base`, `body_1`…`body_n`, `tip`; the base's pose is that of a fixed joint on `world`."""
     surfaces = SurfaceFiles(path)
     collisions = CollisionWriter(surfaces.folder, start=path.parent)
-    root = chain_tree(chain, collisions=collisions)
+    root = chain_tree(floored(chain), collisions=collisions)
     root.insert(0, Comment(THE_LAW))
     _place_base(root, chain)
     links = {link.get("name"): link for link in root.iter("link")}

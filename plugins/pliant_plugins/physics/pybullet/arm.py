@@ -22,7 +22,7 @@ from pliant.mechanics.rotations import (
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
 from pliant_plugins.physics.pybullet.scaling import WorldScale
-from pliant_plugins.physics.pybullet.urdf import moving, principal
+from pliant_plugins.physics.pybullet.urdf import principal
 
 UNLIMITED_VELOCITY = 1e9
 # Bullet's state of a body: seven numbers of the base, one of each hinge or slide, four of each ball joint.
@@ -54,7 +54,7 @@ class BulletArm:
         chain: ChainModel,
         scale: WorldScale | None = None,
     ) -> None:
-        """Take hold of a loaded `chain_urdf` of the `chain`, which is in the engine's scale."""
+        """Take hold of a loaded `chain_urdf` of exactly this `chain`, which is in the engine's scale."""
         self._bullet, self._client, self.body = bullet, client, body
         self._geometry = ChainGeometry.of(chain)
         self.ball = self._geometry.kind == "spherical"
@@ -66,7 +66,7 @@ class BulletArm:
         self._coordinate = scale.length if slides else 1.0
         self._effort = scale.force if slides else scale.torque
         # (n, 3, 3) principal axes of the moving bodies, as columns, and their transposes.
-        self._principal = np.array([principal(moving(body))[1] for body in chain.bodies[1:]])
+        self._principal = np.array([principal(body)[1] for body in chain.bodies[1:]])
         self.to_principal = self._principal.transpose(0, 2, 1)
         self._free()
 

@@ -16,7 +16,7 @@ from pliant.records.design import Array
 from pliant_plugins.physics.pybullet.arm import BulletArm, check_size
 from pliant_plugins.physics.pybullet.config import PybulletConfig
 from pliant_plugins.physics.pybullet.loader import load_pybullet
-from pliant_plugins.physics.pybullet.urdf import chain_urdf, moving
+from pliant_plugins.physics.pybullet.urdf import chain_urdf, floored
 
 # Explicit relaxation is stable from inertia = h² k on; this margin covers coupling between the joints.
 INERTIA_MARGIN = 2.0
@@ -36,10 +36,10 @@ class BulletChain:
         self._geometry = statics.geometry
         check_size(self._geometry)
         self.bullet = load_pybullet()
-        self._model = chain.with_(bodies=tuple(moving(body) for body in chain.bodies))
+        self._model = floored(chain)
         self._relaxing_inertia = np.zeros(chain.n_joints)
         self.client = self.bullet.connect(self.bullet.DIRECT)
-        self.arm = BulletArm(self.bullet, self.client, self._load(chain), chain)
+        self.arm = BulletArm(self.bullet, self.client, self._load(self._model), self._model)
         self.body = self.arm.body
         self._moments = [
             self.bullet.getDynamicsInfo(self.body, j, physicsClientId=self.client)[2] for j in self.arm.joints

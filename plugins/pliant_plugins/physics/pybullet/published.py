@@ -36,12 +36,12 @@ class PublishedChain(BulletChain):
             raise UserError("physics.preset 'published' knows no effects: leave them out of 'effects'")
         super().__init__(chain, statics, config)
         self._chain = chain
-        self._brake(MOTOR_FORCE, LINK_DAMPING)
+        self._braked_for_s = 0.0
 
     def travel(self, loads: Loads, duration_s: float) -> None:
         """Advance in equal steps no longer than the config's, whatever the stiffness."""
         n_steps = max(1, math.ceil(duration_s / self._config.timestep_s - 1e-9))
-        self.set_timestep(duration_s / n_steps)
+        self._brake_for(duration_s / n_steps)
         for _ in range(n_steps):
             q = self.q
             self._drive(self._joint_by_joint(loads, q))
@@ -49,12 +49,9 @@ class PublishedChain(BulletChain):
             self.bullet.stepSimulation(physicsClientId=self.client)
 
     def begin_relaxing(self) -> None:
+        self._braked_for_s = 0.0
         self._brake(0.0, 0.0)
         super().begin_relaxing()
-
-    def end_relaxing(self) -> None:
-        super().end_relaxing()
-        self._brake(MOTOR_FORCE, LINK_DAMPING)
 
     def _joint_by_joint(self, loads: Loads, q: Array) -> Array:
         """(n, a) efforts by one call of a law per joint, axis and actuator."""
@@ -75,6 +72,13 @@ class PublishedChain(BulletChain):
         if self.arm.ball:
             tau = times(self.arm.to_principal, self._geometry.rotation_vectors(tau))
         self.arm.drive_torques(tau)
+
+    def _brake_for(self, timestep_s: float) -> None:
+        """The step's length, and brakes that fit it: Bullet keeps a motor's impulse, not its force."""
+        self.set_timestep(timestep_s)
+        if timestep_s != self._braked_for_s:
+            self._brake(MOTOR_FORCE, LINK_DAMPING)
+            self._braked_for_s = timestep_s
 
     def _brake(self, motor: float, damping: float) -> None:
         self.arm.hold(motor)

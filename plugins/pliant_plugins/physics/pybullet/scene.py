@@ -20,7 +20,7 @@ from pliant.records.scene import Contact, Scene, SceneState
 from pliant_plugins.physics.pybullet.config import PybulletConfig
 from pliant_plugins.physics.pybullet.contacts import read_contacts
 from pliant_plugins.physics.pybullet.scene_efforts import SceneEfforts
-from pliant_plugins.physics.pybullet.urdf import moving
+from pliant_plugins.physics.pybullet.urdf import floored
 from pliant_plugins.physics.pybullet.world import BulletWorld
 
 # A joint beyond this has been thrown around, not bent.
@@ -37,7 +37,8 @@ class BulletScene(SceneSimulation):
     def __init__(self, scene: Scene, config: PybulletConfig) -> None:
         self.scene = scene
         self._config = config
-        self._chains = [arm.chain.with_(gravity_m_s2=scene.gravity_m_s2) for arm in scene.arms]
+        chains = [arm.chain.with_(gravity_m_s2=scene.gravity_m_s2) for arm in scene.arms]
+        self._chains = [floored(chain) for chain in chains]
         self._statics = [ChainStatics(chain) for chain in self._chains]
         self._efforts = SceneEfforts(self._chains)
         self._world = BulletWorld(scene, config)
@@ -45,6 +46,7 @@ class BulletScene(SceneSimulation):
         self._velocity = np.zeros(3)
         self._pushes: dict[int, tuple[Array, Array]] = {}
         self._loads: list[Loads] = []
+        self._pulled: list[bool] = []
         self._stable_s, self._stable_until = math.inf, -math.inf
         self._take([Loads.unactuated(chain) for chain in self._chains])
 
@@ -63,20 +65,9 @@ class BulletScene(SceneSimulation):
         self._pushes[range(len(self.scene.objects))[index]] = (np.array(force_n, float), moment)
 
     def step(self, duration_s: float) -> None:
-        if duration_s <= 0.0:
-            return
-        if self._time_s >= self._stable_until:
-            self._stable_s = self._stable_step()
-            self._stable_until = self._time_s + STABLE_FOR_S
-        n_steps = max(1, math.ceil(duration_s / min(self._config.timestep_s, self._stable_s) - 1e-9))
-        self._world.set_timestep(duration_s / n_steps)
-        self._world.move_bases(self._velocity)
-        for k in range(n_steps):
-            self._drive(self._carriage + self._velocity * (duration_s * k / n_steps))
-            self._world.advance()
-        self._carriage = self._carriage + self._velocity * duration_s
-        self._time_s += duration_s
-        self._check_bounds()
+        parts = math.ceil(duration_s / STABLE_FOR_S - 1e-9)
+        for _ in range(parts):
+            self._go_on(duration_s / parts)
 
     def snapshot(self) -> SceneState:
         states = [arm.state() for arm in self._world.arms]
@@ -113,7 +104,7 @@ class BulletScene(SceneSimulation):
             self._world.place_object(k, position, rotation, velocity)
 
     def markers(self, arm: int) -> Array:
-        base = np.asarray(self.scene.arms[arm].chain.base_position_m, float) + self._carriage
+        base = self._world.bases_m()[arm]
         return np.concatenate([base[None], self._world.arms[arm].moving_markers()])
 
     def contacts(self) -> tuple[Contact, ...]:
@@ -132,8 +123,24 @@ class BulletScene(SceneSimulation):
     def close(self) -> None:
         self._world.close()
 
+    def _go_on(self, duration_s: float) -> None:
+        """Advance by less than the time for which a stable step is trusted."""
+        if self._time_s >= self._stable_until:
+            self._stable_s = self._stable_step()
+            self._stable_until = self._time_s + STABLE_FOR_S
+        n_steps = max(1, math.ceil(duration_s / min(self._config.timestep_s, self._stable_s) - 1e-9))
+        self._world.set_timestep(duration_s / n_steps)
+        self._world.move_bases(self._velocity)
+        for k in range(n_steps):
+            self._drive(self._carriage + self._velocity * (duration_s * k / n_steps))
+            self._world.advance()
+        self._carriage = self._carriage + self._velocity * duration_s
+        self._time_s += duration_s
+        self._check_bounds()
+
     def _take(self, loads: list[Loads]) -> None:
         self._loads = loads
+        self._pulled = [bool(one.tip_force_n.any() or one.forces or one.cords) for one in loads]
         self._efforts.under(loads)
 
     def _drive(self, carriage: Array) -> None:
@@ -146,7 +153,8 @@ class BulletScene(SceneSimulation):
             if loads.moment_n_m:
                 effort[:, self._statics[k].geometry.main] -= loads.moment_n_m
             arm.drive(effort - damping * rates, q)
-            self._pull(k, q, carriage)
+            if self._pulled[k]:
+                self._pull(k, q, carriage)
         for index, (force, moment) in self._pushes.items():
             self._world.push(index, force, moment)
 
@@ -169,7 +177,7 @@ class BulletScene(SceneSimulation):
             self._chains, self._world.arms, self._statics, self._loads, strict=True
         ):
             q = arm.state()[0]
-            mass = mass_matrix(chain.with_(bodies=tuple(moving(body) for body in chain.bodies)), q)
+            mass = mass_matrix(chain, q)
             stiffness = statics.balance(q, loads).stiffness
             longest = min(
                 longest, longest_explicit_step(mass, stiffness, self._config.joint_damping, COURANT)

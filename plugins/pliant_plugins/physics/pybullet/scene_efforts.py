@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -44,8 +45,8 @@ class SceneEfforts:
         for members, load in self._groups:
             joined = self._joined[members]
             tau = joined.evaluate(np.concatenate([coordinates[k] for k in members]), load)
-            for k, part in zip(members, np.split(tau, joined.ends), strict=True):
-                found[k] = part
+            for k, joints in zip(members, joined.joints, strict=True):
+                found[k] = tau[joints]
         return found
 
     def _alike(self, one: int, other: int) -> bool:
@@ -56,11 +57,11 @@ class SceneEfforts:
 
 @dataclass(frozen=True, eq=False)
 class _Joined:
-    """Joints of several arms as one list; `ends` are where all arms but the last end in it."""
+    """Joints of several arms as one list; `joints` are those of each arm in it."""
 
     laws: CompiledLaws | None
     efforts: JointEfforts
-    ends: tuple[int, ...]
+    joints: tuple[slice, ...]
 
     @staticmethod
     def of(chains: Sequence[ChainModel]) -> _Joined:
@@ -72,8 +73,9 @@ class _Joined:
         )
         joined = chains[0].with_(joints=joints, laws=tuple(laws))
         compiled = None if joined.terms else CompiledLaws.of(joined)
-        ends = np.cumsum([chain.n_joints for chain in chains])[:-1]
-        return _Joined(compiled, JointEfforts(joined), tuple(ends.tolist()))
+        ends = np.cumsum([0, *(chain.n_joints for chain in chains)]).tolist()
+        spans = tuple(slice(first, last) for first, last in pairwise(ends))
+        return _Joined(compiled, JointEfforts(joined), spans)
 
     def evaluate(self, q: Array, load: Loads) -> Array:
         if self.laws is None:

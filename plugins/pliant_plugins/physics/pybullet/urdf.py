@@ -32,7 +32,9 @@ def chain_urdf(
 def chain_tree(
     chain: ChainModel, base: MassProperties | None = None, collisions: CollisionWriter | None = None
 ) -> ElementTree.Element:
-    """A chain's links and joints. Link names: base, body_1…n, tip (fixed to the last body, carries the payload).
+    """A chain's links and joints, with bodies as they are (`floored` makes them fit for Bullet).
+
+    Link names: base, body_1…n, tip (fixed to the last body, carries the payload).
 
     Args:
         base: what the base link weighs; nothing by default, for a base that is fixed.
@@ -43,7 +45,7 @@ def chain_tree(
     root = ElementTree.Element("robot", name="chain")
     add_link(root, "base", base or MassProperties.none(), shapes[0], collisions)
     for i in range(chain.n_joints):
-        add_link(root, f"body_{i + 1}", moving(chain.bodies[i + 1]), shapes[i + 1], collisions)
+        add_link(root, f"body_{i + 1}", chain.bodies[i + 1], shapes[i + 1], collisions)
         joint = add_joint(
             root,
             f"joint_{i + 1}",
@@ -65,7 +67,7 @@ def chain_tree(
 def body_urdf(piece: MassProperties, shapes: Iterable[Shape], collisions: CollisionWriter) -> str:
     """The URDF document of one free body."""
     root = ElementTree.Element("robot", name="object")
-    add_link(root, "object", moving(piece), shapes, collisions)
+    add_link(root, "object", piece, shapes, collisions)
     return document(root)
 
 
@@ -74,6 +76,11 @@ def document(root: ElementTree.Element) -> str:
     # Bullet's parser refuses long lines.
     ElementTree.indent(root)
     return ElementTree.tostring(root, encoding="unicode")
+
+
+def floored(chain: ChainModel) -> ChainModel:
+    """The chain with bodies that Bullet can move."""
+    return chain.with_(bodies=tuple(moving(body) for body in chain.bodies))
 
 
 def moving(piece: MassProperties) -> MassProperties:

@@ -21,7 +21,7 @@ from pliant_plugins.physics.pybullet.collisions import CollisionWriter
 from pliant_plugins.physics.pybullet.config import PybulletConfig
 from pliant_plugins.physics.pybullet.loader import load_pybullet
 from pliant_plugins.physics.pybullet.scaling import WorldScale
-from pliant_plugins.physics.pybullet.urdf import body_urdf, chain_urdf, moving, principal
+from pliant_plugins.physics.pybullet.urdf import body_urdf, chain_urdf, floored, moving, principal
 
 # How many times heavier than everything in the scene the carriage is.
 CARRIAGE_SHARE = 1e9
@@ -91,6 +91,11 @@ class BulletWorld:
                 arm.body, place.tolist(), quaternion.tolist(), **self._here
             )
 
+    def bases_m(self) -> Array:
+        """(arms, 3) where Bullet has the arms' bases."""
+        places = [self.bullet.getBasePositionAndOrientation(a.body, **self._here)[0] for a in self.arms]
+        return np.reshape(places, (-1, 3)) / self.scale.length
+
     def advance(self) -> None:
         """One step, the carriage's weight held."""
         frame = self.bullet.LINK_FRAME
@@ -147,8 +152,7 @@ class BulletWorld:
         )
 
     def _add_arm(self, number: int, arm: Arm, collisions: CollisionWriter) -> BulletArm:
-        floored = arm.chain.with_(bodies=tuple(moving(body) for body in arm.chain.bodies))
-        chain = self.scale.chain(floored)
+        chain = self.scale.chain(floored(arm.chain))
         base = MassProperties(self._carriage_kg, np.zeros(3), self._carriage_kg * np.eye(3))
         body = self._load(
             chain_urdf(chain, base, collisions), chain.base_position_m, chain.base_rotation, collisions
