@@ -1,0 +1,125 @@
+"""Work of the efforts over closed paths in joint space: none, where efforts derive from an energy.
+
+    python -m benchmarks.physics.closed_paths      prints, and writes benchmarks/out/physics_closed_paths.json
+
+An engine's efforts are measured, not read: the chain is put at a point of the path without velocity, weight or
+damping, one step of `PULSE_S` is made, and M dq̇/dt, with the mass matrix M of the chain, is the effort that
+reached the joints. So whatever an engine does between a law and its joints is in the figure. The quasi-static
+engine has no inertia: there the effort is the residual of its statics. Beside the energy-consistent map, efforts
+are handed over as torques in the child's frame, as published.
+"""
+
+from __future__ import annotations
+
+import os
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+
+from collections.abc import Callable
+from contextlib import ExitStack
+from dataclasses import replace
+
+import numpy as np
+from benchmarks.physics.frames import UnmappedLaw
+from benchmarks.physics.helix import helix, helix_law, inputs, of_size
+from benchmarks.physics.output import Bar, write
+
+from pliant.interfaces.physics import PhysicsBackend, Simulation, SimulationState
+from pliant.mechanics.inertia import mass_matrix
+from pliant.mechanics.statics import ChainStatics, Loads
+from pliant.records.chain import ChainModel
+from pliant.records.design import Array
+from pliant.records.law import JointLaw
+from pliant_plugins.physics.mujoco.backend import Mujoco
+from pliant_plugins.physics.mujoco.config import MujocoConfig
+from pliant_plugins.physics.pybullet.backend import Pybullet
+from pliant_plugins.physics.pybullet.config import PybulletConfig
+
+BAR = 1e-6
+MODULES = 4
+PATHS = 3
+POINTS = 1000
+LARGEST_ANGLE_RAD = 0.5
+PULSE_S = 1e-7
+# Moments of inertia so large that the engines' floors under them vanish; efforts do not depend on them.
+INERTIA_KG_M2 = 1e-3 * np.diag([1.0, 1.1, 1.2])
+Efforts = Callable[[Array], Array]
+
+
+def main() -> None:
+    """Every engine with the right law and with the published one."""
+    law = helix_law()
+    laws: dict[str, JointLaw] = {"energy-consistent": law, "as published": UnmappedLaw(law, "child")}
+    engines: dict[str, PhysicsBackend] = {
+        "mujoco": Mujoco(MujocoConfig(joint_damping=0.0)),
+        "pybullet": Pybullet(PybulletConfig(joint_damping=0.0)),
+    }
+    results: dict[str, dict[str, float]] = {}
+    print(f"|work over a closed path| / peak elastic energy, largest of {PATHS} paths of {MODULES} joints")
+    print(f"{'':14s}" + "".join(f"{name:>20}" for name in laws))
+    for name in ("quasi-static", *engines):
+        results[name] = {}
+        for kind, effort_law in laws.items():
+            chain = weightless(effort_law)
+            energy = ChainStatics(weightless(law))
+            with ExitStack() as stack:
+                if name in engines:
+                    efforts = of_engine(stack.enter_context(engines[name].build(chain)), chain)
+                else:
+                    efforts = of_statics(chain)
+                results[name][kind] = max(leak(efforts, energy, seed) for seed in range(PATHS))
+        print(f"{name:14s}" + "".join(f"{value:20.1e}" for value in results[name].values()), flush=True)
+    worst = max(row["energy-consistent"] for row in results.values())
+    bar = Bar("work over closed paths by the peak elastic energy, worst engine", worst, BAR, "", at_most=True)
+    print(bar)
+    write("physics_closed_paths", results, [bar])
+
+
+def weightless(law: JointLaw) -> ChainModel:
+    """Four modules of the helix, one in each segment, without gravity."""
+    chain = helix(law, of_size(MODULES))
+    bodies = tuple(replace(body, inertia_kg_m2=INERTIA_KG_M2) for body in chain.bodies)
+    return chain.with_(gravity_m_s2=np.zeros(3), bodies=bodies)
+
+
+def of_statics(chain: ChainModel) -> Efforts:
+    """The efforts (n, a) at coordinates q (n, a) by the statics that the quasi-static engine balances."""
+    statics, loads = ChainStatics(chain), Loads.of(chain, inputs(0.0))
+    return lambda q: statics.residual(q, loads)
+
+
+def of_engine(simulation: Simulation, chain: ChainModel) -> Efforts:
+    """The efforts that reach the joints of a dynamics engine: M q̇ / h after one step h from rest."""
+
+    def efforts(q: Array) -> Array:
+        simulation.restore(SimulationState(0.0, q, np.zeros_like(q)))
+        simulation.apply(inputs(0.0))
+        simulation.step(PULSE_S)
+        rates = simulation.snapshot().velocity
+        return (mass_matrix(chain, q) @ rates.ravel() / PULSE_S).reshape(q.shape)
+
+    return efforts
+
+
+def leak(efforts: Efforts, energy: ChainStatics, seed: int) -> float:
+    """|∮ τ dq| over the largest elastic energy along a smooth closed path of three harmonics.
+
+    The trapezoidal rule errs by O(1/POINTS³), because of the kink in the slope of u|u|; 200 points give 7e-6.
+    """
+    random = np.random.default_rng(seed)
+    shape = (3, MODULES, 3)
+    sine, cosine = random.normal(size=shape), random.normal(size=shape)
+    phase = 2 * np.pi * np.arange(POINTS) / POINTS
+    orders = np.arange(1, 4)[:, None]
+    sines, cosines = np.sin(orders * phase), np.cos(orders * phase)
+    path = np.einsum("ht,hna->tna", sines, sine) + np.einsum("ht,hna->tna", cosines, cosine)
+    slope = np.einsum("h,ht,hna->tna", orders[:, 0], cosines, sine)
+    slope -= np.einsum("h,ht,hna->tna", orders[:, 0], sines, cosine)
+    size = LARGEST_ANGLE_RAD / np.abs(path).max()
+    work = sum(np.sum(efforts(q) * dq) for q, dq in zip(size * path, size * slope, strict=True))
+    peak = max(energy.efforts.potential(q, {"pressure_pa": 0.0}) for q in size * path)
+    return float(abs(work) * 2 * np.pi / POINTS / peak)
+
+
+if __name__ == "__main__":
+    main()
