@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -20,6 +21,7 @@ from pliant_plugins.viewing.drawing import Drawing
 STEP_S = 1 / 30
 PAUSE_S = 1.0  # between two replays
 WINDOW = (1280, 720)
+CLOSING_S = 5.0
 
 
 def require_display() -> None:
@@ -64,6 +66,7 @@ def drive(motion: Motion, handle: Handle) -> None:
 def _opened(drawing: Drawing) -> Iterator[Any]:
     import mujoco.viewer
 
+    others = set(threading.enumerate())
     try:
         viewer = mujoco.viewer.launch_passive(
             drawing.model, drawing.data, show_left_ui=False, show_right_ui=bool(drawing.model.nu)
@@ -71,11 +74,16 @@ def _opened(drawing: Drawing) -> Iterator[Any]:
     except (RuntimeError, mujoco.FatalError) as error:
         raise UserError(f"the window cannot be opened here ({error}).") from None
     wanted = camera("iso", drawing.extent.points, drawing.model.vis.global_.fovy, WINDOW)
-    with viewer:
-        viewer.cam.azimuth, viewer.cam.elevation = wanted.azimuth, wanted.elevation
-        viewer.cam.distance = wanted.distance
-        viewer.cam.lookat[:] = wanted.lookat
-        yield viewer
+    try:
+        with viewer:
+            viewer.cam.azimuth, viewer.cam.elevation = wanted.azimuth, wanted.elevation
+            viewer.cam.distance = wanted.distance
+            viewer.cam.lookat[:] = wanted.lookat
+            yield viewer
+    finally:
+        # GLFW ends with the program: the window's own thread must be done before.
+        for thread in set(threading.enumerate()) - others:
+            thread.join(CLOSING_S)
 
 
 def _show(viewer: Any, drawing: Drawing, frame: SceneFrames) -> None:
