@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +25,7 @@ from pliant.report.folder import finished, read_folder, write_folder
 from pliant.store.store import ArtifactStore
 
 REGISTRY = discover()
+TASKS_PAGE = Path(__file__).parents[2] / "docs/tasks.md"
 ENGINES = ["mujoco", *(["pybullet"] if importlib.util.find_spec("pybullet") else [])]
 
 
@@ -246,3 +248,13 @@ def test_a_finished_run_reads_the_laws_of_its_segments(tmp_path: Path) -> None:
 def test_wrong_segments_are_refused(tmp_path: Path, segments: Any, says: str) -> None:
     with pytest.raises(UserError, match=says):
         chain_of(tmp_path, surrogate=stated(), chain={"segments": segments, **ROD})
+
+
+BLOCKS = re.findall(r"```yaml\n(.*?)```", TASKS_PAGE.read_text(encoding="utf-8"), re.DOTALL)
+
+
+@pytest.mark.parametrize("number", range(len(BLOCKS)))
+def test_blocks_of_the_page_on_tasks_are_accepted(tmp_path: Path, number: int) -> None:
+    (tmp_path / "study.yaml").write_text(f"pliant: 1\nname: page\n{BLOCKS[number]}", encoding="utf-8")
+    study = load_study(tmp_path / "study.yaml", REGISTRY)
+    assert study.task or study.chain or study.surrogate
