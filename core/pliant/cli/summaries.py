@@ -142,6 +142,12 @@ def simulation_lines(engine: EngineRun) -> list[str]:
     state = "settled" if result.final.converged else "NOT CONVERGED"
     if result.final.stable is False:
         state += " (UNSTABLE: the energy has no minimum there)"
+    if result.stills:  # contact holds the arms: their tips and residuals say little
+        found = {name: result.metrics.get(name) for name in ("mode", "z_end_m", "success_share")}
+        texts = [
+            f"{name} {value:.4g}" if isinstance(value, float) else f"{value}" for name, value in found.items()
+        ]
+        return [f"{engine.kind:<12} {', '.join(texts)}, {_time(engine.artifact)}"]
     line = (
         f"{engine.kind:<12} tip ({x:.3f}, {y:.3f}, {z:.3f}) mm, {state}, residual {result.final.residual:.1e}, "
         f"{_time(engine.artifact)}"

@@ -53,7 +53,8 @@ def _hero_caption(run: FinishedRun) -> str:
         )
     parts.append("the joint law with the states behind it")
     if ran(run):
-        parts.append(f"the chain's pose {gravity_words(run)}")
+        scene = ran(run)[0].result.stills
+        parts.append("the scene at the end" if scene else f"the chain's pose {gravity_words(run)}")
     text = "; ".join(parts)
     return text[0].upper() + text[1:] + "."
 

@@ -13,6 +13,7 @@ from pliant.report.figures import body, raster, shading, style
 from pliant.report.figures.chain_pose import draw_poses, views
 from pliant.report.figures.law import draw_law
 from pliant.report.figures.module_shape import can_show, show, stretch_bar, stretch_limits
+from pliant.report.figures.stills import draw_side
 from pliant.report.folder import FinishedRun
 from pliant.report.reading import (
     actuation,
@@ -52,7 +53,9 @@ def finger_picture(run: FinishedRun) -> style.Png:
         if bodies:
             draw_bodies(figure, axes["body"], run, bodies)
         draw_law(axes["law"], run, run.designs[0], compact=True)
-        if ran(run):
+        if ran(run) and ran(run)[0].result.stills:
+            draw_side(axes["pose"], ran(run)[0].result.stills[-1])
+        elif ran(run):
             draw_poses(axes["pose"], run, views(run)[0])
             if len(ran(run)) > 1:
                 axes["pose"].set_title(f"{axes['pose'].get_title(loc='left')}, {len(ran(run))} engines")

@@ -41,6 +41,17 @@ def still_pictures(stills: Sequence[SceneStill]) -> style.Png:
         return style.png(figure)
 
 
+def draw_side(axes: Axes, still: SceneStill) -> None:
+    """The side view of one instant by itself."""
+    draw_still(axes, still, SIDE)
+    axes.set_aspect("equal")
+    axes.set_xlim(*_limits([still], 0))
+    axes.set_ylim(*_limits([still], 2))
+    axes.set_xlabel("world x (mm)")
+    axes.set_ylabel("world z (mm)")
+    axes.set_title(f"{still.label[:1].upper()}{still.label[1:]}, {still.time_s:.3g} s")
+
+
 def draw_still(axes: Axes, still: SceneStill, plane: tuple[int, int]) -> None:
     """Outlines of one instant, the farthest first."""
     depth = 3 - sum(plane)
@@ -90,6 +101,6 @@ def _circle() -> Array:
 
 
 def _sphere() -> Array:
-    height = np.linspace(-1, 1, ROUND // 2 + 1)
-    rings = [np.column_stack([np.sqrt(1 - z**2) * _circle(), np.full(ROUND, z)]) for z in height]
+    height = np.cos(np.linspace(0, np.pi, ROUND // 2 + 1))
+    rings = [np.column_stack([np.sqrt(max(1 - z**2, 0.0)) * _circle(), np.full(ROUND, z)]) for z in height]
     return np.concatenate(rings)
