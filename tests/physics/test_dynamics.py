@@ -58,9 +58,9 @@ def test_restore_brings_the_state_back(engine: PhysicsBackend, heavy_chain: Chai
 def test_engines_move_alike(heavy_chain: ChainModel, dynamic_engine: PhysicsBackend) -> None:
     """10 ms of free motion at small steps: PyBullet follows MuJoCo within 1 % of the distance moved."""
     step, damping = 2e-5, 1e-5
-    fine: PhysicsBackend = Mujoco(MujocoConfig(timestep_s=step, joint_damping=damping))
+    fine: PhysicsBackend = Mujoco(MujocoConfig(timestep_s=step, joint_damping=damping, drag_1_s=0.0))
     other: PhysicsBackend = (
-        Mujoco(MujocoConfig(timestep_s=2.5e-4, joint_damping=damping))
+        Mujoco(MujocoConfig(timestep_s=2.5e-4, joint_damping=damping, drag_1_s=0.0))
         if isinstance(dynamic_engine, Mujoco)
         else Pybullet(PybulletConfig(timestep_s=step, joint_damping=damping))
     )
@@ -167,7 +167,8 @@ def test_mujoco_damps_an_oscillation_as_its_config_says(timestep_s: float, loade
     def energy(state: SimulationState) -> float:
         return float(0.5 * inertia * state.velocity[0, 0] ** 2 + 0.01 * state.position[0, 0] ** 2)
 
-    with Mujoco(MujocoConfig(timestep_s=timestep_s, joint_damping=0.0)).build(one) as simulation:
+    config = MujocoConfig(timestep_s=timestep_s, joint_damping=0.0, drag_1_s=0.0)
+    with Mujoco(config).build(one) as simulation:
         simulation.apply(Inputs({"pressure_pa": 0.0}))
         simulation.restore(SimulationState(0.0, np.array([[0.1]]), np.zeros((1, 1))))
         start = energy(simulation.snapshot())

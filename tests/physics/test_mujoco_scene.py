@@ -230,7 +230,7 @@ def test_arms_move_alike_alone_and_in_a_scene(loaded_finger: ChainModel) -> None
         Inputs({"pressure_pa": 9e3}, tip_force_n=np.array([0.01, 0.02, 0.0])),
         Inputs({"pressure_pa": 5e3}, moment_n_m=1e-3),
     ]
-    backend = Mujoco(MujocoConfig(timestep_s=1e-3, joint_damping=1e-4))
+    backend = Mujoco(MujocoConfig(timestep_s=1e-3, joint_damping=1e-4, drag_1_s=0.0))
     with backend.build_scene(Scene((Arm(loaded_finger), Arm(other)))) as scene:
         scene.apply(inputs)
         scene.step(0.05)

@@ -15,15 +15,21 @@ class MujocoConfig(PhysicsConfig):
 
     kind: Literal["mujoco"] = "mujoco"
     timestep_s: Time = Field(
-        2e-3,
+        2e-2,
         gt=0.0,
         description="longest internal step h of `step`; its implicit integrator damps motion of angular "
         "frequency ω by ω² h / 2 per second",
     )
     joint_damping: float = Field(
-        1e-4,
+        3e-4,
         ge=0.0,
         description="viscous damping of every joint coordinate in `step`, N·m·s/rad; equilibria do not depend on it",
+    )
+    drag_1_s: float = Field(
+        7.0,
+        ge=0.0,
+        description="resistance to all motion of a chain alone in proportion to its mass, 1/s: its swings decay as "
+        "exp(−drag t / 2), its equilibria stay",
     )
     tolerance: float = Field(
         1e-9, gt=0.0, description="largest unbalanced effort of a settled chain, N·m (N on prismatic joints)"
@@ -63,4 +69,6 @@ class MujocoConfig(PhysicsConfig):
         gt=0.0,
         description="MuJoCo's ratio of frictional to normal impedance: what is held creeps at a speed inverse to it",
     )
-    noslip_iterations: int = Field(0, ge=0, description="MuJoCo's iterations against creep after each contact solve")
+    noslip_iterations: int = Field(
+        0, ge=0, description="MuJoCo's iterations against creep after each contact solve"
+    )

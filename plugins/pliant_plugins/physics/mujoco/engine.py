@@ -71,8 +71,11 @@ class MujocoChain:
         """
         n_steps = max(1, math.ceil(duration_s / self._config.timestep_s - 1e-9))
         self.model.opt.timestep = duration_s / n_steps
+        # Resistance in proportion to mass is the same decay for every velocity.
+        kept = math.exp(-self._config.drag_1_s * self.model.opt.timestep)
         with silent():
             for _ in range(n_steps):
+                self.data.qvel *= kept
                 self.joints.drive(loads, self._config.joint_damping)
                 mujoco.mj_step(self.model, self.data)
         bad = unstable(self.data)

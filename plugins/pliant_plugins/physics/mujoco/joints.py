@@ -83,7 +83,11 @@ class ChainJoints:
             self._qpos[:], self._qvel[:] = q.ravel(), rates.ravel()
 
     def drive(
-        self, loads: Loads, damping: float, extra_stiffness: Array | None = None, caution: float = 1.0
+        self,
+        loads: Loads,
+        damping: float,
+        extra_stiffness: Array | None = None,
+        caution: float = 1.0,
     ) -> None:
         """Forces of laws and loads for the next step, from where the chain is.
 
