@@ -6,7 +6,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 PIP_INSTALL := PIP_CONSTRAINT=$(CURDIR)/constraints.txt $(BIN)/python -m pip install --quiet --disable-pip-version-check
 
-.PHONY: demo test test-all lint types imports check bench bench-evidence docs freeze clean
+.PHONY: demo test test-all lint types imports check bench bench-laws bench-physics bench-grasp bench-evidence docs freeze clean
 
 demo: $(VENV)/.run  ## FEM → law → finger in three engines → report
 	$(BIN)/pliant run examples/first_finger/finger.yaml --out runs/first-finger
@@ -30,10 +30,25 @@ imports: $(VENV)/.dev  ## who may import whom
 
 check: lint types imports test
 
-bench: $(VENV)/.run  ## the figures of docs and notes, as JSON in benchmarks/out
+bench: bench-laws bench-physics bench-grasp  ## the figures of docs and notes, as JSON in benchmarks/out
+
+bench-laws: $(VENV)/.run  ## FEM and joint laws
 	$(BIN)/python benchmarks/fem_bending.py
 	$(BIN)/python benchmarks/law_error.py
-	$(BIN)/python benchmarks/engines_agree.py
+
+bench-physics: $(VENV)/.bench  ## engines, the published baseline and a Cosserat rod on the published helix
+	$(BIN)/python -m benchmarks.engines_agree
+	$(BIN)/python -m benchmarks.physics.engines
+	$(BIN)/python -m benchmarks.physics.rod
+	$(BIN)/python -m benchmarks.physics.closed_paths
+	$(BIN)/python -m benchmarks.physics.designs
+	$(BIN)/python -m benchmarks.physics.scaling
+	$(BIN)/python -m benchmarks.physics.ablation
+
+bench-grasp: $(VENV)/.run  ## grasps: speed, holding limits and creep, the measured table
+	$(BIN)/python benchmarks/grasp/speed.py
+	$(BIN)/python benchmarks/grasp/holding.py
+	$(BIN)/python benchmarks/grasp/experiment.py
 
 bench-evidence: $(VENV)/.run  ## hidden effects, diagnosed and judged: at most two hours on two cores, resumable
 	$(BIN)/python benchmarks/evidence/run_bench.py
@@ -54,6 +69,10 @@ $(VENV)/.python:
 
 $(VENV)/.run: $(VENV)/.python pyproject.toml constraints.txt
 	$(PIP_INSTALL) --editable '.[all]'
+	@touch $@
+
+$(VENV)/.bench: $(VENV)/.run
+	$(PIP_INSTALL) --editable '.[all,peers]'
 	@touch $@
 
 $(VENV)/.dev: $(VENV)/.run

@@ -1,32 +1,32 @@
-"""One finger in all engines: where each of them settles, how far apart, and how long it takes.
+"""Three engines on the same chains: where each of them settles, how far apart, and how long it takes.
 
-    python benchmarks/engines_agree.py    prints, and writes benchmarks/out/engines_agree.json
+    python -m benchmarks.engines_agree    prints, and writes benchmarks/out/engines_agree.json
 
-Eight modules of 11 mm and 1.6 g with the published law (odd form) at 15 kPa; the modules' centre of mass lies
-10 mm beside the hinge line. Own weight, then 13 g at the tip, in one jump from the straight chain. Times are
-the median of five, on one thread, compared as ratios to the quasi-static engine of the same run.
+A finger of eight modules of 11 mm and 1.6 g with the published law (odd form) at 15 kPa, its modules' centre of
+mass 10 mm beside the hinge line, with and without 13 g at the tip; and the published helix of 22 spherical joints
+with 0, 10, 20 and 50 g. Each is settled in one jump from the straight chain. Times are medians, on one thread,
+compared as ratios to the quasi-static engine of the same run.
 """
 
 from __future__ import annotations
 
-import json
 import os
 import statistics
 import time
 from itertools import combinations
-from pathlib import Path
 from typing import Any
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import numpy as np
+from benchmarks.physics import helix
+from benchmarks.physics.output import Bar, write
 
 from pliant.errors import MissingDependencyError
 from pliant.interfaces.physics import PhysicsBackend
 from pliant.records.chain import ChainModel, Joint, default_base_rotation
 from pliant.records.design import MassProperties
 from pliant.records.rollout import Equilibrium, Inputs
-from pliant.store.store import write_atomically
 from pliant_plugins.physics.mujoco.backend import Mujoco
 from pliant_plugins.physics.mujoco.config import MujocoConfig
 from pliant_plugins.physics.pybullet.backend import Pybullet
@@ -36,28 +36,49 @@ from pliant_plugins.physics.quasistatic.config import QuasistaticConfig
 from pliant_plugins.surrogates.polynomial.config import PolynomialConfig, StudyCoefficients
 from pliant_plugins.surrogates.polynomial.surrogate import Polynomial
 
-OUT = Path(__file__).parent / "out" / "engines_agree.json"
 MODULES, LENGTH_M, MODULE_KG, COM_OFFSET_M = 8, 0.011, 0.0016, 0.010
 PRESSURE_PA = 15e3
-REPEATS = 5
+AGREE_MM = 0.01
+REPEATS = 3
 
 
 def main() -> None:
-    """Settle the finger in every engine that is installed."""
+    """Settle every chain in every engine that is installed."""
     engines: list[PhysicsBackend] = [
         Quasistatic(QuasistaticConfig()),
         Mujoco(MujocoConfig()),
         Pybullet(PybulletConfig()),
     ]
+    pressed = Inputs({"pressure_pa": PRESSURE_PA})
+    cases = {
+        "finger, own weight": (finger(0.0), pressed),
+        "finger, 13 g at the tip": (finger(0.013), pressed),
+    }
+    chain = helix.helix()
+    for load in helix.LOADS_KG:
+        cases[f"helix, {1e3 * load:.0f} g at the tip"] = (chain, helix.inputs(load))
     results: dict[str, Any] = {}
-    for name, payload in (("own weight", 0.0), ("13 g at the tip", 0.013)):
+    for name, (model, inputs) in cases.items():
         print(f"{name}:")
-        results[name] = compare(finger(payload), engines)
-    OUT.parent.mkdir(exist_ok=True)
-    write_atomically(OUT, json.dumps(results, indent=1))
+        results[name] = compare(model, inputs, engines)
+    apart = [
+        distance
+        for name, result in results.items()
+        if name.startswith("helix")
+        for distance in result["largest_marker_distance_mm"].values()
+    ]
+    bar = Bar(
+        "settled rings of the helix, largest distance between engines",
+        max(apart),
+        AGREE_MM,
+        "mm",
+        at_most=True,
+    )
+    print(bar)
+    write("engines_agree", {"cases": results}, [bar])
 
 
-def compare(chain: ChainModel, engines: list[PhysicsBackend]) -> dict[str, Any]:
+def compare(chain: ChainModel, inputs: Inputs, engines: list[PhysicsBackend]) -> dict[str, Any]:
     """Tips, residuals, times and pairwise distances of one chain; engines not installed are skipped."""
     settled: dict[str, Equilibrium] = {}
     seconds: dict[str, float] = {}
@@ -65,7 +86,7 @@ def compare(chain: ChainModel, engines: list[PhysicsBackend]) -> dict[str, Any]:
     for engine in engines:
         kind = engine.config.kind
         try:
-            settled[kind], seconds[kind] = settle(engine, chain)
+            settled[kind], seconds[kind] = settle(engine, chain, inputs)
         except MissingDependencyError as error:
             skipped[kind] = str(error)
             print(f"  {kind:12s} skipped: {error}")
@@ -75,7 +96,7 @@ def compare(chain: ChainModel, engines: list[PhysicsBackend]) -> dict[str, Any]:
         tip = final.tip_m * 1e3
         print(
             f"  {kind:12s} tip ({tip[0]:.4f}, {tip[1]:.4f}, {tip[2]:.4f}) mm  residual {final.residual:.1e}"
-            f" N·m  {final.iterations:4d} iterations  {ratio:6.1f} × quasi-static"
+            f" N·m  {final.iterations:4d} iterations  {ratio:7.1f} × quasi-static"
         )
         table[kind] = {
             "tip_m": final.tip_m.tolist(),
@@ -96,13 +117,13 @@ def compare(chain: ChainModel, engines: list[PhysicsBackend]) -> dict[str, Any]:
     return {"engines": table, "largest_marker_distance_mm": distances, "skipped": skipped}
 
 
-def settle(engine: PhysicsBackend, chain: ChainModel) -> tuple[Equilibrium, float]:
+def settle(engine: PhysicsBackend, chain: ChainModel, inputs: Inputs) -> tuple[Equilibrium, float]:
     """The equilibrium reached from the straight chain, and the median time of `apply` and `settle`."""
     times = []
     for _ in range(REPEATS):
         with engine.build(chain) as simulation:
             start = time.perf_counter()
-            simulation.apply(Inputs({"pressure_pa": PRESSURE_PA}))
+            simulation.apply(inputs)
             final = simulation.settle()
             times.append(time.perf_counter() - start)
     return final, statistics.median(times)
