@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ from pydantic import ValidationError
 
 from pliant.config.loading import load_study
 from pliant.errors import UserError
+from pliant.interfaces.effect import Effect, EffectConfig, Model
 from pliant.interfaces.physics import PhysicsBackend
 from pliant.interfaces.task import Task
 from pliant.mechanics.kinematics import ChainGeometry
@@ -22,6 +24,7 @@ from pliant.pipeline.simulate import run_task
 from pliant.pipeline.study import chain_of_study
 from pliant.pipeline.workbench import Workbench
 from pliant.records.chain import ChainModel
+from pliant.records.history import History
 from pliant.records.rollout import Cord, Inputs, TaskResult
 from pliant.registry.discovery import discover
 from pliant.store.store import ArtifactStore
@@ -167,6 +170,30 @@ def test_the_cord_pulls_toward_the_pulley(finger: ChainModel, engine: PhysicsBac
     assert np.abs(ChainStatics(finger).residual(result.final.joint_angles, loads)).max() < 1e-6
     free = perform(pull(tendon_force="3 N"), finger, engine)
     assert result.metrics["tip_x_m"] < free.metrics["tip_x_m"] - 1e-3
+
+
+def test_effects_on_the_input_leave_the_cord_in_place(
+    finger: ChainModel, quasistatic: PhysicsBackend
+) -> None:
+    """A gain of 0.5 on the command is half the pull; the weight stays what it is."""
+    wanted = perform(pull(tendon_force="3 N", payload="20 g"), finger, quasistatic)
+    halved = run_task(
+        quasistatic,
+        pull(tendon_force="6 N", payload="20 g"),
+        [HalfCommand(EffectConfig(kind="half"))],
+        finger,
+    )
+    np.testing.assert_allclose(halved.final.markers_m, wanted.final.markers_m, atol=1e-9)
+
+
+class HalfCommand(Effect):
+    """Half of what is commanded arrives."""
+
+    def apply(self, model: Model) -> Model:
+        def half(history: History) -> History:
+            return replace(history, actuation={name: 0.5 * x for name, x in history.actuation.items()})
+
+        return replace(model, inputs=(*model.inputs, half))
 
 
 def test_a_travel_that_no_force_reaches_is_said(finger: ChainModel, quasistatic: PhysicsBackend) -> None:

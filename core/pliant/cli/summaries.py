@@ -79,6 +79,7 @@ def fit(design: DesignStages) -> dict[str, Any]:
         result["n_fitted"] = report.n_fitted
         result["study_form"] = report.details.get("study_form")
         result["stable"] = report.details.get("stable")
+        result["stated_axes"] = report.details.get("stated_axes", [])
     if design.law.artifact is not None:
         result["stages"] = [stage(design.law.artifact)]
     return result
@@ -93,6 +94,8 @@ def fit_lines(design: DesignStages) -> list[str]:
         f"law      worst error {100 * report.worst_of_range:.2g} % of the range on {report.n_heldout} states "
         f"left out ({report.n_fitted} fitted), {_r2(report.r2)}{_time(design.law.artifact)}"
     ]
+    if stated := report.details.get("stated_axes"):
+        lines.append(f"         stated, not fitted: axis {' and '.join(stated)}")
     study_form = report.details.get("study_form")
     if study_form:
         lines.append(f"         the study's form: {100 * study_form['worst_of_range']:.2g} %")

@@ -112,9 +112,9 @@ class AxisConfig(FrozenModel):
 class AxesConfig(FrozenModel):
     """The axes of a spherical joint, each with a law of its own: x is the twist, y the main axis."""
 
-    x: AxisConfig
-    y: AxisConfig
-    z: AxisConfig
+    x: AxisConfig = Field(description="the twist; keys as those of the law itself")
+    y: AxisConfig = Field(description="the main bending axis; {} takes the FEM stage's states")
+    z: AxisConfig = Field(description="the second bending axis")
 
     def each(self) -> dict[str, AxisConfig]:
         """The blocks by axis."""
