@@ -118,6 +118,8 @@ def simulate(
         for line in summaries.simulation_lines(done.engines[0]):
             here.say(line)
         for name, value in (done.engines[0].result.metrics if done.engines[0].result else {}).items():
+            if isinstance(value, dict) and any(isinstance(item, list) for item in value.values()):
+                continue  # tables stand in the JSON result
             here.say(f"  {name:<24} {value:.6g}" if isinstance(value, float) else f"  {name:<24} {value}")
         _exit_unless_converged(here, done)
 
