@@ -9,6 +9,7 @@ import mujoco
 import numpy as np
 import pytest
 
+from pliant.registry.component import Component
 from pliant_plugins.families.bellow_bending.config import BellowBendingConfig
 from pliant_plugins.families.bellow_bending.family import BellowBending
 
@@ -167,3 +168,10 @@ def test_a_study_without_a_chain_is_refused(pliant, workplace) -> None:
     (workplace / "law.yaml").write_text(BELLOW[: BELLOW.index("chain:")])
     call = pliant("export", "law.yaml", "--out", "robot.xml")
     assert call.code == 2 and "chain" in call.err
+
+
+def test_an_engine_that_is_missing_is_named(pliant, study, monkeypatch) -> None:
+    monkeypatch.setattr(Component, "missing", lambda self: "mujoco" if self.kind == "mujoco" else None)
+    call = pliant("export", study, "--out", "robot.xml")
+    said = " ".join(call.err.split())
+    assert call.code == 2 and "no engine writes 'mjcf'" in said and "pip install mujoco" in said

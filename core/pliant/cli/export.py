@@ -53,25 +53,23 @@ def writer_of(registry: Registry, out: Path, form: str | None) -> PhysicsBackend
     """The engine that writes the format.
 
     Raises:
-        UserError: no engine writes it; MissingDependencyError: only one that is not installed might.
+        UserError: no engine that is installed writes it.
     """
     ending = out.suffix.lower().removeprefix(".")
     wanted = form.lower() if form else FORMATS.get(ending, ending)
     known: list[str] = []
-    missing: MissingDependencyError | None = None
+    missing: list[str] = []
     for component in registry.of("physics"):
         try:
             engine: PhysicsBackend = component.build(component.config_model()(kind=component.kind))
         except MissingDependencyError as error:
-            missing = error
+            missing.append(f" {error}")
             continue
         if wanted and engine.capabilities.export == wanted:
             return engine
         known += [engine.capabilities.export] if engine.capabilities.export else []
-    if missing is not None:
-        raise missing
     endings = {of: ending for ending, of in FORMATS.items()}
     told = ", ".join(f"{name} (.{endings.get(name, name)})" for name in sorted(known))
     said = f"--format {form}" if form else f"--out {out.name}"
     cause = f"no engine writes '{wanted}'" if wanted else "the name has no ending"
-    raise UserError(f"{said}: {cause}{closest(wanted, known)} Formats: {told}.")
+    raise UserError(f"{said}: {cause}{closest(wanted, known)} Formats: {told}.{''.join(missing)}")
