@@ -138,7 +138,7 @@ def _joined(first: Shape, second: Shape) -> Shape | None:
     near = 1e-6 * max(*first.size_m, *second.size_m)
     reach = first.size_m[along] + second.size_m[along]
     if (
-        not np.allclose(*sections, atol=near)
+        not np.allclose(sections[0], sections[1], atol=near)
         or np.abs(apart[1:]).max() > near
         or abs(apart[0]) > reach + near
     ):
