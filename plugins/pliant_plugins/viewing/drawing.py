@@ -16,7 +16,7 @@ from pliant.records.scene import Scene, SceneFrames
 from pliant.records.shape import Shape
 from pliant_plugins.viewing.skins import Skin, dressed, skin_of, surface_of
 
-ARM = ((0.93, 0.80, 0.62, 1.0), (0.55, 0.72, 0.86, 1.0), (0.72, 0.82, 0.60, 1.0), (0.87, 0.64, 0.62, 1.0))
+ARM = ((0.98, 0.85, 0.67, 1.0), (0.55, 0.72, 0.86, 1.0), (0.72, 0.82, 0.60, 1.0), (0.87, 0.64, 0.62, 1.0))
 OBJECT = ((0.86, 0.42, 0.30, 1.0), (0.30, 0.52, 0.72, 1.0), (0.45, 0.62, 0.35, 1.0))
 DARK = (0.24, 0.27, 0.33, 1.0)
 PAPER, LINE = (0.95, 0.96, 0.97), (0.62, 0.66, 0.73)
@@ -209,7 +209,7 @@ def _surroundings(spec: mujoco.MjSpec, floor_m: float, square_m: float, centre: 
     )
     material = spec.add_material(name="floor", texrepeat=[1 / square_m, 1 / square_m], texuniform=True)
     material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = "grid"
-    material.specular, material.shininess, material.reflectance = 0.0, 0.0, 0.0
+    material.specular, material.reflectance, material.emission = 0.0, 0.0, 0.15
     spec.worldbody.add_geom(
         type=mujoco.mjtGeom.mjGEOM_PLANE,
         pos=[0.0, 0.0, floor_m],
