@@ -26,8 +26,13 @@ CREEP_M_S = 1e-4
 CREEP_SHARE = 0.75  # of the limit: held by a margin, so that what moves is the engine's creep
 HEAVIEST_KG = 0.64
 HOLD_S = 4.0
-# MuJoCo's own defaults for contact: what the engine's settings are compared with.
-MUJOCO_DEFAULTS = {"impratio": 1.0, "noslip_iterations": 0}
+# MuJoCo's defaults solref (0.02, 1) and solimp 0.95 in the engine's words, and friction as soft as pressing.
+MUJOCO_DEFAULTS = {
+    "contact_stiffness": 1 / (0.95 * 0.02) ** 2,
+    "contact_damping": 2 / (0.95 * 0.02),
+    "slip_damping": 2 / (0.95 * 0.02),
+    "impratio": 1.0,
+}
 
 
 def main() -> None:
