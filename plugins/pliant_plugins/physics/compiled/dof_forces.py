@@ -95,3 +95,30 @@ def to_torque(phi, effort, torque):  # type: ignore[no-untyped-def]
         b, c = (a + 1) % 3, (a + 2) % 3
         turned = phi[b] * effort[c] - phi[c] * effort[b]
         torque[a] = effort[a] - 0.5 * turned + d * (phi[a] * along - square * effort[a])
+
+
+@njit(cache=True, nogil=True)
+def drive_arms(laws, arms, axes, p, moments, plain, dt, qpos, force, damping):  # type: ignore[no-untyped-def]
+    """Fills force and damping of all arms of a scene in one call, in the engine's own arrays of dofs.
+
+    Args:
+        laws: those of all joints, arm after arm; the actuators' signs are common.
+        arms: (m, 6) int64: first and last (exclusive) joint, first coordinate, first dof, whether balls, column of
+            the main axis.
+        axes: (m, 3) as in `drive_balls`.
+        p: (m, k) and moments (m,): values of the actuators and end moment of each arm.
+        qpos, force, damping: of the whole model.
+    """
+    addresses, spans, parameters, signs = laws
+    for k in range(len(arms)):
+        first, last, at, dof = arms[k, 0], arms[k, 1], arms[k, 2], arms[k, 3]
+        n = last - first
+        own = (addresses[first:last], spans[first:last], parameters, signs)
+        none = np.zeros(n)
+        if arms[k, 4]:
+            f, d = force[dof : dof + 3 * n].reshape(n, 3), damping[dof : dof + 3 * n].reshape(n, 3)
+            turns = qpos[at : at + 4 * n].reshape(n, 4)
+            drive_balls(own, turns, axes[k], arms[k, 5], p[k], moments[k], none, 1.0, dt, plain, f, d)
+        else:
+            f, d = force[dof : dof + n], damping[dof : dof + n]
+            drive_axes(own, qpos[at : at + n], p[k], moments[k], none, 1.0, dt, plain, f, d)

@@ -38,28 +38,29 @@ class ChainJoints:
     ) -> None:
         self.statics = statics
         self._geometry = statics.geometry
-        self._ball = self._geometry.kind == "spherical"
+        self.ball = self._geometry.kind == "spherical"
         self._model, self._data = model, data
         self.base, self.tip = model.body(f"{prefix}base").id, model.body(f"{prefix}tip").id
         n, first = chain.n_joints, int(model.body_jntadr[self.base + 1])
-        coordinates, dofs = int(model.jnt_qposadr[first]), int(model.jnt_dofadr[first])
-        self.dofs = slice(dofs, dofs + n * (3 if self._ball else 1))
-        self._qpos = data.qpos[coordinates : coordinates + n * (4 if self._ball else 1)]
-        self._qvel, self._applied = data.qvel[self.dofs], data.qfrc_applied[self.dofs]
-        self._damping = model.dof_damping[self.dofs]
-        if self._ball:
+        self.n_joints, self.main = n, statics.geometry.main
+        self.coordinate, self.dof = int(model.jnt_qposadr[first]), int(model.jnt_dofadr[first])
+        dofs = slice(self.dof, self.dof + n * (3 if self.ball else 1))
+        self._qpos = data.qpos[self.coordinate : self.coordinate + n * (4 if self.ball else 1)]
+        self._qvel, self._applied = data.qvel[dofs], data.qfrc_applied[dofs]
+        self._damping = model.dof_damping[dofs]
+        if self.ball:
             self._qpos, self._qvel = self._qpos.reshape(n, 4), self._qvel.reshape(n, 3)
             self._applied, self._damping = self._applied.reshape(n, 3), self._damping.reshape(n, 3)
-        self._order, self._none = np.argmax(self._geometry.basis, axis=0), np.zeros(n)
+        self.order, self._none = np.argmax(self._geometry.basis, axis=0), np.zeros(n)
         compiled = CompiledLaws.of(chain)
-        self._laws = None if compiled is None or chain.terms else compiled.arrays
+        self.laws = None if compiled is None or chain.terms else compiled.arrays
         self._loads: Loads | None = None
         self._values = self._none
 
     @property
     def q(self) -> Array:
         """(n, a) joint coordinates."""
-        if not self._ball:
+        if not self.ball:
             return self._qpos.reshape(-1, 1).copy()
         coordinates: Array = vector_of_quaternion(self._qpos) @ self._geometry.basis
         return coordinates
@@ -67,7 +68,7 @@ class ChainJoints:
     @property
     def rates(self) -> Array:
         """(n, a) dq/dt."""
-        if not self._ball:
+        if not self.ball:
             return self._qvel.reshape(-1, 1).copy()
         inverse = right_jacobian_inverse(vector_of_quaternion(self._qpos))
         rates: Array = np.einsum("nij,nj->ni", inverse, self._qvel)
@@ -75,7 +76,7 @@ class ChainJoints:
 
     def place(self, q: Array, rates: Array) -> None:
         """Set joint coordinates and their rates."""
-        if self._ball:
+        if self.ball:
             phi, phi_rate = self._geometry.rotation_vectors(q), self._geometry.rotation_vectors(rates)
             self._qpos[:] = quaternion_of_vector(phi)
             self._qvel[:] = np.einsum("nij,nj->ni", right_jacobian(phi), phi_rate)
@@ -96,7 +97,7 @@ class ChainJoints:
         `extra_stiffness` (n,), k is `caution` times the slope's magnitude plus the extra.
         """
         extra = self._none if extra_stiffness is None else extra_stiffness
-        if self._laws is None or loads.memory is not None:
+        if self.laws is None or loads.memory is not None:
             self._drive_plainly(loads, damping, extra, caution)
         else:
             self._drive_compiled(loads, damping, extra, caution)
@@ -106,11 +107,11 @@ class ChainJoints:
         if loads is not self._loads:
             self._loads, self._values = loads, self.statics.efforts.values(loads.actuation)
         before = (self._values, loads.moment_n_m, extra, caution, self._model.opt.timestep, damping)
-        if self._ball:
-            order = (self._order, self._geometry.main)
-            drive_balls(self._laws, self._qpos, *order, *before, self._applied, self._damping)
+        if self.ball:
+            order = (self.order, self.main)
+            drive_balls(self.laws, self._qpos, *order, *before, self._applied, self._damping)
         else:
-            drive_axes(self._laws, self._qpos, *before, self._applied, self._damping)
+            drive_axes(self.laws, self._qpos, *before, self._applied, self._damping)
 
     def _drive_plainly(self, loads: Loads, damping: float, extra: Array, caution: float) -> None:
         """The same without machine code, for laws without a scalar form and for law terms."""
@@ -119,8 +120,8 @@ class ChainJoints:
         slopes = np.abs(0.5 * (effort.dtau_du + effort.dtau_du.transpose(0, 2, 1))).sum(axis=2)
         implicit = damping + self._model.opt.timestep * caution * (slopes + extra[:, None])
         force = effort.tau
-        force[:, self._geometry.main] -= loads.moment_n_m
-        if self._ball:
+        force[:, self.main] -= loads.moment_n_m
+        if self.ball:
             inverse = right_jacobian_inverse(self._geometry.rotation_vectors(q))
             force = np.einsum("nji,nj->ni", inverse, self._geometry.rotation_vectors(force))
             implicit = implicit @ self._geometry.basis.T
@@ -130,7 +131,7 @@ class ChainJoints:
     def _push(self, loads: Loads) -> None:
         """Forces of the loads on the bodies, where these are now."""
         data = self._data
-        data.xfrc_applied[self.tip, :3] = loads.tip_force_n
+        self.push_tip(loads)
         if not loads.forces and not loads.cords:
             return
         mujoco.mj_kinematics(self._model, data)
@@ -140,6 +141,10 @@ class ChainJoints:
         for pull in self.statics.acting(pose, loads):
             body = self.base + pull.body
             mujoco.mj_applyFT(self._model, data, pull.force_n, none, pull.point_m, body, data.qfrc_applied)
+
+    def push_tip(self, loads: Loads) -> None:
+        """The tip force on its body, until the next call."""
+        self._data.xfrc_applied[self.tip, :3] = loads.tip_force_n
 
     def markers(self) -> Array:
         """(n + 2, 3) base, joints and tip as MuJoCo's kinematics have them now."""

@@ -21,6 +21,7 @@ from pliant.mechanics.statics import ChainStatics, Loads
 from pliant.records.design import Array
 from pliant.records.rollout import Inputs, OutsideDomain
 from pliant.records.scene import Contact, Scene, SceneState
+from pliant_plugins.physics.mujoco.arms import Arms
 from pliant_plugins.physics.mujoco.config import MujocoConfig
 from pliant_plugins.physics.mujoco.contacts import ContactReader
 from pliant_plugins.physics.mujoco.joints import ChainJoints
@@ -47,13 +48,17 @@ class MujocoScene(SceneSimulation):
             ChainJoints(model, data, arm.chain, one, arm_prefix(k))
             for k, (arm, one) in enumerate(zip(scene.arms, statics, strict=True))
         ]
+        self._driver = Arms(model, data, self._arms, config.joint_damping)
         self._loads = [Loads.unactuated(arm.chain) for arm in scene.arms]
+        self._driver.apply(self._loads)
         self._reader = ContactReader(model, data, document.geoms)
         self._nearness = Nearness(scene, model, document.geoms, config)
         first = model.nv - OBJECT_DOFS * len(scene.objects)
         self._object_poses = data.qpos[model.nq - 7 * len(scene.objects) :].reshape(-1, 7)
         self._object_rates = data.qvel[first:].reshape(-1, OBJECT_DOFS)
         self._first_object = model.nbody - len(scene.objects)
+        carriage = slice(0, CARRIAGE_DOFS)
+        self._carriage = (data.qpos[carriage], data.qvel[carriage], data.qfrc_applied[carriage])
         self._velocity = np.zeros(CARRIAGE_DOFS)
         self._time_s = 0.0
         # Whether MuJoCo's contacts are those of the last step, and not of one before `restore`.
@@ -67,6 +72,7 @@ class MujocoScene(SceneSimulation):
         for joints, given in zip(self._arms, inputs, strict=True):
             joints.statics.efforts.values(given.actuation)
         self._loads = [Loads.of(arm.chain, given) for arm, given in zip(self.scene.arms, inputs, strict=True)]
+        self._driver.apply(self._loads)
 
     def carry(self, velocity_m_s: Array) -> None:
         self._velocity = np.array(velocity_m_s, float)
@@ -97,15 +103,13 @@ class MujocoScene(SceneSimulation):
     def _advance(self, step_s: float) -> None:
         model, data = self._model, self._data
         model.opt.timestep = step_s
-        for joints, loads in zip(self._arms, self._loads, strict=True):
-            joints.drive(loads, self._config.joint_damping)
+        self._driver.drive(step_s)
         # A force that brings the carriage to its velocity in one step: the arms feel its acceleration.
-        carried = data.qvel[:CARRIAGE_DOFS]
-        data.qfrc_applied[:CARRIAGE_DOFS] = CARRIAGE_KG / step_s * (self._velocity - carried)
-        place = data.qpos[:CARRIAGE_DOFS] + step_s * self._velocity
+        place, velocity, force = self._carriage
+        force[:] = CARRIAGE_KG / step_s * (self._velocity - velocity)
+        there = place + step_s * self._velocity
         mujoco.mj_step(model, data)
-        data.qpos[:CARRIAGE_DOFS] = place
-        carried[:] = self._velocity
+        place[:], velocity[:] = there, self._velocity
         self._near, self._has_contacts = self._nearness.is_near(data), True
 
     def snapshot(self) -> SceneState:
