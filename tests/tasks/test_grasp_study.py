@@ -1,0 +1,92 @@
+"""A grasp from a study file to its page, with the study's noise."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from pliant.cli.verbs import app
+from pliant.config.loading import load_study
+from pliant.errors import UserError
+from pliant.registry.discovery import discover
+
+STUDY = """
+pliant: 1
+name: quick-grasp
+family: {kind: bellow_bending, inner_radius: 2 mm, average_radius: 6 mm, wall: 1.5 mm, module_length: 11 mm}
+material: {kind: neo_hookean, shear_modulus: 249 kPa, density: 1150 kg/m^3}
+surrogate:
+  kind: polynomial
+  form: study
+  odd: true
+  coefficients: {k_n: 1.637e-6, m_a: -1.704e-6, b_a: 0, m_e: 0.1012, b_e: 0.0245}
+chain:
+  segments: [{rigid: {length: 6.5 mm}}, {modules: 6}, {rigid: {length: 14 mm, section: module}}]
+physics: mujoco
+task:
+  kind: grasp
+  object: egg
+  pressure: 15 kPa
+  lower_height: 5 mm
+  lower_time: 0.2 s
+  lift_height: 20 mm
+  lift_time: 0.7 s
+"""
+
+
+@pytest.fixture
+def study(tmp_path: Path) -> Path:
+    path = tmp_path / "grasp.yaml"
+    path.write_text(STUDY)
+    return path
+
+
+def test_a_study_becomes_a_page(study: Path, tmp_path: Path) -> None:
+    out, result = tmp_path / "run", tmp_path / "result.json"
+    words = ["run", str(study), "--out", str(out), "--json", str(result), "--store", str(tmp_path / "store")]
+    ran = CliRunner().invoke(app, words)
+    assert ran.exit_code == 0, ran.output
+    found = json.loads(result.read_text())["simulate"]
+    assert found["residual"] is None  # contact forces are not in it
+    assert found["converged"] is True
+    assert found["metrics"]["mode"] == "stable"
+    assert found["metrics"]["z_end_m"] == pytest.approx(0.02, abs=0.002)
+    page = (out / "report.html").read_text(encoding="utf-8")
+    assert "The grasp at 15" in page
+    assert "is &#39;stable&#39;" in page
+    assert (out / "pictures" / "stills.png").stat().st_size > 10_000
+
+
+def test_the_studys_noise_flows_into_the_task(study: Path) -> None:
+    study.write_text(STUDY + "noise: {friction: 5 %, pressure: 0.5 kPa}\n")
+    read = load_study(study, discover())
+    noise = read.noisy_task().noise  # type: ignore[attr-defined]
+    assert (noise.friction, noise.pressure_pa, noise.placement) == (0.05, 500.0, 0.0)
+    assert read.unused() == []
+
+
+def test_noise_stands_in_one_place(study: Path) -> None:
+    study.write_text(STUDY + "  noise: {friction: 5 %}\nnoise: {friction: 5 %}\n")
+    with pytest.raises(UserError, match="give it once"):
+        load_study(study, discover()).noisy_task()
+
+
+def test_noise_for_a_task_without_trials_is_said(study: Path) -> None:
+    study.write_text(STUDY + "noise: {friction: 5 %}\n")
+    read = load_study(study, discover(), ["task={kind: free_bending, pressure: 15 kPa}"])
+    assert read.unused() == ["noise"]
+
+
+def test_a_part_is_found_beside_the_study(study: Path, tmp_path: Path) -> None:
+    study.write_text(STUDY.replace("object: egg", "object: {mesh: part.stl, mass: 30 g}"))
+    task = load_study(study, discover()).task
+    assert task.object.mesh == tmp_path / "part.stl"  # type: ignore[union-attr]
+
+
+def test_wrong_noise_is_refused(study: Path) -> None:
+    study.write_text(STUDY + "noise: {fricton: 5 %}\n")
+    with pytest.raises(UserError, match="did you mean 'friction'"):
+        load_study(study, discover())
