@@ -86,8 +86,9 @@ def render(
 
 def _judge(here: Session, done: StudyRun) -> None:
     result = done.engines[0].result
-    if result is not None and not result.final.converged:
-        here.progress.note("the simulation did not converge; the picture shows where it stopped.")
+    if result is not None and (result.not_reached or not result.final.converged):
+        why = result.not_reached or "The simulation did not converge."
+        here.progress.note(f"{why} The picture shows where it stopped.")
         here.exit_code = NOT_CONVERGED
 
 

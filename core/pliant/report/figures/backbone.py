@@ -39,8 +39,11 @@ def backbone(run: StudyRun, path: Path) -> None:
     settled = result.final.markers_m
     rest = geometry.markers(np.zeros_like(result.final.joint_angles)) + (settled[0] - geometry.base_position)
     target = _target(result)
-    points = np.concatenate([rest, settled, *([target] if target is not None else [])])
-    middle, half = 0.5 * (points.min(axis=0) + points.max(axis=0)), 0.62 * float(np.ptp(points, axis=0).max())
+    shown = [rest, settled] if target is None else [rest, settled, target]
+    if result.rollout is not None:
+        shown.extend(result.rollout.markers_m)
+    points = np.concatenate(shown)
+    middle, half = 0.5 * (points.min(axis=0) + points.max(axis=0)), 0.56 * float(np.ptp(points, axis=0).max())
     with style.canvas(1620, 620) as figure:
         for axes, (title, i, j) in zip(figure.subplots(1, 3), VIEWS, strict=True):
             _draw(axes, (i, j), rest, result, target)
