@@ -45,7 +45,7 @@ class MujocoConfig(PhysicsConfig):
         "else it is `timestep_s`",
     )
     near_m: Length = Field(
-        2e-3,
+        1e-3,
         gt=0.0,
         description="arm and object are near within this distance; steps are so short that none is jumped over",
     )
