@@ -1,0 +1,38 @@
+"""The picture of curves: drawn for tasks that have some, and of nothing else."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from pliant.records.rollout import Equilibrium, TaskResult
+from pliant.report.figures.backbones import backbone_picture, caption
+
+LINE = np.linspace([0.0, 0, 0], [0.0, 0.01, -0.05], 61)
+
+
+def result(**metrics: Any) -> TaskResult:
+    final = Equilibrium(np.zeros((1, 1)), np.zeros((3, 3)), 0.0, True, True, 1, 0.0)
+    return TaskResult(final, metrics)
+
+
+def test_only_tasks_with_curves_are_drawn() -> None:
+    assert backbone_picture(result(tip_x_m=0.0)) is None
+    hung = result(
+        loads_kg=[0.0, 0.01], rings_m=[LINE[::30].tolist()] * 2, backbone_points_m=[LINE.tolist()] * 2
+    )
+    followed = result(backbone_points_m=LINE.tolist(), target_points_m=(LINE + 1e-3).tolist())
+    pictures = [backbone_picture(one) for one in (hung, followed)]
+    assert all(picture is not None and bytes(picture[:4]) == b"\x89PNG" for picture in pictures)
+    assert "each load" in caption(hung) and "target" in caption(followed)
+
+
+def test_a_target_that_moves_changes_the_picture_and_the_same_one_does_not() -> None:
+    def drawn(shift: float) -> bytes:
+        one = result(backbone_points_m=LINE.tolist(), target_points_m=(LINE + shift).tolist())
+        picture = backbone_picture(one)
+        assert picture is not None
+        return picture.tobytes()
+
+    assert drawn(1e-3) == drawn(1e-3) != drawn(2e-3)
