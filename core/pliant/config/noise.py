@@ -19,8 +19,3 @@ class NoiseConfig(FrozenModel):
         le=1,
         description="of the object's place: radius of a disc, per radius of the object",
     )
-
-    @property
-    def any(self) -> bool:
-        """Whether anything varies."""
-        return bool(self.friction or self.pressure_pa or self.placement)

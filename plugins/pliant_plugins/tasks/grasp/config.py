@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -86,7 +87,7 @@ class GraspConfig(ActuatedConfig):
     )
     fingers: Count = Field(default=3, ge=1, le=12, description="equally spaced about the vertical")
     inclination_rad: Angle = Field(
-        default=0.5235987755982988, gt=-1.5, lt=1.5, description="of the fingers, outward from the vertical"
+        default=math.pi / 6, gt=-1.5, lt=1.5, description="of the fingers, outward from the vertical"
     )
     base_radius_m: Length | None = Field(
         default=None,

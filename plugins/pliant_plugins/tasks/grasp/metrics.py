@@ -111,7 +111,7 @@ def summary(trials: Sequence[TrialMetrics]) -> dict[str, Any]:
     means = {name: float(np.mean(values)) for name, values in trial_lists(trials).items()}
     return {
         **means,
-        "mode": max(MODES[::-1], key=lambda mode: (count[mode], -MODES.index(mode))),
+        "mode": max(MODES, key=lambda mode: (count[mode], -MODES.index(mode))),
         "success_share": count["stable"] / len(trials),
         "modes": {mode: count[mode] for mode in MODES},
     }
