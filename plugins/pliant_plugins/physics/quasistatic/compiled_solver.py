@@ -34,7 +34,10 @@ class CompiledSolver:
         if chain.terms or laws is None:
             return None
         numbers = (options.tolerance, options.max_iterations, options.max_step)
-        return CompiledSolver(chain, body, laws.arrays, laws.boxes, numbers)
+        solver = CompiledSolver(chain, body, laws.arrays, laws.boxes, numbers)
+        if not settle.signatures:  # compile or load now, so that no equilibrium's time includes it
+            solver.solve(np.zeros((chain.n_joints, len(chain.axes))), Loads.none(chain))
+        return solver
 
     def solve(self, q: Array, loads: Loads) -> Solution:
         """See `Solver`; where Newton's way fails it follows the overdamped motion from q."""
