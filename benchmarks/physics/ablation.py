@@ -3,7 +3,8 @@
     python -m benchmarks.physics.ablation      prints, and writes benchmarks/out/physics_ablation.json
 
 The helix with 20 g at the tip, 1 s of ramp and 1 s of hold. MuJoCo over steps of 1 to 50 ms and viscous damping of
-the joints; the published formulation over steps around its 1/2400 s and friction of its motors.
+the joints, without and (last column) with its default drag; the published formulation over steps around its
+1/2400 s and friction of its motors.
 """
 
 from __future__ import annotations
@@ -32,6 +33,8 @@ from pliant_plugins.physics.quasistatic.config import QuasistaticConfig
 LOAD_KG = 0.020
 STEPS_S = (1e-3, 2e-3, 5e-3, 10e-3, 20e-3, 50e-3)
 DAMPINGS = (1e-4, 3e-4, 1e-3, 3e-3)
+DEFAULTS = "default"
+Damping = float | str
 PUBLISHED_STEPS_S = (1 / 2400, 1 / 1200, 1 / 480)
 MOTORS_N_M = (3e-5, 1e-4, 1e-3)
 # Further from equilibrium than the helix is long: the motion has no bound.
@@ -50,7 +53,11 @@ def main() -> None:
         return law.evaluate(np.full(len(angles_rad), pressure_pa), angles_rad).tau
 
     mujoco = table(
-        "mujoco: joint damping, N·m·s/rad", STEPS_S, DAMPINGS, rest, lambda step, c: _mujoco(chain, step, c)
+        "mujoco: joint damping, N·m·s/rad",
+        STEPS_S,
+        (*DAMPINGS, DEFAULTS),
+        rest,
+        lambda step, c: _mujoco(chain, step, c),
     )
     script = table(
         "published formulation: friction of the motors, N·m",
@@ -65,13 +72,13 @@ def main() -> None:
 def table(
     title: str,
     steps: Sequence[float],
-    dampings: Sequence[float],
+    dampings: Sequence[Damping],
     rest_m: Array,
-    run: Callable[[float, float], Ended],
+    run: Callable[[float, Any], Ended],
 ) -> list[dict[str, Any]]:
     """Distance from equilibrium and wall time, a row per step size, a column per damping."""
     print(f"{title}; mm from equilibrium after 2 s (wall time in ms)")
-    print(f"{'step, ms':>9} " + "".join(f"{damping:>18.0e}" for damping in dampings))
+    print(f"{'step, ms':>9} " + "".join(f"{damping:>18}" for damping in dampings))
     rows = []
     for step in steps:
         cells = []
@@ -93,12 +100,13 @@ def table(
     return rows
 
 
-def _mujoco(chain: ChainModel, step_s: float, damping: float) -> Ended:
+def _mujoco(chain: ChainModel, step_s: float, damping: Damping) -> Ended:
+    config = MujocoConfig(timestep_s=step_s)
+    if isinstance(damping, float):
+        config = MujocoConfig(timestep_s=step_s, joint_damping=damping, drag_1_s=0.0)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # that a motion diverged is what the table says
-        return run_history(
-            Mujoco(MujocoConfig(timestep_s=step_s, joint_damping=damping)), chain, LOAD_KG, step_s
-        )
+        return run_history(Mujoco(config), chain, LOAD_KG, step_s)
 
 
 def _script(chain: ChainModel, efforts: published.Efforts, step_s: float, motor_n_m: float) -> Ended:

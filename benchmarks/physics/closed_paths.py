@@ -101,15 +101,15 @@ def of_engine(simulation: Simulation, chain: ChainModel) -> Efforts:
     return efforts
 
 
-def leak(efforts: Efforts, energy: ChainStatics, seed: int) -> float:
+def leak(efforts: Efforts, energy: ChainStatics, seed: int, points: int = POINTS) -> float:
     """|∮ τ dq| over the largest elastic energy along a smooth closed path of three harmonics.
 
-    The trapezoidal rule errs by O(1/POINTS³), because of the kink in the slope of u|u|; 200 points give 7e-6.
+    The trapezoidal rule errs by O(1/points³), because of the kink in the slope of u|u|.
     """
     random = np.random.default_rng(seed)
     shape = (3, MODULES, 3)
     sine, cosine = random.normal(size=shape), random.normal(size=shape)
-    phase = 2 * np.pi * np.arange(POINTS) / POINTS
+    phase = 2 * np.pi * np.arange(points) / points
     orders = np.arange(1, 4)[:, None]
     sines, cosines = np.sin(orders * phase), np.cos(orders * phase)
     path = np.einsum("ht,hna->tna", sines, sine) + np.einsum("ht,hna->tna", cosines, cosine)
@@ -118,7 +118,7 @@ def leak(efforts: Efforts, energy: ChainStatics, seed: int) -> float:
     size = LARGEST_ANGLE_RAD / np.abs(path).max()
     work = sum(np.sum(efforts(q) * dq) for q, dq in zip(size * path, size * slope, strict=True))
     peak = max(energy.efforts.potential(q, {"pressure_pa": 0.0}) for q in size * path)
-    return float(abs(work) * 2 * np.pi / POINTS / peak)
+    return float(abs(work) * 2 * np.pi / points / peak)
 
 
 if __name__ == "__main__":

@@ -2,7 +2,8 @@
 
 The law of the main axis y is the study's form, fitted by least squares to its FEM table where
 `../shared/data/reference` is there; elsewhere the coefficients of that fit are stated below. The laws of z
-and of the twist x are stated: the study's tables of them are not public. Tip loads are forces.
+and of the twist x are stated: the study's tables of them are not public. Tip loads are forces. Hinges stand on
+the axis of the modules, so that a rod is the same body; in examples/helix they stand beside it, as in the study.
 """
 
 from __future__ import annotations
@@ -35,9 +36,9 @@ G_M_S2 = 9.81
 # Least squares on FEM_TABLE, to six digits; used where the table is absent, and checked where it is there.
 FITTED_Y = StudyCoefficients(k_n=2.42685e-07, m_a=-8.94493e-08, m_e=8.18381e-3, b_e=6.59128e-3)
 FITTED_BOX = Domain(np.array([0.0, 15e3]), np.array([[-0.51432, 0.84926]]))
-# Stated, of the size of the main axis: second bending axis, and twist.
-STATED_Z = StudyCoefficients(k_n=0.0, m_a=0.0, m_e=0.02, b_e=0.015)
-STATED_X = StudyCoefficients(k_n=0.0, m_a=0.0, m_e=0.02, b_e=0.020)
+# Stated, as in examples/helix/helix.yaml: second bending axis, and twist.
+STATED_Z = StudyCoefficients(k_n=0.0, m_a=0.0, m_e=0.010, b_e=0.015)
+STATED_X = StudyCoefficients(k_n=0.0, m_a=0.0, m_e=0.0, b_e=0.030)
 
 
 class SegmentSpec(NamedTuple):
@@ -150,11 +151,11 @@ def helix(
     return build_chain(ChainConfig(modules=1, base=BaseConfig(direction=direction)), segments)
 
 
-def cut(cells: int) -> tuple[SegmentSpec, ...]:
-    """The segments with every module cut in equal parts, for `linear_law(cells=cells)`."""
+def cut(cells: int, specs: Sequence[SegmentSpec] = SEGMENTS) -> tuple[SegmentSpec, ...]:
+    """Segments with every module cut in equal parts, for `linear_law(cells=cells)`."""
     return tuple(
         s._replace(modules=s.modules * cells, length_m=s.length_m / cells, mass_kg=s.mass_kg / cells)
-        for s in SEGMENTS
+        for s in specs
     )
 
 

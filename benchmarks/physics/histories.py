@@ -9,7 +9,7 @@ import numpy as np
 from benchmarks.physics.helix import PRESSURE_PA, inputs
 from benchmarks.physics.published import DURATION_S, RAMP_S
 
-from pliant.interfaces.physics import PhysicsBackend, Simulation
+from pliant.interfaces.physics import PhysicsBackend
 from pliant.mechanics.statics import ChainStatics, Loads
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
@@ -24,23 +24,16 @@ class Ended:
     wall_s: float
 
 
-def run_history(
-    backend: PhysicsBackend, chain: ChainModel, load_kg: float, step_s: float, duration_s: float = DURATION_S
-) -> Ended:
+def run_history(backend: PhysicsBackend, chain: ChainModel, load_kg: float, step_s: float) -> Ended:
     """1 s of pressure ramp, then hold, from the straight chain; the pressure is set anew every `step_s`."""
     with backend.build(chain) as simulation:
-        wall_s = drive(simulation, load_kg, step_s, 0.0, duration_s)
+        start = time.perf_counter()
+        for k in range(round(DURATION_S / step_s)):
+            pressure = PRESSURE_PA * min((k + 1) * step_s / RAMP_S, 1.0)
+            simulation.apply(inputs(load_kg, pressure))
+            simulation.step(step_s)
+        wall_s = time.perf_counter() - start
         return Ended(simulation.snapshot().position, simulation.markers(), wall_s)
-
-
-def drive(simulation: Simulation, load_kg: float, step_s: float, from_s: float, to_s: float) -> float:
-    """A part of the history; returns its wall time."""
-    start = time.perf_counter()
-    for k in range(round(from_s / step_s), round(to_s / step_s)):
-        pressure = PRESSURE_PA * min((k + 1) * step_s / RAMP_S, 1.0)
-        simulation.apply(inputs(load_kg, pressure))
-        simulation.step(step_s)
-    return time.perf_counter() - start
 
 
 def away_mm(markers_m: Array, equilibrium_m: Array) -> float:

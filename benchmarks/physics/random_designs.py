@@ -25,16 +25,16 @@ from pliant_plugins.surrogates.polynomial.law import PolynomialLaw
 from pliant_plugins.surrogates.polynomial.study_form import study_law
 
 
-def random_cases(count: int, seed: int = 0) -> list[Case]:
-    """Designs that differ in everything: 6 to 60 modules in 1 to 6 segments, pose, law, pressure, tip load."""
+def random_cases(count: int, seed: int = 0, modules: tuple[int, int] = (6, 60)) -> list[Case]:
+    """Designs that differ in everything: number of modules, 1 to 6 segments, pose, law, pressure, tip load."""
     random = np.random.default_rng(seed)
     base = helix_law().laws[1]
-    return [_case(random, base) for _ in range(count)]
+    return [_case(random, base, modules) for _ in range(count)]
 
 
-def _case(random: np.random.Generator, base: PolynomialLaw) -> Case:
+def _case(random: np.random.Generator, base: PolynomialLaw, modules: tuple[int, int]) -> Case:
     law = _law(random, base)
-    specs = _segments(random, int(random.integers(6, 61)), int(random.integers(1, 7)))
+    specs = _segments(random, int(random.integers(*modules, endpoint=True)), int(random.integers(1, 7)))
     segments = [
         Segment(rod_module(law, s.length_m, s.mass_kg, s.radius_m), s.modules, s.rotation_rad) for s in specs
     ]
