@@ -2,7 +2,7 @@
 
 import sys
 
-from pliant.registry.environments import register_environments
+from pliant.environments import register_environments
 
 __version__ = "0.1.0"
 

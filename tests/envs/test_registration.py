@@ -32,7 +32,7 @@ def test_a_broken_package_is_a_warning_and_the_others_stay() -> None:
 import warnings
 from importlib.metadata import EntryPoint
 import gymnasium
-from pliant.registry import environments
+from pliant import environments
 real = environments.entry_points
 broken = EntryPoint("pliant", "no.such.module:register", environments.GROUP)
 environments.entry_points = lambda **k: [broken, *real(**k)]
