@@ -76,8 +76,8 @@ def table(
     rest_m: Array,
     run: Callable[[float, Any], Ended],
 ) -> list[dict[str, Any]]:
-    """Distance from equilibrium and wall time, a row per step size, a column per damping."""
-    print(f"{title}; mm from equilibrium after 2 s (wall time in ms)")
+    """Distance from equilibrium and CPU time, a row per step size, a column per damping."""
+    print(f"{title}; mm from equilibrium after 2 s (CPU ms)")
     print(f"{'step, ms':>9} " + "".join(f"{damping:>18}" for damping in dampings))
     rows = []
     for step in steps:
@@ -91,11 +91,11 @@ def table(
                     "step_s": step,
                     "damping": damping,
                     "away_mm": away if bounded else None,
-                    "wall_s": end.wall_s,
+                    "cpu_s": end.cpu_s,
                 }
             )
             cells.append(f"{away:9.3f}" if bounded else f"{'diverged':>9}")
-            cells.append(f" ({1e3 * end.wall_s:6.1f})")
+            cells.append(f" ({1e3 * end.cpu_s:6.1f})")
         print(f"{1e3 * step:9.2f} " + "".join(cells), flush=True)
     return rows
 
@@ -111,7 +111,7 @@ def _mujoco(chain: ChainModel, step_s: float, damping: Damping) -> Ended:
 
 def _script(chain: ChainModel, efforts: published.Efforts, step_s: float, motor_n_m: float) -> Ended:
     done = published.run(chain, efforts, LOAD_KG, motor_n_m, step_s)
-    return Ended(done.angles_rad, done.markers_m, done.wall_s)
+    return Ended(done.angles_rad, done.markers_m, done.cpu_s)
 
 
 if __name__ == "__main__":
