@@ -20,7 +20,7 @@ from pliant_plugins.physics.quasistatic import kernel
 from pliant_plugins.physics.quasistatic.backend import Quasistatic
 from pliant_plugins.physics.quasistatic.config import QuasistaticConfig
 from pliant_plugins.physics.quasistatic.law_table import tabulate
-from pliant_plugins.physics.quasistatic.stepping import step_through
+from pliant_plugins.physics.stepping import step_through
 
 KINDS = tuple(VALUES)
 

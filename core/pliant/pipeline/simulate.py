@@ -126,8 +126,8 @@ def check_terms(backend: PhysicsBackend, chain: ChainModel) -> None:
     if any(term.needs_time for term in chain.terms) and not backend.capabilities.internal_states:
         kind = backend.config.kind
         raise UserError(
-            f"physics '{kind}' does not follow effects with rate or memory; use 'quasistatic', "
-            "or leave them out of 'effects'."
+            f"physics '{kind}' does not follow effects with rate or memory; use 'quasistatic' or "
+            "'mujoco', or leave them out of 'effects'."
         )
 
 

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 from typing import Protocol
 
 from pliant.interfaces.physics import Simulation, SimulationState
 from pliant.mechanics.relaxation import Mover, relax
 from pliant.mechanics.statics import ChainStatics, Loads
+from pliant.mechanics.terms import Memory
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
 from pliant.records.rollout import Equilibrium, Inputs
@@ -22,8 +24,8 @@ class Engine(Mover, Protocol):
     def end_relaxing(self) -> None:
         """Switch back to the chain's own inertia and damping."""
 
-    def travel(self, loads: Loads, duration_s: float) -> None:
-        """Advance in real time."""
+    def travel(self, loads: Loads, duration_s: float) -> Memory | None:
+        """Advance in real time; the memory of law terms at the end, None where the engine does not follow it."""
 
     def place(self, q: Array, rates: Array) -> None:
         """Set joint coordinates and their rates."""
@@ -36,7 +38,7 @@ class Engine(Mover, Protocol):
 
 
 class DynamicSimulation(Simulation):
-    """A chain in an engine with inertia; `settle` relaxes it to rest."""
+    """A chain in an engine with inertia; `settle` relaxes it to rest and reaches the present inputs slowly."""
 
     def __init__(
         self,
@@ -50,6 +52,8 @@ class DynamicSimulation(Simulation):
         self._statics, self._engine = statics, engine
         self._tolerance, self._max_settle_steps = tolerance, max_settle_steps
         self._loads = Loads.unactuated(chain)
+        # Of law terms, before a step that takes for ever: engines put their own step in.
+        self._memory = statics.efforts.terms.rested() if chain.terms else None
         self._time_s = 0.0
         prismatic = statics.geometry.kind == "prismatic"
         self._reach = chain.length_m / chain.n_joints if prismatic else 1.0
@@ -60,14 +64,18 @@ class DynamicSimulation(Simulation):
 
     def settle(self) -> Equilibrium:
         start = time.perf_counter()
+        loads = self.now()
         self._engine.begin_relaxing()
         try:
             relaxed = relax(
-                self._engine, self._statics, self._loads, self._tolerance, self._max_settle_steps, self._reach
+                self._engine, self._statics, loads, self._tolerance, self._max_settle_steps, self._reach
             )
         finally:
             self._engine.end_relaxing()
-        outside = self._statics.efforts.outside_domain(relaxed.q, self._loads.actuation, self._time_s)
+        efforts = self._statics.efforts
+        if self._memory is not None:
+            self._memory = efforts.advance(relaxed.q, loads.actuation, self._memory)
+        outside = efforts.outside_domain(relaxed.q, loads.actuation, self._time_s)
         return Equilibrium(
             joint_angles=relaxed.q,
             markers_m=self.markers(),
@@ -81,15 +89,24 @@ class DynamicSimulation(Simulation):
 
     def step(self, duration_s: float) -> None:
         if duration_s > 0.0:
-            self._engine.travel(self._loads, duration_s)
+            self._memory = self._engine.travel(self.now(), duration_s) or self._memory
             self._time_s += duration_s
 
+    def now(self) -> Loads:
+        """The present loads, with the past that law terms remember."""
+        return self._loads if self._memory is None else self._loads.after(self._memory)
+
     def snapshot(self) -> SimulationState:
-        return SimulationState(self._time_s, self._engine.q, self._engine.rates)
+        states = None if self._memory is None else self._memory.states.copy()
+        return SimulationState(self._time_s, self._engine.q, self._engine.rates, states)
 
     def restore(self, state: SimulationState) -> None:
         self._time_s = state.time_s
         self._engine.place(state.position, state.velocity)
+        if self._memory is not None:
+            rested = self._statics.efforts.terms.rested()
+            states = rested.states if state.memory is None else state.memory.copy()
+            self._memory = replace(self._memory, previous=state.position.copy(), states=states)
 
     def markers(self) -> Array:
         return self._engine.markers()

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import mujoco
 import numpy as np
 
 from pliant.mechanics.statics import Loads
+from pliant.mechanics.terms import Memory
+from pliant.records.design import Array
 from pliant_plugins.physics.compiled.dof_forces import drive_arms
 from pliant_plugins.physics.mujoco.joints import ChainJoints
 
@@ -30,6 +33,8 @@ class Arms:
         self._table = np.array(table, np.int64).reshape(-1, 6)
         self._axes = np.array([np.resize(arm.order, 3) for arm in joints], np.int64).reshape(-1, 3)
         self._loads: Sequence[Loads] = ()
+        # What law terms know of the past, arm by arm; None where an arm has none.
+        self.memories: list[Memory | None] = [arm.rested() for arm in joints]
         self._pulled = False
 
     def apply(self, loads: Sequence[Loads]) -> None:
@@ -46,11 +51,26 @@ class Arms:
     def drive(self, step_s: float) -> None:
         """Forces of laws and loads for a step of this length, which the model has too."""
         if self._laws is None or self._pulled:
-            for arm, of_arm in zip(self._joints, self._loads, strict=True):
-                arm.drive(of_arm, self._physical)
+            for arm, loads, memory in zip(self._joints, self._loads, self.memories, strict=True):
+                arm.drive(loads if memory is None else loads.after(memory.over(step_s)), self._physical)
             return
         given = (self._values, self._moments, self._physical, step_s)
         drive_arms(self._laws, self._table, self._axes, *given, self._qpos, self._applied, self._damping)
+
+    def remember(self, step_s: float) -> None:
+        """Let law terms remember a step of this length that has ended where the arms are."""
+        for k, (arm, loads, memory) in enumerate(zip(self._joints, self._loads, self.memories, strict=True)):
+            if memory is not None:
+                self.memories[k] = arm.remember(loads.after(memory.over(step_s))).memory
+
+    def recall(self, states: Sequence[Array | None]) -> None:
+        """Set what law terms remember, for arms that are where they were then; rested where nothing is given."""
+        self.memories = [arm.rested() for arm in self._joints]
+        for k, (arm, memory) in enumerate(zip(self._joints, self.memories, strict=True)):
+            known = states[k] if k < len(states) else None
+            if memory is not None:
+                given = memory.states if known is None else known.copy()
+                self.memories[k] = replace(memory, previous=arm.q, states=given)
 
 
 def _joined(joints: Sequence[ChainJoints]) -> Any:

@@ -10,6 +10,7 @@ import mujoco
 import numpy as np
 
 from pliant.mechanics.statics import ChainStatics, Loads
+from pliant.mechanics.terms import Memory
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
 from pliant_plugins.physics.mujoco.config import MujocoConfig
@@ -64,24 +65,33 @@ class MujocoChain:
         self.joints.drive(loads, 0.0, load_stiffness, caution)
         mujoco.mj_step(self.model, self.data)
 
-    def travel(self, loads: Loads, duration_s: float) -> None:
-        """Advance in real time in equal steps no longer than the config's.
+    def travel(self, loads: Loads, duration_s: float) -> Memory | None:
+        """Advance in real time in equal steps no longer than the config's; the memory of law terms at the end.
 
         Where MuJoCo calls the motion unstable, that is a RuntimeWarning.
         """
-        n_steps = max(1, math.ceil(duration_s / self._config.timestep_s - 1e-9))
-        self.model.opt.timestep = duration_s / n_steps
-        # Resistance in proportion to mass is the same decay for every velocity.
-        kept = math.exp(-self._config.drag_1_s * self.model.opt.timestep)
-        with silent():
-            for _ in range(n_steps):
-                self.data.qvel *= kept
-                self.joints.drive(loads, self._config.joint_damping)
-                mujoco.mj_step(self.model, self.data)
-        bad = unstable(self.data)
+        memory, bad = self.march(loads, duration_s)
         if bad is not None:
             message = f"mujoco: the motion is unstable ({bad}) within the last {duration_s:g} s"
             warnings.warn(message, RuntimeWarning, stacklevel=2)
+        return memory
+
+    def march(self, loads: Loads, duration_s: float) -> tuple[Memory | None, str | None]:
+        """The same without a warning: the memory, and which quantity became unbounded, or None."""
+        n_steps = max(1, math.ceil(duration_s / self._config.timestep_s - 1e-9))
+        step_s = self.model.opt.timestep = duration_s / n_steps
+        # Resistance in proportion to mass is the same decay for every velocity.
+        kept = math.exp(-self._config.drag_1_s * step_s)
+        with silent():
+            for _ in range(n_steps):
+                self.data.qvel *= kept
+                if loads.memory is not None:
+                    loads = loads.after(loads.memory.over(step_s))
+                self.joints.drive(loads, self._config.joint_damping)
+                mujoco.mj_step(self.model, self.data)
+                loads = self.joints.remember(loads)
+        memory = None if loads.memory is None else loads.memory.over(math.inf)
+        return memory, unstable(self.data)
 
     def markers(self) -> Array:
         """(n + 2, 3) base, joints and tip from MuJoCo's own kinematics."""

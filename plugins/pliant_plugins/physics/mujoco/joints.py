@@ -2,9 +2,16 @@
 
 A ball joint's dofs are the angular velocity ω in the child's frame, dφ/dt = Jᵣ⁻¹ ω; an effort τ conjugate to
 φ is the torque Jᵣ⁻ᵀ τ there, so the work is the same in both coordinates.
+
+Law terms see rate and memory, T(u) = τ(u, (u − q)/h, …), and are taken at the end of the step. Linearised where
+the velocity leads, u* = q + h v:  T(q + h v⁺) ≈ T(u*) − K h (v⁺ − v),  K = −dT/du there, in which a rate's slope is
+c/h. So the force is T(u*) + h K v, beside the damping h K that MuJoCo applies to v⁺: a dashpot T = −c v leaves no
+force and the damping c, counted once.
 """
 
 from __future__ import annotations
+
+import math
 
 import mujoco
 import numpy as np
@@ -17,6 +24,7 @@ from pliant.mechanics.rotations import (
     vector_of_quaternion,
 )
 from pliant.mechanics.statics import ChainStatics, Loads
+from pliant.mechanics.terms import Memory
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
 from pliant_plugins.physics.compiled.dof_forces import drive_axes, drive_balls
@@ -94,7 +102,8 @@ class ChainJoints:
 
         The force at the joints is exactly the laws' τ. Their local slope k enters as a damping h k beside the
         physical one, which MuJoCo takes implicitly, so the stiffness is implicit too (`dof_forces`). With
-        `extra_stiffness` (n,), k is `caution` times the slope's magnitude plus the extra.
+        `extra_stiffness` (n,), k is `caution` times the slope's magnitude plus the extra. Law terms act as at
+        the end of the step of `loads.memory`; where that is infinite, as in a slow motion.
         """
         extra = self._none if extra_stiffness is None else extra_stiffness
         if self.laws is None or loads.memory is not None:
@@ -115,18 +124,33 @@ class ChainJoints:
 
     def _drive_plainly(self, loads: Loads, damping: float, extra: Array, caution: float) -> None:
         """The same without machine code, for laws without a scalar form and for law terms."""
-        q = self.q
+        step_s, q = self._model.opt.timestep, self.q
+        timed = loads.memory is not None and math.isfinite(loads.memory.dt_s)
+        if timed:
+            q = q + step_s * self.rates
         effort = self.statics.efforts.evaluate(q, loads.actuation, loads.memory)
         slopes = np.abs(0.5 * (effort.dtau_du + effort.dtau_du.transpose(0, 2, 1))).sum(axis=2)
-        implicit = damping + self._model.opt.timestep * caution * (slopes + extra[:, None])
+        implicit = step_s * caution * (slopes + extra[:, None])
         force = effort.tau
         force[:, self.main] -= loads.moment_n_m
         if self.ball:
             inverse = right_jacobian_inverse(self._geometry.rotation_vectors(q))
             force = np.einsum("nji,nj->ni", inverse, self._geometry.rotation_vectors(force))
             implicit = implicit @ self._geometry.basis.T
-        self._applied[:] = force.reshape(self._applied.shape)
-        self._damping[:] = implicit.reshape(self._damping.shape)
+        force, implicit = force.reshape(self._applied.shape), implicit.reshape(self._damping.shape)
+        self._applied[:] = force + implicit * self._qvel if timed else force
+        self._damping[:] = damping + implicit
+
+    def rested(self) -> Memory | None:
+        """What law terms know of the past in a virgin chain; None without terms."""
+        terms = self.statics.efforts.terms
+        return terms.rested() if terms.terms else None
+
+    def remember(self, loads: Loads) -> Loads:
+        """The loads after a step that ended where the chain is: with what law terms then know of the past."""
+        if loads.memory is None:
+            return loads
+        return loads.after(self.statics.efforts.advance(self.q, loads.actuation, loads.memory))
 
     def _push(self, loads: Loads) -> None:
         """Forces of the loads on the bodies, where these are now."""

@@ -38,6 +38,12 @@ class MujocoScene(SceneSimulation):
     """See `SceneSimulation`."""
 
     def __init__(self, scene: Scene, config: MujocoConfig) -> None:
+        """Raises `UserError` for a MuJoCo that is too old."""
+        if not hasattr(mujoco.mjtIntegrator, "mjINT_DISCRETE"):
+            raise UserError(
+                f"scenes need MuJoCo 3.13 or later, which has the integrator 'discrete'; here is {mujoco.__version__}. "
+                "Install it with: pip install --upgrade mujoco"
+            )
         self.scene = scene
         self._config = config
         document = scene_mjcf(scene, config)
@@ -110,6 +116,7 @@ class MujocoScene(SceneSimulation):
         there = place + step_s * self._velocity
         mujoco.mj_step(model, data)
         place[:], velocity[:] = there, self._velocity
+        self._driver.remember(step_s)
         self._near, self._has_contacts = self._nearness.is_near(data), True
 
     def snapshot(self) -> SceneState:
@@ -126,6 +133,7 @@ class MujocoScene(SceneSimulation):
             positions_m=poses[:, :3].copy(),
             rotations=rotations,
             velocities=np.concatenate([rates[:, :3], spins], axis=1),
+            memories=tuple(None if m is None else m.states.copy() for m in self._driver.memories),
             private={"mujoco": private, "near": np.array([self._near])},
         )
 
@@ -135,6 +143,7 @@ class MujocoScene(SceneSimulation):
             mujoco.mj_setState(self._model, data, state.private["mujoco"], STATE)
         else:
             self._place(state)
+        self._driver.recall(state.memories)
         self._time_s, self._has_contacts = state.time_s, False
         if "near" in state.private:
             self._near = bool(state.private["near"][0])

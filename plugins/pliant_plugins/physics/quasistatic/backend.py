@@ -33,7 +33,7 @@ from pliant.records.rollout import Equilibrium, Inputs, OutsideDomain, Sensitivi
 from pliant_plugins.physics.quasistatic.config import QuasistaticConfig
 from pliant_plugins.physics.quasistatic.newton import NewtonOptions, Solution
 from pliant_plugins.physics.quasistatic.solver import PlainSolver, Solver
-from pliant_plugins.physics.quasistatic.stepping import Paths, step_through
+from pliant_plugins.physics.stepping import Paths, step_through
 
 if TYPE_CHECKING:
     from pliant_plugins.physics.compiled.packs import Packs

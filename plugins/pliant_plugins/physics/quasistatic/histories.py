@@ -21,7 +21,7 @@ from pliant_plugins.physics.quasistatic.config import QuasistaticConfig
 from pliant_plugins.physics.quasistatic.kernel import follow
 from pliant_plugins.physics.quasistatic.law_table import LawTable, tabulate
 from pliant_plugins.physics.quasistatic.packing import Clock, Drive, Terms
-from pliant_plugins.physics.quasistatic.stepping import Paths
+from pliant_plugins.physics.stepping import Paths
 
 # Tables reach this much beyond the actuation that occurs, so that fits may scale and shift it.
 MARGIN = 0.5

@@ -15,6 +15,7 @@ from pliant.records.history import History
 from pliant.records.term import LawTerm, TermFunction
 from pliant_plugins.physics.compiled.functions import compile_function
 from pliant_plugins.physics.quasistatic.kernel import MAX_TERMS, NOTHING, ROLES, TERM_SIGNATURE
+from pliant_plugins.physics.stepping import check_driven
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,11 +32,7 @@ class Drive:
     @staticmethod
     def of(chain: ChainModel, histories: Sequence[History]) -> Drive:
         """Raises `UserError` where a history lacks an input of the chain, or a number of it."""
-        for history in histories:
-            missing = [a.input for a in chain.actuators if a.input not in history.actuation]
-            if missing:
-                raise UserError(f"run '{history.run}' has no {missing[0]}, which drives the chain")
-            _check_finite(history)
+        check_driven(chain, histories)
         join = np.concatenate
         return Drive(
             pressure=np.stack(
@@ -52,24 +49,6 @@ class Drive:
             temperature=join([h.temperature_c for h in histories]),
             angles=join([h.base_angles_rad for h in histories]),
         )
-
-
-def _check_finite(history: History) -> None:
-    for name, values in {
-        **history.actuation,
-        "time_s": history.time_s,
-        "tip_force_n": history.tip_force_n,
-        "moment_n_m": history.moment_n_m,
-        "temperature_c": history.temperature_c,
-        "base_angles_rad": history.base_angles_rad,
-        "payload_kg": history.payload_kg,
-    }.items():
-        if values is not None and not np.all(np.isfinite(values)):
-            sample = int(np.flatnonzero(~np.isfinite(values).reshape(len(values), -1).all(axis=1))[0])
-            raise UserError(
-                f"run '{history.run}', sample {sample + 1}: {name} is not a finite number; a chain cannot be "
-                "followed over a gap in what drives it, so fill it or leave the sample out."
-            )
 
 
 @dataclass(frozen=True, eq=False)

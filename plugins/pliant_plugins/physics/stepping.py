@@ -1,27 +1,57 @@
-"""Histories of any chain by stepping a simulation: slow, for joints that the compiled loop does not have."""
+"""Histories of any chain by stepping a simulation through them, sample by sample."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from contextlib import closing
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import numpy as np
 
 from pliant.errors import UserError
-from pliant.interfaces.physics import Variation
+from pliant.interfaces.physics import SimulationState, Variation
 from pliant.mechanics.kinematics import base_rotations
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
 from pliant.records.history import Followed, History
 from pliant.records.rollout import Inputs
 
-if TYPE_CHECKING:
-    from pliant_plugins.physics.quasistatic.backend import QuasistaticSimulation
-
 Paths = tuple[tuple[Followed, ...], tuple[tuple[Followed, ...], ...]]
-Builder = Callable[[ChainModel], "QuasistaticSimulation"]
+
+
+class Reached(Protocol):
+    """The end of a step."""
+
+    @property
+    def converged(self) -> bool:
+        """The simulation can answer for where it is."""
+
+
+class Steppable(Protocol):
+    """A simulation that goes through histories."""
+
+    def apply(self, inputs: Inputs) -> None:
+        """Set actuation and loads from now on."""
+
+    def warm(self, temperature_c: float) -> None:
+        """Set the temperature that law terms see from now on."""
+
+    def advance(self, duration_s: float) -> Reached:
+        """Go on to the end of a step of this duration; infinite where it is reached slowly."""
+
+    def snapshot(self) -> SimulationState:
+        """The present state."""
+
+    def restore(self, state: SimulationState) -> None:
+        """Return to a snapshot."""
+
+    def close(self) -> None:
+        """Free the engine's resources."""
+
+
+Builder = Callable[[ChainModel], Steppable]
 
 
 def step_through(
@@ -34,11 +64,40 @@ def step_through(
     """See `PhysicsBackend.follow`; samples further apart than `longest_step_s` are reached in equal parts.
 
     Raises:
-        UserError: a base or payload that changes within a run.
+        UserError: a base or payload that changes within a run, an input that is missing or not a number.
     """
+    for its_chain, its_histories in [(chain, histories), *((v.chain, v.histories) for v in towards)]:
+        check_driven(its_chain, its_histories)
     paths = _all(build, chain, histories, longest_step_s)
     changed = [_all(build, v.chain, v.histories, longest_step_s) for v in towards]
     return paths, tuple(_difference(moved, paths) for moved in changed)
+
+
+def check_driven(chain: ChainModel, histories: Sequence[History]) -> None:
+    """Raise `UserError` where a history lacks an input of the chain, or a number of it."""
+    for history in histories:
+        missing = [a.input for a in chain.actuators if a.input not in history.actuation]
+        if missing:
+            raise UserError(f"run '{history.run}' has no {missing[0]}, which drives the chain")
+        _check_finite(history)
+
+
+def _check_finite(history: History) -> None:
+    for name, values in {
+        **history.actuation,
+        "time_s": history.time_s,
+        "tip_force_n": history.tip_force_n,
+        "moment_n_m": history.moment_n_m,
+        "temperature_c": history.temperature_c,
+        "base_angles_rad": history.base_angles_rad,
+        "payload_kg": history.payload_kg,
+    }.items():
+        if values is not None and not np.all(np.isfinite(values)):
+            sample = int(np.flatnonzero(~np.isfinite(values).reshape(len(values), -1).all(axis=1))[0])
+            raise UserError(
+                f"run '{history.run}', sample {sample + 1}: {name} is not a finite number; a chain cannot be "
+                "followed over a gap in what drives it, so fill it or leave the sample out."
+            )
 
 
 def _all(
@@ -72,7 +131,7 @@ def _one(
     q: list[Array] = []
     converged: list[bool] = []
     simulation = build(chain.with_(base_rotation=rotation, payload_kg=payload))
-    with simulation:
+    with closing(simulation):
         if damage is not None:
             simulation.restore(replace(simulation.snapshot(), memory=damage))
         for k in range(len(history)):
