@@ -66,7 +66,7 @@ def main() -> None:
             ),
         }
         found[f"creep_{name}_{kpa}"] = {"extra_kg": extra, "creep_m_s": creeps}
-        texts = ", ".join(f"{which} {1e3 * value:.3f} mm/s" for which, value in creeps.items())
+        texts = ", ".join(f"{which} {_speed(value)}" for which, value in creeps.items())
         print(
             f"creep of the {name} at {kpa} kPa with {1e3 * extra:.0f} g: {texts} (to reach {1e3 * CREEP_M_S:g})"
         )
@@ -93,13 +93,15 @@ def limit_kg(
 
 def creep_m_s(
     backend: PhysicsBackend, chain: ChainModel, name: str, pressure: float, extra_kg: float
-) -> float:
-    """Speed at which a held object sinks, over the second half of a long hold."""
+) -> float | None:
+    """Speed at which a held object sinks, over the second half of a long hold; None if it fell."""
     task = grasp(
         object=name, pressure=pressure, extra_weights=1, weight_kg=extra_kg or 1e-6, final_time_s=2 * HOLD_S
     )
     result = task.run(chain, backend.build_scene)
     assert result.frames is not None
+    if result.metrics["z_end_m"] < 0.5 * task.config.lift_height_m:
+        return None
     time_s, height = result.frames.time_s, result.frames.positions_m[:, 0, 2]
     late = int(abs(time_s - (time_s[-1] - HOLD_S)).argmin())
     return float((height[late] - height[-1]) / (time_s[-1] - time_s[late]))
@@ -109,6 +111,10 @@ def fingerprint(chain: ChainModel) -> str:
     """What a limit depends on besides the engine, as text."""
     law = chain.laws[0].record()
     return f"{law.kind} {sorted(law.values.items())} {[a.round(12).tolist() for a in law.arrays.values()]}"
+
+
+def _speed(creep_m_s: float | None) -> str:
+    return "fell" if creep_m_s is None else f"{1e3 * creep_m_s:.3f} mm/s"
 
 
 def _line(name: str, kpa: int, limits: dict[str, float]) -> str:
