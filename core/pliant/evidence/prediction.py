@@ -78,7 +78,7 @@ class Predictor:
         if not backend.capabilities.internal_states:
             raise UserError(
                 f"physics '{physics.kind}' cannot follow measured histories; comparing with measurements "
-                "needs 'physics: quasistatic'."
+                "needs 'physics: quasistatic' or 'physics: mujoco'."
             )
         chain = chain_of_study(bench, study).chain
         check_capabilities(backend, chain, physics.kind)
