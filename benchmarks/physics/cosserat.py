@@ -40,7 +40,7 @@ class RodOptions:
 
 # Tuned for speed: as many bends as the chain has joints; 0.07 % of stretch is 0.06 mm at the tip.
 FAST = RodOptions(cells=1, axial_n=4e2)
-FINE = RodOptions(cells=4, axial_n=2e3, duration_s=1.6)
+FINE = RodOptions(cells=4, axial_n=2e3, duration_s=2.2)
 COMPILING = RodOptions(cells=1, axial_n=4e2, duration_s=1e-3)
 
 
