@@ -152,9 +152,8 @@ def sensitivities(
     found = {"nominal": {"": bench.error(start, egg, trials)}}
     print(f"\negg error of 180, {trials} trials a cell: start {found['nominal']['']:.0f}")
     for unknown in UNKNOWNS:
-        errors = {
-            str(value): bench.error({**start, unknown.name: value}, egg, trials) for value in unknown.others
-        }
+        values = [v for v in (unknown.nominal, *unknown.others) if v != start[unknown.name]]
+        errors = {str(value): bench.error({**start, unknown.name: value}, egg, trials) for value in values}
         found[unknown.name] = errors
         texts = ", ".join(f"{float(value):g} {unknown.unit}: {error:.0f}" for value, error in errors.items())
         print(f"  {unknown.name:<16} {start[unknown.name]:g} → {texts}   ({unknown.why})", flush=True)
