@@ -16,6 +16,7 @@ from pliant.records.design import Array
 from pliant_plugins.physics.mujoco.config import MujocoConfig
 from pliant_plugins.physics.mujoco.joints import ChainJoints
 from pliant_plugins.physics.mujoco.mjcf import chain_mjcf
+from pliant_plugins.physics.mujoco.motion import CompiledMotion, Samples, step_of
 from pliant_plugins.physics.mujoco.warned import silent, unstable
 
 
@@ -27,6 +28,8 @@ class MujocoChain:
         self.model = mujoco.MjModel.from_xml_string(chain_mjcf(chain))
         self.data = mujoco.MjData(self.model)
         self.joints = ChainJoints(self.model, self.data, chain, statics)
+        self._rested = statics.efforts.terms.rested()
+        self.compiled = CompiledMotion.of(self.model, self.data, chain, self.joints)
         self._relaxing = ExitStack()
 
     @property
@@ -78,8 +81,12 @@ class MujocoChain:
 
     def march(self, loads: Loads, duration_s: float) -> tuple[Memory | None, str | None]:
         """The same without a warning: the memory, and which quantity became unbounded, or None."""
+        if self.compiled is not None and not loads.forces and not loads.cords:
+            samples = Samples.held(self.joints.statics.efforts.values(loads.actuation), loads, duration_s)
+            memory = self.go(samples, loads.memory)[2]
+            return (None if loads.memory is None else memory), unstable(self.data)
         n_steps = max(1, math.ceil(duration_s / self._config.timestep_s - 1e-9))
-        step_s = self.model.opt.timestep = duration_s / n_steps
+        step_s = self.model.opt.timestep = step_of(duration_s, n_steps)
         # Resistance in proportion to mass is the same decay for every velocity.
         kept = math.exp(-self._config.drag_1_s * step_s)
         with silent():
@@ -92,6 +99,18 @@ class MujocoChain:
                 loads = self.joints.remember(loads)
         memory = None if loads.memory is None else loads.memory.over(math.inf)
         return memory, unstable(self.data)
+
+    def go(
+        self, samples: Samples, memory: Memory | None, places: bool = False
+    ) -> tuple[Array, Array, Memory]:
+        """`CompiledMotion.run` with the config's step and damping; the caller asks `unstable`."""
+        assert self.compiled is not None
+        config = self._config
+        past = self._rested if memory is None else memory
+        with silent():
+            return self.compiled.run(
+                samples, past, config.timestep_s, config.joint_damping, config.drag_1_s, places
+            )
 
     def markers(self) -> Array:
         """(n + 2, 3) base, joints and tip from MuJoCo's own kinematics."""

@@ -47,7 +47,7 @@ class ChainJoints:
         self.statics = statics
         self._geometry = statics.geometry
         self.ball = self._geometry.kind == "spherical"
-        self._model, self._data = model, data
+        self.model, self._data = model, data
         self.base, self.tip = model.body(f"{prefix}base").id, model.body(f"{prefix}tip").id
         n, first = chain.n_joints, int(model.body_jntadr[self.base + 1])
         self.n_joints, self.main = n, statics.geometry.main
@@ -91,6 +91,12 @@ class ChainJoints:
         else:
             self._qpos[:], self._qvel[:] = q.ravel(), rates.ravel()
 
+    def views(self) -> tuple[Array, ...]:
+        """MuJoCo's own numbers, flat: coordinates, velocities, forces, damping; tip force and bodies' places."""
+        flat = [part.reshape(-1) for part in (self._qpos, self._qvel, self._applied, self._damping)]
+        bodies = slice(self.base, self.tip + 1)
+        return (*flat, self._data.xfrc_applied[self.tip, :3], self._data.xpos[bodies])
+
     def drive(
         self,
         loads: Loads,
@@ -115,7 +121,7 @@ class ChainJoints:
     def _drive_compiled(self, loads: Loads, damping: float, extra: Array, caution: float) -> None:
         if loads is not self._loads:
             self._loads, self._values = loads, self.statics.efforts.values(loads.actuation)
-        before = (self._values, loads.moment_n_m, extra, caution, self._model.opt.timestep, damping)
+        before = (self._values, loads.moment_n_m, extra, caution, self.model.opt.timestep, damping)
         if self.ball:
             order = (self.order, self.main)
             drive_balls(self.laws, self._qpos, *order, *before, self._applied, self._damping)
@@ -124,7 +130,7 @@ class ChainJoints:
 
     def _drive_plainly(self, loads: Loads, damping: float, extra: Array, caution: float) -> None:
         """The same without machine code, for laws without a scalar form and for law terms."""
-        step_s, q = self._model.opt.timestep, self.q
+        step_s, q = self.model.opt.timestep, self.q
         timed = loads.memory is not None and math.isfinite(loads.memory.dt_s)
         if timed:
             q = q + step_s * self.rates
@@ -158,13 +164,13 @@ class ChainJoints:
         self.push_tip(loads)
         if not loads.forces and not loads.cords:
             return
-        mujoco.mj_kinematics(self._model, data)
-        mujoco.mj_comPos(self._model, data)
+        mujoco.mj_kinematics(self.model, data)
+        mujoco.mj_comPos(self.model, data)
         bodies, none = slice(self.base, self.tip), np.zeros(3)
         pose = Pose(data.xpos[bodies], data.xmat[bodies].reshape(-1, 3, 3), NOT_NEEDED, NOT_NEEDED)
         for pull in self.statics.acting(pose, loads):
             body = self.base + pull.body
-            mujoco.mj_applyFT(self._model, data, pull.force_n, none, pull.point_m, body, data.qfrc_applied)
+            mujoco.mj_applyFT(self.model, data, pull.force_n, none, pull.point_m, body, data.qfrc_applied)
 
     def push_tip(self, loads: Loads) -> None:
         """The tip force on its body, until the next call."""

@@ -26,8 +26,8 @@ class MujocoSimulation(DynamicSimulation):
 
     def __init__(self, chain: ChainModel, config: MujocoConfig) -> None:
         statics = ChainStatics(chain)
-        self._chain = MujocoChain(chain, statics, config)
-        super().__init__(chain, statics, self._chain, config.tolerance, config.max_settle_steps)
+        self.engine = MujocoChain(chain, statics, config)
+        super().__init__(chain, statics, self.engine, config.tolerance, config.max_settle_steps)
 
     def warm(self, temperature_c: float) -> None:
         """Set the temperature that law terms see from now on."""
@@ -43,10 +43,10 @@ class MujocoSimulation(DynamicSimulation):
             return Moved(self.settle().converged)
         if duration_s <= 0.0:
             return Moved(True)
-        start = self._chain.q
-        memory, bad = self._chain.march(self.now(), duration_s)
-        if bad is not None or not np.isfinite(self._chain.q).all():
-            self._chain.halt(start)
+        start = self.engine.q
+        memory, bad = self.engine.march(self.now(), duration_s)
+        if bad is not None or not np.isfinite(self.engine.q).all():
+            self.engine.halt(start)
             return Moved(False)
         self._memory = memory
         self._time_s += duration_s

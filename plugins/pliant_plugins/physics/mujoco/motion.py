@@ -1,0 +1,162 @@
+"""A chain's motion in MuJoCo in compiled calls, where its laws, terms and loads allow it."""
+
+from __future__ import annotations
+
+import ctypes
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from pliant.errors import UserError
+from pliant.mechanics.statics import Loads
+from pliant.mechanics.terms import Memory
+from pliant.records.chain import ChainModel
+from pliant.records.design import Array
+from pliant.records.history import REFERENCE_TEMPERATURE_C
+from pliant.records.term import LawTerm, TermFunction
+from pliant_plugins.physics.compiled.functions import compile_function
+from pliant_plugins.physics.compiled.laws import CompiledLaws
+from pliant_plugins.physics.compiled.motion import TERM_SIGNATURE, move
+from pliant_plugins.physics.mujoco.joints import ChainJoints
+
+ROLES = ("moment", "elastic", "actuation", "rest")
+
+
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """Inputs of t samples: actuators (t, k), end moment (t,), tip force (t, 3), temperature (t,), duration (t,).
+
+    The inputs of a sample hold during the time that leads to it; a first duration of 0 only places its inputs.
+    """
+
+    values: Array
+    moment: Array
+    tip_force: Array
+    temperature: Array
+    duration: Array
+
+    @staticmethod
+    def held(values: Array, loads: Loads, duration_s: float) -> Samples:
+        """One sample."""
+        temperature = REFERENCE_TEMPERATURE_C if loads.memory is None else loads.memory.temperature_c
+        return Samples(
+            values[None],
+            np.array([loads.moment_n_m]),
+            loads.tip_force_n[None],
+            np.array([temperature]),
+            np.array([duration_s]),
+        )
+
+
+class CompiledMotion:
+    """See `of`."""
+
+    def __init__(
+        self, addresses: tuple[int, ...], laws: CompiledLaws, terms: Any, joints: ChainJoints
+    ) -> None:
+        self._addresses, self._laws, self._terms = addresses, laws.arrays, terms
+        self._joints = joints
+        self._axes = np.resize(joints.order, 3).astype(np.int64)
+
+    @staticmethod
+    def of(
+        model: mujoco.MjModel, data: mujoco.MjData, chain: ChainModel, joints: ChainJoints
+    ) -> CompiledMotion | None:
+        """None where MuJoCo's functions have no address, or a law or term is not compiled."""
+        functions, laws = _functions(), CompiledLaws.of(chain)
+        terms = _terms(chain.terms)
+        if functions is None or laws is None or terms is None or not hasattr(model, "_address"):
+            return None
+        return CompiledMotion((*functions, model._address, data._address), laws, terms, joints)
+
+    def run(
+        self,
+        samples: Samples,
+        memory: Memory,
+        timestep_s: float,
+        damping: float,
+        drag: float,
+        places: bool = False,
+    ) -> tuple[Array, Array, Memory]:
+        """qpos (t, …), positions of base, joints and tip (t, n + 2, 3) or (0, …), and the memory at the end."""
+        joints, model = self._joints, self._joints.model
+        views = joints.views()
+        t = len(samples.duration)
+        coordinates, seen = np.empty((t, len(views[0]))), np.empty((t if places else 0, *views[-1].shape))
+        before, states = joints.q, memory.states.copy()
+        counts = np.maximum(np.ceil(samples.duration / timestep_s - 1e-9), samples.duration > 0.0)
+        counts = counts.astype(np.int64)
+        steps = [step_of(d, n) for d, n in zip(samples.duration.tolist(), counts.tolist(), strict=True)]
+        for first, last in pairwise(_changes(steps)):
+            here = slice(first, last)
+            model.opt.timestep = steps[first] or timestep_s
+            move(
+                self._addresses,
+                self._laws,
+                self._terms,
+                (joints.ball, self._axes, joints.main),
+                views,
+                tuple(
+                    np.ascontiguousarray(column[here])
+                    for column in (samples.values, samples.moment, samples.tip_force, samples.temperature)
+                ),
+                counts[here],
+                (steps[first], damping, math.exp(-drag * steps[first])),
+                (before, states),
+                (coordinates[here], seen[here] if places else seen),
+            )
+        return coordinates, seen, Memory(before, states, temperature_c=float(samples.temperature[-1]))
+
+
+def step_of(duration_s: float, count: int) -> float:
+    """The step that divides a duration, without the rounding of clocks: equal durations get equal steps."""
+    return float(f"{duration_s / count:.12g}") if count else 0.0
+
+
+def _changes(steps: Sequence[float]) -> list[int]:
+    """Where stretches of equal steps begin, and the end."""
+    return [k for k in range(len(steps)) if k == 0 or steps[k] != steps[k - 1]] + [len(steps)]
+
+
+@cache
+def _functions() -> tuple[int, int] | None:
+    """Addresses of mj_step and mj_kinematics in the library that the package has loaded; None if it is not found."""
+    folder = Path(mujoco.__file__).parent
+    for path in sorted([*folder.glob("libmujoco*"), *folder.glob("mujoco.dll")]):
+        try:
+            library = ctypes.CDLL(str(path))
+            found = [ctypes.cast(f, ctypes.c_void_p).value for f in (library.mj_step, library.mj_kinematics)]
+        except (OSError, AttributeError):
+            continue
+        step, kinematics = found
+        if step and kinematics:
+            return step, kinematics
+    return None
+
+
+@cache
+def _compiled(function: TermFunction) -> Any:
+    return compile_function(function, TERM_SIGNATURE, "law term")
+
+
+def _terms(terms: Sequence[LawTerm]) -> Any:
+    """Addresses (m,), rows (m, 5) and parameters of law terms; None where one cannot be compiled."""
+    try:
+        addresses = [int(_compiled(term.function).address) for term in terms]
+    except UserError:  # it runs in plain Python then
+        return None
+    ends = np.cumsum([0, *(len(term.parameters) for term in terms)])
+    states = np.cumsum([0, *(term.n_states for term in terms)])
+    rows = [[ROLES.index(term.role), *ends[k : k + 2], *states[k : k + 2]] for k, term in enumerate(terms)]
+    return (
+        np.array(addresses, np.int64),
+        np.array(rows, np.int64).reshape(-1, 5),
+        np.array([value for term in terms for value in term.parameters], float),
+    )
