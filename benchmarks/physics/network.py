@@ -76,7 +76,7 @@ class NetworkLaw(JointLaw):
     def record(self) -> LawRecord:
         """The weights."""
         arrays = {
-            f"{axis}_{k}": weight
+            f"{axis}_{k}": np.asarray(weight, float)
             for axis, net in zip(self.axes, self.networks, strict=True)
             for k, weight in enumerate(net.weights)
         }
@@ -104,8 +104,8 @@ def fit_errors(law: AxesLaw, networks: NetworkLaw) -> dict[str, float]:
 
 def _fitted(law: AxesLaw, axis: int, random: np.random.Generator) -> Network:
     """Random hidden layers, output layer by ridge regression on a grid."""
-    p, u = np.meshgrid(np.linspace(0, PRESSURE_PA, 31), np.linspace(*ANGLES_RAD, 121))
-    p, u = p.ravel(), u.ravel()
+    grid = np.meshgrid(np.linspace(0, PRESSURE_PA, 31), np.linspace(*ANGLES_RAD, 121))
+    p, u = (values.ravel() for values in grid)
     target = law.laws[axis].evaluate(p, u[:, None]).tau[:, 0]
     w1 = random.normal(size=(2, WIDTH))
     b1 = -(random.uniform([[0.0], [ANGLES_RAD[0]]], [[1.0], [ANGLES_RAD[1]]], (2, WIDTH)) * w1).sum(axis=0)

@@ -61,7 +61,7 @@ def modules() -> list[dict[str, Any]]:
         cells = []
         for engine in engines:
             kind = engine.config.kind
-            row = {"modules": count, "engine": kind}
+            row: dict[str, Any] = {"modules": count, "engine": kind}
             row |= {"skipped": "not asked, slow before"} if kind in given_up else _settle(engine, chain)
             rows.append(row)
             if row.get("cpu_s", 0.0) > PATIENCE_S:
@@ -107,7 +107,7 @@ def _rate(backend: PhysicsBackend, cases: Sequence[Case]) -> tuple[float, float]
 
 
 def _settle(engine: PhysicsBackend, chain: ChainModel) -> dict[str, Any]:
-    times = []
+    times: list[float] = []
     try:
         while len(times) < 5 and sum(times) < PATIENCE_S:
             with engine.build(chain) as simulation:
