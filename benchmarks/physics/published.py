@@ -17,8 +17,10 @@ from typing import Any
 import numpy as np
 from benchmarks.physics.helix import PRESSURE_PA
 
+from pliant.mechanics.rotations import quaternion_of_matrix
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
+from pliant_plugins.physics.pybullet.loader import load_pybullet
 
 STEP_S = 1 / 2400
 RAMP_S, DURATION_S = 1.0, 2.0
@@ -39,9 +41,12 @@ class PublishedRun:
 def run(
     chain: ChainModel, efforts: Efforts, load_kg: float, motor_n_m: float = MOTOR_N_M, step_s: float = STEP_S
 ) -> PublishedRun:
-    """1 s of pressure ramp and 1 s of hold from the straight chain."""
-    import pybullet
+    """1 s of pressure ramp and 1 s of hold from the straight chain.
 
+    Raises:
+        MissingDependencyError: PyBullet is not installed.
+    """
+    pybullet = load_pybullet()
     client = pybullet.connect(pybullet.DIRECT)
     try:
         return _run(pybullet, client, chain, efforts, load_kg, motor_n_m, step_s)
@@ -146,7 +151,5 @@ def _inertia(diagonal: Any) -> str:
 
 
 def _quaternion(rotation: Array) -> list[float]:
-    from pliant.mechanics.rotations import quaternion_of_matrix
-
     w, x, y, z = quaternion_of_matrix(rotation)
     return [float(x), float(y), float(z), float(w)]
