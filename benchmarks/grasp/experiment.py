@@ -50,6 +50,7 @@ UNKNOWNS = (
     Unknown(
         "grasp_height", 8e-3, (5e-3, 11e-3), "m", "of the tip's edge, or of its middle, sagging or straight"
     ),
+    Unknown("friction", 0.8, (0.7, 0.9), "", "stated for the simulation; the gripper's own was not measured"),
     Unknown("inclination", 30.0, (28.0, 32.0), "deg", "printed mount"),
     Unknown(
         "shear_modulus", 249e3, (240.5e3, 257e3), "Pa", "material law not published; fitted to the free curve"
@@ -136,6 +137,7 @@ def simulate(setup: Mapping[str, float], cell: Cell, trials: int) -> dict[str, f
         pressure=1e3 * cell.kpa,
         base_radius=setup["base_radius"],
         grasp_height=setup["grasp_height"],
+        friction=setup["friction"],
         inclination=f"{setup['inclination']} deg",
         noise={"friction": 0.05, "pressure": setup["pressure_noise"], "placement": setup["placement_noise"]},
         trials=trials,

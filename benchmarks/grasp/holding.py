@@ -19,6 +19,7 @@ from benchmarks.grasp.gripper import engine, finger, grasp, held, read, write
 from pliant.errors import MissingDependencyError
 from pliant.interfaces.physics import PhysicsBackend
 from pliant.records.chain import ChainModel
+from pliant.store.fingerprint import code_fingerprint
 
 CASES = tuple((name, kpa) for name in ("egg", "cylinder") for kpa in (13, 15))
 WITHIN_SHARE, WITHIN_KG = 0.10, 0.020
@@ -26,6 +27,11 @@ CREEP_M_S = 1e-4
 CREEP_SHARE = 0.75  # of the limit: held by a margin, so that what moves is the engine's creep
 HEAVIEST_KG = 0.64
 HOLD_S = 4.0
+MODULES = (
+    "pliant_plugins.tasks.grasp.task",
+    "pliant_plugins.physics.mujoco.backend",
+    "pliant_plugins.physics.pybullet.backend",
+)
 # MuJoCo's defaults solref (0.02, 1) and solimp 0.95 in the engine's words, and friction as soft as pressing.
 MUJOCO_DEFAULTS = {
     "contact_stiffness": 1 / (0.95 * 0.02) ** 2,
@@ -108,9 +114,10 @@ def creep_m_s(
 
 
 def fingerprint(chain: ChainModel) -> str:
-    """What a limit depends on besides the engine, as text."""
+    """What a limit depends on, as text: the law, and the code of task and engines."""
     law = chain.laws[0].record()
-    return f"{law.kind} {sorted(law.values.items())} {[a.round(12).tolist() for a in law.arrays.values()]}"
+    code = code_fingerprint(MODULES, {"pliant", "pliant_plugins"})
+    return f"{code} {law.kind} {sorted(law.values.items())} {[a.round(12).tolist() for a in law.arrays.values()]}"
 
 
 def _speed(creep_m_s: float | None) -> str:

@@ -9,6 +9,7 @@ import pytest
 
 from pliant.errors import UserError
 from pliant.interfaces.physics import PhysicsBackend
+from pliant.meshing.surfaces import support
 from pliant.pipeline.simulate import run_task
 from pliant.records.chain import ChainModel
 from pliant.registry.discovery import discover
@@ -34,15 +35,17 @@ def test_an_egg_is_lifted(grasp: Tasks, finger: ChainModel, mujoco: PhysicsBacke
     assert result.frames.time_s[-1] == pytest.approx(6.0)
     assert [still.label for still in result.stills] == ["lowered", "actuated", "lifted"]
     assert np.isnan(result.final.residual)
-    # tips bend below the floor, and the result says so
-    assert found["clearance_m"] < 0
-    assert "below the floor" in found["note"]
+    # the tips bend down to the floor, which stops them
+    down = np.array([0.0, 0.0, -1.0])
+    lowest = [min(-support(s, down) for arm in still.arms for s in arm) for still in result.stills]
+    assert min(lowest) > -1e-3
+    assert lowest[1] < 1e-3
 
 
 def test_an_egg_is_lifted_in_bullet(grasp: Tasks, finger: ChainModel, pybullet: PhysicsBackend) -> None:
     found = grasp(**QUICK).run(finger, pybullet.build_scene).metrics
     assert found["mode"] == "stable"
-    assert found["z_end_m"] == pytest.approx(0.02, abs=0.002)
+    assert 0.012 < found["z_end_m"] < 0.0205  # it settles into the fingers as they leave the floor
 
 
 def test_fingers_too_far_away_miss(grasp: Tasks, finger: ChainModel, mujoco: PhysicsBackend) -> None:

@@ -46,7 +46,7 @@ class Scene:
     """Arms, objects and floor, at rest at time 0.
 
     The coefficient of friction of a pair is the product of both bodies' coefficients, in every engine: an
-    object of coefficient 1 takes the arms' own. Arms do not collide with each other or themselves.
+    object of coefficient 1 takes the arms' own. Arms collide with objects and floor, not with each other or themselves.
 
     Attributes:
         arms: chains with their base poses in the world at the start; the carriage moves all of them together.

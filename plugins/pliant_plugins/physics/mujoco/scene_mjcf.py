@@ -152,10 +152,10 @@ class _Geoms:
 
 
 def _touching(geoms: Sequence[Geom]) -> Iterator[tuple[Geom, Geom]]:
-    """Pairs that collide: objects with arms, floor and other objects."""
+    """Pairs that collide: objects with arms, floor and other objects; arms with the floor."""
     for one, other in combinations(geoms, 2):
         kinds = {one.part.kind, other.part.kind}
-        if "object" in kinds and one.part != other.part:
+        if ("object" in kinds and one.part != other.part) or kinds == {"arm", "floor"}:
             yield one, other
 
 

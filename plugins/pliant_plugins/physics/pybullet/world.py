@@ -158,7 +158,7 @@ class BulletWorld:
             chain_urdf(chain, base, collisions), chain.base_position_m, chain.base_rotation, collisions
         )
         self.parts[body] = Part("arm", number)
-        self._touch(body, range(-1, chain.n_joints + 1), arm.friction, ARMS, OBJECTS)
+        self._touch(body, range(-1, chain.n_joints + 1), arm.friction, ARMS, OBJECTS | FLOOR)
         return BulletArm(self.bullet, self.client, body, chain, self.scale)
 
     def _add_object(self, number: int, given: FreeBody, collisions: CollisionWriter) -> BulletObject:
@@ -180,7 +180,7 @@ class BulletWorld:
         place = [0.0, 0.0, self.scale.length * scene.floor_m]
         body = self.bullet.createMultiBody(0.0, plane, basePosition=place, **self._here)
         self.parts[body] = Part("floor")
-        self._touch(body, [-1], scene.floor_friction, FLOOR, OBJECTS)
+        self._touch(body, [-1], scene.floor_friction, FLOOR, OBJECTS | ARMS)
 
     def _load(self, urdf: str, place: Array, rotation: Array, collisions: CollisionWriter) -> int:
         path = collisions.folder / f"body_{len(self.parts)}.urdf"

@@ -13,7 +13,6 @@ import numpy as np
 from pliant.interfaces.physics import SceneSimulation
 from pliant.interfaces.task import SceneEngine, SceneTask
 from pliant.mechanics.stills import still
-from pliant.meshing.surfaces import support
 from pliant.records.chain import ChainModel
 from pliant.records.rollout import Equilibrium, TaskResult
 from pliant.records.scene import Scene, SceneFrames, SceneStill
@@ -21,7 +20,7 @@ from pliant_plugins.tasks.grasp.config import GraspConfig
 from pliant_plugins.tasks.grasp.episode import Episode, play
 from pliant_plugins.tasks.grasp.metrics import TrialMetrics, summary, trial_lists, trial_metrics
 from pliant_plugins.tasks.grasp.objects import GraspObject, grasp_object
-from pliant_plugins.tasks.grasp.placement import DOWN, Draw, grasp_scene
+from pliant_plugins.tasks.grasp.placement import Draw, grasp_scene
 
 STILLS = {"lower": "lowered", "hold": "actuated", "final": "lifted"}
 
@@ -56,15 +55,8 @@ class Grasp(SceneTask):
             **summary(trials),
             "object_mass_kg": self.target.body.mass.mass_kg,
         }
-        clearance = min(_clearance_m(one) for one in stills)
-        metrics["clearance_m"] = clearance
-        notes = [self.target.note] if self.target.note else []
-        if clearance < 0:
-            notes.append(
-                f"The fingers reach {-1e3 * clearance:.1f} mm below the floor, which does not stop them."
-            )
-        if notes:
-            metrics["note"] = " ".join(notes)
+        if self.target.note:
+            metrics["note"] = self.target.note
         if len(trials) > 1:
             metrics["trials"] = {
                 "mode": [trial.mode for trial in trials],
@@ -95,12 +87,6 @@ def _final(simulation: SceneSimulation, episode: Episode) -> Equilibrium:
         wall_s=0.0,
         outside_domain=tuple(episode.outside[key] for key in sorted(episode.outside)),
     )
-
-
-def _clearance_m(shown: SceneStill) -> float:
-    """Height of the fingers' lowest point over the floor."""
-    lowest = max(support(shape, DOWN) for arm in shown.arms for shape in arm)
-    return -lowest - (shown.floor_m or 0.0)
 
 
 def _stills(scene: Scene, episode: Episode) -> tuple[SceneStill, ...]:
