@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 from benchmarks.physics import published
 from benchmarks.physics.helix import helix, helix_law, inputs
-from benchmarks.physics.histories import Ended, away_mm, run_history
+from benchmarks.physics.histories import Ended, away_mm, roll_history
 from benchmarks.physics.output import write
 
 from pliant.errors import MissingDependencyError
@@ -111,7 +111,7 @@ def _mujoco(chain: ChainModel, step_s: float, damping: Damping) -> Ended:
         config = MujocoConfig(timestep_s=step_s, joint_damping=damping, drag_1_s=0.0)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # that a motion diverged is what the table says
-        return run_history(Mujoco(config), chain, LOAD_KG, step_s)
+        return roll_history(Mujoco(config), chain, LOAD_KG, step_s)
 
 
 def _script(chain: ChainModel, efforts: published.Efforts, step_s: float, motor_n_m: float) -> Ended:

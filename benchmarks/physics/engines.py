@@ -25,7 +25,7 @@ from typing import Any
 import numpy as np
 from benchmarks.physics import cosserat, published
 from benchmarks.physics.helix import LOADS_KG, helix, helix_law, inputs, linear_law
-from benchmarks.physics.histories import Ended, away_mm, residual_n_m, run_history
+from benchmarks.physics.histories import Ended, away_mm, residual_n_m, roll_history, run_history
 from benchmarks.physics.network import NetworkLaw, fit_errors, network_law
 from benchmarks.physics.output import Bar, ratio, write
 
@@ -99,6 +99,10 @@ class Cases:
         for step in MUJOCO_STEPS_S:
             name = f"mujoco, the same history, steps of {1e3 * step:.4g} ms"
             self.named[name] = partial(self.mujoco, step)
+        by_step = "mujoco, the same in a Python loop, steps of 12.5 ms"
+        self.named[by_step] = lambda: run_history(
+            Mujoco(MujocoConfig(timestep_s=12.5e-3)), self.chain, LOAD_KG, 12.5e-3
+        )
         self.named["mujoco, settle"] = lambda: settled(Mujoco(MujocoConfig()), self.chain, False)
         self.named["pybullet, settle"] = lambda: settled(Pybullet(PybulletConfig()), self.chain, False)
 
@@ -114,7 +118,7 @@ class Cases:
         return run_history(backend, self.chain, LOAD_KG, published.STEP_S)
 
     def mujoco(self, step_s: float) -> Ended:
-        return run_history(Mujoco(MujocoConfig(timestep_s=step_s)), self.chain, LOAD_KG, step_s)
+        return roll_history(Mujoco(MujocoConfig(timestep_s=step_s)), self.chain, LOAD_KG, step_s)
 
 
 def settled(backend: PhysicsBackend, chain: ChainModel, with_build: bool) -> Ended:
@@ -229,7 +233,7 @@ def mujoco_histories(cases: Cases, baseline: list[float]) -> tuple[list[dict[str
         backend = Mujoco(MujocoConfig(timestep_s=step))
         cells = []
         for load in LOADS_KG:
-            runs = [run_history(backend, cases.chain, load, step) for _ in range(2 * ROUNDS + 1)]
+            runs = [roll_history(backend, cases.chain, load, step) for _ in range(2 * ROUNDS + 1)]
             wall = statistics.median(run.cpu_s for run in runs)
             away = away_mm(runs[-1].markers_m, rest[load])
             cells.append(
