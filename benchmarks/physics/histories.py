@@ -39,7 +39,7 @@ def run_history(backend: PhysicsBackend, chain: ChainModel, load_kg: float, step
 
 def roll_history(backend: PhysicsBackend, chain: ChainModel, load_kg: float, step_s: float) -> Ended:
     """The same in one call of the engine, which may stay in compiled code; here building the model is counted."""
-    time_s = step_s * np.arange(round(DURATION_S / step_s) + 1)
+    time_s: Array = step_s * np.arange(round(DURATION_S / step_s) + 1.0)
     still = inputs(load_kg)
     pressure = PRESSURE_PA * np.minimum(time_s / RAMP_S, 1.0)
     history = History.of({"pressure_pa": pressure}, time_s, tip_force_n=still.tip_force_n)
