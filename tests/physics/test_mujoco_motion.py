@@ -9,11 +9,15 @@ import numpy as np
 import pytest
 from tests.physics.scalar_laws import SCALAR
 
+from pliant.interfaces.physics import Run
 from pliant.records.chain import ChainModel
+from pliant.records.history import History
 from pliant.records.rollout import Inputs
 from pliant.records.term import LawTerm
+from pliant_plugins.physics.mujoco.backend import Mujoco
 from pliant_plugins.physics.mujoco.config import MujocoConfig
 from pliant_plugins.physics.mujoco.simulation import MujocoSimulation
+from pliant_plugins.physics.stepping import step_through
 
 
 def branch(
@@ -29,7 +33,7 @@ def factor(
     angle: float, rate: float, dt_s: float, actuation: float, temperature_c: float, old: Any, new: Any, c: Any
 ) -> float:
     """A factor that depends on angle and memory."""
-    new[0] = old[0] + dt_s * abs(angle)
+    new[0] = old[0] + min(dt_s, 1.0) * abs(angle)
     return 1.0 + c[0] * angle * angle + 0.1 * old[0]
 
 
@@ -75,3 +79,55 @@ def test_compiled_motion_is_that_of_python(
     if terms:
         assert one.memory is not None and other.memory is not None and np.abs(one.memory).max() > 1e-3
         np.testing.assert_allclose(one.memory, other.memory, rtol=0, atol=1e-9)
+
+
+def test_a_batch_is_the_same_runs_one_by_one_to_the_bit(finger_of: Callable[..., ChainModel]) -> None:
+    """Chains in turn, uneven times, loads; against `apply` and `step` sample by sample."""
+    t = np.array([0.0, 0.02, 0.05, 0.0507, 0.12, 0.2, 0.22])
+    chains = [finger_of(kind, 3).with_(laws=(SCALAR[kind](),), terms=TERMS) for kind in SCALAR]
+    runs = []
+    for k in range(7):
+        pressure = 9e3 * np.sin(9 * t + k) ** 2
+        history = History.of({"pressure_pa": pressure}, t, run=f"{k}", tip_force_n=[0.01, 0.002 * k, 0.0])
+        runs.append(Run(chains[k % 3], history))
+    backend = Mujoco(MujocoConfig(timestep_s=0.006))
+    for run, rollout in zip(runs, backend.rollout_batch(runs), strict=True):
+        with backend.build(run.chain) as simulation:
+            for k in range(len(t)):
+                simulation.apply(run.history.at(k))
+                simulation.step(float(t[k] - t[k - 1]) if k else 0.0)
+                np.testing.assert_array_equal(rollout.joint_angles[k], simulation.snapshot().position)
+                np.testing.assert_array_equal(rollout.markers_m[k], simulation.markers())
+        assert np.abs(np.diff(rollout.joint_angles, axis=0)).max(axis=(1, 2)).min() > 0.0
+
+
+@pytest.mark.parametrize("kind", SCALAR)
+def test_a_compiled_path_is_that_of_single_steps(kind: str, finger_of: Callable[..., ChainModel]) -> None:
+    """`follow` with samples further apart than its steps, on straight lines between them."""
+    chain = finger_of(kind, 2).with_(laws=(SCALAR[kind](),), terms=TERMS)
+    t = np.array([0.0, 0.1, 0.13, 0.4])
+    history = History.of({"pressure_pa": 1e3 * np.array([2, 9, 4, 6])}, t, temperature_c=[20, 25, 30, 35])
+    backend = Mujoco(MujocoConfig(timestep_s=0.007))
+    (path,), _ = backend.follow(chain, [history])
+    (plain,), _ = step_through(backend.build, chain, [history], [], 0.007)
+    assert path.converged.all()
+    assert np.ptp(path.joint_angles) > 1e-3
+    np.testing.assert_allclose(path.joint_angles, plain.joint_angles, rtol=0, atol=1e-9)
+
+
+def test_a_path_that_explodes_is_taken_back_and_told(finger_of: Callable[..., ChainModel]) -> None:
+    """A term whose moment grows without bound: what was reached is kept, the rest has not converged."""
+    runaway = LawTerm("moment", explode, (), needs_time=True)
+    chain = finger_of("revolute", 2).with_(laws=(SCALAR["revolute"](),), terms=(runaway,))
+    t = 0.1 * np.arange(6)
+    history = History.of({"pressure_pa": 1e3}, t, temperature_c=[22, 22, 22, 90, 90, 90])
+    (path,), _ = Mujoco(MujocoConfig()).follow(chain, [history])
+    assert path.converged.tolist() == [True, True, True, False, False, False]
+    assert np.isfinite(path.joint_angles).all()
+
+
+def explode(
+    angle: float, rate: float, dt_s: float, actuation: float, temperature_c: float, old: Any, new: Any, c: Any
+) -> float:
+    """Nothing until it is hot."""
+    return 0.0 if temperature_c < 80.0 else 1e30

@@ -6,9 +6,10 @@ import math
 from collections.abc import Callable, Sequence
 from contextlib import closing
 from dataclasses import replace
-from typing import Protocol
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pliant.errors import UserError
 from pliant.interfaces.physics import SimulationState, Variation
@@ -51,26 +52,64 @@ class Steppable(Protocol):
         """Free the engine's resources."""
 
 
-Builder = Callable[[ChainModel], Steppable]
+S = TypeVar("S", bound=Steppable)
+# Goes through one run in steps no longer than given: joint coordinates (t, n, a) and whether each was reached.
+Through = Callable[[S, History, float], tuple[Array, NDArray[np.bool_]]]
 
 
 def step_through(
-    build: Builder,
+    build: Callable[[ChainModel], S],
     chain: ChainModel,
     histories: Sequence[History],
     towards: Sequence[Variation],
     longest_step_s: float = math.inf,
+    through: Through[S] | None = None,
 ) -> Paths:
     """See `PhysicsBackend.follow`; samples further apart than `longest_step_s` are reached in equal parts.
+
+    `through` goes through one run; `sample_by_sample` unless the engine has a faster way.
 
     Raises:
         UserError: a base or payload that changes within a run, an input that is missing or not a number.
     """
-    for its_chain, its_histories in [(chain, histories), *((v.chain, v.histories) for v in towards)]:
-        check_driven(its_chain, its_histories)
-    paths = _all(build, chain, histories, longest_step_s)
-    changed = [_all(build, v.chain, v.histories, longest_step_s) for v in towards]
-    return paths, tuple(_difference(moved, paths) for moved in changed)
+
+    def walk(chain: ChainModel, histories: Sequence[History]) -> tuple[Followed, ...]:
+        check_driven(chain, histories)
+        return _all(build, chain, histories, longest_step_s, through or sample_by_sample)
+
+    paths = walk(chain, histories)
+    return paths, tuple(_difference(walk(v.chain, v.histories), paths) for v in towards)
+
+
+def sample_by_sample(
+    simulation: Steppable,
+    history: History,
+    longest_step_s: float,
+    first: int = 0,
+    last: int | None = None,
+) -> tuple[Array, NDArray[np.bool_]]:
+    """Joint coordinates (t, n, a) at the samples from `first` to `last` (exclusive), and whether each was reached."""
+    q: list[Array] = []
+    converged: list[bool] = []
+    for k in range(first, len(history) if last is None else last):
+        duration = math.inf
+        if k and history.time_s is not None:
+            duration = float(history.time_s[k] - history.time_s[k - 1])
+        parts = 1 if math.isinf(duration) else int(n_parts(duration, longest_step_s))
+        reached = True
+        for part in range(1, parts + 1):
+            inputs, temperature = _between(history, k, part / parts)
+            simulation.apply(inputs)
+            simulation.warm(temperature)
+            reached &= simulation.advance(duration / parts).converged
+        converged.append(reached)
+        q.append(simulation.snapshot().position)
+    return np.array(q), np.array(converged)
+
+
+def n_parts(duration_s: Any, longest_step_s: float) -> Any:
+    """Equal parts of finite durations that are no longer than the longest step; at least 1."""
+    return np.maximum(1, np.ceil(np.asarray(duration_s) / longest_step_s - 1e-9)).astype(np.int64)
 
 
 def check_driven(chain: ChainModel, histories: Sequence[History]) -> None:
@@ -101,26 +140,29 @@ def _check_finite(history: History) -> None:
 
 
 def _all(
-    build: Builder, chain: ChainModel, histories: Sequence[History], longest_step_s: float
+    build: Callable[[ChainModel], S],
+    chain: ChainModel,
+    histories: Sequence[History],
+    longest_step_s: float,
+    through: Through[S],
 ) -> tuple[Followed, ...]:
     """One run after another; what terms keep goes on with the specimen."""
     keeps = np.repeat([term.keeps for term in chain.terms], [term.n_states for term in chain.terms])
     damage: dict[str, Array] = {}
     paths = []
     for history in histories:
-        path, memory = _one(build, chain, history, longest_step_s, damage.get(history.specimen))
-        paths.append(path)
+        with closing(build(_placed(chain, history))) as simulation:
+            if history.specimen in damage:
+                simulation.restore(replace(simulation.snapshot(), memory=damage[history.specimen]))
+            paths.append(Followed(*through(simulation, history, longest_step_s)))
+            memory = simulation.snapshot().memory
         if keeps.any() and memory is not None:
             damage[history.specimen] = np.where(keeps, memory, 0.0)
     return tuple(paths)
 
 
-def _one(
-    build: Builder, chain: ChainModel, history: History, longest_step_s: float, damage: Array | None
-) -> tuple[Followed, Array | None]:
-    """The run and the memory of the law terms (n, a, states) at its end, from that at its beginning."""
-    rotation = base_rotations(np.asarray(chain.base_rotation, float), history.base_angles_rad[:1])[0]
-    payload = chain.payload_kg if history.payload_kg is None else float(history.payload_kg[0])
+def _placed(chain: ChainModel, history: History) -> ChainModel:
+    """The chain with the base and payload of a run."""
     if np.ptp(history.base_angles_rad, axis=0).any() or (
         history.payload_kg is not None and np.ptp(history.payload_kg) > 0.0
     ):
@@ -128,26 +170,9 @@ def _one(
             f"run '{history.run}': base and payload must stay as they are within a run of "
             f"{chain.laws[0].joint} joints; split it"
         )
-    q: list[Array] = []
-    converged: list[bool] = []
-    simulation = build(chain.with_(base_rotation=rotation, payload_kg=payload))
-    with closing(simulation):
-        if damage is not None:
-            simulation.restore(replace(simulation.snapshot(), memory=damage))
-        for k in range(len(history)):
-            duration = math.inf
-            if k and history.time_s is not None:
-                duration = float(history.time_s[k] - history.time_s[k - 1])
-            parts = max(1, math.ceil(duration / longest_step_s - 1e-9)) if math.isfinite(duration) else 1
-            reached = True
-            for part in range(1, parts + 1):
-                inputs, temperature = _between(history, k, part / parts)
-                simulation.apply(inputs)
-                simulation.warm(temperature)
-                reached &= simulation.advance(duration / parts).converged
-            converged.append(reached)
-            q.append(simulation.snapshot().position)
-    return Followed(np.array(q), np.array(converged)), simulation.snapshot().memory
+    rotation = base_rotations(np.asarray(chain.base_rotation, float), history.base_angles_rad[:1])[0]
+    payload = chain.payload_kg if history.payload_kg is None else float(history.payload_kg[0])
+    return chain.with_(base_rotation=rotation, payload_kg=payload)
 
 
 def _between(history: History, k: int, share: float) -> tuple[Inputs, float]:

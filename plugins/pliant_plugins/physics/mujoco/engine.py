@@ -74,17 +74,15 @@ class MujocoChain:
         Where MuJoCo calls the motion unstable, that is a RuntimeWarning.
         """
         memory, bad = self.march(loads, duration_s)
-        if bad is not None:
-            message = f"mujoco: the motion is unstable ({bad}) within the last {duration_s:g} s"
-            warnings.warn(message, RuntimeWarning, stacklevel=2)
+        _complain(bad, f"within the last {duration_s:g} s")
         return memory
 
     def march(self, loads: Loads, duration_s: float) -> tuple[Memory | None, str | None]:
         """The same without a warning: the memory, and which quantity became unbounded, or None."""
         if self.compiled is not None and not loads.forces and not loads.cords:
             samples = Samples.held(self.joints.statics.efforts.values(loads.actuation), loads, duration_s)
-            memory = self.go(samples, loads.memory)[2]
-            return (None if loads.memory is None else memory), unstable(self.data)
+            end = self.go(samples, loads.memory)[2]
+            return (None if loads.memory is None else end), unstable(self.data)
         n_steps = max(1, math.ceil(duration_s / self._config.timestep_s - 1e-9))
         step_s = self.model.opt.timestep = step_of(duration_s, n_steps)
         # Resistance in proportion to mass is the same decay for every velocity.
@@ -112,6 +110,10 @@ class MujocoChain:
                 samples, past, config.timestep_s, config.joint_damping, config.drag_1_s, places
             )
 
+    def complain(self, where: str) -> None:
+        """A RuntimeWarning where the motion has become unbounded since the last call."""
+        _complain(unstable(self.data), where)
+
     def markers(self) -> Array:
         """(n + 2, 3) base, joints and tip from MuJoCo's own kinematics."""
         mujoco.mj_kinematics(self.model, self.data)
@@ -119,3 +121,8 @@ class MujocoChain:
 
     def close(self) -> None:
         """MuJoCo frees its memory with the object."""
+
+
+def _complain(bad: str | None, where: str) -> None:
+    if bad is not None:
+        warnings.warn(f"mujoco: the motion is unstable ({bad}) {where}", RuntimeWarning, stacklevel=3)

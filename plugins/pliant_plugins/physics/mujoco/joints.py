@@ -68,10 +68,14 @@ class ChainJoints:
     @property
     def q(self) -> Array:
         """(n, a) joint coordinates."""
+        return self.coordinates(self._qpos)
+
+    def coordinates(self, qpos: Array) -> Array:
+        """(…, n, a) joint coordinates of MuJoCo's own (…, n), of balls (…, n, 4)."""
         if not self.ball:
-            return self._qpos.reshape(-1, 1).copy()
-        coordinates: Array = vector_of_quaternion(self._qpos) @ self._geometry.basis
-        return coordinates
+            return qpos[..., None].copy()
+        found: Array = vector_of_quaternion(qpos) @ self._geometry.basis
+        return found
 
     @property
     def rates(self) -> Array:

@@ -13,13 +13,14 @@ from typing import Any
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from pliant.errors import UserError
 from pliant.mechanics.statics import Loads
 from pliant.mechanics.terms import Memory
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
-from pliant.records.history import REFERENCE_TEMPERATURE_C
+from pliant.records.history import REFERENCE_TEMPERATURE_C, History
 from pliant.records.term import LawTerm, TermFunction
 from pliant_plugins.physics.compiled.functions import compile_function
 from pliant_plugins.physics.compiled.laws import CompiledLaws
@@ -54,6 +55,41 @@ class Samples:
             np.array([duration_s]),
         )
 
+    @staticmethod
+    def of(chain: ChainModel, history: History) -> Samples:
+        """Those of a history with times, as they are: inputs hold from the sample before."""
+        assert history.time_s is not None
+        return Samples(
+            np.stack([history.actuation[a.input] for a in chain.actuators], axis=1).astype(float),
+            np.asarray(history.moment_n_m, float),
+            np.asarray(history.tip_force_n, float),
+            np.asarray(history.temperature_c, float),
+            np.diff(history.time_s, prepend=history.time_s[0]),
+        )
+
+    def in_parts(self, parts: NDArray[np.int64]) -> Samples:
+        """Sample k reached in parts[k] equal parts, with inputs on straight lines from the sample before."""
+        number = np.repeat(np.arange(len(parts)), parts)
+        share = (np.arange(len(number)) - np.repeat(np.cumsum(parts) - parts, parts) + 1) / parts[number]
+
+        def mixed(column: Array) -> Array:
+            weight = share.reshape(-1, *[1] * (column.ndim - 1))
+            before = column[np.maximum(number - 1, 0)]
+            return np.asarray(weight * column[number] + (1.0 - weight) * before)
+
+        return Samples(
+            mixed(self.values),
+            mixed(self.moment),
+            mixed(self.tip_force),
+            mixed(self.temperature),
+            self.duration[number] / parts[number],
+        )
+
+    def after_first(self) -> Samples:
+        """All but the first."""
+        columns = (self.values, self.moment, self.tip_force, self.temperature, self.duration)
+        return Samples(*(column[1:] for column in columns))
+
 
 class CompiledMotion:
     """See `of`."""
@@ -85,18 +121,20 @@ class CompiledMotion:
         drag: float,
         places: bool = False,
     ) -> tuple[Array, Array, Memory]:
-        """qpos (t, …), positions of base, joints and tip (t, n + 2, 3) or (0, …), and the memory at the end."""
+        """Coordinates (t, n, a), places of base, joints and tip (t, n + 2, 3) or (0, …), the memory at the end."""
         joints, model = self._joints, self._joints.model
         views = joints.views()
         t = len(samples.duration)
         coordinates, seen = np.empty((t, len(views[0]))), np.empty((t if places else 0, *views[-1].shape))
         before, states = joints.q, memory.states.copy()
-        counts = np.maximum(np.ceil(samples.duration / timestep_s - 1e-9), samples.duration > 0.0)
-        counts = counts.astype(np.int64)
-        steps = [step_of(d, n) for d, n in zip(samples.duration.tolist(), counts.tolist(), strict=True)]
+        durations, number = np.unique(samples.duration, return_inverse=True)
+        parts = np.maximum(np.ceil(durations / timestep_s - 1e-9), durations > 0.0).astype(np.int64)
+        each = [step_of(d, n) for d, n in zip(durations.tolist(), parts.tolist(), strict=True)]
+        counts, steps = parts[number], np.array(each)[number]
         for first, last in pairwise(_changes(steps)):
             here = slice(first, last)
-            model.opt.timestep = steps[first] or timestep_s
+            step_s = float(steps[first])
+            model.opt.timestep = step_s or timestep_s
             move(
                 self._addresses,
                 self._laws,
@@ -108,11 +146,12 @@ class CompiledMotion:
                     for column in (samples.values, samples.moment, samples.tip_force, samples.temperature)
                 ),
                 counts[here],
-                (steps[first], damping, math.exp(-drag * steps[first])),
+                (step_s, damping, math.exp(-drag * step_s)),
                 (before, states),
                 (coordinates[here], seen[here] if places else seen),
             )
-        return coordinates, seen, Memory(before, states, temperature_c=float(samples.temperature[-1]))
+        q = joints.coordinates(coordinates.reshape(t, -1, 4) if joints.ball else coordinates)
+        return q, seen, Memory(before, states, temperature_c=float(samples.temperature[-1]))
 
 
 def step_of(duration_s: float, count: int) -> float:
@@ -120,9 +159,9 @@ def step_of(duration_s: float, count: int) -> float:
     return float(f"{duration_s / count:.12g}") if count else 0.0
 
 
-def _changes(steps: Sequence[float]) -> list[int]:
+def _changes(steps: Array) -> list[int]:
     """Where stretches of equal steps begin, and the end."""
-    return [k for k in range(len(steps)) if k == 0 or steps[k] != steps[k - 1]] + [len(steps)]
+    return [0, *(np.flatnonzero(np.diff(steps)) + 1).tolist(), len(steps)]
 
 
 @cache
