@@ -45,6 +45,13 @@ class Mujoco(PhysicsBackend):
     def build_scene(self, scene: Scene) -> MujocoScene:
         return MujocoScene(scene, self.config)
 
+    def preparing(self, chain: ChainModel, histories: bool = True) -> str | None:
+        from pliant_plugins.physics.compiled.freshness import is_cached
+
+        if any(law.scalar() is None for law in chain.laws) or is_cached("motion", "move"):
+            return None
+        return "compiling the simulation, about ten seconds; this happens once after an installation."
+
     def rollout_batch(self, runs: Sequence[Run]) -> tuple[Rollout, ...]:
         """Runs of one chain share its model; on all cores where laws are compiled, which hold no lock of Python."""
         cores = os.cpu_count() or 1
