@@ -163,6 +163,17 @@ def test_force_and_travel_are_each_other_s_inverse(finger: ChainModel, quasistat
     np.testing.assert_allclose(found.final.markers_m, pulled.final.markers_m, atol=1e-8)
 
 
+def test_the_search_for_a_travel_leaves_no_trace(finger: ChainModel, quasistatic: PhysicsBackend) -> None:
+    """The history is the pull itself, and laws were asked for no more than that."""
+    found = perform(pull(tendon_travel="8 mm", payload="20 g"), finger, quasistatic)
+    assert found.rollout is not None
+    force = found.rollout.actuation[:, 0]
+    assert np.all(np.diff(force) > 0)
+    assert force[-1] == found.metrics["tendon_force_n"] < 8.1
+    (beyond,) = {e.excess for e in found.final.outside_domain if e.variable == "tendon_force_n"}
+    assert beyond == pytest.approx(force[-1] - 7.925)
+
+
 def test_the_cord_pulls_toward_the_pulley(finger: ChainModel, engine: PhysicsBackend) -> None:
     result = perform(pull(tendon_force="3 N", payload="20 g"), finger, engine)
     cord = Cord(3, np.asarray(finger.tip_offset_m), np.array([0.0, 0.0, -0.232]), 0.02 * 9.81)

@@ -10,7 +10,7 @@ from numpy.polynomial import polynomial
 from pydantic import Field, model_validator
 from scipy.optimize import brentq
 
-from pliant.interfaces.physics import Simulation
+from pliant.interfaces.physics import Simulation, SimulationState
 from pliant.interfaces.task import Task, TaskConfig
 from pliant.records.chain import GRAVITY_M_S2, ChainModel
 from pliant.records.design import Array
@@ -110,11 +110,23 @@ class _Pull:
                     f"No force up to {low:g} N pulls the tendon in by {1e3 * travel:g} mm: there it is "
                     f"{1e3 * reached:.4g} mm."
                 )
+            before = self.simulation.snapshot()
             reached = self.settle(high)
         if reached > travel:
-            force = brentq(lambda f: self.settle(f) - travel, low, high, xtol=1e-9, rtol=1e-12)
-            self.settle(float(force))
+            # Trials leave no trace: each starts from the last level below, and the history goes on from there.
+            def missed(force: float) -> float:
+                self._take_back(before)
+                return self.settle(force) - travel
+
+            force = brentq(missed, low, high, xtol=1e-9, rtol=1e-12)
+            missed(float(force))
         return ""
+
+    def _take_back(self, state: SimulationState) -> None:
+        """Undo the last level."""
+        self.levels.pop()
+        self.found.pop()
+        self.simulation.restore(state)
 
     def result(self, problem: str = "") -> TaskResult:
         """Metrics of the last level; the history holds all of them."""
