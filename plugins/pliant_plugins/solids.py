@@ -1,4 +1,4 @@
-"""Solids from and to files through trimesh: STL, OBJ, PLY, OFF, 3MF."""
+"""Solids from and to files through trimesh: STL, OBJ, PLY, OFF."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from pliant.errors import MissingDependencyError, UserError, closest
 from pliant.records.design import Array, MassProperties
 from pliant.records.shape import TriangleMesh
 
+READ = (".stl", ".obj", ".ply", ".off")
 LARGEST_M = 2.0  # beyond it, a part was drawn in millimetres and read as metres
 
 
@@ -41,7 +42,7 @@ def read_solid(path: Path, scale: float = 1.0) -> Solid:
     """A solid from a file; its lengths times `scale` are metres (0.001 for a file in millimetres).
 
     Raises:
-        UserError: no such file, nothing that trimesh reads, not watertight, no volume, or larger than anything
+        UserError: no such file, another format than `READ`, not watertight, no volume, or larger than anything
             that a gripper meets, which is a wrong unit.
         MissingDependencyError: trimesh is not installed.
     """
@@ -49,10 +50,13 @@ def read_solid(path: Path, scale: float = 1.0) -> Solid:
     if not path.is_file():
         beside = [p.name for p in path.parent.glob("*")] if path.parent.is_dir() else []
         raise UserError(f"mesh '{path}' is no file{closest(path.name, beside)}")
+    if path.suffix.lower() not in READ:
+        raise UserError(f"mesh '{path.name}' is none of {', '.join(READ)}.")
     try:
         read: Any = trimesh.load_mesh(path)
     except Exception as error:  # its readers raise whatever they stumble over
-        raise UserError(f"mesh '{path.name}' cannot be read ({type(error).__name__}: {error}).") from None
+        why = "" if isinstance(error, ImportError) else f" ({error})"  # a package for odd encodings
+        raise UserError(f"mesh '{path.name}' cannot be read as {path.suffix[1:].upper()}{why}.") from None
     if not isinstance(read, trimesh.Trimesh) or not len(read.faces):
         raise UserError(f"mesh '{path.name}' holds no triangles.")
     read.apply_scale(scale)
@@ -88,9 +92,11 @@ def _check(read: Any, path: Path, scale: float) -> None:
             f"mesh '{path.name}' is not watertight: {int(np.sum(count != 2))} edges do not join two faces. "
             "Close it in the program that drew it; without a closed surface it has no volume and no mass."
         )
-    if read.volume <= 1e-6 * size**3:
-        what = "is inside out (its normals point inward)" if read.volume < 0 else "encloses no volume"
-        raise UserError(f"mesh '{path.name}' {what}: {1e9 * float(read.volume):.3g} mm³.")
+    with np.errstate(all="ignore"):  # the centre of what has no volume
+        volume = float(read.volume)
+    if volume <= 1e-6 * size**3:
+        what = "is inside out (its normals point inward)" if volume < 0 else "encloses no volume"
+        raise UserError(f"mesh '{path.name}' {what}: {1e9 * volume:.3g} mm³.")
 
 
 def _surface(read: Any) -> TriangleMesh:

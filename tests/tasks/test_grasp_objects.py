@@ -92,6 +92,22 @@ def garbled(path: Path) -> Path:
     return path
 
 
+def binary(path: Path) -> Path:
+    path.write_bytes(bytes(range(128, 256)) * 40)
+    return path
+
+
+def flat(path: Path) -> Path:
+    trimesh.Trimesh([[0, 0, 0], [0.02, 0, 0], [0, 0.02, 0]], [[0, 1, 2], [0, 2, 1]]).export(path)
+    return path
+
+
+def drawing(path: Path) -> Path:
+    path = path.with_suffix(".dwg")
+    path.write_text("AC1015")
+    return path
+
+
 def absent(path: Path) -> Path:
     open_box(path.with_name("part1.stl"))
     return path
@@ -104,6 +120,9 @@ def absent(path: Path) -> Path:
         (inverted, "inside out"),
         (large, r"65 m long.*'scale: 0.001'"),
         (garbled, "part.stl"),
+        (binary, "part.stl"),
+        (flat, "'part.stl' encloses no volume"),
+        (drawing, r"'part.dwg' is none of .stl, .obj, .ply, .off"),
         (absent, r"no file; did you mean 'part1.stl'\?"),
     ],
 )
