@@ -117,10 +117,8 @@ def simulate(
         here.result.update(summaries.simulation(done.engines[0]))
         for line in summaries.simulation_lines(done.engines[0]):
             here.say(line)
-        for name, value in (done.engines[0].result.metrics if done.engines[0].result else {}).items():
-            if isinstance(value, dict) and any(isinstance(item, list) for item in value.values()):
-                continue  # tables stand in the JSON result
-            here.say(f"  {name:<24} {value:.6g}" if isinstance(value, float) else f"  {name:<24} {value}")
+        for line in summaries.metric_lines(done.engines[0].result.metrics if done.engines[0].result else {}):
+            here.say(line)
         _exit_unless_converged(here, done)
 
 

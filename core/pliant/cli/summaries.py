@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -150,29 +150,51 @@ def simulation_lines(engine: EngineRun) -> list[str]:
         texts = [
             f"{name} {value:.4g}" if isinstance(value, float) else f"{value}" for name, value in found.items()
         ]
-        return [f"{engine.kind:<12} {', '.join(texts)}, {_time(engine.artifact)}"]
-    line = (
-        f"{engine.kind:<12} tip ({x:.3f}, {y:.3f}, {z:.3f}) mm, {state}, residual {result.final.residual:.1e}, "
-        f"{_time(engine.artifact)}"
-    )
-    lines = [line]
+        lines = [f"{engine.kind:<12} {', '.join(texts)}, {_time(engine.artifact)}"]
+    else:
+        lines = [
+            f"{engine.kind:<12} tip ({x:.3f}, {y:.3f}, {z:.3f}) mm, {state}, residual "
+            f"{result.final.residual:.1e}, {_time(engine.artifact, result.final.wall_s)}"
+        ]
     outside = result.final.outside_domain
     if outside:
         worst = max(outside, key=lambda entry: abs(entry.excess))
+        places = f"{len(outside)} places, worst" if len(outside) > 1 else "one place"
         lines.append(
-            f"             outside the law's domain at {len(outside)} places, "
-            f"worst: module {worst.module}, {worst.variable} by {worst.excess:.3g}"
+            f"             outside the law's domain at {places}: module {worst.module}, "
+            f"{worst.variable} by {worst.excess:.3g}"
         )
     if result.not_reached:
         lines.append(f"             NOT REACHED: {result.not_reached}")
     return lines
 
 
+def metric_lines(metrics: Mapping[str, Any]) -> list[str]:
+    """A task's metrics for people; curves and tables stand in the JSON result."""
+    return [f"  {name:<24} {_metric(value)}" for name, value in metrics.items() if not _is_table(value)]
+
+
+def _is_table(value: Any) -> bool:
+    items = value.values() if isinstance(value, Mapping) else value if isinstance(value, list) else ()
+    return any(isinstance(item, list) for item in items)
+
+
+def _metric(value: Any) -> str:
+    if isinstance(value, list):
+        return ", ".join(_metric(item) for item in value)
+    if isinstance(value, Mapping):
+        return ", ".join(f"{name} {_metric(item)}" for name, item in value.items())
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return f"{value:.6g}" if isinstance(value, float) else f"{value}"
+
+
 def _r2(r2: float) -> str:
     return f"R² {r2:.7g}, " if math.isfinite(r2) else ""  # one state, or states of one moment, have none
 
 
-def _time(artifact: Artifact) -> str:
-    wall = artifact.manifest["wall_s"]
+def _time(artifact: Artifact, wall_s: float | None = None) -> str:
+    """Time of the stage, or of the part of it that is given: a chain's equilibria without what was compiled."""
+    wall = artifact.manifest["wall_s"] if wall_s is None else wall_s
     text = f"{wall:.1f} s" if wall >= 0.1 else f"{1e3 * wall:.1f} ms"
     return f"{text}, from the store" if artifact.cached else text

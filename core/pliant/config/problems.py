@@ -72,6 +72,8 @@ def _wanted(detail: Any) -> str:
         return "it needs a block of 'key: value' lines"
     if kind in ("tuple_type", "list_type"):
         return "it needs a list such as [a, b]"
+    if kind == "too_short":
+        return f"it should have at least {context['min_length']} item{'s' * (context['min_length'] > 1)}"
     if kind == "too_long":
         return f"it should have at most {context['max_length']} items"
     if kind in ("string_type", "path_type"):

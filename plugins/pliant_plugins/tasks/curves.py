@@ -37,7 +37,8 @@ def read_points(path: Path) -> Array:
         with path.open(encoding="utf-8-sig", newline="") as file:
             lines = [(n, line) for n, line in enumerate(file, start=1) if line.strip() and line[0] != "#"]
     except (OSError, UnicodeDecodeError) as error:
-        raise UserError(f"{path} cannot be read ({error}); 'target.points' needs a CSV of points.") from None
+        why = getattr(error, "strerror", None) or "it is no text in UTF-8"
+        raise UserError(f"{path} cannot be read ({why}); 'target.points' needs a CSV of points.") from None
     rows = csv.DictReader(line for _, line in lines)
     missing = [name for name in COLUMNS if name not in (rows.fieldnames or ())]
     if missing:

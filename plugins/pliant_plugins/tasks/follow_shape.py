@@ -35,7 +35,8 @@ class TargetConfig(FrozenModel):
     def _one_curve(self) -> TargetConfig:
         given = [value is not None for value in (self.radius_m, self.height_m)]
         if not (all(given) if self.points is None else not any(given)):
-            raise ValueError("give 'radius' and 'height' of a helix, or 'points: curve.csv'")
+            more = ", and not both" if all(given) and self.points is not None else ""
+            raise ValueError(f"give 'radius' and 'height' of a helix, or 'points: curve.csv'{more}")
         return self
 
     def curve(self) -> Array:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field
@@ -23,7 +23,7 @@ class HelicalHangConfig(DriveConfig):
     """``task: {kind: helical_hang, pressure: 15 kPa, loads: [0 g, 10 g, 20 g, 50 g]}``."""
 
     kind: Literal["helical_hang"] = "helical_hang"
-    loads_kg: tuple[Mass, ...] = Field(
+    loads_kg: tuple[Annotated[Mass, Field(ge=0)], ...] = Field(
         default=(0.0, 0.01, 0.02, 0.05),
         min_length=1,
         description="weights at the tip, one after the other, as dead forces along gravity",

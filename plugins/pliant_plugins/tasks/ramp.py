@@ -59,7 +59,10 @@ def driven(chain: ChainModel, name: str, value: float) -> dict[str, float]:
     stem, unit = name.rsplit("_", 1)
     first = name if name in inputs else f"{stem}_1_{unit}"
     if first not in inputs:
-        raise UserError(f"the task gives {name} but the chain is driven by {', '.join(inputs)}")
+        raise UserError(
+            f"the task gives '{stem}', but the laws of the chain are driven by {', '.join(inputs)}: give the task "
+            "that input, or state the law's own in 'actuation_name'."
+        )
     return {**dict.fromkeys(inputs, 0.0), first: float(value)}
 
 

@@ -1,0 +1,58 @@
+"""Wrong tasks, chains and engines: one sentence that names the key and what is allowed; and what results say."""
+
+import pytest
+
+pytest.importorskip("mujoco")
+
+HANG = "task={kind: helical_hang, pressure: 15 kPa, loads: [%s]}"
+FOLLOW = "task={kind: follow_shape, pressure: 15 kPa, target: %s}"
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        ("task.kind=free_bendin", "did you mean 'free_bending'?"),
+        ("task.presure=3 kPa", "'presure' is not a key of task; did you mean 'pressure'?"),
+        ("chain.modules=-3", "'chain.modules' is -3; it should be greater than or equal to 1"),
+        ("chain.segments=[{rigid: {length: 6 mm}}]", "give either 'modules' or 'segments'"),
+        ("task={kind: tip_load, pressure: 15 kPa, payload: -3 g}", "greater than or equal to 0"),
+        ("task={kind: tendon_finger, tendon_force: 3 N}", "gives 'tendon_force', but the laws"),
+        (HANG % "0 g, -10 g", "'task.loads.1' is '-10 g'; it should be greater than or equal to 0"),
+        (HANG % "", "'task.loads' is []; it should have at least 1 item."),
+        (
+            FOLLOW % "{radius: 18 mm, turns: 2}",
+            "give 'radius' and 'height' of a helix, or 'points: curve.csv'.",
+        ),
+        (FOLLOW % "{radius: 1 mm, height: 1 mm, points: c.csv}", "or 'points: curve.csv', and not both."),
+        (FOLLOW % "{points: curve.csv}", "curve.csv cannot be read (No such file or directory)"),
+        ("task={kind: grasp, object: egg, pressure: 15 kPa}", "physics 'quasistatic' has no contacts"),
+    ],
+)
+def test_a_wrong_task(pliant, write, workplace, stated, change, says):
+    call = pliant("simulate", write(stated), change)
+    assert call.code == 2, call.err
+    assert says in " ".join(call.err.split())
+    assert sorted(p.name for p in workplace.iterdir() if p.name != ".pliant") == ["study.yaml"]
+
+
+def test_curves_and_tables_are_not_printed(pliant, write, read, stated):
+    call = pliant("simulate", write(stated), HANG % "0 g, 5 g", "--json", "r.json")
+    assert call.code == 0, call.err
+    assert "loads_kg                 0, 0.005" in call.out
+    assert "converged                yes, yes" in call.out
+    assert "[[" not in call.out
+    assert len(read("r.json")["metrics"]["rings_m"]) == 2
+
+
+def test_a_grasp_says_where_it_left_the_law_s_data(pliant, write, stated):
+    study = write(stated)
+    small = [
+        "chain.modules=2",
+        "chain.module_radius=5 mm",
+        "task={kind: grasp, object: egg, pressure: 15 kPa}",
+    ]
+    domain = "surrogate.domain={actuation: [0 kPa, 10 kPa], deformation: [-1, 1]}"
+    call = pliant("simulate", study, "physics=mujoco", domain, *small)
+    assert call.code == 0, call.err
+    assert "outside the law's domain at" in call.out
+    assert "pressure_pa by 5e+03" in call.out
