@@ -57,6 +57,14 @@ def test_the_instant_of_a_picture(pliant, study):
     assert np.mean(start != end) > 0.01
 
 
+def test_the_end_is_the_end_within_half_a_frame(pliant, study):
+    """Frames of a scene end a rounding before 6 s; the eleven levels here end at 1."""
+    call = drawn(pliant("render", study, "--out", "after.png", *SMALL, "--time", "1.04"))
+    assert call.code == 0, call.err
+    drawn(pliant("render", study, "--out", "last.png", *SMALL))
+    np.testing.assert_array_equal(*(np.array(Image.open(f"{name}.png")) for name in ("after", "last")))
+
+
 def test_a_gif_has_the_length_of_the_motion(pliant, study):
     drawn(pliant("render", study, "--out", "bend.gif", *SMALL, "--fps", "10"))
     film = Image.open("bend.gif")

@@ -142,9 +142,11 @@ def _times(motion: Motion, fps: float, at_s: float | None, seconds: float | None
     """Instants of the pictures, in the motion's own time."""
     first, last = float(motion.frames.time_s[0]), float(motion.frames.time_s[-1])
     if ending not in FILMS:
-        if at_s is not None and not first <= at_s <= last:
+        # What is recorded may end half a frame before the motion does.
+        near = 0.5 * (last - first) / max(1, len(motion.frames.time_s) - 1)
+        if at_s is not None and not first - near <= at_s <= last + near:
             raise UserError(f"--time {at_s:g}: the motion goes from {first:g} to {last:g} s.")
-        return np.array([last if at_s is None else at_s])
+        return np.array([last if at_s is None else np.clip(at_s, first, last)])
     if last <= first:
         raise UserError("the task leaves one pose and no motion; draw it as .png.")
     count = max(2, round((seconds or last - first) * fps) + 1)

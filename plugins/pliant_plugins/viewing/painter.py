@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from typing import Any
 
 import mujoco
@@ -61,8 +62,8 @@ class Painter:
         return np.ascontiguousarray(pixels[::-1])
 
     def close(self) -> None:
-        """Free the context."""
-        if self._gl is not None:
+        """Free the context; at the end of Python, when MuJoCo has ended OpenGL, nothing is left to free."""
+        if self._gl is not None and not sys.is_finalizing():
             self._gl.make_current()
             self._context.free()
             self._gl.free()
