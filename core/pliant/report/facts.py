@@ -186,7 +186,9 @@ def _metric(value: Any, unit: units.Unit) -> str:
         if any(isinstance(item, list | tuple) for item in value.values()):
             return "in run.json"
         return ", ".join(f"{key} {_metric(item, unit)}" for key, item in value.items())
-    if isinstance(value, bool) or not isinstance(value, int | float):
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if not isinstance(value, int | float):
         return "–" if value is None else str(value)
     return units.number(value * unit.factor if unit.name else value, 6)
 

@@ -76,7 +76,15 @@ def _bend(run: FinishedRun) -> str:
     )
     if not final.converged:
         return f"{name} did not settle{at}{under} in {engines[0].kind}"
-    return f"{name} {verb} {size}{at}{under}"
+    return f"{name} {verb} {size}{at}{under}{_to_target(engines[0])}"
+
+
+def _to_target(engine: Ran) -> str:
+    """How far a backbone ended from the curve that it was to follow."""
+    metrics = engine.result.metrics
+    if "target_points_m" not in metrics:
+        return ""
+    return f", {units.MILLIMETRES.text(float(metrics['rmse_m']), 3)} (RMS) from its target"
 
 
 def grasp_words(engine: Ran, given: tuple[str, float] | None) -> str:
@@ -130,7 +138,8 @@ def _engine_warnings(engine: Ran, run: FinishedRun) -> list[Warned]:
             f"module {e.module}: {e.variable} by {_unit_of(e.variable, p_unit, u_unit).text(e.excess, 3)}"
             for e in entries[:LISTED]
         ]
-        sentence = f"{engine.kind} used the law outside its domain at {len(entries)} places"
+        places = f"{len(entries)} places" if len(entries) > 1 else "one place"
+        sentence = f"{engine.kind} used the law outside its domain at {places}"
         found.append(Warned(sentence + _rest(len(entries)) + ".", tuple(items)))
     return found
 
