@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from typing import Any, ClassVar
+from typing import Any, ClassVar, get_args
 
 import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
 from pliant.errors import UserError
-from pliant.interfaces.viewer import Picture
+from pliant.interfaces.viewer import Picture, View
 from pliant.records.design import Array
 from pliant.records.scene import Scene, SceneFrames
 
@@ -43,6 +43,10 @@ class SoftRobotEnv(gymnasium.Env[OBSERVED, NDArray[np.float32]]):
             raise UserError(f"control_s is {control_s} and episode_s {episode_s}: 0 < control_s ≤ episode_s.")
         if render_mode not in (None, *self.metadata["render_modes"]):
             raise UserError(f"render_mode is '{render_mode}'; this environment has 'rgb_array' only.")
+        if camera not in get_args(View):
+            raise UserError(f"unknown camera '{camera}'; cameras: {', '.join(get_args(View))}.")
+        if len(size) != 2 or min(size) < 1:
+            raise UserError(f"size is {tuple(size)}; it needs a width and a height in pixels.")
         self.control_s, self.steps = control_s, round(episode_s / control_s)
         self.render_mode, self._size, self._camera = render_mode, size, camera
         self.metadata = {**self.metadata, "render_fps": round(1 / control_s)}
