@@ -177,14 +177,14 @@ def choose(
         print(f"egg error of the present set, {trials} trials a cell: {error:.0f}")
         if error <= allowed or changed == CHANGES:
             break
+        if changed:
+            errors = sensitivities(bench, egg, chosen, screening)
         options = {(n, float(v)): e for n, of in errors.items() if n != "nominal" for v, e in of.items()}
         (name, value), best = min(options.items(), key=lambda option: option[1])
         if best >= errors["nominal"][""]:
             break
         print(f"changed: {name} = {value:g}")
         chosen[name] = value
-        if changed + 1 < CHANGES:
-            errors = sensitivities(bench, egg, chosen, screening)
     return chosen
 
 
