@@ -138,10 +138,10 @@ SIGHTS = {"input": inputs_seen, "law": efforts, "chain": rigid, "output": readin
 
 
 def follower(subject: Subject) -> PhysicsBackend:
-    """An installed engine that follows memory, or `CheckSkipped`."""
+    """An installed engine without inertia that follows memory, or `CheckSkipped`."""
     engine: PhysicsBackend | None = subject.once("follower", _find_follower)
     if engine is None:
-        raise CheckSkipped("no engine that follows histories is installed")
+        raise CheckSkipped("no quasi-static engine that follows histories is installed")
     return engine
 
 
@@ -153,7 +153,7 @@ def _find_follower() -> PhysicsBackend | None:
             engine: PhysicsBackend = component.build(component.config_model()(kind=component.kind))
         except ContractError:  # a broken engine is another plugin's failure
             continue
-        if engine.capabilities.internal_states:
+        if engine.capabilities.internal_states and not engine.capabilities.dynamic:
             return engine
     return None
 
