@@ -15,7 +15,7 @@ class MujocoConfig(PhysicsConfig):
 
     kind: Literal["mujoco"] = "mujoco"
     timestep_s: Time = Field(
-        2e-2,
+        1.5e-2,
         gt=0.0,
         description="longest internal step h of `step`; its implicit integrator damps motion of angular "
         "frequency ω by ω² h / 2 per second",
@@ -29,7 +29,7 @@ class MujocoConfig(PhysicsConfig):
         7.0,
         ge=0.0,
         description="resistance to all motion of a chain alone in proportion to its mass, 1/s: its swings decay as "
-        "exp(−drag t / 2), its equilibria stay. It makes steps of 20 ms end near equilibrium and is no property of "
+        "exp(−drag t / 2), its equilibria stay. It makes steps of 15 ms end near equilibrium and is no property of "
         "a body: with 0 (and joint_damping 0) the chain has its own dynamics, that of its inertia, law and effects",
     )
     tolerance: float = Field(
