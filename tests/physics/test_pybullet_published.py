@@ -121,6 +121,8 @@ def test_a_planar_chain_ends_near_its_equilibrium() -> None:
 def test_what_it_does_not_know_is_refused() -> None:
     with pytest.raises(UserError, match="baseline for single chains"):
         PUBLISHED.build_scene(Scene((Arm(sample_finger()),)))
+    assert "found as without it" in (PUBLISHED.preparing(sample_finger(), histories=False) or "")
+    assert PLIANT.preparing(sample_finger(), histories=False) is None
     term = LawTerm("moment", dashpot, (0.1,))
     with pytest.raises(UserError, match="knows no effects"):
         PUBLISHED.build(sample_chain(modules=1).with_(terms=(term,)))

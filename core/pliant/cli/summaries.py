@@ -160,10 +160,7 @@ def simulation_lines(engine: EngineRun) -> list[str]:
     if outside:
         worst = max(outside, key=lambda entry: abs(entry.excess))
         places = f"{len(outside)} places, worst" if len(outside) > 1 else "one place"
-        lines.append(
-            f"             outside the law's domain at {places}: module {worst.module}, "
-            f"{worst.variable} by {worst.excess:.3g}"
-        )
+        lines.append(f"             outside the law's domain at {places}: module {worst.module}, {worst}")
     if result.not_reached:
         lines.append(f"             NOT REACHED: {result.not_reached}")
     return lines

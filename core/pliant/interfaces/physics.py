@@ -263,8 +263,8 @@ class PhysicsBackend(ABC):
         return Rollout(history.time_s, actuation, np.array(positions), np.array(markers))
 
     def preparing(self, chain: ChainModel, histories: bool = True) -> str | None:
-        """A sentence for the user where the first `follow` of this chain (or `settle`, without `histories`) will
-        take long, once; else None.
+        """A sentence for the user before the first `follow` of this chain (or `settle`, without `histories`): that it
+        will take long, once, or what is simulated otherwise than the config may suggest; else None.
         """
         return None
 

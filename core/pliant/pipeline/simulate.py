@@ -99,9 +99,9 @@ def refuse_extrapolation(outside: Sequence[OutsideDomain]) -> None:
         return
     worst = max(outside, key=lambda entry: abs(entry.excess))
     raise UserError(
-        f"joint {worst.module} leaves the domain of its law: {worst.variable} by {worst.excess:.3g} at "
-        f"{worst.time_s:.3g} s ({len(outside)} such entries). Give the law data there, load the chain less, or "
-        "set 'outside_domain: report' in the task."
+        f"joint {worst.module} leaves the domain of its law: {worst} at time {worst.time_s:.3g} of the task"
+        f"{f', and {len(outside) - 1} more' if len(outside) > 1 else ''}. Give the law data there, load the chain "
+        "less, or set 'outside_domain: report' in the task."
     )
 
 

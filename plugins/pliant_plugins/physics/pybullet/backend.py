@@ -41,5 +41,13 @@ class Pybullet(PhysicsBackend):
 
         return BulletScene(scene, self.config)
 
+    def preparing(self, chain: ChainModel, histories: bool = True) -> str | None:
+        if self.config.preset == "published":
+            return (
+                "physics.preset 'published' steps through time as published, but equilibria, which this task asks "
+                "for, are found as without it."
+            )
+        return None
+
     def export(self, chain: ChainModel, path: Path, looks: ChainModel | None = None) -> tuple[Path, ...]:
         return write_urdf(chain, path, looks)
