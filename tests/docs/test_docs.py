@@ -116,6 +116,57 @@ def test_the_plugin_of_the_docs_passes_conformance(tmp_path, monkeypatch):
     assert entry == "my_effect"
 
 
+def typed_in(folder, monkeypatch, name, interface):
+    """The component of a generated package, with the page's block typed over its implementation."""
+    from pliant.cli.new_plugin import create_package
+
+    page, file = DOCS / "write_a_plugin.md", f"src/{name.replace('-', '_')}/{interface}.py"
+    cls = "".join(word.capitalize() for word in name.split("-"))
+    (block,) = (text for text in blocks(page, "python") if f"class {cls}(" in text)
+    assert f"`{file}`" in page.read_text(encoding="utf-8")
+    create_package(name, folder, interface)
+    (folder / name / file).write_text(block, encoding="utf-8")
+    monkeypatch.syspath_prepend(folder / name / "src")
+    (component,) = importlib.import_module(f"{name.replace('-', '_')}.manifest").pliant_components()
+    return component
+
+
+def built(component, **keys):
+    return component.build(component.config_model().model_validate({"kind": component.kind, **keys}))
+
+
+def test_the_task_with_contact_of_the_docs_pushes_a_ball(tmp_path, monkeypatch):
+    pytest.importorskip("mujoco")
+    from pliant.pipeline.simulate import run_task
+    from pliant.testing.scenes import sample_finger
+    from pliant.testing.suite import run_checks
+
+    component = typed_in(tmp_path, monkeypatch, "my-push", "task")
+    assert [o.message for o in run_checks(component) if o.status == "failed"] == []
+    finger = sample_finger(modules=6)
+    way = {}
+    for pressure in (0.0, 10e3):
+        task = built(component, pressure_pa=pressure)
+        way[pressure] = run_task(built(REGISTRY.get("physics", "mujoco")), task, (), finger).metrics["way_m"]
+    assert way[0.0] < 1e-4
+    assert way[10e3] > 5e-3
+
+
+def test_the_engine_of_the_docs_agrees(tmp_path, monkeypatch):
+    from pliant.pipeline.simulate import run_task
+    from pliant.testing.scenes import sample_finger
+    from pliant.testing.suite import run_checks
+
+    component = typed_in(tmp_path, monkeypatch, "my-engine", "physics")
+    outcomes = run_checks(component)
+    assert [o.message for o in outcomes if o.status == "failed"] == []
+    assert len([o for o in outcomes if o.status == "passed"]) > 20
+    task = built(REGISTRY.get("task", "tip_load"), pressure="15 kPa", payload="13 g")
+    engines = (component, REGISTRY.get("physics", "quasistatic"))
+    here, there = (run_task(built(engine), task, (), sample_finger()).final for engine in engines)
+    np.testing.assert_allclose(here.markers_m, there.markers_m, atol=1e-8)
+
+
 def test_the_effect_of_the_docs_runs_from_outside_the_tree(tmp_path, monkeypatch):
     """The file and the study of write_an_effect.md, typed in as they stand, and its commands."""
     from typer.testing import CliRunner

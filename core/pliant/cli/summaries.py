@@ -146,11 +146,11 @@ def simulation_lines(engine: EngineRun) -> list[str]:
     if result.final.stable is False:
         state += " (UNSTABLE: the energy has no minimum there)"
     if result.stills:  # contact holds the arms: their tips and residuals say little
-        found = {name: result.metrics.get(name) for name in ("mode", "z_end_m", "success_share")}
-        texts = [
-            f"{name} {value:.4g}" if isinstance(value, float) else f"{value}" for name, value in found.items()
-        ]
-        lines = [f"{engine.kind:<12} {', '.join(texts)}, {_time(engine.artifact)}"]
+        numbers = [f"{name} {v:.4g}" for name, v in result.metrics.items() if isinstance(v, float)]
+        if "mode" in result.metrics:
+            grasped = ("z_end_m", "success_share")
+            numbers = [f"{result.metrics['mode']}", *(n for n in numbers if n.startswith(grasped))]
+        lines = [f"{engine.kind:<12} {', '.join((*numbers[:3], _time(engine.artifact)))}"]
     else:
         lines = [
             f"{engine.kind:<12} tip ({x:.3f}, {y:.3f}, {z:.3f}) mm, {state}, residual "

@@ -166,6 +166,19 @@ class SceneSimulation(ABC):
     def outside_domain(self) -> tuple[OutsideDomain, ...]:
         """Where laws are used outside their domain now; joints are numbered through all arms in a row."""
 
+    def pose(self, arm: int) -> Equilibrium:
+        """An arm as it stands now, for `TaskResult.final`; contact holds it, so its residual is not a number."""
+        return Equilibrium(
+            joint_angles=self.snapshot().coordinates[arm],
+            markers_m=self.markers(arm),
+            residual=float("nan"),
+            converged=True,
+            stable=None,
+            iterations=0,
+            wall_s=0.0,
+            outside_domain=self.outside_domain(),
+        )
+
     def close(self) -> None:  # noqa: B027 - an engine without resources has nothing to free
         """Free the engine's resources."""
 

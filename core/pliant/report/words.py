@@ -92,7 +92,9 @@ def grasp_words(engine: Ran, given: tuple[str, float] | None) -> str:
     measured = engine.result.metrics
     at = f" at {units.of_actuation(given[0]).text(given[1])}" if given else ""
     mode, rise, share = (measured.get(name) for name in ("mode", "z_end_m", "success_share"))
-    parts = [f"the grasp{at} is '{mode}'" if mode else f"the scene was simulated{at}"]
+    if not mode:
+        return f"the scene was simulated{at}"
+    parts = [f"the grasp{at} is '{mode}'"]
     if rise is not None:
         parts.append(f"the object ends {units.MILLIMETRES.text(float(rise), 3)} above its place")
     if share is not None and "trials" in measured:

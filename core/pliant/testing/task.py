@@ -99,6 +99,16 @@ def makes_a_scene(subject: Subject) -> None:
     require(set(joints) == {chain.n_joints}, f"the chain has {chain.n_joints} joints, the arms have {joints}")
 
 
+@suite.check("a task with contact leaves stills, which is what pages show of it.")
+def leaves_stills(subject: Subject) -> None:
+    if not isinstance(subject.build(), SceneTask):
+        raise CheckSkipped("a task without contact is drawn as a chain")
+    require(
+        len(_result(subject).stills) > 0,
+        "the result has no stills: still(scene, state, label) of pliant.mechanics.stills, at least of the end",
+    )
+
+
 @suite.check(
     "a task with contact leaves frames of its motion: a time, a carriage and joint coordinates of each arm."
 )

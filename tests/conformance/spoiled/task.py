@@ -7,8 +7,9 @@ import numpy as np
 
 from pliant.interfaces.physics import Simulation
 from pliant.interfaces.task import SceneEngine, SceneTask, Task, TaskConfig
+from pliant.mechanics.stills import still
 from pliant.records.chain import ChainModel
-from pliant.records.rollout import Equilibrium, Inputs, Rollout, TaskResult
+from pliant.records.rollout import Inputs, Rollout, TaskResult
 from pliant.records.scene import Arm, Scene, SceneFrames
 from pliant.registry.component import Component
 from pliant.units import Mass, Pressure
@@ -145,8 +146,9 @@ class Squeeze(SceneTask):
             simulation.apply([Inputs({"pressure_pa": self.config.pressure_pa})])
             simulation.step(0.1)
             states.append(simulation.snapshot())
-            final = Equilibrium(states[-1].coordinates[0], simulation.markers(0), 0.0, True, None, 1, 0.0)
-        return TaskResult(final, {"time_s": 0.1}, None, SceneFrames.of(states))
+            final = simulation.pose(0)
+        stills = (still(self.scene(chain), states[-1], "after"),)
+        return TaskResult(final, {"time_s": 0.1}, None, SceneFrames.of(states), stills)
 
 
 @spoils.by("makes_a_scene", "the scene has no arms")
@@ -155,6 +157,14 @@ class Armless(Squeeze):
 
     def scene(self, chain: ChainModel) -> Scene:
         return Scene(arms=())
+
+
+@spoils.by("leaves_stills", "the result has no stills")
+class Unshown(Squeeze):
+    """Leaves nothing for pages."""
+
+    def run(self, chain: ChainModel, engine: SceneEngine) -> TaskResult:
+        return replace(super().run(chain, engine), stills=())
 
 
 @spoils.by("leaves_frames", "the result has no frames")
