@@ -25,6 +25,10 @@ FOLLOW = "task={kind: follow_shape, pressure: 15 kPa, target: %s}"
         ),
         (FOLLOW % "{radius: 1 mm, height: 1 mm, points: c.csv}", "or 'points: curve.csv', and not both."),
         (FOLLOW % "{points: curve.csv}", "curve.csv cannot be read (No such file or directory)"),
+        (
+            "task={kind: grasp, object: egg, pressure: 1 kPa, inclination: 100 deg}",
+            "'task.inclination' is 1.74533; it should be less than 1.5",
+        ),
         ("task={kind: grasp, object: egg, pressure: 15 kPa}", "physics 'quasistatic' has no contacts"),
     ],
 )
@@ -33,6 +37,25 @@ def test_a_wrong_task(pliant, write, workplace, stated, change, says):
     assert call.code == 2, call.err
     assert says in " ".join(call.err.split())
     assert sorted(p.name for p in workplace.iterdir() if p.name != ".pliant") == ["study.yaml"]
+
+
+@pytest.mark.parametrize(
+    ("joint", "z", "says"),
+    [
+        ("joint: prismatic", "", "'joint' stands beside 'axes': a joint with axes is spherical"),
+        ("", "actuation_name: tendon_force_n", "surrogate.axes: one joint has one actuation"),
+    ],
+)
+def test_axes_that_make_no_joint(pliant, write, joint, z, says):
+    axis = "{form: study, coefficients: {k_n: 0, m_a: 0, m_e: 0, b_e: 0.03}, %s}"
+    axes = ", ".join(f"{name}: {axis % (z if name == 'z' else '')}" for name in "xyz")
+    study = write(
+        f"pliant: 1\nname: axes\nsurrogate: {{kind: polynomial, axes: {{{axes}}}, {joint}}}\n"
+        "chain: {modules: 2, module_length: 11 mm}\ntask: {kind: free_bending, pressure: 1 kPa}\n"
+    )
+    call = pliant("simulate", study)
+    assert call.code == 2
+    assert says in " ".join(call.err.split())
 
 
 def test_curves_and_tables_are_not_printed(pliant, write, read, stated):
@@ -56,3 +79,4 @@ def test_a_grasp_says_where_it_left_the_law_s_data(pliant, write, stated):
     assert call.code == 0, call.err
     assert "outside the law's domain at" in call.out
     assert "pressure_pa by 5 kPa" in call.out
+    assert "compiling" not in call.err

@@ -94,7 +94,9 @@ def _written(value: Any) -> str:
         return "empty"
     if isinstance(value, bool):
         return str(value).lower()
-    text = repr(value) if isinstance(value, str | int | float) else _flow(value)
+    text = repr(value) if isinstance(value, str | int) else _flow(value)
+    if isinstance(value, float):
+        text = f"{value:.6g}"
     return text if len(text) <= LONGEST else f"{text[: LONGEST - 20]}…"
 
 

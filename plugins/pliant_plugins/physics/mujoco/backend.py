@@ -48,7 +48,7 @@ class Mujoco(PhysicsBackend):
     def preparing(self, chain: ChainModel, histories: bool = True) -> str | None:
         from pliant_plugins.physics.compiled.freshness import is_cached
 
-        if any(law.scalar() is None for law in chain.laws) or is_cached("motion", "move"):
+        if not histories or any(law.scalar() is None for law in chain.laws) or is_cached("motion", "move"):
             return None
         return "compiling the simulation, about ten seconds; this happens once after an installation."
 

@@ -38,7 +38,10 @@ class AxesLaw(JointLaw):
     def __post_init__(self) -> None:
         names = sorted({law.actuation_name for law in self.laws})
         if len(names) > 1:
-            raise UserError(f"one joint has one actuation, and its axes take {' and '.join(names)}")
+            raise UserError(
+                f"surrogate.axes: one joint has one actuation, and its axes take {' and '.join(names)}; give all of "
+                "them the same 'actuation_name'."
+            )
         boxes = np.array([law.domain.actuation for law in self.laws])
         common = np.array([boxes[:, 0].max(), boxes[:, 1].min()])
         if not common[0] < common[1]:

@@ -139,6 +139,8 @@ class PolynomialConfig(AxisConfig, SurrogateConfig):
         problem = None
         if self.axes is not None and beside:
             problem = f"'{beside[0]}' stands beside 'axes': give it in the axes it belongs to"
+            if beside[0] in ("joint", "axis"):
+                problem = f"'{beside[0]}' stands beside 'axes': a joint with axes is spherical; leave one of them out"
         elif self.joint == "prismatic" and self.coefficients is None:
             problem = "joint prismatic is for a law stated by coefficients, in N and m: give 'coefficients'"
         elif self.joint == "prismatic" and domain.deformation is not None:
