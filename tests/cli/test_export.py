@@ -175,3 +175,17 @@ def test_an_engine_that_is_missing_is_named(pliant, study, monkeypatch) -> None:
     call = pliant("export", study, "--out", "robot.xml")
     said = " ".join(call.err.split())
     assert call.code == 2 and "no engine writes 'mjcf'" in said and "pip install mujoco" in said
+
+
+def test_modules_without_a_radius_are_seen_between_rigid_pieces(pliant, write):
+    study = write(
+        "pliant: 1\nname: mixed\nsurrogate: {kind: polynomial, form: study, "
+        "coefficients: {k_n: 1e-6, m_a: 0, m_e: 0.1, b_e: 0.02}}\n"
+        "chain: {module_length: 11 mm, segments: [{rigid: {length: 20 mm, radius: 8 mm}}, {modules: 3}]}\n"
+    )
+    assert pliant("export", study, "--out", "mixed.xml").code == 0
+    model = mujoco.MjModel.from_xml_path("mixed.xml")
+    drawn = set(model.geom_bodyid.tolist())
+    moving = {k for k in range(model.nbody) if model.body_jntnum[k]}
+    assert len(moving) == 3
+    assert moving <= drawn

@@ -12,7 +12,15 @@ from pliant.errors import UserError
 from pliant.interfaces.family import ActuatorFamily
 from pliant.interfaces.task import SceneTask, Task
 from pliant.mechanics.rotations import exp_map, log_map
-from pliant.pipeline.chain import Module, RigidPiece, Segment, build_chain, module_like, rigid_rod
+from pliant.pipeline.chain import (
+    Module,
+    RigidPiece,
+    Segment,
+    build_chain,
+    module_like,
+    rigid_rod,
+    rod_module,
+)
 from pliant.pipeline.study import DesignStages, StudyRun, chain_segments
 from pliant.pipeline.workbench import Workbench
 from pliant.records.chain import ChainModel
@@ -21,6 +29,9 @@ from pliant.records.motion import Motion
 from pliant.records.rollout import Rollout, TaskResult
 from pliant.records.scene import Arm, Scene, SceneFrames
 from pliant.records.shape import HalfShapes, Shape, TriangleMesh
+
+# Radius of a module that has none, of its length.
+SEEN_RADIUS = 0.2
 
 
 def motion_of_run(bench: Workbench, run: StudyRun) -> Motion:
@@ -127,7 +138,12 @@ def _mesh(surface: TriangleMesh) -> Shape:
 def _dressed(bench: Workbench, segment: Segment, design: DesignStages) -> Segment:
     """The segment with what is to be seen of it."""
     piece = segment.piece
-    if not isinstance(piece, Module) or design.family is None:
+    if not isinstance(piece, Module):
+        return segment
+    if design.family is None:
+        if not (piece.shapes.start or piece.shapes.end):  # no radius is stated: a rod that can be seen
+            rod = rod_module(piece.law, piece.length_m, 0.0, SEEN_RADIUS * piece.length_m, piece.offset_m)
+            return replace(segment, piece=replace(piece, shapes=rod.shapes))
         return segment
     family: ActuatorFamily = bench.build("family", design.family)
     surface = family.surface()
