@@ -210,14 +210,16 @@ def test_the_documented_keys_are_in_the_results(pliant, write, read, workplace):
     loop = workplace / "loop"
     shutil.copytree(root / "examples" / "hidden_effect", loop)
     with_bench = {"compare": [], "diagnose": [], "extend": ["--effect", "viscoelastic"], "improve": []}
+    drawn = {"render": ["--backbone", "--out", "line.png"], "export": ["--out", "chain.xml"]}
     checked = []
     for verb, cells in re.findall(r"^\| `(\w+)` \| (.*) \|$", page, re.M):
         if verb == "fem":
             continue  # minutes of FEM; tests/endtoend reads its keys
         study = loop / "finger.yaml" if verb in with_bench else write(BENCH)
-        assert pliant(verb, study, *with_bench.get(verb, []), "--json", "out.json", "--quiet").code == 0
+        more = (with_bench | drawn).get(verb, [])
+        assert pliant(verb, study, *more, "--json", "out.json", "--quiet").code == 0
         result = read("out.json")
         for key in re.findall(r"`(\w+)`", re.sub(r"\([^)]*\)", "", cells)):
             assert key in result or (verb, key) == ("run", "fem"), f"{verb}: {key}"
         checked.append(verb)
-    assert checked == ["fit", "simulate", "run", *with_bench]
+    assert checked == ["fit", "simulate", "run", *drawn, *with_bench]
