@@ -32,7 +32,8 @@ from pliant.store.fingerprint import code_fingerprint
 
 TABLE = REFERENCE / "grasp_experiment.csv"
 TRIALS, SCREENING = 30, 12
-SETS = 32  # in the first round, half as many in the second; a power of two
+SETS = 32  # a power of two
+ROUNDS = ((1.0, 1.0), (0.5, 0.5), (0.5, 0.25))  # share of SETS, width around the mode in spreads
 OPEN = 6
 BAR = 25
 SEED = 20260
@@ -120,21 +121,26 @@ def key_of(setup: Mapping[str, float], cell: Cell, trials: int) -> str:
 
 
 def most_probable(runs: Runs, egg: Sequence[Cell], sets: int, trials: int) -> tuple[Array, Array]:
-    """Mode and covariance of the standardised unknowns given the egg: once around the published values, once nearer."""
+    """Mode and covariance of the standardised unknowns given the egg.
+
+    The probit model is one of straight lines, so it is fitted anew to sets ever nearer to its mode, the last two
+    rounds at a time.
+    """
     measured = np.array([cell.measured for cell in egg])
-    z = np.vstack([np.zeros(len(UNKNOWNS)), drawn(sets, SEED)])
-    for round_ in (1, 2):
-        runs.prepare([(setup_of(row), cell, trials) for row in z for cell in egg])
-        setups = [setup_of(row) for row in z]
+    mode, covariance = np.zeros(len(UNKNOWNS)), np.eye(len(UNKNOWNS))
+    before = np.zeros((0, len(UNKNOWNS)))
+    for number, (share, width) in enumerate(ROUNDS):
+        here = np.vstack([mode, drawn(int(share * sets), SEED + number, mode, width)])
+        setups = [setup_of(row) for row in (*before, *here)]
+        before = here
+        runs.prepare([(setup, cell, trials) for setup in setups for cell in egg])
         counts = np.array(
             [[trials * runs.cell(setup, cell, trials)["share"] for cell in egg] for setup in setups]
         )
         probit = Probit.fitted(np.array([standardised(setup) for setup in setups]), counts, trials)
         mode, covariance = probit.posterior(measured, 30)
         slopes = ", ".join(f"{u.name} {b:+.2f}" for u, b in zip(UNKNOWNS, probit.slopes, strict=True))
-        print(f"round {round_}: margin per spread: {slopes}", flush=True)
-        if round_ == 1:
-            z = np.vstack([z, mode, drawn(sets // 2, SEED + 1, mode, 0.5)])
+        print(f"round {number + 1}: margin per spread: {slopes}", flush=True)
     return mode, covariance
 
 

@@ -16,8 +16,6 @@ from pliant.interfaces.physics import PhysicsBackend, SimulationState
 from pliant.mechanics.inertia import mass_matrix
 from pliant.mechanics.kinematics import ChainGeometry
 from pliant.records.chain import ChainModel
-from pliant_plugins.physics.mujoco.backend import Mujoco
-from pliant_plugins.physics.mujoco.config import MujocoConfig
 from pliant_plugins.physics.mujoco.mjcf import chain_mjcf
 from pliant_plugins.physics.pybullet.backend import Pybullet
 from pliant_plugins.physics.pybullet.config import PybulletConfig

@@ -209,7 +209,8 @@ class HalfCommand(Effect):
 
 def test_a_travel_that_no_force_reaches_is_said(finger: ChainModel, quasistatic: PhysicsBackend) -> None:
     result = perform(pull(tendon_travel="20 mm", force_max="2 N"), finger, quasistatic)
-    assert "No force up to 2 N pulls the tendon in by 20 mm" in result.not_reached
+    assert "No force pulls the tendon in by 20 mm: at 2 N it is" in result.not_reached
+    assert "'force_max' is 2 N" in result.not_reached
     over = pull(tendon_travel="0 mm", payload="500 g", pulley=["1 m", 0, "-116 mm"])
     assert "would take a pushing tendon" in perform(over, finger, quasistatic).not_reached
 

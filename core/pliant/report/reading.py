@@ -45,7 +45,9 @@ def chain_config(run: FinishedRun) -> ChainConfig | None:
     chain = run.study.get("chain")
     if not chain:
         return None
-    segments = [{k: v for k, v in segment.items() if k != "surrogate"} for segment in chain.get("segments") or ()]
+    segments = [
+        {k: v for k, v in segment.items() if k != "surrogate"} for segment in chain.get("segments") or ()
+    ]
     return ChainConfig.model_validate({**chain, "segments": segments})
 
 

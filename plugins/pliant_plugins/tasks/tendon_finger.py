@@ -105,10 +105,12 @@ class _Pull:
         high = low
         while reached < travel:
             low, high = high, high + STEP_N
-            if high > self.config.force_max_n or why_not_held(self.chain, self.found[-1]):
+            why = why_not_held(self.chain, self.found[-1])
+            if high > self.config.force_max_n or why:
+                end = why or f"'force_max' is {self.config.force_max_n:g} N"
                 return (
-                    f"No force up to {low:g} N pulls the tendon in by {1e3 * travel:g} mm: there it is "
-                    f"{1e3 * reached:.4g} mm."
+                    f"No force pulls the tendon in by {1e3 * travel:g} mm: at {low:g} N it is "
+                    f"{1e3 * reached:.4g} mm, and the search ends there because {end}."
                 )
             before = self.simulation.snapshot()
             reached = self.settle(high)

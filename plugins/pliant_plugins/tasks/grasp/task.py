@@ -77,14 +77,10 @@ class Grasp(SceneTask):
 
 def _final(simulation: SceneSimulation, episode: Episode) -> Equilibrium:
     """The first finger at the end; contact holds it, so that its own residual says nothing."""
-    return Equilibrium(
+    return replace(
+        simulation.pose(0),
         joint_angles=episode.states[-1].coordinates[0],
-        markers_m=simulation.markers(0),
-        residual=float("nan"),
-        converged=True,
-        stable=None,
         iterations=len(episode.states) - 1,
-        wall_s=0.0,
         outside_domain=tuple(episode.outside[key] for key in sorted(episode.outside)),
     )
 
