@@ -65,7 +65,7 @@ def test_unknown_candidates_name_the_closest(pliant, bench) -> None:
     [
         (("--data", "none.csv"), "none.csv"),
         ((), "names no measurements"),
-        (("physics=mujoco", "--data", "bench.csv"), "quasistatic"),
+        (("physics=pybullet", "--data", "bench.csv"), "quasistatic"),
     ],
 )
 def test_wrong_input_is_a_sentence(pliant, bench, arguments, says) -> None:

@@ -109,7 +109,7 @@ def test_a_study_without_measurements(pliant, write, verb):
 
 
 def test_an_engine_that_cannot_follow_histories(pliant, joint):
-    call = pliant("extend", joint, "physics=mujoco", "--effect", "viscoelastic")
+    call = pliant("extend", joint, "physics=pybullet", "--effect", "viscoelastic")
     assert call.code == 2 and "quasistatic" in call.err
 
 

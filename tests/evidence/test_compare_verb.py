@@ -104,7 +104,7 @@ def test_what_cannot_be_judged_is_no_failure(call, tmp_path):
         (["study.yaml", "measurements=null"], "names no measurements"),
         (["study.yaml", "--data", "words.csv"], "words.csv"),
         (["study.yaml", "--data", "strain.csv"], "elongation_strain"),
-        (["study.yaml", "physics=mujoco"], "quasistatic"),
+        (["study.yaml", "physics=pybullet"], "quasistatic"),
     ],
 )
 def test_wrong_input_is_one_message(call, tmp_path, arguments, said):
