@@ -34,7 +34,7 @@ class Capabilities:
         dynamic: `step` advances inertia and damping; otherwise each step is an equilibrium.
         internal_states: law terms that need time or memory are followed, and `follow` is there.
         gradients: `Simulation.sensitivity` is there.
-        batch: `settle_batch` and `rollout_batch` use all cores, not one case after another.
+        batch: `settle_batch` or `rollout_batch` uses all cores, not one case after another.
         contacts: `build_scene` is there.
         export: the format that `export` writes ("mjcf", "urdf"), empty where there is none.
     """

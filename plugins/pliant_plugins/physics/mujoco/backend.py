@@ -28,6 +28,7 @@ class Mujoco(PhysicsBackend):
         ("revolute", "spherical", "prismatic"),
         dynamic=True,
         internal_states=True,
+        batch=True,
         contacts=True,
         export="mjcf",
     )
