@@ -86,5 +86,7 @@ def test_exactly_one_drive(drive: dict[str, float]) -> None:
 
 def test_tendon_task_on_a_pressure_chain(quasistatic: PhysicsBackend, massless_finger: ChainModel) -> None:
     task = FreeBending(FreeBendingConfig(tendon_force="2 N"))
-    with pytest.raises(UserError, match="gives 'tendon_force', but the laws of the chain are driven by pressure_pa"):
+    with pytest.raises(
+        UserError, match="gives 'tendon_force', but the laws of the chain are driven by pressure_pa"
+    ):
         perform(task, massless_finger, quasistatic)
