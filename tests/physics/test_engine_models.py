@@ -62,6 +62,8 @@ def test_close_twice(engine: PhysicsBackend, massless_finger: ChainModel) -> Non
     simulation = engine.build(massless_finger)
     simulation.close()
     simulation.close()
+    with engine.build(massless_finger) as another:
+        assert np.isfinite(another.markers()).all()
 
 
 def test_the_longest_chain_of_every_kind(
