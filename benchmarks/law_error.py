@@ -30,7 +30,7 @@ def main() -> None:
     registry = discover()
     bench = Workbench(registry, ArtifactStore(ROOT / ".pliant" / "store"))
     study = load_study(ROOT / "examples" / "first_finger" / "finger.yaml", registry)
-    data: FemDataset = fem_of_study(bench, study)[0].value
+    data: FemDataset = fem_of_study(bench, study)[0].value.axis("y")
     results = {"n_fitted": len(data.select("fit")), "n_heldout": len(data.select("check"))}
     print(f"{results['n_fitted']} states fitted, {results['n_heldout']} left out; worst error / range, R²")
     fits = {

@@ -138,7 +138,7 @@ def test_node_sets_lie_on_their_planes() -> None:
     assert np.all(np.abs(nodes[sets["symmetry"], 1]) < 1e-12)
     assert len(sets["pin"]) == 1
     assert nodes[:, 1].min() > -1e-12
-    assert problem.span_m * problem.angle_scale == pytest.approx(family().module_length_m)
+    assert problem.span_m * problem.deformation_scale == pytest.approx(family().module_length_m)
 
 
 def test_mass_is_that_of_the_solid_and_mirrored() -> None:

@@ -27,7 +27,21 @@ class Springs(ModuleSolver):
         if self.refuse(p, u):
             raise StateNotConvergedError("Newton stopped")
         self.solved.append((p, u))
-        return FemState(p, u, p - 20 * u, 1.0, -20.0, 0.0, 0.0, branch, "ok", 1, 0.0, np.array([p, u]))
+        return FemState.of_one_axis(
+            p,
+            u,
+            p - 20 * u,
+            1.0,
+            -20.0,
+            energy_j=0.0,
+            travel=0.0,
+            axial_strain=0.0,
+            branch=branch,
+            status="ok",
+            iterations=1,
+            wall_s=0.0,
+            solution=np.array([p, u]),
+        )
 
     def rest(self):
         return self._state(0.0, 0.0, "free")
@@ -67,7 +81,7 @@ def test_levels_include_both_ends():
 
 def test_the_data_cover_the_promised_box(tmp_path):
     solver = Springs()
-    sampling = sample(solver, CONFIG, tmp_path, Silent())
+    sampling = sample(solver, CONFIG, 10.0, tmp_path, Silent())
     fit = [s.state for s in sampling.solved if s.target.role == "fit"]
     pressures, angles = {s.actuation for s in fit}, np.array([s.angle_rad for s in fit])
     assert min(pressures) == 0.0
@@ -80,7 +94,7 @@ def test_the_data_cover_the_promised_box(tmp_path):
 
 
 def test_check_states_lie_inside_and_are_not_fitted(tmp_path):
-    sampling = sample(Springs(), CONFIG, tmp_path, Silent())
+    sampling = sample(Springs(), CONFIG, 10.0, tmp_path, Silent())
     check = [s.state for s in sampling.solved if s.target.role == "check"]
     fitted = {(s.state.actuation, s.state.angle_rad) for s in sampling.solved if s.target.role == "fit"}
     assert len(check) == 6
@@ -93,7 +107,7 @@ def test_check_states_lie_inside_and_are_not_fitted(tmp_path):
 @pytest.mark.parametrize("interrupted_at", [0, 1, 3, 4, 17, 29])
 def test_an_interrupted_sampling_solves_nothing_twice(tmp_path, interrupted_at):
     whole = (
-        sample(Springs(), CONFIG, tmp_path / "whole", Silent())
+        sample(Springs(), CONFIG, 10.0, tmp_path / "whole", Silent())
         if (tmp_path / "whole").mkdir() is None
         else None
     )
@@ -101,9 +115,9 @@ def test_an_interrupted_sampling_solves_nothing_twice(tmp_path, interrupted_at):
     part.mkdir()
     first = Springs(stop_after=interrupted_at)
     with pytest.raises(KeyboardInterrupt):
-        sample(first, CONFIG, part, Silent())
+        sample(first, CONFIG, 10.0, part, Silent())
     second, bar = Springs(), Counting()
-    resumed = sample(second, CONFIG, part, bar)
+    resumed = sample(second, CONFIG, 10.0, part, bar)
     assert not set(first.solved) & set(second.solved)
     assert bar.count == bar.total
     assert len(resumed.solved) == len(whole.solved)
@@ -113,7 +127,7 @@ def test_an_interrupted_sampling_solves_nothing_twice(tmp_path, interrupted_at):
 
 def test_a_state_that_fails_is_a_record_with_its_cause(tmp_path):
     solver = Springs(refuse=lambda p, u: u > 0.55)
-    sampling = sample(solver, CONFIG, tmp_path, Silent())
+    sampling = sample(solver, CONFIG, 10.0, tmp_path, Silent())
     assert len(sampling.failed) >= 4
     assert {f["cause"] for f in sampling.failed} == {"Newton stopped"}
     assert all(f["angle_rad"] > 0.55 for f in sampling.failed)
@@ -121,13 +135,13 @@ def test_a_state_that_fails_is_a_record_with_its_cause(tmp_path):
 
 def test_a_free_branch_that_stops_is_an_error(tmp_path):
     with pytest.raises(NotReachedError, match="free branch stopped: Newton stopped"):
-        sample(Springs(refuse=lambda p, u: p > 5), CONFIG, tmp_path, Silent())
+        sample(Springs(refuse=lambda p, u: p > 5), CONFIG, 10.0, tmp_path, Silent())
 
 
 def interrupted(folder, after=12, **solver):
     first = Springs(stop_after=after, **solver)
     with pytest.raises(KeyboardInterrupt):
-        sample(first, CONFIG, folder, Silent())
+        sample(first, CONFIG, 10.0, folder, Silent())
     return first
 
 
@@ -144,7 +158,7 @@ def test_a_damaged_finished_state_is_said_and_solved_anew_alone(tmp_path, file, 
         broken = {"truncate": data[:middle], "empty": b""}
         path.write_bytes(broken.get(damage, data[:middle] + bytes([data[middle] ^ 1]) + data[middle + 1 :]))
     second, bar = Springs(), Counting()
-    sample(second, CONFIG, tmp_path, bar)
+    sample(second, CONFIG, 10.0, tmp_path, bar)
     assert len(set(first.solved) & set(second.solved)) == 1
     assert len(bar.notes) == 1
     assert "damaged" in bar.notes[0]
@@ -159,7 +173,7 @@ def test_a_damaged_list_of_finished_states_is_said_and_solved_anew(tmp_path, tex
     interrupted(tmp_path)
     (tmp_path / "states.json").write_text(text)
     bar = Counting()
-    sampling = sample(Springs(), CONFIG, tmp_path, bar)
+    sampling = sample(Springs(), CONFIG, 10.0, tmp_path, bar)
     assert len(sampling.solved) == 4 + 4 * 5 + 6
     assert len(bar.notes) == 1
     assert "damaged" in bar.notes[0]
@@ -178,7 +192,7 @@ def test_a_failed_state_is_not_tried_again_after_an_interruption(tmp_path):
     before = list(tried)
     assert before
     bar = Counting()
-    sampling = sample(Springs(refuse=refuse), CONFIG, tmp_path, bar)
+    sampling = sample(Springs(refuse=refuse), CONFIG, 10.0, tmp_path, bar)
     assert len(tried) == len(set(tried)) == len(sampling.failed)
     assert {f["cause"] for f in sampling.failed} == {"Newton stopped"}
     assert bar.count == bar.total
@@ -196,7 +210,7 @@ def test_a_full_disk_is_one_sentence_and_loses_nothing(tmp_path, monkeypatch):
     with monkeypatch.context() as patch:
         patch.setattr(sampling, "write_value", full)
         with pytest.raises(UserError, match="No space left on device"):
-            sample(Springs(), CONFIG, tmp_path, Silent())
+            sample(Springs(), CONFIG, 10.0, tmp_path, Silent())
     assert json.loads((tmp_path / "states.json").read_text()) == kept
 
 
@@ -208,7 +222,7 @@ def test_the_free_branch_ends_at_its_first_failure(tmp_path):
         return p > 2
 
     with pytest.raises(NotReachedError):
-        sample(Springs(refuse=refuse), CONFIG, tmp_path, Silent())
+        sample(Springs(refuse=refuse), CONFIG, 10.0, tmp_path, Silent())
     assert sum(p > 2 for p in tried) == 1
 
 
@@ -218,4 +232,4 @@ def test_a_module_that_stays_straight_is_an_error(tmp_path):
             return self._state(actuation, 0.0, "free")
 
     with pytest.raises(NotReachedError, match="does not bend"):
-        sample(Straight(), CONFIG, tmp_path, Silent())
+        sample(Straight(), CONFIG, 10.0, tmp_path, Silent())

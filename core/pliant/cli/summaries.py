@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from pliant.pipeline.study import DesignStages, EngineRun
-from pliant.records.fem import FemDataset
+from pliant.records.fem import ModuleData
 from pliant.records.rollout import TaskResult
 from pliant.store.store import Artifact
 
@@ -32,7 +32,7 @@ def stage(artifact: Artifact) -> dict[str, Any]:
 
 def fem(artifacts: Sequence[Artifact], tables: Sequence[str]) -> dict[str, Any]:
     """The `fem` result."""
-    data: list[FemDataset] = [a.value for a in artifacts]
+    data: list[ModuleData] = [a.value for a in artifacts]
     return {
         "n_states": sum(len(d) for d in data),
         "failed": [dict(f) for d in data for f in d.failed],
@@ -47,11 +47,12 @@ def fem_lines(artifacts: Sequence[Artifact]) -> list[str]:
     """The `fem` result for people."""
     lines = []
     for artifact in artifacts:
-        d: FemDataset = artifact.value
-        contact = int(np.sum(d.status == "self_contact"))
+        whole: ModuleData = artifact.value
+        contact = int(np.sum(whole.status == "self_contact"))
+        d = whole.axis(whole.main_axis)
         free = d.branch == "free"
         lines.append(
-            f"FEM      {len(d)} states ({contact} with self-contact, {len(d.failed)} failed), "
+            f"FEM      {len(whole)} states ({contact} with self-contact, {len(d.failed)} failed), "
             f"free angle {np.degrees(d.angle_rad[free].max()):.2f}° at {d.actuation[free].max() / 1e3:g} kPa, "
             f"{_time(artifact)}"
         )

@@ -28,6 +28,7 @@ class ActuatorFamily(ABC):
 
     joint: ClassVar[JointKind] = "revolute"
     axes: ClassVar[tuple[str, ...]] = ("y",)
+    main_axis: ClassVar[str] = "y"
 
     def __init__(self, config: FamilyConfig) -> None:
         self.config = config
@@ -43,9 +44,20 @@ class ActuatorFamily(ABC):
     def module_length_m(self) -> float:
         """Length l of one module along the chain."""
 
+    @property
+    def offset_m(self) -> float:
+        """How far the chain's centre line lies from the joint, along module z; 0 where the joint is on it."""
+        return 0.0
+
     @abstractmethod
-    def problem(self, refinement: int = 1) -> ModuleProblem:
-        """The boundary-value problem of one module; `refinement` multiplies the elements along each edge."""
+    def problem(self, refinement: int = 1, axes: tuple[str, ...] | None = None) -> ModuleProblem:
+        """The boundary-value problem of one module.
+
+        Args:
+            refinement: multiplies the elements along each edge.
+            axes: the axes that shall move, the main one among them, all others staying at zero: a family of
+                several axes may then solve a smaller piece. By default all of them.
+        """
 
     def shapes(self) -> HalfShapes:
         """Convex collision shapes of the two halves; the boxes around them unless the family knows better."""

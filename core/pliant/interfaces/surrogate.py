@@ -50,7 +50,7 @@ class Surrogate(ABC):
         return not self.tables() and self.stated() is None
 
     def fit_axes(self, data: Mapping[str, FemDataset]) -> FittedLaw:
-        """Fit the data of `tables`, those of the FEM stage under ""; a law of one axis is `fit` of that.
+        """Fit the data of `tables` and of the FEM stage, by axis; a law of one axis is `fit` of what stands under "".
 
         Raises `UserError` as `fit` does.
         """

@@ -12,21 +12,21 @@ from pliant.interfaces.material import Material, MaterialConfig
 from pliant.pipeline.sampling import Sampled, Sampling, sample
 from pliant.pipeline.workbench import Workbench, content
 from pliant.records.design import Array
-from pliant.records.fem import FemDataset, FemState, IntArray, ModuleProblem, ModuleShape
+from pliant.records.fem import FemState, IntArray, ModuleData, ModuleProblem, ModuleShape
 from pliant.store.store import Artifact
 
 
 def fem_stage(bench: Workbench, family: FamilyConfig, material: MaterialConfig, fem: FemConfig) -> Artifact:
-    """The FEM data set of one design; the artifact's value is a `FemDataset`."""
+    """The FEM data of one design; the artifact's value is a `ModuleData`."""
     built: ActuatorFamily = bench.build("family", family)
     backend: FEMBackend = bench.build("fem", fem)
     substance: Material = bench.build("material", material)
 
-    def compute(partial: Path) -> FemDataset:
+    def compute(partial: Path) -> ModuleData:
         problem = built.problem(fem.refinement)
         solver = backend.solver(problem, substance)
-        sampling = sample(solver, fem, partial, bench.progress)
-        return as_dataset(built, problem, solver, sampling)
+        sampling = sample(solver, fem, fem.actuation_max(problem.actuation), partial, bench.progress)
+        return as_data(built, problem, solver, sampling)
 
     return bench.make(
         "fem",
@@ -46,25 +46,31 @@ def fem_stage(bench: Workbench, family: FamilyConfig, material: MaterialConfig, 
     )
 
 
-def as_dataset(
+def as_data(
     family: ActuatorFamily, problem: ModuleProblem, solver: ModuleSolver, sampling: Sampling
-) -> FemDataset:
+) -> ModuleData:
     """Collect solved states as a table, with deformed shapes of the free branch for pictures."""
     states = [s.state for s in sampling.solved]
 
     def column(name: str) -> Array:
         return np.array([getattr(state, name) for state in states], dtype=float)
 
-    return FemDataset(
+    return ModuleData(
         design=family.design,
-        axis=problem.axis,
+        joint=problem.joint,
+        axes=problem.axes,
+        main_axis=problem.main_axis,
         actuation_name=problem.actuation,
         actuation=column("actuation"),
-        angle_rad=column("angle_rad"),
-        moment_n_m=column("moment_n_m"),
-        dmoment_dp=column("dmoment_dp"),
-        dmoment_du=column("dmoment_du"),
+        deformation=column("deformation"),
+        tau=column("tau"),
+        dtau_dp=column("dtau_dp"),
+        dtau_du=column("dtau_du"),
         energy_j=column("energy_j"),
+        travel=column("travel"),
+        iterations=column("iterations"),
+        wall_s=column("wall_s"),
+        explored=np.array([problem.main_axis for _ in states]),
         branch=np.array([state.branch for state in states]),
         status=np.array([state.status for state in states]),
         role=np.array([s.target.role for s in sampling.solved]),

@@ -66,13 +66,13 @@ def levels(low: float, high: float, count: int) -> Array:
     return low + (high - low) * (points + 1) / 2
 
 
-def free_targets(config: FemConfig) -> list[Target]:
+def free_targets(config: FemConfig, limit: float) -> list[Target]:
     """The free branch: every pressure level above zero, ascending."""
-    pressures = levels(0.0, config.pressure_max_pa, config.pressures)[1:]
+    pressures = levels(0.0, limit, config.pressures)[1:]
     return [Target("free", float(p), None, "fit") for p in pressures]
 
 
-def constrained_targets(config: FemConfig, free: Sequence[Sampled]) -> list[Target]:
+def constrained_targets(config: FemConfig, limit: float, free: Sequence[Sampled]) -> list[Target]:
     """The grid of angles at every pressure, nearest to the free branch first, then the check states.
 
     Raises `NotReachedError` for a module that stays straight: the grid is scaled by its free angle.
@@ -85,7 +85,7 @@ def constrained_targets(config: FemConfig, free: Sequence[Sampled]) -> list[Targ
     grid = levels(config.angle_low * largest, config.angle_high * largest, config.angles)
     targets = [
         Target("constrained", float(p), float(u), "fit")
-        for p in levels(0.0, config.pressure_max_pa, config.pressures)
+        for p in levels(0.0, limit, config.pressures)
         for u in sorted(grid, key=lambda u, p=p: abs(u - np.interp(p, pressures, angles)))  # type: ignore[misc]
     ]
     random = np.random.default_rng(config.seed)
@@ -94,14 +94,17 @@ def constrained_targets(config: FemConfig, free: Sequence[Sampled]) -> list[Targ
     points = (strata + random.random((count, 2))) / max(count, 1)
     low, high = grid[0], grid[-1]
     targets += [
-        Target("constrained", float(a * config.pressure_max_pa), float(low + b * (high - low)), "check")
-        for a, b in points
+        Target("constrained", float(a * limit), float(low + b * (high - low)), "check") for a, b in points
     ]
     return targets
 
 
-def sample(solver: ModuleSolver, config: FemConfig, partial: Path, progress: Progress) -> Sampling:
-    """Solve all targets, each from the nearest solved state; finished states are kept in `partial`.
+def sample(
+    solver: ModuleSolver, config: FemConfig, limit: float, partial: Path, progress: Progress
+) -> Sampling:
+    """Solve all targets up to the actuation `limit`, each from the nearest solved state.
+
+    Finished states are kept in `partial`.
 
     Raises `NotReachedError` when the free branch cannot be followed or does not bend, since the grid is scaled
     by it.
@@ -114,7 +117,10 @@ def sample(solver: ModuleSolver, config: FemConfig, partial: Path, progress: Pro
         solved = [Sampled(Target("free", 0.0, None, "fit"), rest)]
         bar.advance(0 if saved.reused else 1)
         failed: list[dict[str, object]] = []
-        for make_targets in (lambda: free_targets(config), lambda: constrained_targets(config, solved)):
+        for make_targets in (
+            lambda: free_targets(config, limit),
+            lambda: constrained_targets(config, limit, solved),
+        ):
             for target in make_targets():
                 _solve_one(solver, target, solved, failed, saved)
                 bar.advance(0 if saved.reused else 1)

@@ -12,7 +12,7 @@ from pliant.errors import UserError
 from pliant.interfaces.surrogate import Surrogate, SurrogateConfig
 from pliant.pipeline.tables import read_table
 from pliant.pipeline.workbench import Workbench, content
-from pliant.records.fem import FemDataset
+from pliant.records.fem import FemDataset, ModuleData
 from pliant.records.law import FitReport, JointLaw
 from pliant.store.store import Artifact
 
@@ -78,7 +78,12 @@ def _data(surrogate: Surrogate, dataset: Artifact | None) -> tuple[dict[str, Fem
                 f"surrogate '{surrogate.config.kind}' needs data: give a 'family', 'material' and 'fem' block, "
                 "or 'surrogate.data: table.csv'."
             )
-        data[""], keys["data"] = dataset.value, dataset.key
+        solved: ModuleData = dataset.value
+        axes = solved.explored_axes()
+        data.update(
+            {axis: solved.axis(axis) for axis in axes} if len(axes) > 1 else {"": solved.axis(axes[0])}
+        )
+        keys["data"] = dataset.key
     return data, keys
 
 

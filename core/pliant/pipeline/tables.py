@@ -14,7 +14,7 @@ import numpy as np
 
 from pliant.errors import ContractError, UserError, closest
 from pliant.records.design import Design
-from pliant.records.fem import FemDataset
+from pliant.records.fem import FemDataset, ModuleData
 from pliant.store.store import write_atomically
 
 ACTUATIONS = ("pressure_pa", "tendon_force_n")
@@ -65,11 +65,12 @@ def read_table(path: Path) -> FemDataset:
     )
 
 
-def write_table(dataset: FemDataset, path: Path) -> None:
+def write_table(dataset: FemDataset | ModuleData, path: Path) -> None:
     """Write the `fem` CSV (docs/command_line.md); numbers are exact (shortest repr), NaN is blank.
 
     Numeric parameters of the design follow as columns. The file appears whole or not at all.
     """
+    dataset = dataset.axis(dataset.main_axis) if isinstance(dataset, ModuleData) else dataset
     design = {
         name: _text(value)
         for name, value in dataset.design.parameters.items()

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pliant.records.design import Array, Design
+from pliant.records.law import JointKind
 
 IntArray = NDArray[np.int64]
 Branch = Literal["free", "constrained"]
@@ -48,59 +49,196 @@ class ModuleMesh:
     node_sets: Mapping[str, IntArray]
 
 
+@dataclass(frozen=True)
+class Ribbon:
+    """A thin band in the wall or cavity that resists elongation: what makes one side of a bellow the short one.
+
+    It runs along x at height z, |y| ≤ width/2, bonded to the sections. A fibre at y has the strain
+    ε(y) = e − Θ_z y/L + (Θ_x y/L)²/2 of the reference line, which must lie at the ribbon's height; its energy is
+    ½ EA L ⟨ε²⟩ over the width. A thread has no width.
+
+    Attributes:
+        width_m: its width along y.
+        stiffness_n: EA, force per strain of the whole width (for the solved piece; half of it in a half model).
+    """
+
+    width_m: float
+    stiffness_n: float
+
+
+@dataclass(frozen=True)
+class Tendon:
+    """A cord that leaves a rigid link at a hole and crosses the mirror plane x = 0 at a right angle.
+
+    The hole moves with the end section: at rest it lies at (span + x_m, z_m) in the module frame. Half the free
+    length is the x of the hole; what it shortens is drawn out of the module, so that T does work without being
+    followed by hand.
+    """
+
+    x_m: float
+    z_m: float
+
+
+@dataclass(frozen=True, eq=False)
+class Link:
+    """Displacements of nodes `second` follow those of nodes `first`: v_c(second) = sign_c · v_c(first).
+
+    Attributes:
+        first, second: (n,) node ids, pairwise. Signs of 1 make a periodic cell, (−1, 1, −1)… other symmetries.
+        signs: component (0, 1, 2 = x, y, z) → sign; components that are absent are not linked.
+    """
+
+    first: IntArray
+    second: IntArray
+    signs: Mapping[int, float]
+
+
 @dataclass(frozen=True, eq=False)
 class ModuleProblem:
-    """The boundary-value problem that a family hands to an FEM backend.
+    """The boundary-value problem of one module that a family hands to an FEM backend.
 
-    `frame = "bend"`: a piece of length `span_m` between two plane cross-sections bends about y by an angle θ with
-    axial strain e of the line z = `reference_z_m`; both are unknowns. Pressure acts
-    through the cavity's volume, so the thrust on the end sections is exact.
+    `frame = "rod"`: the line (y, z) = (0, `reference_z_m`) of the piece gets the axial strain e and turns by the
+    rotation vector Θ along the span, evenly; sections move with it, and v is the displacement in their frame:
+
+        x = r(s₁) + R(s₁)(0, ρ),  R' = R [k]×,  k = Θ / ((1 + e) L),  s₁ = (1 + e) X₁ + v₁,  ρ = X + v − line
+
+    Joint axes x, y, z are Θ₁, Θ₂, Θ₃ (a positive Θ₂ turns the end toward −z), those of a prismatic joint the
+    extension e L. Components of Θ that are no axes are zero. Pressure acts through the cavity's volume, so that
+    the thrust on the end sections is exact; a tendon through its path.
 
     Attributes:
         mesh: the piece that is solved.
-        span_m: its length along x.
-        reference_z_m: height of the line whose strain is e and about which the angle is measured.
-        angle_scale: module joint angle u = angle_scale · θ (2 for half a module).
+        span_m: its length L along x.
+        reference_z_m: height of the line whose strain is e and about which angles are measured.
+        deformation_scale: the module's joint coordinate u = scale · (Θ or e L) (2 for half a module).
         energy_scale: energy of the module / energy of the piece (4 for half a module cut by y = 0).
         fixed: displacement components (0, 1, 2 = x, y, z) held at zero, by node set.
-        axis: module axis of the joint angle.
+        tied: components that are equal for all nodes of a set, one unknown for each set and component.
+        links: pairs of nodes that move alike.
+        axes: the joint's axes that this piece can move about.
+        main_axis: the axis that actuation drives.
+        joint: kind of the module's joint.
+        stretches: whether e is an unknown; else e = 0 (an inextensible line).
+        ribbons: bands at the height of the reference line.
         actuation: name of the input, `pressure_pa` or `tendon_force_n`.
+        tendon: the cord of `tendon_force_n`.
         contact_planes: planes of mirror symmetry along x that material must not cross ("start", "end").
     """
 
     mesh: ModuleMesh
     span_m: float
     reference_z_m: float
-    angle_scale: float
+    deformation_scale: float
     energy_scale: float
     fixed: Mapping[str, tuple[int, ...]]
-    axis: str = "y"
+    tied: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
+    links: tuple[Link, ...] = ()
+    axes: tuple[str, ...] = ("y",)
+    main_axis: str = "y"
+    joint: JointKind = "revolute"
+    stretches: bool = True
+    ribbons: tuple[Ribbon, ...] = ()
     actuation: str = "pressure_pa"
-    frame: Literal["bend"] = "bend"
+    tendon: Tendon | None = None
+    frame: Literal["rod"] = "rod"
     contact_planes: tuple[str, ...] = ("start", "end")
 
 
 @dataclass(frozen=True, eq=False)
 class FemState:
-    """One converged state of a module. Moments are those of the whole module; u is the module joint angle.
+    """One converged state of a module with k axes, in the module's joint coordinates.
 
-    `moment_n_m` is the external moment that opposes the actuation, equal to τ(p, u); `dmoment_dp` and
-    `dmoment_du` are exact tangents with all other unknowns at equilibrium. `status` is "ok" or
-    "self_contact" (convolutions overlap; the model has no contact, so the state is marked, not trusted).
+    τ is the external effort that opposes the actuation, τ(p, u) = −∂Π/∂u, zero along axes that are free. Slopes
+    are exact tangents with every other unknown at equilibrium, all of u being independent, so that dtau_du is
+    symmetric. `status` is "ok" or "self_contact" (convolutions overlap; the model has no contact, so the state
+    is marked, not trusted).
+
+    Attributes:
+        actuation: pressure (Pa) or tendon force (N).
+        deformation: u, (k,) in rad, or m for a prismatic joint.
+        tau: (k,) in N·m, or N.
+        dtau_dp: (k,) by actuation.
+        dtau_du: (k, k).
+        energy_j: elastic energy of the module.
+        travel: what the actuation works on: change of the cavity's volume (m³), or tendon drawn out (m).
+        axial_strain: e.
+        main: place of the axis that actuation drives.
+        held: names of the axes whose u was prescribed; none on the free branch.
+        solution: the backend's own unknowns.
     """
 
     actuation: float
-    angle_rad: float
-    moment_n_m: float
-    dmoment_dp: float
-    dmoment_du: float
+    deformation: Array
+    tau: Array
+    dtau_dp: Array
+    dtau_du: Array
     energy_j: float
+    travel: float
     axial_strain: float
     branch: Branch
     status: str
     iterations: int
     wall_s: float
-    solution: Array = field(repr=False)
+    main: int = 0
+    held: tuple[str, ...] = ()
+    solution: Array = field(repr=False, default_factory=lambda: np.zeros(0))
+
+    @staticmethod
+    def of_one_axis(
+        actuation: float,
+        angle_rad: float,
+        moment_n_m: float,
+        dmoment_dp: float,
+        dmoment_du: float,
+        **others: Any,
+    ) -> FemState:
+        """A state of a joint with one axis, by numbers; `others` are the remaining attributes."""
+        return FemState(
+            actuation,
+            np.array([angle_rad]),
+            np.array([moment_n_m]),
+            np.array([dmoment_dp]),
+            np.array([[dmoment_du]]),
+            **others,
+        )
+
+    @property
+    def angle_rad(self) -> float:
+        """u of the main axis (m for a prismatic joint)."""
+        return float(self.deformation[self.main])
+
+    @property
+    def moment_n_m(self) -> float:
+        """τ of the main axis (N for a prismatic joint)."""
+        return float(self.tau[self.main])
+
+    @property
+    def dmoment_dp(self) -> float:
+        """∂τ/∂p of the main axis."""
+        return float(self.dtau_dp[self.main])
+
+    @property
+    def dmoment_du(self) -> float:
+        """∂τ/∂u of the main axis, the other axes held."""
+        return float(self.dtau_du[self.main, self.main])
+
+
+@dataclass(frozen=True, eq=False)
+class ModuleFields:
+    """Fields of the solved piece at one state, at the mesh's nodes, for ParaView and pictures.
+
+    Attributes:
+        points_m: (n, 3) reference positions in the module frame.
+        displacement_m: (n, 3).
+        cells: (m, 27) as in `ModuleMesh`.
+        point_data: named nodal values, (n,) or (n, 3): `von_mises_pa`, `hydrostatic_pa`, `energy_j_m3`,
+            `volume_ratio`, `largest_stretch`.
+    """
+
+    points_m: Array
+    displacement_m: Array
+    cells: IntArray
+    point_data: Mapping[str, Array]
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,9 +253,10 @@ class ModuleShape:
 
 @dataclass(frozen=True, eq=False)
 class FemDataset:
-    """FEM data of one design on one axis: one row per state; all arrays have shape (n,).
+    """Data of one design on one axis: one row per state; all arrays have shape (n,).
 
-    Slopes may be NaN (data from elsewhere). `role` is "fit" or "check": a check state is never fitted.
+    Slopes may be NaN (data from elsewhere). `role` is "fit" or "check": a check state is never fitted. For a
+    prismatic joint `angle_rad` holds the extension in m and `moment_n_m` the force in N.
     """
 
     design: Design
@@ -134,6 +273,7 @@ class FemDataset:
     role: NDArray[np.str_]
     failed: tuple[Mapping[str, object], ...] = ()
     shapes: tuple[ModuleShape, ...] = ()
+    joint: JointKind = "revolute"
 
     def __len__(self) -> int:
         return len(self.actuation)
@@ -145,4 +285,67 @@ class FemDataset:
     def rows(self, keep: NDArray[np.bool_]) -> FemDataset:
         """The states that a mask (n,) chooses, without what belongs to the whole: failures and shapes."""
         arrays = {name: getattr(self, name)[keep] for name in COLUMNS}
-        return FemDataset(self.design, self.axis, self.actuation_name, **arrays)
+        return FemDataset(self.design, self.axis, self.actuation_name, joint=self.joint, **arrays)
+
+
+@dataclass(frozen=True, eq=False)
+class ModuleData:
+    """FEM data of one design on all k axes of its joint: one row per state, units as in `FemState`.
+
+    Attributes:
+        actuation (n,), deformation (n, k), tau (n, k), dtau_dp (n, k), dtau_du (n, k, k), energy_j (n,),
+        travel (n,), iterations (n,), wall_s (n,): as in `FemState`.
+        explored: (n,) the axis whose law the state explores: the main one where only that is held or all are free.
+        branch, status, role: (n,) as in `FemDataset`.
+        failed: states that were not reached, with their cause.
+        shapes: deformed skins of the free branch.
+        sampling: how the states were chosen and what error the sampler states, for the report.
+    """
+
+    design: Design
+    joint: JointKind
+    axes: tuple[str, ...]
+    main_axis: str
+    actuation_name: str
+    actuation: Array
+    deformation: Array
+    tau: Array
+    dtau_dp: Array
+    dtau_du: Array
+    energy_j: Array
+    travel: Array
+    iterations: Array
+    wall_s: Array
+    explored: NDArray[np.str_]
+    branch: NDArray[np.str_]
+    status: NDArray[np.str_]
+    role: NDArray[np.str_]
+    failed: tuple[Mapping[str, object], ...] = ()
+    shapes: tuple[ModuleShape, ...] = ()
+    sampling: Mapping[str, object] = field(default_factory=dict)
+
+    def __len__(self) -> int:
+        return len(self.actuation)
+
+    def axis(self, name: str) -> FemDataset:
+        """The states that explore one axis, as data of that axis alone."""
+        k, rows = self.axes.index(name), self.explored == name
+        arrays = {c: getattr(self, c)[rows] for c in ("actuation", "energy_j", "branch", "status", "role")}
+        return FemDataset(
+            design=self.design,
+            axis=name,
+            actuation_name=self.actuation_name,
+            angle_rad=self.deformation[rows, k],
+            moment_n_m=self.tau[rows, k],
+            dmoment_dp=self.dtau_dp[rows, k],
+            dmoment_du=self.dtau_du[rows, k, k],
+            failed=self.failed if name == self.main_axis else (),
+            shapes=self.shapes if name == self.main_axis else (),
+            joint=self.joint,
+            **arrays,
+        )
+
+    def explored_axes(self) -> tuple[str, ...]:
+        """Axes with states of their own, the main one first."""
+        found = [name for name in self.axes if np.any(self.explored == name)]
+        return tuple(sorted(found, key=lambda name: name != self.main_axis))

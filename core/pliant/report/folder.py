@@ -19,7 +19,7 @@ from typing import Any
 from pliant.errors import UserError
 from pliant.pipeline.study import DEFAULT_SURROGATE, StudyRun
 from pliant.pipeline.tables import read_table, write_table
-from pliant.records.fem import FemDataset
+from pliant.records.fem import FemDataset, ModuleData
 from pliant.records.law import FitReport, JointLaw
 from pliant.records.rollout import TaskResult
 from pliant.registry.discovery import Registry
@@ -67,7 +67,9 @@ class FinishedRun:
 def finished(run: StudyRun, summary: Mapping[str, Any]) -> FinishedRun:
     """A run in memory as what a report reads."""
     designs = tuple(
-        DesignResult(_design_name(number, run), d.fem.value if d.fem else d.law.data, d.law.law, d.law.report)
+        DesignResult(
+            _design_name(number, run), _main(d.fem) if d.fem else d.law.data, d.law.law, d.law.report
+        )
         for number, d in enumerate(run.designs)
     )
     engines = tuple(EngineResult(e.kind, e.result, e.skipped) for e in run.engines)
@@ -143,6 +145,12 @@ def _foreign_table(number: int) -> str:
     return f"data/table{number}.csv"
 
 
+def _main(fem: Artifact) -> FemDataset:
+    """The data of the main axis."""
+    data: ModuleData = fem.value
+    return data.axis(data.main_axis)
+
+
 def _artifacts(run: StudyRun) -> list[tuple[str, Artifact]]:
     found: list[tuple[str, Artifact]] = []
     for number, design in enumerate(run.designs):
@@ -190,7 +198,7 @@ def _read_designs(
         if table in index["tables"]:
             data: FemDataset | None = read_table(folder / table)
         else:
-            data = artifacts[f"fem{number}"].value
+            data = _main(artifacts[f"fem{number}"])
         designs.append(DesignResult(name, data, law, fit.value["report"]))
     return tuple(designs)
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from pliant.records.design import Design
-from pliant.records.fem import FemDataset, FemState, ModuleShape
+from pliant.records.fem import FemDataset, FemState, ModuleData, ModuleShape
 from pliant.records.law import FitReport, LawRecord
 from pliant.records.rollout import Equilibrium, OutsideDomain, Rollout, TaskResult
 from pliant.records.scene import SceneFrames, SceneStill
@@ -21,6 +21,7 @@ RECORDS: dict[str, type[Any]] = {
         Design,
         FemDataset,
         FemState,
+        ModuleData,
         ModuleShape,
         FitReport,
         LawRecord,

@@ -70,7 +70,7 @@ def box_problem(
         mesh=box_mesh(shape, refinement),
         span_m=shape.half_length_m,
         reference_z_m=shape.z[1] / 2,
-        angle_scale=2.0,
+        deformation_scale=2.0,
         energy_scale=energy_scale,
         fixed={"start": (0,), "end": (0,), "symmetry": (1,), "pin": (2,)},
     )

@@ -26,20 +26,21 @@ def _mass(subject: Subject) -> ModuleMass:
     return mass
 
 
-@suite.check("u = angle_scale · θ is the module's angle: angle_scale · span = module length > 0.")
+@suite.check(
+    "the module is deformation_scale solved pieces long, rigid ends aside: scale · span ≤ module length."
+)
 def piece_fits_the_module(subject: Subject) -> None:
     family: ActuatorFamily = subject.build()
     problem = problem_of(subject)
     require(family.module_length_m > 0, f"module_length_m is {family.module_length_m}")
-    require_close(
-        problem.angle_scale * problem.span_m,
-        family.module_length_m,
-        "angle_scale times the solved piece's span is not the module's length",
-        rtol=1e-9,
+    long = problem.deformation_scale * problem.span_m
+    require(
+        0 < long <= (1 + 1e-9) * family.module_length_m,
+        f"deformation_scale times the solved piece's span, {long:g} m, is more than the module's length",
     )
     require(
-        problem.energy_scale >= problem.angle_scale,
-        f"energy_scale {problem.energy_scale:g} is smaller than angle_scale {problem.angle_scale:g}: "
+        problem.energy_scale >= problem.deformation_scale,
+        f"energy_scale {problem.energy_scale:g} is smaller than deformation_scale {problem.deformation_scale:g}: "
         "the module holds at least as many pieces as lie along it",
     )
 
@@ -53,7 +54,11 @@ def axes_fit_the_joint(subject: Subject) -> None:
         f"a {family.joint} joint has {AXES[family.joint]} of the axes x, y, z, not {family.axes}",
     )
     problem = problem_of(subject)
-    require(problem.axis in family.axes, f"the problem's axis '{problem.axis}' is none of {family.axes}")
+    require(
+        problem.main_axis in problem.axes and set(problem.axes) <= set(family.axes),
+        f"the problem's axes {problem.axes} with main axis '{problem.main_axis}' are not among {family.axes}",
+    )
+    require(problem.joint == family.joint, f"the problem's joint is '{problem.joint}', not '{family.joint}'")
     require(
         problem.actuation in ACTUATIONS,
         f"the actuation '{problem.actuation}' is none of {', '.join(ACTUATIONS)}",

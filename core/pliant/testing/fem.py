@@ -78,7 +78,7 @@ def small_bends_follow_beam_theory(subject: Subject) -> None:
     require_close(
         _rest(subject).dmoment_du,
         -_box().stiffness_n_m,
-        "∂τ/∂u (N·m/rad) at rest is not −E I / l: a wrong angle_scale or energy_scale, or end sections "
+        "∂τ/∂u (N·m/rad) at rest is not −E I / l: a wrong deformation_scale or energy_scale, or end sections "
         "that are not "
         "free in their plane",
         rtol=1e-5,
@@ -128,7 +128,7 @@ def free_state_has_no_moment(subject: Subject) -> None:
     )
 
 
-@suite.check("`constrained` holds the module angle u = angle_scale · θ that was asked for.")
+@suite.check("`constrained` holds the module angle u = deformation_scale · θ that was asked for.")
 def constrained_state_holds_the_angle(subject: Subject) -> None:
     held = _held(subject)
     require(held.branch == "constrained", f"branch is '{held.branch}'")
@@ -254,13 +254,13 @@ def deformed_nodes_follow_the_bend(subject: Subject) -> None:
     require_close(
         start[:, 0], np.zeros(len(start)), "the start section (m) left its plane x = 0", atol=1e-8 * size
     )
-    theta = ANGLE_RAD / problem.angle_scale
+    theta = ANGLE_RAD / problem.deformation_scale
     normal = np.array([np.cos(theta), 0.0, -np.sin(theta)])
     heights = bent[problem.mesh.node_sets["end"]] @ normal
     require_close(
         heights,
         np.full(len(heights), heights.mean()),
-        "the end section is not a plane turned by θ = u / angle_scale about y (positive toward −z)",
+        "the end section is not a plane turned by θ = u / deformation_scale about y (positive toward −z)",
         atol=1e-8 * size,
     )
 

@@ -146,20 +146,20 @@ class NeverFiner(Box):
         return super().problem(1)
 
 
-@spoils.by("piece_fits_the_module", "is not the module's length")
+@spoils.by("piece_fits_the_module", "more than the module's length")
 class WrongScale(Spoiled):
-    """Half a module called a whole one."""
+    """A piece counted too often."""
 
     def changes(self, problem: ModuleProblem) -> dict[str, Any]:
-        return {"angle_scale": 1.0}
+        return {"deformation_scale": 4.0}
 
 
-@spoils.by("axes_fit_the_joint", "problem's axis 'z'")
+@spoils.by("axes_fit_the_joint", "main axis 'z'")
 class WrongAxis(Spoiled):
     """Bends about an axis that the joint does not have."""
 
     def changes(self, problem: ModuleProblem) -> dict[str, Any]:
-        return {"axis": "z"}
+        return {"main_axis": "z"}
 
 
 @spoils.by("mass_is_that_of_the_mesh", "not that of the meshed body")

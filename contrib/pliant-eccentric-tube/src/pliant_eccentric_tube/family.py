@@ -28,7 +28,7 @@ class EccentricTube(ActuatorFamily):
         """l."""
         return self.config.module_length_m
 
-    def problem(self, refinement: int = 1) -> ModuleProblem:
+    def problem(self, refinement: int = 1, axes: tuple[str, ...] | None = None) -> ModuleProblem:
         """Half a module, half its width: half the joint's angle, a quarter of the module's energy.
 
         The section is uniform, so that mirror planes at both ends are exact; the pin holds the rigid motion
@@ -39,7 +39,7 @@ class EccentricTube(ActuatorFamily):
             mesh=build_mesh(self.section, half, refinement),
             span_m=half,
             reference_z_m=0.0,
-            angle_scale=2.0,
+            deformation_scale=2.0,
             energy_scale=4.0,
             fixed={"start": (0,), "end": (0,), "symmetry": (1,), "pin": (2,)},
         )

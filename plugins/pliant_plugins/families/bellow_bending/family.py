@@ -35,7 +35,7 @@ class BellowBending(ActuatorFamily):
     def module_length_m(self) -> float:
         return self.geometry.module_length_m
 
-    def problem(self, refinement: int = 1) -> ModuleProblem:
+    def problem(self, refinement: int = 1, axes: tuple[str, ...] | None = None) -> ModuleProblem:
         """Half a module, half its width: the angle is half the joint's, the energy a quarter of the module's.
 
         The pinned node, at the origin, removes the rigid motion along z; the line z = 0, whose strain is e,
@@ -45,7 +45,7 @@ class BellowBending(ActuatorFamily):
             mesh=build_mesh(self.geometry, refinement),
             span_m=self.geometry.half_length_m,
             reference_z_m=0.0,
-            angle_scale=2.0,
+            deformation_scale=2.0,
             energy_scale=4.0,
             fixed={"start": (0,), "end": (0,), "symmetry": (1,), "pin": (2,)},
         )

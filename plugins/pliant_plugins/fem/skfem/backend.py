@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import time
 from collections import deque
+from collections.abc import Mapping
 
 import numpy as np
 
 from pliant.errors import UserError
-from pliant.interfaces.fem import FEMBackend, ModuleSolver, StateNotConvergedError
+from pliant.interfaces.fem import FEMBackend, Held, ModuleSolver, StateNotConvergedError
 from pliant.interfaces.material import Material
 from pliant.records.design import Array
 from pliant.records.fem import Branch, FemState, ModuleProblem
@@ -36,6 +37,7 @@ class SkfemSolver(ModuleSolver):
         self.newton = Newton(
             self.assembler, self.linear, config.tolerance, config.max_iterations, config.max_halvings
         )
+        self._cavity_at_rest = self.assembler.cavity(np.zeros(self.assembler.size + 2)).value
         self._known: deque[Equilibrium] = deque(maxlen=REMEMBERED)
 
     def rest(self) -> FemState:
@@ -51,9 +53,12 @@ class SkfemSolver(ModuleSolver):
         """
         return self._solve(Control(actuation, None), "free", start)
 
-    def constrained(self, actuation: float, angle_rad: float, start: FemState) -> FemState:
+    def constrained(self, actuation: float, held: Held, start: FemState) -> FemState:
         """Equilibrium at pressure `actuation` (Pa) with the module's angle held."""
-        return self._solve(Control(actuation, angle_rad / self.problem.angle_scale), "constrained", start)
+        angle_rad = held["y"] if isinstance(held, Mapping) else held
+        return self._solve(
+            Control(actuation, angle_rad / self.problem.deformation_scale), "constrained", start
+        )
 
     def deformed_nodes(self, state: FemState) -> Array:
         """(n, 3) node positions in m; the start section stays at rest."""
@@ -74,7 +79,7 @@ class SkfemSolver(ModuleSolver):
             held = (
                 ""
                 if target.theta is None
-                else f" and angle {self.problem.angle_scale * target.theta:.4g} rad"
+                else f" and angle {self.problem.deformation_scale * target.theta:.4g} rad"
             )
             raise StateNotConvergedError(
                 f"no {branch} equilibrium at {target.pressure:.6g} Pa{held} from the state at "
@@ -100,14 +105,16 @@ class SkfemSolver(ModuleSolver):
     def _state(self, found: Equilibrium, branch: Branch, wall_s: float) -> FemState:
         """Piece to module: u = a θ, Π_module = c Π_piece, hence τ = −(c/a) ∂Π_piece/∂θ."""
         point, (by_pressure, by_theta) = found.point, slopes(found.reduced)
-        angle, energy = self.problem.angle_scale, self.problem.energy_scale
+        angle, energy = self.problem.deformation_scale, self.problem.energy_scale
         return FemState(
             actuation=point.pressure,
-            angle_rad=float(angle * point.x[-2]),
-            moment_n_m=energy / angle * point.moment,
-            dmoment_dp=energy / angle * by_pressure,
-            dmoment_du=energy / angle**2 * by_theta,
+            deformation=np.array([angle * point.x[-2]]),
+            tau=np.array([energy / angle * point.moment]),
+            dtau_dp=np.array([energy / angle * by_pressure]),
+            dtau_du=np.array([[energy / angle**2 * by_theta]]),
             energy_j=energy * point.energy.value,
+            travel=energy * (point.cavity.value - self._cavity_at_rest),
+            held=() if branch == "free" else ("y",),
             axial_strain=float(point.x[-1]),
             branch=branch,
             status="self_contact" if self._overlaps(point.x) else "ok",
@@ -135,8 +142,8 @@ class Skfem(FEMBackend):
 
     def solver(self, problem: ModuleProblem, material: Material) -> SkfemSolver:
         """Raises `UserError` for another frame or actuation than this backend knows."""
-        if problem.frame != "bend":
-            raise UserError(f"fem 'skfem' solves frame 'bend' only, not '{problem.frame}'.")
+        if problem.frame != "rod":
+            raise UserError(f"fem 'skfem' solves frame 'rod' only, not '{problem.frame}'.")
         if problem.actuation != "pressure_pa":
             raise UserError(
                 f"fem 'skfem' solves modules driven by 'pressure_pa' only, not '{problem.actuation}'."
