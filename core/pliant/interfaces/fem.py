@@ -21,8 +21,9 @@ Held = float | Mapping[str, float]
 class FemConfig(ComponentConfig):
     """What every FEM backend's config holds: mesh refinement and which states to solve.
 
-    The free branch is solved up to `pressure_max_pa`, or `tendon_force_max_n` for a family with a tendon; the constrained states cover angles from
-    `angle_low` to `angle_high` times the largest free angle at every pressure, zero included.
+    The free branch is solved up to `pressure_max_pa`, or `tendon_force_max_n` for a family with a tendon; the
+    constrained states cover angles from `angle_low` to `angle_high` times the largest free angle at every
+    actuation, zero included.
     """
 
     pressure_max_pa: Pressure | None = Field(

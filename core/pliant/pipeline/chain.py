@@ -108,7 +108,7 @@ def module_like(piece: Module, length_m: float, mass_kg: float | None = None) ->
 def family_module(law: JointLaw, family: ActuatorFamily, density_kg_m3: float | None) -> Module:
     """A module of a family; without a density it has that of water, for chains on which no weight acts."""
     density = WATER_KG_M3 if density_kg_m3 is None else density_kg_m3
-    return Module(law, family.module_length_m, family.mass(density), family.shapes())
+    return Module(law, family.module_length_m, family.mass(density), family.shapes(), family.offset_m)
 
 
 def build_chain(config: ChainConfig, segments: Sequence[Segment]) -> ChainModel:
