@@ -43,6 +43,16 @@ class Material(ABC):
     def density_kg_m3(self) -> float:
         return self.config.density_kg_m3
 
+    @property
+    @abstractmethod
+    def shear_modulus_pa(self) -> float:
+        """μ at small strain, Pa."""
+
+    @property
+    @abstractmethod
+    def bulk_modulus_pa(self) -> float:
+        """K at small strain, Pa: mixed elements weigh the pressure by it."""
+
     @abstractmethod
     def energy(self, F: Array) -> Array:
         """W(F) in J/m³, shape (...,), of deformation gradients F of shape (..., 3, 3)."""

@@ -49,6 +49,14 @@ class Ciarlet(Material):
         return Hyperelastic(self.energy(F), stress, tangent)
 
     @property
+    def shear_modulus_pa(self) -> float:
+        return self.config.shear_modulus_pa
+
+    @property
+    def bulk_modulus_pa(self) -> float:
+        return self.config.lame_pa + 2 / 3 * self.config.shear_modulus_pa
+
+    @property
     def young_pa(self) -> float:
         """E at small strain."""
         mu, lam = self.config.shear_modulus_pa, self.config.lame_pa

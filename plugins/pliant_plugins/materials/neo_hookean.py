@@ -31,11 +31,16 @@ class NeoHookeanConfig(MaterialConfig):
 class NeoHookean(Material):
     """W(F) = μ/2 (J^(−2/3) I₁ − 3) + K/2 (J − 1)²."""
 
-    def __init__(self, config: NeoHookeanConfig) -> None:
-        super().__init__(config)
-        self.shear_modulus_pa = config.shear_modulus_pa
-        nu = config.poisson_ratio
-        self.bulk_modulus_pa = 2 * self.shear_modulus_pa * (1 + nu) / (3 * (1 - 2 * nu))
+    config: NeoHookeanConfig
+
+    @property
+    def shear_modulus_pa(self) -> float:
+        return self.config.shear_modulus_pa
+
+    @property
+    def bulk_modulus_pa(self) -> float:
+        nu = self.config.poisson_ratio
+        return 2 * self.shear_modulus_pa * (1 + nu) / (3 * (1 - 2 * nu))
 
     def energy(self, F: Array) -> Array:
         """W in J/m³, shape (...,), of F (..., 3, 3) with det F > 0."""
