@@ -5,12 +5,14 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from typing import ClassVar
 
+from pliant.errors import UserError
 from pliant.interfaces.base import ComponentConfig
 from pliant.meshing.surfaces import half_boxes, half_skins
 from pliant.records.design import Design, ModuleMass
 from pliant.records.fem import ModuleProblem
 from pliant.records.law import JointKind
 from pliant.records.shape import HalfShapes, HalfSurfaces
+from pliant.records.structure import StructureProblem
 
 
 class FamilyConfig(ComponentConfig):
@@ -58,6 +60,13 @@ class ActuatorFamily(ABC):
             axes: the axes that shall move, the main one among them, all others staying at zero: a family of
                 several axes may then solve a smaller piece. By default all of them.
         """
+
+    def structure(self, modules: int, refinement: int = 1) -> StructureProblem:
+        """Several modules as one body, clamped at the base, closed at the tip, for direct FEM of a chain.
+
+        Raises `UserError` for a family that builds none.
+        """
+        raise UserError(f"family '{self.design.family}' builds no bodies of several modules.")
 
     def shapes(self) -> HalfShapes:
         """Convex collision shapes of the two halves; the boxes around them unless the family knows better."""

@@ -12,6 +12,7 @@ from pliant.interfaces.base import ComponentConfig
 from pliant.interfaces.material import Material
 from pliant.records.design import Array
 from pliant.records.fem import FemState, ModuleFields, ModuleProblem
+from pliant.records.structure import StructureProblem, StructureState
 from pliant.units import Force, Pressure, Ratio
 
 # What a constrained state holds: u of the main axis, or u by axis.
@@ -93,6 +94,22 @@ class ModuleSolver(ABC):
         raise UserError(f"{type(self).__name__} gives no fields; solve with fem.kind 'skfem' to see them.")
 
 
+class StructureSolver(ABC):
+    """Equilibria of a whole body, each from a neighbouring one; the clamped body at rest comes first."""
+
+    @abstractmethod
+    def rest(self) -> StructureState:
+        """No pressure, no force."""
+
+    @abstractmethod
+    def equilibrium(self, pressure_pa: float, tip_force_n: Array, start: StructureState) -> StructureState:
+        """Under pressure and a dead force (3,) at the tip, in the body's frame. Raises `StateNotConvergedError`."""
+
+    @abstractmethod
+    def deformed_nodes(self, state: StructureState) -> Array:
+        """(n, 3) positions of the mesh's nodes."""
+
+
 class FEMBackend(ABC):
     """A finite-element code. The FEM stage calls `solver` once per design."""
 
@@ -102,3 +119,9 @@ class FEMBackend(ABC):
     @abstractmethod
     def solver(self, problem: ModuleProblem, material: Material) -> ModuleSolver:
         """A solver for this module; raises `UserError` for a problem it does not support."""
+
+    def structure(self, problem: StructureProblem, material: Material) -> StructureSolver:
+        """A solver for a whole body; raises `UserError` where the backend solves modules only."""
+        raise UserError(
+            f"fem '{self.config.kind}' solves single modules only, no bodies of several; use fem.kind 'skfem'."
+        )

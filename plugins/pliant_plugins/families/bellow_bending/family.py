@@ -10,10 +10,12 @@ from pliant.meshing.surfaces import half_skins
 from pliant.records.design import ModuleMass
 from pliant.records.fem import ModuleMesh, ModuleProblem
 from pliant.records.shape import HalfShapes, HalfSurfaces
+from pliant.records.structure import StructureProblem
 from pliant_plugins.families.bellow_bending.config import BellowBendingConfig
 from pliant_plugins.families.bellow_bending.geometry import BellowGeometry
 from pliant_plugins.families.bellow_bending.mesh import build_mesh
 from pliant_plugins.families.bellow_bending.shapes import half_shapes
+from pliant_plugins.families.bellow_bending.structure import build_structure
 
 
 class BellowBending(ActuatorFamily):
@@ -49,6 +51,10 @@ class BellowBending(ActuatorFamily):
             energy_scale=4.0,
             fixed={"start": (0,), "end": (0,), "symmetry": (1,), "pin": (2,)},
         )
+
+    def structure(self, modules: int, refinement: int = 1) -> StructureProblem:
+        """`modules` of them as one body."""
+        return build_structure(self.geometry, modules, refinement)
 
     @cached_property
     def _mesh(self) -> ModuleMesh:

@@ -1,0 +1,124 @@
+"""Meshes of whole bodies from that of half a module: mirrored, repeated, welded, closed by a cap."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from pliant.errors import ContractError
+from pliant.meshing.discs import half_disc
+from pliant.meshing.hexahedra import FACE_CENTRE, boundary_faces
+from pliant.records.design import Array
+from pliant.records.fem import IntArray, ModuleMesh
+
+SAME = 1e-6  # of the body's size: nodes nearer than this are one
+_CELL = np.arange(27).reshape(3, 3, 3)
+_FACE = np.arange(9).reshape(3, 3)
+
+
+def mirrored_mesh(mesh: ModuleMesh) -> ModuleMesh:
+    """The mirror image in x = 0; cells stay right-handed, normals keep their sides."""
+    cells = mesh.cells[:, _CELL[:, :, ::-1].ravel()]
+    cavity, skin = (faces[:, _FACE[:, ::-1].ravel()] for faces in (mesh.cavity, mesh.skin))
+    sets = {**mesh.node_sets}
+    sets["start"], sets["end"] = mesh.node_sets["end"], mesh.node_sets["start"]
+    return ModuleMesh(mesh.nodes_m * np.array([-1.0, 1.0, 1.0]), cells, cavity, skin, sets)
+
+
+def moved_mesh(mesh: ModuleMesh, along_x_m: float) -> ModuleMesh:
+    """The mesh moved along x."""
+    return replace(mesh, nodes_m=mesh.nodes_m + np.array([along_x_m, 0.0, 0.0]))
+
+
+def welded_meshes(pieces: Sequence[ModuleMesh]) -> ModuleMesh:
+    """Pieces that meet as one body: equal nodes become one, inner faces disappear from the skin.
+
+    Of the node sets only `symmetry` survives; the caller names the others.
+    """
+    nodes = np.concatenate([piece.nodes_m for piece in pieces])
+    grid = SAME * float(np.ptp(nodes, axis=0).max())
+    _, first, number = np.unique(
+        np.round(nodes / grid).astype(np.int64), axis=0, return_index=True, return_inverse=True
+    )
+    number = number.reshape(-1)
+    starts = np.cumsum([0] + [len(piece.nodes_m) for piece in pieces[:-1]])
+
+    def renumbered(name: str) -> IntArray:
+        parts = [getattr(piece, name) + start for piece, start in zip(pieces, starts, strict=True)]
+        ids: IntArray = number[np.concatenate(parts)].astype(np.int64)
+        return ids
+
+    cells = renumbered("cells")
+    symmetry = [p.node_sets["symmetry"] + s for p, s in zip(pieces, starts, strict=True)]
+    skin, _ = boundary_faces(cells)
+    sets = {"symmetry": np.unique(number[np.concatenate(symmetry)]).astype(np.int64)}
+    return ModuleMesh(nodes[first], cells, renumbered("cavity"), skin, sets)
+
+
+def stacked(half: ModuleMesh, span_m: float, modules: int) -> ModuleMesh:
+    """Modules in a row from x = 0: each is the mesh of its end half, x ∈ [0, span], and that one's mirror image."""
+    if modules < 1:
+        raise ContractError(f"a stack needs at least one module, not {modules}")
+    pieces = []
+    for number in range(modules):
+        joint = (2 * number + 1) * span_m
+        pieces += [moved_mesh(mirrored_mesh(half), joint), moved_mesh(half, joint)]
+    return welded_meshes(pieces)
+
+
+def capped(body: ModuleMesh, at_x_m: float, thickness_m: float, layers: int = 1) -> ModuleMesh:
+    """The body with its open end at x closed by a plate: its end section and the tube's hole, extruded along x.
+
+    The hole's rim must be an arc from the plane y = 0 back to it. The inner face of the plate joins the cavity.
+    """
+    tolerance = SAME * float(np.ptp(body.nodes_m, axis=0).max())
+    on_end = np.abs(body.nodes_m[:, 0] - at_x_m) < tolerance
+    section = body.skin[on_end[body.skin].all(axis=1)]
+    rim = np.flatnonzero(on_end & np.isin(np.arange(len(on_end)), body.cavity))
+    ring = _ordered(body.nodes_m[rim][:, 1:])
+    disc, disc_faces = half_disc(body.nodes_m[rim][ring][:, 1:])
+
+    used, faces = np.unique(section, return_inverse=True)
+    flat = np.concatenate([body.nodes_m[used][:, 1:], disc])
+    quads = np.concatenate([faces.reshape(section.shape), disc_faces + len(used)]).astype(np.int64)
+    plate = _extruded(flat, quads, at_x_m, thickness_m, layers)
+    # the disc's face towards the tube looks along −x, out of the plate and into the cavity
+    inner = (disc_faces + len(used))[:, _FACE.T.ravel()]
+    sets = {"symmetry": np.flatnonzero(np.abs(plate.nodes_m[:, 1]) < tolerance)}
+    return welded_meshes([body, replace(plate, cavity=inner, node_sets=sets)])
+
+
+def _ordered(points: Array) -> IntArray:
+    """Order of the rim's points (y, z) from the bottom over y > 0 to the top."""
+    middle = (points[:, 1].min() + points[:, 1].max()) / 2
+    return np.argsort(np.arctan2(points[:, 0], middle - points[:, 1])).astype(np.int64)
+
+
+def _extruded(flat: Array, quads: IntArray, x_m: float, thickness_m: float, layers: int) -> ModuleMesh:
+    """Cells over quadrilaterals (f, 9) in the plane (y, z); the first layer of nodes keeps its numbers."""
+    lines = np.linspace(x_m, x_m + thickness_m, 2 * layers + 1)
+    n = len(flat)
+    nodes = np.column_stack([np.repeat(lines, n), np.tile(flat, (len(lines), 1))])
+    quads = _facing_x(flat, quads)
+    cells = np.concatenate(
+        [np.concatenate([quads + n * (2 * k + i) for i in range(3)], axis=1) for k in range(layers)]
+    )
+    skin, _ = boundary_faces(cells)
+    return ModuleMesh(nodes, cells, np.empty((0, 9), np.int64), skin, {})
+
+
+def _facing_x(flat: Array, quads: IntArray) -> IntArray:
+    """The quadrilaterals with their normals along +x, so that extruded cells are right-handed (ξ, η in the plane)."""
+    corner, along_a, along_b = (flat[quads[:, node]] for node in (0, 2, 6))
+    a, b = along_a - corner, along_b - corner
+    turned = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0] < 0
+    quads = quads.copy()
+    quads[turned] = quads[turned][:, _FACE.T.ravel()]
+    return quads
+
+
+def loose_faces(mesh: ModuleMesh) -> int:
+    """Faces of the cavity that are not on the skin: 0 for a sound mesh."""
+    return int(np.sum(~np.isin(mesh.cavity[:, FACE_CENTRE], mesh.skin[:, FACE_CENTRE])))
