@@ -1,0 +1,146 @@
+"""The bellow's profile: arcs and flanks, points at an offset from it, closed-form volumes, validity.
+
+Half a convolution runs from mid-crest (x = 0) to mid-trough (x = l/2). The profile is a quarter circle of radius
+a = l/4 at the crest (radius Rc = 2R − r), a straight radial flank and a quarter circle at the trough (radius r).
+`depth` is the distance outward along the profile's normal. Where the wall lies, beside the profile or on both of
+its sides, is the family's choice. Source of the shape: Yao, Howard, Maiolino (2026), doi 10.1002/aisy.70406.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pliant.errors import InvalidDesignError
+from pliant.records.design import Array
+
+LARGEST_MODULE_M = 1.0
+
+
+@dataclass(frozen=True)
+class BellowProfile:
+    """Radii r and R, wall thickness t and module length l, in m."""
+
+    inner_radius_m: float
+    average_radius_m: float
+    wall_m: float
+    module_length_m: float
+
+    @property
+    def arc_radius_m(self) -> float:
+        """a = l/4, radius of the profile's arcs."""
+        return self.module_length_m / 4
+
+    @property
+    def half_length_m(self) -> float:
+        """l/2, from mid-crest to mid-trough."""
+        return self.module_length_m / 2
+
+    @property
+    def crest_radius_m(self) -> float:
+        """Rc = 2R − r, the profile's radius at the crest."""
+        return 2 * self.average_radius_m - self.inner_radius_m
+
+    @property
+    def flank_m(self) -> float:
+        """Length of the straight radial flank, 2R − 2r − l/2; rounding of a zero flank is removed."""
+        flank = 2 * (self.average_radius_m - self.inner_radius_m) - self.half_length_m
+        return flank if flank > 1e-6 * self.module_length_m else 0.0
+
+    def wall_volume(self, inner: float, outer: float) -> float:
+        """Volume (m³) of one module's wall between two offsets of the profile, in closed form.
+
+        Pappus: ∫ 2π ρ dA over two crest arcs, two flanks and two trough arcs. With inner = −t/2, outer = t/2
+        (the profile as mid-surface) it is the published bellow volume 2 (V1 + V2 + V3).
+        """
+        r, a, f = self.inner_radius_m, self.arc_radius_m, self.flank_m
+        linear, square, cube = (outer**n - inner**n for n in (1, 2, 3))
+        # ∫ (a ± d) dd and ∫ (a ± d)² dd over the offsets d
+        crest_1, trough_1 = a * linear + square / 2, a * linear - square / 2
+        crest_2 = a**2 * linear + a * square + cube / 3
+        trough_2 = a**2 * linear - a * square + cube / 3
+        trough = (r + a) * np.pi / 2 * trough_1 - trough_2
+        crest = (r + a + f) * np.pi / 2 * crest_1 + crest_2
+        flank = linear * ((r + a) * f + f**2 / 2)
+        return float(4 * np.pi * (trough + flank + crest))
+
+    def enclosed_volume(self, depth: float = 0.0) -> float:
+        """Volume (m³) inside one module's profile at an offset, by Pappus' theorem over its parts.
+
+        With centres c = Rc − a (crest) and b = r + a (trough), ∫ρ² dx is exact over each quarter circle.
+        """
+        c, b = self.crest_radius_m - self.arc_radius_m, self.inner_radius_m + self.arc_radius_m
+        wide, narrow = self.arc_radius_m + depth, self.arc_radius_m - depth
+        crest = wide * c**2 + np.pi / 2 * c * wide**2 + 2 / 3 * wide**3
+        trough = narrow * b**2 - np.pi / 2 * b * narrow**2 + 2 / 3 * narrow**3
+        return float(2 * np.pi * (crest + trough))
+
+    def crest(self, angle: Array, depth: Array) -> tuple[Array, Array]:
+        """(x, radius) on the crest's arc, `angle` from 0 at mid-crest to π/2."""
+        arc = self.arc_radius_m
+        return (arc + depth) * np.sin(angle), self.crest_radius_m - arc + (arc + depth) * np.cos(angle)
+
+    def flank(self, fraction: Array, depth: Array) -> tuple[Array, Array]:
+        """(x, radius) on the flank, `fraction` from 0 at the crest to 1 at the trough."""
+        outer = self.crest_radius_m - self.arc_radius_m
+        return self.arc_radius_m + depth + 0 * fraction, outer - self.flank_m * fraction + 0 * depth
+
+    def trough(self, angle: Array, depth: Array) -> tuple[Array, Array]:
+        """(x, radius) on the trough's arc, `angle` from 0 at the flank to π/2 at mid-trough."""
+        arc = self.arc_radius_m
+        x = self.half_length_m - (arc - depth) * np.cos(angle)
+        return x, self.inner_radius_m + arc - (arc - depth) * np.sin(angle)
+
+    def radius_at(self, x: Array, depth: float) -> Array:
+        """Radius of the profile at an offset, by x ∈ [0, l/2] from mid-crest."""
+        wide, narrow = self.arc_radius_m + depth, self.arc_radius_m - depth
+        crest = self.crest_radius_m - self.arc_radius_m + np.sqrt(np.maximum(wide**2 - x**2, 0.0))
+        left = self.half_length_m - x
+        trough = self.inner_radius_m + self.arc_radius_m - np.sqrt(np.maximum(narrow**2 - left**2, 0.0))
+        return np.where(x < wide, crest, trough)
+
+    def check_profile(self, kind: str) -> None:
+        """Raise `InvalidDesignError`, with the broken inequality and by how much, unless the profile exists."""
+        r, R, t, l = self.inner_radius_m, self.average_radius_m, self.wall_m, self.module_length_m  # noqa: E741
+        lengths = {"inner_radius": r, "average_radius": R, "wall": t, "module_length": l}
+        for name, value in lengths.items():
+            if not value > 0:
+                raise InvalidDesignError(
+                    f"{kind} needs {name} > 0, but {name} = {mm(value)}, short by {mm(abs(value))}."
+                )
+        size = max(l, 2 * (self.crest_radius_m + t))
+        if size > LARGEST_MODULE_M:
+            raise InvalidDesignError(
+                f"{kind} needs module_length and outer diameter ≤ {mm(LARGEST_MODULE_M)}, "
+                f"but the larger is {mm(size)}, over by {mm(size - LARGEST_MODULE_M)} "
+                "(were units forgotten: bare numbers are metres, write '11 mm')."
+            )
+        slack = (R - r) - l / 4
+        if slack < -1e-6 * l:
+            raise InvalidDesignError(
+                f"{kind} needs average_radius − inner_radius ≥ module_length/4 (room for the arcs), "
+                f"but {mm(R - r)} < {mm(l / 4)}, short by {mm(-slack)}."
+            )
+
+    def check_mid_surface(self, kind: str) -> None:
+        """`check_profile`, and what a wall from −t/2 to t/2 about the profile needs."""
+        self.check_profile(kind)
+        half, l = self.wall_m / 2, self.module_length_m  # noqa: E741
+        slack = l / 4 - half
+        if slack <= 1e-6 * l:
+            raise InvalidDesignError(
+                f"{kind} needs module_length/4 > wall/2 (or the arcs' inner side collapses), "
+                f"but {mm(l / 4)} ≤ {mm(half)}, short by {mm(abs(slack))}."
+            )
+        slack = self.inner_radius_m - half
+        if slack <= 1e-6 * l:
+            raise InvalidDesignError(
+                f"{kind} needs inner_radius > wall/2 (or the trough closes), "
+                f"but {mm(self.inner_radius_m)} ≤ {mm(half)}, short by {mm(abs(slack))}."
+            )
+
+
+def mm(length_m: float) -> str:
+    """A length for messages."""
+    return f"{1e3 * length_m:.6g} mm"
