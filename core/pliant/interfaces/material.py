@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pydantic import Field
 
 from pliant.interfaces.base import ComponentConfig
+from pliant.mechanics.homogeneous import stability_remarks
 from pliant.records.design import Array
 from pliant.units import Density
 
@@ -60,3 +61,10 @@ class Material(ABC):
     @abstractmethod
     def evaluate(self, F: Array) -> Hyperelastic:
         """W, P and A at deformation gradients F of shape (..., 3, 3); J = det F > 0 is the caller's duty."""
+
+    def remarks(self) -> tuple[str, ...]:
+        """What speaks against these constants, in sentences that the FEM stage and `pliant calibrate` say.
+
+        By default the stretches between 0.5 and 2 at which the nominal stress of a homogeneous test falls.
+        """
+        return stability_remarks(self)

@@ -18,6 +18,14 @@ def sample_gradients(amplitude: float = 0.12, count: int = 8) -> Array:
     return np.eye(3) + amplitude * np.random.default_rng(3).uniform(-1, 1, (count, 3, 3))
 
 
+def derivative_gradients() -> Array:
+    """The sample and, for laws of principal stretches, states where two or three of them are equal."""
+    equal = [np.eye(3), np.diag([1.6, 0.8, 0.8]), np.diag([0.7, 1.2, 1.2]), 1.02 * np.eye(3)]
+    turned = _rotation() @ np.diag([1.4, 1.4, 0.5])
+    nearly = np.diag([1.3, 1.3 * (1 + 1e-9), 0.6])
+    return np.concatenate([sample_gradients(), equal, [turned, nearly]])
+
+
 def _rotation() -> Array:
     axis = np.array([[0.0, -0.5, 0.3], [0.5, 0.0, -0.8], [-0.3, 0.8, 0.0]])
     rotation: Array = np.linalg.solve(np.eye(3) - axis, np.eye(3) + axis)  # Cayley
@@ -45,10 +53,10 @@ def energy_is_positive(subject: Subject) -> None:
     require(np.all(energy > 0), f"the energy of a deformed state is {np.min(energy):.3g} J/m³")
 
 
-@suite.check("P = ∂W/∂F.")
+@suite.check("P = ∂W/∂F, also where principal stretches are equal.")
 def stress_is_the_energys_slope(subject: Subject) -> None:
     material: Material = subject.build()
-    F = sample_gradients()
+    F = derivative_gradients()
     numeric = np.empty_like(F)
     for i in range(3):
         for j in range(3):
@@ -63,10 +71,10 @@ def stress_is_the_energys_slope(subject: Subject) -> None:
     )
 
 
-@suite.check("A = ∂P/∂F.")
+@suite.check("A = ∂P/∂F, also where principal stretches are equal.")
 def tangent_is_the_stress_slope(subject: Subject) -> None:
     material: Material = subject.build()
-    F = sample_gradients()
+    F = derivative_gradients()
     numeric = np.empty((len(F), 3, 3, 3, 3))
     for k in range(3):
         for l in range(3):  # noqa: E741 - indices of mechanics
@@ -84,7 +92,7 @@ def tangent_is_the_stress_slope(subject: Subject) -> None:
 
 @suite.check("A has major symmetry: A_ijkl = A_klij, since P derives from an energy.")
 def tangent_is_symmetric(subject: Subject) -> None:
-    tangent = subject.build().evaluate(sample_gradients()).tangent
+    tangent = subject.build().evaluate(derivative_gradients()).tangent
     require_close(
         tangent, np.einsum("...ijkl->...klij", tangent), "A_ijkl ≠ A_klij: index order mixed up", rtol=1e-10
     )
@@ -123,6 +131,29 @@ def is_stiff_at_rest(subject: Subject) -> None:
     require(
         np.all(stiffness > 0), f"the smallest stiffness is {stiffness.min():.3g} Pa: a wrong sign or modulus"
     )
+
+
+@suite.check(
+    "`shear_modulus_pa` and `bulk_modulus_pa` are those of A at F = I: A_1212 = μ, A_1111 = K + 4/3 μ."
+)
+def states_its_moduli(subject: Subject) -> None:
+    material: Material = subject.build()
+    mu, K = float(material.shear_modulus_pa), float(material.bulk_modulus_pa)
+    unit = np.eye(3)
+    outer, crossed = np.einsum("ij,kl->ijkl", unit, unit), np.einsum("il,jk->ijkl", unit, unit)
+    hooke = (K - 2 / 3 * mu) * outer + mu * (np.einsum("ik,jl->ijkl", unit, unit) + crossed)
+    require_close(
+        material.evaluate(unit).tangent,
+        hooke,
+        f"A at rest is not that of μ = {mu:.6g} Pa and K = {K:.6g} Pa, which mixed elements rely on",
+        rtol=1e-8,
+    )
+
+
+@suite.check("`remarks` are sentences, none for constants without a doubt.")
+def remarks_are_sentences(subject: Subject) -> None:
+    for remark in subject.build().remarks():
+        require(isinstance(remark, str) and remark.endswith("."), f"a remark is {remark!r}, not a sentence")
 
 
 @suite.check("`energy` and `evaluate` take F of any shape (..., 3, 3) and agree with each other.")

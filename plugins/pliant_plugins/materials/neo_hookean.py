@@ -15,20 +15,20 @@ from typing import Literal
 import numpy as np
 from pydantic import Field
 
-from pliant.interfaces.material import Hyperelastic, Material, MaterialConfig
+from pliant.interfaces.material import Hyperelastic
 from pliant.records.design import Array
-from pliant.units import Pressure, Ratio
+from pliant.units import Pressure
+from pliant_plugins.materials.rubber import Rubber, RubberConfig
 
 
-class NeoHookeanConfig(MaterialConfig):
+class NeoHookeanConfig(RubberConfig):
     """Shear modulus μ and Poisson's ratio ν; 0.49 stands for nearly incompressible rubber."""
 
     kind: Literal["neo_hookean"] = "neo_hookean"
     shear_modulus_pa: Pressure = Field(gt=0, description="μ at small strain")
-    poisson_ratio: Ratio = Field(default=0.49, ge=0, le=0.4995, description="ν at small strain")
 
 
-class NeoHookean(Material):
+class NeoHookean(Rubber):
     """W(F) = μ/2 (J^(−2/3) I₁ − 3) + K/2 (J − 1)²."""
 
     config: NeoHookeanConfig
@@ -36,11 +36,6 @@ class NeoHookean(Material):
     @property
     def shear_modulus_pa(self) -> float:
         return self.config.shear_modulus_pa
-
-    @property
-    def bulk_modulus_pa(self) -> float:
-        nu = self.config.poisson_ratio
-        return 2 * self.shear_modulus_pa * (1 + nu) / (3 * (1 - 2 * nu))
 
     def energy(self, F: Array) -> Array:
         """W in J/m³, shape (...,), of F (..., 3, 3) with det F > 0."""

@@ -103,6 +103,23 @@ class SoftShear(Solid):
         return replace(good, tangent=good.tangent - 2 * self.config.shear_modulus_pa * unit)
 
 
+@spoils.by("states_its_moduli", "A at rest is not that of μ = 100000 Pa")
+class LameForBulk(Solid):
+    """λ where K is asked for."""
+
+    @property
+    def bulk_modulus_pa(self) -> float:
+        return self.config.lame_pa
+
+
+@spoils.by("remarks_are_sentences", "a remark is 'soft', not a sentence")
+class Mumbles(Solid):
+    """A remark of one word."""
+
+    def remarks(self) -> tuple[str, ...]:
+        return ("soft",)
+
+
 @spoils.by("takes_points_of_any_shape", "IndexError|shape|ValueError")
 class FlatOnly(Solid):
     """Only (n, 3, 3)."""

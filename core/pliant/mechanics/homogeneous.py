@@ -1,0 +1,116 @@
+"""Homogeneous tests of a solid: nominal stress against stretch with free faces.
+
+uniaxial: F = diag(λ, s, s), P₂₂ = P₃₃ = 0. equibiaxial: F = diag(λ, λ, s), planar (pure shear): F = diag(λ, 1, s),
+both with P₃₃ = 0. The nominal stress P₁₁ is force over area at rest, Abaqus' "nominal stress" of test data.
+"""
+
+from __future__ import annotations
+
+from typing import Literal, Protocol, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pliant.errors import NotReachedError
+from pliant.records.design import Array
+
+Mode = Literal["uniaxial", "equibiaxial", "planar"]
+MODES: tuple[Mode, ...] = get_args(Mode)
+# Where stability is looked at: no principal stretch above 2 or below ½.
+DOUBT_RANGES: dict[Mode, tuple[float, float]] = {
+    "uniaxial": (0.5, 2.0),
+    "equibiaxial": (0.5**0.5, 2.0**0.5),
+    "planar": (0.5, 2.0),
+}
+POINTS = 61
+ITERATIONS = 60
+LONGEST = 0.2  # step of ln s
+TOLERANCE = 1e-11
+
+
+class Response(Protocol):
+    """Stress P (n, 3, 3) and tangent A (n, 3, 3, 3, 3), Pa."""
+
+    @property
+    def stress(self) -> Array: ...
+
+    @property
+    def tangent(self) -> Array: ...
+
+
+class Solid(Protocol):
+    """What a test needs of a material."""
+
+    def evaluate(self, F: Array) -> Response:
+        """P and A at F (n, 3, 3)."""
+        ...
+
+
+def nominal_stress(solid: Solid, stretch: Array, mode: Mode = "uniaxial") -> Array:
+    """P₁₁ (n,) in Pa of a specimen at stretches λ (n,) > 0, its free faces at zero stress.
+
+    Raises:
+        NotReachedError: a free face finds no equilibrium, which constants without physical sense may cause.
+    """
+    stress, converged = _solved(solid, np.asarray(stretch, float), mode)
+    if not np.all(converged):
+        worst = float(np.asarray(stretch)[~converged][0])
+        raise NotReachedError(
+            f"at a stretch of {worst:.3g} a {mode} specimen of this material finds no stress-free side; its constants "
+            "are unstable there"
+        )
+    return stress
+
+
+def _solved(solid: Solid, stretch: Array, mode: Mode) -> tuple[Array, NDArray[np.bool_]]:
+    """P₁₁ (n,) and where it is to be trusted: Newton in ln s from the free stretch s of the incompressible solid."""
+    free = np.log(stretch) * {"uniaxial": -0.5, "equibiaxial": -2.0, "planar": -1.0}[mode]
+    for _ in range(ITERATIONS):
+        state = solid.evaluate(_gradient(stretch, np.exp(free), mode))
+        slope = state.tangent[:, 2, 2, 2, 2]
+        if mode == "uniaxial":
+            slope = slope + state.tangent[:, 2, 2, 1, 1]
+        step = -state.stress[:, 2, 2] / (slope * np.exp(free))
+        converged = np.abs(step) < TOLERANCE
+        if np.all(converged):
+            break
+        free = free + np.clip(np.where(np.isfinite(step), step, LONGEST), -LONGEST, LONGEST)
+    return state.stress[:, 0, 0], converged
+
+
+def _gradient(stretch: Array, free: Array, mode: Mode) -> Array:
+    F = np.zeros((len(stretch), 3, 3))
+    F[:, 0, 0], F[:, 2, 2] = stretch, free
+    F[:, 1, 1] = {"uniaxial": free, "equibiaxial": stretch, "planar": np.ones_like(stretch)}[mode]
+    return F
+
+
+def falling_stretches(solid: Solid, mode: Mode = "uniaxial") -> tuple[float | None, float | None]:
+    """The stretches nearest to 1 at which the nominal stress stops rising, in compression and in tension.
+
+    None where it rises throughout `DOUBT_RANGES`; a specimen would neck or collapse at such a stretch.
+    """
+    found: list[float | None] = []
+    for end in DOUBT_RANGES[mode]:
+        stretch = np.geomspace(1.0, end, POINTS)
+        stress, converged = _solved(solid, stretch, mode)
+        rising = (np.diff(stress) * (end - 1) > 0) & converged[1:]
+        found.append(None if np.all(rising) else float(stretch[np.argmin(rising)]))
+    return found[0], found[1]
+
+
+def stability_remarks(solid: Solid) -> tuple[str, ...]:
+    """A sentence where these constants are unstable in a homogeneous test, none where they are not."""
+    places = []
+    for mode in MODES:
+        below, above = falling_stretches(solid, mode)
+        if below is not None:
+            places.append(f"below {below:.2f} ({mode})")
+        if above is not None:
+            places.append(f"above {above:.2f} ({mode})")
+    if not places:
+        return ()
+    return (
+        f"With the material's constants the nominal stress falls at stretches {', '.join(places)}: it is unstable "
+        "there, and FEM states that reach so far fail or are not to be trusted.",
+    )
