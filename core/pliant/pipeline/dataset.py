@@ -21,6 +21,8 @@ def fem_stage(bench: Workbench, family: FamilyConfig, material: MaterialConfig, 
     built: ActuatorFamily = bench.build("family", family)
     backend: FEMBackend = bench.build("fem", fem)
     substance: Material = bench.build("material", material)
+    for remark in substance.remarks():
+        bench.progress.note(remark)
 
     def compute(partial: Path) -> ModuleData:
         problem = built.problem(fem.refinement)

@@ -58,8 +58,8 @@ class Ogden(Rubber):
         return float(sum(self.config.mu_pa))
 
     def energy(self, F: Array) -> Array:
-        stretches = np.linalg.svd(F, compute_uv=False)
-        J = np.prod(stretches, axis=-1)
+        stretches: Array = np.linalg.svd(F, compute_uv=False)
+        J: Array = np.asarray(np.prod(stretches, axis=-1), float)
         return np.asarray(self._isochoric(stretches, J) + self.bulk_modulus_pa / 2 * (J - 1) ** 2)
 
     def evaluate(self, F: Array) -> Hyperelastic:
