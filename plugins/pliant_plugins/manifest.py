@@ -16,6 +16,19 @@ FINGER = {
     "wall": "1.5 mm",
     "module_length": "11 mm",
 }
+TENDON_JOINT = {
+    "module_length": "28 mm",
+    "flexure_length": "4 mm",
+    "flexure_thickness": "2 mm",
+    "flexure_width": "20 mm",
+    "tendon_offset": "6.7 mm",
+    "tendon_setback": "11.65 mm",
+    "link_height": "18 mm",
+    "link_width": "20 mm",
+    "link_density": "1254 kg/m^3",
+    "closing_angle": "0.92 rad",
+    "opening_angle": "0.02 rad",
+}
 STUDY_LAW = {"k_n": 1.637e-6, "m_a": -1.704e-6, "b_a": 0.0, "m_e": 0.1012, "b_e": 0.0245}
 NO_PYBULLET_WHEEL = (
     f"PyBullet has no wheel for Python {sys.version_info.major}.{sys.version_info.minor} "
@@ -38,6 +51,14 @@ def _modules() -> list[Component]:
             implementation=f"{HERE}.families.bellow_bending.family:BellowBending",
             summary="bellow with a strain-limiting plate on one side; pressure bends it",
             example=FINGER,
+        ),
+        Component(
+            interface="family",
+            kind="tendon_joint",
+            config=f"{HERE}.families.tendon_joint.config:TendonJointConfig",
+            implementation=f"{HERE}.families.tendon_joint.family:TendonJoint",
+            summary="rigid links with a soft flexure between them; a tendon below it bends it",
+            example=TENDON_JOINT,
         ),
         Component(
             interface="material",

@@ -8,7 +8,7 @@ from pydantic import ValidationError
 from pliant.errors import InvalidDesignError
 from pliant.interfaces.family import ActuatorFamily
 from pliant.meshing.hexahedra import cell_volumes
-from pliant.records.design import MassProperties, ModuleMass
+from pliant.records.design import Array, MassProperties, ModuleMass
 from pliant.testing.common import quantity_of
 from pliant.testing.family_mesh import VOLUME_TOLERANCE, mesh_finding, problem_of
 from pliant.testing.family_mesh import suite as mesh_suite
@@ -17,6 +17,7 @@ from pliant.testing.suite import Subject, Suite, require, require_close
 suite = Suite("family")
 suite.checks.extend(mesh_suite.checks)
 DENSITY = 1000.0
+DENSER = 3.0  # times as dense, for comparison
 AXES = {"revolute": 1, "prismatic": 1, "spherical": 3}
 ACTUATIONS = ("pressure_pa", "tendon_force_n")
 
@@ -66,35 +67,74 @@ def axes_fit_the_joint(subject: Subject) -> None:
 
 
 @suite.check(
-    "the module's mass is that of the solid that is solved: density · energy_scale · volume of the piece."
+    "the module's mass is that of the solid that is solved, density · energy_scale · volume of the piece; rigid ends "
+    "add their own."
 )
 def mass_is_that_of_the_mesh(subject: Subject) -> None:
-    problem, mass = problem_of(subject), _mass(subject)
+    problem = problem_of(subject)
     solid = problem.energy_scale * float(cell_volumes(problem.mesh.nodes_m, problem.mesh.cells).sum())
+    light, heavy = (_total_kg(mass) for mass in (_mass(subject), _denser(subject)))
+    soft = (heavy - light) / (DENSER - 1)
     require_close(
-        mass.start.mass_kg + mass.end.mass_kg,
+        soft,
         DENSITY * solid,
         "the mass (kg) is not that of the meshed body: a forgotten mirror half or end",
         rtol=VOLUME_TOLERANCE,
     )
+    if not _has_rigid_ends(subject):
+        require_close(light, soft, "the mass (kg) is not proportional to the density", rtol=1e-9)
+    require(light > soft * (1 - 1e-9), f"the rigid ends' mass is {light - soft:.3g} kg")
 
 
-@suite.check("masses and inertias are positive and proportional to the density.")
+@suite.check(
+    "masses are positive and proportional to the density, as are inertias, but for what rigid ends add."
+)
 def mass_scales_with_density(subject: Subject) -> None:
-    light, heavy = _mass(subject), subject.build().mass(3 * DENSITY)
+    masses = [subject.build().mass(factor * DENSITY) for factor in (1.0, DENSER, 2 * DENSER - 1)]
     for name in ("start", "end"):
-        one, three = getattr(light, name), getattr(heavy, name)
-        require(one.mass_kg > 0, f"the {name} half's mass is {one.mass_kg} kg")
-        require_close(
-            three.mass_kg, 3 * one.mass_kg, f"the {name} half's mass ignores the density", rtol=1e-9
-        )
-        require_close(
-            three.inertia_kg_m2,
-            3 * one.inertia_kg_m2,
-            f"the {name} half's inertia ignores the density",
-            rtol=1e-9,
-        )
-        require_close(three.com_m, one.com_m, "the centre of mass depends on the density", rtol=1e-9)
+        pieces: list[MassProperties] = [getattr(mass, name) for mass in masses]
+        require(pieces[0].mass_kg > 0, f"the {name} half's mass is {pieces[0].mass_kg} kg")
+        require(pieces[1].mass_kg > pieces[0].mass_kg, f"the {name} half's mass ignores the density")
+        for what, values in (
+            ("mass", [np.array([p.mass_kg]) for p in pieces]),
+            ("mass times centre", [p.mass_kg * p.com_m for p in pieces]),
+            ("inertia about the joint", [_about_joint(p) for p in pieces]),
+        ):
+            require_close(
+                values[2] - values[1],
+                values[1] - values[0],
+                f"the {name} half's {what} does not grow linearly with the density",
+                atol=1e-9 * float(np.abs(values[2]).max()),
+            )
+            if not _has_rigid_ends(subject):
+                require_close(
+                    values[1],
+                    DENSER * values[0],
+                    f"the {name} half's {what} is not proportional to the density",
+                    atol=1e-9 * float(np.abs(values[1]).max()),
+                )
+
+
+def _denser(subject: Subject) -> ModuleMass:
+    mass: ModuleMass = subject.build().mass(DENSER * DENSITY)
+    return mass
+
+
+def _total_kg(mass: ModuleMass) -> float:
+    return mass.start.mass_kg + mass.end.mass_kg
+
+
+def _about_joint(piece: MassProperties) -> Array:
+    """Inertia about the module frame's origin (parallel axes)."""
+    com = piece.com_m
+    return piece.inertia_kg_m2 + piece.mass_kg * (com @ com * np.eye(3) - np.outer(com, com))
+
+
+def _has_rigid_ends(subject: Subject) -> bool:
+    """Whether the module is longer than its solved pieces."""
+    problem = problem_of(subject)
+    length = float(subject.build().module_length_m)
+    return problem.deformation_scale * problem.span_m < (1 - 1e-9) * length
 
 
 @suite.check("inertias are about the centre of mass and those of a real body.")

@@ -1,0 +1,83 @@
+"""The tendon joint as an `ActuatorFamily`."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from functools import cached_property
+
+from pliant.interfaces.family import ActuatorFamily
+from pliant.meshing.masses import half_masses, meshed_mass, mirrored
+from pliant.meshing.surfaces import half_skins
+from pliant.meshing.surfaces import mirrored as mirrored_surface
+from pliant.records.design import ModuleMass
+from pliant.records.fem import ModuleMesh, ModuleProblem, Tendon
+from pliant.records.shape import HalfShapes, HalfSurfaces
+from pliant_plugins.families.tendon_joint.config import TendonJointConfig
+from pliant_plugins.families.tendon_joint.geometry import JointGeometry
+from pliant_plugins.families.tendon_joint.links import half_shapes, link_mesh, link_surface
+from pliant_plugins.families.tendon_joint.mesh import build_mesh
+
+
+class TendonJoint(ActuatorFamily):
+    """One design of the tendon joint.
+
+    A module runs from mid-link to mid-link with its joint at mid-flexure. Only the flexure deforms: the solved
+    piece is the half of it that moves with the child, cut by the mirror plane y = 0, and the rest of the module is
+    rigid. The tendon, without friction, pulls its two holes toward each other along a straight line, below the
+    flexure; positive tension turns the tip toward −z.
+    """
+
+    def __init__(self, config: TendonJointConfig) -> None:
+        super().__init__(config)
+        self.geometry = JointGeometry(**{f.name: getattr(config, f.name) for f in fields(JointGeometry)})
+        self.geometry.check()
+        self.link_density_kg_m3 = config.link_density_kg_m3
+
+    @property
+    def module_length_m(self) -> float:
+        return self.geometry.module_length_m
+
+    def problem(self, refinement: int = 1, axes: tuple[str, ...] | None = None) -> ModuleProblem:
+        """Half the flexure, half its width: the angle is half the joint's, the energy a quarter of the module's.
+
+        The end section is bonded to the rigid link, which moves with the frame: all of v is zero there, which also
+        removes the rigid motion along z. At mid-flexure, the mirror plane, the section stays plane and free in its
+        plane.
+        """
+        geometry = self.geometry
+        return ModuleProblem(
+            mesh=build_mesh(geometry, refinement),
+            span_m=geometry.span_m,
+            reference_z_m=0.0,
+            deformation_scale=2.0,
+            energy_scale=4.0,
+            fixed={"start": (0,), "end": (0, 1, 2), "symmetry": (1,)},
+            actuation="tendon_force_n",
+            tendon=Tendon(x_m=geometry.tendon_setback_m, z_m=-geometry.tendon_offset_m),
+            contact_planes=(),
+        )
+
+    @cached_property
+    def _flexure(self) -> ModuleMesh:
+        return build_mesh(self.geometry)
+
+    @cached_property
+    def _link(self) -> ModuleMesh:
+        return link_mesh(self.geometry)
+
+    def shapes(self) -> HalfShapes:
+        """The links' bands and the flexure."""
+        return half_shapes(self.geometry)
+
+    def surface(self) -> HalfSurfaces:
+        """The skins of flexure and links; where they are bonded, faces lie on each other."""
+        flexure, link = half_skins(self._flexure), link_surface(self._link)
+        return HalfSurfaces(
+            start=flexure.start.joined(mirrored_surface(link, 0)), end=flexure.end.joined(link)
+        )
+
+    def mass(self, density_kg_m3: float) -> ModuleMass:
+        """Masses of the two halves: the flexure of the material's density, the links of their own."""
+        flexure = half_masses(self._flexure, density_kg_m3)
+        link = meshed_mass(self._link, self.link_density_kg_m3)
+        return ModuleMass(start=flexure.start.joined(mirrored(link, 0)), end=flexure.end.joined(link))
