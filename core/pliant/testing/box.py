@@ -1,18 +1,21 @@
 """The box: a rectangular tube with its cavity off the axis, small enough to be solved in every check.
 
-Half of its width is meshed (y ≥ 0, mirror plane y = 0), and half of a module's length. With the bend frame's
-end conditions its small deformations are those of a uniform beam, so moments and angles have closed forms
-(`BoxModule`): by reciprocity, pressure p bends it like the moment (1 − 2ν) A_c (z_c − z_e) p, with A_c, z_c
+For bending about y half of its width is meshed (y ≥ 0, mirror plane y = 0), and half of a module's length
+(`box_problem`); for several axes the whole module as one cell of a periodic chain (`spatial_box_problem`). With
+the rod frame's end conditions its small deformations are those of a uniform beam, so moments and angles have
+closed forms (`BoxModule`): by reciprocity, pressure p bends it like the moment (1 − 2ν) A_c (z_c − z_e) p, with A_c, z_c
 area and centroid of the cavity, z_e that of the solid section.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+
+import numpy as np
 
 from pliant.meshing.grids import block, carved, grid_cells, grid_lines, module_sets, numbered
 from pliant.meshing.hexahedra import CENTRE, boundary_faces
-from pliant.records.fem import ModuleMesh, ModuleProblem
+from pliant.records.fem import Link, ModuleMesh, ModuleProblem, Tendon
 
 # Lattice lines across the section, in m; the cavity is the cell y < Y[1], Z[1] < z < Z[2].
 Y = (0.0, 3e-3, 4.5e-3)
@@ -52,6 +55,34 @@ class BoxModule:
         _, (a, c, _) = self._parts
         return (1 - 2 * self.poisson) * a * (c - self.centroid_m)
 
+    @property
+    def side_stiffness_n_m(self) -> float:
+        """−∂τ_z/∂u_z of the module: E I_z / l, the section being symmetric about y = 0."""
+        outer, inner = (h * (2 * b) ** 3 / 12 for b, h in ((Y[-1], Z[-1]), (Y[1], Z[2] - Z[1])))
+        return self.young_pa * (outer - inner) / (2 * HALF_LENGTH_M)
+
+    @property
+    def twist_bounds_n_m(self) -> tuple[float, float]:
+        """Bounds of −∂τ_x/∂u_x: G/l times Bredt's closed tube on the walls' mid-lines, and I_y + I_z (no warping)."""
+        shear = self.young_pa / (2 * (1 + self.poisson))
+        side, floor, roof = Y[-1] - Y[1], Z[1] - Z[0], Z[-1] - Z[2]
+        width, height = Y[1] + Y[-1], Z[-1] - roof / 2 - floor / 2
+        bredt = 4 * (width * height) ** 2 / (2 * height / side + width / floor + width / roof)
+        return shear * bredt / (2 * HALF_LENGTH_M), (self.stiffness_n_m + self.side_stiffness_n_m) * (
+            shear / self.young_pa
+        )
+
+    @property
+    def axial_stiffness_n_m(self) -> float:
+        """−∂F/∂(extension) of the module as a prismatic joint: E A / l, in N/m."""
+        (A, _, _), (a, _, _) = self._parts
+        return self.young_pa * (A - a) / (2 * HALF_LENGTH_M)
+
+    @property
+    def thrust_m2(self) -> float:
+        """∂F/∂p of the module as a prismatic joint: (1 − 2ν) A_c."""
+        return (1 - 2 * self.poisson) * self._parts[1][0]
+
 
 @dataclass(frozen=True)
 class BoxShape:
@@ -85,3 +116,58 @@ def box_mesh(shape: BoxShape = BoxShape(), refinement: int = 1) -> ModuleMesh:
     nodes, cells, cavity = carved(nodes, cells, (y < shape.y[1]) & (z > shape.z[1]) & (z < shape.z[2]))
     skin, _ = boundary_faces(cells)
     return ModuleMesh(nodes, cells, cavity, skin, module_sets(nodes, shape.half_length_m))
+
+
+def tendon_box_problem() -> ModuleProblem:
+    """The quarter box pulled by a tendon below it; its end section may rise as one."""
+    return replace(
+        box_problem(),
+        tied={"end": (2,)},
+        actuation="tendon_force_n",
+        tendon=Tendon(x_m=1e-3, z_m=-2e-3),
+    )
+
+
+def spatial_box_problem(refinement: int = 1) -> ModuleProblem:
+    """A whole module of the box, one cell of a periodic chain, that bends about y and z and twists.
+
+    v is periodic, so that sections may warp. The pins remove the rigid motions of v: three shifts, and the
+    turn about x by a second node of the plane y = 0.
+    """
+    mesh = spatial_box_mesh(refinement)
+    ends = Link(mesh.node_sets["start"], mesh.node_sets["end"], {0: 1.0, 1: 1.0, 2: 1.0})
+    return ModuleProblem(
+        mesh=mesh,
+        span_m=2 * HALF_LENGTH_M,
+        reference_z_m=Z[1] / 2,
+        deformation_scale=1.0,
+        energy_scale=1.0,
+        fixed={"pin": (0, 1, 2), "level": (1,)},
+        links=(ends,),
+        axes=("x", "y", "z"),
+        main_axis="y",
+        joint="spherical",
+        contact_planes=(),
+    )
+
+
+def prismatic_box_problem() -> ModuleProblem:
+    """The whole module as a prismatic joint: it is stretched and does not turn."""
+    return replace(spatial_box_problem(), axes=("x",), main_axis="x", joint="prismatic")
+
+
+def spatial_box_mesh(refinement: int = 1) -> ModuleMesh:
+    """The quarter's lattice with its mirror images: sections at x = 0 and x = l match node by node."""
+    length = 2 * HALF_LENGTH_M
+    y_lines = (-Y[2], -Y[1], 0.0, Y[1], Y[2])
+    lines = (grid_lines(ends, refinement) for ends in ((0.0, length / 2, length), y_lines, Z))
+    nodes, ids = numbered(block(*lines))
+    cells = grid_cells(ids)
+    y, z = nodes[cells[:, CENTRE], 1:].T
+    nodes, cells, cavity = carved(nodes, cells, (np.abs(y) < Y[1]) & (z > Z[1]) & (z < Z[2]))
+    skin, _ = boundary_faces(cells)
+    sets = module_sets(nodes, length)
+    sets["level"] = np.flatnonzero(
+        np.linalg.norm(nodes - np.array([0.0, 0.0, Z[-1]]), axis=1) < 1e-9 * length
+    )
+    return ModuleMesh(nodes, cells, cavity, skin, sets)

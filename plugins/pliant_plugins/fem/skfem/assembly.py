@@ -1,17 +1,16 @@
 """From densities at quadrature points to the system's vectors and matrices, batched over cells.
 
-The unknowns are x = (v, θ, e): three displacements per node, node by node, then the two globals. A density's
+The unknowns are x = (v, q): three displacements per node, node by node, then the active globals. A density's
 variables g are linear in the local displacements, one block of rows B_c per component c, so that
 
     r_c = Σ_q B_cᵀ ∂w/∂g_c,    K_cd = Σ_q B_cᵀ ∂²w/∂g_c∂g_d B_d
 
-are products of small matrices. Global columns (θ, e) are kept apart from the sparse matrix over v.
+are products of small matrices. The globals' columns are kept apart from the sparse matrix over v.
 """
 
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -21,147 +20,164 @@ from pliant.records.design import Array
 from pliant.records.fem import IntArray, ModuleProblem
 from pliant_plugins.fem.skfem.basis import cell_data, face_data
 from pliant_plugins.fem.skfem.cavity import volume
-from pliant_plugins.fem.skfem.kinematics import BendFrame, Pointwise, SolidDensity, strain_energy
+from pliant_plugins.fem.skfem.kinematics import Pointwise, SolidDensity, Variables, strain_energy
+from pliant_plugins.fem.skfem.pattern import Scatter, sparsity
+from pliant_plugins.fem.skfem.ribbon import ribbon_energy
+from pliant_plugins.fem.skfem.tendon import drawn
+from pliant_plugins.fem.skfem.terms import Terms
+from pliant_plugins.fem.skfem.unknowns import Globals, constraints
 
+__all__ = ["Assembler", "Terms"]
 Rows = tuple[Array, ...]
 
 
-@dataclass(frozen=True, eq=False)
-class Terms:
-    """A scalar of x to second order.
-
-    Attributes:
-        value: the scalar.
-        gradient: (n + 2,) over all dofs, fixed ones too.
-        matrix: (nnz,) Hessian over the free displacements, upper triangle on the `Pattern`.
-        border: (n + 2, 2) Hessian's columns of θ and e.
-    """
-
-    value: float
-    gradient: Array
-    matrix: Array
-    border: Array
-
-    def minus(self, factor: float, other: Terms) -> Terms:
-        """self − factor · other."""
-        return Terms(
-            self.value - factor * other.value,
-            self.gradient - factor * other.gradient,
-            self.matrix - factor * other.matrix,
-            self.border - factor * other.border,
-        )
-
-
-@dataclass(frozen=True, eq=False)
-class Pattern:
-    """Upper triangle of the matrix over free displacements, in compressed rows."""
-
-    free: IntArray
-    indptr: IntArray
-    indices: IntArray
-
-    @property
-    def size(self) -> int:
-        return len(self.free)
-
-
-@dataclass(frozen=True, eq=False)
-class Scatter:
-    """Where local entries go: dofs (m, k); for the chosen entries of (m, k, k), their slot in the matrix."""
-
-    dofs: IntArray
-    chosen: IntArray
-    slot: IntArray
-
-
 class Assembler:
-    """Assembles the strain energy U(x) and the cavity volume V(x) of one problem."""
+    """Assembles the elastic energy U(x) of one problem and what its actuation works on."""
 
     def __init__(
         self, problem: ModuleProblem, material: Material, dilatation: Literal["cell", "point"] = "cell"
     ) -> None:
         mesh = problem.mesh
         self.problem, self.material = problem, material
-        self.frame = BendFrame(problem.span_m, problem.reference_z_m)
+        self.globals = Globals.of(problem)
+        self.variables = Variables.of(self.globals)
         self.cells, self.faces = cell_data(mesh, dilatation), face_data(mesh.cavity)
         self.size = mesh.nodes_m.size
         self.volume_m3 = float(self.cells.weight.sum())
-        fixed = np.zeros(self.size, bool)
-        for name, components in problem.fixed.items():
-            for component in components:
-                fixed[3 * mesh.node_sets[name] + component] = True
-        self.pattern, (self._cell_scatter, self._face_scatter) = _pattern(
-            np.flatnonzero(~fixed), self.size, [self.cells.nodes, self.faces.nodes]
-        )
+        held = constraints(problem)
+        groups = [_dofs(self.cells.nodes), _dofs(self.faces.nodes)]
+        self.pattern, (self._cell_scatter, self._face_scatter) = sparsity(held, groups)
+        self._rise = _rise_of_end(problem)
         self._cell_rows, self._face_rows = self._operators()
         # slopes of the reference position along the faces' coordinates, which the axial strain e stretches
         self._face_X = np.einsum("fa,qja->fqj", mesh.nodes_m[self.faces.nodes, 0], self.faces.slope)
+
+    @property
+    def count(self) -> int:
+        """Length of x."""
+        return self.size + self.globals.count
 
     def _operators(self) -> tuple[Rows, Rows]:
         """Rows B_c (m or 1, q, rows, nodes) of the local variables, for c = x, y, z."""
         cells, faces = self.cells, self.faces
         value = np.broadcast_to(cells.value[None, :, None], (*cells.weight.shape, 1, 27))
-        cell_rows = (cells.gradient, cells.gradient, np.concatenate([cells.gradient, value], axis=2))
+        both = np.concatenate([cells.gradient, value], axis=2)
+        y, z = (both if lateral else cells.gradient for lateral in self.variables.lateral)
         slope, value = faces.slope[None], faces.value[None, :, None]
-        return cell_rows, (slope, value, np.concatenate([value, slope], axis=2))
+        return (cells.gradient, y, z), (slope, value, np.concatenate([slope, value], axis=2))
 
     def positions(self, x: Array) -> Array:
         """X + v of all nodes, (nodes, 3)."""
         return self.problem.mesh.nodes_m + x[: self.size].reshape(-1, 3)
 
+    def elastic_energy(self, x: Array) -> Terms | None:
+        """U (J) of the piece, its ribbons included; `None` where a cell is inverted."""
+        solid = self.strain_energy(x)
+        if solid is None or not self.problem.ribbons:
+            return solid
+        turn, strain = self.globals.split(x)
+        for ribbon in self.problem.ribbons:
+            solid = solid.plus(
+                1.0, self._of_globals(*ribbon_energy(ribbon, self.problem.span_m, turn, strain))
+            )
+        return solid
+
     def strain_energy(self, x: Array) -> Terms | None:
-        """U (J) of the piece and its derivatives; `None` where a cell is inverted."""
+        """Strain energy (J) of the piece's solid; `None` where a cell is inverted."""
         local = self.positions(x)[self.cells.nodes]
         m, q = self.cells.weight.shape
         S = self.cells.gradient.reshape(m, 3 * q, 27) @ local
         S = S.reshape(m, q, 3, 3).transpose(0, 1, 3, 2)
-        zeta = local[:, :, 2] @ self.cells.value.T - self.frame.reference_z_m
-        density = strain_energy(self.frame, self.material, self.cells, S, zeta, x[-2], x[-1])
+        rho = self._lateral(local, self.cells.value)
+        k, strain = self.globals.curvature(x)
+        density = strain_energy(self.variables, self.material, self.cells, S, rho, k, strain)
         if density is None:
             return None
-        return self._gather(density, self.cells.weight, self._cell_rows, self._cell_scatter)
+        return self._gather(x, density, self.cells.weight, self._cell_rows, self._cell_scatter)
+
+    def travel(self, x: Array) -> Terms:
+        """What the actuation works on: the piece's cavity (m³), or its share of the tendon drawn out (m)."""
+        return self.cavity(x) if self.problem.actuation == "pressure_pa" else self.tendon(x)
 
     def cavity(self, x: Array) -> Terms:
-        """V (m³) of the piece's cavity and its derivatives."""
+        """V (m³) of the piece's cavity."""
         local = self.positions(x)[self.faces.nodes]
-        slope = np.einsum("fai,qja->ifqj", local, self.faces.slope)
-        y, z = (local[:, :, i] @ self.faces.value.T for i in (1, 2))
-        zeta = z - self.frame.reference_z_m
-        density = volume(self.frame, slope[0], y, zeta, slope[2], self._face_X, x[-2], x[-1])
-        weight = np.broadcast_to(self.faces.weight, y.shape)
-        return self._gather(density, weight, self._face_rows, self._face_scatter)
+        slopes = np.einsum("fai,qja->fqij", local, self.faces.slope)
+        rho = self._lateral(local, self.faces.value)
+        k, strain = self.globals.curvature(x)
+        density = volume(self.globals, slopes, rho, self._face_X, k, strain)
+        weight = np.broadcast_to(self.faces.weight, rho.shape[:2])
+        return self._gather(x, density, weight, self._face_rows, self._face_scatter)
 
-    def _gather(self, density: Pointwise, weight: Array, rows: Rows, scatter: Scatter) -> Terms:
+    def tendon(self, x: Array) -> Terms:
+        """The piece's share of the tendon drawn out, w = (deformation_scale / energy_scale) W.
+
+        A module has `deformation_scale` pieces one behind the other that each draw out W: its potential
+        −T deformation_scale W is energy_scale times the piece's −T w.
+        """
+        problem = self.problem
+        assert problem.tendon is not None
+        turn, strain = self.globals.split(x)
+        rise = 0.0 if self._rise is None else float(x[self._rise])
+        share = problem.deformation_scale / problem.energy_scale
+        value, gradient, hessian = drawn(
+            problem.tendon, problem.span_m, problem.reference_z_m, turn, strain, rise
+        )
+        terms = self._of_globals(share * value, share * gradient[:4], share * hessian[:4, :4])
+        if self._rise is not None:
+            # W is linear in the rise; only one of the tied nodes carries it
+            terms.gradient[self._rise] = share * gradient[4]
+            terms.border[self._rise] = share * hessian[4, list(self.globals.active)]
+        return terms
+
+    def _lateral(self, local: Array, value: Array) -> Array:
+        """ρ (m, q, 2) at quadrature points from local positions (m, nodes, 3)."""
+        rho = np.stack([local[:, :, 1] @ value.T, local[:, :, 2] @ value.T], axis=-1)
+        rho[..., 1] -= self.problem.reference_z_m
+        return rho
+
+    def _of_globals(self, value: float, gradient: Array, hessian: Array) -> Terms:
+        """Terms of a function of (Θ_x, Θ_y, Θ_z, e) alone."""
+        G, active = self.globals.count, list(self.globals.active)
+        full, border = np.zeros(self.count), np.zeros((self.count, G))
+        full[self.size :], border[self.size :] = gradient[active], hessian[np.ix_(active, active)]
+        return Terms(value, full, np.zeros(len(self.pattern.indices)), border)
+
+    def _gather(self, x: Array, density: Pointwise, weight: Array, rows: Rows, scatter: Scatter) -> Terms:
         """Sum a density over the quadrature points and send it to the dofs."""
         gradient = weight[..., None] * density.gradient
         hessian = weight[..., None, None] * density.hessian
-        # right-hand sides: the gradient, and the Hessian's columns of θ and e
-        columns = np.concatenate([gradient[..., None], hessian[..., -2:]], axis=-1)
+        # right-hand sides: the gradient, and the Hessian's columns of the globals
+        local_variables = hessian.shape[-1] - self.globals.count
+        columns = np.concatenate([gradient[..., None], hessian[..., local_variables:]], axis=-1)
         local = _project(rows, columns)
         stiffness = _stiffness(rows, hessian)
+        n = stiffness.shape[-1]
         if isinstance(density, SolidDensity) and self.cells.modes is not None:
             a, c = _through_dilatation(density, weight, self.cells.modes, rows)
-            stiffness += a[:, :-2] @ np.swapaxes(c[:, :-2], 1, 2) + c[:, :-2] @ np.swapaxes(a[:, :-2], 1, 2)
-            local[..., 1:] += a @ np.swapaxes(c[:, -2:], 1, 2) + c @ np.swapaxes(a[:, -2:], 1, 2)
-        return self._scatter(float(np.sum(weight * density.value)), local, stiffness, scatter)
+            stiffness += a[:, :n] @ np.swapaxes(c[:, :n], 1, 2) + c[:, :n] @ np.swapaxes(a[:, :n], 1, 2)
+            local[..., 1:] += a @ np.swapaxes(c[:, n:], 1, 2) + c @ np.swapaxes(a[:, n:], 1, 2)
+        totals = np.concatenate([scatter.totals(local[:, :n], self.size), local[:, n:].sum(axis=0)])
+        first, border = self.globals.chain(x, totals[:, 0], totals[:, 1:])
+        matrix = scatter.values(stiffness, len(self.pattern.indices))
+        return Terms(float(np.sum(weight * density.value)), first, matrix, border)
 
-    def _scatter(self, value: float, local: Array, stiffness: Array, scatter: Scatter) -> Terms:
-        """Local columns (m, k + 2, 3) and matrices (m, k, k) to the dofs; the last two rows are θ and e."""
-        totals = np.empty((self.size + 2, 3))
-        for i in range(3):
-            totals[:-2, i] = np.bincount(scatter.dofs.ravel(), local[:, :-2, i].ravel(), self.size)
-        totals[-2:] = local[:, -2:].sum(axis=0)
-        chosen = np.asarray(stiffness.ravel()[scatter.chosen], float)
-        matrix = np.bincount(scatter.slot, chosen, minlength=len(self.pattern.indices)).astype(
-            float, copy=False
-        )
-        return Terms(value, totals[:, 0], matrix, totals[:, 1:])
+
+def _dofs(nodes: IntArray) -> IntArray:
+    """Local dofs (m, 3 · nodes), component by component."""
+    return np.concatenate([3 * nodes + c for c in range(3)], axis=1)
+
+
+def _rise_of_end(problem: ModuleProblem) -> int | None:
+    """The dof that is the end section's rise where it is tied as one; else the hole stays in its frame."""
+    tied = 2 in problem.tied.get("end", ())
+    return 3 * int(problem.mesh.node_sets["end"][0]) + 2 if tied else None
 
 
 def _through_dilatation(
     density: SolidDensity, weight: Array, modes: Array, rows: Rows
 ) -> tuple[Array, Array]:
-    """Factors a, c (m, k + 2, 4) of the Hessian's part a cᵀ + c aᵀ that a cell's dilatation Ĵ carries.
+    """Factors a, c (m, k + G, 4) of the Hessian's part a cᵀ + c aᵀ that a cell's dilatation Ĵ carries.
 
     a_k = ∂(∫ φ_k J)/∂x, b_k = ∫ φ_k ∂²W/∂x∂Ĵ, D_kl = ∫ φ_k φ_l ∂²W/∂Ĵ², and c = b + ½ a D.
     """
@@ -179,13 +195,13 @@ def _spans(rows: Rows) -> list[slice]:
 
 
 def _project(rows: Rows, columns: Array) -> Array:
-    """Σ_q B_cᵀ columns: (m, 3 · nodes + 2, k), component by component, then the plain sums for θ and e."""
+    """Σ_q B_cᵀ columns: (m, 3 · nodes + G, k), component by component, then the plain sums for the globals."""
     m, _, _, k = columns.shape
-    parts = []
-    for block, span in zip(rows, _spans(rows), strict=True):
+    parts, spans = [], _spans(rows)
+    for block, span in zip(rows, spans, strict=True):
         flat = block.reshape(block.shape[0], -1, block.shape[-1])
         parts.append(np.swapaxes(flat, 1, 2) @ columns[:, :, span].reshape(m, -1, k))
-    return np.concatenate([*parts, columns[:, :, -2:].sum(axis=1)], axis=1)
+    return np.concatenate([*parts, columns[:, :, spans[-1].stop :].sum(axis=1)], axis=1)
 
 
 def _stiffness(rows: Rows, hessian: Array) -> Array:
@@ -199,24 +215,3 @@ def _stiffness(rows: Rows, hessian: Array) -> Array:
             block = np.swapaxes(flat, 1, 2) @ product
             out[:, c * nodes : (c + 1) * nodes, d * nodes : (d + 1) * nodes] = block
     return out
-
-
-def _pattern(free: IntArray, size: int, groups: list[IntArray]) -> tuple[Pattern, list[Scatter]]:
-    """Sparsity of the matrix over the free dofs of all groups of local nodes, and each group's scatter."""
-    number = np.full(size, -1)
-    number[free] = np.arange(len(free))
-    entries = []
-    for nodes in groups:
-        dofs = np.concatenate([3 * nodes + c for c in range(3)], axis=1)
-        k = dofs.shape[1]
-        row, column = np.triu_indices(k)
-        i, j = number[dofs[:, row]], number[dofs[:, column]]
-        offset = np.arange(len(nodes))[:, None] * k * k + row * k + column
-        keep = (i >= 0) & (j >= 0)
-        key = np.minimum(i, j)[keep] * len(free) + np.maximum(i, j)[keep]
-        entries.append((dofs, offset[keep], key))
-    keys = np.unique(np.concatenate([key for *_, key in entries]))
-    counts = np.bincount(keys // len(free), minlength=len(free))
-    indptr = np.concatenate([[0], np.cumsum(counts)])
-    scatter = [Scatter(dofs, chosen, np.searchsorted(keys, key)) for dofs, chosen, key in entries]
-    return Pattern(free, indptr, keys % len(free)), scatter

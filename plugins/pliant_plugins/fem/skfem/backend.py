@@ -12,22 +12,23 @@ from pliant.errors import UserError
 from pliant.interfaces.fem import FEMBackend, Held, ModuleSolver, StateNotConvergedError
 from pliant.interfaces.material import Material
 from pliant.records.design import Array
-from pliant.records.fem import Branch, FemState, ModuleProblem
+from pliant.records.fem import FemState, ModuleProblem
 from pliant_plugins.fem.skfem.assembly import Assembler
-from pliant_plugins.fem.skfem.condense import slopes
+from pliant_plugins.fem.skfem.condense import Control, slopes
 from pliant_plugins.fem.skfem.config import SkfemConfig
+from pliant_plugins.fem.skfem.kinematics import placed
 from pliant_plugins.fem.skfem.linear import linear_solver
-from pliant_plugins.fem.skfem.newton import Control, DivergedError, Equilibrium, Newton
+from pliant_plugins.fem.skfem.newton import DivergedError, Equilibrium, Newton
 
 REMEMBERED = 8  # equilibria kept factorised: a start among them costs nothing
 OVERLAP = 1e-4  # of the span: material this far beyond a mirror plane is self-contact
 
 
 class SkfemSolver(ModuleSolver):
-    """States of one module in the bend frame.
+    """States of one module in the rod frame.
 
-    A state's `solution` is x = (v, θ, e): displacements (m) node by node, half-module angle, axial strain.
-    Convolutions that meet are reported, not resolved: there is no contact in the model.
+    A state's `solution` is x = (v, q): displacements (m) node by node, then the piece's active globals among
+    Θ_x, Θ_y, Θ_z, e. Convolutions that meet are reported, not resolved: there is no contact in the model.
     """
 
     def __init__(self, config: SkfemConfig, problem: ModuleProblem, material: Material) -> None:
@@ -37,95 +38,112 @@ class SkfemSolver(ModuleSolver):
         self.newton = Newton(
             self.assembler, self.linear, config.tolerance, config.max_iterations, config.max_halvings
         )
-        self._cavity_at_rest = self.assembler.cavity(np.zeros(self.assembler.size + 2)).value
+        self._at_rest = self.assembler.travel(np.zeros(self.assembler.count)).value
         self._known: deque[Equilibrium] = deque(maxlen=REMEMBERED)
 
     def rest(self) -> FemState:
         """The undeformed state with its slopes."""
         begun = time.perf_counter()
-        rest = self._at(np.zeros(self.assembler.size + 2), 0.0)
-        return self._state(rest, "free", time.perf_counter() - begun)
+        rest = self._at(np.zeros(self.assembler.count), 0.0)
+        return self._state(rest, (), time.perf_counter() - begun)
 
     def free(self, actuation: float, start: FemState) -> FemState:
-        """Equilibrium at pressure `actuation` (Pa) without external moment.
+        """Equilibrium at `actuation` (Pa or N) without external effort.
 
-        From a constrained start the external moment is released along with the change of pressure.
+        From a constrained start the external effort is released along with the change of actuation.
         """
-        return self._solve(Control(actuation, None), "free", start)
+        return self._solve(actuation, {}, start)
 
     def constrained(self, actuation: float, held: Held, start: FemState) -> FemState:
-        """Equilibrium at pressure `actuation` (Pa) with the module's angle held."""
-        angle_rad = held["y"] if isinstance(held, Mapping) else held
-        return self._solve(
-            Control(actuation, angle_rad / self.problem.deformation_scale), "constrained", start
-        )
+        """Equilibrium at `actuation` (Pa or N) with some of the module's coordinates held."""
+        by_axis = held if isinstance(held, Mapping) else {self.problem.main_axis: float(held)}
+        for axis in by_axis:
+            if axis not in self.problem.axes:
+                raise UserError(
+                    f"the held axis '{axis}' is none of this module's: {', '.join(self.problem.axes)}."
+                )
+        return self._solve(actuation, by_axis, start)
 
     def deformed_nodes(self, state: FemState) -> Array:
         """(n, 3) node positions in m; the start section stays at rest."""
         section = self.assembler.positions(state.solution)
-        reference = self.problem.mesh.nodes_m
-        section[:, 0] += state.axial_strain * reference[:, 0]
-        return self.assembler.frame.place(section, float(state.solution[-2]), state.axial_strain)
+        k, strain = self.assembler.globals.curvature(state.solution)
+        section[:, 0] += strain * self.problem.mesh.nodes_m[:, 0]
+        return placed(section, k, self.problem.reference_z_m)
 
     def cavity_volume(self, state: FemState) -> float:
         """Volume (m³) of the whole module's cavity."""
         return self.problem.energy_scale * self.assembler.cavity(state.solution).value
 
-    def _solve(self, target: Control, branch: Branch, start: FemState) -> FemState:
+    def _solve(self, actuation: float, held: Mapping[str, float], start: FemState) -> FemState:
         begun = time.perf_counter()
         try:
-            found = self.newton.advance(self._at(start.solution, start.actuation), target)
+            here = self._at(start.solution, start.actuation)
+            found = self.newton.advance(here, self._control(actuation, held))
         except DivergedError as error:
-            held = (
-                ""
-                if target.theta is None
-                else f" and angle {self.problem.deformation_scale * target.theta:.4g} rad"
-            )
+            unit = "N" if self.problem.actuation == "tendon_force_n" else "Pa"
             raise StateNotConvergedError(
-                f"no {branch} equilibrium at {target.pressure:.6g} Pa{held} from the state at "
-                f"{start.actuation:.6g} Pa, {start.angle_rad:.4g} rad: {error}."
+                f"no {'constrained' if held else 'free'} equilibrium at {actuation:.6g} {unit}"
+                f"{self._named(held)} from the state at {start.actuation:.6g} {unit}, "
+                f"{np.array2string(start.deformation, precision=4)}: {error}."
             ) from error
         self._known.append(found)
-        return self._state(found, branch, time.perf_counter() - begun)
+        return self._state(found, tuple(held), time.perf_counter() - begun)
 
-    def _at(self, x: Array, pressure: float) -> Equilibrium:
+    def _named(self, held: Mapping[str, float]) -> str:
+        unit = "m" if self.problem.joint == "prismatic" else "rad"
+        values = ", ".join(f"{axis} = {value:.4g} {unit}" for axis, value in held.items())
+        return f" and {values}" if held else ""
+
+    def _control(self, actuation: float, held: Mapping[str, float]) -> Control:
+        """The module's coordinates as the piece's globals."""
+        g = self.assembler.globals
+        mask, goal = np.zeros(g.count, bool), np.zeros(g.count)
+        for axis, place, scale in zip(g.axes, g.places, g.scales, strict=True):
+            if axis in held:
+                mask[place], goal[place] = True, held[axis] / scale
+        return Control(actuation, mask, goal, np.zeros(g.count))
+
+    def _at(self, x: Array, actuation: float) -> Equilibrium:
         """The equilibrium at x, factorised anew unless it is remembered."""
-        if x.shape != (self.assembler.size + 2,):
+        if x.shape != (self.assembler.count,):
             raise UserError(
-                f"the start state has {x.size} unknowns, this module {self.assembler.size + 2}: "
+                f"the start state has {x.size} unknowns, this module {self.assembler.count}: "
                 "it belongs to another mesh."
             )
         for known in self._known:
-            if known.point.pressure == pressure and np.array_equal(known.point.x, x):
+            if known.point.actuation == actuation and np.array_equal(known.point.x, x):
                 return known
-        found = self.newton.at(x, pressure)
+        found = self.newton.at(np.array(x), actuation)
         self._known.append(found)
         return found
 
-    def _state(self, found: Equilibrium, branch: Branch, wall_s: float) -> FemState:
-        """Piece to module: u = a θ, Π_module = c Π_piece, hence τ = −(c/a) ∂Π_piece/∂θ."""
-        point, (by_pressure, by_theta) = found.point, slopes(found.reduced)
-        angle, energy = self.problem.deformation_scale, self.problem.energy_scale
+    def _state(self, found: Equilibrium, held: tuple[str, ...], wall_s: float) -> FemState:
+        """Piece to module: u = c q, Π_module = E Π_piece, hence τ = −(E/c) ∂Π_piece/∂q."""
+        point, g, energy = found.point, self.assembler.globals, self.problem.energy_scale
+        by_actuation, by_axes = slopes(found.reduced, g.places)
+        places, scales = list(g.places), np.array(g.scales)
         return FemState(
-            actuation=point.pressure,
-            deformation=np.array([angle * point.x[-2]]),
-            tau=np.array([energy / angle * point.moment]),
-            dtau_dp=np.array([energy / angle * by_pressure]),
-            dtau_du=np.array([[energy / angle**2 * by_theta]]),
+            actuation=point.actuation,
+            deformation=scales * point.x[-g.count :][places],
+            tau=energy / scales * point.effort[places],
+            dtau_dp=energy / scales * by_actuation,
+            dtau_du=energy / np.outer(scales, scales) * by_axes,
             energy_j=energy * point.energy.value,
-            travel=energy * (point.cavity.value - self._cavity_at_rest),
-            held=() if branch == "free" else ("y",),
-            axial_strain=float(point.x[-1]),
-            branch=branch,
+            travel=energy * (point.travel.value - self._at_rest),
+            axial_strain=g.split(point.x)[1],
+            branch="constrained" if held else "free",
             status="self_contact" if self._overlaps(point.x) else "ok",
             iterations=found.iterations,
             wall_s=wall_s,
+            main=g.axes.index(self.problem.main_axis),
+            held=held,
             solution=point.x,
         )
 
     def _overlaps(self, x: Array) -> bool:
         """Whether skin nodes crossed a mirror plane that neighbouring convolutions share."""
-        strain, span = float(x[-1]), self.problem.span_m
+        strain, span = self.assembler.globals.split(x)[1], self.problem.span_m
         skin = np.unique(self.problem.mesh.skin)
         s = self.assembler.positions(x)[skin, 0] + strain * self.problem.mesh.nodes_m[skin, 0]
         beyond = {"start": -s.min(), "end": s.max() - (1 + strain) * span}
@@ -133,7 +151,7 @@ class SkfemSolver(ModuleSolver):
 
 
 class Skfem(FEMBackend):
-    """scikit-fem with a direct solver: bend-frame problems under pressure."""
+    """scikit-fem with a direct solver: rod-frame problems under pressure or by tendon."""
 
     config: SkfemConfig
 
@@ -144,8 +162,11 @@ class Skfem(FEMBackend):
         """Raises `UserError` for another frame or actuation than this backend knows."""
         if problem.frame != "rod":
             raise UserError(f"fem 'skfem' solves frame 'rod' only, not '{problem.frame}'.")
-        if problem.actuation != "pressure_pa":
+        if problem.actuation not in ("pressure_pa", "tendon_force_n"):
             raise UserError(
-                f"fem 'skfem' solves modules driven by 'pressure_pa' only, not '{problem.actuation}'."
+                f"fem 'skfem' solves modules driven by 'pressure_pa' or 'tendon_force_n', "
+                f"not '{problem.actuation}'."
             )
+        if problem.actuation == "tendon_force_n" and problem.tendon is None:
+            raise UserError("a module driven by 'tendon_force_n' needs its tendon; the problem has none.")
         return SkfemSolver(self.config, problem, material)

@@ -1,13 +1,13 @@
 """The cavity's volume as the potential of pressure: Π = U − p V.
 
-In section coordinates a volume element is λ ds dy dz. The field (0, y λ, 0) has divergence λ, and the end
-planes and the mirror plane y = 0 add nothing, so
+In section coordinates a volume element is λ ds dy dz, λ = 1 + k_y ρ_z − k_z ρ_y. The field (0, ρ_y h, 0) with
+h = 1 + k_y ρ_z − ½ k_z ρ_y has the divergence λ, and the end planes and the mirror plane y = 0 add nothing, so
 
-    V = −∫ y λ n_y dA     over the wetted faces, n dA = ∂s/∂a × ∂s/∂b da db pointing into the cavity.
+    V = −∫ ρ_y h n_y dA     over the wetted faces, n dA = ∂s/∂a × ∂s/∂b da db pointing into the cavity
 
-The thrust on the end sections is thereby exact and the stiffness of pressure symmetric.
-At a point V's density depends on g = (s_a, s_b, y, ζ, z_a, z_b, θ, e), with s_a = ∂(X + v_x)/∂a; the axial
-strain adds e ∂X/∂a.
+of half and of full sections. The thrust on the end sections is thereby exact, the stiffness of pressure
+symmetric. At a point V's density depends on (s_a, s_b | ρ_y | z_a, z_b, ρ_z | k, e), with s_a = ∂(X + v_x)/∂a;
+the axial strain adds e ∂X/∂a.
 """
 
 from __future__ import annotations
@@ -15,42 +15,58 @@ from __future__ import annotations
 import numpy as np
 
 from pliant.records.design import Array
-from pliant_plugins.fem.skfem.kinematics import BendFrame, Pointwise
+from pliant_plugins.fem.skfem.kinematics import Pointwise
+from pliant_plugins.fem.skfem.unknowns import Globals
 
-Y = 2
-LAMBDA = (3, 6, 7)  # places of ζ, θ, e in g
-NORMAL = (0, 1, 4, 5, 7)  # places of s_a, s_b, z_a, z_b, e
-
-
-def volume(
-    frame: BendFrame, s: Array, y: Array, zeta: Array, z: Array, X: Array, theta: float, strain: float
-) -> Pointwise:
-    """Density −y λ n_y per da db. Shapes: y and ζ (f, q); s, z, X (f, q, 2), slopes along a and b."""
-    stretch, d_stretch, dd_stretch = frame.stretch(zeta, theta, strain)
-    sa, sb = s[..., 0] + strain * X[..., 0], s[..., 1] + strain * X[..., 1]
-    za, zb = z[..., 0], z[..., 1]
-    n = za * sb - sa * zb
-
-    shape = (*y.shape, 8)
-    dn, ds = np.zeros(shape), np.zeros(shape)
-    dn[..., NORMAL] = np.stack([-zb, za, sb, -sa, za * X[..., 1] - zb * X[..., 0]], axis=-1)
-    ds[..., LAMBDA] = d_stretch
-    ddn, dds = np.zeros((*shape, 8)), np.zeros((*shape, 8))
-    for i, j, value in ((0, 5, -1.0), (1, 4, 1.0), (4, 7, X[..., 1]), (5, 7, -X[..., 0])):
-        ddn[..., i, j] = ddn[..., j, i] = value
-    dds[..., np.array(LAMBDA)[:, None], np.array(LAMBDA)] = dd_stretch
-
-    # product rule for y λ n
-    dy = np.zeros(8)
-    dy[Y] = 1.0
-    gradient = (stretch * n)[..., None] * dy + (y * n)[..., None] * ds + (y * stretch)[..., None] * dn
-    pairs = n[..., None, None] * _outer(dy, ds) + stretch[..., None, None] * _outer(dy, dn)
-    pairs += y[..., None, None] * _outer(ds, dn)
-    hessian = pairs + (y * n)[..., None, None] * dds + (y * stretch)[..., None, None] * ddn
-    return Pointwise(-y * stretch * n, -gradient, -hessian)
+SA, SB, Y, ZA, ZB, Z, FRAME = range(7)
 
 
-def _outer(a: Array, b: Array) -> Array:
-    """a ⊗ b + b ⊗ a."""
-    product = a[..., :, None] * b[..., None, :]
-    return product + np.swapaxes(product, -1, -2)
+def volume(active: Globals, slopes: Array, rho: Array, X: Array, k: Array, strain: float) -> Pointwise:
+    """Density −ρ_y h n_y per da db.
+
+    Shapes: slopes (f, q, 3, 2) of (s, y, z) along a and b, without e; ρ (f, q, 2); X (f, q, 2) slopes of X.
+    """
+    flux, df, ddf = _potential(active, rho, k)
+    normal, dn, ddn = _normal(active, slopes, X, strain)
+    product = df[..., :, None] * dn[..., None, :]
+    hessian = product + np.swapaxes(product, -1, -2)
+    hessian += flux[..., None, None] * ddn + normal[..., None, None] * ddf
+    gradient = flux[..., None] * dn + normal[..., None] * df
+    return Pointwise(-flux * normal, -gradient, -hessian)
+
+
+def _potential(active: Globals, rho: Array, k: Array) -> tuple[Array, Array, Array]:
+    """f = ρ_y h and its first and second derivatives."""
+    y, z = rho[..., 0], rho[..., 1]
+    n = FRAME + active.count
+    first, second = np.zeros((*y.shape, n)), np.zeros((*y.shape, n, n))
+    first[..., Y], first[..., Z] = 1 + k[1] * z - k[2] * y, k[1] * y
+    second[..., Y, Y] = -k[2]
+    second[..., Y, Z] = second[..., Z, Y] = k[1]
+    for place, turn in enumerate(active.turns, FRAME):
+        if turn == 1:
+            first[..., place] = y * z
+            second[..., place, Y] = second[..., Y, place] = z
+            second[..., place, Z] = second[..., Z, place] = y
+        if turn == 2:
+            first[..., place] = -0.5 * y**2
+            second[..., place, Y] = second[..., Y, place] = -y
+    return y * (1 + k[1] * z - 0.5 * k[2] * y), first, second
+
+
+def _normal(active: Globals, slopes: Array, X: Array, strain: float) -> tuple[Array, Array, Array]:
+    """n_y = z_a s_b − s_a z_b and its first and second derivatives."""
+    za, zb = slopes[..., 2, :].transpose(2, 0, 1)
+    Xa, Xb = X.transpose(2, 0, 1)
+    sa, sb = slopes[..., 0, 0] + strain * Xa, slopes[..., 0, 1] + strain * Xb
+    n = FRAME + active.count
+    first, second = np.zeros((*za.shape, n)), np.zeros((*za.shape, n, n))
+    for place, value in ((SA, -zb), (SB, za), (ZA, sb), (ZB, -sa)):
+        first[..., place] = value
+    pairs = [(SA, ZB, -1.0), (SB, ZA, 1.0)]
+    if active.stretches:
+        first[..., -1] = za * Xb - zb * Xa
+        pairs += [(ZA, n - 1, Xb), (ZB, n - 1, -Xa)]
+    for i, j, value in pairs:
+        second[..., i, j] = second[..., j, i] = value
+    return za * sb - sa * zb, first, second

@@ -1,11 +1,11 @@
 """The system at one point, reduced to its globals.
 
-With v the free displacements, g = (θ, e), Π = U − p V, and K = Π_vv factorised once, four back-substitutions
-Z = K⁻¹ [r_v, Π_vθ, Π_ve, V_v] give everything else: Newton's step under either control,
+With v the unknown displacements, q the globals, Π = U − a W (actuation a, what it works on W), and K = Π_vv
+factorised once, back-substitutions Z = K⁻¹ [r_v, Π_vq, W_v] give everything else: Newton's step under any control,
 
-    S ΔG = −ρ + b Δp,    S = Π_gg − Π_gv K⁻¹ Π_vg,   ρ = r_g − Π_gv K⁻¹ r_v,   b = V_g − Π_gv K⁻¹ V_v
+    S Δq = −ρ + b Δa,    S = Π_qq − Π_qv K⁻¹ Π_vq,   ρ = r_q − Π_qv K⁻¹ r_v,   b = W_q − Π_qv K⁻¹ W_v
 
-and, at equilibrium, the exact slopes of the reaction to θ.
+and, at equilibrium, the exact slopes of the reactions to the joint's axes.
 """
 
 from __future__ import annotations
@@ -13,83 +13,95 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pliant.records.design import Array
-from pliant_plugins.fem.skfem.assembly import Pattern, Terms
 from pliant_plugins.fem.skfem.linear import LinearSolver
+from pliant_plugins.fem.skfem.pattern import Pattern
+from pliant_plugins.fem.skfem.terms import Terms
+
+
+@dataclass(frozen=True, eq=False)
+class Control:
+    """What is prescribed.
+
+    Attributes:
+        actuation: Pa or N.
+        held: (G,) which globals are held.
+        goal: (G,) values of those that are held.
+        effort: (G,) external efforts on the piece that oppose the others; zero at a target.
+    """
+
+    actuation: float
+    held: NDArray[np.bool_]
+    goal: Array
+    effort: Array
 
 
 @dataclass(frozen=True, eq=False)
 class Reduced:
-    """Back-substitutions Z (n, 4) and the reduced system in (θ, e)."""
+    """Back-substitutions Z (n, G + 2) and the reduced system in the globals."""
 
     solved: Array
-    stiffness: Array  # S (2, 2)
-    residual: Array  # ρ (2,)
-    actuation: Array  # b (2,)
+    stiffness: Array  # S (G, G)
+    residual: Array  # ρ (G,)
+    actuation: Array  # b (G,)
 
 
 @dataclass(frozen=True, eq=False)
 class Point:
-    """A trial state x at pressure p: U and V to second order there."""
+    """A trial state x at one actuation: U and W to second order there."""
 
     x: Array
-    pressure: float
+    actuation: float
     energy: Terms
-    cavity: Terms
+    travel: Terms
+
+    @property
+    def globals(self) -> int:
+        """G."""
+        return int(self.energy.border.shape[1])
 
     @property
     def residual(self) -> Array:
-        """∂Π/∂x over all dofs; its place of θ is minus the external moment on the piece."""
-        return self.energy.gradient - self.pressure * self.cavity.gradient
+        """∂Π/∂x over all dofs; its last G are minus the external efforts on the piece."""
+        return self.energy.gradient - self.actuation * self.travel.gradient
 
     @property
-    def moment(self) -> float:
-        """External moment (N·m) on the piece that opposes θ: −∂Π/∂θ."""
-        return float(-self.residual[-2])
+    def effort(self) -> Array:
+        """External efforts (G,) on the piece that oppose its globals: −∂Π/∂q."""
+        return -self.residual[-self.globals :]
 
     def reduce(self, pattern: Pattern, solver: LinearSolver) -> Reduced:
         """Factorise and condense. Raises `SingularMatrixError`."""
-        potential = self.energy.minus(self.pressure, self.cavity)
-        free = pattern.free
-        columns = np.column_stack([potential.gradient, potential.border, self.cavity.gradient])
-        solved = solver.solve(potential.matrix, columns[free])
-        border = potential.border[free]
-        full = columns[-2:] - border.T @ solved
-        return Reduced(solved, full[:, 1:3], full[:, 0], full[:, 3])
+        potential, G = self.energy.plus(-self.actuation, self.travel), self.globals
+        columns = np.column_stack([potential.gradient, potential.border, self.travel.gradient])
+        reduced = pattern.reduce(columns[:-G])
+        solved = solver.solve(potential.matrix, reduced)
+        full = columns[-G:] - reduced[:, 1:-1].T @ solved
+        return Reduced(solved, full[:, 1:-1], full[:, 0], full[:, -1])
 
 
-def newton_step(
-    point: Point,
-    reduced: Reduced,
-    pattern: Pattern,
-    pressure: float,
-    theta: float | None,
-    moment: float,
-) -> Array:
-    """Newton's step towards `pressure` and an angle or, where `theta` is None, an opposing moment.
+def newton_step(point: Point, reduced: Reduced, pattern: Pattern, control: Control) -> Array:
+    """Newton's step towards a control.
 
-    Pressure, angle and all dofs move together along the tangent, so that no part is left behind.
+    Actuation, held globals and all dofs move together along the tangent, so that no part is left behind.
     """
-    rise = pressure - point.pressure
-    right = -reduced.residual + reduced.actuation * rise
-    S = reduced.stiffness
-    if theta is None:
-        right[0] -= moment
-        globals_ = np.linalg.solve(S, right)
-    else:
-        turn = theta - point.x[-2]
-        globals_ = np.array([turn, (right[1] - S[1, 0] * turn) / S[1, 1]])
-    step = np.zeros_like(point.x)
+    rise, held, free = control.actuation - point.actuation, control.held, ~control.held
+    globals_ = np.zeros(point.globals)
+    globals_[held] = (control.goal - point.x[-point.globals :])[held]
+    right = -reduced.residual + reduced.actuation * rise - control.effort - reduced.stiffness @ globals_
+    globals_[free] = np.linalg.solve(reduced.stiffness[np.ix_(free, free)], right[free])
     Z = reduced.solved
-    step[pattern.free] = -Z[:, 0] - Z[:, 1:3] @ globals_ + Z[:, 3] * rise
-    step[-2:] = globals_
-    return step
+    inner = -Z[:, 0] - Z[:, 1:-1] @ globals_ + Z[:, -1] * rise
+    return np.concatenate([pattern.expand(inner), globals_])
 
 
-def slopes(reduced: Reduced) -> tuple[float, float]:
-    """(∂M/∂p, ∂M/∂θ) of the opposing moment M on the piece, all else at equilibrium."""
-    S, b = reduced.stiffness, reduced.actuation
-    by_pressure = b[0] - S[0, 1] * b[1] / S[1, 1]
-    by_theta = -(S[0, 0] - S[0, 1] ** 2 / S[1, 1])
-    return float(by_pressure), float(by_theta)
+def slopes(reduced: Reduced, axes: tuple[int, ...]) -> tuple[Array, Array]:
+    """(∂M/∂a (k,), ∂M/∂q (k, k)) of the efforts M that oppose the globals `axes`, all others at equilibrium."""
+    S, b, joint = reduced.stiffness, reduced.actuation, np.array(axes)
+    others = np.setdiff1d(np.arange(len(b)), joint)
+    lever = np.asarray(np.linalg.solve(S[np.ix_(others, others)], S[np.ix_(others, joint)]), float)
+    by_actuation = b[joint] - lever.T @ b[others]
+    by_axes = S[np.ix_(joint, others)] @ lever - S[np.ix_(joint, joint)]
+    return by_actuation, 0.5 * (by_axes + by_axes.T)

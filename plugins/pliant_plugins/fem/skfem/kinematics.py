@@ -1,14 +1,15 @@
-"""The bend frame: how a piece between two plane cross-sections bends by θ.
+"""The rod frame: how a piece between two cross-sections turns by the rotation vector Θ.
 
-    s = (1 + e) X + v_x,  y = Y + v_y,  ζ = Z + v_z − z₀      section coordinates of a material point
-    κ = θ / ((1 + e) L),  λ = 1 + κ ζ                          curvature of the line ζ = 0, stretch of a fibre
-    F = diag(λ, 1, 1) (S + e e₁⊗e₁),  S = I + ∇v               deformation gradient, less the rotation
+    x = r(s₁) + R(s₁) (0, ρ),  R' = R [k]×,  k = Θ / ((1 + e) L)      the line is a helix, k constant
+    s₁ = (1 + e) X + v_x,  ρ = (Y + v_y, Z + v_z − z₀)                section coordinates of a material point
+    F = S + g ⊗ S₁,  S = I + ∇v + e e₁⊗e₁,  g = k × ρ                 deformation gradient, less the rotation R
 
-With v_x = 0 on both end planes they stay plane, and the end section is turned by exactly θ; θ and e are two
-unknowns beside v. The section's rotation drops out of any objective energy.
+With v_x = 0 on both end planes they stay plane, and the end section is turned by exactly Θ; Θ and e are
+unknowns beside v. The section's rotation drops out of any objective energy. S₁ is the first row of S.
 
-At a point everything depends on twelve variables g = (S₁₁ … S₃₃, ζ, θ, e): this module gives a density's
-value, gradient and Hessian in them; `assembly` carries those to the nodes.
+At a point everything depends on S, ρ, k and e (`Variables`): this module gives a density's value, gradient and
+Hessian in them; `assembly` carries those to the nodes, `Globals.chain` from k to Θ.
+Source: Antman, Nonlinear Problems of Elasticity (2005), ch. 8 (rod-theoretic frames); ours: k constant.
 """
 
 from __future__ import annotations
@@ -19,10 +20,15 @@ import numpy as np
 
 from pliant.interfaces.material import Material
 from pliant.records.design import Array
+from pliant.records.fem import IntArray
 from pliant_plugins.fem.skfem.basis import CellData
 from pliant_plugins.fem.skfem.dilatation import averaged, pointwise
+from pliant_plugins.fem.skfem.unknowns import Globals
 
-ZETA, STRAIN = 9, 11  # places of ζ and e in g; θ lies between
+# ∂²g_i/∂a∂b with a, b among (ρ_y, ρ_z, k_x, k_y, k_z): g = k × ρ is bilinear, ρ = (0, ρ_y, ρ_z).
+CROSS = np.zeros((3, 5, 5))
+for _i, _a, _b, _sign in ((0, 1, 3, 1.0), (0, 0, 4, -1.0), (1, 1, 2, -1.0), (2, 0, 2, 1.0)):
+    CROSS[_i, _a, _b] = CROSS[_i, _b, _a] = _sign
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,49 +40,11 @@ class Pointwise:
     hessian: Array
 
 
-@dataclass(frozen=True)
-class BendFrame:
-    """Length L of the undeformed piece and height z₀ of the line whose strain is e."""
-
-    span_m: float
-    reference_z_m: float
-
-    def curvature(self, theta: float, strain: float) -> float:
-        """κ = θ / ((1 + e) L)."""
-        return theta / ((1 + strain) * self.span_m)
-
-    def stretch(self, zeta: Array, theta: float, strain: float) -> tuple[Array, Array, Array]:
-        """λ and its derivatives in (ζ, θ, e): (...,), (..., 3), (..., 3, 3)."""
-        kappa = self.curvature(theta, strain)
-        by_theta, by_strain = 1 / ((1 + strain) * self.span_m), -kappa / (1 + strain)
-        mixed, twice = -by_theta / (1 + strain), 2 * kappa / (1 + strain) ** 2
-        first = np.stack([np.full_like(zeta, kappa), by_theta * zeta, by_strain * zeta], axis=-1)
-        second = np.zeros((*zeta.shape, 3, 3))
-        second[..., 0, 1] = second[..., 1, 0] = by_theta
-        second[..., 0, 2] = second[..., 2, 0] = by_strain
-        second[..., 1, 2] = second[..., 2, 1] = mixed * zeta
-        second[..., 2, 2] = twice * zeta
-        return 1 + kappa * zeta, first, second
-
-    def place(self, section: Array, theta: float, strain: float) -> Array:
-        """Positions (n, 3) in space of section coordinates (s, y, z) (n, 3); the section s = 0 stays at rest.
-
-        The line ζ = 0 is an arc of curvature κ that turns toward −z.
-        """
-        s, y, zeta = section[:, 0], section[:, 1], section[:, 2] - self.reference_z_m
-        kappa = self.curvature(theta, strain)
-        turn = kappa * s
-        # sinc keeps the straight piece regular
-        along, drop = s * np.sinc(turn / np.pi), -s * np.sinc(turn / (2 * np.pi)) * np.sin(turn / 2)
-        x = along + zeta * np.sin(turn)
-        return np.stack([x, y, self.reference_z_m + drop + zeta * np.cos(turn)], axis=-1)
-
-
 @dataclass(frozen=True, eq=False)
 class SolidDensity(Pointwise):
     """Strain energy density, with what completes its Hessian through the cell's dilatation Ĵ.
 
-    `volume` = ∂J/∂g and `coupling` = ∂²W/∂g∂Ĵ (m, q, 12), `curvature` = ∂²W/∂Ĵ² (m, q); see `dilatation`.
+    `volume` = ∂J/∂g and `coupling` = ∂²W/∂g∂Ĵ (m, q, n), `curvature` = ∂²W/∂Ĵ² (m, q); see `dilatation`.
     """
 
     volume: Array
@@ -84,43 +52,125 @@ class SolidDensity(Pointwise):
     curvature: Array
 
 
+@dataclass(frozen=True, eq=False)
+class Variables:
+    """Order of the variables (S₁ | S₂, ρ_y | S₃, ρ_z | k, e), those left out that the active globals do not need.
+
+    Attributes:
+        S: (9,) places of S, row by row.
+        frame: places of those of (ρ_y, ρ_z, k_x, k_y, k_z) that are used; `used` their indices there.
+        lateral: whether ρ_y, ρ_z are used.
+        rows: rows of F that the frame changes beside S: 1 without twist, else 3.
+        strain: place of e, or None.
+        count: number of variables.
+    """
+
+    S: IntArray
+    frame: IntArray
+    used: IntArray
+    lateral: tuple[bool, bool]
+    rows: int
+    strain: int | None
+    count: int
+
+    @staticmethod
+    def of(active: Globals) -> Variables:
+        """The variables that the active globals need."""
+        twist, up, side = (i in active.turns for i in range(3))
+        y, z = twist or side, twist or up
+        S = np.array([0, 1, 2, 3, 4, 5, 6 + y, 7 + y, 8 + y])
+        first = 9 + y + z
+        frame = [6] * y + [9 + y] * z + list(range(first, first + len(active.turns)))
+        used = [0] * y + [1] * z + [2 + i for i in active.turns]
+        count = first + active.count
+        return Variables(
+            S=S,
+            frame=np.array(frame, int),
+            used=np.array(used, int),
+            lateral=(y, z),
+            rows=3 if twist else 1,
+            strain=count - 1 if active.stretches else None,
+            count=count,
+        )
+
+
 def strain_energy(
-    frame: BendFrame,
+    variables: Variables,
     material: Material,
     cells: CellData,
     S: Array,
-    zeta: Array,
-    theta: float,
+    rho: Array,
+    k: Array,
     strain: float,
 ) -> SolidDensity | None:
-    """Strain energy density W(F(g)) at points S (m, q, 3, 3), ζ (m, q); `None` where a cell is inverted."""
-    stretch, d_stretch, dd_stretch = frame.stretch(zeta, theta, strain)
-    first_row = S[..., 0, :] + strain * np.array([1.0, 0.0, 0.0])
+    """Strain energy density W(F) at S (m, q, 3, 3), without e, and ρ (m, q, 2); `None` where a cell is inverted."""
+    frame, rows, e = variables.frame, variables.rows, variables.strain
+    bilinear = CROSS[:rows][:, variables.used][:, :, variables.used]
+    point = np.concatenate([rho, np.broadcast_to(k, (*rho.shape[:-1], 3))], axis=-1)[..., variables.used]
+    dg = np.tensordot(point, bilinear, axes=(-1, 2))  # (m, q, rows, used)
+    g = 0.5 * np.einsum("mqia,mqa->mqi", dg, point)
+
+    first = S[..., 0, :] + strain * np.array([1.0, 0.0, 0.0])
     F = S.copy()
-    F[..., 0, :] = stretch[..., None] * first_row
+    F[..., 0, :] = first
+    F[..., :rows, :] += g[..., None] * first[..., None, :]
     law = pointwise(material, F) if cells.modes is None else averaged(material, F, cells.modes, cells.weight)
     if law is None:
         return None
 
-    # ∂F/∂g (9 × 12): only the first row of F depends on more than S
-    dF = np.zeros((*zeta.shape, 9, 12))
-    row, other = np.arange(3), np.arange(3, 9)
-    dF[..., row, row] = stretch[..., None]
-    dF[..., other, other] = 1.0
-    dF[..., :3, ZETA:] = first_row[..., :, None] * d_stretch[..., None, :]
-    dF[..., 0, STRAIN] += stretch
-
+    dF = _slope(variables, g, dg, first)
     pulled = np.stack([law.stress, law.volume, law.coupling], axis=-2) @ dF
     hessian = np.swapaxes(dF, -1, -2) @ (law.tangent @ dF)
-    # P : ∂²F/∂g²
-    P0 = law.stress[..., :3]
-    coupling = P0[..., :, None] * d_stretch[..., None, :]
-    hessian[..., :3, ZETA:] += coupling
-    hessian[..., ZETA:, :3] += np.swapaxes(coupling, -1, -2)
-    work = np.einsum("...j,...j->...", P0, first_row)
-    hessian[..., ZETA:, ZETA:] += work[..., None, None] * dd_stretch
-    hessian[..., ZETA:, STRAIN] += P0[..., :1] * d_stretch
-    hessian[..., STRAIN, ZETA:] += P0[..., :1] * d_stretch
+    # P : ∂²F, which is in S₁ ⊗ g, e ⊗ g and g itself
+    P = law.stress[..., : 3 * rows].reshape(*g.shape, 3)
+    mixed = np.swapaxes(P, -1, -2) @ dg  # (m, q, 3, used)
+    hessian[..., :3, frame] += mixed
+    hessian[..., frame, :3] += np.swapaxes(mixed, -1, -2)
+    work = (P @ first[..., None])[..., 0]
+    hessian[..., frame[:, None], frame] += np.tensordot(work, bilinear, axes=1)
+    if e is not None:
+        hessian[..., frame, e] += mixed[..., 0, :]
+        hessian[..., e, frame] += mixed[..., 0, :]
     return SolidDensity(
         law.energy, pulled[..., 0, :], hessian, pulled[..., 1, :], pulled[..., 2, :], law.curvature
     )
+
+
+def _slope(variables: Variables, g: Array, dg: Array, first: Array) -> Array:
+    """∂F/∂(variables) (m, q, 9, n)."""
+    dF = np.zeros((*g.shape[:2], 9, variables.count))
+    entry, row = np.arange(9), np.arange(3)
+    dF[..., entry, variables.S] = 1.0
+    for i in range(variables.rows):
+        dF[..., 3 * i + row, row] += g[..., i, None]
+        dF[..., 3 * i : 3 * i + 3, variables.frame] = first[..., :, None] * dg[..., i, None, :]
+        if variables.strain is not None:
+            dF[..., 3 * i, variables.strain] = g[..., i] + (i == 0)
+    return dF
+
+
+def placed(section: Array, k: Array, reference_z_m: float) -> Array:
+    """Positions (n, 3) in space of section coordinates (s, y, z) (n, 3); the section s = 0 stays at rest.
+
+    r(s) = ∫₀ˢ R e₁ and R = exp(s [k]×) in closed form (Rodrigues).
+    """
+    s, rho = section[:, 0], section[:, 1:] - np.array([0.0, reference_z_m])
+    curvature = float(np.linalg.norm(k))
+    angle = curvature * s
+    K = np.array([[0.0, -k[2], k[1]], [k[2], 0.0, -k[0]], [-k[1], k[0], 0.0]])
+    # sin φ/φ and (1 − cos φ)/φ² as sinc: regular in the straight piece
+    once, twice = np.sinc(angle / np.pi), 0.5 * np.sinc(angle / (2 * np.pi)) ** 2
+    offset = np.column_stack([np.zeros_like(s), rho])
+    turned = offset + (once * s)[:, None] * (offset @ K.T) + (twice * s**2)[:, None] * (offset @ (K @ K).T)
+    third = _third(angle)  # (φ − sin φ)/φ³
+    e = np.array([1.0, 0.0, 0.0])
+    line = s[:, None] * e + (twice * s**2)[:, None] * (K @ e) + (third * s**3)[:, None] * (K @ K @ e)
+    return turned + line + np.array([0.0, 0.0, reference_z_m])
+
+
+def _third(angle: Array) -> Array:
+    """(φ − sin φ) / φ³."""
+    small = np.abs(angle) < 0.1
+    safe = np.where(small, 1.0, angle)
+    series = 1 / 6 - angle**2 / 120 + angle**4 / 5040 - angle**6 / 362880
+    return np.where(small, series, (safe - np.sin(safe)) / safe**3)

@@ -14,7 +14,7 @@ from scipy import sparse
 
 from pliant.errors import MissingDependencyError
 from pliant.records.design import Array
-from pliant_plugins.fem.skfem.assembly import Pattern
+from pliant_plugins.fem.skfem.pattern import Pattern
 
 
 class SingularMatrixError(ArithmeticError):

@@ -1,4 +1,4 @@
-"""Newton's method from one equilibrium to a neighbouring one, under pressure, moment or rotation control."""
+"""Newton's method from one equilibrium to a neighbouring one, under control of actuation and joint axes."""
 
 from __future__ import annotations
 
@@ -8,21 +8,12 @@ import numpy as np
 
 from pliant.records.design import Array
 from pliant_plugins.fem.skfem.assembly import Assembler
-from pliant_plugins.fem.skfem.condense import Point, Reduced, newton_step
+from pliant_plugins.fem.skfem.condense import Control, Point, Reduced, newton_step
 from pliant_plugins.fem.skfem.linear import LinearSolver, SingularMatrixError
 
 TOO_LONG = 0.05  # strain (root mean square) of the first correction: beyond, two half steps are cheaper
 ON_THE_WAY = 1e-3  # strain at which an intermediate step is good enough to go on from
 SHORTEST = 1 / 32  # fraction of a Newton step below which the line search gives up
-
-
-@dataclass(frozen=True)
-class Control:
-    """What is prescribed: pressure, and the angle θ or, where that is None, the piece's opposing moment."""
-
-    pressure: float
-    theta: float | None
-    moment: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,9 +47,9 @@ class Newton:
         self._unit = float(shear * assembler.volume_m3)
         self._enough = tolerance**2 * self._unit
 
-    def at(self, x: Array, pressure: float) -> Equilibrium:
+    def at(self, x: Array, actuation: float) -> Equilibrium:
         """The system at x, which the caller knows to be an equilibrium."""
-        point = self._evaluate(x, pressure)
+        point = self._evaluate(x, actuation)
         if point is None:
             raise DivergedError("the state to start from has inverted cells")
         return Equilibrium(point, self._reduce(point), 0)
@@ -74,7 +65,7 @@ class Newton:
             try:
                 last = length <= 0.5**self.max_halvings
                 here = self._step(here, _between(start.point, target, goal), goal == 1.0, last)
-            except (DivergedError, SingularMatrixError) as error:
+            except (DivergedError, SingularMatrixError, np.linalg.LinAlgError) as error:
                 length /= 2
                 if length < 0.5**self.max_halvings:
                     raise DivergedError(f"{error}; stopped after {reached:.0%} of the load step") from error
@@ -89,16 +80,16 @@ class Newton:
         predictor leaves much to correct.
         """
         enough = self._enough if final else max(self._enough, ON_THE_WAY**2 * self._unit)
-        step = newton_step(start.point, start.reduced, self.assembler.pattern, *_fields(target))
-        point = self._evaluate(start.point.x + step, target.pressure)
+        step = newton_step(start.point, start.reduced, self.assembler.pattern, target)
+        point = self._evaluate(start.point.x + step, target.actuation)
         for iteration in range(1, self.max_iterations + 1):
             if point is None:
                 raise DivergedError("the tangent predictor inverts cells")
             reduced = self._reduce(point)
-            step = newton_step(point, reduced, self.assembler.pattern, *_fields(target))
+            step = newton_step(point, reduced, self.assembler.pattern, target)
             decrement = self._work(point, step, target)
             if decrement <= enough:
-                found = self._evaluate(point.x + step, target.pressure)
+                found = self._evaluate(point.x + step, target.actuation)
                 if found is None:
                     raise DivergedError("the last step inverts cells")
                 return Equilibrium(found, self._reduce(found), iteration + 1)
@@ -111,7 +102,7 @@ class Newton:
         """The first of 1, ½, ¼ … of the step after which the residual works less along it."""
         length = 1.0
         while length >= SHORTEST:
-            trial = self._evaluate(point.x + length * step, target.pressure)
+            trial = self._evaluate(point.x + length * step, target.actuation)
             if trial is not None and self._work(trial, step, target) <= 0.9 * decrement:
                 return trial
             length /= 2
@@ -119,15 +110,15 @@ class Newton:
 
     def _work(self, point: Point, step: Array, target: Control) -> float:
         """|residual · step| over the unknowns, in J."""
-        residual = point.residual
-        residual[-2] = residual[-2] + target.moment if target.theta is None else 0.0
+        residual, G = point.residual, point.globals
+        residual[-G:] = np.where(target.held, 0.0, residual[-G:] + target.effort)
         return abs(float(residual @ step))
 
-    def _evaluate(self, x: Array, pressure: float) -> Point | None:
-        if not (np.all(np.isfinite(x)) and x[-1] > -1):
+    def _evaluate(self, x: Array, actuation: float) -> Point | None:
+        if not (np.all(np.isfinite(x)) and self.assembler.globals.split(x)[1] > -1):
             return None
-        energy = self.assembler.strain_energy(x)
-        return None if energy is None else Point(x, pressure, energy, self.assembler.cavity(x))
+        energy = self.assembler.elastic_energy(x)
+        return None if energy is None else Point(x, actuation, energy, self.assembler.travel(x))
 
     def _reduce(self, point: Point) -> Reduced:
         reduced = point.reduce(self.assembler.pattern, self.solver)
@@ -136,17 +127,14 @@ class Newton:
         return reduced
 
 
-def _fields(control: Control) -> tuple[float, float | None, float]:
-    return control.pressure, control.theta, control.moment
-
-
 def _between(start: Point, target: Control, fraction: float) -> Control:
     """The control on the straight way from `start` to `target`."""
-
-    def mix(a: float, b: float) -> float:
-        return b if fraction == 1.0 else a + fraction * (b - a)
-
-    pressure = mix(start.pressure, target.pressure)
-    if target.theta is None:
-        return Control(pressure, None, mix(start.moment, target.moment))
-    return Control(pressure, mix(float(start.x[-2]), target.theta))
+    if fraction == 1.0:
+        return target
+    here = start.x[-start.globals :]
+    return Control(
+        start.actuation + fraction * (target.actuation - start.actuation),
+        target.held,
+        here + fraction * (target.goal - here),
+        np.where(target.held, 0.0, start.effort + fraction * (target.effort - start.effort)),
+    )

@@ -1,0 +1,91 @@
+"""Where local entries go: the sparse matrix over the unknowns and the maps between them and the dofs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import sparse
+
+from pliant.records.design import Array
+from pliant.records.fem import IntArray
+from pliant_plugins.fem.skfem.unknowns import Constraints
+
+
+@dataclass(frozen=True, eq=False)
+class Pattern:
+    """Upper triangle of the matrix over the unknowns, in compressed rows.
+
+    Attributes:
+        free: (n,) one dof of each unknown.
+        spread: (size, n) all dofs from the unknowns.
+    """
+
+    free: IntArray
+    spread: sparse.csr_matrix
+    indptr: IntArray
+    indices: IntArray
+
+    @property
+    def size(self) -> int:
+        """Number of unknowns."""
+        return len(self.free)
+
+    def expand(self, unknowns: Array) -> Array:
+        """All dofs from the unknowns (n,) or (n, k)."""
+        return np.asarray(self.spread @ unknowns)
+
+    def reduce(self, forces: Array) -> Array:
+        """What is conjugate to the unknowns, from what is conjugate to the dofs (size, k)."""
+        return np.asarray(self.spread.T @ forces)
+
+
+@dataclass(frozen=True, eq=False)
+class Scatter:
+    """Where local entries go.
+
+    Attributes:
+        dofs: (m, k).
+        chosen: places of the upper triangle's entries in the local matrices (m, k, k), flat.
+        slot: place of each in the matrix's values.
+        factor: sign of each, twice where two local dofs follow one unknown; None where all are 1.
+    """
+
+    dofs: IntArray
+    chosen: IntArray
+    slot: IntArray
+    factor: Array | None
+
+    def values(self, local: Array, count: int) -> Array:
+        """The matrix's values (count,) from local matrices (m, k, k)."""
+        entries = np.asarray(local.reshape(-1)[self.chosen], float)
+        if self.factor is not None:
+            entries *= self.factor
+        return np.bincount(self.slot, entries, minlength=count).astype(float, copy=False)
+
+    def totals(self, local: Array, size: int) -> Array:
+        """Sums over the dofs (size, k) of local columns (m, dofs, k)."""
+        flat = self.dofs.ravel()
+        return np.column_stack([np.bincount(flat, c.ravel(), size) for c in np.moveaxis(local, -1, 0)])
+
+
+def sparsity(constraints: Constraints, groups: list[IntArray]) -> tuple[Pattern, list[Scatter]]:
+    """The matrix's pattern for groups of local dofs (m, k), and each group's scatter."""
+    number, sign, n = constraints.number, constraints.sign, len(constraints.first)
+    entries = []
+    for dofs in groups:
+        k = dofs.shape[1]
+        row, column = np.triu_indices(k)
+        i, j = number[dofs[:, row]], number[dofs[:, column]]
+        offset = np.arange(len(dofs))[:, None] * k * k + row * k + column
+        keep = (i >= 0) & (j >= 0)
+        factor = sign[dofs[:, row]] * sign[dofs[:, column]] * np.where((i == j) & (row != column), 2.0, 1.0)
+        key = np.minimum(i, j)[keep] * n + np.maximum(i, j)[keep]
+        entries.append((dofs, offset[keep], key, factor[keep]))
+    keys = np.unique(np.concatenate([entry[2] for entry in entries]))
+    indptr = np.concatenate([[0], np.cumsum(np.bincount(keys // n, minlength=n))])
+    scatter = [
+        Scatter(dofs, chosen, np.searchsorted(keys, key), None if np.all(factor == 1) else factor)
+        for dofs, chosen, key, factor in entries
+    ]
+    return Pattern(constraints.first, constraints.spread, indptr, keys % n), scatter

@@ -1,0 +1,192 @@
+"""What a module is solved for: nodal displacements under constraints, and the rod's globals (Θ, e).
+
+x = (v, q): three displacements per node, node by node, then the active ones of Θ_x, Θ_y, Θ_z, e in that order.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import sparse
+
+from pliant.errors import ContractError, UserError
+from pliant.records.design import Array
+from pliant.records.fem import IntArray, ModuleProblem
+
+AXES = ("x", "y", "z")
+STRAIN = 3  # place of e among the four globals
+
+
+@dataclass(frozen=True)
+class Globals:
+    """The active globals q of a problem.
+
+    Attributes:
+        span_m: length L of the undeformed piece.
+        active: places among (Θ_x, Θ_y, Θ_z, e).
+        axes: names of the joint's axes, in the joint's order.
+        places: place in q of each axis; a problem without axes and stretch has v alone.
+        scales: module coordinate u = scale · q by axis (rad or m).
+    """
+
+    span_m: float
+    active: tuple[int, ...]
+    axes: tuple[str, ...]
+    places: tuple[int, ...]
+    scales: tuple[float, ...]
+
+    @staticmethod
+    def of(problem: ModuleProblem) -> Globals:
+        """Raises `UserError` for axes that the joint cannot have."""
+        axes, scale = problem.axes, problem.deformation_scale
+        if axes and problem.main_axis not in axes:
+            raise UserError(f"main axis '{problem.main_axis}' is not among the module's axes {list(axes)}.")
+        if problem.joint == "prismatic":
+            if axes != ("x",):
+                raise UserError(f"a prismatic module has the axis 'x' alone, not {list(axes)}.")
+            return Globals(problem.span_m, (STRAIN,), axes, (0,), (scale * problem.span_m,))
+        if not set(axes) <= set(AXES) or len(set(axes)) < len(axes):
+            raise UserError(f"a module's axes are distinct ones of x, y, z, not {list(axes)}.")
+        turns = sorted(AXES.index(axis) for axis in axes)
+        active = (*turns, STRAIN) if problem.stretches else tuple(turns)
+        places = tuple(active.index(AXES.index(axis)) for axis in axes)
+        return Globals(problem.span_m, active, axes, places, (scale,) * len(axes))
+
+    @property
+    def count(self) -> int:
+        """G, the number of active globals."""
+        return len(self.active)
+
+    @property
+    def turns(self) -> tuple[int, ...]:
+        """Components of Θ that are active."""
+        return tuple(i for i in self.active if i != STRAIN)
+
+    @property
+    def stretches(self) -> bool:
+        """Whether e is active."""
+        return STRAIN in self.active
+
+    def split(self, x: Array) -> tuple[Array, float]:
+        """(Θ (3,), e) of x."""
+        full = np.zeros(4)
+        full[list(self.active)] = x[len(x) - self.count :]
+        return full[:3], float(full[STRAIN])
+
+    def curvature(self, x: Array) -> tuple[Array, float]:
+        """(k (3,), e) of x, k = Θ / ((1 + e) L)."""
+        turn, strain = self.split(x)
+        return turn / ((1 + strain) * self.span_m), strain
+
+    def chain(self, x: Array, gradient: Array, border: Array) -> tuple[Array, Array]:
+        """Derivatives in (v, k, e) to those in (v, Θ, e): gradient (n + G,), Hessian's columns (n + G, G)."""
+        (k, strain), G = self.curvature(x), self.count
+        if G == 0:
+            return gradient, border
+        slope, grown = 1 / ((1 + strain) * self.span_m), 1 + strain
+        T = np.diag([slope, slope, slope, 1.0])
+        T[:3, STRAIN] = -k / grown
+        T = T[np.ix_(self.active, self.active)]
+        border = border @ T
+        border[-G:] = T.T @ border[-G:]
+        if self.stretches:
+            # Σ ∂w/∂k_i ∂²k_i
+            mixed = -slope / grown * gradient[-G:-1]
+            border[-G:-1, -1] += mixed
+            border[-1, -G:-1] += mixed
+            border[-1, -1] += 2 / grown**2 * float(gradient[-G:-1] @ k[list(self.turns)])
+        return np.concatenate([gradient[:-G], T.T @ gradient[-G:]]), border
+
+
+@dataclass(frozen=True, eq=False)
+class Constraints:
+    """Which unknown each displacement follows, and with which sign.
+
+    Attributes:
+        number: (size,) place of the unknown, −1 where the displacement is zero.
+        sign: (size,) 1 or −1.
+        first: (n,) one displacement of each unknown, with the sign 1.
+    """
+
+    number: IntArray
+    sign: Array
+    first: IntArray
+
+    @property
+    def spread(self) -> sparse.csr_matrix:
+        """(size, n): all displacements from the unknowns."""
+        rows = np.flatnonzero(self.number >= 0)
+        entries = (self.sign[rows], (rows, self.number[rows]))
+        return sparse.csr_matrix(entries, shape=(len(self.number), len(self.first)))
+
+
+def constraints(problem: ModuleProblem) -> Constraints:
+    """Fixed, tied and linked displacements as one signed map.
+
+    A class of displacements that move alike is fixed where one of them is, or where v = −v follows.
+    Raises `ContractError` for a node set that the mesh does not have.
+    """
+    size = problem.mesh.nodes_m.size
+    forest = _Forest(size)
+    for name, components in problem.tied.items():
+        nodes = _node_set(problem, name)
+        for c in components:
+            forest.join(np.full(len(nodes) - 1, 3 * nodes[0] + c), 3 * nodes[1:] + c, 1.0)
+    for link in problem.links:
+        for c, sign in link.signs.items():
+            forest.join(3 * np.asarray(link.first) + c, 3 * np.asarray(link.second) + c, float(sign))
+    root, signs = forest.roots()
+    fixed = np.zeros(size, bool)
+    fixed[root[forest.zero]] = True
+    for name, components in problem.fixed.items():
+        for c in components:
+            fixed[root[3 * _node_set(problem, name) + c]] = True
+    free = np.flatnonzero(~fixed & (root == np.arange(size)))
+    number = np.full(size, -1)
+    number[free] = np.arange(len(free))
+    return Constraints(number[root], signs, free)
+
+
+def _node_set(problem: ModuleProblem, name: str) -> IntArray:
+    if name not in problem.mesh.node_sets:
+        known = ", ".join(sorted(problem.mesh.node_sets))
+        raise ContractError(f"the problem constrains the node set '{name}'; the mesh has {known}.")
+    return problem.mesh.node_sets[name]
+
+
+class _Forest:
+    """Union–find over displacements, with the sign of each relative to its parent."""
+
+    def __init__(self, size: int) -> None:
+        self.parent: IntArray = np.arange(size)
+        self.sign: Array = np.ones(size)
+        self.zero: list[int] = []
+
+    def join(self, first: IntArray, second: IntArray, sign: float) -> None:
+        """v(second) = sign · v(first), pairwise."""
+        for a, b in zip(first.tolist(), second.tolist(), strict=True):
+            (i, of_a), (j, of_b) = self._find(a), self._find(b)
+            if i != j:
+                self.parent[j], self.sign[j] = i, of_a * of_b * sign
+            elif of_a * sign != of_b:
+                self.zero.append(a)
+
+    def _find(self, i: int) -> tuple[int, float]:
+        """The root of i and i's sign relative to it."""
+        path = []
+        while self.parent[i] != i:
+            path.append(i)
+            i = int(self.parent[i])
+        sign = 1.0
+        for j in reversed(path):
+            sign *= float(self.sign[j])
+            self.parent[j] = i
+            self.sign[j] = sign
+        return i, sign
+
+    def roots(self) -> tuple[IntArray, Array]:
+        """Root and sign of every displacement."""
+        for i in np.flatnonzero(self.parent != np.arange(len(self.parent))).tolist():
+            self._find(i)
+        return self.parent, self.sign
