@@ -13,6 +13,7 @@ Each returns the record that the command prints; nothing is written but the arti
 from __future__ import annotations
 
 from collections.abc import Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -30,6 +31,8 @@ from pliant.evidence.measured import measurement_of_study
 from pliant.evidence.prediction import Predictor
 from pliant.pipeline.progress import Progress, Silent
 from pliant.pipeline.study import StudyRun, simulate_study
+from pliant.pipeline.sweep import sweep_study
+from pliant.pipeline.sweep_records import SweepRun
 from pliant.pipeline.workbench import Workbench
 from pliant.records.measurement import Measurement
 from pliant.registry.discovery import discover
@@ -69,6 +72,19 @@ def open_study(
     study = load_study(Path(path), registry, overrides)
     registry = with_files(registry, study.plugins)
     return OpenStudy(study, Workbench(registry, ArtifactStore(Path(store)), progress or Silent()))
+
+
+def sweep(opened: OpenStudy, executor: Executor | None = None, workers: int | None = None) -> SweepRun:
+    """The FEM data of all designs of the study's `sweep`: `pliant fem`.
+
+    Args:
+        opened: the study.
+        executor: any `concurrent.futures.Executor`, a dask client's `get_executor()` among them.
+        workers: processes of our own instead, one for each CPU by default; 1 solves in this process.
+
+    A script that starts processes needs `if __name__ == "__main__":`.
+    """
+    return sweep_study(opened.bench, opened.study, executor=executor, workers=workers)
 
 
 def simulate(opened: OpenStudy) -> StudyRun:

@@ -39,12 +39,19 @@ class _Bar:
             TextColumn("left"),
             TimeRemainingColumn(),
         )
+        self.title = title
         self.rich = RichProgress(*columns, console=console, transient=False)
         self.task = self.rich.add_task(title, total=total, completed=done)
         self.rich.start()
 
     def advance(self, steps: int = 1) -> None:
         self.rich.advance(self.task, steps)
+
+    def describe(self, text: str) -> None:
+        self.rich.update(self.task, description=f"{self.title} ({text})" if text else self.title)
+
+    def expect(self, total: int) -> None:
+        self.rich.update(self.task, total=total)
 
     def finish(self) -> None:
         self.rich.stop()
@@ -56,20 +63,32 @@ class _Lines:
     def __init__(self, console: Console, title: str, total: int, done: int) -> None:
         self.console, self.title, self.total = console, title, total
         self.first, self.done = done, done
+        self.within = ""
         self.started = self.said = time.monotonic()
         if done:
             console.print(f"{title}: going on from {done}/{total}")
 
     def advance(self, steps: int = 1) -> None:
         self.done += steps
+        self._say()
+
+    def describe(self, text: str) -> None:
+        self.within = f" ({text})" if text else ""
+        self._say()
+
+    def expect(self, total: int) -> None:
+        self.total = total
+
+    def _say(self) -> None:
         now = time.monotonic()
-        if now - self.said > LINE_EVERY_S and self.done > self.first:
-            self.said = now
+        if now - self.said <= LINE_EVERY_S:
+            return
+        self.said = now
+        line = f"{self.title}: {self.done}/{self.total}{self.within}"
+        if self.done > self.first:
             each = (now - self.started) / (self.done - self.first)
-            left = each * (self.total - self.done)
-            self.console.print(
-                f"{self.title}: {self.done}/{self.total}, {each:.2f} s each, about {left:.0f} s left"
-            )
+            line += f", {each:.2f} s each, about {each * (self.total - self.done):.0f} s left"
+        self.console.print(line)
 
     def finish(self) -> None:
         elapsed = time.monotonic() - self.started
@@ -96,6 +115,12 @@ class TerminalProgress:
 
 class _Nothing:
     def advance(self, steps: int = 1) -> None:
+        pass
+
+    def describe(self, text: str) -> None:
+        pass
+
+    def expect(self, total: int) -> None:
         pass
 
     def finish(self) -> None:

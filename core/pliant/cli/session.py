@@ -51,12 +51,16 @@ class Session:
         if not self.quiet:
             self.out.print(text, markup=markup)
 
-    def study(self, path: Path, overrides: Sequence[str] | None) -> Study:
-        """Read the study, know the plugins that it lists, and say which of its keys no stage of this version reads."""
+    def study(self, path: Path, overrides: Sequence[str] | None, uses: Sequence[str] = ()) -> Study:
+        """Read the study, know the plugins that it lists, and say which of its keys no stage of this version reads.
+
+        `uses` names keys that this verb alone reads.
+        """
         study = load_study(path, self.registry, overrides or ())
         self.registry = with_files(self.registry, study.plugins)
-        if study.unused():
-            self.progress.note(f"{', '.join(study.unused())}: read, but not used by '{self.command}' yet.")
+        unused = [key for key in study.unused() if key not in uses]
+        if unused:
+            self.progress.note(f"{', '.join(unused)}: read, but not used by '{self.command}' yet.")
         return study
 
     @property

@@ -11,6 +11,8 @@ import typer
 from pliant.cli import summaries
 from pliant.cli.options import DEFAULT_STORE, JsonFile, Overrides, Quiet, StoreFolder, StudyFile
 from pliant.cli.session import Session, check_writable, plain, session
+from pliant.cli.sweeps import Scheduler, Workers, fem_of_sweep
+from pliant.errors import UserError
 from pliant.pipeline.study import (
     StudyRun,
     check_study,
@@ -61,16 +63,25 @@ def fem(
     study: StudyFile,
     overrides: Overrides = None,
     out: OutFolder = None,
+    workers: Workers = None,
+    scheduler: Scheduler = None,
     store: StoreFolder = DEFAULT_STORE,
     json: JsonFile = None,
     quiet: Quiet = False,
 ) -> None:
-    """Only the FEM data set; resumes where it was interrupted."""
+    """Only the FEM data set, of one design or of the study's sweep; resumes where it was interrupted."""
     with session("fem", json, quiet) as here:
-        loaded = here.study(study, overrides)
+        loaded = here.study(study, overrides, uses=["sweep"])
         folder = out or Path("runs") / loaded.name
         bench = here.bench(store)
         loaded.need("family", "FEM")
+        if loaded.sweep is not None:
+            fem_of_sweep(here, bench, loaded, folder, workers, scheduler)
+            return
+        if workers is not None or scheduler is not None:
+            raise UserError(
+                f"--workers and --scheduler are for a sweep; study '{loaded.name}' has no 'sweep'."
+            )
         check_study(bench, loaded)
         check_writable(folder)
         artifacts = fem_of_study(bench, loaded)

@@ -16,6 +16,7 @@ from ruamel.yaml.comments import CommentedMap, CommentedSeq, TaggedScalar
 from ruamel.yaml.constructor import DuplicateKeyError
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
 
+from pliant.config.designs import sweep_designs
 from pliant.config.problems import sentences
 from pliant.config.study import BLOCKS, Study, normalised, study_model, varied
 from pliant.errors import UserError, closest
@@ -24,7 +25,13 @@ from pliant.registry.discovery import Registry
 from pliant.registry.files import shown, with_files
 
 # Paths inside a study are relative to the file that states them.
-PATH_KEYS = (("surrogate", "data"), ("measurements", "file"), ("task", "mesh"), ("task", "points"))
+PATH_KEYS = (
+    ("surrogate", "data"),
+    ("measurements", "file"),
+    ("task", "mesh"),
+    ("task", "points"),
+    ("sweep", "designs"),
+)
 KeyPath = tuple[Any, ...]
 Notes = TypeVar("Notes", bound=FrozenModel)
 DEEPEST = 64
@@ -71,6 +78,8 @@ def load_study(path: Path, registry: Registry, overrides: Sequence[str] = ()) ->
     except ValidationError as error:
         raise UserError(sentences(error, model, sources.where)) from None
     _check_segments(study, sources)
+    if study.sweep is not None:
+        sweep_designs(study, sources.where)  # so that its mistakes have their lines
     return study
 
 

@@ -11,6 +11,7 @@ from pydantic import Field, create_model
 from pliant.config.chain import ChainConfig, SegmentConfig
 from pliant.config.measurements import MeasurementsConfig
 from pliant.config.noise import NoiseConfig
+from pliant.config.sweep import SweepConfig
 from pliant.errors import UserError
 from pliant.interfaces.base import ComponentConfig, FrozenModel
 from pliant.interfaces.effect import EffectConfig
@@ -71,9 +72,7 @@ class Study(FrozenModel):
     measurements: MeasurementsConfig | None = Field(
         default=None, description="what the bench recorded (docs/measurement_files.md)"
     )
-    sweep: dict[str, list[Any]] | None = Field(
-        default=None, description="designs to solve; not used by this version"
-    )
+    sweep: SweepConfig | None = Field(default=None, description="the designs that `pliant fem` solves")
     meta_model: dict[str, Any] | None = Field(
         default=None, description="laws of unseen designs; not used by this version"
     )

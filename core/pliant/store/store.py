@@ -118,6 +118,27 @@ class ArtifactStore:
         # Read back, so that the first run goes on with exactly what later runs will find.
         return replace(load_artifact(folder), cached=False)
 
+    def find(self, recipe: Recipe) -> Artifact | None:
+        """The artifact of a recipe if it is there and sound; nothing is written."""
+        return _sound(self.root / recipe.stage / recipe.key)
+
+    def computed_elsewhere(self, stage: str, key: str) -> bool:
+        """Whether another process, or thread, computes this artifact now.
+
+        A killed one does not: the lock is the operating system's.
+        """
+        folder = self.root / stage / key
+        if not folder.parent.is_dir():
+            return False
+        lock = FileLock(folder.with_name(folder.name + ".lock"))
+        try:
+            with lock.acquire(timeout=0):
+                return False
+        except Timeout:
+            return True
+        except (OSError, NotImplementedError):  # `make` says so
+            return False
+
     def _load_or_discard(self, folder: Path, note: Callable[[str], None]) -> Artifact | None:
         """The artifact, if it is sound; a damaged one is set aside. Only for the holder of the lock."""
         if not folder.exists():
