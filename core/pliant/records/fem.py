@@ -123,6 +123,7 @@ class ModuleProblem:
         actuation: name of the input, `pressure_pa` or `tendon_force_n`.
         tendon: the cord of `tendon_force_n`.
         contact_planes: planes of mirror symmetry along x that material must not cross ("start", "end").
+        contact_range: u of the main axis between which rigid parts beside the piece stay apart.
     """
 
     mesh: ModuleMesh
@@ -142,6 +143,7 @@ class ModuleProblem:
     tendon: Tendon | None = None
     frame: Literal["rod"] = "rod"
     contact_planes: tuple[str, ...] = ("start", "end")
+    contact_range: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,8 +152,8 @@ class FemState:
 
     τ is the external effort that opposes the actuation, τ(p, u) = −∂Π/∂u, zero along axes that are free. Slopes
     are exact tangents with every other unknown at equilibrium, all of u being independent, so that dtau_du is
-    symmetric. `status` is "ok" or "self_contact" (convolutions overlap; the model has no contact, so the state
-    is marked, not trusted).
+    symmetric. `status` is "ok" or "self_contact" (convolutions or rigid parts overlap; the model has no contact, so
+    the state is marked, not trusted).
 
     Attributes:
         actuation: pressure (Pa) or tendon force (N).

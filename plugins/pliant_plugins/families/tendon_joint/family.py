@@ -42,7 +42,7 @@ class TendonJoint(ActuatorFamily):
 
         The end section is bonded to the rigid link, which moves with the frame: all of v is zero there, which also
         removes the rigid motion along z. At mid-flexure, the mirror plane, the section stays plane and free in its
-        plane.
+        plane. There is no contact between the links: states in which they would overlap are marked.
         """
         geometry = self.geometry
         return ModuleProblem(
@@ -55,6 +55,7 @@ class TendonJoint(ActuatorFamily):
             actuation="tendon_force_n",
             tendon=Tendon(x_m=geometry.tendon_setback_m, z_m=-geometry.tendon_offset_m),
             contact_planes=(),
+            contact_range=(-geometry.opening_angle_rad, geometry.closing_angle_rad),
         )
 
     @cached_property

@@ -142,8 +142,15 @@ class SkfemSolver(ModuleSolver):
         )
 
     def _overlaps(self, x: Array) -> bool:
-        """Whether skin nodes crossed a mirror plane that neighbouring convolutions share."""
-        strain, span = self.assembler.globals.split(x)[1], self.problem.span_m
+        """Whether skin nodes crossed a mirror plane that neighbouring convolutions share, or rigid parts meet."""
+        g = self.assembler.globals
+        if self.problem.contact_range is not None:
+            main = g.axes.index(self.problem.main_axis)
+            u = g.scales[main] * x[-g.count :][g.places[main]]
+            low, high = self.problem.contact_range
+            if not low <= u <= high:
+                return True
+        strain, span = g.split(x)[1], self.problem.span_m
         skin = np.unique(self.problem.mesh.skin)
         s = self.assembler.positions(x)[skin, 0] + strain * self.problem.mesh.nodes_m[skin, 0]
         beyond = {"start": -s.min(), "end": s.max() - (1 + strain) * span}
