@@ -103,6 +103,16 @@ def _modules() -> list[Component]:
             install="pip install scikit-fem",
         ),
         Component(
+            interface="fem",
+            kind="ngsolve",
+            config=f"{HERE}.fem.ngsolve.config:NgsolveConfig",
+            implementation=f"{HERE}.fem.ngsolve.backend:Ngsolve",
+            summary="NGSolve: Taylor–Hood elements and differentiated energies, an independent check",
+            example={"pressure_max": "15 kPa", "order": 2},
+            requires=("ngsolve",),
+            install="pip install 'pliant[ngsolve]'",
+        ),
+        Component(
             interface="surrogate",
             kind="polynomial",
             config=f"{HERE}.surrogates.polynomial.config:PolynomialConfig",

@@ -1,0 +1,158 @@
+"""The module's potentials as symbols: what is stored, and what the actuation works on.
+
+    S = I + ∇v + e e₁⊗e₁,  F = S + (k × ρ) ⊗ S₁,  k = Θ / ((1 + e) L),  ρ = (y + v_y, z + v_z − z₀)
+
+with S₁ the first row of S. The rod's rotation drops out of the energy. A volume element of the section's frame is
+λ ds dy dz, λ = 1 + (k × ρ)₁; the field (0, ρ_y, ρ_z) (½ + (λ − 1)/3) has this divergence and neither the end planes nor
+the mirror plane y = 0 add to its flux, so that the cavity's volume is
+
+    V = −∫ (½ + (k_y ρ_z − k_z ρ_y)/3) (ρ_y n_y + ρ_z n_z) dA,   n dA = cof(S) N dA₀ out of the solid.
+
+Unknowns are made dimensionless: displacements by the span, pressures by the shear modulus.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import ngsolve as ngs
+
+from pliant.errors import UserError
+from pliant.interfaces.material import Material
+from pliant.records.fem import ModuleProblem
+from pliant_plugins.fem.ngsolve.laws import density, is_mixed
+from pliant_plugins.fem.ngsolve.mesh import CAVITY
+
+AXES = ("x", "y", "z")
+STRAIN = "strain"
+SINC_TERMS = 14  # of the series of sin θ / θ: exact to rounding for |θ| < 4
+EXTRA_ORDER = 4  # of the quadrature over the cavity's faces, whose integrand is a product of three fields
+
+
+@dataclass(frozen=True, eq=False)
+class Forms:
+    """Two functionals of the same unknowns.
+
+    Attributes:
+        space: displacements × pressures (where the law is mixed) × one number for each global.
+        stored: U in J, stationary in the pressures.
+        worked: W of the piece's potential U − a W, a the actuation: in m³ or m.
+        globals_: names of the numbers: axes of Θ, then "strain" for e.
+        mixed: whether the space has pressures.
+    """
+
+    space: Any
+    stored: Any
+    worked: Any
+    globals_: tuple[str, ...]
+    mixed: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """Symbols of the rod frame: trial displacements in m, Θ and e."""
+
+    problem: ModuleProblem
+    displacement: Any
+    turn: tuple[Any, Any, Any]
+    strain: Any
+
+    def section(self, gradient: Any) -> tuple[Any, Any, Any, tuple[Any, ...]]:
+        """S, ρ_y, ρ_z and k, for the gradient of v in m/m."""
+        stretch = ngs.CF((self.strain, 0, 0, 0, 0, 0, 0, 0, 0), dims=(3, 3))
+        S = ngs.Id(3) + gradient + stretch
+        rho_y = ngs.y + self.displacement[1]
+        rho_z = ngs.z + self.displacement[2] - self.problem.reference_z_m
+        k = tuple(t / ((1 + self.strain) * self.problem.span_m) for t in self.turn)
+        return S, rho_y, rho_z, k
+
+    def deformation_gradient(self, gradient: Any) -> Any:
+        S, y, z, k = self.section(gradient)
+        carried = (k[1] * z - k[2] * y, -k[0] * z, k[0] * y)
+        return S + ngs.CF(tuple(g * S[0, j] for g in carried for j in range(3)), dims=(3, 3))
+
+    def cavity(self, gradient: Any) -> Any:
+        """Density of V over the wetted reference faces."""
+        S, y, z, k = self.section(gradient)
+        n = ngs.Cof(S) * ngs.specialcf.normal(3)
+        return -(0.5 + (k[1] * z - k[2] * y) / 3) * (y * n[1] + z * n[2])
+
+    def ribbons(self) -> Any:
+        """½ EA L ⟨ε²⟩ (J) of all ribbons, ⟨·⟩ over |y| ≤ w/2: odd powers of y vanish, ⟨y²⟩ = w²/12, ⟨y⁴⟩ = w⁴/80."""
+        L, energy = self.problem.span_m, ngs.CF(0)
+        twist, bend = self.turn[0] / L, self.turn[2] / L
+        for ribbon in self.problem.ribbons:
+            square, fourth = ribbon.width_m**2 / 12, ribbon.width_m**4 / 80
+            mean = (
+                self.strain * self.strain
+                + (bend * bend + self.strain * twist * twist) * square
+                + twist**4 / 4 * fourth
+            )
+            energy = energy + 0.5 * ribbon.stiffness_n * L * mean
+        return energy
+
+    def tendon(self) -> Any:
+        """Tendon (m) drawn out of the piece: by how much the hole comes nearer to the mirror plane x = 0."""
+        tendon, L = self.problem.tendon, self.problem.span_m
+        if tendon is None or any(axis != "y" for axis in self.problem.axes):
+            raise UserError(
+                "fem 'ngsolve' pulls a tendon in problems whose only axis is y, and needs its path."
+            )
+        theta = self.turn[1]
+        sinc, term = ngs.CF(1), ngs.CF(1)
+        for n in range(1, SINC_TERMS):
+            term = -term * theta * theta / (2 * n * (2 * n + 1))
+            sinc = sinc + term
+        arm = tendon.z_m - self.problem.reference_z_m
+        hole = (1 + self.strain) * L * sinc + tendon.x_m * ngs.cos(theta) + arm * ngs.sin(theta)
+        return L + tendon.x_m - hole
+
+
+def global_names(problem: ModuleProblem) -> tuple[str, ...]:
+    """The numbers that are unknowns beside the fields. Raises `UserError` for axes that do not exist."""
+    if problem.joint == "prismatic":
+        if not problem.stretches or problem.ribbons:
+            raise UserError(
+                "fem 'ngsolve': a prismatic joint's extension is the strain of the line; it must stretch freely."
+            )
+        return (STRAIN,)
+    strange = [axis for axis in problem.axes if axis not in AXES]
+    if strange:
+        raise UserError(f"fem 'ngsolve' knows axes x, y and z, not '{strange[0]}'.")
+    return (*problem.axes, *((STRAIN,) if problem.stretches else ()))
+
+
+def build_forms(mesh: Any, problem: ModuleProblem, material: Material, order: int) -> Forms:
+    """Space and functionals. Raises `UserError` for a law or actuation without symbols."""
+    names, mixed = global_names(problem), is_mixed(material)
+    fields = [ngs.VectorH1(mesh, order=order)] + ([ngs.H1(mesh, order=order - 1)] if mixed else [])
+    space = ngs.FESpace(fields + [ngs.NumberSpace(mesh) for _ in names])
+    trial = space.TrialFunction()
+    numbers = dict(zip(names, trial[len(fields) :], strict=True))
+    nothing = ngs.CF(0)
+    L = problem.span_m
+    turn = tuple(numbers.get(axis, nothing) for axis in AXES)
+    frame = Frame(problem, L * trial[0], (turn[0], turn[1], turn[2]), numbers.get(STRAIN, nothing))
+    pressure = material.shear_modulus_pa * trial[1] if mixed else nothing
+
+    volume = float(ngs.Integrate(ngs.CF(1), mesh, order=6))
+    energy = density(material, frame.deformation_gradient(L * ngs.Grad(trial[0])), pressure)
+    stored = ngs.BilinearForm(space)
+    stored += ngs.Variation(energy.Compile() * ngs.dx)
+    if problem.ribbons:
+        # what depends on the numbers alone is spread over the solid
+        stored += ngs.Variation((frame.ribbons() / volume).Compile() * ngs.dx(bonus_intorder=EXTRA_ORDER))
+    worked = ngs.BilinearForm(space)
+    if problem.actuation == "pressure_pa":
+        inside = frame.cavity(L * ngs.Grad(trial[0]).Trace())
+        worked += ngs.Variation(inside.Compile() * ngs.ds(CAVITY, bonus_intorder=EXTRA_ORDER))
+    elif problem.actuation == "tendon_force_n":
+        # the module's tendon is `deformation_scale` pieces long; its potential is shared by `energy_scale`
+        share = problem.deformation_scale / problem.energy_scale / volume
+        worked += ngs.Variation((share * frame.tendon()).Compile() * ngs.dx(bonus_intorder=EXTRA_ORDER))
+    else:
+        raise UserError(
+            f"fem 'ngsolve' drives modules by 'pressure_pa' or 'tendon_force_n', not '{problem.actuation}'."
+        )
+    return Forms(space, stored, worked, names, mixed)

@@ -1,0 +1,146 @@
+"""A `ModuleMesh` as a curved NGSolve mesh, and which of a space's unknowns belong to which mesh node.
+
+Straight hexahedra are made of the corner nodes; a quadratic vector field then bends them, so that the geometry is
+exactly that of the 27 nodes.
+"""
+
+from __future__ import annotations
+
+import itertools
+from typing import Any
+
+import netgen.meshing as netgen
+import ngsolve as ngs
+import numpy as np
+from scipy import sparse
+from scipy.sparse.linalg import splu
+
+from pliant.errors import ContractError
+from pliant.meshing.hexahedra import jacobians, sample_points
+from pliant.records.design import Array
+from pliant.records.fem import IntArray, ModuleMesh
+
+CORNERS = (0, 2, 8, 6, 18, 20, 26, 24)  # lexicographic places of NGSolve's hexahedron's vertices
+FACE_CORNERS = (0, 2, 8, 6)  # of a face, in the order that keeps its normal
+CAVITY, OUTSIDE = "cavity", "outside"
+# (ξ, η, ζ) ∈ {0, ½, 1}³ of a cell's nodes
+LATTICE = np.array([(i, j, k) for k in range(3) for j in range(3) for i in range(3)]) / 2
+
+
+def curved_mesh(mesh: ModuleMesh) -> Any:
+    """The NGSolve mesh; its cells are those of `mesh` in order, its vertices the corner nodes, ascending.
+
+    Boundary elements are named `cavity` or `outside`. Raises `ContractError` where a cell is inverted.
+    """
+    if not np.all(jacobians(mesh.nodes_m, mesh.cells, sample_points()) > 0):
+        raise ContractError("the family's mesh has inverted cells: det ∂X/∂ξ ≤ 0")
+    corners = corner_nodes(mesh)
+    straight = netgen.Mesh(dim=3)
+    points = {int(node): straight.Add(netgen.MeshPoint(netgen.Pnt(*mesh.nodes_m[node]))) for node in corners}
+    straight.SetMaterial(1, "solid")
+    for cell in mesh.cells[:, CORNERS].tolist():
+        straight.Add(netgen.Element3D(1, [points[node] for node in cell]))
+    numbers = {}
+    for place, name in enumerate((CAVITY, OUTSIDE)):
+        face = netgen.FaceDescriptor(surfnr=place + 1, domin=1, domout=0, bc=place + 1)
+        numbers[name] = straight.Add(face)
+        straight.SetBCName(place, name)
+    wetted = {tuple(sorted(face)) for face in mesh.cavity.tolist()}
+    for face in mesh.skin.tolist():
+        name = CAVITY if tuple(sorted(face)) in wetted else OUTSIDE
+        straight.Add(netgen.Element2D(numbers[name], [points[face[i]] for i in FACE_CORNERS]))
+    made = ngs.Mesh(straight)
+    _bend(made, mesh, corners)
+    return made
+
+
+def corner_nodes(mesh: ModuleMesh) -> IntArray:
+    """Node ids of the cells' corners, ascending: NGSolve's vertex i is node `corner_nodes(mesh)[i]`."""
+    return np.unique(mesh.cells[:, CORNERS])
+
+
+def _bend(made: Any, mesh: ModuleMesh, corners: IntArray) -> None:
+    """Set the quadratic deformation that puts every lattice point on its node."""
+    scalar, vector = ngs.H1(made, order=2), ngs.VectorH1(made, order=2)
+    table = nodal_table(scalar, mesh)
+    straight = np.zeros((scalar.ndof, 3))
+    straight[: len(corners)] = mesh.nodes_m[corners]
+    bent = splu(table.tocsc()).solve(mesh.nodes_m - table @ straight)
+    field = ngs.GridFunction(vector)
+    for component in range(3):
+        field.components[component].vec.FV().NumPy()[:] = bent[:, component]
+    made.SetDeformation(field)
+
+
+def nodal_table(space: Any, mesh: ModuleMesh) -> sparse.csr_matrix:
+    """(nodes, unknowns): values of a scalar H1 field at the mesh's nodes."""
+    # one cell for each node
+    _, first = np.unique(mesh.cells, return_index=True)
+    rows, columns, values = [], [], []
+    wanted: dict[int, list[int]] = {}
+    for place in first.tolist():
+        wanted.setdefault(place // 27, []).append(place % 27)
+    for cell, places in wanted.items():
+        element = ngs.ElementId(ngs.VOL, cell)
+        shape, dofs = space.GetFE(element), space.GetDofNrs(element)
+        for place in places:
+            value = np.array(shape.CalcShape(*LATTICE[place]))
+            rows += [int(mesh.cells[cell, place])] * len(dofs)
+            columns += dofs
+            values.append(value)
+    flat = np.concatenate(values)
+    table = sparse.csr_matrix((flat, (rows, columns)), shape=(len(mesh.nodes_m), space.ndof))
+    table.data[np.abs(table.data) < 1e-14] = 0.0
+    table.eliminate_zeros()
+    return table
+
+
+def node_unknowns(space: Any, mesh: ModuleMesh) -> list[IntArray]:
+    """For each mesh node, the scalar unknowns of its vertex, edge, face or cell.
+
+    A field vanishes on an edge or face when those of all the nodes on it do.
+    """
+    corners = corner_nodes(mesh)
+    owned: list[IntArray] = [np.zeros(0, np.int64) for _ in mesh.nodes_m]
+    between = _between(mesh)
+    for place, node in enumerate(corners):
+        owned[node] = np.array(space.GetDofNrs(ngs.NodeId(ngs.VERTEX, place)), np.int64)
+    for entities in (space.mesh.edges, space.mesh.faces):
+        for entity in entities:
+            ends = tuple(sorted(int(corners[vertex.nr]) for vertex in entity.vertices))
+            owned[between[ends]] = np.array(space.GetDofNrs(entity), np.int64)
+    return owned
+
+
+def supports(mesh: ModuleMesh) -> dict[int, tuple[int, ...]]:
+    """For each node in the middle of an edge or face, the corner nodes of that edge or face."""
+    return {node: ends for ends, node in _between(mesh).items()}
+
+
+def _between(mesh: ModuleMesh) -> dict[tuple[int, ...], int]:
+    """Sorted corner nodes of every edge and face → the node in its middle."""
+    found: dict[tuple[int, ...], int] = {}
+    for place, point in enumerate(np.rint(2 * LATTICE).astype(int)):
+        if np.count_nonzero(point == 1) not in (1, 2):
+            continue
+        ranges = [(0, 2) if value == 1 else (int(value),) for value in point]
+        ends = [i + 3 * j + 9 * k for i, j, k in itertools.product(*ranges)]
+        keys = np.sort(mesh.cells[:, ends], axis=1)
+        found.update(zip(map(tuple, keys.tolist()), mesh.cells[:, place].tolist(), strict=True))
+    return found
+
+
+def placed(points: Array, span_m: float, reference_z_m: float, turn: Array, strain: float) -> Array:
+    """Positions (n, 3) in space of section coordinates (s, y, z) (n, 3); see `ModuleProblem`.
+
+    R(s) = exp([k]× s) and r(s) = ∫ R e₁ ds = s J(k s) e₁, with J the left Jacobian of the rotation.
+    """
+    from pliant.mechanics.rotations import exp_map, left_jacobian
+
+    along = points[:, 0]
+    vectors = along[:, None] * turn / ((1 + strain) * span_m)
+    section = np.column_stack([np.zeros_like(along), points[:, 1], points[:, 2] - reference_z_m])
+    line = along[:, None] * left_jacobian(vectors)[:, :, 0]
+    position: Array = line + np.einsum("nij,nj->ni", exp_map(vectors), section)
+    position[:, 2] += reference_z_m
+    return position

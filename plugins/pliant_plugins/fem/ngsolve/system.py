@@ -1,0 +1,226 @@
+"""The discrete system: functionals to second order over the unknowns that are left, numbers apart; its linear solver.
+
+With y the fields' unknowns, g the numbers and Π = U − a W, one factorisation of K = Π_yy gives Z = K⁻¹ [r_y, Π_yg, W_y]
+and with it the system of the numbers alone:  S Δg = f − ρ + b Δa,
+
+    S = Π_gg − Π_gy K⁻¹ Π_yg,   ρ = r_g − Π_gy K⁻¹ r_y,   b = W_g − Π_gy K⁻¹ W_y.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import ngsolve as ngs
+import numpy as np
+from ngsolve.la import SparseMatrixd
+from scipy import sparse
+
+from pliant.records.design import Array
+from pliant.records.fem import IntArray
+from pliant_plugins.fem.ngsolve.constraints import Elimination
+from pliant_plugins.fem.ngsolve.forms import Forms
+
+ACCURATE = 1e-6  # relative residual of a linear solution; refined once where it is larger
+
+
+class SingularMatrixError(ArithmeticError):
+    """The matrix could not be factorised."""
+
+
+@dataclass(frozen=True, eq=False)
+class Point:
+    """A trial state: all unknowns x = (fields, numbers), the actuation, values and gradients of U and W.
+
+    `gradient` and `work` are over (y, g).
+    """
+
+    x: Array
+    actuation: float
+    energy_j: float
+    travel: float
+    gradient: Array
+    work: Array
+
+    @property
+    def residual(self) -> Array:
+        """∂Π/∂(y, g)."""
+        return self.gradient - self.actuation * self.work
+
+
+@dataclass(frozen=True, eq=False)
+class Reduced:
+    """Z (n, k + 2) for k numbers, and the numbers' own system."""
+
+    solved: Array
+    stiffness: Array
+    residual: Array
+    actuation: Array
+
+
+@dataclass(frozen=True, eq=False)
+class _Scatter:
+    """Entries of a form's matrix, lower triangle: which to take, where they go, with what weight."""
+
+    taken: IntArray
+    slot: IntArray
+    weight: Array
+
+
+class System:
+    """Functionals of one problem over the unknowns that its constraints leave."""
+
+    def __init__(self, forms: Forms, elimination: Elimination, threads: int) -> None:
+        self.forms, self.elimination, self.threads = forms, elimination, threads
+        self.numbers = len(forms.globals_)
+        self.size = forms.space.ndof
+        self._vector = ngs.GridFunction(forms.space).vec
+        self._image = self._vector.CreateVector()
+        self._pattern()
+
+    @property
+    def fields(self) -> int:
+        """Unknowns that are no numbers, fixed ones too."""
+        return self.size - self.numbers
+
+    def start(self) -> Array:
+        """x at rest."""
+        return np.zeros(self.size)
+
+    def step(self, y: Array, g: Array) -> Array:
+        """The change of x that belongs to one of (y, g)."""
+        return np.concatenate([self.elimination.spread(y), g])
+
+    def evaluate(self, x: Array, actuation: float) -> Point | None:
+        """Values and gradients at x; `None` where they do not exist (a cell is inverted)."""
+        if not np.all(np.isfinite(x)):
+            return None
+        with self._at(x):
+            energy = self.forms.stored.Energy(self._vector)
+            travel = self.forms.worked.Energy(self._vector)
+            gradients = [self._applied(form) for form in (self.forms.stored, self.forms.worked)]
+        if not (np.isfinite(energy) and all(np.all(np.isfinite(g)) for g in gradients)):
+            return None
+        return Point(x, actuation, float(energy), float(travel), gradients[0], gradients[1])
+
+    def reduce(self, point: Point) -> Reduced:
+        """Assemble, factorise and condense at a point. Raises `SingularMatrixError`."""
+        with self._at(point.x):
+            self.forms.stored.AssembleLinearization(self._vector)
+            self.forms.worked.AssembleLinearization(self._vector)
+        parts = [self._entries(form.mat, s) for form, s in zip(self._both, self._scatters, strict=True)]
+        values, borders, corner = (a - point.actuation * b for a, b in zip(*parts, strict=True))
+        n = self.elimination.size
+        residual = point.residual
+        right = np.column_stack([residual[:n], borders, point.work[:n]])
+        solved = self._solve(values, right)
+        tail = np.column_stack([residual[n:], corner, point.work[n:]])
+        full = tail - borders.T @ solved
+        return Reduced(solved, full[:, 1:-1], full[:, 0], full[:, -1])
+
+    @property
+    def _both(self) -> tuple[Any, Any]:
+        return self.forms.stored, self.forms.worked
+
+    @contextlib.contextmanager
+    def _at(self, x: Array) -> Iterator[None]:
+        """NGSolve's vector holds x; its tasks run on the threads allowed."""
+        self._vector.FV().NumPy()[:] = x
+        if self.threads == 1:
+            yield
+            return
+        ngs.SetNumThreads(self.threads)
+        with ngs.TaskManager():
+            yield
+
+    def _applied(self, form: Any) -> Array:
+        form.Apply(self._vector, self._image)
+        full = self._image.FV().NumPy()
+        n = self.fields
+        return np.concatenate([self.elimination.gather(full[:n]), full[n:]])
+
+    def _pattern(self) -> None:
+        """Slots of both forms' entries in one lower triangle over y."""
+        with self._at(self.start()):
+            for form in self._both:
+                form.AssembleLinearization(self._vector)
+        n, master, sign = self.elimination.size, self.elimination.master, self.elimination.sign
+        keys, parts = [], []
+        for form in self._both:
+            row, column = _places(form.mat)
+            taken = np.flatnonzero((row < self.fields) & (column <= row))
+            i, j = row[taken], column[taken]
+            weight = sign[i] * sign[j]
+            kept = (master[i] >= 0) & (master[j] >= 0)
+            taken, i, j, weight = taken[kept], i[kept], j[kept], weight[kept]
+            a, b = master[i], master[j]
+            # two unknowns of one group: both triangles fall on the diagonal
+            weight = np.where((a == b) & (i != j), 2 * weight, weight)
+            keys.append(np.maximum(a, b) * n + np.minimum(a, b))
+            parts.append((taken, weight))
+        self._keys = np.unique(np.concatenate([*keys, np.arange(n) * (n + 1)]))
+        self._scatters = [
+            _Scatter(taken, np.searchsorted(self._keys, key), weight)
+            for key, (taken, weight) in zip(keys, parts, strict=True)
+        ]
+        self._rows, self._columns = self._keys // n, self._keys % n
+        self._starts = np.searchsorted(self._rows, np.arange(n + 1))
+        self._matrix: Any = None
+        self._inverse: Any = None
+
+    def _entries(self, matrix: Any, scatter: _Scatter) -> tuple[Array, Array, Array]:
+        """Lower triangle's values, border (n, k) and corner (k, k) of a form's matrix."""
+        full = _csr(matrix)
+        lower: Array = np.bincount(
+            scatter.slot, scatter.weight * full.data[scatter.taken], len(self._keys)
+        ).astype(float)
+        edge = full[self.fields :].toarray().T
+        return lower, self.elimination.gather(edge[: self.fields]), edge[self.fields :]
+
+    def _solve(self, values: Array, right: Array) -> Array:
+        """K⁻¹ B by NGSolve's sparse LDLᵀ, refined where needed. Raises `SingularMatrixError`."""
+        n = self.elimination.size
+        try:
+            if self._inverse is None:
+                rows, columns = self._rows.astype(np.int32), self._columns.astype(np.int32)
+                self._matrix = SparseMatrixd.CreateFromCOO(rows, columns, values, n, n)
+                self._inverse = self._matrix.Inverse(inverse="sparsecholesky")
+            else:
+                self._matrix.AsVector().FV().NumPy()[:] = values
+                self._inverse.Update()
+        except Exception as error:  # NGSolve's own exceptions have no common name
+            self._inverse = None
+            raise SingularMatrixError(str(error)) from error
+        lower = sparse.csr_matrix((values, self._columns, self._starts), shape=(n, n))
+        diagonal = lower.diagonal()[:, None]
+        solved = self._backward(right)
+        enough = ACCURATE * np.abs(right).max(axis=0)
+        for _ in range(2):
+            left = right - (lower @ solved + lower.T @ solved - diagonal * solved)
+            if np.all(np.abs(left).max(axis=0) <= enough):
+                return solved
+            solved += self._backward(left)
+        raise SingularMatrixError("the tangent stiffness is singular")
+
+    def _backward(self, right: Array) -> Array:
+        given, found = self._matrix.CreateColVector(), self._matrix.CreateColVector()
+        solved = np.empty_like(right)
+        for k in range(right.shape[1]):
+            given.FV().NumPy()[:] = right[:, k]
+            found.data = self._inverse * given
+            solved[:, k] = found.FV().NumPy()
+        return solved
+
+
+def _csr(matrix: Any) -> sparse.csr_matrix:
+    """NGSolve's matrix as SciPy's."""
+    values, columns, starts = (np.array(part) for part in matrix.CSR())
+    return sparse.csr_matrix((values, columns, starts.astype(np.int64)), shape=(matrix.height, matrix.width))
+
+
+def _places(matrix: Any) -> tuple[IntArray, IntArray]:
+    """Rows and columns of a matrix's entries, in the order of its values."""
+    found = _csr(matrix)
+    return np.repeat(np.arange(matrix.height), np.diff(found.indptr)), found.indices.astype(np.int64)
