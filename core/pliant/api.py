@@ -17,6 +17,9 @@ from concurrent.futures import Executor
 from dataclasses import dataclass
 from pathlib import Path
 
+from pliant.calibration.calibration import Calibration
+from pliant.calibration.calibration import calibrate as calibrate_with
+from pliant.calibration.reading import read_bench_data
 from pliant.config.loading import load_study
 from pliant.config.study import Study
 from pliant.diagnosis.diagnosis import Diagnosis
@@ -126,3 +129,14 @@ def improve(
 ) -> Improvement:
     """The whole loop, with runs put aside: `pliant improve`."""
     return improve_with(opened.bench, opened.study, read_measurement(opened, data), kinds=kinds)
+
+
+def calibrate(
+    opened: OpenStudy,
+    data: str | Path,
+    *,
+    test: str | None = None,
+    fit: Sequence[str] | None = None,
+) -> Calibration:
+    """Constants of the study's material from a tensile test or a free curve: `pliant calibrate`."""
+    return calibrate_with(opened.bench, opened.study, read_bench_data(Path(data), test), fit)

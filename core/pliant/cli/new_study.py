@@ -58,11 +58,27 @@ def write_study(
     """
     present = [effect.canonical() for effect in study.effects]
     text = study_with_effects(source, target, _entries(study, found, note), present, overrides)
+    meant = {**study.canonical(), "effects": [effect.canonical() for effect in found.effects]}
+    write_checked(target, text, meant, registry)
+
+
+def write_checked(target: Path, text: str, meant: Mapping[str, Any], registry: Registry) -> None:
+    """Write a study's text, whole or not at all.
+
+    Args:
+        target: the new file, see `check_target`.
+        text: what to write.
+        meant: the study as canonical values, which the text must read back as.
+        registry: as it was before the study's own plugin files were read.
+
+    Raises:
+        UserError: the file cannot be written, or what was written does not read back as meant.
+    """
     handle, name = tempfile.mkstemp(prefix=".writing-", suffix=".yaml", dir=target.parent)
     try:
         with os.fdopen(handle, "w", encoding="utf-8") as file:
             file.write(text)
-        _check(Path(name), study, found.effects, registry)
+        _check(Path(name), meant, registry)
         Path(name).chmod(0o644)
         Path(name).replace(target)
     except BaseException:
@@ -100,9 +116,9 @@ def _written(config: EffectConfig, estimate: Estimate, value: float) -> tuple[st
     return field, plain
 
 
-def _check(path: Path, study: Study, effects: Sequence[EffectConfig], registry: Registry) -> None:
-    """What was written must read back as the study with these effects."""
-    meant = _comparable({**study.canonical(), "effects": [effect.canonical() for effect in effects]})
+def _check(path: Path, canonical: Mapping[str, Any], registry: Registry) -> None:
+    """What was written must read back as the study that was meant."""
+    meant = _comparable(canonical)
     read = _comparable(load_study(path, registry).canonical())
     different = [key for key in meant if meant[key] != read.get(key)]
     if different:

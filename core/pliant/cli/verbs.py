@@ -7,7 +7,19 @@ from typing import Annotated
 import typer
 
 from pliant import __version__
-from pliant.cli import compare, diagnose, export, extend, improve, later, plugins, render, studies, view
+from pliant.cli import (
+    calibrate,
+    compare,
+    diagnose,
+    export,
+    extend,
+    improve,
+    later,
+    plugins,
+    render,
+    studies,
+    view,
+)
 
 app = typer.Typer(
     name="pliant",
@@ -22,6 +34,7 @@ app.command("plugins")(plugins.plugins)
 app.command("check")(plugins.check)
 app.command("schema")(plugins.schema)
 app.command("new-plugin")(plugins.new_plugin)
+app.command("calibrate")(calibrate.calibrate)
 app.command("compare")(compare.compare)
 app.command("diagnose")(diagnose.diagnose)
 app.command("extend")(extend.extend)

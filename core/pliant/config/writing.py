@@ -90,6 +90,63 @@ def study_with_effects(
     return _with_effects(text, entries, present, own)
 
 
+def study_with_values(
+    source: Path,
+    target: Path,
+    block: str,
+    values: Mapping[str, str],
+    remarks: Mapping[str, str],
+    overrides: Sequence[str] = (),
+) -> str:
+    """The text of a study with keys of one block set anew.
+
+    Args:
+        source: the study that is read.
+        target: where the text will be written: paths in it are relative to that place.
+        block: name of the block, such as `material`.
+        values: text of each value by its key, without unit in the name.
+        remarks: comments behind these keys and, by "kind", behind the block's kind; without "#".
+        overrides: changes "key=value" with which `source` was read; they are written into the text.
+
+    Raises:
+        UserError: a file that cannot be read.
+    """
+    read_yaml(source)  # for its messages
+    text = source.read_text(encoding="utf-8-sig")
+    text = _relocated(text, source.resolve().parent, target.resolve().parent)
+    for override in overrides:
+        text = _overridden(text, override, target.resolve().parent)
+    for key, value in values.items():
+        text = _set(text, (block, _written_key(text, block, key)), value)
+    return _remarked(text, block, remarks)
+
+
+def _written_key(text: str, block: str, key: str) -> str:
+    """The key as the text has it: `shear_modulus` may stand as `shear_modulus_pa`."""
+    node = find(Splicer(text).root, (block,))
+    names = [str(name.value) for name, _ in node.value] if isinstance(node, MappingNode) else []
+    return next((name for name in names if key in (name, strip_unit_suffix(name))), key)
+
+
+def _remarked(text: str, block: str, remarks: Mapping[str, str]) -> str:
+    """Comments behind values of a block, or all of them behind a block that stands on one line."""
+    splicer = Splicer(text)
+    node = find(splicer.root, (block,))
+    if not isinstance(node, MappingNode) or (
+        isinstance(splicer.root, MappingNode) and splicer.root.flow_style
+    ):
+        return text
+    if node.flow_style:
+        places = {int(node.end_mark.index): "; ".join(remarks.values())}
+    else:
+        keys = {strip_unit_suffix(str(name.value)): value for name, value in node.value}
+        places = {splicer.last(keys[key]): remark for key, remark in remarks.items() if key in keys}
+    for end, remark in places.items():
+        old = GENERATED.match(splicer.text, end)
+        splicer.replace(end, old.end() if old else end, f"  # {_one_line(remark)}")
+    return splicer.done()
+
+
 def flow_text(value: Any) -> str:
     """A plain value as YAML on one line."""
     if isinstance(value, Mapping):

@@ -18,16 +18,18 @@ BLOCK = 1 << 22  # characters read at a time
 SHOWN = 20  # problems that a message lists
 ENOUGH = 10_000  # problems after which reading stops
 MISSING = ("", "nan", "na", "n/a")
+EXAMPLE = "run,time_s,pressure_pa,angle_rad"
 Cells = tuple[str, ...]
 
 
 @dataclass
 class Problems:
-    """What is wrong with the rows of a file, by line."""
+    """What is wrong with the rows of a file, by line; `advice` says what to do about it."""
 
     path: Path
     found: list[tuple[int, str]] = field(default_factory=list)
     count: int = 0
+    advice: str = "correct the file or say more in its YAML"
 
     def add(self, line: int, text: str) -> None:
         """One more; the first `SHOWN` are kept, and reading ends at `ENOUGH`."""
@@ -44,7 +46,7 @@ class Problems:
             lines.append(f"  … and {more} more{ending}")
         rows = "1 problem" if self.count == 1 else f"{self.count} problems"
         return UserError(
-            f"{self.path}: {rows}; correct the file or say more in its YAML:\n" + "\n".join(lines)
+            f"{self.path}: {rows}; {self.advice}:\n" + "\n".join(lines)
         )
 
     def raise_if_any(self) -> None:
@@ -151,8 +153,8 @@ class Sheet:
         return Block(columns, np.array(lines, int))
 
 
-def open_sheet(path: Path) -> Sheet:
-    """Open a CSV and read its header.
+def open_sheet(path: Path, example: str = EXAMPLE) -> Sheet:
+    """Open a CSV and read its header; `example` is a header for messages.
 
     Raises `UserError` where there is no file, no text, no header, or another separator than the comma.
     """
@@ -162,13 +164,13 @@ def open_sheet(path: Path) -> Sheet:
         cause = "no such file" if isinstance(error, FileNotFoundError) else getattr(error, "strerror", error)
         raise UserError(f"{path}: the measurement cannot be read ({cause}).") from None
     try:
-        return _with_header(path, file)
+        return _with_header(path, file, example)
     except BaseException:
         file.close()
         raise
 
 
-def _with_header(path: Path, file: IO[str]) -> Sheet:
+def _with_header(path: Path, file: IO[str], example: str) -> Sheet:
     text, line = _read(file, path), 0
     while text:
         if "\n" not in text and (new := _read(file, path)):
@@ -181,14 +183,12 @@ def _with_header(path: Path, file: IO[str]) -> Sheet:
         if not first.strip() or first.lstrip().startswith("#"):
             text = text or _read(file, path)
             continue
-        header = _header(path, line, first)
+        header = _header(path, line, first, example)
         return Sheet(path, header, Problems(path), file, text, line + 1)
-    raise UserError(
-        f"{path}: the file is empty; a measurement has a header such as run,time_s,pressure_pa,angle_rad."
-    )
+    raise UserError(f"{path}: the file is empty; a measurement has a header such as {example}.")
 
 
-def _header(path: Path, line: int, text: str) -> list[str]:
+def _header(path: Path, line: int, text: str, example: str) -> list[str]:
     try:
         cells = next(csv.reader([text], skipinitialspace=True, strict=True))
     except csv.Error as error:
@@ -202,8 +202,7 @@ def _header(path: Path, line: int, text: str) -> list[str]:
             )
     if all(_is_number(cell) for cell in header):
         raise UserError(
-            f"{path}, line {line}: the first row holds numbers; write a header above it, such as "
-            "run,time_s,pressure_pa,angle_rad."
+            f"{path}, line {line}: the first row holds numbers; write a header above it, such as {example}."
         )
     repeated = sorted({cell for cell in header if cell and header.count(cell) > 1})
     if repeated:

@@ -58,7 +58,7 @@ class Ogden(Rubber):
         return float(sum(self.config.mu_pa))
 
     def energy(self, F: Array) -> Array:
-        stretches: Array = np.linalg.svd(F, compute_uv=False)
+        stretches: Array = np.asarray(np.linalg.svd(F, compute_uv=False), float)
         J: Array = np.asarray(np.prod(stretches, axis=-1), float)
         return np.asarray(self._isochoric(stretches, J) + self.bulk_modulus_pa / 2 * (J - 1) ** 2)
 

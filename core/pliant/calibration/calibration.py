@@ -1,0 +1,243 @@
+"""Fit a material's constants to bench data: start, search, certainty, what speaks against the result."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+
+from pliant.calibration.certainty import Certainty, certainty, undetermined
+from pliant.calibration.constants import Constant, changed, chosen, constants_of, moduli_scaled
+from pliant.calibration.fitting import Problem, minimised
+from pliant.calibration.free_curve import FreeCurves
+from pliant.calibration.plausible import check_modulus
+from pliant.calibration.reading import BenchData
+from pliant.calibration.tensile import HomogeneousTests
+from pliant.calibration.words import remarks_of
+from pliant.config.study import Study
+from pliant.errors import NotReachedError, UserError
+from pliant.interfaces.family import ActuatorFamily
+from pliant.interfaces.material import Material, MaterialConfig
+from pliant.pipeline.workbench import Workbench
+from pliant.records.design import Array
+
+# Finite differences and tolerance in sizes of the constants: closed forms, and curves that cost FEM each.
+EXACT_STEP, EXACT_TOLERANCE = 1e-5, 1e-9
+FEM_STEP, FEM_TOLERANCE = 2e-3, 1e-4
+SPARE_ROWS = 2
+
+
+class Model(Protocol):
+    """Constants in, the measured column out."""
+
+    def predict(self, config: MaterialConfig) -> Array | None:
+        """(n,) in SI; None where the constants make no sense."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class Calibration:
+    """Fitted constants of a material.
+
+    Attributes:
+        config: the material's block with the fitted constants.
+        constants: those that were fitted, with their values.
+        certainty: their covariance, in the same order.
+        undetermined: those among them that the data do not decide.
+        shear_modulus_pa, shear_modulus_sd_pa: μ₀ of the fitted law.
+        data: what was fitted.
+        predicted: (n,) the law's values at the data's rows.
+        converged: whether the search ended at a minimum.
+        fem_states: how many FEM states it took.
+        remarks: what the reader should know before using the constants.
+    """
+
+    config: MaterialConfig
+    constants: tuple[Constant, ...]
+    certainty: Certainty
+    undetermined: tuple[Constant, ...]
+    shear_modulus_pa: float
+    shear_modulus_sd_pa: float
+    data: BenchData
+    predicted: Array
+    converged: bool
+    fem_states: int
+    remarks: tuple[str, ...]
+
+    @property
+    def rmse(self) -> float:
+        """Root mean square of the law's misfit, in SI."""
+        return float(np.sqrt(np.mean((self.predicted - self.data.y) ** 2)))
+
+    @property
+    def rmse_of_range(self) -> float:
+        """The same over the span of the measured column, 0 included."""
+        return self.rmse / float(np.ptp(np.append(self.data.y, 0.0)))
+
+
+def calibrate(
+    bench: Workbench, study: Study, data: BenchData, fit: Sequence[str] | None = None
+) -> Calibration:
+    """Fit constants of the study's material.
+
+    Args:
+        bench: plugins and progress.
+        study: needs `material`; for a free curve `family` and `fem` too.
+        data: see `reading.read_bench_data`.
+        fit: names of the constants; all but density and Poisson's ratio by default.
+
+    Raises:
+        UserError: blocks or constants are missing, there are too few rows, or the modulus is no rubber's.
+        NotReachedError: no constants fit, or FEM finds no curve.
+    """
+    material: MaterialConfig = study.need("material", "a calibration")
+    constants = chosen(material, fit)
+    _check_rows(data, constants)
+    if data.kind == "free":
+        curves = _curves(bench, study, data)
+        start = _start_of_curve(curves, material, constants, data)
+        alone = [c.name for c in constants_of(material) if c.is_modulus] == [c.name for c in constants]
+        cheap = curves.similar and alone and len(constants) == 1
+        return _fitted(bench, curves, curves, start, constants, data, cheap)
+    tests = HomogeneousTests(lambda config: _built(bench, config), data.x, data.mode)
+    start = _start_of_tests(tests, material, constants, data)
+    return _fitted(bench, tests, None, start, constants, data, cheap=True)
+
+
+def _check_rows(data: BenchData, constants: Sequence[Constant]) -> None:
+    rest = 1.0 if data.kind == "tensile" else 0.0
+    places = {(mode, x) for mode, x in zip(data.mode.tolist(), data.x.tolist(), strict=True) if x != rest}
+    needed = len(constants) + SPARE_ROWS
+    if len(data) < needed or len(places) < len(constants):
+        names = ", ".join(c.written for c in constants)
+        raise UserError(
+            f"{data.source}: {len(data)} rows at {len(places)} different {data.x_name} are too few to fit {names} "
+            f"with an uncertainty; it takes {needed} rows or more, or fewer constants (--fit)."
+        )
+
+
+def _built(bench: Workbench, config: MaterialConfig) -> Material:
+    built: Material = bench.build("material", config)
+    return built
+
+
+def _curves(bench: Workbench, study: Study, data: BenchData) -> FreeCurves:
+    what = "a calibration on a free curve"
+    family: ActuatorFamily = bench.build("family", study.need("family", what))
+    curves = FreeCurves.of(bench, family, study.need("fem", what), data.x)
+    output = "extension_m" if curves.problem.joint == "prismatic" else "angle_rad"
+    for wanted, given in ((curves.problem.actuation, data.x_name), (output, data.y_name)):
+        if wanted != given:
+            raise UserError(
+                f"{data.source}: family '{study.need('family', what).kind}' needs column '{wanted}', and the file has "
+                f"'{given}'."
+            )
+    return curves
+
+
+def _scalable(material: MaterialConfig, constants: Sequence[Constant]) -> bool:
+    """Whether all moduli may move, so that a factor on them is part of the search."""
+    return {c.name for c in constants_of(material) if c.is_modulus} <= {c.name for c in constants}
+
+
+def _start_of_tests(
+    tests: HomogeneousTests, material: MaterialConfig, constants: Sequence[Constant], data: BenchData
+) -> MaterialConfig:
+    """The study's constants, moduli scaled to the data by least squares."""
+    stress = tests.predict(material)
+    if stress is None or not _scalable(material, constants):
+        return material
+    weight = 1.0 if data.sigma is None else data.sigma**-2.0
+    factor = float(np.sum(weight * stress * data.y) / np.sum(weight * stress**2))
+    return moduli_scaled(material, factor) or material
+
+
+def _start_of_curve(
+    curves: FreeCurves, material: MaterialConfig, constants: Sequence[Constant], data: BenchData
+) -> MaterialConfig:
+    """The study's constants, moduli scaled so that the curve begins with the data's slope."""
+    if not curves.similar or not _scalable(material, constants):
+        return material
+    low = data.x <= 0.5 * data.x.max()
+    terms = np.stack([data.x[low], data.x[low] ** 2], axis=1)
+    terms = terms if np.unique(data.x[low & (data.x > 0)]).size >= 3 else terms[:, :1]
+    slope = float(np.linalg.lstsq(terms, data.y[low], rcond=None)[0][0])
+    if not slope > 0:
+        slope = float(data.x @ data.y / (data.x @ data.x))
+    first = curves.first_slope(material)
+    if first * slope <= 0:
+        raise UserError(
+            f"{data.source}: {data.y_name} falls where the module's rises; positive angles bend the way actuation does."
+        )
+    return moduli_scaled(material, first / slope) or material
+
+
+def _fitted(
+    bench: Workbench,
+    model: Model,
+    curves: FreeCurves | None,
+    start: MaterialConfig,
+    constants: Sequence[Constant],
+    data: BenchData,
+    cheap: bool,
+) -> Calibration:
+    places = {c.name: c.value for c in constants_of(start)}
+    first = np.array([places[c.name] for c in constants])
+    modulus = _built(bench, start).shear_modulus_pa
+    scales = np.array(
+        [modulus if c.is_modulus else max(abs(x), 0.1) for c, x in zip(constants, first, strict=True)]
+    )
+    weight = 1 / (data.sigma if data.sigma is not None else np.ptp(np.append(data.y, 0.0)))
+
+    def residuals(values: Array) -> Array | None:
+        config = changed(start, constants, values.tolist())
+        predicted = None if config is None else model.predict(config)
+        return None if predicted is None else weight * (predicted - data.y)
+
+    step, tolerance = (EXACT_STEP, EXACT_TOLERANCE) if cheap else (FEM_STEP, FEM_TOLERANCE)
+    found = minimised(Problem(residuals, scales, step, cheap, tolerance), first)
+    config = None if found is None else changed(start, constants, found.values.tolist())
+    if found is None or config is None:
+        cause = f": {curves.failure}" if curves is not None and curves.failure else ""
+        raise NotReachedError(
+            f"{data.source}: with the study's constants the model has no answer to fit from{cause}; start from others."
+        )
+    material = _built(bench, config)
+    fitted = tuple(replace(c, value=float(v)) for c, v in zip(constants, found.values, strict=True))
+    doubts = check_modulus(material.shear_modulus_pa, data.y_name)
+    order = np.lexsort((data.x, data.mode, data.specimen))
+    sure = certainty(found, scales, order, data.specimen, data.sigma is not None)
+    lost = undetermined(fitted, sure.sd, material.shear_modulus_pa)
+    result = Calibration(
+        config=config,
+        constants=fitted,
+        certainty=sure,
+        undetermined=lost,
+        shear_modulus_pa=material.shear_modulus_pa,
+        shear_modulus_sd_pa=sure.sd_of(_modulus_gradient(bench, config, fitted, scales)),
+        data=data,
+        predicted=data.y + found.residuals / weight,
+        converged=found.converged,
+        fem_states=curves.states if curves else 0,
+        remarks=(),
+    )
+    touching = curves.touching(config) if curves else None
+    words = remarks_of(result, scales, touching)
+    return replace(result, remarks=(*data.remarks, *doubts, *words, *material.remarks()))
+
+
+def _modulus_gradient(
+    bench: Workbench, config: MaterialConfig, constants: Sequence[Constant], scales: Array
+) -> Array:
+    """∂μ₀/∂constants (k,), by differences."""
+    values = np.array([c.value for c in constants])
+    here = _built(bench, config).shear_modulus_pa
+    gradient = np.zeros(len(values))
+    for k, scale in enumerate(scales):
+        move = np.zeros(len(values))
+        move[k] = 1e-6 * scale
+        near = changed(config, constants, (values + move).tolist())
+        gradient[k] = 0.0 if near is None else (_built(bench, near).shear_modulus_pa - here) / move[k]
+    return gradient

@@ -1,0 +1,151 @@
+"""The free actuation curve of a module by FEM, for any constants of its material.
+
+Similarity spares most of the work: stresses of two materials whose moduli differ by one factor (Poisson's ratio and
+powers alike) differ by that factor at equal deformation, so that the curve depends on actuation over shear modulus
+alone. One computed curve serves all of them, and a law of one constant needs no other. Not so where the family has a
+part of given stiffness, such as a ribbon.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.interpolate import CubicHermiteSpline
+
+from pliant.calibration.constants import constants_of
+from pliant.errors import NotReachedError
+from pliant.interfaces.family import ActuatorFamily
+from pliant.interfaces.fem import FEMBackend, FemConfig, ModuleSolver
+from pliant.interfaces.material import Material, MaterialConfig
+from pliant.pipeline.workbench import Workbench
+from pliant.records.design import Array
+from pliant.records.fem import FemState, ModuleProblem
+
+INTERVALS = 8  # of a curve at first; slopes are exact, so few nodes do
+MOST_NODES = 48
+BEYOND = 1.02
+
+
+@dataclass
+class _Curve:
+    """States along a free branch, at equal steps of actuation over modulus.
+
+    Attributes:
+        solver: of the material whose shear modulus is `modulus_pa`.
+        step: of actuation / modulus, in m⁰ (pressure) or m² (force).
+    """
+
+    solver: ModuleSolver
+    modulus_pa: float
+    step: float
+    states: list[FemState] = field(default_factory=list)
+
+    def missing(self, ratio: float) -> int:
+        """How many states are to be solved until actuation / modulus is covered."""
+        return max(math.ceil(ratio / self.step - 1e-9) + 1 - len(self.states), 0)
+
+    def reach(self, ratio: float, advance: Callable[[], None]) -> None:
+        """Solve what is missing; raises `NotReachedError` where FEM finds no state."""
+        if self.missing(ratio) + len(self.states) > MOST_NODES:
+            raise NotReachedError("the free curve needs too many states")
+        for _ in range(self.missing(ratio)):
+            if self.states:
+                target = len(self.states) * self.step * self.modulus_pa
+                self.states.append(self.solver.free(target, self.states[-1]))
+            else:
+                self.states.append(self.solver.rest())
+            advance()
+
+    def at(self, ratio: Array) -> Array:
+        """u (n,) at actuation / modulus (n,), a cubic through values and slopes."""
+        x = [state.actuation / self.modulus_pa for state in self.states]
+        slopes = [self.modulus_pa * free_slope(state) for state in self.states]
+        return np.asarray(CubicHermiteSpline(x, [s.angle_rad for s in self.states], slopes)(ratio), float)
+
+
+def free_slope(state: FemState) -> float:
+    """du/dp of the main axis along the free branch, from the exact slopes of τ."""
+    return float(-np.linalg.solve(state.dtau_du, state.dtau_dp)[state.main])
+
+
+@dataclass(eq=False)
+class FreeCurves:
+    """The model of `test: free`: constants in, angle (or extension) of every row out.
+
+    Attributes:
+        bench: builds the material and the solvers.
+        problem: of the family's module, about its main axis.
+        backend: FEM.
+        actuation: (n,) of the rows, Pa or N.
+        failure: why FEM found no state, the last time that it did not.
+    """
+
+    bench: Workbench
+    problem: ModuleProblem
+    backend: FEMBackend
+    actuation: Array
+    failure: str = ""
+    _curves: dict[tuple[float, ...], _Curve] = field(default_factory=dict)
+
+    @staticmethod
+    def of(bench: Workbench, family: ActuatorFamily, fem: FemConfig, actuation: Array) -> FreeCurves:
+        """For a study's module."""
+        problem = family.problem(fem.refinement, (family.main_axis,))
+        return FreeCurves(bench, problem, bench.build("fem", fem), actuation)
+
+    @property
+    def states(self) -> int:
+        """How many states were solved."""
+        return sum(len(curve.states) for curve in self._curves.values())
+
+    @property
+    def similar(self) -> bool:
+        """Whether curves depend on actuation over modulus alone."""
+        return not self.problem.ribbons
+
+    def first_slope(self, config: MaterialConfig) -> float:
+        """d(angle)/d(actuation) at rest: what small actuations need, without a curve."""
+        return free_slope(self._solver(config).rest())
+
+    def predict(self, config: MaterialConfig) -> Array | None:
+        """u (n,) of the rows; None where FEM finds no state for these constants."""
+        modulus = self._material(config).shear_modulus_pa
+        largest = float(self.actuation.max()) / modulus
+        curve = self._curve(config, modulus, largest)
+        missing = curve.missing(largest)
+        if missing:
+            bar = self.bench.progress.begin("FEM states of a free curve", missing)
+            try:
+                curve.reach(largest, bar.advance)
+            except NotReachedError as error:
+                self.failure = str(error)
+                return None
+            finally:
+                bar.finish()
+        return curve.at(self.actuation / modulus)
+
+    def touching(self, config: MaterialConfig) -> float | None:
+        """The smallest actuation at which convolutions overlap, which FEM marks and does not resolve."""
+        modulus = self._material(config).shear_modulus_pa
+        curve = self._curve(config, modulus, 0.0)
+        marked = [s.actuation * modulus / curve.modulus_pa for s in curve.states if s.status != "ok"]
+        return min(marked) if marked and min(marked) <= self.actuation.max() else None
+
+    def _curve(self, config: MaterialConfig, modulus: float, largest: float) -> _Curve:
+        """The curve that this material shares with all that are similar to it."""
+        unit = modulus if self.similar else 1.0
+        key = tuple(float(f"{c.value / (unit if c.is_modulus else 1):.12g}") for c in constants_of(config))
+        if key not in self._curves:
+            step = BEYOND * largest / INTERVALS
+            self._curves[key] = _Curve(self._solver(config), modulus, step)
+        return self._curves[key]
+
+    def _material(self, config: MaterialConfig) -> Material:
+        built: Material = self.bench.build("material", config)
+        return built
+
+    def _solver(self, config: MaterialConfig) -> ModuleSolver:
+        return self.backend.solver(self.problem, self._material(config))

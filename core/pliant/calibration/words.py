@@ -1,0 +1,114 @@
+"""What a calibration says in sentences: how far its constants can be told apart, and how far its law fits."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pliant.evidence.words import listed, number, percent, shown
+from pliant.records.design import Array
+
+if TYPE_CHECKING:
+    from pliant.calibration.calibration import Calibration
+
+ALIKE = 0.98  # correlation from which constants trade places
+POOR_FIT = 0.05  # rms over the range from which the law is doubted
+SMALL_SHARE = 0.05
+
+
+def remarks_of(found: Calibration, scales: Array, touching: float | None) -> list[str]:
+    """Sentences on a calibration; `touching` is the actuation at which convolutions meet, if they do."""
+    remarks = []
+    if found.undetermined:
+        remarks.append(_undetermined(found, scales))
+    else:
+        remarks += [*_exchangeable(found), *_near_zero(found)]
+    if found.rmse_of_range > POOR_FIT:
+        remarks.append(
+            f"The law misses the data by {percent(found.rmse_of_range)} of their range: another law, or a wrong unit, "
+            "geometry or test?"
+        )
+    if found.certainty.chi2 > 2:
+        remarks.append(
+            f"The misfit is {number(np.sqrt(found.certainty.chi2), 2)} times the stated sigma; standard deviations are "
+            "widened by that."
+        )
+    if not found.converged:
+        remarks.append("The fit still moved when it was stopped; look at the error before you believe it.")
+    if touching is not None:
+        words = shown(found.data.x_name)
+        remarks.append(
+            f"From {words.text(touching)} on convolutions touch, which the FEM does not resolve; leave such rows out."
+        )
+    return remarks
+
+
+def range_text(found: Calibration) -> str:
+    """Which part of the law the data have seen."""
+    low, high = float(found.data.x.min()), float(found.data.x.max())
+    if found.data.kind == "tensile":
+        return f"stretch {low:.3g} to {high:.3g}"
+    words = shown(found.data.x_name)
+    return f"{words.label} {number(low * words.factor)} to {words.text(high)}"
+
+
+def _undetermined(found: Calibration, scales: Array) -> str:
+    names = listed([c.written for c in found.undetermined])
+    known, value, sd = _determined(found, scales)
+    if not all(c.is_modulus for c in found.constants) and np.isfinite(found.shear_modulus_sd_pa):
+        known, value, sd = "the shear modulus at rest", found.shear_modulus_pa, found.shear_modulus_sd_pa
+    advice = (
+        "a uniaxial test of the material (--test uniaxial) tells more"
+        if found.data.kind == "free"
+        else "test at larger stretch or in another mode (column test: equibiaxial, planar)"
+    )
+    verb = "is" if len(found.undetermined) == 1 else "are"
+    only = f"determined is {known} = {number(value / 1e3, 4)} ± {number(sd / 1e3, 2)} kPa" if known else ""
+    return (
+        f"These data do not tell {names}{' apart' if len(found.undetermined) > 1 else ''}: "
+        f"{only or 'its effect is below their noise'}, and {names} {verb} free beside it. "
+        f"Fit fewer constants (--fit), or {advice}."
+    )
+
+
+def _determined(found: Calibration, scales: Array) -> tuple[str, float, float]:
+    """The combination of moduli that the data decide best, its value and standard deviation in Pa."""
+    weights = found.certainty.strongest / scales
+    moduli = np.array([c.is_modulus for c in found.constants])
+    if not moduli.any():
+        return "", 0.0, 0.0
+    largest = float(np.abs(weights[moduli]).max())
+    weights = weights / largest
+    terms = []
+    for constant, weight in zip(found.constants, weights, strict=True):
+        if constant.is_modulus and abs(weight) >= SMALL_SHARE:
+            factor = "" if abs(abs(weight) - 1) < 5e-3 else f"{abs(weight):.2f} "
+            terms.append(f"{'−' if weight < 0 else '+'} {factor}{constant.written}")
+    values = np.array([c.value for c in found.constants])
+    text = " ".join(terms).removeprefix("+ ")
+    return text, float(weights[moduli] @ values[moduli]), found.certainty.strongest_sd / largest
+
+
+def _exchangeable(found: Calibration) -> list[str]:
+    remarks = []
+    for i, first in enumerate(found.constants):
+        for j, second in enumerate(found.constants[:i]):
+            rho = float(found.certainty.correlation[i, j])
+            if abs(rho) > ALIKE:
+                remarks.append(
+                    f"{second.written} and {first.written} nearly trade places in these data (correlation "
+                    f"{number(rho, 4)}): what they give together is surer than each alone."
+                )
+    return remarks
+
+
+def _near_zero(found: Calibration) -> list[str]:
+    if len(found.constants) < 2:
+        return []
+    return [
+        f"{c.written} is not told from zero (± {number(sd / 1e3 if c.is_modulus else sd, 2)}"
+        f"{' kPa' if c.is_modulus else ''}): a law without it fits these data as well."
+        for c, sd in zip(found.constants, found.certainty.sd, strict=True)
+        if abs(c.value) < 2 * sd
+    ]
