@@ -7,15 +7,27 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy import sparse
+from scipy.linalg import expm
 
+from pliant.errors import ContractError, UserError
 from pliant.records.design import Array
-from pliant.records.fem import ModuleProblem, Ribbon, Tendon
+from pliant.records.fem import FemState, Link, ModuleProblem, Ribbon, Tendon
 from pliant.testing.box import (
+    Y,
+    Z,
+    box_problem,
+    prismatic_box_problem,
     spatial_box_problem,
+    tendon_box_problem,
 )
 from pliant.testing.stand_ins import sample_material
 from pliant_plugins.fem.skfem.assembly import Assembler
+from pliant_plugins.fem.skfem.backend import Skfem, SkfemSolver
+from pliant_plugins.fem.skfem.config import SkfemConfig
+from pliant_plugins.fem.skfem.kinematics import placed
+from pliant_plugins.fem.skfem.tendon import drawn
 from pliant_plugins.fem.skfem.terms import Terms
+from pliant_plugins.fem.skfem.unknowns import constraints
 
 MATERIAL = sample_material()
 RIBBON = Ribbon(2e-3, 40.0)
@@ -90,3 +102,287 @@ def test_every_entry_of_the_globals_block(what: str, stretches: bool) -> None:
             assert here.border[-G + j, i] == pytest.approx(slope[-G + j], rel=1e-6, abs=1e-9 * scale), (i, j)
         rows = slope[:-G]
         assert np.allclose(here.border[:-G, i], rows, rtol=1e-5, atol=1e-7 * max(np.abs(rows).max(), 1e-30))
+
+
+def cross(k: Array) -> Array:
+    return np.array([[0.0, -k[2], k[1]], [k[2], 0.0, -k[0]], [-k[1], k[0], 0.0]])
+
+
+def test_placed_sections_follow_the_rod_equations() -> None:
+    """R = exp(s [k]), r' = R e₁ by quadrature."""
+    k, z0 = np.array([30.0, 45.0, -60.0]), 1.5e-3
+    section = np.array([[7e-3, 1e-3, 4e-3], [-1e-3, -2e-3, 0.0], [0.0, 1e-3, 1e-3]])
+    got = placed(section, k, z0)
+    node, weight = np.polynomial.legendre.leggauss(12)
+    for point, (s, y, z) in zip(got, section, strict=True):
+        line = sum(
+            w * s / 2 * expm(s * (n + 1) / 2 * cross(k))[:, 0] for n, w in zip(node, weight, strict=True)
+        )
+        exact = line + expm(s * cross(k)) @ np.array([0.0, y, z - z0]) + np.array([0.0, 0.0, z0])
+        assert np.allclose(point, exact, atol=1e-15)
+    assert np.allclose(placed(section, np.zeros(3), z0), section, atol=1e-18)
+
+
+def test_the_energy_is_that_of_the_motion_in_space() -> None:
+    """W of F by differences of the placed positions, for a smooth displacement that the cells represent exactly."""
+    problem = spatial_box_problem()
+    assembler = Assembler(problem, MATERIAL, "point")
+    turn, strain = np.array(GLOBALS[:3]), GLOBALS[3]
+    k = turn / ((1 + strain) * problem.span_m)
+    rng = np.random.default_rng(1)
+    linear, square = 0.03 * rng.standard_normal((3, 3)), 4.0 * rng.standard_normal((3, 3))
+
+    def displaced(X: Array) -> Array:
+        return X @ linear.T + X**2 @ square.T
+
+    def in_space(X: Array) -> Array:
+        section = X + displaced(X) + strain * X[:, :1] * np.array([1.0, 0.0, 0.0])
+        return placed(section, k, problem.reference_z_m)
+
+    nodes = problem.mesh.nodes_m
+    terms = assembler.strain_energy(np.concatenate([displaced(nodes).ravel(), [*turn, strain]]))
+    assert terms is not None
+    points = (assembler.cells.value @ nodes[assembler.cells.nodes]).reshape(-1, 3)
+    h = 1e-7
+    columns = [(in_space(points + h * d) - in_space(points - h * d)) / (2 * h) for d in np.eye(3)]
+    energy = MATERIAL.energy(np.stack(columns, axis=-1))
+    assert terms.value == pytest.approx(float(energy @ assembler.cells.weight.ravel()), rel=1e-7)
+
+
+def test_cavity_of_a_bent_and_twisted_tube_in_closed_form() -> None:
+    """Pappus: A (1 + e) L (1 + k_y ρ_z − k_z ρ_y) with the cavity's centroid, wherever the section stands."""
+    problem = spatial_box_problem()
+    assembler = Assembler(problem, MATERIAL)
+    v, shift = np.zeros((len(problem.mesh.nodes_m), 3)), np.array([0.7e-3, -0.4e-3])
+    v[:, 1:] = shift
+    turn, strain = np.array(GLOBALS[:3]), GLOBALS[3]
+    length = (1 + strain) * problem.span_m
+    k, area = turn / length, 2 * Y[1] * (Z[2] - Z[1])
+    y, z = shift[0], (Z[1] + Z[2]) / 2 + shift[1] - problem.reference_z_m
+    got = assembler.cavity(np.concatenate([v.ravel(), [*turn, strain]])).value
+    assert got == pytest.approx(area * length * (1 + k[1] * z - k[2] * y), rel=1e-12)
+
+
+def test_tendon_s_path_by_the_exponential_map() -> None:
+    tendon, span, z0, rise = Tendon(1.3e-3, -4e-3), 6e-3, 1e-3, 0.2e-3
+    turn, strain = np.array([0.4, 0.9, -0.6]), 0.04
+    node, weight = np.polynomial.legendre.leggauss(12)
+    mean = sum(w / 2 * expm((n + 1) / 2 * cross(turn)) for n, w in zip(node, weight, strict=True))
+    hole = np.array([tendon.x_m, 0.0, tendon.z_m - z0 + rise])
+    now = (1 + strain) * span * mean[0, 0] + (expm(cross(turn)) @ hole)[0]
+    got, *_ = drawn(tendon, span, z0, turn, strain, rise)
+    assert got == pytest.approx(span + tendon.x_m - now, rel=1e-12)
+    # a bend alone
+    theta = 0.5
+    got, *_ = drawn(tendon, span, z0, np.array([0.0, theta, 0.0]), 0.0, 0.0)
+    bent = span * np.sin(theta) / theta + (tendon.z_m - z0) * np.sin(theta) + tendon.x_m * np.cos(theta)
+    assert got == pytest.approx(span + tendon.x_m - bent, rel=1e-12)
+
+
+def test_ribbon_s_energy_by_quadrature() -> None:
+    problem = replace(spatial_box_problem(), ribbons=(RIBBON,))
+    assembler, (turn, strain) = Assembler(problem, MATERIAL), (np.array(GLOBALS[:3]), GLOBALS[3])
+    x = np.concatenate([np.zeros(assembler.size), [*turn, strain]])
+    elastic, solid = assembler.elastic_energy(x), assembler.strain_energy(x)
+    assert elastic is not None and solid is not None
+    node, weight = np.polynomial.legendre.leggauss(5)
+    y, L = RIBBON.width_m / 2 * node, problem.span_m
+    fibre = strain - turn[2] * y / L + (turn[0] * y / L) ** 2 / 2
+    exact = 0.5 * RIBBON.stiffness_n * L * float(weight / 2 @ fibre**2)
+    assert elastic.value - solid.value == pytest.approx(exact, rel=1e-9)
+
+
+def backend(**options: object) -> Skfem:
+    return Skfem(SkfemConfig.model_validate({"pressure_max_pa": 15e3, **options}))
+
+
+@pytest.fixture(scope="module")
+def spatial() -> SkfemSolver:
+    return backend().solver(spatial_box_problem(), MATERIAL)
+
+
+@pytest.fixture(scope="module")
+def mixed(spatial: SkfemSolver) -> FemState:
+    return spatial.constrained(8e3, {"x": 0.1, "y": 0.15, "z": -0.12}, spatial.rest())
+
+
+def test_a_whole_module_is_four_quarters(spatial: SkfemSolver) -> None:
+    """Periodic, with warping free, against the symmetric piece: one solution on matching cells."""
+    quarter = backend().solver(box_problem(), MATERIAL)
+    part = quarter.constrained(8e3, 0.15, quarter.rest())
+    whole = spatial.constrained(8e3, {"x": 0.0, "y": 0.15, "z": 0.0}, spatial.rest())
+    for name in ("moment_n_m", "dmoment_dp", "dmoment_du", "energy_j", "travel", "axial_strain"):
+        assert getattr(whole, name) == pytest.approx(getattr(part, name), rel=1e-8), name
+
+
+def test_periodic_displacements_are_periodic(spatial: SkfemSolver, mixed: FemState) -> None:
+    v = mixed.solution[: spatial.assembler.size].reshape(-1, 3)
+    sets = spatial.problem.mesh.node_sets
+    assert np.abs(v[sets["start"]] - v[sets["end"]]).max() == 0
+    assert np.abs(v[sets["start"]]).max() > 1e-6
+
+
+def test_axes_that_are_not_held_are_free(spatial: SkfemSolver, mixed: FemState) -> None:
+    partly = spatial.constrained(8e3, {"x": 0.1, "z": -0.12}, mixed)
+    assert partly.held == ("x", "z") and partly.branch == "constrained"
+    assert abs(partly.moment_n_m) < 1e-9
+    again = spatial.constrained(
+        8e3, dict(zip(("x", "y", "z"), partly.deformation, strict=True)), spatial.rest()
+    )
+    # slopes are those with all axes independent, on either way
+    for name in ("tau", "dtau_du", "dtau_dp"):
+        a, b = getattr(partly, name), getattr(again, name)
+        assert np.abs(a - b).max() < 1e-6 * np.abs(mixed.dtau_du if name != "dtau_dp" else b).max(), name
+    free = spatial.constrained(8e3, {}, partly)
+    assert free.branch == "free" and np.abs(free.tau).max() < 1e-9
+
+
+def test_held_axes_must_be_the_joint_s(spatial: SkfemSolver, mixed: FemState) -> None:
+    with pytest.raises(UserError, match="'w' is none of this module's: x, y, z"):
+        spatial.constrained(0.0, {"w": 0.1}, mixed)
+    with pytest.raises(UserError, match="distinct ones of x, y, z"):
+        backend().solver(replace(spatial_box_problem(), axes=("y", "y")), MATERIAL)
+    with pytest.raises(UserError, match="prismatic"):
+        backend().solver(replace(spatial_box_problem(), joint="prismatic"), MATERIAL)
+    with pytest.raises(UserError, match="main axis"):
+        backend().solver(replace(box_problem(), main_axis="z"), MATERIAL)
+
+
+def test_a_stiff_ribbon_is_a_stretchless_line() -> None:
+    """EA → ∞ without width and `stretches = False` are one problem."""
+    base = box_problem()
+    stiff = backend().solver(replace(base, ribbons=(Ribbon(0.0, 1e6),)), MATERIAL)
+    rigid = backend().solver(replace(base, stretches=False), MATERIAL)
+    a, b = (s.constrained(6e3, 0.1, s.rest()) for s in (stiff, rigid))
+    assert b.axial_strain == 0 < abs(a.axial_strain) < 1e-6
+    for name in ("moment_n_m", "dmoment_dp", "dmoment_du", "energy_j"):
+        assert getattr(a, name) == pytest.approx(getattr(b, name), rel=1e-4), name
+    soft = backend().solver(base, MATERIAL).rest()
+    assert abs(b.dmoment_du) > 1.5 * abs(soft.dmoment_du)
+
+
+def test_ribbon_stiffens_sideways_bending_by_its_second_moment(spatial: SkfemSolver) -> None:
+    banded = backend().solver(replace(spatial_box_problem(), ribbons=(RIBBON,)), MATERIAL).rest()
+    added = RIBBON.stiffness_n * RIBBON.width_m**2 / 12 / spatial.problem.span_m
+    plain = spatial.rest()
+    assert banded.dtau_du[2, 2] == pytest.approx(plain.dtau_du[2, 2] - added, rel=1e-9)
+    assert banded.dtau_du[0, 0] == pytest.approx(plain.dtau_du[0, 0], rel=1e-9)
+
+
+def test_tendon_virtual_work() -> None:
+    """∂τ/∂T at constant u is ∂travel/∂u at constant T; along a path dE = −τ du + T d(travel)."""
+    solver = backend().solver(tendon_box_problem(), MATERIAL)
+    held = solver.constrained(0.2, 0.1, solver.rest())
+    du, dT = 1e-3, 2e-3
+    ahead, behind = (solver.constrained(0.2, 0.1 + s * du, held) for s in (1, -1))
+    assert held.dmoment_dp == pytest.approx((ahead.travel - behind.travel) / (2 * du), rel=1e-6)
+    more, less = (solver.constrained(0.2 + s * dT, 0.1, held) for s in (1, -1))
+    assert held.dmoment_dp == pytest.approx((more.moment_n_m - less.moment_n_m) / (2 * dT), rel=1e-6)
+    assert (more.energy_j - less.energy_j) / (2 * dT) == pytest.approx(
+        0.2 * (more.travel - less.travel) / (2 * dT), rel=1e-5
+    )
+    slope = (ahead.energy_j - behind.energy_j) / (2 * du)
+    assert slope == pytest.approx(-held.moment_n_m + 0.2 * held.dmoment_dp, rel=1e-5)
+
+
+def test_tendon_is_drawn_by_what_the_holes_come_nearer() -> None:
+    """Whole module: both half lengths, seen in the deformed nodes of a rigid end."""
+    base = tendon_box_problem()
+    solver = backend().solver(base, MATERIAL)
+    free = solver.free(0.2, solver.rest())
+    assert free.angle_rad > 0 and free.travel > 0
+    end = base.mesh.node_sets["end"]
+    now, theta = solver.deformed_nodes(free)[end[0]], free.angle_rad / 2
+    corner = base.mesh.nodes_m[end[0]]
+    assert base.tendon is not None
+    along, down = base.tendon.x_m, base.tendon.z_m - corner[2]
+    hole = now[0] + along * np.cos(theta) + down * np.sin(theta)
+    assert free.travel == pytest.approx(2 * (base.span_m + along - hole), rel=1e-9)
+
+
+def test_prismatic_module_is_stretched_and_does_not_turn() -> None:
+    solver = backend().solver(prismatic_box_problem(), MATERIAL)
+    state = solver.constrained(5e3, 1e-3, solver.rest())
+    assert state.deformation == pytest.approx([1e-3]) and state.held == ("x",)
+    length = solver.problem.span_m
+    assert state.axial_strain == pytest.approx(1e-3 / length)
+    end = solver.problem.mesh.node_sets["end"]
+    start = solver.problem.mesh.node_sets["start"]
+    moved = solver.deformed_nodes(state)
+    assert np.allclose(moved[end] - moved[start], [length + 1e-3, 0, 0], atol=1e-12)
+    free = solver.free(5e3, state)
+    assert free.deformation[0] > 0 and abs(free.moment_n_m) < 1e-8
+
+
+def test_constraints_join_fix_and_cancel() -> None:
+    """Tied to linked to fixed; v = −v is zero; signs multiply along a chain of links."""
+    base = spatial_box_problem()
+    nodes = len(base.mesh.nodes_m)
+    sets = {**base.mesh.node_sets, "three": np.array([3, 4, 5]), "one": np.array([9])}
+    pairs = [
+        Link(np.array([5]), np.array([6]), {0: -1.0, 1: 1.0}),
+        Link(np.array([6]), np.array([7]), {0: -1.0, 1: -1.0}),
+        Link(np.array([8]), np.array([8]), {2: -1.0}),
+        Link(np.array([9]), np.array([10]), {1: 1.0}),
+    ]
+    mesh = replace(base.mesh, node_sets=sets)
+    problem = replace(base, mesh=mesh, tied={"three": (0, 1)}, links=tuple(pairs), fixed={"one": (1,)})
+    held = constraints(problem)
+    u = np.random.default_rng(2).uniform(1, 2, len(held.first))
+    v = np.asarray(held.spread @ u).reshape(nodes, 3)
+    assert len(u) == 3 * nodes - 4 - 4 - 1 - 2
+    assert v[3, 0] == v[4, 0] == v[5, 0] == -v[6, 0] == v[7, 0] != 0
+    assert v[3, 1] == v[5, 1] == v[6, 1] == -v[7, 1] != 0
+    assert v[8, 2] == 0 and v[9, 1] == 0 and v[10, 1] == 0
+    with pytest.raises(ContractError, match="'nowhere'; the mesh has .*start"):
+        constraints(replace(base, fixed={"nowhere": (0,)}))
+
+
+def test_antiperiodic_links_give_the_half_of_a_symmetric_cell() -> None:
+    """A twist alone has the two-fold symmetry about z through mid-span: half the cell with signed links suffices.
+
+    (x, y, z) → (−x, −y, z) maps v to (−v_x, −v_y, v_z): on the mid-plane x = l/2 and on x = 0 alike it joins the
+    nodes at y and −y.
+    """
+    whole = spatial_box_problem()
+    quarter_length = whole.span_m / 2
+    nodes = whole.mesh.nodes_m
+    keep = nodes[whole.mesh.cells].max(axis=1)[:, 0] < quarter_length * (1 + 1e-9)
+    cells = whole.mesh.cells[keep]
+    cavity = whole.mesh.cavity[nodes[whole.mesh.cavity].max(axis=1)[:, 0] < quarter_length * (1 + 1e-9)]
+    used = np.unique(cells)
+    small = nodes[used]
+    sets = {
+        name: np.flatnonzero(np.abs(small[:, 0] - x) < 1e-9)
+        for name, x in (("start", 0.0), ("end", quarter_length))
+    }
+    pins = {name: np.searchsorted(used, whole.mesh.node_sets[name]) for name in ("pin", "level")}
+    links = []
+    for ids in sets.values():
+        order = {tuple(np.rint(1e7 * small[i, 1:]).astype(int)): i for i in ids}
+        pair = [(i, order[(-y, z)]) for (y, z), i in order.items() if y >= 0]
+        first, second = np.array(pair).T
+        links.append(Link(first, second, {0: -1.0, 1: -1.0, 2: 1.0}))
+    mesh = replace(
+        whole.mesh,
+        nodes_m=small,
+        cells=np.searchsorted(used, cells),
+        cavity=np.searchsorted(used, cavity),
+        skin=np.searchsorted(used, cavity),
+        node_sets={**sets, **pins},
+    )
+    half = replace(
+        whole,
+        mesh=mesh,
+        span_m=quarter_length,
+        deformation_scale=2.0,
+        energy_scale=2.0,
+        links=tuple(links),
+        fixed={"pin": (2,)},
+        axes=("x",),
+        main_axis="x",
+    )
+    a, b = backend().solver(half, MATERIAL), backend().solver(whole, MATERIAL)
+    part = a.constrained(0.0, 0.3, a.rest())
+    full = b.constrained(0.0, {"x": 0.3, "y": 0.0, "z": 0.0}, b.rest())
+    assert part.moment_n_m == pytest.approx(full.tau[0], rel=1e-7)

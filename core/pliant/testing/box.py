@@ -3,8 +3,8 @@
 For bending about y half of its width is meshed (y ≥ 0, mirror plane y = 0), and half of a module's length
 (`box_problem`); for several axes the whole module as one cell of a periodic chain (`spatial_box_problem`). With
 the rod frame's end conditions its small deformations are those of a uniform beam, so moments and angles have
-closed forms (`BoxModule`): by reciprocity, pressure p bends it like the moment (1 − 2ν) A_c (z_c − z_e) p, with A_c, z_c
-area and centroid of the cavity, z_e that of the solid section.
+closed forms (`BoxModule`): by reciprocity, pressure p bends it like the moment (1 − 2ν) A_c (z_c − z_e) p, with
+A_c, z_c area and centroid of the cavity, z_e that of the solid section.
 """
 
 from __future__ import annotations

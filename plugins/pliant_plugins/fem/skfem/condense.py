@@ -104,4 +104,4 @@ def slopes(reduced: Reduced, axes: tuple[int, ...]) -> tuple[Array, Array]:
     lever = np.asarray(np.linalg.solve(S[np.ix_(others, others)], S[np.ix_(others, joint)]), float)
     by_actuation = b[joint] - lever.T @ b[others]
     by_axes = S[np.ix_(joint, others)] @ lever - S[np.ix_(joint, joint)]
-    return by_actuation, 0.5 * (by_axes + by_axes.T)
+    return by_actuation, by_axes
