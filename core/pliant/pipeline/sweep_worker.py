@@ -140,7 +140,7 @@ def _solved(job: Job, bench: Workbench) -> tuple[Status, str]:
     if made.key != job.key:
         raise UserError(
             f"the worker on {platform.node()} runs another version of Pliant, of a plugin or of a library than this "
-            "process (its result has another key); install the same on both."
+            "process (its result has another key); install the same on both, and edit no code while a sweep runs."
         )
     return "done", ""
 

@@ -1,0 +1,360 @@
+"""Sweeps: every design once, whoever solves; what cannot be had is a record; nothing is solved twice."""
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from dataclasses import replace
+from multiprocessing import get_context
+
+import numpy as np
+import pytest
+from filelock import FileLock
+from tests.pipeline import sweep_bench as bench
+
+from pliant import api
+from pliant.config.designs import sweep_designs
+from pliant.errors import NotReachedError, UserError
+from pliant.pipeline import crews
+from pliant.pipeline.desk import FOLDER, LOCK
+from pliant.pipeline.progress import Silent
+from pliant.pipeline.sweep_table import write_sweep_table
+from pliant.pipeline.sweep_worker import Job, solve
+from pliant.pipeline.tables import read_table
+
+GRID = "{radius: [5 mm, 6 mm], length: [9 mm, 11 mm]}"
+
+
+@pytest.fixture
+def log(tmp_path, monkeypatch):
+    """The file to which the springs write every state that they solve."""
+    path = tmp_path / "solved.log"
+    monkeypatch.setenv("SPRINGS_LOG", str(path))
+    return path
+
+
+class Watched(Silent):
+    """Progress that remembers."""
+
+    def __init__(self):
+        self.notes, self.within, self.count, self.total = [], [], 0, 0
+
+    def begin(self, title, total, done=0):
+        self.total, self.count, self.first = total, done, done
+        return self
+
+    def advance(self, steps=1):
+        self.count += steps
+
+    def describe(self, text):
+        self.within.append(text)
+
+    def note(self, text):
+        self.notes.append(text)
+
+
+def test_the_first_parameter_varies_slowest(tmp_path):
+    opened = bench.opened(tmp_path, "{length: [11 mm, 9 mm], radius: [5 mm, 6 mm, 4 mm]}")
+    designs = sweep_designs(opened.study)
+    assert [d.number for d in designs] == list(range(6))
+    pairs = [(d.family.length_m, d.family.radius_m) for d in designs]
+    expected = [(length, radius) for length in (11e-3, 9e-3) for radius in (5e-3, 6e-3, 4e-3)]
+    np.testing.assert_allclose(pairs, expected, rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("sweep", "name", "values"),
+    [
+        ("{radius: {low: 5 mm, high: 6 mm, count: 3}}", "radius_m", [5e-3, 5.5e-3, 6e-3]),
+        ("{folds: {low: 1, high: 5, count: 3}}", "folds", [1, 3, 5]),
+        ("{family.folds: [2]}", "folds", [2]),
+        ("{radius_m: [0.004]}", "radius_m", [0.004]),
+        ("{material.shear_modulus: [200 kPa, 1e5]}", "material.shear_modulus_pa", [2e5, 1e5]),
+        ("{material: {density: [1000 kg/m^3]}}", "material.density_kg_m3", [1000]),
+        ("{defect: [none, stuck]}", "defect", ["none", "stuck"]),
+    ],
+)
+def test_ways_to_write_a_sweep(tmp_path, sweep, name, values):
+    designs = sweep_designs(bench.opened(tmp_path, sweep).study)
+    assert [d.changes[name] for d in designs] == values
+
+
+def test_a_table_of_designs_is_read_row_by_row(tmp_path):
+    (tmp_path / "designs.csv").write_text("# chosen by hand\nradius,length\n5 mm,9 mm\n\n0.006,11 mm\n")
+    designs = sweep_designs(bench.opened(tmp_path, "{designs: designs.csv}").study)
+    assert [(d.family.radius_m, d.family.length_m) for d in designs] == [
+        (pytest.approx(5e-3), pytest.approx(9e-3)),
+        (6e-3, pytest.approx(11e-3)),
+    ]
+
+
+def test_constants_of_the_material_reach_the_solver(tmp_path):
+    run = api.sweep(bench.opened(tmp_path, "{material.shear_modulus: [240 kPa, 480 kPa]}"), workers=1)
+    soft, stiff = (data.dtau_du[0, 0, 0] for _, data in run.data())
+    assert stiff == pytest.approx(2 * soft)
+
+
+def test_what_cannot_be_had_is_a_record_with_its_cause(tmp_path):
+    opened = bench.opened(
+        tmp_path, "{radius: [5 mm, 10 mm], defect: [none, stuck, raises, exits, some_states]}"
+    )
+    run = api.sweep(opened, workers=1)
+    assert bench.statuses(run) == ["done", "not_reached", "error", "error", "done"] + ["refused"] * 5
+    causes = [outcome.cause for outcome in run.outcomes]
+    assert "Newton stopped" in causes[1]
+    assert causes[2] == "ZeroDivisionError: division by zero"
+    assert causes[3] == "SystemExit: 7"
+    assert "short by 1 mm" in causes[5]
+    assert run.outcomes[4].n_failed > 0
+    assert {f["cause"] for f in run.outcomes[4].failed} == {"Newton stopped"}
+    with pytest.raises(NotReachedError, match="design 2 has no FEM data"):
+        run.outcomes[2].data()
+
+
+def test_all_executors_agree_bit_for_bit(tmp_path, log):
+    distributed = pytest.importorskip("distributed")
+
+    def tried(name, **crew):
+        log.unlink(missing_ok=True)
+        run = api.sweep(bench.opened(tmp_path, GRID, store=name), **crew)
+        assert bench.statuses(run) == ["done"] * 4
+        return bench.table(run), bench.pids(log)
+
+    serial, here = tried("serial", workers=1)
+    assert here == {str(os.getpid())}
+    with ThreadPoolExecutor(3) as threads:
+        assert bench.same(serial, tried("threads", executor=threads)[0])
+    processes, others = tried("processes", workers=2)
+    assert bench.same(serial, processes)
+    assert str(os.getpid()) not in others
+    with ProcessPoolExecutor(1, get_context("spawn")) as given:
+        assert bench.same(serial, tried("given", executor=given)[0])
+    settings = {"n_workers": 2, "threads_per_worker": 1, "dashboard_address": None}
+    with distributed.LocalCluster(**settings) as local, distributed.Client(local) as client:
+        by_dask, remote = tried("dask", executor=client.get_executor())
+    assert bench.same(serial, by_dask)
+    assert str(os.getpid()) not in remote
+
+
+def test_a_second_sweep_solves_nothing(tmp_path, log):
+    first = api.sweep(bench.opened(tmp_path, GRID), workers=1)
+    log.unlink()
+    watched = Watched()
+    second = api.sweep(bench.opened(tmp_path, GRID, progress=watched), workers=2)
+    assert bench.solved(log) == {}
+    assert all(outcome.cached for outcome in second.outcomes)
+    assert (watched.first, watched.total) == (4, 4)
+    assert bench.same(bench.table(first), bench.table(second))
+
+
+def test_a_larger_sweep_solves_only_what_is_new(tmp_path, log):
+    api.sweep(bench.opened(tmp_path, "{radius: [5 mm]}"), workers=1)
+    log.unlink()
+    run = api.sweep(bench.opened(tmp_path, "{radius: [4 mm, 5 mm]}"), workers=1)
+    assert [outcome.cached for outcome in run.outcomes] == [False, True]
+    assert {state.split("/")[0] for state in bench.solved(log)} == {"0.004"}
+
+
+def test_progress_counts_designs_and_tells_states(tmp_path):
+    watched = Watched()
+    opened = bench.opened(tmp_path, "{radius: [4 mm, 5 mm, 10 mm]}", progress=watched)
+    api.sweep(opened, workers=1)
+    assert (watched.count, watched.total) == (2, 2)
+    assert any("state 3 of" in text for text in watched.within)
+
+
+def test_what_every_design_would_say_is_said_once(tmp_path):
+    watched = Watched()
+    flat = "material={kind: mooney_rivlin, c10: 200 kPa, c01: -80 kPa}"
+    api.sweep(bench.opened(tmp_path, "{radius: [4 mm, 5 mm]}", flat, progress=watched), workers=1)
+    assert len([note for note in watched.notes if "stable" in note]) == 1
+
+
+def test_two_sweeps_at_once_share_the_work(tmp_path, log):
+    opened = [
+        bench.opened(tmp_path, "{radius: [4 mm, 5 mm, 6 mm, 7 mm]}", "fem.delay_s=0.01") for _ in range(2)
+    ]
+    with ThreadPoolExecutor(2) as both:
+        runs = list(both.map(lambda study: api.sweep(study, workers=1), opened))
+    counts = bench.solved(log)
+    assert set(counts.values()) == {1}
+    assert bench.same(*(bench.table(run) for run in runs))
+    assert bench.statuses(runs[0]) == bench.statuses(runs[1]) == ["done"] * 4
+
+
+def test_a_worker_that_dies_once_is_replaced(tmp_path, log):
+    run = api.sweep(bench.opened(tmp_path, "{defect: [none, dies_once], folds: [1, 2]}"), workers=2)
+    assert bench.statuses(run) == ["done"] * 4
+    assert set(bench.solved(log).values()) == {1}
+
+
+def test_a_design_that_kills_its_worker_twice_is_recorded_and_the_others_are_solved(tmp_path, log):
+    run = api.sweep(bench.opened(tmp_path, "{folds: [1, 2], defect: [dies, none]}"), workers=2)
+    assert bench.statuses(run) == ["crashed", "done", "crashed", "done"]
+    assert "killed twice" in run.outcomes[0].cause
+    ends = {state: n for state, n in bench.solved(log).items() if "/none " in state}
+    assert set(ends.values()) == {1}
+
+
+def test_an_executor_that_breaks_says_so(tmp_path):
+    opened = bench.opened(tmp_path, "{defect: [dies]}")
+    with ProcessPoolExecutor(1, get_context("spawn")) as pool, pytest.raises(NotReachedError, match="broke"):
+        api.sweep(opened, pool)
+
+
+def job(opened, folder, **changes):
+    """A job for the first design, at a desk that exists."""
+    family, material, fem = (
+        getattr(opened.study, name).canonical() for name in ("family", "material", "fem")
+    )
+    configs = {"family": family, "material": material, "fem": fem}
+    (folder / "desk").mkdir()
+    plain = Job(0, configs, (str(bench.PLUGIN),), str(folder / "store"), str(folder / "desk"), "0" * 32)
+    return replace(plain, **changes)
+
+
+def test_a_worker_that_does_not_see_the_store_says_so(tmp_path):
+    answer = solve(job(bench.opened(tmp_path, GRID), tmp_path, desk="/nowhere/desk"))
+    assert answer.status == "stop"
+    assert "does not see the store" in answer.cause
+    assert "shared file system" in answer.cause
+
+
+def test_a_worker_with_other_code_is_refused(tmp_path):
+    answer = solve(job(bench.opened(tmp_path, GRID), tmp_path))
+    assert answer.status == "stop"
+    assert "another version" in answer.cause
+
+
+def test_a_stop_ends_the_sweep_with_the_workers_sentence(tmp_path, monkeypatch):
+    monkeypatch.setattr(crews, "solve", lambda job, say=None: solve(replace(job, desk="/nowhere/desk")))
+    with pytest.raises(UserError, match="does not see the store"):
+        api.sweep(bench.opened(tmp_path, GRID), workers=1)
+
+
+def test_desks_go_with_their_sweep_and_those_of_killed_ones_with_the_next(tmp_path):
+    desks = tmp_path / "store" / FOLDER
+    for name in ("killed", "busy"):
+        (desks / name).mkdir(parents=True)
+        (desks / name / LOCK).touch()
+    with FileLock(desks / "busy" / LOCK):
+        api.sweep(bench.opened(tmp_path, "{radius: [5 mm]}"), workers=1)
+    assert [path.name for path in desks.iterdir()] == ["busy"]
+
+
+HOLDER = """\
+import sys, time
+from filelock import FileLock
+lock = FileLock(sys.argv[1])
+lock.acquire()
+print("held", flush=True)
+time.sleep(60)
+"""
+
+
+def test_the_lock_of_a_killed_process_is_free(tmp_path):
+    from pliant.store.store import ArtifactStore
+
+    (tmp_path / "fem").mkdir()
+    store, place = ArtifactStore(tmp_path), str(tmp_path / "fem" / "abc.lock")
+    holder = subprocess.Popen([sys.executable, "-c", HOLDER, place], stdout=subprocess.PIPE)
+    assert holder.stdout.readline() == b"held\n"
+    assert store.computed_elsewhere("fem", "abc")
+    holder.kill()
+    holder.wait()
+    holder.stdout.close()
+    assert not store.computed_elsewhere("fem", "abc")
+
+
+def test_interrupted_within_a_design_it_goes_on_from_the_last_state(tmp_path, log, monkeypatch):
+    whole = bench.table(api.sweep(bench.opened(tmp_path, GRID, store="whole"), workers=1))
+    log.unlink()
+    opened = bench.opened(tmp_path, GRID)
+
+    class Impatient(Watched):
+        def describe(self, text):
+            super().describe(text)
+            if sum(bench.solved(log).values()) == 13:
+                raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        api.sweep(replace(opened, bench=replace(opened.bench, progress=Impatient())), workers=1)
+    assert sum(bench.solved(log).values()) == 13
+    run = api.sweep(opened, workers=1)
+    assert set(bench.solved(log).values()) == {1}
+    assert bench.same(whole, bench.table(run))
+
+
+def test_the_table_has_the_states_of_all_designs(tmp_path):
+    sweep = "{radius: [4 mm, 5 mm, 10 mm], material.shear_modulus: [240 kPa, 300 kPa]}"
+    run = api.sweep(bench.opened(tmp_path, sweep), workers=1)
+    write_sweep_table(run, tmp_path / "fem.csv")
+    lines = [line.split(",") for line in (tmp_path / "fem.csv").read_text().splitlines()]
+    rows = [dict(zip(lines[0], line, strict=True)) for line in lines[1:]]
+    assert len(rows) == sum(outcome.n_states for outcome in run.outcomes)
+    for outcome in run.done():
+        own = [row for row in rows if row["design"] == str(outcome.design.number)]
+        np.testing.assert_array_equal([float(row["moment_n_m"]) for row in own], outcome.data().tau[:, 0])
+        for name in ("radius_m", "length_m", "material.shear_modulus_pa"):
+            assert {float(row[name]) for row in own} == {outcome.design.parameters[name]}
+    assert len(read_table(tmp_path / "fem.csv")) == len(rows)
+
+
+def test_workers_have_one_thread_each_unless_the_user_says_otherwise(monkeypatch):
+    for name in crews.THREADS:
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setenv("OMP_NUM_THREADS", "3")
+    with crews._one_thread_each():
+        assert [os.environ[name] for name in crews.THREADS] == ["3", "1", "1", "1"]
+    assert [name in os.environ for name in crews.THREADS] == [True, False, False, False]
+
+
+DRIVER = """\
+import sys
+from pliant import api
+if __name__ == "__main__":
+    api.sweep(api.open_study(sys.argv[1], ["fem.delay_s=0.2"], store=sys.argv[2]), workers=2)
+"""
+
+
+@pytest.mark.skipif(not hasattr(os, "killpg"), reason="POSIX signals")
+def test_no_worker_outlives_a_killed_driver(tmp_path, log):
+    script = tmp_path / "driver.py"
+    script.write_text(DRIVER)
+    path = bench.study(tmp_path, GRID)
+    driver = subprocess.Popen([sys.executable, script, path, tmp_path / "store"], start_new_session=True)
+    wait_until(lambda: sum(bench.solved(log).values()) >= 3)
+    workers = {int(pid) for pid in bench.pids(log)}
+    assert driver.pid not in workers
+    os.kill(driver.pid, signal.SIGKILL)
+    driver.wait()
+    wait_until(lambda: not any(alive(pid) for pid in workers))
+
+
+def alive(pid):
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    with open(f"/proc/{pid}/stat") as file:  # noqa: PTH123
+        return file.read().rpartition(")")[2].split()[0] != "Z"
+
+
+def wait_until(condition, seconds=30):
+    until = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < until
+        time.sleep(0.05)
+
+
+def test_a_sweep_may_be_driven_from_a_thread(tmp_path):
+    done = []
+    thread = threading.Thread(
+        target=lambda: done.append(api.sweep(bench.opened(tmp_path, GRID), workers=2)), daemon=True
+    )
+    thread.start()
+    thread.join(60)
+    assert bench.statuses(done[0]) == ["done"] * 4
