@@ -43,7 +43,7 @@ class StructureState:
     Attributes:
         pressure_pa: in the cavity.
         tip_force_n: (3,) dead force on the whole body's tip.
-        markers_m: (N + 2, 3) base, joints, tip.
+        markers_m: (N + 2, 3) base, joints, tip; the tip is the mean on which the force does its work.
         turns_rad: (N + 1,) rotation about y of the sections between modules, positive toward −z.
         energy_j: elastic energy of the whole body.
         volume_m3: of the whole cavity.

@@ -13,12 +13,14 @@ from pliant.interfaces.fem import FEMBackend, Held, ModuleSolver, StateNotConver
 from pliant.interfaces.material import Material
 from pliant.records.design import Array
 from pliant.records.fem import FemState, ModuleProblem
+from pliant.records.structure import StructureProblem
 from pliant_plugins.fem.skfem.assembly import Assembler
 from pliant_plugins.fem.skfem.condense import Control, slopes
 from pliant_plugins.fem.skfem.config import SkfemConfig
 from pliant_plugins.fem.skfem.kinematics import placed
 from pliant_plugins.fem.skfem.linear import linear_solver
 from pliant_plugins.fem.skfem.newton import DivergedError, Equilibrium, Newton
+from pliant_plugins.fem.skfem.structure import SkfemStructure
 
 REMEMBERED = 8  # equilibria kept factorised: a start among them costs nothing
 OVERLAP = 1e-4  # of the span: material this far beyond a mirror plane is self-contact
@@ -177,3 +179,7 @@ class Skfem(FEMBackend):
         if problem.actuation == "tendon_force_n" and problem.tendon is None:
             raise UserError("a module driven by 'tendon_force_n' needs its tendon; the problem has none.")
         return SkfemSolver(self.config, problem, material)
+
+    def structure(self, problem: StructureProblem, material: Material) -> SkfemStructure:
+        """A solver for a body of several modules."""
+        return SkfemStructure(self.config, problem, material)
