@@ -132,7 +132,7 @@ class NgsolveSolver(ModuleSolver):
         _, strain = self._frame(point.x)
         return FemState(
             actuation=point.actuation,
-            deformation=scale * point.x[self.system.fields :][self._places],
+            deformation=self._coordinates(point.x),
             tau=-energy / scale * effort,
             dtau_dp=energy / scale * by_actuation,
             dtau_du=-energy / scale**2 * by_number,
@@ -163,6 +163,11 @@ class NgsolveSolver(ModuleSolver):
             own, rise = own - coupling @ shift[:, :-1], rise - coupling @ shift[:, -1]
         return effort[kept], rise, 0.5 * (own + own.T)
 
+    def _coordinates(self, x: Array) -> Array:
+        """u of the module, (k,)."""
+        u: Array = self._scale * x[self.system.fields :][self._places]
+        return u
+
     def _frame(self, x: Array) -> tuple[Array, float]:
         """Θ (3,) and e."""
         values = dict(zip(self.system.forms.globals_, x[self.system.fields :].tolist(), strict=True))
@@ -177,7 +182,11 @@ class NgsolveSolver(ModuleSolver):
         return section
 
     def _overlaps(self, x: Array) -> bool:
-        """Whether skin nodes crossed a mirror plane that neighbouring convolutions share."""
+        """Whether skin nodes crossed a mirror plane that neighbouring convolutions share, or rigid parts meet."""
+        if self.problem.contact_range is not None:
+            low, high = self.problem.contact_range
+            if not low <= self._coordinates(x)[self.problem.axes.index(self.problem.main_axis)] <= high:
+                return True
         span, strain = self.problem.span_m, self._frame(x)[1]
         s = self._section(x)[np.unique(self.problem.mesh.skin), 0]
         beyond = {"start": -s.min(), "end": s.max() - (1 + strain) * span}

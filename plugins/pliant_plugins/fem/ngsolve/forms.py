@@ -22,7 +22,7 @@ from pliant.errors import UserError
 from pliant.interfaces.material import Material
 from pliant.records.fem import ModuleProblem
 from pliant_plugins.fem.ngsolve.laws import density, is_mixed
-from pliant_plugins.fem.ngsolve.mesh import CAVITY
+from pliant_plugins.fem.ngsolve.mesh import CAVITY, END
 
 AXES = ("x", "y", "z")
 STRAIN = "strain"
@@ -93,7 +93,10 @@ class Frame:
         return energy
 
     def tendon(self) -> Any:
-        """Tendon (m) drawn out of the piece: by how much the hole comes nearer to the mirror plane x = 0."""
+        """Tendon (m) drawn out of the piece: by how much the hole comes nearer to the mirror plane x = 0.
+
+        The hole rises with an end section that moves as one.
+        """
         tendon, L = self.problem.tendon, self.problem.span_m
         if tendon is None or any(axis != "y" for axis in self.problem.axes):
             raise UserError(
@@ -104,7 +107,8 @@ class Frame:
         for n in range(1, SINC_TERMS):
             term = -term * theta * theta / (2 * n * (2 * n + 1))
             sinc = sinc + term
-        arm = tendon.z_m - self.problem.reference_z_m
+        rise = self.displacement[2] if 2 in self.problem.tied.get("end", ()) else 0
+        arm = tendon.z_m - self.problem.reference_z_m + rise
         hole = (1 + self.strain) * L * sinc + tendon.x_m * ngs.cos(theta) + arm * ngs.sin(theta)
         return L + tendon.x_m - hole
 
@@ -136,21 +140,22 @@ def build_forms(mesh: Any, problem: ModuleProblem, material: Material, order: in
     frame = Frame(problem, L * trial[0], (turn[0], turn[1], turn[2]), numbers.get(STRAIN, nothing))
     pressure = material.shear_modulus_pa * trial[1] if mixed else nothing
 
-    volume = float(ngs.Integrate(ngs.CF(1), mesh, order=6))
+    # what depends on the numbers alone, or on the end section as one, is spread over that section
+    section = float(ngs.Integrate(ngs.CF(1) * ngs.ds(END, bonus_intorder=EXTRA_ORDER), mesh))
+    end = ngs.ds(END, bonus_intorder=EXTRA_ORDER)
     energy = density(material, frame.deformation_gradient(L * ngs.Grad(trial[0])), pressure)
     stored = ngs.BilinearForm(space)
     stored += ngs.Variation(energy.Compile() * ngs.dx)
     if problem.ribbons:
-        # what depends on the numbers alone is spread over the solid
-        stored += ngs.Variation((frame.ribbons() / volume).Compile() * ngs.dx(bonus_intorder=EXTRA_ORDER))
+        stored += ngs.Variation((frame.ribbons() / section).Compile() * end)
     worked = ngs.BilinearForm(space)
     if problem.actuation == "pressure_pa":
         inside = frame.cavity(L * ngs.Grad(trial[0]).Trace())
         worked += ngs.Variation(inside.Compile() * ngs.ds(CAVITY, bonus_intorder=EXTRA_ORDER))
     elif problem.actuation == "tendon_force_n":
         # the module's tendon is `deformation_scale` pieces long; its potential is shared by `energy_scale`
-        share = problem.deformation_scale / problem.energy_scale / volume
-        worked += ngs.Variation((share * frame.tendon()).Compile() * ngs.dx(bonus_intorder=EXTRA_ORDER))
+        share = problem.deformation_scale / problem.energy_scale / section
+        worked += ngs.Variation((share * frame.tendon()).Compile() * end)
     else:
         raise UserError(
             f"fem 'ngsolve' drives modules by 'pressure_pa' or 'tendon_force_n', not '{problem.actuation}'."

@@ -22,7 +22,7 @@ from pliant.records.fem import IntArray, ModuleMesh
 
 CORNERS = (0, 2, 8, 6, 18, 20, 26, 24)  # lexicographic places of NGSolve's hexahedron's vertices
 FACE_CORNERS = (0, 2, 8, 6)  # of a face, in the order that keeps its normal
-CAVITY, OUTSIDE = "cavity", "outside"
+CAVITY, END, OUTSIDE = "cavity", "end", "outside"
 # (ξ, η, ζ) ∈ {0, ½, 1}³ of a cell's nodes
 LATTICE = np.array([(i, j, k) for k in range(3) for j in range(3) for i in range(3)]) / 2
 
@@ -30,7 +30,8 @@ LATTICE = np.array([(i, j, k) for k in range(3) for j in range(3) for i in range
 def curved_mesh(mesh: ModuleMesh) -> Any:
     """The NGSolve mesh; its cells are those of `mesh` in order, its vertices the corner nodes, ascending.
 
-    Boundary elements are named `cavity` or `outside`. Raises `ContractError` where a cell is inverted.
+    Boundary elements are named `cavity`, `end` (of the end section) or `outside`. Raises `ContractError` where a
+    cell is inverted.
     """
     if not np.all(jacobians(mesh.nodes_m, mesh.cells, sample_points()) > 0):
         raise ContractError("the family's mesh has inverted cells: det ∂X/∂ξ ≤ 0")
@@ -41,13 +42,14 @@ def curved_mesh(mesh: ModuleMesh) -> Any:
     for cell in mesh.cells[:, CORNERS].tolist():
         straight.Add(netgen.Element3D(1, [points[node] for node in cell]))
     numbers = {}
-    for place, name in enumerate((CAVITY, OUTSIDE)):
+    for place, name in enumerate((CAVITY, END, OUTSIDE)):
         face = netgen.FaceDescriptor(surfnr=place + 1, domin=1, domout=0, bc=place + 1)
         numbers[name] = straight.Add(face)
         straight.SetBCName(place, name)
+    end = set(mesh.node_sets["end"].tolist())
     wetted = {tuple(sorted(face)) for face in mesh.cavity.tolist()}
     for face in mesh.skin.tolist():
-        name = CAVITY if tuple(sorted(face)) in wetted else OUTSIDE
+        name = CAVITY if tuple(sorted(face)) in wetted else END if end.issuperset(face) else OUTSIDE
         straight.Add(netgen.Element2D(numbers[name], [points[face[i]] for i in FACE_CORNERS]))
     made = ngs.Mesh(straight)
     _bend(made, mesh, corners)
