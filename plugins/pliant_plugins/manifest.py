@@ -16,13 +16,25 @@ FINGER = {
     "wall": "1.5 mm",
     "module_length": "11 mm",
 }
+HELIX_MODULE = {
+    "inner_radius": "3.09 mm",
+    "average_radius": "5.66 mm",
+    "wall": "1.51 mm",
+    "module_length": "4.72 mm",
+}
+EXTENDING = {
+    "inner_radius": "5 mm",
+    "average_radius": "8 mm",
+    "wall": "1.5 mm",
+    "module_length": "10 mm",
+}
 TENDON_JOINT = {
     "module_length": "28 mm",
-    "flexure_length": "4 mm",
-    "flexure_thickness": "2 mm",
+    "flexure_length": "5 mm",
+    "flexure_thickness": "1 mm",
     "flexure_width": "20 mm",
-    "tendon_offset": "6.7 mm",
-    "tendon_setback": "11.65 mm",
+    "tendon_offset": "6.6 mm",
+    "tendon_setback": "11.15 mm",
     "link_height": "18 mm",
     "link_width": "20 mm",
     "link_density": "1254 kg/m^3",
@@ -51,6 +63,22 @@ def _modules() -> list[Component]:
             implementation=f"{HERE}.families.bellow_bending.family:BellowBending",
             summary="bellow with a strain-limiting plate on one side; pressure bends it",
             example=FINGER,
+        ),
+        Component(
+            interface="family",
+            kind="bellow_helical",
+            config=f"{HERE}.families.bellow_helical.config:BellowHelicalConfig",
+            implementation=f"{HERE}.families.bellow_helical.family:BellowHelical",
+            summary="bellow with a constraint inside along one side; pressure bends it, it also twists and bends sideways",
+            example=HELIX_MODULE,
+        ),
+        Component(
+            interface="family",
+            kind="bellow_translational",
+            config=f"{HERE}.families.bellow_translational.config:BellowTranslationalConfig",
+            implementation=f"{HERE}.families.bellow_translational.family:BellowTranslational",
+            summary="bellow without a constraint; pressure extends it",
+            example=EXTENDING,
         ),
         Component(
             interface="family",

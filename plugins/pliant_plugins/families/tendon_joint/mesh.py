@@ -10,7 +10,7 @@ from pliant.records.design import Array
 from pliant.records.fem import ModuleMesh
 from pliant_plugins.families.tendon_joint.geometry import JointGeometry
 
-ELEMENTS = (3, 3, 2)  # along x, y, z
+ELEMENTS = (4, 3, 2)  # along x, y, z
 
 
 def build_mesh(geometry: JointGeometry, refinement: int = 1) -> ModuleMesh:
@@ -34,6 +34,6 @@ def build_mesh(geometry: JointGeometry, refinement: int = 1) -> ModuleMesh:
 
 
 def _graded(elements: int) -> Array:
-    """Grid lines from 0 to 1, mid-nodes included, closer toward 1: s ↦ s (3 − s)/2."""
+    """Grid lines from 0 to 1, mid-nodes included, closer toward 1: s ↦ s (2 − s)."""
     ends = np.linspace(0, 1, elements + 1)
-    return grid_lines(ends * (3 - ends) / 2, 1)
+    return grid_lines(ends * (2 - ends), 1)
