@@ -69,7 +69,7 @@ def _modules() -> list[Component]:
             kind="bellow_helical",
             config=f"{HERE}.families.bellow_helical.config:BellowHelicalConfig",
             implementation=f"{HERE}.families.bellow_helical.family:BellowHelical",
-            summary="bellow with a constraint inside along one side; pressure bends it, it also twists and bends sideways",
+            summary="bellow with a constraint inside along one side; pressure bends it, on three axes",
             example=HELIX_MODULE,
         ),
         Component(

@@ -51,6 +51,11 @@ class ActuatorFamily(ABC):
         """How far the chain's centre line lies from the joint, along module z; 0 where the joint is on it."""
         return 0.0
 
+    @property
+    def unmeshed_volume_m3(self) -> float:
+        """Volume of the module's own material that the solved piece leaves out, such as a thread inside; in `mass`."""
+        return 0.0
+
     @abstractmethod
     def problem(self, refinement: int = 1, axes: tuple[str, ...] | None = None) -> ModuleProblem:
         """The boundary-value problem of one module.

@@ -9,6 +9,7 @@ from pliant.errors import InvalidDesignError
 from pliant.interfaces.family import ActuatorFamily
 from pliant.meshing.hexahedra import cell_volumes
 from pliant.records.design import Array, MassProperties, ModuleMass
+from pliant.records.fem import ModuleProblem
 from pliant.testing.common import quantity_of
 from pliant.testing.family_mesh import VOLUME_TOLERANCE, mesh_finding, problem_of
 from pliant.testing.family_mesh import suite as mesh_suite
@@ -67,12 +68,14 @@ def axes_fit_the_joint(subject: Subject) -> None:
 
 
 @suite.check(
-    "the module's mass is that of the solid that is solved, density · energy_scale · volume of the piece; rigid ends "
-    "add their own."
+    "the module's mass is density · (energy_scale · volume of the solved piece + unmeshed_volume_m3); rigid ends add "
+    "their own."
 )
 def mass_is_that_of_the_mesh(subject: Subject) -> None:
     problem = problem_of(subject)
-    solid = problem.energy_scale * float(cell_volumes(problem.mesh.nodes_m, problem.mesh.cells).sum())
+    unmeshed = float(subject.build().unmeshed_volume_m3)
+    require(unmeshed >= 0, f"unmeshed_volume_m3 is {unmeshed:g}")
+    solid = problem.energy_scale * _volume(problem) + unmeshed
     light, heavy = (_total_kg(mass) for mass in (_mass(subject), _denser(subject)))
     soft = (heavy - light) / (DENSER - 1)
     require_close(
@@ -84,6 +87,41 @@ def mass_is_that_of_the_mesh(subject: Subject) -> None:
     if not _has_rigid_ends(subject):
         require_close(light, soft, "the mass (kg) is not proportional to the density", rtol=1e-9)
     require(light > soft * (1 - 1e-9), f"the rigid ends' mass is {light - soft:.3g} kg")
+
+
+@suite.check(
+    "`problem(axes=(main,))` is a piece of the same module: equal length and volume in all, one axis."
+)
+def smaller_pieces_are_of_the_same_module(subject: Subject) -> None:
+    whole = problem_of(subject)
+    piece = subject.build().problem(axes=(whole.main_axis,))
+    require(
+        piece.axes == (whole.main_axis,) and piece.main_axis == whole.main_axis,
+        f"the piece for axis '{whole.main_axis}' alone has the axes {piece.axes}",
+    )
+    require_close(
+        piece.deformation_scale * piece.span_m,
+        whole.deformation_scale * whole.span_m,
+        "deformation_scale · span_m is not that of the whole problem",
+        rtol=1e-9,
+    )
+    require_close(
+        piece.energy_scale * _volume(piece),
+        whole.energy_scale * _volume(whole),
+        "energy_scale · volume (m³) is not that of the whole problem: a forgotten mirror half",
+        rtol=VOLUME_TOLERANCE,
+    )
+    require(
+        (piece.joint, piece.actuation) == (whole.joint, whole.actuation),
+        f"the piece is a {piece.joint} joint under {piece.actuation}, the whole a {whole.joint} one under "
+        f"{whole.actuation}",
+    )
+    finding = mesh_finding(piece)
+    require(finding is None, f"in the piece for the main axis alone, {finding}")
+
+
+def _volume(problem: ModuleProblem) -> float:
+    return float(cell_volumes(problem.mesh.nodes_m, problem.mesh.cells).sum())
 
 
 @suite.check(

@@ -13,6 +13,7 @@ from pliant.meshing.hexahedra import (
     jacobians,
     sample_points,
 )
+from pliant.records.design import Array
 from pliant.records.fem import ModuleProblem
 from pliant.testing.suite import Finding, Subject, Suite, require, require_close
 
@@ -113,36 +114,78 @@ def end_sections_are_plane(subject: Subject) -> None:
         )
 
 
-@suite.check("`fixed` names existing node sets and removes every rigid motion that the bend frame leaves.")
+@suite.check("`fixed`, `tied` and `links` name existing nodes and leave no rigid motion free.")
 def supports_hold_the_body(subject: Subject) -> None:
     problem = problem_of(subject)
+    sets = problem.mesh.node_sets
+    for name in (*problem.fixed, *problem.tied, *problem.contact_planes):
+        require(len(sets.get(name, ())) > 0, f"node set '{name}' is used but does not exist or is empty")
+    for name, components in (*problem.fixed.items(), *problem.tied.items()):
+        require(
+            set(components) <= {0, 1, 2}, f"set '{name}' holds components {components}, not some of 0, 1, 2"
+        )
+    held = {int(node) for name, parts in problem.fixed.items() if 0 in parts for node in sets[name]}
+    for link in problem.links:
+        if 0 in link.signs:
+            held |= {int(node) for node in (*link.first, *link.second)}
+    ends = {int(n) for name in ("start", "end") for n in sets[name]}
+    require(
+        ends <= held,
+        "not all nodes of 'start' and 'end' have x held or linked: the end sections would not fit their neighbours",
+    )
+    rank = int(np.linalg.matrix_rank(_held_motions(problem), tol=1e-6))
+    require(
+        rank == 6,
+        f"the supports hold {rank} of 6 rigid motions (three shifts, three turns): the stiffness would be singular",
+    )
+
+
+def _held_motions(problem: ModuleProblem) -> Array:
+    """What each support says of a rigid motion (shift, turn · size) of v, (rows, 6): zero for the motions it allows."""
     mesh = problem.mesh
-    for name in (*problem.fixed, *problem.contact_planes):
-        require(
-            len(mesh.node_sets.get(name, ())) > 0, f"node set '{name}' is used but does not exist or is empty"
-        )
-    held: dict[int, set[int]] = {0: set(), 1: set(), 2: set()}
+    x = mesh.nodes_m - mesh.nodes_m.mean(axis=0)
+    x = x / np.ptp(mesh.nodes_m, axis=0).max()
+    # v = a + b × x at every node, by component: (n, 3, 6)
+    motion = np.zeros((len(x), 3, 6))
+    motion[:, [0, 1, 2], [0, 1, 2]] = 1.0
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        motion[:, i, 3 + j], motion[:, i, 3 + k] = x[:, k], -x[:, j]
+    rows = [np.zeros((1, 6))]
     for name, components in problem.fixed.items():
+        rows += [motion[mesh.node_sets[name], c] for c in components]
+    for name, components in problem.tied.items():
+        nodes = mesh.node_sets[name]
+        rows += [motion[nodes[1:], c] - motion[nodes[:1], c] for c in components]
+    for link in problem.links:
+        rows += [motion[link.second, c] - sign * motion[link.first, c] for c, sign in link.signs.items()]
+    return np.concatenate(rows)
+
+
+@suite.check("`links` pair different nodes one to one, with signs of ±1; ribbons have a width and stiffness.")
+def couplings_are_possible(subject: Subject) -> None:
+    problem = problem_of(subject)
+    n = len(problem.mesh.nodes_m)
+    for number, link in enumerate(problem.links):
+        first, second = np.asarray(link.first), np.asarray(link.second)
         require(
-            set(components) <= {0, 1, 2}, f"set '{name}' fixes components {components}, not some of 0, 1, 2"
+            first.shape == second.shape and first.ndim == 1,
+            f"link {number} pairs {first.shape} nodes with {second.shape}",
         )
-        for component in components:
-            held[component] |= {int(node) for node in mesh.node_sets[name]}
-    ends = {int(n) for name in ("start", "end") for n in mesh.node_sets[name]}
-    require(
-        ends <= held[0],
-        "not all nodes of 'start' and 'end' have x held: the end sections would not stay plane",
-    )
-    centre = mesh.nodes_m.mean(axis=0)
-    size = float(np.ptp(mesh.nodes_m, axis=0).max())
-    rows = [(1.0, 0.0, -(mesh.nodes_m[n, 2] - centre[2]) / size) for n in held[1]]
-    rows += [(0.0, 1.0, (mesh.nodes_m[n, 1] - centre[1]) / size) for n in held[2]]
-    rank = np.linalg.matrix_rank(np.array(rows), tol=1e-6) if rows else 0
-    require(
-        rank == 3,
-        f"the supports hold {rank} of 3 rigid motions (along y, along z, about x): the stiffness would be "
-        "singular",
-    )
+        both = np.concatenate([first, second])
+        require(
+            len(np.unique(second)) == len(second) and both.min() >= 0 and both.max() < n,
+            f"link {number} names a node twice or one that does not exist",
+        )
+        require(not np.any(first == second), f"link {number} pairs a node with itself")
+        require(
+            set(link.signs) <= {0, 1, 2} and all(abs(sign) == 1.0 for sign in link.signs.values()),
+            f"link {number} has the signs {dict(link.signs)}, not ±1 by component 0, 1, 2",
+        )
+    for ribbon in problem.ribbons:
+        require(
+            ribbon.width_m >= 0 and ribbon.stiffness_n > 0,
+            f"a ribbon has the width {ribbon.width_m:g} m and the stiffness {ribbon.stiffness_n:g} N",
+        )
 
 
 @suite.check("`refinement` multiplies the elements along each edge of the same body.")

@@ -9,7 +9,7 @@ from pliant.errors import InvalidDesignError
 from pliant.interfaces.family import ActuatorFamily, FamilyConfig
 from pliant.meshing.hexahedra import cell_volumes
 from pliant.records.design import MassProperties, ModuleMass
-from pliant.records.fem import ModuleProblem
+from pliant.records.fem import Link, ModuleProblem
 from pliant.registry.component import Component
 from pliant.testing.box import BoxShape, box_problem
 from pliant.units import Length
@@ -46,7 +46,7 @@ class Box(ActuatorFamily):
     def module_length_m(self) -> float:
         return self.config.module_length_m
 
-    def problem(self, refinement: int = 1) -> ModuleProblem:
+    def problem(self, refinement: int = 1, axes: tuple[str, ...] | None = None) -> ModuleProblem:
         c = self.config
         y = (0.0, c.width_m / 2 - c.wall_m, c.width_m / 2)
         z = (0.0, c.floor_m, c.height_m - c.wall_m, c.height_m)
@@ -77,7 +77,7 @@ spoils = Spoils(Component("family", "small", "spoiled.family:BoxConfig", "spoile
 class Spoiled(Box):
     """Changes the problem or its mesh after the good one made it."""
 
-    def problem(self, refinement: int = 1) -> ModuleProblem:
+    def problem(self, refinement: int = 1, axes: tuple[str, ...] | None = None) -> ModuleProblem:
         problem = super().problem(refinement)
         mesh = replace(problem.mesh, **self.mesh_changes(problem))
         return replace(problem, **{"mesh": mesh, **self.changes(problem)})
@@ -130,7 +130,7 @@ class MissingEndNodes(Spoiled):
         return {"node_sets": {**sets, "end": sets["end"][:-1]}}
 
 
-@spoils.by("supports_hold_the_body", "hold 2 of 3 rigid motions")
+@spoils.by("supports_hold_the_body", "hold 5 of 6 rigid motions")
 class Floating(Spoiled):
     """Nothing holds z."""
 
@@ -138,11 +138,29 @@ class Floating(Spoiled):
         return {"fixed": {"start": (0,), "end": (0,), "symmetry": (1,)}}
 
 
+@spoils.by("couplings_are_possible", "pairs a node with itself")
+class TiedToItself(Spoiled):
+    """A link of the end section with itself."""
+
+    def changes(self, problem: ModuleProblem) -> dict[str, Any]:
+        end = problem.mesh.node_sets["end"]
+        return {"links": (Link(end, end, {2: 1.0}),)}
+
+
+@spoils.by("smaller_pieces_are_of_the_same_module", "a forgotten mirror half")
+class HalfForgotten(Spoiled):
+    """For one axis the other half of the width is forgotten."""
+
+    def problem(self, refinement: int = 1, axes: tuple[str, ...] | None = None) -> ModuleProblem:
+        problem = super().problem(refinement, axes)
+        return problem if axes is None else replace(problem, energy_scale=2.0)
+
+
 @spoils.by("refinement_refines", "the argument is not used")
 class NeverFiner(Box):
     """Ignores the refinement."""
 
-    def problem(self, refinement: int = 1) -> ModuleProblem:
+    def problem(self, refinement: int = 1, axes: tuple[str, ...] | None = None) -> ModuleProblem:
         return super().problem(1)
 
 

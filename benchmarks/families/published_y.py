@@ -1,0 +1,146 @@
+"""The helical bellow's published bending data and how a family's law is scored against them.
+
+With a shear modulus μ and a constraint whose EA scales with it, τ(p, u; μ) = (μ/μ₀) τ(p μ₀/μ, u; μ₀): one table of
+states, solved at μ₀, serves every modulus.
+"""
+
+from __future__ import annotations
+
+import csv
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from scipy.interpolate import CubicSpline, RectBivariateSpline
+from scipy.optimize import minimize_scalar
+
+from pliant.errors import NotReachedError
+from pliant.interfaces.fem import ModuleSolver
+from pliant.records.design import Array
+from pliant.records.fem import ModuleProblem
+from pliant_plugins.fem.skfem.backend import Skfem
+from pliant_plugins.fem.skfem.config import SkfemConfig
+from pliant_plugins.materials.neo_hookean import NeoHookean, NeoHookeanConfig
+
+ROOT = Path(__file__).resolve().parents[2]
+CURVE = ROOT / "../shared/data/reference/helical_y_fem_R5.66_l4.72.csv"
+MU = 237e3
+PRESSURES = (4e3, 8e3, 12e3, 16e3)
+LOW, HIGH = (
+    -0.15,
+    0.30,
+)  # half angles (rad) between which neighbouring convolutions do not cross each other's plane
+HALF_ANGLES = (LOW, -0.09, -0.03, 0.03, 0.1, 0.17, 0.24, HIGH)
+PREDICTED = (5e3, 7.5e3, 10e3, 12.5e3)
+
+
+@dataclass(frozen=True, eq=False)
+class Published:
+    """Columns of the file, (n,): pressure (Pa), opposing moment (N·m), half angle (rad); `free` marks free states."""
+
+    pressure: Array
+    moment: Array
+    half_angle: Array
+    free: Array
+
+
+def published() -> Published | None:
+    """The data, or None where the folder is absent."""
+    if not CURVE.exists():
+        return None
+    with CURVE.open() as file:
+        rows = np.array([[float(v) for v in row.values()] for row in csv.DictReader(file)])
+    free = np.arange(len(rows)) < 31
+    return Published(*rows.T, free=free)
+
+
+def solver_of(problem: ModuleProblem, mu_pa: float = MU) -> ModuleSolver:
+    """The default backend with neo-Hookean rubber, ν = 0.49."""
+    material = NeoHookean(NeoHookeanConfig(shear_modulus_pa=mu_pa))
+    return Skfem(SkfemConfig(pressure_max_pa=20e3)).solver(problem, material)
+
+
+@dataclass(frozen=True, eq=False)
+class Table:
+    """States of one variant at μ₀: opposing moments [pressure, half angle], and the free half angles by pressure."""
+
+    moments: Array
+    free_pressure: Array
+    free_half_angle: Array
+
+    def moment(self, mu_pa: float, pressure: Array, half_angle: Array) -> Array:
+        """τ (N·m) at another modulus."""
+        factor = mu_pa / MU
+        surface = RectBivariateSpline(PRESSURES, HALF_ANGLES, self.moments)
+        found: Array = factor * surface.ev(pressure / factor, half_angle)
+        return found
+
+    def free(self, mu_pa: float, pressure: Array) -> Array:
+        """Free half angles (rad) at another modulus."""
+        found: Array = CubicSpline(self.free_pressure, self.free_half_angle)(pressure * MU / mu_pa)
+        return found
+
+
+def table_of(problem: ModuleProblem) -> Table:
+    """Solve the table of a half module at μ₀; angles that are not reached are continued by a spline."""
+    solver = solver_of(problem)
+    moments = np.full((len(PRESSURES), len(HALF_ANGLES)), np.nan)
+    middle = HALF_ANGLES.index(0.03)
+    rest = solver.rest()
+    row = rest
+    for i, pressure in enumerate(PRESSURES):
+        row = solver.constrained(pressure, 2 * HALF_ANGLES[middle], row)
+        moments[i, middle] = row.moment_n_m
+        for way in (range(middle + 1, len(HALF_ANGLES)), range(middle - 1, -1, -1)):
+            state = row
+            for j in way:
+                try:
+                    state = solver.constrained(pressure, 2 * HALF_ANGLES[j], state)
+                except NotReachedError:
+                    break
+                moments[i, j] = state.moment_n_m
+        reached = np.isfinite(moments[i])
+        angles = np.array(HALF_ANGLES)
+        moments[i, ~reached] = CubicSpline(angles[reached], moments[i, reached])(angles[~reached])
+    state, free = rest, [(0.0, 0.0)]
+    for pressure in (1e3, 2e3, *PRESSURES, 18e3):
+        state = solver.free(pressure, state)
+        free.append((pressure, state.angle_rad / 2))
+    return Table(moments, *np.array(free).T)
+
+
+def relative_rms(model: Array, data: Array) -> float:
+    """‖model − data‖ / ‖data‖."""
+    return float(np.linalg.norm(model - data) / np.linalg.norm(data))
+
+
+def errors_of(table: Table, data: Published, mu_pa: float) -> dict[str, float]:
+    """Relative RMS errors: the free curve, the 15 kPa moments, and the predicted moments.
+
+    `half_…` and `module_…` take the states whose half angle or whose module angle (twice it) is within ± 0.3 rad, as
+    far as −0.15 rad of half angle: beyond it the published states have convolutions inside one another.
+    """
+    free = data.free
+    found = {"free": relative_rms(table.free(mu_pa, data.pressure[free]), data.half_angle[free])}
+    for pressure in (*PREDICTED, 15e3):
+        at = ~free & (data.pressure == pressure) & (data.half_angle >= LOW)
+        for name, limit in (("half", 0.3), ("module", 0.15)):
+            use = at & (np.abs(data.half_angle) <= limit)
+            model = table.moment(mu_pa, data.pressure[use], data.half_angle[use])
+            found[f"{name}_{pressure / 1e3:g}_kpa"] = relative_rms(model, data.moment[use])
+    for name, limit in (("half", 0.3), ("module", 0.15)):
+        use = ~free & np.isin(data.pressure, PREDICTED) & (data.half_angle >= LOW)
+        use &= np.abs(data.half_angle) <= limit
+        model = table.moment(mu_pa, data.pressure[use], data.half_angle[use])
+        found[f"{name}_predicted"] = relative_rms(model, data.moment[use])
+    return found
+
+
+def fitted_modulus(table: Table, data: Published, by: str) -> float:
+    """The modulus with the least error of the free curve (`free`), or of it and the 15 kPa moments (`both`)."""
+
+    def cost(mu_pa: float) -> float:
+        errors = errors_of(table, data, mu_pa)
+        return errors["free"] ** 2 + (errors["module_15_kpa"] ** 2 if by == "both" else 0.0)
+
+    return float(minimize_scalar(cost, bounds=(150e3, 270e3), method="bounded", options={"xatol": 50}).x)

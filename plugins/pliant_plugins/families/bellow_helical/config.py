@@ -1,0 +1,41 @@
+"""Parameters of the helical bellow."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from pydantic import Field
+
+from pliant.interfaces.family import FamilyConfig
+from pliant.units import Force, Length
+
+OFFSET = 0.84  # of r
+
+
+class BellowHelicalConfig(FamilyConfig):
+    """A bellow of mid-surface radii r (trough) and 2R − r (crest), wall ± t/2, with a constraint along one side.
+
+    The constraint's shape is not published. Its distance from the tube's axis is fitted to the published bending
+    data of one design, its width and stiffness are not identified by them: see docs and
+    `benchmarks/families/helical.py`. Which values make a valid design is the family's own check.
+    """
+
+    kind: Literal["bellow_helical"] = "bellow_helical"
+    inner_radius_m: Length = Field(description="r: radius of the mid-surface at the trough")
+    average_radius_m: Length = Field(description="R: mean of the mid-surface's radii at trough and crest")
+    wall_m: Length = Field(description="t: wall thickness")
+    module_length_m: Length = Field(description="l: length of one convolution, the module")
+    constraint_offset_m: Length | None = Field(
+        default=None,
+        description=f"distance of the constraint from the tube's axis; {OFFSET} r unless given",
+    )
+    constraint_width_m: Length | None = Field(
+        default=None,
+        description="width of the constraint along y; unless given, the chord of the trough's outer circle there",
+    )
+    constraint_stiffness_n: Force = Field(default=20.0, description="EA: force per strain of the constraint")
+    twist_pivot: Literal["hinge", "free"] = Field(
+        default="hinge",
+        description="hinge: end sections turn about the constraint's line, as a chain's joint does; free: they may "
+        "also shift sideways",
+    )

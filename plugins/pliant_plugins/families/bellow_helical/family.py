@@ -1,0 +1,148 @@
+"""The helical bellow as an `ActuatorFamily`."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import ClassVar
+
+import numpy as np
+
+from pliant.errors import InvalidDesignError
+from pliant.interfaces.family import ActuatorFamily
+from pliant.meshing.masses import half_masses
+from pliant.meshing.surfaces import half_skins
+from pliant.records.design import ModuleMass
+from pliant.records.fem import ModuleMesh, ModuleProblem, Ribbon
+from pliant.records.law import JointKind
+from pliant.records.shape import HalfShapes, HalfSurfaces
+from pliant_plugins.families.bellow.profile import BellowProfile, mm
+from pliant_plugins.families.bellow.revolved import ring, sector
+from pliant_plugins.families.bellow.shapes import half_tubes
+from pliant_plugins.families.bellow_helical.config import OFFSET, BellowHelicalConfig
+from pliant_plugins.families.bellow_helical.thread import thread_mass, thread_points
+
+ALL = ("x", "y", "z")
+
+
+class BellowHelical(ActuatorFamily):
+    """One design of the helical bellow.
+
+    A module runs from mid-trough to mid-trough. Its joint lies at mid-crest on the constraint's line, which is the
+    module frame's x axis and the reference line of the FEM: there bending leaves the length unchanged. The study's
+    chain puts its hinge at r from the tube's axis; the fitted constraint lies a little nearer (0.84 r), and the
+    joint follows the FEM. The chain's centre line, the tube's axis, is `offset_m` above.
+
+    Trough sections stay plane and rigid, held by the constraint; crest sections stay plane and are free in their
+    plane.
+    """
+
+    joint: ClassVar[JointKind] = "spherical"
+    axes: ClassVar[tuple[str, ...]] = ALL
+    main_axis: ClassVar[str] = "y"
+    config: BellowHelicalConfig
+
+    def __init__(self, config: BellowHelicalConfig) -> None:
+        super().__init__(config)
+        self.geometry = BellowProfile(
+            config.inner_radius_m, config.average_radius_m, config.wall_m, config.module_length_m
+        )
+        self.geometry.check_mid_surface(config.kind)
+        _check_constraint(config, self.offset_m, self.geometry)
+
+    @property
+    def module_length_m(self) -> float:
+        return self.geometry.module_length_m
+
+    @property
+    def offset_m(self) -> float:
+        """Height of the tube's axis above the joint: the constraint's distance from it."""
+        given = self.config.constraint_offset_m
+        return OFFSET * self.geometry.inner_radius_m if given is None else given
+
+    @property
+    def constraint_width_m(self) -> float:
+        """Width of the constraint along y: as given, or the chord of the trough's outer circle at its height."""
+        if self.config.constraint_width_m is not None:
+            return self.config.constraint_width_m
+        outer = self.geometry.inner_radius_m + self.geometry.wall_m / 2
+        return float(2 * np.sqrt(outer**2 - self.offset_m**2))
+
+    def problem(self, refinement: int = 1, axes: tuple[str, ...] | None = None) -> ModuleProblem:
+        """For y alone half a module, half its width; otherwise the whole module from trough to trough.
+
+        The half, x ∈ [0, l/2] from mid-crest, y ≥ 0, turns by half the joint's angle and holds a quarter of its
+        energy. The whole module is meshed from x = 0 at its start, l/2 before the joint. Its end section either
+        turns about the joint's line or, with `twist_pivot` free, may shift sideways as one.
+        """
+        return self._half(refinement) if axes == ("y",) else self._whole(refinement, axes or ALL)
+
+    def _half(self, refinement: int) -> ModuleProblem:
+        return ModuleProblem(
+            mesh=sector(self.geometry, refinement, quarters=2, axis_height_m=self.offset_m),
+            span_m=self.geometry.half_length_m,
+            reference_z_m=0.0,
+            deformation_scale=2.0,
+            energy_scale=4.0,
+            fixed={"start": (0,), "end": (0, 1, 2), "symmetry": (1,)},
+            joint="spherical",
+            ribbons=(Ribbon(self.constraint_width_m / 2, self.config.constraint_stiffness_n / 2),),
+        )
+
+    def _whole(self, refinement: int, axes: tuple[str, ...]) -> ModuleProblem:
+        hinged = self.config.twist_pivot == "hinge"
+        return ModuleProblem(
+            mesh=ring(self.geometry, refinement, self.offset_m),
+            span_m=self.module_length_m,
+            reference_z_m=0.0,
+            deformation_scale=1.0,
+            energy_scale=1.0,
+            fixed={"start": (0, 1, 2), "end": (0, 1, 2) if hinged else (0,)},
+            tied={} if hinged else {"end": (1, 2)},
+            axes=axes,
+            joint="spherical",
+            ribbons=(Ribbon(self.constraint_width_m, self.config.constraint_stiffness_n),),
+        )
+
+    @cached_property
+    def _half_mesh(self) -> ModuleMesh:
+        return sector(self.geometry, 1, quarters=2, axis_height_m=self.offset_m)
+
+    def shapes(self) -> HalfShapes:
+        """Cylinders around the crests of the two halves."""
+        return half_tubes(self.geometry, self.offset_m)
+
+    def surface(self) -> HalfSurfaces:
+        """The undulating wall, open at both ends as the modules are."""
+        return half_skins(self._half_mesh)
+
+    @property
+    def unmeshed_volume_m3(self) -> float:
+        """The constraint's part inside the cavity, as the study's masses have it."""
+        return float(2 * thread_points(self.geometry)[1].sum())
+
+    def mass(self, density_kg_m3: float) -> ModuleMass:
+        """Masses of the two halves: the wall by quadrature over the mesh, and the constraint."""
+        wall = half_masses(self._half_mesh, density_kg_m3)
+        thread = thread_mass(self.geometry, density_kg_m3, self.offset_m)
+        return ModuleMass(wall.start.joined(thread.start), wall.end.joined(thread.end))
+
+
+def _check_constraint(config: BellowHelicalConfig, offset_m: float, geometry: BellowProfile) -> None:
+    """Raise `InvalidDesignError` unless the constraint lies within the trough."""
+    outer = geometry.inner_radius_m + geometry.wall_m / 2
+    if not 0 < offset_m < outer:
+        short = max(-offset_m, offset_m - outer)
+        raise InvalidDesignError(
+            f"bellow_helical needs 0 < constraint_offset < inner_radius + wall/2 (it lies within the trough), but "
+            f"constraint_offset = {mm(offset_m)} and inner_radius + wall/2 = {mm(outer)}, off by {mm(short)}."
+        )
+    width, chord = config.constraint_width_m, 2 * float(np.sqrt(outer**2 - offset_m**2))
+    if width is not None and not 0 < width <= chord * (1 + 1e-9):
+        raise InvalidDesignError(
+            f"bellow_helical needs 0 < constraint_width ≤ {mm(chord)} (the trough's outer circle at the constraint's "
+            f"height), but constraint_width = {mm(width)}, off by {mm(max(-width, width - chord))}."
+        )
+    if not config.constraint_stiffness_n > 0:
+        raise InvalidDesignError(
+            f"bellow_helical needs constraint_stiffness > 0, but it is {config.constraint_stiffness_n:g} N."
+        )

@@ -1,0 +1,1 @@
+"""Bellow without a constraint: pressure extends it."""
