@@ -8,10 +8,15 @@ import pytest
 from pliant.errors import NotReachedError
 from pliant.interfaces.fem import FemConfig, ModuleSolver, StateNotConvergedError
 from pliant.pipeline.progress import Silent
-from pliant.pipeline.sampling import levels, sample
+from pliant.pipeline.sampling import Piece, levels
+from pliant.pipeline.sampling import sample as sample_pieces
 from pliant.records.fem import FemState
 
-CONFIG = FemConfig(kind="any", pressure_max_pa=10.0, pressures=4, angles=5, check_states=6)
+CONFIG = FemConfig(kind="any", sampling="grid", pressure_max_pa=10.0, pressures=4, angles=5, check_states=6)
+
+
+def sample(solver, config, limit, folder, progress):
+    return sample_pieces([Piece("main", solver, ("y",), "y")], config, limit, folder, progress)
 
 
 class Springs(ModuleSolver):
@@ -70,6 +75,9 @@ class Counting(Silent):
 
     def advance(self, steps=1):
         self.count += steps
+
+    def expect(self, total):
+        self.total = total
 
 
 def test_levels_include_both_ends():
@@ -200,7 +208,7 @@ def test_a_failed_state_is_not_tried_again_after_an_interruption(tmp_path):
 
 def test_a_full_disk_is_one_sentence_and_loses_nothing(tmp_path, monkeypatch):
     from pliant.errors import UserError
-    from pliant.pipeline import sampling
+    from pliant.pipeline.sampling import saved
 
     def full(folder, value):
         raise OSError(28, "No space left on device")
@@ -208,7 +216,7 @@ def test_a_full_disk_is_one_sentence_and_loses_nothing(tmp_path, monkeypatch):
     interrupted(tmp_path)
     kept = json.loads((tmp_path / "states.json").read_text())
     with monkeypatch.context() as patch:
-        patch.setattr(sampling, "write_value", full)
+        patch.setattr(saved, "write_value", full)
         with pytest.raises(UserError, match="No space left on device"):
             sample(Springs(), CONFIG, 10.0, tmp_path, Silent())
     assert json.loads((tmp_path / "states.json").read_text()) == kept

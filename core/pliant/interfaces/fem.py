@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from typing import Literal
 
 from pydantic import Field
 
 from pliant.errors import NotReachedError, UserError
 from pliant.interfaces.base import ComponentConfig
+from pliant.interfaces.loading import loaded_state
 from pliant.interfaces.material import Material
+from pliant.interfaces.study_loads import StudyLoads
 from pliant.records.design import Array
 from pliant.records.fem import FemState, ModuleFields, ModuleProblem
 from pliant.records.structure import StructureProblem, StructureState
-from pliant.units import Force, Pressure, Ratio
+from pliant.units import Angle, Force, Pressure, Ratio
 
 # What a constrained state holds: u of the main axis, or u by axis.
 Held = float | Mapping[str, float]
@@ -24,7 +27,11 @@ class FemConfig(ComponentConfig):
 
     The free branch is solved up to `pressure_max_pa`, or `tendon_force_max_n` for a family with a tendon; the
     constrained states cover angles from `angle_low` to `angle_high` times the largest free angle at every
-    actuation, zero included.
+    actuation, zero included. `sampling: adaptive` adds them one by one where a Gaussian process of all states
+    and slopes is least certain, until the error that it states, and its last predictions, are below `error`;
+    `grid` solves `angles` Chebyshev levels at each of `pressures` levels; `study` applies dead loads as the
+    published study did. A module of several axes is then held at angles up to `lateral_angle` about each of
+    the others, the main one following freely, and in `coupling_states` about all at once.
     """
 
     pressure_max_pa: Pressure | None = Field(
@@ -33,8 +40,32 @@ class FemConfig(ComponentConfig):
     tendon_force_max_n: Force | None = Field(
         default=None, gt=0, description="largest tendon force of the data set"
     )
-    pressures: int = Field(default=6, ge=2, le=64, description="pressure levels, 0 included")
-    angles: int = Field(default=7, ge=3, le=64, description="angles at each pressure level")
+    sampling: Literal["adaptive", "grid", "study"] = Field(
+        default="adaptive", description="how the states are chosen"
+    )
+    error: Ratio = Field(
+        default=1e-3, gt=0, lt=1, description="adaptive: wanted error of the effort / its range in the data"
+    )
+    max_states: int = Field(
+        default=60, ge=8, le=512, description="adaptive: at most so many states to fit on the main axis"
+    )
+    pressures: int = Field(default=6, ge=2, le=64, description="grid: pressure levels, 0 included")
+    angles: int = Field(default=7, ge=3, le=64, description="grid: angles at each pressure level")
+    study_loads: dict[str, StudyLoads] = Field(
+        default_factory=dict, description="study: loads by axis where they are not the published ones"
+    )
+    lateral_angle_rad: Angle = Field(
+        default=0.3,
+        gt=0,
+        le=1.5,
+        description="several axes: largest angle about those that are not the main one",
+    )
+    lateral_states: int = Field(
+        default=6, ge=2, le=128, description="several axes: at most so many states to fit about each of them"
+    )
+    coupling_states: int = Field(
+        default=8, ge=0, le=512, description="several axes: states that hold all of them"
+    )
     check_states: int = Field(default=8, ge=0, le=512, description="extra states that are never fitted")
     angle_low: Ratio = Field(default=-0.5, le=0, description="smallest angle / largest free angle")
     angle_high: Ratio = Field(default=1.2, ge=1, description="largest angle / largest free angle")
@@ -84,6 +115,34 @@ class ModuleSolver(ABC):
 
         Raises `StateNotConvergedError`, and `UserError` for an axis that the problem does not have.
         """
+
+    def loaded(
+        self, actuation: float, effort: Held, start: FemState, axes: Sequence[str] = ("y",)
+    ) -> FemState:
+        """Equilibrium under a dead external effort about one axis, N·m (N for a prismatic joint).
+
+        By Newton's method on u with the exact slopes of `constrained`; a backend may know a shorter way.
+
+        Args:
+            actuation: Pa or N.
+            effort: M by axis, positive where it opposes actuation; τ = M there and 0 on all other axes. A number
+                acts on the main axis.
+            start: a neighbouring state.
+            axes: names of the joint's coordinates in their order.
+
+        Raises `StateNotConvergedError`, and `UserError` for more than one axis.
+        """
+        named = effort if isinstance(effort, Mapping) else {axes[start.main]: effort}
+        (axis, moment), *more = named.items()
+        if more:
+            raise UserError(f"one axis is loaded at a time, not {', '.join(named)}.")
+        found = loaded_state(self.constrained, actuation, axis, moment, start, axes)
+        if found is None:
+            raise StateNotConvergedError(
+                f"no equilibrium at {actuation:.6g} under {moment:.4g} about {axis} from the state at "
+                f"{start.actuation:.6g}, {start.angle_rad:.4g}: the iteration for the angle did not converge."
+            )
+        return found
 
     @abstractmethod
     def deformed_nodes(self, state: FemState) -> Array:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -9,9 +10,10 @@ import numpy as np
 from pliant.interfaces.family import ActuatorFamily, FamilyConfig
 from pliant.interfaces.fem import FEMBackend, FemConfig, ModuleSolver
 from pliant.interfaces.material import Material, MaterialConfig
-from pliant.pipeline.sampling import Sampled, Sampling, sample
+from pliant.pipeline.rows import module_rows
+from pliant.pipeline.sampling import FULL, MAIN, Piece, Sampled, Sampling, sample
+from pliant.pipeline.sampling.study import loads_of
 from pliant.pipeline.workbench import Workbench, content
-from pliant.records.design import Array
 from pliant.records.fem import FemState, IntArray, ModuleData, ModuleProblem, ModuleShape
 from pliant.store.store import Artifact
 
@@ -25,10 +27,15 @@ def fem_stage(bench: Workbench, family: FamilyConfig, material: MaterialConfig, 
         bench.progress.note(remark)
 
     def compute(partial: Path) -> ModuleData:
-        problem = built.problem(fem.refinement)
-        solver = backend.solver(problem, substance)
-        sampling = sample(solver, fem, fem.actuation_max(problem.actuation), partial, bench.progress)
-        return as_data(built, problem, solver, sampling)
+        problems = module_problems(built, fem.refinement)
+        main = problems[MAIN]
+        pieces = [
+            Piece(name, backend.solver(problem, substance), problem.axes, problem.main_axis)
+            for name, problem in problems.items()
+        ]
+        loads = loads_of(fem, problems.get(FULL, main)) if fem.sampling == "study" else {}
+        limit = fem.actuation_max(main.actuation)
+        return as_data(built, problems, pieces, sample(pieces, fem, limit, partial, bench.progress, loads))
 
     return bench.make(
         "fem",
@@ -48,44 +55,44 @@ def fem_stage(bench: Workbench, family: FamilyConfig, material: MaterialConfig, 
     )
 
 
+def module_problems(family: ActuatorFamily, refinement: int) -> dict[str, ModuleProblem]:
+    """The pieces to solve: the main axis alone, where there are others the module with all of them too."""
+    if len(family.axes) == 1:
+        return {MAIN: family.problem(refinement)}
+    return {
+        MAIN: family.problem(refinement, axes=(family.main_axis,)),
+        FULL: family.problem(refinement),
+    }
+
+
 def as_data(
-    family: ActuatorFamily, problem: ModuleProblem, solver: ModuleSolver, sampling: Sampling
+    family: ActuatorFamily,
+    problems: Mapping[str, ModuleProblem],
+    pieces: Sequence[Piece],
+    sampling: Sampling,
 ) -> ModuleData:
-    """Collect solved states as a table, with deformed shapes of the free branch for pictures."""
-    states = [s.state for s in sampling.solved]
-
-    def column(name: str) -> Array:
-        return np.array([getattr(state, name) for state in states], dtype=float)
-
+    """Collect solved states as a table, with deformed shapes of the main piece's free branch for pictures."""
+    whole = problems.get(FULL, problems[MAIN])
+    rows = module_rows(sampling, whole.axes, whole.main_axis)
+    solver = next(piece.solver for piece in pieces if piece.name == MAIN)
     return ModuleData(
         design=family.design,
-        joint=problem.joint,
-        axes=problem.axes,
-        main_axis=problem.main_axis,
-        actuation_name=problem.actuation,
-        actuation=column("actuation"),
-        deformation=column("deformation"),
-        tau=column("tau"),
-        dtau_dp=column("dtau_dp"),
-        dtau_du=column("dtau_du"),
-        energy_j=column("energy_j"),
-        travel=column("travel"),
-        iterations=column("iterations"),
-        wall_s=column("wall_s"),
-        explored=np.array([problem.main_axis for _ in states]),
-        branch=np.array([state.branch for state in states]),
-        status=np.array([state.status for state in states]),
-        role=np.array([s.target.role for s in sampling.solved]),
+        joint=whole.joint,
+        axes=whole.axes,
+        main_axis=whole.main_axis,
+        actuation_name=whole.actuation,
         failed=sampling.failed,
-        shapes=_shapes(problem, solver, sampling.solved),
+        shapes=_shapes(problems[MAIN], solver, sampling.solved),
+        sampling={**sampling.summary, "n_solved": len(sampling.solved)},
+        **rows,
     )
 
 
 def _shapes(
     problem: ModuleProblem, solver: ModuleSolver, solved: tuple[Sampled, ...]
 ) -> tuple[ModuleShape, ...]:
-    """The skin at rest and on the free branch."""
-    free = [s.state for s in solved if s.target.branch == "free"]
+    """The skin at rest and on the free branch, in ascending actuation."""
+    free = [s.state for s in solved if s.target.branch == "free" and s.target.piece == MAIN]
     nodes, faces = np.unique(problem.mesh.skin, return_inverse=True)
     skin: IntArray = faces.reshape(problem.mesh.skin.shape).astype(np.int64)
 

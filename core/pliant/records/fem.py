@@ -297,7 +297,8 @@ class ModuleData:
     Attributes:
         actuation (n,), deformation (n, k), tau (n, k), dtau_dp (n, k), dtau_du (n, k, k), energy_j (n,),
         travel (n,), iterations (n,), wall_s (n,): as in `FemState`.
-        explored: (n,) the axis whose law the state explores: the main one where only that is held or all are free.
+        explored: (n,) the axis whose law the state explores: the main one where only that is held or all are free;
+            "coupling" where several are held.
         branch, status, role: (n,) as in `FemDataset`.
         failed: states that were not reached, with their cause.
         shapes: deformed skins of the free branch.
@@ -330,8 +331,12 @@ class ModuleData:
         return len(self.actuation)
 
     def axis(self, name: str) -> FemDataset:
-        """The states that explore one axis, as data of that axis alone."""
+        """The states that explore one axis, as data of that axis alone.
+
+        While a lateral axis is explored the others are free, so its slopes are those with the others following.
+        """
         k, rows = self.axes.index(name), self.explored == name
+        dtau_dp, dtau_du = self._slopes(k, rows)
         arrays = {c: getattr(self, c)[rows] for c in ("actuation", "energy_j", "branch", "status", "role")}
         return FemDataset(
             design=self.design,
@@ -339,13 +344,26 @@ class ModuleData:
             actuation_name=self.actuation_name,
             angle_rad=self.deformation[rows, k],
             moment_n_m=self.tau[rows, k],
-            dmoment_dp=self.dtau_dp[rows, k],
-            dmoment_du=self.dtau_du[rows, k, k],
+            dmoment_dp=dtau_dp,
+            dmoment_du=dtau_du,
             failed=self.failed if name == self.main_axis else (),
             shapes=self.shapes if name == self.main_axis else (),
             joint=self.joint,
             **arrays,
         )
+
+    def _slopes(self, k: int, rows: NDArray[np.bool_]) -> tuple[Array, Array]:
+        """∂τ/∂p and ∂τ/∂u of axis k, both (n,), the other axes condensed where they are free."""
+        by_p, by_u = self.dtau_dp[rows, k], self.dtau_du[rows, k, k]
+        others = [j for j in range(len(self.axes)) if j != k]
+        if self.axes[k] == self.main_axis or not others or len(by_p) == 0:
+            return by_p, by_u
+        K, g = self.dtau_du[rows], self.dtau_dp[rows]
+        inner, across = K[:, others][:, :, others], K[:, k][:, others]
+        follow = np.linalg.solve(inner, np.stack([g[:, others], K[:, others, k]], axis=-1))
+        by_p = by_p - np.einsum("nj,nj->n", across, follow[..., 0])
+        by_u = by_u - np.einsum("nj,nj->n", across, follow[..., 1])
+        return by_p, by_u
 
     def explored_axes(self) -> tuple[str, ...]:
         """Axes with states of their own, the main one first."""

@@ -1,0 +1,214 @@
+"""States one by one where the law is least certain, until its error is as small as asked.
+
+A Gaussian process is fitted to all states with their slopes (`gaussian`). The next state is the one, of a
+lattice over the box, where its deviation is largest. Each new state tests the process: its deviations are
+multiplied by what the last misses say that they are too small by. Sampling ends when twice the largest
+deviation and the last misses lie below the error, as a share of the effort's range.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pliant.pipeline.sampling.gaussian import Process, effort_orders, fit, slope_orders
+from pliant.pipeline.sampling.law_view import LawView, law_view
+from pliant.pipeline.sampling.targets import Sampled, Target
+from pliant.pipeline.sampling.walk import Walk
+from pliant.records.design import Array
+
+LATTICE = 21  # candidates along each side of the box
+TESTS = 2  # the last states that must have been foretold well enough
+REMEMBERED = 6  # the last misses that scale the deviations
+# A new state keeps this many times the distance to a failed one that it has to a solved one.
+WARY = 2.0
+FEWEST_STATES = 4
+SAME = 1e-9  # scaled distance below which two places are one
+
+
+@dataclass(frozen=True)
+class Box:
+    """Where one axis is sampled, (low, high) in actuation and in u, and on which piece.
+
+    `symmetric`: u runs from −L to L, and states at −u are known from those at u, which alone are solved.
+    """
+
+    axis: str
+    piece: str
+    actuation: tuple[float, float]
+    deformation: tuple[float, float]
+    symmetric: bool = False
+
+    def scaled(self, actuation: Array, deformation: Array) -> Array:
+        """(n, 2) in [−1, 1]."""
+        sides = ((actuation, self.actuation), (deformation, self.deformation))
+        return np.stack([(2 * c - low - high) / (high - low) for c, (low, high) in sides], axis=1)
+
+    def lattice(self) -> tuple[Array, Array]:
+        """Candidates, both (LATTICE²,)."""
+        low, high = self.deformation
+        sides = (self.actuation, (0.0 if self.symmetric else low, high))
+        p, u = np.meshgrid(*(np.linspace(*side, LATTICE) for side in sides))
+        return p.ravel(), u.ravel()
+
+
+@dataclass
+class Verdict:
+    """How well the law is known, as shares of the effort's range.
+
+    Attributes:
+        wanted: the error asked for.
+        stated: the error that the process states over the box; infinite before the first fit.
+        reached: whether `stated` and the last misses are below `wanted`.
+        tests: one record for each new state: where, what was foretold and found, its deviation.
+    """
+
+    wanted: float
+    stated: float = np.inf
+    reached: bool = False
+    tests: list[dict[str, float]] = field(default_factory=list)
+
+    def record(self, n_states: int) -> dict[str, object]:
+        """JSON values."""
+        return {
+            "n_states": n_states,
+            "error": self.wanted,
+            "stated_error": self.stated if np.isfinite(self.stated) else None,
+            "reached": self.reached,
+            "tests": [dict(test) for test in self.tests],
+        }
+
+
+def corners(box: Box) -> list[Target]:
+    """The box's corners, the easy ones first: without actuation, then bent with it, then against it."""
+    (p0, p1), (u0, u1) = box.actuation, box.deformation
+    places = ((p0, u1), (p1, u1), (p0, u0), (p1, u0))
+    return [_target(box, p, u) for p, u in places if not (box.symmetric and u < 0)]
+
+
+def refine(walk: Walk, box: Box, wanted: float, most: int, expect: Callable[[int], None]) -> Verdict:
+    """Add states until the error is below `wanted` or the axis has `most` states to fit.
+
+    `expect` hears how many states this axis is likely to take still.
+    """
+    verdict = Verdict(wanted)
+    lengths: Array | None = None
+    while True:
+        view = _view(walk, box)
+        if len(view) < FEWEST_STATES:
+            return verdict
+        size = float(np.ptp(view.tau)) or 1.0
+        process = _process(view, box, size, lengths)
+        lengths = process.lengths
+        allowed = _allowed(walk, box)
+        if not allowed.any():
+            return verdict
+        p, u = (c[allowed] for c in box.lattice())
+        mean, deviation = _predict(process, box, p, u)
+        verdict.stated = 2 * _too_small(verdict.tests) * float(deviation.max())
+        last = [test["miss"] for test in verdict.tests[-TESTS:]]
+        verdict.reached = len(last) == TESTS and max(last) <= wanted and verdict.stated <= wanted
+        count = len(_fitted(walk, box))
+        if verdict.reached or count >= most:
+            return verdict
+        expect(min(most - count, _likely(verdict)))
+        worst = int(np.argmax(deviation))
+        state = walk.reach(_target(box, float(p[worst]), float(u[worst])))
+        if state is None:
+            continue
+        tau = float(state.tau[walk.pieces[box.piece].axes.index(box.axis)])
+        verdict.tests.append(
+            {
+                "actuation": float(p[worst]),
+                "deformation": float(u[worst]),
+                "foretold": float(mean[worst]) * size,
+                "found": tau,
+                "deviation": float(deviation[worst]),
+                "miss": abs(float(mean[worst]) * size - tau) / size,
+            }
+        )
+
+
+def _likely(verdict: Verdict) -> int:
+    """States to go: the error falls by about a fifth with each (measured on bending bellows)."""
+    left = np.log(max(verdict.stated / verdict.wanted, 1.0)) / np.log(1.25)
+    return max(1 + int(left), TESTS - len(verdict.tests))
+
+
+def _target(box: Box, actuation: float, deformation: float) -> Target:
+    return Target("constrained", actuation, {box.axis: deformation}, explored=box.axis, piece=box.piece)
+
+
+def _fitted(walk: Walk, box: Box) -> list[Sampled]:
+    """The states to fit inside the box: those that only showed where it ends lie outside."""
+    k = walk.pieces[box.piece].axes.index(box.axis)
+    low, high = box.deformation
+    margin = SAME * (high - low)
+    return [
+        one
+        for one in walk.of(box.piece)
+        if one.target.role == "fit"
+        and (one.target.explored == box.axis or one.target.branch == "free")
+        and low - margin <= float(one.state.deformation[k]) <= high + margin
+    ]
+
+
+def _view(walk: Walk, box: Box) -> LawView:
+    view = law_view(_fitted(walk, box), box.axis, walk.pieces[box.piece].axes)
+    return view.mirrored() if box.symmetric else view
+
+
+def _process(view: LawView, box: Box, size: float, near: Array | None) -> Process:
+    """The process of −∂Π/∂v, v the scaled angle, so that everything is of order one."""
+    half_p, half_u = (np.ptp(side) / 2 for side in (box.actuation, box.deformation))
+    values = -np.stack([view.tau, view.dtau_dp * half_p, view.dtau_du * half_u], axis=1) / size
+    orders = np.concatenate([effort_orders(1), slope_orders(1)])
+    return fit(box.scaled(view.actuation, view.deformation), orders, values.ravel(), near)
+
+
+def _predict(process: Process, box: Box, p: Array, u: Array) -> tuple[Array, Array]:
+    """τ and its deviation by the range, both (m,)."""
+    mean, deviation = process.predict(box.scaled(p, u), effort_orders(1))
+    return -mean[:, 0], deviation[:, 0]
+
+
+def _too_small(tests: list[dict[str, float]]) -> float:
+    """Root mean square of the last misses over their deviations, at least 1."""
+    ratios = [test["miss"] / max(test["deviation"], 1e-12) for test in tests[-REMEMBERED:]]
+    return max(1.0, float(np.sqrt(np.mean(np.square(ratios)))) if ratios else 1.0)
+
+
+def _allowed(walk: Walk, box: Box) -> NDArray[np.bool_]:
+    """Which candidates may be tried: those that are neither solved nor near a failure."""
+    candidates = box.scaled(*box.lattice())
+    view = law_view(_fitted(walk, box), box.axis, walk.pieces[box.piece].axes)
+    to_solved = _distance(candidates, box.scaled(view.actuation, view.deformation))
+    stops = [t for t in walk.stops if t.piece == box.piece and t.explored == box.axis and t.held]
+    failed = box.scaled(np.array([t.actuation for t in stops]), np.array([t.held[box.axis] for t in stops]))
+    return (_distance(candidates, failed) >= WARY * to_solved) & (to_solved > SAME)
+
+
+def _distance(points: Array, others: Array) -> Array:
+    """(n,) distance to the nearest of the others; infinite where there are none."""
+    if len(others) == 0:
+        return np.full(len(points), np.inf)
+    return np.asarray(np.linalg.norm(points[:, None] - others[None], axis=2).min(axis=1))
+
+
+def check_error(walk: Walk, box: Box) -> float | None:
+    """Largest error of the process at the trusted check states, as a share of the effort's range."""
+    checks = [
+        one
+        for one in walk.of(box.piece)
+        if one.target.role == "check" and one.target.explored == box.axis and one.state.status == "ok"
+    ]
+    view = _view(walk, box)
+    if not checks or len(view) < FEWEST_STATES:
+        return None
+    size = float(np.ptp(view.tau)) or 1.0
+    seen = law_view(checks, box.axis, walk.pieces[box.piece].axes)
+    mean, _ = _predict(_process(view, box, size, None), box, seen.actuation, seen.deformation)
+    return float(np.abs(mean - seen.tau / size).max())
