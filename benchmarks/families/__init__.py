@@ -1,0 +1,1 @@
+"""Actuator families against published figures."""
