@@ -110,18 +110,18 @@ def test_both_codes_agree_to_rounding_on_the_same_elements(case: str) -> None:
 
 
 def test_both_codes_agree_on_the_coarse_bellow(bellow: BellowBending) -> None:
-    problem, material = bellow.problem(), rubber()
+    problem, material, pressure = bellow.problem(), rubber(), 3e3
     config = SkfemConfig.model_validate({"pressure_max_pa": 15e3})
     states = []
     for s in (solver(problem, material), Skfem(config).solver(problem, material)):
-        free = s.free(3e3, s.rest())
-        states.append((free, s.constrained(3e3, 0.1, free)))
+        free = s.free(pressure, s.rest())
+        states.append((free, s.constrained(pressure, 0.1, free)))
     (free, held), (free_2, held_2) = states
     assert free.angle_rad == pytest.approx(free_2.angle_rad, rel=5e-3)
-    assert held.moment_n_m == pytest.approx(held_2.moment_n_m, rel=5e-3)
-    assert held.dmoment_dp == pytest.approx(held_2.dmoment_dp, rel=5e-3)
-    assert held.energy_j == pytest.approx(held_2.energy_j, rel=5e-3)
-    assert held.travel == pytest.approx(held_2.travel, rel=5e-3)
+    # of the range: the moment when blocked is about p ∂τ/∂p
+    assert held.moment_n_m == pytest.approx(held_2.moment_n_m, abs=5e-3 * pressure * held.dmoment_dp)
+    for name in ("dmoment_dp", "energy_j", "travel"):
+        assert getattr(held, name) == pytest.approx(getattr(held_2, name), rel=5e-3)
 
 
 def test_slopes_of_the_mixed_form_are_exact() -> None:
