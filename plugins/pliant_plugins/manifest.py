@@ -37,7 +37,7 @@ TENDON_JOINT = {
     "tendon_setback": "11.15 mm",
     "link_height": "18 mm",
     "link_width": "20 mm",
-    "link_density": "1254 kg/m^3",
+    "link_density": "1290 kg/m^3",
     "closing_angle": "0.92 rad",
     "opening_angle": "0.02 rad",
 }

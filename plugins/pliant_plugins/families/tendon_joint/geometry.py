@@ -117,8 +117,7 @@ class JointGeometry:
         c, t = self.flexure_length_m, self.flexure_thickness_m
         _require_less("flexure_length (the links need room)", c, "module_length", self.module_length_m)
         _require_less("flexure_thickness", t, "link_height", self.link_height_m)
-        if self.flexure_width_m > self.link_width_m:
-            _refuse("flexure_width", self.flexure_width_m, "≤", "link_width", self.link_width_m)
+        _require_at_most("flexure_width", self.flexure_width_m, "link_width", self.link_width_m)
         widest = max(self.closing_angle_rad, self.opening_angle_rad)
         _require_less(
             "flexure_thickness/2 · the larger contact angle",
@@ -138,20 +137,21 @@ class JointGeometry:
         h = self.tendon_offset_m
         _require_less("flexure_thickness/2", self.flexure_thickness_m / 2, "tendon_offset", h)
         _require_less("tendon_offset (the hole lies in the link)", h, "link_height/2", self.link_height_m / 2)
-        if self.hole_x_m > self.module_length_m / 2:
-            whole = "flexure_length/2 + tendon_setback"
-            _refuse(whole, self.hole_x_m, "≤", "module_length/2", self.module_length_m / 2)
-        face = self.face_x_m(h)
-        if self.hole_x_m < face:
-            _refuse(
-                "the link's face at the tendon", face, "≤", "flexure_length/2 + tendon_setback", self.hole_x_m
-            )
+        hole = "flexure_length/2 + tendon_setback"
+        _require_at_most(hole, self.hole_x_m, "module_length/2", self.module_length_m / 2)
+        _require_at_most("the link's face at the tendon", self.face_x_m(h), hole, self.hole_x_m)
 
 
 def _require_less(name: str, value: float, than: str, limit: float) -> None:
     """Refuse lengths (m) that are not value < limit."""
     if not value < limit:
         _refuse(name, value, "<", than, limit)
+
+
+def _require_at_most(name: str, value: float, than: str, limit: float) -> None:
+    """Refuse lengths (m) that are not value ≤ limit, rounding aside."""
+    if value > limit * (1 + 1e-9):
+        _refuse(name, value, "≤", than, limit)
 
 
 def _refuse(name: str, value: float, sign: str, than: str, limit: float) -> None:

@@ -1,0 +1,85 @@
+"""The published FEM of one tendon joint (Yao, Howard, Maiolino 2026, doi 10.1002/aisy.70406), and what it says itself.
+
+Read off the data, before any model:
+- M is linear in T at a held angle, M = T arm(θ) − S(θ), with S close to 0.095 N·m/rad · θ;
+- past θ ≈ −0.02 rad the moment rises about five times as steeply: a stop, which no model here has;
+- the last free point, 7.925 N, lies beyond a second stop: dθ/dT falls from 0.157 to 0.088 rad/N before it.
+"""
+
+from __future__ import annotations
+
+import csv
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+CSV = Path(__file__).parents[3] / "shared/data/reference/tendon_joint_fem.csv"
+STOP_RAD = -0.02  # rows below are past the stop
+FREE_TOP_N = 7.5  # free points up to here are fitted: all but the last
+TENDON_AT_REST_M = 27.297e-3  # published, constant of the length of the tendon at a joint
+
+
+@dataclass(frozen=True, eq=False)
+class Published:
+    """Rows of the table, (n,) each; `free` marks those without external moment."""
+
+    force_n: Array
+    angle_rad: Array
+    moment_n_m: Array
+
+    @property
+    def free(self) -> Mask:
+        return self.moment_n_m == 0
+
+    @property
+    def fitted(self) -> Mask:
+        """Free points before the second stop, rest aside."""
+        return self.free & (self.force_n > 0) & (self.force_n <= FREE_TOP_N)
+
+    @property
+    def between_stops(self) -> Mask:
+        """Constrained rows that the model describes."""
+        return ~self.free & (self.angle_rad > STOP_RAD)
+
+    @property
+    def forces_n(self) -> Array:
+        """Tendon forces of the constrained branches."""
+        return np.unique(self.force_n[~self.free])
+
+    def at_angle(self, angle_rad: float) -> tuple[float, float]:
+        """(arm in m, S in N·m) at a held angle: the line M = T arm − S through the branches that reach it."""
+        forces, moments = [], []
+        for force in self.forces_n:
+            rows = np.flatnonzero((self.force_n == force) & ~self.free)
+            rows = rows[np.argsort(self.angle_rad[rows])]
+            if self.angle_rad[rows[0]] <= angle_rad <= self.angle_rad[rows[-1]]:
+                forces.append(force)
+                moments.append(np.interp(angle_rad, self.angle_rad[rows], self.moment_n_m[rows]))
+        arm, offset = np.polyfit(forces, moments, 1)
+        return float(arm), -float(offset)
+
+    def error(self, predicted_n_m: Array, rows: Mask) -> float:
+        """RMS of the moment's error over the RMS of the moment, over rows."""
+        error = predicted_n_m[rows] - self.moment_n_m[rows]
+        return float(np.linalg.norm(error) / np.linalg.norm(self.moment_n_m[rows]))
+
+
+def published_arm_m(angle_rad: float) -> float:
+    """−dL/dθ of the published L(θ) = −1.2698 θ² − 2.4933 θ + 27.297 mm."""
+    return (2.4933 + 2 * 1.2698 * angle_rad) * 1e-3
+
+
+def published() -> Published:
+    """The table; ends the program with a sentence where it is absent."""
+    if not CSV.exists():
+        sys.exit(f"tendon_joint: the reference data are absent: {CSV.resolve()} (see docs: reference study)")
+    with CSV.open() as file:
+        rows = list(csv.DictReader(file))
+    return Published(
+        *(np.array([float(r[k]) for r in rows]) for k in ("tendon_force_n", "joint_angle_rad", "moment_n_m"))
+    )

@@ -1,0 +1,151 @@
+"""The tendon joint's FEM by law: beam theory, virtual work, an elastica by another method, symmetry."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.optimize import root
+
+from pliant_plugins.families.tendon_joint.config import TendonJointConfig
+from pliant_plugins.families.tendon_joint.family import TendonJoint
+from pliant_plugins.fem.skfem.backend import Skfem, SkfemSolver
+from pliant_plugins.fem.skfem.config import SkfemConfig
+from pliant_plugins.manifest import TENDON_JOINT
+from pliant_plugins.materials.neo_hookean import NeoHookean, NeoHookeanConfig
+
+MU, NU = 70e6, 0.49
+E = 2 * MU * (1 + NU)
+SLENDER = {
+    "flexure_length": "10 mm",
+    "flexure_thickness": "0.5 mm",
+    "flexure_width": "0.5 mm",
+    "tendon_setback": "9 mm",
+}
+
+
+def joint(**changes: object) -> TendonJoint:
+    return TendonJoint(TendonJointConfig.model_validate({**TENDON_JOINT, **changes}))
+
+
+@cache
+def solver(slender: bool) -> SkfemSolver:
+    material = NeoHookean(NeoHookeanConfig(shear_modulus_pa=MU, poisson_ratio=NU))
+    config = SkfemConfig.model_validate({"tendon_force_max_n": 8.0})
+    return Skfem(config).solver(joint(**(SLENDER if slender else {})).problem(), material)
+
+
+def bending_stiffness(family: TendonJoint) -> float:
+    """E I of the flexure."""
+    g = family.geometry
+    return E * g.flexure_width_m * g.flexure_thickness_m**3 / 12
+
+
+def test_a_slender_flexure_is_a_beam() -> None:
+    family, rest = joint(**SLENDER), solver(True).rest()
+    beam = bending_stiffness(family) / family.geometry.flexure_length_m
+    assert -rest.dmoment_du == pytest.approx(beam, rel=0.02)
+    assert -rest.dmoment_du > beam  # bonded ends cannot contract
+
+
+def test_a_wide_flexure_lies_between_beam_and_plate() -> None:
+    family = joint()
+    beam = bending_stiffness(family) / family.geometry.flexure_length_m
+    assert beam < -solver(False).rest().dmoment_du < 1.02 * beam / (1 - NU**2)
+
+
+def test_at_rest_the_arm_is_the_tendons_offset() -> None:
+    assert solver(False).rest().dmoment_dp == pytest.approx(joint().geometry.tendon_offset_m, rel=1e-9)
+
+
+def test_bent_by_a_couple_the_tendon_follows_the_arc() -> None:
+    model, g = solver(True), joint(**SLENDER).geometry
+    state = model.rest()
+    for angle in (0.4, 0.8):
+        state = model.constrained(0.0, angle, state)
+        drawn = g.tendon_length_m(0.0) - g.tendon_length_m(angle)
+        assert state.travel == pytest.approx(drawn, rel=2e-3)
+        assert state.dmoment_dp == pytest.approx(g.tendon_arm_m(angle), rel=2e-3)
+
+
+def test_without_a_tendon_it_bends_alike_both_ways() -> None:
+    model = solver(False)
+    up, down = (model.constrained(0.0, angle, model.rest()) for angle in (0.3, -0.3))
+    assert up.moment_n_m == pytest.approx(-down.moment_n_m, rel=1e-8)
+    assert up.energy_j == pytest.approx(down.energy_j, rel=1e-8)
+    assert up.moment_n_m < 0 < up.energy_j
+
+
+def test_slopes_are_those_of_moment_travel_and_energy() -> None:
+    """∂τ/∂T = ∂W/∂u, ∂τ/∂u by differences, and dU = T dW − τ du along a change of angle."""
+    model, step = solver(False), 1e-3
+    here = model.constrained(4.0, 0.35, model.free(4.0, model.rest()))
+    near = {n: model.constrained(4.0, 0.35 + n * step, here) for n in (-2, -1, 1, 2)}
+
+    def slope(name: str) -> float:
+        values = {n: getattr(state, name) for n, state in near.items()}
+        return (8 * (values[1] - values[-1]) - (values[2] - values[-2])) / (12 * step)
+
+    assert here.dmoment_dp == pytest.approx(slope("travel"), rel=1e-6)
+    assert here.dmoment_du == pytest.approx(slope("moment_n_m"), rel=1e-6)
+    assert slope("energy_j") == pytest.approx(4.0 * slope("travel") - here.moment_n_m, rel=1e-6)
+    more, less = (model.constrained(4.0 + d, 0.35, here).moment_n_m for d in (0.01, -0.01))
+    assert here.dmoment_dp == pytest.approx((more - less) / 0.02, rel=1e-6)
+
+
+def elastica_angle(family: TendonJoint, force: float, guess: float) -> float:
+    """Free angle of an extensible elastica between rigid links: κ = T (z − z_hole)/EI, ε = −T cos φ/EA.
+
+    The middle section stays at rest; the height z_hole of the taut tendon is what the end section's place says.
+    """
+    g = family.geometry
+    EI = bending_stiffness(family)
+    EA = E * g.flexure_width_m * g.flexure_thickness_m
+
+    def end(height: float) -> np.ndarray:
+        def slope(_: float, y: np.ndarray) -> list[float]:
+            phi, z = y
+            return [force * (z - height) / EI, -np.sin(phi) * (1 - force * np.cos(phi) / EA)]
+
+        return solve_ivp(slope, (0.0, g.span_m), [0.0, 0.0], rtol=1e-9, atol=1e-14).y[:, -1]
+
+    def miss(height: np.ndarray) -> float:
+        phi, z = end(float(height[0]) * g.tendon_offset_m)
+        hole = z - g.tendon_offset_m * np.cos(phi) - g.tendon_setback_m * np.sin(phi)
+        return float(height[0] - hole / g.tendon_offset_m)
+
+    half = guess / 2
+    start = -np.cos(half) - g.tendon_setback_m / g.tendon_offset_m * np.sin(half)
+    found = root(miss, [start], tol=1e-12)
+    assert found.success
+    return 2 * float(end(float(found.x[0]) * g.tendon_offset_m)[0])
+
+
+def test_the_free_branch_is_an_elasticas() -> None:
+    family, model = joint(**SLENDER), solver(True)
+    stiffness = -model.rest().dmoment_du
+    # the beam's own error, bonded ends, is taken out by the force
+    excess = stiffness * family.geometry.flexure_length_m / bending_stiffness(family)
+    unit = bending_stiffness(family) / family.geometry.flexure_length_m / family.geometry.tendon_offset_m
+    state = model.rest()
+    for share in (0.2, 0.4, 0.55):
+        state = model.free(share * unit * excess, state)
+        assert state.angle_rad == pytest.approx(
+            elastica_angle(family, share * unit, state.angle_rad), rel=0.01
+        )
+    assert state.angle_rad > 0.8
+
+
+def test_states_in_which_the_links_meet_are_marked() -> None:
+    model, g = solver(False), joint().geometry
+    inside = model.constrained(2.0, 0.5, model.free(2.0, model.rest()))
+    beyond = model.constrained(2.0, g.closing_angle_rad + 0.02, inside)
+    under = model.constrained(0.0, -g.opening_angle_rad - 0.01, model.rest())
+    assert [s.status for s in (model.rest(), inside, beyond, under)] == [
+        "ok",
+        "ok",
+        "self_contact",
+        "self_contact",
+    ]
