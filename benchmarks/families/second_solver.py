@@ -1,0 +1,210 @@
+"""Every family by two finite-element codes: python -m benchmarks.families.second_solver [CASE ...]
+
+skfem (27-node cells, dilatation averaged per cell; at refinement 1, as studies use it, and refined) against ngsolve
+(Taylor–Hood of order 3, differentiated energies, its own Newton), which share nothing but the mesh of the family.
+
+States: free at 1/3, 2/3 and all of the largest actuation; there also held at 0 and at half the free angle; the
+helical bellow also held on all three axes. Differences are shares of the range: the largest free angle, the effort
+that holds the joint at 0. Bar: 0.5 % for the refined cells.
+
+Prints the table and writes benchmarks/out/second_solver.json.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import platform
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pliant.interfaces.family import ActuatorFamily
+from pliant.interfaces.fem import FEMBackend, ModuleSolver
+from pliant.records.fem import FemState, ModuleProblem
+from pliant_plugins.families.bellow_bending.config import BellowBendingConfig
+from pliant_plugins.families.bellow_bending.family import BellowBending
+from pliant_plugins.families.bellow_helical.config import BellowHelicalConfig
+from pliant_plugins.families.bellow_helical.family import BellowHelical
+from pliant_plugins.families.bellow_translational.config import BellowTranslationalConfig
+from pliant_plugins.families.bellow_translational.family import BellowTranslational
+from pliant_plugins.families.tendon_joint.config import TendonJointConfig
+from pliant_plugins.families.tendon_joint.family import TendonJoint
+from pliant_plugins.fem.ngsolve.backend import Ngsolve
+from pliant_plugins.fem.ngsolve.config import NgsolveConfig
+from pliant_plugins.fem.skfem.backend import Skfem
+from pliant_plugins.fem.skfem.config import SkfemConfig
+from pliant_plugins.manifest import EXTENDING, FINGER, HELIX_MODULE, TENDON_JOINT
+from pliant_plugins.materials.neo_hookean import NeoHookean, NeoHookeanConfig
+
+ROOT = Path(__file__).resolve().parents[2]
+OUT = ROOT / "benchmarks/out/second_solver.json"
+BAR = 0.005
+FREE = (1 / 3, 2 / 3, 1.0)
+LATERAL_RAD = 0.06  # about x and z in the states of three axes
+
+
+@dataclass(frozen=True)
+class Case:
+    """A family's example, its rubber's shear modulus (Pa), the largest actuation (Pa or N), the axes that move."""
+
+    family: ActuatorFamily
+    modulus: float
+    actuation: float
+    axes: tuple[str, ...]
+    refined: int = 2
+
+    def problem(self, refinement: int) -> ModuleProblem:
+        return self.family.problem(refinement, self.axes)
+
+
+def cases() -> dict[str, Case]:
+    """The shipped families; moduli as their own benchmarks fit them."""
+    bending = BellowBending(BellowBendingConfig.model_validate(FINGER))
+    helical = BellowHelical(BellowHelicalConfig.model_validate(HELIX_MODULE))
+    extending = BellowTranslational(BellowTranslationalConfig.model_validate(EXTENDING))
+    tendon = TendonJoint(TendonJointConfig.model_validate(TENDON_JOINT))
+    return {
+        "bellow_bending": Case(bending, 248e3, 15e3, ("y",)),
+        "bellow_helical": Case(helical, 237e3, 15e3, ("y",)),
+        "bellow_translational": Case(extending, 240.5e3, 15e3, ("x",)),
+        "tendon_joint": Case(tendon, 71.9e6, 8.0, ("y",)),
+        "bellow_helical_three_axes": Case(helical, 237e3, 15e3, ("x", "y", "z")),
+    }
+
+
+def solver(case: Case, backend: FEMBackend, refinement: int) -> ModuleSolver:
+    material = NeoHookean(NeoHookeanConfig(shear_modulus_pa=case.modulus))
+    return backend.solver(case.problem(refinement), material)
+
+
+def backends(names: Mapping[str, int]) -> dict[str, tuple[FEMBackend, int]]:
+    """Codes by label, with the refinement of their mesh."""
+    limits = {"pressure_max_pa": 15e3, "tendon_force_max_n": 8.0}
+    skfem, ngsolve = Skfem(SkfemConfig(**limits)), Ngsolve(NgsolveConfig(order=3, **limits))
+    return {label: (ngsolve if label == "ngsolve" else skfem, n) for label, n in names.items()}
+
+
+def states_of(case: Case, model: ModuleSolver, half: float | None) -> dict[str, FemState]:
+    """The case's states by name; `half` is the angle to hold, half the free one where it is None."""
+    found: dict[str, FemState] = {}
+    here = model.rest()
+    for share in FREE:
+        here = found[f"free {share:.2f}"] = model.free(share * case.actuation, here)
+    middle = 0.5 * here.angle_rad if half is None else half
+    main = case.problem(1).main_axis
+    if len(case.axes) == 1:
+        found["held 0.5"] = model.constrained(case.actuation, middle, here)
+        found["held 0"] = model.constrained(case.actuation, 0.0, found["held 0.5"])
+        return found
+    still = dict.fromkeys(case.axes, 0.0)
+    found["held 0"] = model.constrained(case.actuation, still, here)
+    turned = {**dict.fromkeys(case.axes, LATERAL_RAD), main: middle}
+    found["held 0.5, lateral"] = model.constrained(case.actuation, turned, here)
+    return found
+
+
+def compare(
+    case: Case, truth: dict[str, FemState], other: dict[str, FemState]
+) -> dict[str, dict[str, float]]:
+    """Differences of u and τ by state, as shares of the range; slopes as shares of the largest at rest's scale."""
+    turn = max(abs(s.angle_rad) for s in truth.values())
+    effort = float(np.abs(truth["held 0"].tau).max())
+    rows = {}
+    for name, a in truth.items():
+        b = other[name]
+        rows[name] = {
+            "u": float(np.abs(b.deformation - a.deformation).max() / turn),
+            "tau": float(np.abs(b.tau - a.tau).max() / effort),
+            "dtau_du": float(np.abs(b.dtau_du - a.dtau_du).max() / np.abs(a.dtau_du).max()),
+            "energy": abs(b.energy_j / a.energy_j - 1),
+        }
+    return rows
+
+
+def run(name: str, case: Case) -> dict[str, Any]:
+    """Solve one case by every code and print its table."""
+    wanted = {"ngsolve": 1, "skfem × 1": 1}
+    if case.refined > 1:
+        wanted[f"skfem × {case.refined}"] = case.refined
+    solved, seconds, half = {}, {}, None
+    for label, (backend, refinement) in backends(wanted).items():
+        begun = time.perf_counter()
+        solved[label] = states_of(case, solver(case, backend, refinement), half)
+        seconds[label] = time.perf_counter() - begun
+        half = 0.5 * solved["ngsolve"]["free 1.00"].angle_rad
+    truth = solved.pop("ngsolve")
+    differences = {label: compare(case, truth, states) for label, states in solved.items()}
+    print(f"{name}: {len(truth)} states, " + ", ".join(f"{k} {s:.0f} s" for k, s in seconds.items()))
+    for state, a in truth.items():
+        print(
+            f"  {state:18s} u {a.angle_rad:.6g}  τ {a.moment_n_m:.6g}  "
+            + "   ".join(
+                f"{label}: Δu {d[state]['u']:.3%}  Δτ {d[state]['tau']:.3%}  Δ∂τ/∂u {d[state]['dtau_du']:.2%}"
+                for label, d in differences.items()
+            ),
+            flush=True,
+        )
+    last = list(differences)[-1]
+    worst = max(max(row["u"], row["tau"]) for row in differences[last].values())
+    print(
+        f"  worst of {last}: {worst:.3%} of the range, bar {BAR:.1%}: {'met' if worst <= BAR else 'missed'}"
+    )
+    return {
+        "modulus_pa": case.modulus,
+        "actuation": case.actuation,
+        "states": {
+            state: {
+                "u": s.deformation.tolist(),
+                "tau": s.tau.tolist(),
+                "energy_j": s.energy_j,
+                "status": s.status,
+            }
+            for state, s in truth.items()
+        },
+        "differences": differences,
+        "worst_of_range": worst,
+        "met": worst <= BAR,
+        "wall_s": seconds,
+    }
+
+
+def main() -> None:
+    known = cases()
+    parser = argparse.ArgumentParser(description="Every family by two finite-element codes.")
+    parser.add_argument("cases", nargs="*", help=f"of {', '.join(known)}; by default all")
+    chosen = parser.parse_args().cases or list(known)
+    if unknown := [name for name in chosen if name not in known]:
+        parser.error(f"unknown case '{unknown[0]}'; known: {', '.join(known)}")
+    results = json.loads(OUT.read_text())["cases"] if OUT.exists() else {}
+    for name in chosen:
+        results[name] = run(name, known[name])
+        write(
+            {
+                "benchmark": "second_solver",
+                "bar": BAR,
+                "machine": {
+                    "processor": platform.processor() or platform.machine(),
+                    "cores": os.cpu_count(),
+                },
+                "cases": results,
+            }
+        )
+    print(f"written: {OUT.relative_to(ROOT)}")
+
+
+def write(results: dict[str, Any]) -> None:
+    """Write the results atomically."""
+    OUT.parent.mkdir(parents=True, exist_ok=True)
+    partial = OUT.with_suffix(f".{os.getpid()}.part")
+    partial.write_text(json.dumps(results, indent=2) + "\n")
+    partial.replace(OUT)
+
+
+if __name__ == "__main__":
+    main()
