@@ -3,9 +3,9 @@
     python -m benchmarks.families.chain_hypothesis [--modules 1 2 3 4 6 8] [--picture FILE]
 
 The body is clamped all over its base section and closed by a plate of rubber at its end; the chain's joints have
-the law of one module with mirror planes at both ends, fitted to FEM on the same mesh with the same material. Both are
-loaded by the same pressure and the same dead force at the tip, without weight. For every case the tip's error is split, one
-idealisation after the other, into what comes from
+the law of one module with mirror planes at both ends, fitted to FEM on the same mesh with the same material. Both
+are loaded by the same pressure and the same dead force at the tip, without weight. For every case the tip's error is
+split, one idealisation after the other, into what comes from
 
     ends       modules at the clamp and at the cap that bend by less than the law says
     inside     modules between them: law against FEM under the same moment, and the fit's own error

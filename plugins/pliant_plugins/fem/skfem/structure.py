@@ -107,7 +107,7 @@ class SkfemStructure(StructureSolver):
 
     def deformed_nodes(self, state: StructureState) -> Array:
         """(n, 3) node positions in m."""
-        return self.problem.mesh.nodes_m + state.solution.reshape(-1, 3)
+        return self.assembler.positions(state.solution)
 
     def _step(self, start: Point, before: Load, load: Load, final: bool, patient: bool) -> tuple[Point, int]:
         """Tangent predictor and Newton with a line search; a step that is not `final` ends near equilibrium."""
@@ -166,7 +166,7 @@ class SkfemStructure(StructureSolver):
         return None if energy is None else Point(x, energy, self.assembler.cavity(x))
 
     def _state(self, point: Point, load: Load, iterations: int, begun: float) -> StructureState:
-        nodes = self.problem.mesh.nodes_m + point.x.reshape(-1, 3)
+        nodes = self.assembler.positions(point.x)
         across = np.array([nodes[section[-1]] - nodes[section[0]] for section in self.problem.sections])
         markers = nodes[self.problem.markers]
         markers[-1] = self.problem.tip_shares @ nodes[self.problem.tip]
