@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from pliant.pipeline.study import DesignStages, EngineRun
-from pliant.records.fem import ModuleData
+from pliant.records.fem import FemDataset, ModuleData
 from pliant.records.rollout import TaskResult
 from pliant.store.store import Artifact
 
@@ -50,13 +50,25 @@ def fem_lines(artifacts: Sequence[Artifact]) -> list[str]:
         whole: ModuleData = artifact.value
         contact = int(np.sum(whole.status == "self_contact"))
         d = whole.axis(whole.main_axis)
-        free = d.branch == "free"
         lines.append(
             f"FEM      {len(whole)} states ({contact} with self-contact, {len(d.failed)} failed), "
-            f"free angle {np.degrees(d.angle_rad[free].max()):.2f}° at {d.actuation[free].max() / 1e3:g} kPa, "
-            f"{_time(artifact)}"
+            f"{_largest_free(d)}, {_time(artifact)}"
         )
     return lines
+
+
+def _largest_free(data: FemDataset) -> str:
+    """How far the free branch goes, and at which pressure or force."""
+    free = data.branch == "free"
+    most, level = float(data.angle_rad[free].max()), float(data.actuation[free].max())
+    reached = (
+        f"free extension {1e3 * most:.3f} mm"
+        if data.joint == "prismatic"
+        else f"free angle {np.degrees(most):.2f}°"
+    )
+    return f"{reached} at " + (
+        f"{level:g} N" if data.actuation_name == "tendon_force_n" else f"{level / 1e3:g} kPa"
+    )
 
 
 def fit(design: DesignStages) -> dict[str, Any]:
