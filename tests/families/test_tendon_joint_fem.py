@@ -149,3 +149,17 @@ def test_states_in_which_the_links_meet_are_marked() -> None:
         "self_contact",
         "self_contact",
     ]
+
+
+def test_another_code_agrees() -> None:
+    pytest.importorskip("ngsolve", reason="the second FEM code is an extra: pip install 'pliant[ngsolve]'")
+    from pliant_plugins.fem.ngsolve.backend import Ngsolve
+    from pliant_plugins.fem.ngsolve.config import NgsolveConfig
+
+    config = NgsolveConfig.model_validate({"tendon_force_max_n": 8.0, "order": 2})
+    material = NeoHookean(NeoHookeanConfig(shear_modulus_pa=MU, poisson_ratio=NU))
+    other = Ngsolve(config).solver(joint().problem(), material)
+    states = [model.constrained(3.0, 0.3, model.free(3.0, model.rest())) for model in (solver(False), other)]
+    for name in ("moment_n_m", "dmoment_dp", "dmoment_du", "travel", "energy_j"):
+        ours, theirs = (getattr(state, name) for state in states)
+        assert ours == pytest.approx(theirs, rel=3e-3), name
