@@ -7,6 +7,7 @@ only the driver has: they end when it closes, be it that the driver stops them o
 from __future__ import annotations
 
 import importlib
+import json
 import multiprocessing
 import os
 import signal
@@ -138,14 +139,9 @@ def cluster(scheduler: str) -> Iterator[Executor]:
         distributed = importlib.import_module("distributed")  # by name: only sweeps on a cluster need it
     except ImportError:
         raise MissingDependencyError("--scheduler needs dask: pip install 'pliant[cluster]'.") from None
-    is_file = "://" not in scheduler and ("/" in scheduler or scheduler.endswith(".json"))
-    if is_file and not Path(scheduler).is_file():
-        raise UserError(
-            f"--scheduler: {scheduler} is no file; 'dask scheduler --scheduler-file {scheduler}' writes it."
-        )
-    where = {"scheduler_file": scheduler} if is_file else {"address": scheduler}
+    address = scheduler if "://" in scheduler else _address_in(Path(scheduler))
     try:
-        client = distributed.Client(**where, timeout=CONNECT_S, set_as_default=False)
+        client = distributed.Client(address, timeout=CONNECT_S, set_as_default=False)
     except (OSError, TimeoutError, ValueError, TypeError) as error:
         cause = " ".join(str(error).split()) or type(error).__name__
         raise UserError(
@@ -155,6 +151,18 @@ def cluster(scheduler: str) -> Iterator[Executor]:
         yield client.get_executor()
     finally:
         client.close(timeout=CONNECT_S)
+
+
+def _address_in(file: Path) -> str:
+    """The address in a scheduler's file; dask itself would wait for ever for a file that is none."""
+    try:
+        return str(json.loads(file.read_text(encoding="utf-8"))["address"])
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        cause = getattr(error, "strerror", None) or "it holds no address"
+        raise UserError(
+            f"--scheduler: {file} is no scheduler's file ({cause}); 'dask scheduler --scheduler-file FILE' writes "
+            "one, or give an address such as tcp://host:8786."
+        ) from None
 
 
 @contextmanager
