@@ -17,6 +17,7 @@ from pliant.records.fem import FemState, ModuleProblem
 from pliant.store.codec import decode, encode
 from pliant.testing.box import BoxModule, box_problem
 from pliant.testing.fem_axes import suite as axes
+from pliant.testing.fem_bench import sample_solver
 from pliant.testing.stand_ins import sample_material
 from pliant.testing.suite import Subject, Suite, require, require_close
 
@@ -38,8 +39,7 @@ def _solver(subject: Subject) -> ModuleSolver:
 
 
 def _new_solver(subject: Subject, problem: ModuleProblem | None = None) -> ModuleSolver:
-    solver: ModuleSolver = subject.build().solver(problem or _problem(subject), sample_material())
-    return solver
+    return sample_solver(subject, problem or _problem(subject))
 
 
 def _rest(subject: Subject) -> FemState:

@@ -11,6 +11,7 @@ from pliant.errors import UserError
 from pliant.interfaces.fem import ModuleSolver
 from pliant.records.fem import FemState, ModuleProblem
 from pliant.testing.box import BoxModule, prismatic_box_problem, spatial_box_problem, tendon_box_problem
+from pliant.testing.fem_bench import sample_solver
 from pliant.testing.stand_ins import sample_material
 from pliant.testing.suite import CheckSkipped, Subject, Suite, require, require_close
 
@@ -25,7 +26,7 @@ SYMMETRY = 2e-3
 
 def _solver(subject: Subject, name: str, problem: ModuleProblem) -> ModuleSolver:
     try:
-        return subject.once(name, lambda: subject.build().solver(problem, sample_material()))
+        return subject.once(name, lambda: sample_solver(subject, problem))
     except UserError as error:
         raise CheckSkipped(f"{subject.component.label} has no such module: {error}") from error
 

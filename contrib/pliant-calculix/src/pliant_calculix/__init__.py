@@ -1,0 +1,1 @@
+"""Pliant's FEM backend 'calculix'."""

@@ -1,0 +1,21 @@
+"""What this package brings to Pliant. Imported at every start of Pliant, so nothing heavy is imported here."""
+
+from collections.abc import Iterable
+
+from pliant.registry.component import Component
+from pliant.registry.hookspecs import hookimpl
+
+
+@hookimpl
+def pliant_components() -> Iterable[Component]:
+    """The backend."""
+    return [
+        Component(
+            interface="fem",
+            kind="calculix",
+            config="pliant_calculix.config:CalculixConfig",
+            implementation="pliant_calculix.backend:Calculix",
+            summary="CalculiX (program ccx) on Abaqus-style decks: an independent code to check others with",
+            example={"pressure_max": "15 kPa"},
+        )
+    ]

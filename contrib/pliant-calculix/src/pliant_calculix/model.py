@@ -1,0 +1,163 @@
+"""A module problem as the model of a deck: 20-node elements, cap, sets, surfaces.
+
+Decks are in mm: CalculiX has absolute thresholds for lengths, which modules fall below in m, and one of 1e-6 for
+residual forces, below which it takes them for zero. Hence it is given mm, Pa and µN, people mm, MPa and N.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from pliant.errors import UserError
+from pliant.interfaces.material import Material
+from pliant.records.design import Array
+from pliant.records.fem import IntArray, ModuleProblem
+from pliant_calculix.cap import Cap, build_cap
+from pliant_calculix.config import ElementType
+from pliant_calculix.elements import HEX20, QUAD8, faces_of_cells
+from pliant_calculix.materials import hyperelastic
+
+MM = 1e3  # per m
+MPA = 1e-6  # per Pa
+CAP_POISSON = 0.3
+
+
+@dataclass(frozen=True, eq=False)
+class Model:
+    """What a deck says about a module before its first step.
+
+    Attributes:
+        problem: the module.
+        cap: the disc over the cavity's opening.
+        element: element type of the body.
+        pa: 1 Pa in the deck's unit of stress.
+        law: `*HYPERELASTIC` card of the body.
+        cap_law: that of the cap.
+    """
+
+    problem: ModuleProblem
+    cap: Cap
+    element: ElementType
+    pa: float
+    law: tuple[str, ...]
+    cap_law: tuple[str, ...]
+
+    @cached_property
+    def cells(self) -> IntArray:
+        """(m, 20) node ids of the body's elements, from 0."""
+        return self.problem.mesh.cells[:, HEX20]
+
+    @cached_property
+    def cavity(self) -> IntArray:
+        """(f, 8) node ids of the wetted faces, normals into the cavity."""
+        return self.problem.mesh.cavity[:, QUAD8]
+
+    @cached_property
+    def cavity_faces(self) -> tuple[IntArray, IntArray]:
+        """Element (from 0) and face number of the wetted faces."""
+        return faces_of_cells(self.problem.mesh.cells, self.problem.mesh.cavity)
+
+    @cached_property
+    def places_m(self) -> Array:
+        """(n, 3) places of all nodes, the mesh's then the cap's; some of the mesh's are in no element."""
+        return np.vstack([self.problem.mesh.nodes_m, self.cap.nodes_m])
+
+    @cached_property
+    def used(self) -> IntArray:
+        """Ids of the nodes that belong to elements."""
+        return np.unique(np.concatenate([self.cells.ravel(), self.cap.wedges.ravel()]))
+
+    @cached_property
+    def section(self) -> IntArray:
+        """Ids of the nodes that stay in the plane of the end section."""
+        end = np.intersect1d(self.problem.mesh.node_sets["end"], self.used)
+        return np.concatenate([end, self.cap.front])
+
+    @cached_property
+    def node_sets(self) -> dict[str, IntArray]:
+        """Nodes in elements, by the family's set."""
+        sets = self.problem.mesh.node_sets
+        return {name: np.intersect1d(nodes, self.used) for name, nodes in sets.items()}
+
+    @cached_property
+    def fixed(self) -> list[tuple[int, int]]:
+        """(node, component) that are held at zero; the end section's plane is not among them."""
+        held = {
+            (int(node), component)
+            for name, components in self.problem.fixed.items()
+            for component in components
+            if name != "end"
+            for node in self.node_sets[name]
+        }
+        held |= {place for place, weights in self.cap.follows.items() if not weights}
+        return sorted(held)
+
+    @cached_property
+    def planes(self) -> dict[float, IntArray]:
+        """Nodes that stay in planes parallel to the end section, by their distance behind it in m."""
+        behind = np.array(sorted(self.cap.behind), np.int64)
+        depth = np.round(self.places_m[behind, 0] - self.problem.span_m, 12)
+        return {0.0: self.section, **{float(d): behind[depth == d] for d in np.unique(depth)}}
+
+    @property
+    def extra(self) -> int:
+        """Number of extra nodes that keep these planes."""
+        return 1 + 3 * len(self.planes)
+
+    @property
+    def newton(self) -> float:
+        """1 N in the deck's unit of force, stress times mm²."""
+        return self.pa * MM**2
+
+    @property
+    def reference(self) -> int:
+        """Id of the first of the extra nodes that no element has: they carry the end section's motion."""
+        return len(self.places_m)
+
+
+def build_model(
+    problem: ModuleProblem, material: Material, element: ElementType, cap_stiffness: float, pa: float
+) -> Model:
+    """The model of a module. Raises `UserError` for what this backend does not solve."""
+    _check(problem)
+    shear = cap_stiffness * material.shear_modulus_pa * pa
+    bulk = 2 * shear * (1 + CAP_POISSON) / (3 * (1 - 2 * CAP_POISSON))
+    cap_law = ("*HYPERELASTIC, NEO HOOKE", f"{shear / 2:.10g}, {2 / bulk:.10g}")
+    return Model(problem, build_cap(problem), element, pa, tuple(hyperelastic(material, pa)), cap_law)
+
+
+def _check(problem: ModuleProblem) -> None:
+    """Raise `UserError` with the first reason why a problem cannot be solved here."""
+    wanted = ("x",) if problem.joint == "prismatic" else ("y",)
+    reasons = {
+        f"frame 'rod' only, not '{problem.frame}'": problem.frame != "rod",
+        f"modules driven by pressure only, not by '{problem.actuation}'": problem.actuation != "pressure_pa",
+        "revolute joints about y and prismatic ones along x only, not axes "
+        f"{', '.join(problem.axes)} of a {problem.joint} joint": (
+            problem.joint not in ("revolute", "prismatic") or problem.axes != wanted
+        ),
+        "modules whose line may stretch, not inextensible ones": not problem.stretches,
+        "no ribbons or tendons": bool(problem.ribbons) or problem.tendon is not None,
+        "no tied or linked nodes": any(problem.tied.values()) or bool(problem.links),
+        "pieces whose start and end sections stay plane (fixed: start and end in component 0)": (
+            any(problem.fixed.get(name, ()) != (0,) for name in ("start", "end"))
+        ),
+        "pieces held by mirror planes and by nodes of the start section only": not _held_plainly(problem),
+    }
+    for reason, applies in reasons.items():
+        if applies:
+            raise UserError(f"fem 'calculix' solves {reason}; use fem.kind 'skfem'.")
+
+
+def _held_plainly(problem: ModuleProblem) -> bool:
+    """Whether what is fixed means the same in the frame of the sections and in space."""
+    start = problem.mesh.node_sets["start"]
+    return all(
+        name == "end" or component == 1 or problem.joint == "prismatic" or np.isin(nodes, start).all()
+        for name, components in problem.fixed.items()
+        for nodes in [problem.mesh.node_sets[name]]
+        for component in components
+    )
