@@ -8,9 +8,9 @@ from typing import Protocol
 
 import numpy as np
 
-from pliant.calibration.certainty import Certainty, certainty, undetermined
+from pliant.calibration.certainty import Certainty, certainty, hidden_by_model_error, undetermined
 from pliant.calibration.constants import Constant, changed, chosen, constants_of, moduli_scaled
-from pliant.calibration.fitting import Problem, minimised
+from pliant.calibration.fitting import Fit, Problem, minimised
 from pliant.calibration.free_curve import FreeCurves
 from pliant.calibration.plausible import check_modulus
 from pliant.calibration.reading import BenchData
@@ -25,7 +25,7 @@ from pliant.records.design import Array
 
 # Finite differences and tolerance in sizes of the constants: closed forms, and curves that cost FEM each.
 EXACT_STEP, EXACT_TOLERANCE = 1e-5, 1e-9
-FEM_STEP, FEM_TOLERANCE = 2e-3, 1e-4
+FEM_STEP, FEM_TOLERANCE, FEM_LEAST = 2e-3, 1e-3, 1e-3
 SPARE_ROWS = 2
 
 
@@ -189,15 +189,19 @@ def _fitted(
     scales = np.array(
         [modulus if c.is_modulus else max(abs(x), 0.1) for c, x in zip(constants, first, strict=True)]
     )
-    weight = 1 / (data.sigma if data.sigma is not None else np.ptp(np.append(data.y, 0.0)))
+    span = float(np.ptp(np.append(data.y, 0.0)))
+    weight = 1 / (data.sigma if data.sigma is not None else np.full(len(data), span))
 
     def residuals(values: Array) -> Array | None:
         config = changed(start, constants, values.tolist())
         predicted = None if config is None else model.predict(config)
         return None if predicted is None else weight * (predicted - data.y)
 
-    step, tolerance = (EXACT_STEP, EXACT_TOLERANCE) if cheap else (FEM_STEP, FEM_TOLERANCE)
-    found = minimised(Problem(residuals, scales, step, cheap, tolerance), first)
+    if cheap:
+        problem = Problem(residuals, scales, EXACT_STEP, True, EXACT_TOLERANCE)
+    else:
+        problem = Problem(residuals, scales, FEM_STEP, False, FEM_TOLERANCE, FEM_LEAST)
+    found, hidden = _found(problem, first, constants, curves, weight, span)
     config = None if found is None else changed(start, constants, found.values.tolist())
     if found is None or config is None:
         cause = f": {curves.failure}" if curves is not None and curves.failure else ""
@@ -209,12 +213,13 @@ def _fitted(
     doubts = check_modulus(material.shear_modulus_pa, data.y_name)
     order = np.lexsort((data.x, data.mode, data.specimen))
     sure = certainty(found, scales, order, data.specimen, data.sigma is not None)
-    lost = undetermined(fitted, sure.sd, material.shear_modulus_pa)
+    lost = {c.name for c in undetermined(fitted, sure.sd, material.shear_modulus_pa)}
+    lost |= {c.name for c, is_hidden in zip(fitted, hidden, strict=True) if is_hidden}
     result = Calibration(
         config=config,
         constants=fitted,
         certainty=sure,
-        undetermined=lost,
+        undetermined=tuple(c for c in fitted if c.name in lost),
         shear_modulus_pa=material.shear_modulus_pa,
         shear_modulus_sd_pa=sure.sd_of(_modulus_gradient(bench, config, fitted, scales)),
         data=data,
@@ -224,8 +229,45 @@ def _fitted(
         remarks=(),
     )
     touching = curves.touching(config) if curves else None
-    words = remarks_of(result, scales, touching)
+    words = remarks_of(result, scales, touching, any(hidden))
     return replace(result, remarks=(*data.remarks, *doubts, *words, *material.remarks()))
+
+
+def _found(
+    problem: Problem,
+    first: Array,
+    constants: Sequence[Constant],
+    curves: FreeCurves | None,
+    weight: Array,
+    span: float,
+) -> tuple[Fit | None, Sequence[bool]]:
+    """The minimum, and which constants a computed curve cannot show; then only their common factor is fitted.
+
+    That is asked before the search, since every trial of several constants costs a curve.
+    """
+    none = [False] * len(constants)
+    if curves is None or len(constants) == 1:
+        return minimised(problem, first), none
+    here = problem.residuals(first)
+    slopes = None if here is None else problem.jacobian(first, here)
+    if here is None or slopes is None:
+        return None, none
+    hidden = hidden_by_model_error(slopes / np.reshape(weight * span, (-1, 1)), problem.scales)
+    if not hidden.any():
+        return minimised(problem, first), none
+    moduli = np.array([c.is_modulus for c in constants])
+    common = Problem(
+        lambda factor: problem.residuals(np.where(moduli, first * factor, first)),
+        np.ones(1),
+        EXACT_STEP,
+        True,
+        FEM_TOLERANCE,
+    )
+    scaled = minimised(common, np.ones(1)) if curves.similar else None
+    if scaled is None:
+        return Fit(first, here, slopes, True), hidden.tolist()
+    values = np.where(moduli, first * scaled.values, first)
+    return Fit(values, scaled.residuals, slopes, True), hidden.tolist()
 
 
 def _modulus_gradient(

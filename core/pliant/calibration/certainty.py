@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pliant.calibration.constants import Constant
 from pliant.calibration.fitting import Fit
@@ -20,6 +21,9 @@ from pliant.records.design import Array
 from pliant.records.fem import IntArray
 
 SINGULAR = 1e-7  # of the largest singular value
+# FEM and geometry err by about 1 % of a curve: what moves it by less, when a quarter of the modulus is shifted from one
+# constant to another, is not to be read from it, however smooth the data.
+SHIFT, MODEL_ERROR = 0.25, 0.01
 ENOUGH_SPECIMENS = 3
 
 
@@ -110,10 +114,18 @@ def _between(fit: Fit, scales: Array, specimen: np.ndarray) -> Array | None:
     return np.asarray(np.std(moved, axis=0, ddof=1) / np.sqrt(len(moved)), float)
 
 
+def hidden_by_model_error(jacobian: Array, scales: Array) -> NDArray[np.bool_]:
+    """Which constants (k,) take part in a change that a computed curve hides; residuals in units of the range."""
+    _, singular, right = np.linalg.svd(jacobian * scales, full_matrices=False)
+    moved = SHIFT * singular / np.sqrt(len(jacobian))
+    weak = np.abs(right[moved < MODEL_ERROR])
+    return np.asarray(np.any(weak > 0.3, axis=0), bool)
+
+
 def undetermined(constants: Sequence[Constant], sd: Array, modulus_pa: float) -> tuple[Constant, ...]:
-    """Constants whose standard deviation exceeds their own size and that of the solid's modulus (½ for a power)."""
+    """Constants whose standard deviation exceeds a third of their size and the solid's modulus (½ for a power)."""
     return tuple(
         constant
         for constant, spread in zip(constants, sd, strict=True)
-        if not spread < max(abs(constant.value), modulus_pa if constant.is_modulus else 0.5)
+        if not spread < max(abs(constant.value) / 3, modulus_pa if constant.is_modulus else 0.5)
     )

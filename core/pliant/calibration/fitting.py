@@ -44,6 +44,7 @@ class Problem:
         step: of finite differences, in scales.
         central: whether differences are taken both ways.
         tolerance: a step below this share of the scales ends the search.
+        least: a step that lowers Σ r² by less than this share ends it too.
     """
 
     residuals: Residuals
@@ -51,6 +52,7 @@ class Problem:
     step: float
     central: bool
     tolerance: float
+    least: float = 1e-14
 
     def jacobian(self, values: Array, here: Array) -> Array | None:
         """∂r/∂constants (n, k); None where a neighbour is refused on both sides."""
@@ -90,7 +92,7 @@ def minimised(problem: Problem, start: Array) -> Fit | None:
         if new is None:
             break
         slopes = new
-        if np.abs(step).max() < problem.tolerance or fell <= 1e-14 * float(here @ here):
+        if np.abs(step).max() < problem.tolerance or fell <= problem.least * float(here @ here):
             converged = True
             break
     return Fit(values, here, slopes, converged)
@@ -112,7 +114,7 @@ def _better(
         trial = problem.residuals(values + step * problem.scales)
         if trial is not None and trial @ trial < here @ here:
             return step, trial, max(damping / 10, SMALLEST_DAMPING)
-        if np.abs(step).max() < 1e-3 * problem.tolerance:
+        if np.abs(step).max() < problem.tolerance:
             break
         damping *= 10
     return step, None, damping

@@ -17,11 +17,18 @@ POOR_FIT = 0.05  # rms over the range from which the law is doubted
 SMALL_SHARE = 0.05
 
 
-def remarks_of(found: Calibration, scales: Array, touching: float | None) -> list[str]:
-    """Sentences on a calibration; `touching` is the actuation at which convolutions meet, if they do."""
+def remarks_of(found: Calibration, scales: Array, touching: float | None, hidden: bool) -> list[str]:
+    """Sentences on a calibration.
+
+    Args:
+        found: the calibration.
+        scales: (k,) sizes of its constants.
+        touching: the actuation at which convolutions meet, if they do.
+        hidden: whether constants could trade places within what FEM itself errs by.
+    """
     remarks = []
     if found.undetermined:
-        remarks.append(_undetermined(found, scales))
+        remarks.append(_undetermined(found, scales, hidden))
     else:
         remarks += [*_exchangeable(found), *_near_zero(found)]
     if found.rmse_of_range > POOR_FIT:
@@ -53,7 +60,7 @@ def range_text(found: Calibration) -> str:
     return f"{words.label} {number(low * words.factor)} to {words.text(high)}"
 
 
-def _undetermined(found: Calibration, scales: Array) -> str:
+def _undetermined(found: Calibration, scales: Array, hidden: bool) -> str:
     names = listed([c.written for c in found.undetermined])
     known, value, sd = _determined(found, scales)
     if not all(c.is_modulus for c in found.constants) and np.isfinite(found.shear_modulus_sd_pa):
@@ -65,9 +72,15 @@ def _undetermined(found: Calibration, scales: Array) -> str:
     )
     verb = "is" if len(found.undetermined) == 1 else "are"
     only = f"determined is {known} = {number(value / 1e3, 4)} ± {number(sd / 1e3, 2)} kPa" if known else ""
+    why = (
+        "; a quarter of the modulus shifted from one to the other moves the curve by less than 1 % of its range, which "
+        "FEM and geometry err by"
+        if hidden
+        else ""
+    )
     return (
         f"These data do not tell {names}{' apart' if len(found.undetermined) > 1 else ''}: "
-        f"{only or 'its effect is below their noise'}, and {names} {verb} free beside it. "
+        f"{only or 'the effect is below their noise'}, and {names} {verb} free beside it{why}. "
         f"Fit fewer constants (--fit), or {advice}."
     )
 
