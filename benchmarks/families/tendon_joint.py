@@ -247,7 +247,7 @@ def main() -> None:
     joint, fitted, found = study(Stated(), options.refinement, data)
     table = arms(joint, fitted, data)
     meshes = convergence(Stated(), fitted, options.finest)
-    show(fitted, found, table, meshes)
+    show(data, fitted, found, table, meshes)
     others = {}
     if options.sensitivity:
         print("other stated values:      offset   μ/MPa  free RMS  between stops  worst force  all rows")
@@ -268,6 +268,8 @@ def main() -> None:
             "stated": asdict(Stated()),
             "fitted": asdict(fitted),
             "refinement": options.refinement,
+            "stop_of_the_data": data.lip(),
+            "gaps_of_the_free_points_rad": data.free_gaps(),
             "prediction": found,
             "arms": table,
             "meshes": meshes,
@@ -278,12 +280,25 @@ def main() -> None:
 
 
 def show(
-    fitted: Fitted, found: dict[str, Any], table: list[dict[str, float]], meshes: list[dict[str, float]]
+    data: Published,
+    fitted: Fitted,
+    found: dict[str, Any],
+    table: list[dict[str, float]],
+    meshes: list[dict[str, float]],
 ) -> None:
     """Print the main results."""
     print(
         f"fitted on the free branch: tendon_offset {1e3 * fitted.tendon_offset_m:.3f} mm, shear modulus "
         f"{fitted.shear_modulus_pa / 1e6:.3f} MPa; angles to {1e3 * fitted.rms_rad:.2f} mrad RMS"
+    )
+    gaps, lip = data.free_gaps(), data.lip()
+    print(
+        "the data's free points against their own constrained branches: "
+        + ", ".join(f"{f} N {1e3 * gap:+.1f} mrad" for f, gap in gaps.items())
+    )
+    print(
+        f"the data's own stop: arm +{1e3 * lip['arm_rise_m']:.2f} mm, stiffness × {lip['stiffness_ratio']:.1f}, as "
+        f"of a lip on a flexure {1e3 * lip['thickness_m']:.2f} mm thick"
     )
     print("constrained branch, predicted: RMS error of M over RMS of M")
     for key, rows in (("between_stops", found["rows_between_stops"]), ("all_rows", found["rows"])):
