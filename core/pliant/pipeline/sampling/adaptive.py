@@ -26,6 +26,7 @@ REMEMBERED = 6  # the last misses that scale the deviations
 # A new state keeps this many times the distance to a failed one that it has to a solved one.
 WARY = 2.0
 FEWEST_STATES = 4
+TINY = 1e-12  # a deviation that means certainty
 SAME = 1e-9  # scaled distance below which two places are one
 
 
@@ -108,7 +109,7 @@ def refine(walk: Walk, box: Box, wanted: float, most: int, expect: Callable[[int
             return verdict
         p, u = (c[allowed] for c in box.lattice())
         mean, deviation = _predict(process, box, p, u)
-        verdict.stated = 2 * _too_small(verdict.tests) * float(deviation.max())
+        verdict.stated = 2 * _too_small(process, verdict.tests) * float(deviation.max())
         last = [test["miss"] for test in verdict.tests[-TESTS:]]
         verdict.reached = len(last) == TESTS and max(last) <= wanted and verdict.stated <= wanted
         count = len(_fitted(walk, box))
@@ -175,10 +176,17 @@ def _predict(process: Process, box: Box, p: Array, u: Array) -> tuple[Array, Arr
     return -mean[:, 0], deviation[:, 0]
 
 
-def _too_small(tests: list[dict[str, float]]) -> float:
-    """Root mean square of the last misses over their deviations, at least 1."""
-    ratios = [test["miss"] / max(test["deviation"], 1e-12) for test in tests[-REMEMBERED:]]
-    return max(1.0, float(np.sqrt(np.mean(np.square(ratios)))) if ratios else 1.0)
+def _too_small(process: Process, tests: list[dict[str, float]]) -> float:
+    """What the deviations are to be multiplied by, at least 1.
+
+    The larger root mean square of misses over deviations: of the last tests, and of all states, each foretold by
+    the others.
+    """
+    misses, spread = process.left_out()
+    of_all = np.abs(misses) / np.maximum(spread, TINY)
+    of_tests = [test["miss"] / max(test["deviation"], TINY) for test in tests[-REMEMBERED:]]
+    ratios = [np.sqrt(np.mean(np.square(one))) for one in (of_all, of_tests) if len(one)]
+    return max(1.0, *map(float, ratios))
 
 
 def _allowed(walk: Walk, box: Box) -> NDArray[np.bool_]:
@@ -198,6 +206,18 @@ def _distance(points: Array, others: Array) -> Array:
     return np.asarray(np.linalg.norm(points[:, None] - others[None], axis=2).min(axis=1))
 
 
+def interpolated(view: LawView, box: Box) -> Callable[[Array, Array], tuple[Array, Array]]:
+    """The process of all states as a function of p and u, both (m,): τ and its standard deviation, both (m,)."""
+    size = float(np.ptp(view.tau)) or 1.0
+    process = _process(view, box, size, None)
+
+    def tau(actuation: Array, deformation: Array) -> tuple[Array, Array]:
+        mean, deviation = _predict(process, box, actuation, deformation)
+        return size * mean, size * deviation
+
+    return tau
+
+
 def check_error(walk: Walk, box: Box) -> float | None:
     """Largest error of the process at the trusted check states, as a share of the effort's range."""
     checks = [
@@ -208,7 +228,6 @@ def check_error(walk: Walk, box: Box) -> float | None:
     view = _view(walk, box)
     if not checks or len(view) < FEWEST_STATES:
         return None
-    size = float(np.ptp(view.tau)) or 1.0
     seen = law_view(checks, box.axis, walk.pieces[box.piece].axes)
-    mean, _ = _predict(_process(view, box, size, None), box, seen.actuation, seen.deformation)
-    return float(np.abs(mean - seen.tau / size).max())
+    tau, _ = interpolated(view, box)(seen.actuation, seen.deformation)
+    return float(np.abs(tau - seen.tau).max() / (np.ptp(view.tau) or 1.0))

@@ -27,7 +27,8 @@ FIRST_LENGTH = 1.5
 # Errors of observations as a share of their own prior deviation: rounding of the solver and of the factorisation.
 NUGGET = 1e-5
 REFUSED = 1e10
-SEARCH = {"maxiter": 30, "ftol": 1e-6, "gtol": 1e-3}  # of a cost whose differences below 0.1 mean nothing
+# Differences of the cost below 0.1 mean nothing; its rounding is too large for the usual step of differences.
+SEARCH = {"maxiter": 30, "ftol": 1e-6, "gtol": 1e-2, "eps": 1e-3}
 
 
 def effort_orders(axes: int) -> Orders:
@@ -99,6 +100,25 @@ class Process:
         free = len(rest) - trend.shape[1]
         spread = 0.5 * free * math.log(max(float(rest @ rest), 1e-300) / free)
         return float(spread + np.log(np.diag(self._factor)).sum() + np.log(np.abs(np.diag(R))).sum())
+
+    def left_out(self) -> tuple[Array, Array]:
+        """Misses and deviations, both (n,), of the first derivative at each place, told by the other places.
+
+        With P the precision of the values after the trend, a block left out misses by P_BB⁻¹ (P y)_B with the
+        covariance σ² P_BB⁻¹ (Dubrule 1983).
+        """
+        assert self._factor is not None
+        trend, _, _, rest = self._whitened
+        Q, _ = np.linalg.qr(trend)
+        inverse = solve_triangular(self._factor, np.eye(len(rest)), lower=True)
+        across = Q.T @ inverse
+        P, known = inverse.T @ inverse - across.T @ across, inverse.T @ rest
+        a = len(self.orders)
+        blocks = [slice(start, start + a) for start in range(0, len(rest), a)]
+        covariances = [np.linalg.inv(P[block, block]) for block in blocks]
+        misses = [(C @ known[block])[0] for C, block in zip(covariances, blocks, strict=True)]
+        spread = [max(self.variance * C[0, 0], 0.0) for C in covariances]
+        return np.array(misses), np.sqrt(spread)
 
     def predict(self, points: Array, orders: Orders) -> tuple[Array, Array]:
         """Mean and standard deviation, both (m, b), of derivatives `orders` (b, d) at `points` (m, d)."""
