@@ -1,7 +1,7 @@
 """From densities at quadrature points to the system's vectors and matrices, batched over cells.
 
-The unknowns are x = (v, q): three displacements per node, node by node, then the active globals. A density's
-variables g are linear in the local displacements, one block of rows B_c per component c, so that
+The unknowns are x: displacements v, volumes and pressures of mixed cells, globals (`unknowns`). A density's variables
+g are linear in the local ones, one block of rows B_c per component c, so that
 
     r_c = Σ_q B_cᵀ ∂w/∂g_c,    K_cd = Σ_q B_cᵀ ∂²w/∂g_c∂g_d B_d
 
@@ -11,16 +11,15 @@ are products of small matrices. The globals' columns are kept apart from the spa
 from __future__ import annotations
 
 import itertools
-from typing import Literal
 
 import numpy as np
 
 from pliant.interfaces.material import Material
 from pliant.records.design import Array
 from pliant.records.fem import IntArray, ModuleProblem
-from pliant_plugins.fem.skfem.basis import cell_data, face_data
+from pliant_plugins.fem.skfem.basis import Dilatation, cell_data, face_data
 from pliant_plugins.fem.skfem.cavity import volume
-from pliant_plugins.fem.skfem.kinematics import Pointwise, SolidDensity, Variables, strain_energy
+from pliant_plugins.fem.skfem.kinematics import Pointwise, Variables, strain_energy
 from pliant_plugins.fem.skfem.pattern import Scatter, sparsity
 from pliant_plugins.fem.skfem.ribbon import ribbon_energy
 from pliant_plugins.fem.skfem.tendon import drawn
@@ -32,20 +31,29 @@ Rows = tuple[Array, ...]
 
 
 class Assembler:
-    """Assembles the elastic energy U(x) of one problem and what its actuation works on."""
+    """Assembles the elastic energy U(x) of one problem and what its actuation works on.
 
-    def __init__(
-        self, problem: ModuleProblem, material: Material, dilatation: Literal["cell", "point"] = "cell"
-    ) -> None:
+    Attributes:
+        size: number of dofs, the globals left out.
+        displacements, volumes, pressures: places of v, ϑ and q in x; U is stationary but not least in q.
+    """
+
+    def __init__(self, problem: ModuleProblem, material: Material, dilatation: Dilatation = "cell") -> None:
         mesh = problem.mesh
         self.problem, self.material = problem, material
         self.globals = Globals.of(problem)
-        self.variables = Variables.of(self.globals)
+        self.variables = Variables.of(self.globals, dilatation != "point")
         self.cells, self.faces = cell_data(mesh, dilatation), face_data(mesh.cavity)
-        self.size = mesh.nodes_m.size
         self.volume_m3 = float(self.cells.weight.sum())
-        held = constraints(problem)
         groups = [_dofs(self.cells.nodes), _dofs(self.faces.nodes)]
+        held, v, pressure = constraints(problem, self.cells.pressure), mesh.nodes_m.size, self.cells.pressure
+        count = 0 if pressure is None else pressure.count
+        if pressure is not None:
+            both = [v + pressure.places, v + count + pressure.places]
+            groups[0] = np.concatenate([groups[0], *both], axis=1)
+        self.size = v + 2 * count
+        self.displacements, self.volumes = slice(0, v), slice(v, v + count)
+        self.pressures = slice(v + count, self.size)
         self.pattern, (self._cell_scatter, self._face_scatter) = sparsity(held, groups)
         self._rise = _rise_of_end(problem)
         self._cell_rows, self._face_rows = self._operators()
@@ -58,17 +66,20 @@ class Assembler:
         return self.size + self.globals.count
 
     def _operators(self) -> tuple[Rows, Rows]:
-        """Rows B_c (m or 1, q, rows, nodes) of the local variables, for c = x, y, z."""
+        """Rows B_c (m or 1, q, rows, nodes) of the local variables, for c = x, y, z, then volume and pressure."""
         cells, faces = self.cells, self.faces
         value = np.broadcast_to(cells.value[None, :, None], (*cells.weight.shape, 1, 27))
         both = np.concatenate([cells.gradient, value], axis=2)
         y, z = (both if lateral else cells.gradient for lateral in self.variables.lateral)
+        solid: Rows = (cells.gradient, y, z)
+        if cells.pressure is not None:
+            solid += (cells.pressure.value[:, :, None],) * 2
         slope, value = faces.slope[None], faces.value[None, :, None]
-        return (cells.gradient, y, z), (slope, value, np.concatenate([slope, value], axis=2))
+        return solid, (slope, value, np.concatenate([slope, value], axis=2))
 
     def positions(self, x: Array) -> Array:
         """X + v of all nodes, (nodes, 3)."""
-        return self.problem.mesh.nodes_m + x[: self.size].reshape(-1, 3)
+        return self.problem.mesh.nodes_m + x[self.displacements].reshape(-1, 3)
 
     def elastic_energy(self, x: Array) -> Terms | None:
         """U (J) of the piece, its ribbons included; `None` where a cell is inverted."""
@@ -90,7 +101,14 @@ class Assembler:
         S = S.reshape(m, q, 3, 3).transpose(0, 1, 3, 2)
         rho = self._lateral(local, self.cells.value)
         k, strain = self.globals.curvature(x)
-        density = strain_energy(self.variables, self.material, self.cells, S, rho, k, strain)
+        dilatation = None
+        if self.cells.pressure is not None:
+            value, places = self.cells.pressure.value, self.cells.pressure.places
+            growth, pressure = (
+                (value @ x[part][places][..., None])[..., 0] for part in (self.volumes, self.pressures)
+            )
+            dilatation = growth, pressure
+        density = strain_energy(self.variables, self.material, S, rho, k, strain, dilatation)
         if density is None:
             return None
         return self._gather(x, density, self.cells.weight, self._cell_rows, self._cell_scatter)
@@ -153,10 +171,6 @@ class Assembler:
         local = _project(rows, columns)
         stiffness = _stiffness(rows, hessian)
         n = stiffness.shape[-1]
-        if isinstance(density, SolidDensity) and self.cells.modes is not None:
-            a, c = _through_dilatation(density, weight, self.cells.modes, rows)
-            stiffness += a[:, :n] @ np.swapaxes(c[:, :n], 1, 2) + c[:, :n] @ np.swapaxes(a[:, :n], 1, 2)
-            local[..., 1:] += a @ np.swapaxes(c[:, n:], 1, 2) + c @ np.swapaxes(a[:, n:], 1, 2)
         totals = np.concatenate([scatter.totals(local[:, :n], self.size), local[:, n:].sum(axis=0)])
         first, border = self.globals.chain(x, totals[:, 0], totals[:, 1:])
         matrix = scatter.values(stiffness, len(self.pattern.indices))
@@ -174,20 +188,6 @@ def _rise_of_end(problem: ModuleProblem) -> int | None:
     return 3 * int(problem.mesh.node_sets["end"][0]) + 2 if tied else None
 
 
-def _through_dilatation(
-    density: SolidDensity, weight: Array, modes: Array, rows: Rows
-) -> tuple[Array, Array]:
-    """Factors a, c (m, k + G, 4) of the Hessian's part a cᵀ + c aᵀ that a cell's dilatation Ĵ carries.
-
-    a_k = ∂(∫ φ_k J)/∂x, b_k = ∫ φ_k ∂²W/∂x∂Ĵ, D_kl = ∫ φ_k φ_l ∂²W/∂Ĵ², and c = b + ½ a D.
-    """
-    weighted = weight[..., None] * modes
-    a = _project(rows, density.volume[..., None] * weighted[..., None, :])
-    b = _project(rows, density.coupling[..., None] * weighted[..., None, :])
-    D = np.swapaxes(weighted * density.curvature[..., None], 1, 2) @ modes
-    return a, b + 0.5 * (a @ D)
-
-
 def _spans(rows: Rows) -> list[slice]:
     """Places of each component's variables in g."""
     ends = np.cumsum([0] + [block.shape[2] for block in rows])
@@ -195,7 +195,7 @@ def _spans(rows: Rows) -> list[slice]:
 
 
 def _project(rows: Rows, columns: Array) -> Array:
-    """Σ_q B_cᵀ columns: (m, 3 · nodes + G, k), component by component, then the plain sums for the globals."""
+    """Σ_q B_cᵀ columns: (m, local dofs + G, k), component by component, then the plain sums for the globals."""
     m, _, _, k = columns.shape
     parts, spans = [], _spans(rows)
     for block, span in zip(rows, spans, strict=True):
@@ -205,13 +205,14 @@ def _project(rows: Rows, columns: Array) -> Array:
 
 
 def _stiffness(rows: Rows, hessian: Array) -> Array:
-    """Σ_q Bᵀ H B: (m, 3 · nodes, 3 · nodes), component by component; blocks below the diagonal stay zero."""
-    m, nodes, spans = len(hessian), rows[0].shape[-1], _spans(rows)
-    out = np.zeros((m, 3 * nodes, 3 * nodes))
+    """Σ_q Bᵀ H B: (m, n, n) over local dofs, component by component; blocks below the diagonal stay zero."""
+    m, spans = len(hessian), _spans(rows)
+    ends = np.cumsum([0] + [block.shape[-1] for block in rows])
+    out = np.zeros((m, ends[-1], ends[-1]))
     for d, right in enumerate(rows):
         for c, left in enumerate(rows[: d + 1]):
-            product = (hessian[:, :, spans[c], spans[d]] @ right).reshape(m, -1, nodes)
-            flat = left.reshape(left.shape[0], -1, nodes)
+            product = (hessian[:, :, spans[c], spans[d]] @ right).reshape(m, -1, right.shape[-1])
+            flat = left.reshape(left.shape[0], -1, left.shape[-1])
             block = np.swapaxes(flat, 1, 2) @ product
-            out[:, c * nodes : (c + 1) * nodes, d * nodes : (d + 1) * nodes] = block
+            out[:, ends[c] : ends[c + 1], ends[d] : ends[d + 1]] = block
     return out

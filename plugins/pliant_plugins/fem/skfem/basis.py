@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from skfem import CellBasis, ElementHex2, ElementQuad2, MeshHex1, MeshHex2
+from skfem import CellBasis, ElementHex1, ElementHex2, ElementQuad2, MeshHex1, MeshHex2
 from skfem.assembly import Dofs
 from skfem.quadrature import get_quadrature
 from skfem.refdom import RefQuad
@@ -20,7 +20,25 @@ from pliant.records.design import Array
 from pliant.records.fem import IntArray, ModuleMesh
 from pliant_plugins.fem.skfem.dilatation import cell_modes
 
+# How the volume ratio enters: projected cell by cell, from a continuous pressure, or point by point.
+Dilatation = Literal["cell", "continuous", "point"]
 ORDER = 5  # integrates with three Gauss points along each edge
+
+
+@dataclass(frozen=True, eq=False)
+class PressureData:
+    """Interpolation of the pressures of mixed cells.
+
+    Attributes:
+        value: (m or 1, q, k) functions.
+        places: (m, k) numbers of the cells' pressures, from 0 to count − 1.
+        vertices: (count,) nodes at which they stand, or None where they belong to cells.
+    """
+
+    value: Array
+    places: IntArray
+    count: int
+    vertices: IntArray | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,14 +50,14 @@ class CellData:
         gradient: (m, q, 3, 27) ∂N/∂X_j.
         value: (q, 27) N.
         weight: (m, q) reference volumes.
-        modes: (m, q, 4) orthonormal linear functions for the cells' dilatation, or None to leave it local.
+        pressure: what interpolates the mixed element's pressure, or None.
     """
 
     nodes: IntArray
     gradient: Array
     value: Array
     weight: Array
-    modes: Array | None
+    pressure: PressureData | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +70,7 @@ class FaceData:
     weight: Array  # (q,)
 
 
-def cell_data(mesh: ModuleMesh, dilatation: Literal["cell", "point"] = "cell") -> CellData:
+def cell_data(mesh: ModuleMesh, dilatation: Dilatation = "cell") -> CellData:
     """Tabulate the cells. Raises `ContractError` when one is inverted."""
     element = ElementHex2()
     # lexicographic position of each of scikit-fem's local nodes
@@ -71,8 +89,15 @@ def cell_data(mesh: ModuleMesh, dilatation: Literal["cell", "point"] = "cell") -
     gradient = np.stack([field[0].grad for field in basis.basis], axis=-1).transpose(1, 2, 0, 3)
     value = np.stack([element.lbasis(basis.X, i)[0] for i in range(27)], axis=-1)
     weight = np.array(basis.dx)
-    modes = cell_modes(value @ mesh.nodes_m[nodes], weight) if dilatation == "cell" else None
-    return CellData(nodes, np.ascontiguousarray(gradient), value, weight, modes)
+    pressure: PressureData | None = None
+    if dilatation == "cell":
+        modes = cell_modes(value @ mesh.nodes_m[nodes], weight)
+        places = np.arange(modes.shape[2] * len(nodes)).reshape(len(nodes), -1)
+        pressure = PressureData(modes, places, places.size, None)
+    elif dilatation == "continuous":
+        linear = np.stack([ElementHex1().lbasis(basis.X, i)[0] for i in range(8)], axis=-1)
+        pressure = PressureData(linear[None], corners, len(vertices), vertices)
+    return CellData(nodes, np.ascontiguousarray(gradient), value, weight, pressure)
 
 
 def face_data(faces: IntArray) -> FaceData:

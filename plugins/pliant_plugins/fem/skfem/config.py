@@ -7,6 +7,7 @@ from typing import Literal
 from pydantic import Field
 
 from pliant.interfaces.fem import FemConfig
+from pliant_plugins.fem.skfem.basis import Dilatation
 
 
 class SkfemConfig(FemConfig):
@@ -16,10 +17,11 @@ class SkfemConfig(FemConfig):
     linear_solver: Literal["auto", "pardiso", "superlu"] = Field(
         default="auto", description="auto: pardiso where pypardiso is installed, SuperLU otherwise"
     )
-    dilatation: Literal["cell", "point"] = Field(
+    dilatation: Dilatation = Field(
         default="cell",
-        description="cell: volume ratio averaged per cell, no locking; point: plain displacement cells, which "
-        "lock at ν near ½ (only to compare with codes that use them)",
+        description="cell: volume ratio averaged per cell, no locking, the fast converged element; continuous: "
+        "Taylor–Hood cells with a continuous pressure, an independent check at about twice the cost; point: plain "
+        "displacement cells, which lock at ν near ½ (only to compare with codes that use them)",
     )
     tolerance: float = Field(default=1e-6, gt=0, le=1e-3, description="strain of the last Newton step")
     max_iterations: int = Field(default=15, ge=2, le=200, description="Newton steps before a step is halved")

@@ -21,8 +21,7 @@ import numpy as np
 from pliant.interfaces.material import Material
 from pliant.records.design import Array
 from pliant.records.fem import IntArray
-from pliant_plugins.fem.skfem.basis import CellData
-from pliant_plugins.fem.skfem.dilatation import averaged, pointwise
+from pliant_plugins.fem.skfem.dilatation import mixed, pointwise
 from pliant_plugins.fem.skfem.unknowns import Globals
 
 # ∂²g_i/∂a∂b with a, b among (ρ_y, ρ_z, k_x, k_y, k_z): g = k × ρ is bilinear, ρ = (0, ρ_y, ρ_z).
@@ -41,26 +40,15 @@ class Pointwise:
 
 
 @dataclass(frozen=True, eq=False)
-class SolidDensity(Pointwise):
-    """Strain energy density, with what completes its Hessian through the cell's dilatation Ĵ.
-
-    `volume` = ∂J/∂g and `coupling` = ∂²W/∂g∂Ĵ (m, q, n), `curvature` = ∂²W/∂Ĵ² (m, q); see `dilatation`.
-    """
-
-    volume: Array
-    coupling: Array
-    curvature: Array
-
-
-@dataclass(frozen=True, eq=False)
 class Variables:
-    """Order of the variables (S₁ | S₂, ρ_y | S₃, ρ_z | k, e), those left out that the active globals do not need.
+    """Order of the variables (S₁ | S₂, ρ_y | S₃, ρ_z | ϑ | q | k, e), those left out that a problem does not need.
 
     Attributes:
         S: (9,) places of S, row by row.
         frame: places of those of (ρ_y, ρ_z, k_x, k_y, k_z) that are used; `used` their indices there.
         lateral: whether ρ_y, ρ_z are used.
         rows: rows of F that the frame changes beside S: 1 without twist, else 3.
+        volume: place of the mixed element's ϑ, its q the next, or None.
         strain: place of e, or None.
         count: number of variables.
     """
@@ -70,16 +58,17 @@ class Variables:
     used: IntArray
     lateral: tuple[bool, bool]
     rows: int
+    volume: int | None
     strain: int | None
     count: int
 
     @staticmethod
-    def of(active: Globals) -> Variables:
-        """The variables that the active globals need."""
+    def of(active: Globals, mixed: bool = False) -> Variables:
+        """The variables that the active globals and, if it is `mixed`, the element need."""
         twist, up, side = (i in active.turns for i in range(3))
         y, z = twist or side, twist or up
         S = np.array([0, 1, 2, 3, 4, 5, 6 + y, 7 + y, 8 + y])
-        first = 9 + y + z
+        first = 9 + y + z + 2 * mixed
         frame = [6] * y + [9 + y] * z + list(range(first, first + len(active.turns)))
         used = [0] * y + [1] * z + [2 + i for i in active.turns]
         count = first + active.count
@@ -89,6 +78,7 @@ class Variables:
             used=np.array(used, int),
             lateral=(y, z),
             rows=3 if twist else 1,
+            volume=first - 2 if mixed else None,
             strain=count - 1 if active.stretches else None,
             count=count,
         )
@@ -97,13 +87,16 @@ class Variables:
 def strain_energy(
     variables: Variables,
     material: Material,
-    cells: CellData,
     S: Array,
     rho: Array,
     k: Array,
     strain: float,
-) -> SolidDensity | None:
-    """Strain energy density W(F) at S (m, q, 3, 3), without e, and ρ (m, q, 2); `None` where a cell is inverted."""
+    dilatation: tuple[Array, Array] | None = None,
+) -> Pointwise | None:
+    """Strain energy density W(F) at S (m, q, 3, 3), without e, ρ (m, q, 2) and, of mixed cells, ϑ − 1 and q/K (m, q).
+
+    `None` where a cell is inverted.
+    """
     frame, rows, e = variables.frame, variables.rows, variables.strain
     bilinear = CROSS[:rows][:, variables.used][:, :, variables.used]
     point = np.concatenate([rho, np.broadcast_to(k, (*rho.shape[:-1], 3))], axis=-1)[..., variables.used]
@@ -114,31 +107,32 @@ def strain_energy(
     F = S.copy()
     F[..., 0, :] = first
     F[..., :rows, :] += g[..., None] * first[..., None, :]
-    law = pointwise(material, F) if cells.modes is None else averaged(material, F, cells.modes, cells.weight)
+    law = pointwise(material, F) if dilatation is None else mixed(material, F, *dilatation)
     if law is None:
         return None
 
     dF = _slope(variables, g, dg, first)
-    pulled = np.stack([law.stress, law.volume, law.coupling], axis=-2) @ dF
+    gradient = (law.stress[..., None, :] @ dF)[..., 0, :]
     hessian = np.swapaxes(dF, -1, -2) @ (law.tangent @ dF)
     # P : ∂²F, which is in S₁ ⊗ g, e ⊗ g and g itself
     P = law.stress[..., : 3 * rows].reshape(*g.shape, 3)
-    mixed = np.swapaxes(P, -1, -2) @ dg  # (m, q, 3, used)
-    hessian[..., :3, frame] += mixed
-    hessian[..., frame, :3] += np.swapaxes(mixed, -1, -2)
+    across = np.swapaxes(P, -1, -2) @ dg  # (m, q, 3, used)
+    hessian[..., :3, frame] += across
+    hessian[..., frame, :3] += np.swapaxes(across, -1, -2)
     work = (P @ first[..., None])[..., 0]
     hessian[..., frame[:, None], frame] += np.tensordot(work, bilinear, axes=1)
     if e is not None:
-        hessian[..., frame, e] += mixed[..., 0, :]
-        hessian[..., e, frame] += mixed[..., 0, :]
-    return SolidDensity(
-        law.energy, pulled[..., 0, :], hessian, pulled[..., 1, :], pulled[..., 2, :], law.curvature
-    )
+        hessian[..., frame, e] += across[..., 0, :]
+        hessian[..., e, frame] += across[..., 0, :]
+    return Pointwise(law.energy, gradient, hessian)
 
 
 def _slope(variables: Variables, g: Array, dg: Array, first: Array) -> Array:
-    """∂F/∂(variables) (m, q, 9, n)."""
-    dF = np.zeros((*g.shape[:2], 9, variables.count))
+    """∂(F)/∂(variables) (m, q, 9, n), or of (F, ϑ, q) (m, q, 11, n)."""
+    place = variables.volume
+    dF = np.zeros((*g.shape[:2], 9 if place is None else 11, variables.count))
+    if place is not None:
+        dF[..., 9, place] = dF[..., 10, place + 1] = 1.0
     entry, row = np.arange(9), np.arange(3)
     dF[..., entry, variables.S] = 1.0
     for i in range(variables.rows):

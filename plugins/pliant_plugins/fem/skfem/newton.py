@@ -109,9 +109,10 @@ class Newton:
         raise DivergedError("the line search found no better point")
 
     def _work(self, point: Point, step: Array, target: Control) -> float:
-        """|residual · step| over the unknowns, in J."""
+        """|residual · step| over the unknowns, in J; multipliers count with the other sign."""
         residual, G = point.residual, point.globals
         residual[-G:] = np.where(target.held, 0.0, residual[-G:] + target.effort)
+        residual[self.assembler.pressures] *= -1
         return abs(float(residual @ step))
 
     def _evaluate(self, x: Array, actuation: float) -> Point | None:

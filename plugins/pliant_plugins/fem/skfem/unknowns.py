@@ -1,6 +1,7 @@
 """What a module is solved for: nodal displacements under constraints, and the rod's globals (Θ, e).
 
-x = (v, q): three displacements per node, node by node, then the active ones of Θ_x, Θ_y, Θ_z, e in that order.
+x = (v, ϑ − 1, q/K, globals): three displacements per node, node by node; volume ratios and pressures where the element
+is a mixed one; then the active ones of Θ_x, Θ_y, Θ_z, e in that order.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from scipy import sparse
 from pliant.errors import ContractError, UserError
 from pliant.records.design import Array
 from pliant.records.fem import IntArray, ModuleProblem
+from pliant_plugins.fem.skfem.basis import PressureData
 
 AXES = ("x", "y", "z")
 STRAIN = 3  # place of e among the four globals
@@ -121,13 +123,15 @@ class Constraints:
         return sparse.csr_matrix(entries, shape=(len(self.number), len(self.first)))
 
 
-def constraints(problem: ModuleProblem) -> Constraints:
-    """Fixed, tied and linked displacements as one signed map.
+def constraints(problem: ModuleProblem, pressures: PressureData | None = None) -> Constraints:
+    """Fixed, tied and linked displacements as one signed map, then volumes and pressures of mixed cells.
 
-    A class of displacements that move alike is fixed where one of them is, or where v = −v follows.
+    A class of displacements that move alike is fixed where one of them is, or where v = −v follows. Volumes
+    and pressures at linked nodes are equal: a symmetry maps them to themselves.
     Raises `ContractError` for a node set that the mesh does not have.
     """
-    size = problem.mesh.nodes_m.size
+    first = problem.mesh.nodes_m.size
+    size = first if pressures is None else first + 2 * pressures.count
     forest = _Forest(size)
     for name, components in problem.tied.items():
         nodes = _node_set(problem, name)
@@ -136,6 +140,12 @@ def constraints(problem: ModuleProblem) -> Constraints:
     for link in problem.links:
         for c, sign in link.signs.items():
             forest.join(3 * np.asarray(link.first) + c, 3 * np.asarray(link.second) + c, float(sign))
+        if pressures is not None and pressures.vertices is not None:
+            place = np.full(len(problem.mesh.nodes_m), -1)
+            place[pressures.vertices] = np.arange(pressures.count)
+            a, b = place[link.first], place[link.second]
+            for begin in (first, first + pressures.count):
+                forest.join(begin + a[a >= 0], begin + b[a >= 0], 1.0)
     root, signs = forest.roots()
     fixed = np.zeros(size, bool)
     fixed[root[forest.zero]] = True
