@@ -196,6 +196,15 @@ class FixedDensity(Box):
         return super().mass(1000.0)
 
 
+@spoils.by("mass_scales_with_density", "mass is not proportional to the density")
+class DeadWeight(Box):
+    """A constant mass at the tip, though no part of the module is rigid."""
+
+    def mass(self, density_kg_m3: float) -> ModuleMass:
+        good = super().mass(density_kg_m3)
+        return replace(good, end=good.end.joined(MassProperties(1e-3, good.end.com_m, 1e-9 * np.eye(3))))
+
+
 @spoils.by("inertia_is_physical", "triangle inequality")
 class ThinInertia(Box):
     """Far too much inertia about one axis."""
