@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from typing import Any
 
@@ -197,6 +198,17 @@ def test_a_fixed_face_is_at_rest_all_over() -> None:
 def test_threads_change_nothing() -> None:
     alone, four = solver(box_problem()), solver(box_problem(), threads=2)
     assert pressed(four).moment_n_m == pytest.approx(pressed(alone).moment_n_m, rel=1e-9)
+
+
+def test_solvers_in_python_s_threads_do_not_disturb_each_other() -> None:
+    def solve(pressure: float) -> float:
+        s = solver(box_problem())
+        return s.constrained(pressure, 0.1, s.rest()).moment_n_m
+
+    pressures = [0.0, 2e3, 4e3]
+    with ThreadPoolExecutor(3) as threads:
+        at_once = list(threads.map(solve, pressures))
+    assert at_once == pytest.approx([solve(p) for p in pressures], rel=1e-12)
 
 
 def test_rigid_parts_that_meet_are_marked() -> None:

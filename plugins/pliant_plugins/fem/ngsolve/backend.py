@@ -20,7 +20,7 @@ from pliant_plugins.fem.ngsolve.constraints import eliminate
 from pliant_plugins.fem.ngsolve.forms import AXES, STRAIN, build_forms
 from pliant_plugins.fem.ngsolve.mesh import curved_mesh, nodal_table, placed
 from pliant_plugins.fem.ngsolve.newton import DivergedError, Equilibrium, Newton, Target
-from pliant_plugins.fem.ngsolve.system import SingularMatrixError, System
+from pliant_plugins.fem.ngsolve.system import ONE_AT_A_TIME, SingularMatrixError, System
 
 REMEMBERED = 6  # equilibria kept condensed: a start among them costs nothing
 OVERLAP = 1e-4  # of the span: material this far beyond a mirror plane is self-contact
@@ -205,4 +205,5 @@ class Ngsolve(FEMBackend):
         """Raises `UserError` for a frame, actuation, link or material that this backend does not know."""
         if problem.frame != "rod":
             raise UserError(f"fem 'ngsolve' solves frame 'rod' only, not '{problem.frame}'.")
-        return NgsolveSolver(self.config, problem, material)
+        with ONE_AT_A_TIME:
+            return NgsolveSolver(self.config, problem, material)

@@ -9,6 +9,7 @@ and with it the system of the numbers alone:  S Δg = f − ρ + b Δa,
 from __future__ import annotations
 
 import contextlib
+import threading
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
@@ -23,6 +24,8 @@ from pliant.records.fem import IntArray
 from pliant_plugins.fem.ngsolve.constraints import Elimination
 from pliant_plugins.fem.ngsolve.forms import Forms
 
+# NGSolve's assembly lets other Python threads run and has one heap for all of them.
+ONE_AT_A_TIME = threading.RLock()
 ACCURATE = 1e-6  # relative residual of a linear solution; refined once where it is larger
 
 
@@ -127,13 +130,14 @@ class System:
     @contextlib.contextmanager
     def _at(self, x: Array) -> Iterator[None]:
         """NGSolve's vector holds x; its tasks run on the threads allowed."""
-        self._vector.FV().NumPy()[:] = x
-        if self.threads == 1:
-            yield
-            return
-        ngs.SetNumThreads(self.threads)
-        with ngs.TaskManager():
-            yield
+        with ONE_AT_A_TIME:
+            self._vector.FV().NumPy()[:] = x
+            if self.threads == 1:
+                yield
+                return
+            ngs.SetNumThreads(self.threads)
+            with ngs.TaskManager():
+                yield
 
     def _applied(self, form: Any) -> Array:
         form.Apply(self._vector, self._image)
