@@ -16,6 +16,7 @@ from scipy import sparse
 from scipy.sparse.linalg import splu
 
 from pliant.errors import ContractError
+from pliant.mechanics.rotations import exp_map, left_jacobian
 from pliant.meshing.hexahedra import jacobians, sample_points
 from pliant.records.design import Array
 from pliant.records.fem import IntArray, ModuleMesh
@@ -137,8 +138,6 @@ def placed(points: Array, span_m: float, reference_z_m: float, turn: Array, stra
 
     R(s) = exp([k]× s) and r(s) = ∫ R e₁ ds = s J(k s) e₁, with J the left Jacobian of the rotation.
     """
-    from pliant.mechanics.rotations import exp_map, left_jacobian
-
     along = points[:, 0]
     vectors = along[:, None] * turn / ((1 + strain) * span_m)
     section = np.column_stack([np.zeros_like(along), points[:, 1], points[:, 2] - reference_z_m])
