@@ -54,7 +54,8 @@ class Assembler:
         self.size = v + 2 * count
         self.displacements, self.volumes = slice(0, v), slice(v, v + count)
         self.pressures = slice(v + count, self.size)
-        self.pattern, (self._cell_scatter, self._face_scatter) = sparsity(held, groups)
+        cellwise = count if dilatation == "cell" else 0
+        self.pattern, (self._cell_scatter, self._face_scatter) = sparsity(held, groups, cellwise)
         self._rise = _rise_of_end(problem)
         self._cell_rows, self._face_rows = self._operators()
         # slopes of the reference position along the faces' coordinates, which the axial strain e stretches

@@ -72,7 +72,11 @@ class Pardiso:
 
 
 class SuperLU:
-    """SciPy's SuperLU in symmetric mode: always there, several times slower."""
+    """SciPy's SuperLU in symmetric mode: always there, several times slower.
+
+    Volumes and pressures that belong to cells are eliminated first, since their zero diagonal would spoil the
+    symmetric order.
+    """
 
     name = "superlu"
 
@@ -80,18 +84,44 @@ class SuperLU:
         self._pattern = pattern
 
     def solve(self, values: Array, right: Array) -> Array:
-        from scipy.sparse.linalg import splu
-
         n = self._pattern.size
         upper = sparse.csr_matrix((values, self._pattern.indices, self._pattern.indptr), shape=(n, n))
-        matrix = (upper + sparse.triu(upper, 1).T).tocsc()
-        try:
-            factor = splu(
-                matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=1e-3, options={"SymmetricMode": True}
-            )
-        except RuntimeError as error:
-            raise SingularMatrixError(str(error)) from error
-        return np.asarray(factor.solve(right))
+        matrix = (upper + sparse.triu(upper, 1).T).tocsr()
+        if self._pattern.cellwise:
+            return _eliminated(matrix, right, self._pattern.cellwise)
+        return _factorised(matrix, right)
+
+
+def _factorised(matrix: Any, right: Array) -> Array:
+    from scipy.sparse.linalg import splu
+
+    try:
+        factor = splu(
+            matrix.tocsc(),
+            permc_spec="MMD_AT_PLUS_A",
+            diag_pivot_thresh=1e-3,
+            options={"SymmetricMode": True},
+        )
+    except RuntimeError as error:
+        raise SingularMatrixError(str(error)) from error
+    return np.asarray(factor.solve(right))
+
+
+def _eliminated(matrix: Any, right: Array, count: int) -> Array:
+    """Solve for (v, ϑ, q) by way of v: the rows of q are Cᵀ v − M ϑ, those of ϑ are Bᵀ v + D ϑ − M q, M diagonal."""
+    first, middle = len(right) - 2 * count, len(right) - count
+    v, volumes, pressures = slice(0, first), slice(first, middle), slice(middle, None)
+    B, C, D = matrix[v, volumes], matrix[v, pressures], matrix[volumes, volumes]
+    inverse = sparse.diags(-1 / matrix[volumes, pressures].diagonal())
+    BM, CM = B @ inverse, C @ inverse
+    mixed = BM @ C.T
+    reduced = matrix[v, v] + mixed + mixed.T + CM @ D @ CM.T
+    volume_side = inverse @ right[pressures]
+    pressure_side = inverse @ (right[volumes] + D @ volume_side)
+    found = _factorised(reduced, right[v] + B @ volume_side + C @ pressure_side)
+    volume = CM.T @ found - volume_side
+    pressure = BM.T @ found + inverse @ (D @ volume - right[volumes])
+    return np.concatenate([found, volume, pressure])
 
 
 def linear_solver(kind: Literal["auto", "pardiso", "superlu"], pattern: Pattern) -> LinearSolver:

@@ -19,12 +19,14 @@ class Pattern:
     Attributes:
         free: (n,) one dof of each unknown.
         spread: (size, n) all dofs from the unknowns.
+        cellwise: number of volumes ϑ that belong to cells; they and as many pressures are the last unknowns.
     """
 
     free: IntArray
     spread: sparse.csr_matrix
     indptr: IntArray
     indices: IntArray
+    cellwise: int = 0
 
     @property
     def size(self) -> int:
@@ -69,7 +71,9 @@ class Scatter:
         return np.column_stack([np.bincount(flat, c.ravel(), size) for c in np.moveaxis(local, -1, 0)])
 
 
-def sparsity(constraints: Constraints, groups: list[IntArray]) -> tuple[Pattern, list[Scatter]]:
+def sparsity(
+    constraints: Constraints, groups: list[IntArray], cellwise: int = 0
+) -> tuple[Pattern, list[Scatter]]:
     """The matrix's pattern for groups of local dofs (m, k), and each group's scatter."""
     number, sign, n = constraints.number, constraints.sign, len(constraints.first)
     entries = []
@@ -88,4 +92,4 @@ def sparsity(constraints: Constraints, groups: list[IntArray]) -> tuple[Pattern,
         Scatter(dofs, chosen, np.searchsorted(keys, key), None if np.all(factor == 1) else factor)
         for dofs, chosen, key, factor in entries
     ]
-    return Pattern(constraints.first, constraints.spread, indptr, keys % n), scatter
+    return Pattern(constraints.first, constraints.spread, indptr, keys % n, cellwise), scatter
