@@ -12,7 +12,7 @@ from pliant.pipeline.sampling import FULL, Sampled, Sampling
 from pliant.records.design import Array
 from pliant.records.fem import FemState
 
-NUMBERS = ("actuation", "energy_j", "travel", "iterations", "wall_s")
+NUMBERS = ("actuation", "energy_j", "travel", "wall_s")
 VECTORS = ("deformation", "tau", "dtau_dp", "dtau_du")
 SEVERAL = "coupling"  # `explored` of a state that holds several axes
 
@@ -38,6 +38,7 @@ def module_rows(sampling: Sampling, axes: Sequence[str], main_axis: str) -> dict
     columns: dict[str, Any] = {name: _column(rows, name) for name in (*NUMBERS, *VECTORS)}
     return {
         **columns,
+        "iterations": np.array([row.state.iterations for row in rows], dtype=np.int64),
         "explored": np.array([row.explored for row in rows]),
         "branch": np.array([row.state.branch for row in rows]),
         "status": np.array([row.state.status for row in rows]),

@@ -70,7 +70,7 @@ def _data(surrogate: Surrogate, dataset: Artifact | None) -> tuple[dict[str, Fem
     data, keys = {}, {}
     for axis, path in surrogate.tables().items():
         name = f"data_{axis}" if axis else "data"
-        data[axis] = read_table(path)
+        data[axis] = read_table(path, axis or None)
         keys[name] = "sha256:" + hashlib.sha256(path.read_bytes()).hexdigest()
     if surrogate.needs_fem():
         if dataset is None:
