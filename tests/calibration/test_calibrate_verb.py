@@ -11,7 +11,7 @@ import pytest
 from typer.testing import CliRunner
 
 sys.path.insert(0, str(Path(__file__).parent))
-from tables import REGISTRY, config, stress, write
+from calibration_tables import REGISTRY, config, stress, write
 
 from pliant.cli.verbs import app
 from pliant.config.loading import load_study

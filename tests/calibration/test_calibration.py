@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
-from tables import Bar, BarBench, config, stress, study, write
+from calibration_tables import Bar, BarBench, config, stress, study, write
 
 from pliant.calibration.calibration import Calibration, calibrate
 from pliant.calibration.reading import read_bench_data
@@ -140,7 +140,7 @@ def free_table(
 
 def module(kind: str, **keys: Any) -> Study:
     family = {"inner_radius": "2 mm", "average_radius": "6 mm", "wall": "1.5 mm", "module_length": "11 mm"}
-    from tables import REGISTRY
+    from calibration_tables import REGISTRY
 
     blocks = {
         name: REGISTRY.get(name, block).config_model().model_validate({"kind": block, **values})

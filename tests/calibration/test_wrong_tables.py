@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
-from tables import BarBench, config, stress, study, write
+from calibration_tables import BarBench, config, stress, study, write
 
 from pliant.calibration.calibration import Calibration, calibrate
 from pliant.calibration.reading import read_bench_data

@@ -66,7 +66,7 @@ def _undetermined(found: Calibration, scales: Array, hidden: bool) -> str:
     if not all(c.is_modulus for c in found.constants) and np.isfinite(found.shear_modulus_sd_pa):
         known, value, sd = "the shear modulus at rest", found.shear_modulus_pa, found.shear_modulus_sd_pa
     advice = (
-        "a uniaxial test of the material (--test uniaxial) tells more"
+        "measure the rubber in a uniaxial test (--test uniaxial)"
         if found.data.kind == "free"
         else "test at larger stretch or in another mode (column test: equibiaxial, planar)"
     )

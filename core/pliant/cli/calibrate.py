@@ -79,7 +79,8 @@ def calibrate(
         here.result["wall_s"] = time.perf_counter() - begun
         _say(here, found)
         if found.undetermined:
-            here.say("No study was written." if out else "")
+            if out is not None:
+                here.say("No study was written.")
             here.exit_code = NOT_REACHED
         elif out is not None:
             write_study(study, out, loaded, overrides or (), found, installed)
