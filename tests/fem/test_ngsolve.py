@@ -16,7 +16,7 @@ import ngsolve as ngs
 from pliant.errors import ContractError, MissingDependencyError, UserError
 from pliant.interfaces.fem import ModuleSolver, StateNotConvergedError
 from pliant.interfaces.material import Material
-from pliant.meshing.hexahedra import cell_volumes
+from pliant.meshing.hexahedra import cell_volumes, gauss_cube, jacobians, shapes
 from pliant.records.fem import FemState, Link, ModuleProblem, Ribbon
 from pliant.registry import component as registry
 from pliant.testing.box import box_problem, prismatic_box_problem, spatial_box_problem, tendon_box_problem
@@ -198,6 +198,41 @@ def test_a_fixed_face_is_at_rest_all_over() -> None:
 def test_threads_change_nothing() -> None:
     alone, four = solver(box_problem()), solver(box_problem(), threads=2)
     assert pressed(four).moment_n_m == pytest.approx(pressed(alone).moment_n_m, rel=1e-9)
+
+
+def test_fields_are_those_of_the_state() -> None:
+    problem, material = box_problem(), rubber()
+    s = solver(problem, material)
+    state = s.constrained(15e3, 0.1, s.rest())
+    found = s.fields(state)
+    mesh = problem.mesh
+    assert found.displacement_m == pytest.approx(s.deformed_nodes(state) - mesh.nodes_m, abs=1e-15)
+    # nodal averages on a coarse mesh, integrated, are nearly the state's energy
+    places, weights = gauss_cube(4)
+    density_there = found.point_data["energy_j_m3"][mesh.cells] @ shapes(places).T
+    volumes = jacobians(mesh.nodes_m, mesh.cells, places) * weights
+    assert problem.energy_scale * np.sum(density_there * volumes) == pytest.approx(state.energy_j, rel=0.05)
+    # pressure and volume ratio are one law, and the pressure pushes on the cavity's wall
+    K = material.bulk_modulus_pa
+    assert found.point_data["hydrostatic_pa"] == pytest.approx(
+        K * (found.point_data["volume_ratio"] - 1), rel=1e-6, abs=1.0
+    )
+    rest = s.fields(s.rest()).point_data
+    assert rest["largest_stretch"] == pytest.approx(1.0, abs=1e-12)
+    assert rest["von_mises_pa"] == pytest.approx(0.0, abs=1e-6)
+
+
+def test_a_stretched_bar_has_the_stress_of_its_law() -> None:
+    # free of pressure, stretched by hand: uniaxial tension, σ = 2 C10 (λ² − 1/λ) where incompressible
+    problem = prismatic_box_problem()
+    material = rubber(0.4995)
+    s = solver(problem, material)
+    state = s.constrained(0.0, 0.2 * problem.span_m, s.rest())
+    found = s.fields(state).point_data
+    stress = material.shear_modulus_pa * (1.2**2 - 1 / 1.2)
+    assert found["von_mises_pa"] == pytest.approx(stress, rel=5e-3)
+    assert found["hydrostatic_pa"] == pytest.approx(stress / 3, rel=5e-3)
+    assert found["largest_stretch"] == pytest.approx(1.2, rel=2e-3)
 
 
 def test_solvers_in_python_s_threads_do_not_disturb_each_other() -> None:

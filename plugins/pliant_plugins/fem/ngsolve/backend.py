@@ -14,9 +14,10 @@ from pliant.interfaces.fem import FEMBackend, Held, ModuleSolver, StateNotConver
 from pliant.interfaces.material import Material
 from pliant.meshing.hexahedra import cell_volumes
 from pliant.records.design import Array
-from pliant.records.fem import FemState, ModuleProblem
+from pliant.records.fem import FemState, ModuleFields, ModuleProblem
 from pliant_plugins.fem.ngsolve.config import NgsolveConfig
 from pliant_plugins.fem.ngsolve.constraints import eliminate
+from pliant_plugins.fem.ngsolve.fields import deformation_gradients, nodal_fields
 from pliant_plugins.fem.ngsolve.forms import AXES, STRAIN, build_forms
 from pliant_plugins.fem.ngsolve.mesh import curved_mesh, nodal_table, placed
 from pliant_plugins.fem.ngsolve.newton import DivergedError, Equilibrium, Newton, Target
@@ -34,7 +35,7 @@ class NgsolveSolver(ModuleSolver):
     """
 
     def __init__(self, config: NgsolveConfig, problem: ModuleProblem, material: Material) -> None:
-        self.problem = problem
+        self.problem, self.material = problem, material
         mesh = curved_mesh(problem.mesh)
         forms = build_forms(mesh, problem, material, config.order)
         scalar = ngs.H1(mesh, order=config.order)
@@ -52,7 +53,8 @@ class NgsolveSolver(ModuleSolver):
             config.max_halvings,
         )
         self._table = nodal_table(scalar, problem.mesh)
-        self._scalar = scalar.ndof
+        self._scalar = scalar
+        self._pressures = nodal_table(ngs.H1(mesh, order=config.order - 1), problem.mesh)
         # places of the joint's coordinates among the numbers, and u per number
         prismatic = problem.joint == "prismatic"
         names = (STRAIN,) if prismatic else problem.axes
@@ -85,6 +87,23 @@ class NgsolveSolver(ModuleSolver):
         turn, strain = self._frame(state.solution)
         section = self._section(state.solution)
         return placed(section, self.problem.span_m, self.problem.reference_z_m, turn, strain)
+
+    def fields(self, state: FemState) -> ModuleFields:
+        """Displacement, stress, energy, volume ratio and stretch at the mesh's nodes."""
+        mesh, x = self.problem.mesh, state.solution
+        turn, strain = self._frame(x)
+        shift = self.problem.span_m * x[: 3 * self._scalar.ndof].reshape(3, -1).T
+        F = deformation_gradients(self.problem, self._scalar, shift, turn, strain)
+        pressure = None
+        if self.system.forms.mixed:
+            unknowns = x[3 * self._scalar.ndof : self.system.fields]
+            pressure = self.material.shear_modulus_pa * (self._pressures @ unknowns)[mesh.cells]
+        return ModuleFields(
+            points_m=mesh.nodes_m,
+            displacement_m=self.deformed_nodes(state) - mesh.nodes_m,
+            cells=mesh.cells,
+            point_data=nodal_fields(self.material, F, pressure, mesh.cells),
+        )
 
     def cavity_volume(self, state: FemState) -> float:
         """Volume (m³) of the whole module's cavity, of a problem under pressure."""
@@ -176,7 +195,7 @@ class NgsolveSolver(ModuleSolver):
     def _section(self, x: Array) -> Array:
         """Section coordinates (n, 3) of the mesh's nodes: s₁ and y, z."""
         nodes = self.problem.mesh.nodes_m
-        shift = self.problem.span_m * x[: 3 * self._scalar].reshape(3, -1).T
+        shift = self.problem.span_m * x[: 3 * self._scalar.ndof].reshape(3, -1).T
         section: Array = nodes + self._table @ shift
         section[:, 0] += self._frame(x)[1] * nodes[:, 0]
         return section
