@@ -14,7 +14,7 @@ name: springs
 plugins: ['{PLUGIN}']
 family: {{kind: springs, radius: 5 mm, length: 9 mm}}
 material: {{kind: neo_hookean, shear_modulus: 240 kPa}}
-fem: {{kind: springs_fem, pressure_max: 15 kPa, pressures: 2, angles: 3, check_states: 1}}
+fem: {{kind: springs_fem, pressure_max: 15 kPa, sampling: grid, pressures: 2, angles: 3, check_states: 1}}
 """
 
 

@@ -74,6 +74,8 @@ class Drive:
 
     def _submit(self) -> None:
         """Fill the crew; a suspect has it for itself."""
+        if self.alone:
+            return
         if self.suspects:
             if not self.running:
                 self.alone = True
