@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy import sparse
 from scipy.linalg import expm
+from scipy.optimize import brentq
 
 from pliant.errors import ContractError, UserError
 from pliant.records.design import Array
@@ -24,6 +25,7 @@ from pliant.testing.stand_ins import sample_material
 from pliant_plugins.fem.skfem.assembly import Assembler
 from pliant_plugins.fem.skfem.backend import Skfem, SkfemSolver
 from pliant_plugins.fem.skfem.config import SkfemConfig
+from pliant_plugins.fem.skfem.fields import at_nodes
 from pliant_plugins.fem.skfem.kinematics import placed
 from pliant_plugins.fem.skfem.tendon import drawn
 from pliant_plugins.fem.skfem.terms import Terms
@@ -387,3 +389,44 @@ def test_antiperiodic_links_give_the_half_of_a_symmetric_cell() -> None:
     part = a.constrained(0.0, 0.3, a.rest())
     full = b.constrained(0.0, {"x": 0.3, "y": 0.0, "z": 0.0}, b.rest())
     assert part.moment_n_m == pytest.approx(full.tau[0], rel=1e-7)
+
+
+@pytest.mark.parametrize("dilatation", ["cell", "continuous", "point"])
+def test_fields_of_a_uniform_stretch_in_closed_form(dilatation: str) -> None:
+    """A bar in tension: σ = P₁₁ λ₁ / J, the lateral stretch from μ (λ₂² − 1) + λ ln J = 0."""
+    solver = backend(dilatation=dilatation).solver(prismatic_box_problem(), MATERIAL)
+    length = solver.problem.span_m
+    state = solver.constrained(0.0, 0.1 * length, solver.rest())
+    fields, config = solver.fields(state), MATERIAL.config
+    along = 1.1
+    across = brentq(
+        lambda s: config.shear_modulus_pa * (s**2 - 1) + config.lame_pa * np.log(along * s**2), 0.8, 1.0
+    )
+    law = MATERIAL.evaluate(np.diag([along, across, across]))
+    J = along * across**2
+    stress = law.stress[0, 0] * along / J
+    exact = {
+        "von_mises_pa": stress,
+        "hydrostatic_pa": stress / 3,
+        "energy_j_m3": float(law.energy),
+        "volume_ratio": J,
+        "largest_stretch": along,
+    }
+    for name, value in exact.items():
+        assert fields.point_data[name] == pytest.approx(np.full(len(fields.points_m), value), rel=1e-6), name
+    assert set(fields.point_data) == set(exact)
+    pin = fields.points_m[solver.problem.mesh.node_sets["pin"][0]]
+    stretched = (fields.points_m - pin) * [along - 1, across - 1, across - 1]
+    assert np.allclose(fields.displacement_m, stretched, atol=1e-10)
+
+
+def test_fields_belong_to_the_state(spatial: SkfemSolver, mixed: FemState) -> None:
+    """∫W is the stored energy, the displacement that of the picture; a linear field is carried to the nodes exactly."""
+    fields, assembler = spatial.fields(mixed), spatial.assembler
+    _, energy, _ = assembler.at_points(mixed.solution)
+    assert float(np.sum(energy * assembler.cells.weight)) == pytest.approx(mixed.energy_j, rel=1e-12)
+    nodes = spatial.problem.mesh.nodes_m
+    assert np.allclose(nodes + fields.displacement_m, spatial.deformed_nodes(mixed))
+    slope = np.array([2.0, -3.0, 5.0])
+    points = assembler.cells.value @ nodes[assembler.cells.nodes]
+    assert np.allclose(at_nodes(assembler, points @ slope), nodes @ slope, atol=1e-15)

@@ -19,7 +19,8 @@ from pliant.records.design import Array
 from pliant.records.fem import IntArray, ModuleProblem
 from pliant_plugins.fem.skfem.basis import Dilatation, cell_data, face_data
 from pliant_plugins.fem.skfem.cavity import volume
-from pliant_plugins.fem.skfem.kinematics import Pointwise, Variables, strain_energy
+from pliant_plugins.fem.skfem.dilatation import mixed, pointwise
+from pliant_plugins.fem.skfem.kinematics import Motion, Pointwise, Variables, motion, strain_energy
 from pliant_plugins.fem.skfem.pattern import Scatter, sparsity
 from pliant_plugins.fem.skfem.ribbon import ribbon_energy
 from pliant_plugins.fem.skfem.tendon import drawn
@@ -96,23 +97,40 @@ class Assembler:
 
     def strain_energy(self, x: Array) -> Terms | None:
         """Strain energy (J) of the piece's solid; `None` where a cell is inverted."""
+        density = strain_energy(self.variables, self.material, self._motion(x), self._dilatation(x))
+        if density is None:
+            return None
+        return self._gather(x, density, self.cells.weight, self._cell_rows, self._cell_scatter)
+
+    def at_points(self, x: Array) -> tuple[Array, Array, Array]:
+        """F (m, q, 3, 3) less the rotation, energy per volume (m, q) and P (m, q, 3, 3) at quadrature points."""
+        F, dilatation = self._motion(x).F, self._dilatation(x)
+        law = pointwise(self.material, F) if dilatation is None else mixed(self.material, F, *dilatation)
+        assert law is not None  # x is a state
+        return F, law.energy, law.stress[..., :9].reshape(F.shape)
+
+    def volume_ratio(self, x: Array) -> Array | None:
+        """ϑ (m, q) of mixed cells."""
+        dilatation = self._dilatation(x)
+        return None if dilatation is None else 1 + dilatation[0]
+
+    def _motion(self, x: Array) -> Motion:
         local = self.positions(x)[self.cells.nodes]
         m, q = self.cells.weight.shape
         S = self.cells.gradient.reshape(m, 3 * q, 27) @ local
         S = S.reshape(m, q, 3, 3).transpose(0, 1, 3, 2)
-        rho = self._lateral(local, self.cells.value)
         k, strain = self.globals.curvature(x)
-        dilatation = None
-        if self.cells.pressure is not None:
-            value, places = self.cells.pressure.value, self.cells.pressure.places
-            growth, pressure = (
-                (value @ x[part][places][..., None])[..., 0] for part in (self.volumes, self.pressures)
-            )
-            dilatation = growth, pressure
-        density = strain_energy(self.variables, self.material, S, rho, k, strain, dilatation)
-        if density is None:
+        return motion(self.variables, S, self._lateral(local, self.cells.value), k, strain)
+
+    def _dilatation(self, x: Array) -> tuple[Array, Array] | None:
+        """ϑ − 1 and q/K (m, q) of mixed cells."""
+        if self.cells.pressure is None:
             return None
-        return self._gather(x, density, self.cells.weight, self._cell_rows, self._cell_scatter)
+        value, places = self.cells.pressure.value, self.cells.pressure.places
+        growth, pressure = (
+            (value @ x[part][places][..., None])[..., 0] for part in (self.volumes, self.pressures)
+        )
+        return growth, pressure
 
     def travel(self, x: Array) -> Terms:
         """What the actuation works on: the piece's cavity (m³), or its share of the tendon drawn out (m)."""

@@ -12,11 +12,12 @@ from pliant.errors import UserError
 from pliant.interfaces.fem import FEMBackend, Held, ModuleSolver, StateNotConvergedError
 from pliant.interfaces.material import Material
 from pliant.records.design import Array
-from pliant.records.fem import FemState, ModuleProblem
+from pliant.records.fem import FemState, ModuleFields, ModuleProblem
 from pliant.records.structure import StructureProblem
 from pliant_plugins.fem.skfem.assembly import Assembler
 from pliant_plugins.fem.skfem.condense import Control, slopes
 from pliant_plugins.fem.skfem.config import SkfemConfig
+from pliant_plugins.fem.skfem.fields import module_fields
 from pliant_plugins.fem.skfem.kinematics import placed
 from pliant_plugins.fem.skfem.linear import linear_solver
 from pliant_plugins.fem.skfem.newton import DivergedError, Equilibrium, Newton
@@ -29,8 +30,9 @@ OVERLAP = 1e-4  # of the span: material this far beyond a mirror plane is self-c
 class SkfemSolver(ModuleSolver):
     """States of one module in the rod frame.
 
-    A state's `solution` is x = (v, q): displacements (m) node by node, then the piece's active globals among
-    Θ_x, Θ_y, Θ_z, e. Convolutions that meet are reported, not resolved: there is no contact in the model.
+    A state's `solution` is x: displacements (m) node by node, volumes and pressures of mixed cells, then the
+    piece's active globals among Θ_x, Θ_y, Θ_z, e. Convolutions that meet are reported, not resolved: there is no
+    contact in the model.
     """
 
     def __init__(self, config: SkfemConfig, problem: ModuleProblem, material: Material) -> None:
@@ -72,6 +74,10 @@ class SkfemSolver(ModuleSolver):
         k, strain = self.assembler.globals.curvature(state.solution)
         section[:, 0] += strain * self.problem.mesh.nodes_m[:, 0]
         return placed(section, k, self.problem.reference_z_m)
+
+    def fields(self, state: FemState) -> ModuleFields:
+        """Displacement, Cauchy stress and stretch at the nodes."""
+        return module_fields(self.assembler, state.solution, self.deformed_nodes(state))
 
     def cavity_volume(self, state: FemState) -> float:
         """Volume (m³) of the whole module's cavity."""

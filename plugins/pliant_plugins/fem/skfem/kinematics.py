@@ -84,62 +84,69 @@ class Variables:
         )
 
 
-def strain_energy(
-    variables: Variables,
-    material: Material,
-    S: Array,
-    rho: Array,
-    k: Array,
-    strain: float,
-    dilatation: tuple[Array, Array] | None = None,
-) -> Pointwise | None:
-    """Strain energy density W(F) at S (m, q, 3, 3), without e, ρ (m, q, 2) and, of mixed cells, ϑ − 1 and q/K (m, q).
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """F (m, q, 3, 3) with what it is made of: g and ∂g (m, q, rows[, used]), S₁ (m, q, 3), ∂²g (rows, used, used)."""
 
-    `None` where a cell is inverted.
-    """
-    frame, rows, e = variables.frame, variables.rows, variables.strain
+    F: Array
+    g: Array
+    dg: Array
+    first: Array
+    bilinear: Array
+
+
+def motion(variables: Variables, S: Array, rho: Array, k: Array, strain: float) -> Motion:
+    """F at S (m, q, 3, 3), without e, and ρ (m, q, 2)."""
+    rows = variables.rows
     bilinear = CROSS[:rows][:, variables.used][:, :, variables.used]
     point = np.concatenate([rho, np.broadcast_to(k, (*rho.shape[:-1], 3))], axis=-1)[..., variables.used]
-    dg = np.tensordot(point, bilinear, axes=(-1, 2))  # (m, q, rows, used)
+    dg = np.tensordot(point, bilinear, axes=(-1, 2))
     g = 0.5 * np.einsum("mqia,mqa->mqi", dg, point)
-
     first = S[..., 0, :] + strain * np.array([1.0, 0.0, 0.0])
     F = S.copy()
     F[..., 0, :] = first
     F[..., :rows, :] += g[..., None] * first[..., None, :]
-    law = pointwise(material, F) if dilatation is None else mixed(material, F, *dilatation)
+    return Motion(F, g, dg, first, bilinear)
+
+
+def strain_energy(
+    variables: Variables, material: Material, at: Motion, dilatation: tuple[Array, Array] | None = None
+) -> Pointwise | None:
+    """Strain energy density W(F), of mixed cells at ϑ − 1 and q/K (m, q) too; `None` where a cell is inverted."""
+    law = pointwise(material, at.F) if dilatation is None else mixed(material, at.F, *dilatation)
     if law is None:
         return None
 
-    dF = _slope(variables, g, dg, first)
+    frame, rows, e = variables.frame, variables.rows, variables.strain
+    dF = _slope(variables, at)
     gradient = (law.stress[..., None, :] @ dF)[..., 0, :]
     hessian = np.swapaxes(dF, -1, -2) @ (law.tangent @ dF)
     # P : ∂²F, which is in S₁ ⊗ g, e ⊗ g and g itself
-    P = law.stress[..., : 3 * rows].reshape(*g.shape, 3)
-    across = np.swapaxes(P, -1, -2) @ dg  # (m, q, 3, used)
+    P = law.stress[..., : 3 * rows].reshape(*at.g.shape, 3)
+    across = np.swapaxes(P, -1, -2) @ at.dg  # (m, q, 3, used)
     hessian[..., :3, frame] += across
     hessian[..., frame, :3] += np.swapaxes(across, -1, -2)
-    work = (P @ first[..., None])[..., 0]
-    hessian[..., frame[:, None], frame] += np.tensordot(work, bilinear, axes=1)
+    work = (P @ at.first[..., None])[..., 0]
+    hessian[..., frame[:, None], frame] += np.tensordot(work, at.bilinear, axes=1)
     if e is not None:
         hessian[..., frame, e] += across[..., 0, :]
         hessian[..., e, frame] += across[..., 0, :]
     return Pointwise(law.energy, gradient, hessian)
 
 
-def _slope(variables: Variables, g: Array, dg: Array, first: Array) -> Array:
-    """∂(F)/∂(variables) (m, q, 9, n), or of (F, ϑ, q) (m, q, 11, n)."""
+def _slope(variables: Variables, at: Motion) -> Array:
+    """∂F/∂(variables) (m, q, 9, n), or that of (F, ϑ, q) (m, q, 11, n)."""
     place = variables.volume
-    dF = np.zeros((*g.shape[:2], 9 if place is None else 11, variables.count))
+    dF = np.zeros((*at.g.shape[:2], 9 if place is None else 11, variables.count))
     if place is not None:
         dF[..., 9, place] = dF[..., 10, place + 1] = 1.0
     entry, row = np.arange(9), np.arange(3)
     dF[..., entry, variables.S] = 1.0
     for i in range(variables.rows):
-        dF[..., 3 * i + row, row] += g[..., i, None]
-        dF[..., 3 * i : 3 * i + 3, variables.frame] = first[..., :, None] * dg[..., i, None, :]
+        dF[..., 3 * i + row, row] += at.g[..., i, None]
+        dF[..., 3 * i : 3 * i + 3, variables.frame] = at.first[..., :, None] * at.dg[..., i, None, :]
         if variables.strain is not None:
-            dF[..., 3 * i, variables.strain] = g[..., i] + (i == 0)
+            dF[..., 3 * i, variables.strain] = at.g[..., i] + (i == 0)
     return dF
 
 
