@@ -1,0 +1,37 @@
+"""Laws that mean the same solid give the same module, by their own code for stress and tangent."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from pliant.records.fem import FemState
+from pliant.registry.discovery import discover
+
+REGISTRY = discover()
+LENGTHS = {"inner_radius": "2 mm", "average_radius": "6 mm", "wall": "1.5 mm", "module_length": "11 mm"}
+
+
+def made(interface: str, kind: str, **keys: Any) -> Any:
+    component = REGISTRY.get(interface, kind)
+    return component.build(component.config_model().model_validate({"kind": kind, **keys}))
+
+
+def bent(kind: str, **keys: Any) -> FemState:
+    problem = made("family", "bellow_bending", **LENGTHS).problem()
+    solver = made("fem", "skfem", pressure_max="15 kPa").solver(problem, made("material", kind, **keys))
+    state: FemState = solver.free(4e3, solver.rest())
+    return state
+
+
+def test_a_module_of_equal_solids_bends_alike() -> None:
+    plain = bent("neo_hookean", shear_modulus=240e3)
+    spectral = bent("ogden", mu=[240e3], alpha=[2])
+    assert plain.angle_rad > 0.1
+    assert spectral.angle_rad == pytest.approx(plain.angle_rad, rel=1e-9)
+    assert spectral.dmoment_du == pytest.approx(plain.dmoment_du, rel=1e-7)
+    assert spectral.iterations <= plain.iterations + 1
+    mooney, pair = bent("mooney_rivlin", c10=90e3, c01=30e3), bent("ogden", mu=[180e3, 60e3], alpha=[2, -2])
+    assert pair.angle_rad == pytest.approx(mooney.angle_rad, rel=1e-9)
+    assert mooney.angle_rad != pytest.approx(plain.angle_rad, rel=1e-4)
