@@ -24,7 +24,7 @@ from pliant_plugins.materials.neo_hookean import NeoHookean, NeoHookeanConfig
 
 ROOT = Path(__file__).resolve().parents[2]
 CURVE = ROOT / "../shared/data/reference/helical_y_fem_R5.66_l4.72.csv"
-MU = 237e3
+MU = 200e3
 PRESSURES = (4e3, 8e3, 12e3, 16e3)
 LOW, HIGH = (
     -0.15,

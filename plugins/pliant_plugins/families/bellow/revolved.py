@@ -29,10 +29,10 @@ class Counts:
     wall: int
 
     @staticmethod
-    def of(profile: BellowProfile, refinement: int) -> Counts:
-        """Counts of a design: all fixed but the flank's, which follows its length."""
+    def of(profile: BellowProfile, refinement: int, arc: int = 2, quarter: int = 3) -> Counts:
+        """Counts of a design: all given but the flank's, which follows its length."""
         flank = int(np.ceil(profile.flank_m / (0.7 * profile.module_length_m)))
-        return Counts(*(refinement * n for n in (2, flank, 3, 2)))
+        return Counts(*(refinement * n for n in (arc, flank, quarter, 2)))
 
 
 def half_profile(profile: BellowProfile, counts: Counts) -> tuple[Array, Array]:
@@ -48,17 +48,16 @@ def half_profile(profile: BellowProfile, counts: Counts) -> tuple[Array, Array]:
     return x, radius
 
 
-def sector(profile: BellowProfile, refinement: int, quarters: int, axis_height_m: float = 0.0) -> ModuleMesh:
+def sector(profile: BellowProfile, counts: Counts, quarters: int, axis_height_m: float = 0.0) -> ModuleMesh:
     """Half a module, x ∈ [0, l/2] from mid-crest to mid-trough, φ from 0 to 1 or 2 quarter turns.
 
     Node sets: `start` (x = 0), `end` (x = l/2), `symmetry` (y = 0), `level` (the plane z = axis height where one
     quarter ends there), `pin` (the trough's inner node at φ = 0).
     """
-    counts = Counts.of(profile, refinement)
     x, radius = half_profile(profile, counts)
     phi = np.linspace(0, quarters * np.pi / 2, 2 * quarters * counts.quarter + 1)
     nodes, ids = numbered(_revolved(x, radius, phi, axis_height_m))
-    sets = _ends(ids)
+    sets = {**_ends(ids), "pin": ids[-1, :1, 0]}
     on_plane = ids[:, [0, -1]] if quarters == 2 else ids[:, 0]
     nodes[on_plane, 1] = 0.0  # sin π leaves rounding
     sets["symmetry"] = on_plane.ravel()
@@ -68,21 +67,18 @@ def sector(profile: BellowProfile, refinement: int, quarters: int, axis_height_m
     return _mesh(nodes, ids, sets)
 
 
-def ring(profile: BellowProfile, refinement: int, axis_height_m: float = 0.0) -> ModuleMesh:
+def ring(profile: BellowProfile, counts: Counts, axis_height_m: float = 0.0) -> ModuleMesh:
     """A whole module, x ∈ [0, l] from mid-trough over the crest to mid-trough, the full circumference.
 
-    Node sets: `start` and `end`, whose nodes correspond in order; `pin` and `top`, the start's inner nodes at
-    φ = 0 and π.
+    Node sets: `start` and `end`, whose nodes correspond in order, and `crest`, the section at mid-module.
     """
-    counts = Counts.of(profile, refinement)
     x, radius = half_profile(profile, counts)
     x = np.concatenate([profile.half_length_m - x[::-1], profile.half_length_m + x[1:]])
     radius = np.concatenate([radius[::-1], radius[1:]])
     steps = 8 * counts.quarter
     nodes, ids = numbered(_revolved(x, radius, 2 * np.pi / steps * np.arange(steps), axis_height_m))
     mesh_ids = np.concatenate([ids, ids[:, :1]], axis=1)
-    sets = _ends(ids)
-    sets["pin"], sets["top"] = ids[0, :1, 0], ids[0, steps // 2 : steps // 2 + 1, 0]
+    sets = {**_ends(ids), "crest": ids[len(x) // 2].ravel()}
     return _mesh(nodes, mesh_ids, sets)
 
 
@@ -95,7 +91,7 @@ def _revolved(x: Array, radius: Array, phi: Array, axis_height_m: float) -> Arra
 
 
 def _ends(ids: IntArray) -> dict[str, IntArray]:
-    return {"start": ids[0].ravel(), "end": ids[-1].ravel(), "pin": ids[-1, :1, 0]}
+    return {"start": ids[0].ravel(), "end": ids[-1].ravel()}
 
 
 def _mesh(nodes: Array, ids: IntArray, sets: dict[str, IntArray]) -> ModuleMesh:

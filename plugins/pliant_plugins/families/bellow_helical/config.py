@@ -31,11 +31,17 @@ class BellowHelicalConfig(FamilyConfig):
     )
     constraint_width_m: Length | None = Field(
         default=None,
-        description="width of the constraint along y; unless given, the chord of the trough's outer circle there",
+        description="width of the constraint along y, which stiffens bending about z; unless given, that of the "
+        "study's rod (diameter R − t, touching the line at r) at the constraint's height",
     )
     constraint_stiffness_n: Force = Field(default=20.0, description="EA: force per strain of the constraint")
+    crest: Literal["rigid", "free"] = Field(
+        default="rigid",
+        description="rigid: the crest's section stays plane and keeps its shape, as the troughs' do; free: it may "
+        "breathe and warp",
+    )
     twist_pivot: Literal["hinge", "free"] = Field(
         default="hinge",
         description="hinge: end sections turn about the constraint's line, as a chain's joint does; free: they may "
-        "also shift sideways",
+        "also shift along y",
     )

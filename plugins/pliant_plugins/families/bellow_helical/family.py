@@ -16,10 +16,10 @@ from pliant.records.fem import ModuleMesh, ModuleProblem, Ribbon
 from pliant.records.law import JointKind
 from pliant.records.shape import HalfShapes, HalfSurfaces
 from pliant_plugins.families.bellow.profile import BellowProfile, mm
-from pliant_plugins.families.bellow.revolved import ring, sector
+from pliant_plugins.families.bellow.revolved import Counts, ring, sector
 from pliant_plugins.families.bellow.shapes import half_tubes
 from pliant_plugins.families.bellow_helical.config import OFFSET, BellowHelicalConfig
-from pliant_plugins.families.bellow_helical.thread import thread_mass, thread_points
+from pliant_plugins.families.bellow_helical.thread import rod_chord, thread_mass, thread_points
 
 ALL = ("x", "y", "z")
 
@@ -32,8 +32,9 @@ class BellowHelical(ActuatorFamily):
     chain puts its hinge at r from the tube's axis; the fitted constraint lies a little nearer (0.84 r), and the
     joint follows the FEM. The chain's centre line, the tube's axis, is `offset_m` above.
 
-    Trough sections stay plane and rigid, held by the constraint; crest sections stay plane and are free in their
-    plane.
+    Sections at mid-trough and mid-crest stay plane and keep their shape, as between rigid connectors: of the end
+    conditions tried this one explains the published bending curves (benchmarks/families/helical.py). The
+    constraint holds the troughs on its line; crests shift across it freely.
     """
 
     joint: ClassVar[JointKind] = "spherical"
@@ -61,43 +62,53 @@ class BellowHelical(ActuatorFamily):
 
     @property
     def constraint_width_m(self) -> float:
-        """Width of the constraint along y: as given, or the chord of the trough's outer circle at its height."""
+        """Width of the constraint along y: as given, or that of the study's rod at its height (0 outside the rod)."""
         if self.config.constraint_width_m is not None:
             return self.config.constraint_width_m
-        outer = self.geometry.inner_radius_m + self.geometry.wall_m / 2
-        return float(2 * np.sqrt(outer**2 - self.offset_m**2))
+        return rod_chord(self.geometry, self.offset_m)
 
     def problem(self, refinement: int = 1, axes: tuple[str, ...] | None = None) -> ModuleProblem:
         """For y alone half a module, half its width; otherwise the whole module from trough to trough.
 
         The half, x ∈ [0, l/2] from mid-crest, y ≥ 0, turns by half the joint's angle and holds a quarter of its
         energy. The whole module is meshed from x = 0 at its start, l/2 before the joint. Its end section either
-        turns about the joint's line or, with `twist_pivot` free, may shift sideways as one.
+        turns about the joint's line or, with `twist_pivot` free, may also shift along y as one.
         """
         return self._half(refinement) if axes == ("y",) else self._whole(refinement, axes or ALL)
 
+    @property
+    def _rigid_crest(self) -> bool:
+        return self.config.crest == "rigid"
+
     def _half(self, refinement: int) -> ModuleProblem:
         return ModuleProblem(
-            mesh=sector(self.geometry, refinement, quarters=2, axis_height_m=self.offset_m),
+            mesh=sector(
+                self.geometry, Counts.of(self.geometry, refinement), quarters=2, axis_height_m=self.offset_m
+            ),
             span_m=self.geometry.half_length_m,
             reference_z_m=0.0,
             deformation_scale=2.0,
             energy_scale=4.0,
-            fixed={"start": (0,), "end": (0, 1, 2), "symmetry": (1,)},
+            fixed={"start": (0, 1) if self._rigid_crest else (0,), "end": (0, 1, 2), "symmetry": (1,)},
+            tied={"start": (2,)} if self._rigid_crest else {},
             joint="spherical",
             ribbons=(Ribbon(self.constraint_width_m / 2, self.config.constraint_stiffness_n / 2),),
         )
 
     def _whole(self, refinement: int, axes: tuple[str, ...]) -> ModuleProblem:
         hinged = self.config.twist_pivot == "hinge"
+        fixed = {"start": (0, 1, 2), "end": (0, 1, 2) if hinged else (0, 2)}
+        tied: dict[str, tuple[int, ...]] = {} if hinged else {"end": (1,)}
+        if self._rigid_crest:
+            fixed, tied = {**fixed, "crest": (0,)}, {**tied, "crest": (1, 2)}
         return ModuleProblem(
-            mesh=ring(self.geometry, refinement, self.offset_m),
+            mesh=ring(self.geometry, Counts.of(self.geometry, refinement), self.offset_m),
             span_m=self.module_length_m,
             reference_z_m=0.0,
             deformation_scale=1.0,
             energy_scale=1.0,
-            fixed={"start": (0, 1, 2), "end": (0, 1, 2) if hinged else (0,)},
-            tied={} if hinged else {"end": (1, 2)},
+            fixed=fixed,
+            tied=tied,
             axes=axes,
             joint="spherical",
             ribbons=(Ribbon(self.constraint_width_m, self.config.constraint_stiffness_n),),
@@ -105,7 +116,7 @@ class BellowHelical(ActuatorFamily):
 
     @cached_property
     def _half_mesh(self) -> ModuleMesh:
-        return sector(self.geometry, 1, quarters=2, axis_height_m=self.offset_m)
+        return sector(self.geometry, Counts.of(self.geometry, 1), quarters=2, axis_height_m=self.offset_m)
 
     def shapes(self) -> HalfShapes:
         """Cylinders around the crests of the two halves."""

@@ -16,6 +16,13 @@ from pliant_plugins.families.bellow.profile import BellowProfile
 ALONG, AROUND, ACROSS = 24, 256, 4  # quadrature points in x (each of two parts), φ and radius
 
 
+def rod_chord(profile: BellowProfile, depth_m: float) -> float:
+    """Width (m) of the rod along y at a distance below the tube's axis, 0 outside it."""
+    radius = (profile.average_radius_m - profile.wall_m) / 2
+    above = depth_m - (profile.inner_radius_m - radius)
+    return float(2 * np.sqrt(max(radius**2 - above**2, 0.0)))
+
+
 def thread_points(profile: BellowProfile) -> tuple[Array, Array]:
     """Quadrature of the rod's part inside the cavity, x ∈ [0, l/2]: points (n, 3) from the tube's axis, volumes (n,).
 

@@ -13,7 +13,7 @@ from pliant.records.fem import ModuleMesh, ModuleProblem
 from pliant.records.law import JointKind
 from pliant.records.shape import HalfShapes, HalfSurfaces
 from pliant_plugins.families.bellow.profile import BellowProfile
-from pliant_plugins.families.bellow.revolved import sector
+from pliant_plugins.families.bellow.revolved import Counts, sector
 from pliant_plugins.families.bellow.shapes import half_tubes
 from pliant_plugins.families.bellow_translational.config import BellowTranslationalConfig
 
@@ -44,7 +44,7 @@ class BellowTranslational(ActuatorFamily):
     def problem(self, refinement: int = 1, axes: tuple[str, ...] | None = None) -> ModuleProblem:
         """Half a module, a quarter of its section: u is twice the piece's extension, the energy eight times its."""
         return ModuleProblem(
-            mesh=sector(self.geometry, refinement, quarters=1),
+            mesh=sector(self.geometry, self._counts(refinement), quarters=1),
             span_m=self.geometry.half_length_m,
             reference_z_m=0.0,
             deformation_scale=2.0,
@@ -55,9 +55,13 @@ class BellowTranslational(ActuatorFamily):
             joint="prismatic",
         )
 
+    def _counts(self, refinement: int = 1) -> Counts:
+        """Finer than a bellow that bends: stretching it strains the whole circumference."""
+        return Counts.of(self.geometry, refinement, arc=3, quarter=4)
+
     @cached_property
     def _half_section(self) -> ModuleMesh:
-        return sector(self.geometry, 1, quarters=2)
+        return sector(self.geometry, self._counts(), quarters=2)
 
     def shapes(self) -> HalfShapes:
         """Cylinders around the crests of the two halves."""
