@@ -80,6 +80,14 @@ class Counting(Silent):
         self.total = total
 
 
+def test_levels_without_a_strategy_mean_the_grid():
+    assert FemConfig(kind="any", pressures=4).sampling == "grid"
+    assert FemConfig(kind="any").sampling == "adaptive"
+    explicit = FemConfig(kind="any", pressures=4, sampling="adaptive")
+    assert explicit.sampling == "adaptive"
+    assert FemConfig.model_validate(explicit.canonical()) == explicit
+
+
 def test_levels_include_both_ends():
     points = levels(-1.0, 3.0, 7)
     assert points[0] == pytest.approx(-1.0)

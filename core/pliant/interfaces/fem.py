@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from typing import Literal
+from typing import Any, Literal
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from pliant.errors import NotReachedError, UserError
 from pliant.interfaces.base import ComponentConfig
@@ -41,10 +41,11 @@ class FemConfig(ComponentConfig):
         default=None, gt=0, description="largest tendon force of the data set"
     )
     sampling: Literal["adaptive", "grid", "study"] = Field(
-        default="adaptive", description="how the states are chosen"
+        default="adaptive",
+        description="how the states are chosen; grid where `pressures` or `angles` are given and this is not",
     )
     error: Ratio = Field(
-        default=1e-3, gt=0, lt=1, description="adaptive: wanted error of the effort / its range in the data"
+        default=2e-4, gt=0, lt=1, description="adaptive: wanted error of the effort / its range in the data"
     )
     max_states: int = Field(
         default=60, ge=8, le=512, description="adaptive: at most so many states to fit on the main axis"
@@ -71,6 +72,14 @@ class FemConfig(ComponentConfig):
     angle_high: Ratio = Field(default=1.2, ge=1, description="largest angle / largest free angle")
     refinement: int = Field(default=1, ge=1, le=4, description="multiplies the elements along each edge")
     seed: int = Field(default=0, ge=0, description="places the check states")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _grid_if_levels(cls, values: Any) -> Any:
+        """A block that gives levels and no strategy means the grid."""
+        if isinstance(values, Mapping) and "sampling" not in values and {"pressures", "angles"} & set(values):
+            return {**values, "sampling": "grid"}
+        return values
 
     def actuation_max(self, actuation: str) -> float:
         """Largest actuation of a module driven by `actuation`, SI. Raises `UserError` where only the other is given."""
