@@ -22,6 +22,7 @@ OVERLAP = 1e-4  # of the span: material this far beyond a mirror plane is self-c
 # Steps of the central differences that give slopes: of the piece's θ or strain, and of p / shear modulus.
 HELD_STEP, PRESSURE_STEP = 2e-3, 2e-3
 SMALLER = 0.05
+OGDEN_TOLERANCE = 1e-3
 
 
 class CalculixSolver(ModuleSolver):
@@ -35,6 +36,9 @@ class CalculixSolver(ModuleSolver):
         self.model = build_model(problem, material, config.element, config.cap_stiffness, pa=1.0)
         self.reader = Reader(self.model, material)
         self.revolute = problem.joint == "revolute"
+        # near equal stretches CalculiX' Ogden law is too rough for less
+        rough = OGDEN_TOLERANCE if material.config.kind == "ogden" else 0.0
+        self._tolerance = max(config.tolerance, rough)
         self._head = [
             *model_cards(self.model, ["A module of a soft robot, by Pliant"]),
             *plane_cards(self.model),
@@ -132,7 +136,7 @@ class CalculixSolver(ModuleSolver):
 
     def _run(self, targets: Sequence[Target], branch: Branch) -> Answers:
         """Solve the targets one after another in one run. Raises `StateNotConvergedError`."""
-        deck = [*self._head, *path_cards(self.model, targets, self.config.tolerance)]
+        deck = [*self._head, *path_cards(self.model, targets, self._tolerance)]
         nodes = self.model.reference + self.model.extra
         try:
             return run(

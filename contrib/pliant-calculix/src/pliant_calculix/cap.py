@@ -1,13 +1,13 @@
-"""The cap: a thin soft disc that closes the cavity at the end section and takes the pressure's thrust.
+"""Caps: thin soft discs that close the cavity at a section and take the pressure's thrust.
 
-Its front lies in the section and shares the rim's nodes. All its other nodes are led by the rim's: soft
-nodes that stood alone would never be in equilibrium as the programs judge it. It adds no stiffness to speak of.
+The front lies in the section and shares the rim's nodes. All other nodes of a cap are led by the rim's: soft nodes
+that stood alone would never be in equilibrium as the programs judge it. Caps add no stiffness to speak of.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -23,10 +23,10 @@ _EDGES = np.array([[0, 1, 2], [2, 5, 8], [8, 7, 6], [6, 3, 0]])  # of a 9-node f
 
 @dataclass(frozen=True, eq=False)
 class Cap:
-    """A disc of 15-node wedges.
+    """Discs of 15-node wedges over the openings of one section.
 
     Attributes:
-        nodes_m: (n, 3) new nodes, numbered from the mesh's end on.
+        nodes_m: (n, 3) new nodes, numbered on from the nodes that were there before.
         wedges: (m, 15) node ids; the first face of each (nodes 1, 2, 3) is the wetted one.
         front: ids of the new nodes in the section's plane.
         behind: node of the back or of the upright edges → the front's node before it, which moves alike.
@@ -40,19 +40,34 @@ class Cap:
     follows: Mapping[tuple[int, int], Weights]
 
 
-def build_cap(problem: ModuleProblem) -> Cap:
-    """Discs over all openings of the cavity in the end section; none where it has no opening."""
-    nodes, rims = problem.mesh.nodes_m, _rims(problem)
-    builder = _Builder(nodes, THICKNESS * problem.span_m)
-    for rim in rims:
+def no_cap() -> Cap:
+    """Nothing."""
+    return _Builder(np.zeros((0, 3)), 0.0).done()
+
+
+def build_cap(problem: ModuleProblem, nodes_m: Array, section: str = "end") -> Cap:
+    """Caps over all openings of the cavity in a section; none where it has no opening.
+
+    Args:
+        problem: the module.
+        nodes_m: (n, 3) the mesh's nodes and those added to them so far.
+        section: "end", or "start", whose nodes do not move along x.
+    """
+    outward = 1.0 if section == "end" else -1.0
+    builder = _Builder(nodes_m, outward * THICKNESS * problem.span_m)
+    for rim in _rims(problem, section):
         builder.fan(rim, _hub(problem, rim))
-    return builder.done()
+    cap = builder.done()
+    if section == "end":
+        return cap
+    still = {(node, 0): {} for node in [*map(int, cap.front), *cap.behind]}
+    return replace(cap, follows={**cap.follows, **still})
 
 
-def _rims(problem: ModuleProblem) -> list[IntArray]:
-    """Polylines (2k + 1,) of corner and mid-edge nodes along the cavity's edges in the end section."""
+def _rims(problem: ModuleProblem, section: str) -> list[IntArray]:
+    """Polylines (2k + 1,) of corner and mid-edge nodes along the cavity's edges in a section."""
     edges = problem.mesh.cavity[:, _EDGES].reshape(-1, 3)
-    edges = edges[np.isin(edges, problem.mesh.node_sets["end"]).all(axis=1)]
+    edges = edges[np.isin(edges, problem.mesh.node_sets[section]).all(axis=1)]
     # an edge between two wetted faces borders no opening
     _, first, count = np.unique(edges[:, 1], return_index=True, return_counts=True)
     left = [tuple(int(i) for i in edge) for edge in edges[first[count == 1]]]
@@ -84,7 +99,7 @@ def _hub(problem: ModuleProblem, rim: IntArray) -> tuple[Array, tuple[int, ...]]
         }
         if not mirrors:
             raise UserError(
-                "fem 'calculix' closes a cavity whose edge in the end section is a ring or ends on mirror "
+                "fem 'calculix' closes a cavity whose edges in the end sections are rings or end on mirror "
                 "planes; this one ends elsewhere."
             )
         for component in mirrors:
@@ -116,7 +131,7 @@ class _Builder:
         back: dict[tuple[int, float], int] = {}
         for a, m, b in zip(rim[:-2:2], rim[1::2], rim[2::2], strict=True):
             face, middles = [centre, int(a), int(b)], [spokes[int(a)], int(m), spokes[int(b)]]
-            if np.cross(*(self._at(i) - self._at(centre) for i in face[1:]))[0] < 0:
+            if np.cross(*(self._at(i) - self._at(centre) for i in face[1:]))[0] * self.thickness < 0:
                 face, middles = [face[0], *face[:0:-1]], middles[::-1]
             upper = [self._behind(i, 1.0, back) for i in [*face, *middles]]
             upright = [self._behind(i, 0.5, back) for i in face]

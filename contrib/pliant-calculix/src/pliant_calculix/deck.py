@@ -40,23 +40,23 @@ class Target:
 def model_cards(model: Model, heading: Sequence[str]) -> list[str]:
     """Nodes, elements, sets, surfaces, sections, materials and what is fixed."""
     cards = ["*HEADING", heading[0], *[f"** {line}" for line in heading[1:]]]
-    cards += ["*NODE, NSET=BODY_AND_CAP"]
+    cards += ["*NODE, NSET=BODY_AND_CAPS"]
     cards += [_node(i + 1, MM * model.places_m[i]) for i in model.used]
     cards += _elements(model.element, "BODY", model.cells, 1)
-    cards += _elements("C3D15", "CAP", model.cap.wedges, 1 + len(model.cells))
+    cards += _elements("C3D15", "CAP", model.wedges, 1 + len(model.cells))
     for name, nodes in model.node_sets.items():
         cards += _set(name.upper(), nodes)
     cards += _set("SECTION", model.section)
     elements, numbers = model.cavity_faces
     cards.append("*SURFACE, NAME=CAVITY, TYPE=ELEMENT")
     cards += [f"{e + 1}, S{n}" for e, n in zip(elements, numbers, strict=True)]
-    cards += [f"{e + 1 + len(model.cells)}, S1" for e in range(len(model.cap.wedges))]
+    cards += [f"{e + 1 + len(model.cells)}, S1" for e in range(len(model.wedges))]
     cards += ["*MATERIAL, NAME=RUBBER", *model.law, "*SOLID SECTION, ELSET=BODY, MATERIAL=RUBBER"]
-    if len(model.cap.wedges):
+    if len(model.wedges):
         cards += ["*MATERIAL, NAME=THIN", *model.cap_law, "*SOLID SECTION, ELSET=CAP, MATERIAL=THIN"]
     fixed = model.fixed
     cards += ["*BOUNDARY", *[f"{node + 1}, {c + 1}" for node, c in fixed]]
-    for (node, c), weights in model.cap.follows.items():
+    for (node, c), weights in model.follows.items():
         if weights:
             leaders = [(n, c, -w) for n, w in weights.items()]
             cards += _equation([(node, c, 1.0), *leaders])

@@ -14,6 +14,7 @@ from pliant.interfaces.material import Material
 
 MOST_OGDEN_TERMS = 4  # ccx reads no more
 Constant = tuple[float, bool]  # value, whether it is a stress in Pa
+NO_TERM = 1e12  # a D that leaves its power of J − 1 out: CalculiX takes 0 for a value of its own
 PER_LINE = 8  # numbers on a data line
 
 
@@ -32,7 +33,7 @@ def hyperelastic(material: Material, pa: float) -> list[str]:
     constants = [c * pa if stress else c for c, stress in weights]
     d1 = 2 / (pa * material.bulk_modulus_pa)
     terms = int(option.rpartition("=")[2]) if option.startswith("OGDEN") else TERMS.get(option, 1)
-    numbers = [f"{c:.10g}" for c in [*constants, d1, *[0.0] * (terms - 1)]]
+    numbers = [f"{c:.10g}" for c in [*constants, d1, *[NO_TERM] * (terms - 1)]]
     rows = [", ".join(numbers[k : k + PER_LINE]) for k in range(0, len(numbers), PER_LINE)]
     return [f"*HYPERELASTIC, {option}", *rows]
 

@@ -15,8 +15,7 @@ from pliant.errors import UserError
 from pliant.interfaces.material import Material
 from pliant.records.design import Array
 from pliant.records.fem import IntArray, ModuleProblem
-from pliant_calculix.cap import Cap, build_cap
-from pliant_calculix.config import ElementType
+from pliant_calculix.cap import Cap, Weights, build_cap, no_cap
 from pliant_calculix.elements import HEX20, QUAD8, faces_of_cells
 from pliant_calculix.materials import hyperelastic
 
@@ -31,7 +30,8 @@ class Model:
 
     Attributes:
         problem: the module.
-        cap: the disc over the cavity's opening.
+        cap: closes the cavity at the end section.
+        start_cap: closes it at the start section, or nothing: only reactions there need it.
         element: element type of the body.
         pa: 1 Pa in the deck's unit of stress.
         law: `*HYPERELASTIC` card of the body.
@@ -40,7 +40,8 @@ class Model:
 
     problem: ModuleProblem
     cap: Cap
-    element: ElementType
+    start_cap: Cap
+    element: str
     pa: float
     law: tuple[str, ...]
     cap_law: tuple[str, ...]
@@ -62,13 +63,23 @@ class Model:
 
     @cached_property
     def places_m(self) -> Array:
-        """(n, 3) places of all nodes, the mesh's then the cap's; some of the mesh's are in no element."""
-        return np.vstack([self.problem.mesh.nodes_m, self.cap.nodes_m])
+        """(n, 3) places of all nodes, the mesh's then the caps'; some of the mesh's are in no element."""
+        return np.vstack([self.problem.mesh.nodes_m, self.cap.nodes_m, self.start_cap.nodes_m])
+
+    @cached_property
+    def wedges(self) -> IntArray:
+        """(w, 15) node ids of the caps' elements."""
+        return np.vstack([self.cap.wedges, self.start_cap.wedges])
+
+    @cached_property
+    def follows(self) -> dict[tuple[int, int], Weights]:
+        """How the caps' nodes are led."""
+        return {**self.cap.follows, **self.start_cap.follows}
 
     @cached_property
     def used(self) -> IntArray:
         """Ids of the nodes that belong to elements."""
-        return np.unique(np.concatenate([self.cells.ravel(), self.cap.wedges.ravel()]))
+        return np.unique(np.concatenate([self.cells.ravel(), self.wedges.ravel()]))
 
     @cached_property
     def section(self) -> IntArray:
@@ -78,8 +89,9 @@ class Model:
 
     @cached_property
     def node_sets(self) -> dict[str, IntArray]:
-        """Nodes in elements, by the family's set."""
-        sets = self.problem.mesh.node_sets
+        """Nodes in elements, by the family's set; `start` has the front of its cap."""
+        sets = dict(self.problem.mesh.node_sets)
+        sets["start"] = np.concatenate([sets["start"], self.start_cap.front])
         return {name: np.intersect1d(nodes, self.used) for name, nodes in sets.items()}
 
     @cached_property
@@ -92,7 +104,7 @@ class Model:
             if name != "end"
             for node in self.node_sets[name]
         }
-        held |= {place for place, weights in self.cap.follows.items() if not weights}
+        held |= {place for place, weights in self.follows.items() if not weights}
         return sorted(held)
 
     @cached_property
@@ -119,14 +131,23 @@ class Model:
 
 
 def build_model(
-    problem: ModuleProblem, material: Material, element: ElementType, cap_stiffness: float, pa: float
+    problem: ModuleProblem,
+    material: Material,
+    element: str,
+    cap_stiffness: float,
+    pa: float,
+    closed_start: bool = False,
 ) -> Model:
     """The model of a module. Raises `UserError` for what this backend does not solve."""
     _check(problem)
+    nodes = problem.mesh.nodes_m
+    cap = build_cap(problem, nodes)
+    nodes = np.vstack([nodes, cap.nodes_m])
+    start_cap = build_cap(problem, nodes, "start") if closed_start else no_cap()
     shear = cap_stiffness * material.shear_modulus_pa * pa
     bulk = 2 * shear * (1 + CAP_POISSON) / (3 * (1 - 2 * CAP_POISSON))
     cap_law = ("*HYPERELASTIC, NEO HOOKE", f"{shear / 2:.10g}, {2 / bulk:.10g}")
-    return Model(problem, build_cap(problem), element, pa, tuple(hyperelastic(material, pa)), cap_law)
+    return Model(problem, cap, start_cap, element, pa, tuple(hyperelastic(material, pa)), cap_law)
 
 
 def _check(problem: ModuleProblem) -> None:

@@ -55,7 +55,7 @@ class Reader:
         self._faces = (
             (model.cavity, QUADRILATERAL.shapes(points), QUADRILATERAL.slopes(points), weights),
             (
-                model.cap.wedges[:, [0, 2, 1, 8, 7, 6]],
+                model.wedges[:, [0, 2, 1, 8, 7, 6]],
                 *triangle_shapes(triangle_rule()[0]),
                 triangle_rule()[1],
             ),
@@ -129,7 +129,7 @@ class Reader:
         for node, component in self.model.fixed:
             left[node, component] = 0.0
         # the cap's back hands its forces to the front
-        left[np.unique(self.model.cap.wedges)] = 0.0
+        left[np.unique(self.model.wedges)] = 0.0
         return float(np.abs(left).max())
 
 
