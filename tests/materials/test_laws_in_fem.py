@@ -21,17 +21,13 @@ def made(interface: str, kind: str, **keys: Any) -> Any:
 def bent(kind: str, **keys: Any) -> FemState:
     problem = made("family", "bellow_bending", **LENGTHS).problem()
     solver = made("fem", "skfem", pressure_max="15 kPa").solver(problem, made("material", kind, **keys))
-    state: FemState = solver.free(4e3, solver.rest())
+    state: FemState = solver.free(2e3, solver.rest())
     return state
 
 
 def test_a_module_of_equal_solids_bends_alike() -> None:
-    plain = bent("neo_hookean", shear_modulus=240e3)
-    spectral = bent("ogden", mu=[240e3], alpha=[2])
-    assert plain.angle_rad > 0.1
-    assert spectral.angle_rad == pytest.approx(plain.angle_rad, rel=1e-9)
-    assert spectral.dmoment_du == pytest.approx(plain.dmoment_du, rel=1e-7)
-    assert spectral.iterations <= plain.iterations + 1
     mooney, pair = bent("mooney_rivlin", c10=90e3, c01=30e3), bent("ogden", mu=[180e3, 60e3], alpha=[2, -2])
+    assert mooney.angle_rad > 0.05
     assert pair.angle_rad == pytest.approx(mooney.angle_rad, rel=1e-9)
-    assert mooney.angle_rad != pytest.approx(plain.angle_rad, rel=1e-4)
+    assert pair.dmoment_du == pytest.approx(mooney.dmoment_du, rel=1e-7)
+    assert pair.iterations <= mooney.iterations + 1
