@@ -60,7 +60,7 @@ def build_cap(problem: ModuleProblem, nodes_m: Array, section: str = "end") -> C
     cap = builder.done()
     if section == "end":
         return cap
-    still = {(node, 0): {} for node in [*map(int, cap.front), *cap.behind]}
+    still: dict[tuple[int, int], Weights] = {(node, 0): {} for node in [*map(int, cap.front), *cap.behind]}
     return replace(cap, follows={**cap.follows, **still})
 
 
@@ -131,7 +131,8 @@ class _Builder:
         back: dict[tuple[int, float], int] = {}
         for a, m, b in zip(rim[:-2:2], rim[1::2], rim[2::2], strict=True):
             face, middles = [centre, int(a), int(b)], [spokes[int(a)], int(m), spokes[int(b)]]
-            if np.cross(*(self._at(i) - self._at(centre) for i in face[1:]))[0] * self.thickness < 0:
+            along, across = (self._at(i) - self._at(centre) for i in face[1:])
+            if np.cross(along, across)[0] * self.thickness < 0:
                 face, middles = [face[0], *face[:0:-1]], middles[::-1]
             upper = [self._behind(i, 1.0, back) for i in [*face, *middles]]
             upright = [self._behind(i, 0.5, back) for i in face]
