@@ -7,7 +7,6 @@ arrays below.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 from skfem import CellBasis, ElementHex1, ElementHex2, ElementQuad2, MeshHex1, MeshHex2
@@ -18,10 +17,9 @@ from skfem.refdom import RefQuad
 from pliant.errors import ContractError
 from pliant.records.design import Array
 from pliant.records.fem import IntArray, ModuleMesh
+from pliant_plugins.fem.skfem.config import Dilatation
 from pliant_plugins.fem.skfem.dilatation import cell_modes
 
-# How the volume ratio enters: projected cell by cell, from a continuous pressure, or point by point.
-Dilatation = Literal["cell", "continuous", "point"]
 ORDER = 5  # integrates with three Gauss points along each edge
 
 

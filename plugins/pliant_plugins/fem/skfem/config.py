@@ -7,7 +7,9 @@ from typing import Literal
 from pydantic import Field
 
 from pliant.interfaces.fem import FemConfig
-from pliant_plugins.fem.skfem.basis import Dilatation
+
+# How the volume ratio enters: linear in each cell, continuous, or point by point.
+Dilatation = Literal["cell", "continuous", "point"]
 
 
 class SkfemConfig(FemConfig):
@@ -20,7 +22,7 @@ class SkfemConfig(FemConfig):
     dilatation: Dilatation = Field(
         default="cell",
         description="cell: volume ratio averaged per cell, no locking, the fast converged element; continuous: "
-        "Taylor–Hood cells with a continuous pressure, an independent check at about twice the cost; point: plain "
+        "Taylor–Hood cells with a continuous pressure, an independent check at the same cost; point: plain "
         "displacement cells, which lock at ν near ½ (only to compare with codes that use them)",
     )
     tolerance: float = Field(default=1e-6, gt=0, le=1e-3, description="strain of the last Newton step")
