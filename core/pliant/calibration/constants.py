@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -109,11 +109,6 @@ def moduli_scaled(config: MaterialConfig, factor: float) -> MaterialConfig | Non
     """The config with every modulus times `factor`: a solid whose stresses are `factor` times as large."""
     moduli = [c for c in constants_of(config) if c.is_modulus]
     return changed(config, moduli, [factor * c.value for c in moduli])
-
-
-def by_field(constants: Sequence[Constant], config: MaterialConfig) -> Mapping[str, Any]:
-    """The fields that these constants belong to, with all of their numbers."""
-    return {c.field: getattr(config, c.field) for c in constants}
 
 
 def _is_number(value: object) -> bool:
