@@ -19,7 +19,7 @@ from pliant.testing.box import BoxModule, box_problem
 from pliant.testing.fem_axes import suite as axes
 from pliant.testing.fem_bench import sample_solver
 from pliant.testing.stand_ins import sample_material
-from pliant.testing.suite import Subject, Suite, require, require_close
+from pliant.testing.suite import CheckSkipped, Subject, Suite, require, require_close
 
 suite = Suite("fem")
 suite.checks.extend(axes.checks)
@@ -269,6 +269,35 @@ def deformed_nodes_follow_the_bend(subject: Subject) -> None:
         "the end section is not a plane turned by θ = u / deformation_scale about y (positive toward −z)",
         atol=1e-8 * size,
     )
+
+
+@suite.check("`fields`, where a backend has them, stand at the mesh's nodes; a body at rest has no stress.")
+def fields_stand_at_the_nodes(subject: Subject) -> None:
+    solver, problem = _solver(subject), _problem(subject)
+    try:
+        fields = solver.fields(_held(subject))
+    except UserError as error:
+        raise CheckSkipped(str(error)) from error
+    nodes = problem.mesh.nodes_m
+    size = float(np.ptp(nodes))
+    require_close(fields.points_m, nodes, "the points (m) are not the mesh's nodes", atol=1e-9 * size)
+    require_close(
+        fields.displacement_m,
+        solver.deformed_nodes(_held(subject)) - nodes,
+        "the displacement (m) is not that of `deformed_nodes`",
+        atol=1e-8 * size,
+    )
+    rest = solver.fields(_rest(subject)).point_data
+    stress = 1e-6 * sample_material().young_pa
+    for name, value, allowed in (
+        ("von_mises_pa", 0.0, stress),
+        ("hydrostatic_pa", 0.0, stress),
+        ("energy_j_m3", 0.0, stress),
+        ("volume_ratio", 1.0, 1e-6),
+        ("largest_stretch", 1.0, 1e-6),
+    ):
+        require(name in fields.point_data, f"the field '{name}' is missing")
+        require_close(rest[name], np.full(len(nodes), value), f"{name} of the rest state", atol=allowed)
 
 
 @suite.check("what does not converge raises `StateNotConvergedError`; the pipeline records it and goes on.")

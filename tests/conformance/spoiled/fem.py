@@ -9,7 +9,7 @@ import numpy as np
 from pliant.interfaces.fem import Held, ModuleSolver, StateNotConvergedError
 from pliant.interfaces.material import Material
 from pliant.records.design import Array
-from pliant.records.fem import FemState, ModuleProblem
+from pliant.records.fem import FemState, ModuleFields, ModuleProblem
 from pliant_plugins.fem.skfem.backend import Skfem
 from pliant_plugins.manifest import pliant_components
 from spoiled import Spoils
@@ -236,6 +236,19 @@ class Sheared(Spoiled):
     """Pictures without rotation."""
 
     wrapper = Unturned
+
+
+class Undisplaced(Wrapped):
+    def fields(self, state: FemState) -> ModuleFields:
+        fields = self.inner.fields(state)
+        return replace(fields, displacement_m=self.inner.fields(self.inner.rest()).displacement_m)
+
+
+@spoils.by("fields_stand_at_the_nodes", "is not that of `deformed_nodes`")
+class FieldsOfTheReference(Spoiled):
+    """Fields without the displacement."""
+
+    wrapper = Undisplaced
 
 
 class Careless(Wrapped):
