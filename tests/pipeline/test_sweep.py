@@ -350,6 +350,7 @@ def wait_until(condition, seconds=30):
         time.sleep(0.05)
 
 
+@pytest.mark.slow
 def test_a_sweep_may_be_driven_from_a_thread(tmp_path):
     done = []
     thread = threading.Thread(
