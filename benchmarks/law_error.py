@@ -29,7 +29,7 @@ def main() -> None:
     """Fit the demo's data set in several ways and print the worst errors of the torque range."""
     registry = discover()
     bench = Workbench(registry, ArtifactStore(ROOT / ".pliant" / "store"))
-    study = load_study(ROOT / "examples" / "first_finger" / "finger.yaml", registry)
+    study = load_study(ROOT / "examples" / "first_finger" / "finger.yaml", registry, ["fem.sampling=grid"])
     data: FemDataset = fem_of_study(bench, study)[0].value.axis("y")
     results = {"n_fitted": len(data.select("fit")), "n_heldout": len(data.select("check"))}
     print(f"{results['n_fitted']} states fitted, {results['n_heldout']} left out; worst error / range, R²")

@@ -55,11 +55,14 @@ def main() -> None:
     """Measure, print, write."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--helical", action="store_true", help="also three axes of a helical bellow")
+    parser.add_argument("--design", choices=("reference", "wide"), help="only this bending bellow")
     arguments = parser.parse_args()
     registry = discover()
     kernel = kernel_s()
     results: dict[str, Any] = {"kernel_s": kernel, "threads": os.environ.get("OMP_NUM_THREADS", "all")}
     for name, family in (("reference", BENDING), ("wide", WIDE)):
+        if arguments.design not in (None, name):
+            continue
         runs = {kind: solved(registry, family, sampling=kind) for kind in ("adaptive", "grid")}
         results[name] = compared(runs, kernel)
     if arguments.helical:
