@@ -29,7 +29,7 @@ class BellowHelical(ActuatorFamily):
 
     A module runs from mid-trough to mid-trough. Its joint lies at mid-crest on the constraint's line, which is the
     module frame's x axis and the reference line of the FEM: there bending leaves the length unchanged. The study's
-    chain puts its hinge at r from the tube's axis; the fitted constraint lies a little nearer (0.84 r), and the
+    chain puts its hinge at r from the tube's axis; the fitted constraint lies a little nearer (0.825 r), and the
     joint follows the FEM. The chain's centre line, the tube's axis, is `offset_m` above.
 
     Sections at mid-trough and mid-crest stay plane and keep their shape, as between rigid connectors: of the end
