@@ -1,0 +1,155 @@
+"""Mesh and element study of the families' FEM: python -m benchmarks.families.elements [FAMILY ...] [--refinement 2]
+
+For each family (bellow_bending where none is named) and each refinement 1 … N, the three elements of `skfem`: cell
+(mean dilatation), continuous (Taylor–Hood), point (plain displacement). Free motion of the main axis at a third, two
+thirds and all of the largest actuation; effort that holds it at zero there, and at half the free motion at the end.
+Every figure relative to the finest mesh's Taylor–Hood cells, with unknowns, Newton steps and CPU seconds.
+
+Prints the table and writes benchmarks/out/elements.json.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from benchmarks.physics.output import Bar, write
+
+from pliant.interfaces.family import ActuatorFamily
+from pliant.records.design import Array
+from pliant.records.fem import FemState
+from pliant_plugins.fem.skfem.backend import Skfem
+from pliant_plugins.fem.skfem.config import SkfemConfig
+from pliant_plugins.manifest import pliant_components
+from pliant_plugins.materials.neo_hookean import NeoHookean, NeoHookeanConfig
+
+MU_PA = 240e3
+LARGEST = {"pressure_pa": 15e3, "tendon_force_n": 2.0}
+SHARES = (1 / 3, 2 / 3, 1.0)
+ELEMENTS = ("continuous", "cell", "point")
+REFERENCE_DESIGN = {
+    "inner_radius": "2 mm",
+    "average_radius": "6 mm",
+    "wall": "1.5 mm",
+    "module_length": "11 mm",
+}
+DESIGNS: Mapping[str, Mapping[str, Any]] = {"bellow_bending": REFERENCE_DESIGN}
+
+
+@dataclass(frozen=True, eq=False)
+class Figures:
+    """What one mesh and element give: free motions (rad or m), efforts (N·m or N), and what they cost."""
+
+    free: Array
+    blocked: Array
+    half_way: float
+    unknowns: int
+    steps: int
+    cpu_s: float
+
+
+def family_of(kind: str) -> ActuatorFamily:
+    """The family's reference design, or its manifest's example."""
+    component = next(c for c in pliant_components() if c.interface == "family" and c.kind == kind)
+    values = DESIGNS.get(kind, component.example)
+    built: ActuatorFamily = component.build(component.config_model().model_validate({"kind": kind, **values}))
+    return built
+
+
+def solve(family: ActuatorFamily, refinement: int, element: str) -> Figures:
+    """Free branch upwards, then blocked states from rest, then one in between."""
+    problem = family.problem(refinement)
+    config = SkfemConfig.model_validate({"pressure_max_pa": 15e3, "dilatation": element})
+    solver = Skfem(config).solver(problem, NeoHookean(NeoHookeanConfig(shear_modulus_pa=MU_PA)))
+    levels = [share * LARGEST[problem.actuation] for share in SHARES]
+    begun = time.process_time()
+    free, blocked = (
+        _branch(solver.rest(), levels, solver.free),
+        _branch(solver.rest(), levels, lambda a, s: solver.constrained(a, 0.0, s)),
+    )
+    between = solver.constrained(levels[-1], free[-1].angle_rad / 2, free[-1])
+    states = [*free, *blocked, between]
+    return Figures(
+        free=np.array([state.angle_rad for state in free]),
+        blocked=np.array([state.moment_n_m for state in blocked]),
+        half_way=between.moment_n_m,
+        unknowns=solver.assembler.pattern.size,
+        steps=sum(state.iterations for state in states),
+        cpu_s=time.process_time() - begun,
+    )
+
+
+def _branch(start: FemState, levels: list[float], step: Any) -> list[FemState]:
+    states = [start]
+    for level in levels:
+        states.append(step(level, states[-1]))
+    return states[1:]
+
+
+def study(kind: str, refinements: int) -> dict[str, Any]:
+    """Figures of all meshes and elements of one family, with their differences from the finest."""
+    family = family_of(kind)
+    found = {}
+    for refinement in range(1, refinements + 1):
+        for element in ELEMENTS:
+            got = found[refinement, element] = solve(family, refinement, element)
+            print(
+                f"{kind} {refinement} {element}: free at the end {got.free[-1]:.6g}, {got.cpu_s:.1f} s",
+                flush=True,
+            )
+    finest, rows = found[refinements, "continuous"], []
+    print(f"{kind}: differences from continuous cells, refinement {refinements}, in %")
+    print(
+        "refinement element      free 1/3    2/3      1   blocked 1/3  2/3    1   half-way  unknowns steps  CPU s"
+    )
+    for (refinement, element), got in found.items():
+        free = 100 * (got.free / finest.free - 1)
+        blocked = 100 * (got.blocked / finest.blocked - 1)
+        half = 100 * (got.half_way / finest.half_way - 1)
+        numbers = " ".join(f"{value:8.3f}" for value in (*free, *blocked, half))
+        print(
+            f"{refinement:10d} {element:10s} {numbers} {got.unknowns:9d} {got.steps:5d} {got.cpu_s:6.2f}",
+            flush=True,
+        )
+        rows.append(
+            {
+                "refinement": refinement,
+                "element": element,
+                "free": got.free.tolist(),
+                "blocked": got.blocked.tolist(),
+                "half_way": got.half_way,
+                "free_percent": free.tolist(),
+                "blocked_percent": blocked.tolist(),
+                "half_way_percent": half,
+                "unknowns": got.unknowns,
+                "newton_steps": got.steps,
+                "cpu_s": got.cpu_s,
+            }
+        )
+    return {"levels": list(SHARES), "rows": rows}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("families", nargs="*", default=["bellow_bending"])
+    parser.add_argument("--refinement", type=int, default=2)
+    arguments = parser.parse_args()
+    results = {kind: study(kind, arguments.refinement) for kind in arguments.families}
+    bars = []
+    for kind, result in results.items():
+        at = {(row["refinement"], row["element"]): row["free"][-1] for row in result["rows"]}
+        gap = 100 * abs(at[1, "cell"] / at[1, "continuous"] - 1)
+        bars.append(Bar(f"{kind}: cell against continuous, free at the end", gap, 0.3, "%", True))
+    for bar in bars:
+        print(bar)
+    write("elements", {"shear_modulus_pa": MU_PA, "families": results}, bars)
+
+
+if __name__ == "__main__":
+    main()
