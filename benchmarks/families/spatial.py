@@ -71,7 +71,7 @@ def secant(solver: ModuleSolver, free: FemState, axis: str, moment: float, held:
         if state is not free and abs(missing) < 0.02 * moment:
             break
         state = solver.constrained(free.actuation, {**others, axis: u}, state)
-    return moment / u
+    return float(moment / u)
 
 
 def rows_of(

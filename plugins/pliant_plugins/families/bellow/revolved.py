@@ -76,7 +76,8 @@ def ring(profile: BellowProfile, counts: Counts, axis_height_m: float = 0.0) -> 
     x = np.concatenate([profile.half_length_m - x[::-1], profile.half_length_m + x[1:]])
     radius = np.concatenate([radius[::-1], radius[1:]])
     steps = 8 * counts.quarter
-    nodes, ids = numbered(_revolved(x, radius, 2 * np.pi / steps * np.arange(steps), axis_height_m))
+    phi = np.linspace(0, 2 * np.pi, steps + 1)[:-1]
+    nodes, ids = numbered(_revolved(x, radius, phi, axis_height_m))
     mesh_ids = np.concatenate([ids, ids[:, :1]], axis=1)
     sets = {**_ends(ids), "crest": ids[len(x) // 2].ravel()}
     return _mesh(nodes, mesh_ids, sets)

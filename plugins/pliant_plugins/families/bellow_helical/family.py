@@ -97,7 +97,7 @@ class BellowHelical(ActuatorFamily):
 
     def _whole(self, refinement: int, axes: tuple[str, ...]) -> ModuleProblem:
         hinged = self.config.twist_pivot == "hinge"
-        fixed = {"start": (0, 1, 2), "end": (0, 1, 2) if hinged else (0, 2)}
+        fixed: dict[str, tuple[int, ...]] = {"start": (0, 1, 2), "end": (0, 1, 2) if hinged else (0, 2)}
         tied: dict[str, tuple[int, ...]] = {} if hinged else {"end": (1,)}
         if self._rigid_crest:
             fixed, tied = {**fixed, "crest": (0,)}, {**tied, "crest": (1, 2)}
