@@ -5,7 +5,8 @@
 (b) the same law with and without slopes from the adaptive states
 (c) a helical bellow on three axes: states and time on each piece (--helical)
 
-Processor times are also given in units of a reference kernel of the same run, the LU of a fixed sparse matrix. Prints the figures and writes them to benchmarks/out/sampling.json.
+Processor times are also given in units of a reference kernel of the same run, the LU of a fixed
+sparse matrix. Prints the figures and writes them to benchmarks/out/sampling.json.
 """
 
 from __future__ import annotations
