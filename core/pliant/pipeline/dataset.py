@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from pliant.errors import UserError
 from pliant.interfaces.family import ActuatorFamily, FamilyConfig
 from pliant.interfaces.fem import FEMBackend, FemConfig, ModuleSolver
 from pliant.interfaces.material import Material, MaterialConfig
@@ -14,6 +15,7 @@ from pliant.pipeline.rows import module_rows
 from pliant.pipeline.sampling import FULL, MAIN, Piece, Sampled, Sampling, sample
 from pliant.pipeline.sampling.study import loads_of
 from pliant.pipeline.workbench import Workbench, content
+from pliant.records.design import Array
 from pliant.records.fem import FemState, IntArray, ModuleData, ModuleProblem, ModuleShape
 from pliant.store.store import Artifact
 
@@ -83,20 +85,54 @@ def as_data(
         actuation_name=whole.actuation,
         failed=sampling.failed,
         shapes=_shapes(problems[MAIN], solver, sampling.solved),
-        sampling={**sampling.summary, "n_solved": len(sampling.solved)},
+        sampling={**sampling.summary, "n_solved": len(sampling.solved), "pieces": _sizes(problems)},
         **rows,
     )
+
+
+def _sizes(problems: Mapping[str, ModuleProblem]) -> dict[str, dict[str, int]]:
+    """How large each piece's mesh is."""
+    meshes = {name: problem.mesh for name, problem in problems.items()}
+    return {name: {"n_cells": len(m.cells), "n_nodes": len(m.nodes_m)} for name, m in meshes.items()}
 
 
 def _shapes(
     problem: ModuleProblem, solver: ModuleSolver, solved: tuple[Sampled, ...]
 ) -> tuple[ModuleShape, ...]:
-    """The skin at rest and on the free branch, in ascending actuation."""
+    """The skin at rest and on the free branch, in ascending actuation; the last one with its stress."""
     free = [s.state for s in solved if s.target.branch == "free" and s.target.piece == MAIN]
     nodes, faces = np.unique(problem.mesh.skin, return_inverse=True)
     skin: IntArray = faces.reshape(problem.mesh.skin.shape).astype(np.int64)
+    mirrors = mirror_planes(problem)
 
-    def shape(state: FemState) -> ModuleShape:
-        return ModuleShape(state.actuation, state.angle_rad, solver.deformed_nodes(state)[nodes], skin)
+    def shape(state: FemState, stress: Array | None = None) -> ModuleShape:
+        points = solver.deformed_nodes(state)[nodes]
+        return ModuleShape(state.actuation, state.angle_rad, points, skin, stress, mirrors)
 
-    return tuple(shape(state) for state in free)
+    return (*(shape(state) for state in free[:-1]), *(shape(s, _stress(solver, s, nodes)) for s in free[-1:]))
+
+
+def _stress(solver: ModuleSolver, state: FemState, nodes: IntArray) -> Array | None:
+    """Von Mises stress at some nodes, or None where the backend gives no fields."""
+    try:
+        return np.asarray(solver.fields(state).point_data["von_mises_pa"][nodes], dtype=float)
+    except (UserError, KeyError):
+        return None
+
+
+def mirror_planes(problem: ModuleProblem) -> tuple[str, ...]:
+    """The planes x, y, z = 0 in which mirror images of the solved piece make the module, by their normals.
+
+    x where the piece is half the module; y and z where a whole plane of nodes is held in it.
+    """
+    found = ["x"] if problem.deformation_scale == 2.0 else []
+    nodes = problem.mesh.nodes_m
+    near = 1e-9 * float(np.ptp(nodes, axis=0).max())
+    for c, name in ((1, "y"), (2, "z")):
+        for held, components in problem.fixed.items():
+            place = nodes[problem.mesh.node_sets[held]]
+            in_plane = bool(np.all(np.abs(place[:, c]) <= near))
+            if c in components and in_plane and np.all(np.ptp(np.delete(place, c, axis=1), axis=0) > near):
+                found.append(name)
+                break
+    return tuple(found)

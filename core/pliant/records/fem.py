@@ -245,12 +245,19 @@ class ModuleFields:
 
 @dataclass(frozen=True, eq=False)
 class ModuleShape:
-    """Deformed skin of the solved piece at one state, for pictures: points (n, 3) in m, faces (g, 9)."""
+    """Deformed skin of the solved piece at one state, for pictures: points (n, 3) in m, faces (g, 9).
+
+    Attributes:
+        von_mises_pa: (n,) von Mises stress on the skin, where it was asked for and the backend gives fields.
+        mirrors: planes through the origin in which mirror images of the piece make the module, by their normals.
+    """
 
     actuation: float
     angle_rad: float
     points_m: Array
     faces: IntArray
+    von_mises_pa: Array | None = None
+    mirrors: tuple[str, ...] = ("x", "y")
 
 
 @dataclass(frozen=True, eq=False)
