@@ -31,6 +31,7 @@ PATH_KEYS = (
     ("task", "mesh"),
     ("task", "points"),
     ("sweep", "designs"),
+    ("family", "visual"),
 )
 KeyPath = tuple[Any, ...]
 Notes = TypeVar("Notes", bound=FrozenModel)
@@ -257,6 +258,7 @@ def _absolute_paths(study: dict[str, Any], folder: Path) -> None:
     for segment in segments if isinstance(segments, list) else []:
         if isinstance(segment, dict):
             _absolute(segment.get("surrogate"), "data", folder)
+            _absolute(segment.get("family"), "visual", folder)
     if isinstance(study.get("plugins"), list):
         study["plugins"] = [str(folder / f) if isinstance(f, str) else f for f in study["plugins"]]
 

@@ -188,7 +188,7 @@ def normalised(raw: Mapping[str, Any]) -> dict[str, Any]:
 
 def varied(config: ComponentConfig, changes: Mapping[str, Any]) -> ComponentConfig:
     """The config with some keys changed, validated anew; keys may be written with or without their unit."""
-    values = {strip_unit_suffix(key): value for key, value in config.canonical().items()}
+    values = {strip_unit_suffix(key): value for key, value in config.model_dump(mode="json").items()}
     values.update({strip_unit_suffix(key): value for key, value in changes.items()})
     return type(config).model_validate(values)
 

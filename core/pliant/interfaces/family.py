@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import ClassVar
+from pathlib import Path
+from typing import Any, ClassVar
+
+from pydantic import Field
 
 from pliant.errors import UserError
 from pliant.interfaces.base import ComponentConfig
@@ -16,7 +19,19 @@ from pliant.records.structure import StructureProblem
 
 
 class FamilyConfig(ComponentConfig):
-    """Base of a family's config: its design parameters, SI, unit in the name."""
+    """Base of a family's config: its design parameters, SI, unit in the name, and how a module is drawn."""
+
+    visual: Path | None = Field(
+        default=None,
+        description="STL of one module, drawn and exported instead of the family's surface; results are the same",
+    )
+    visual_scale: float = Field(
+        default=1.0, gt=0, description="the file's lengths times this are metres; 0.001 for millimetres"
+    )
+
+    def canonical(self) -> dict[str, Any]:
+        """The design: without what is only drawn, so that a picture changes no result and no key."""
+        return self.model_dump(mode="json", exclude={"visual", "visual_scale"})
 
 
 class ActuatorFamily(ABC):

@@ -11,6 +11,7 @@ from pliant.config.chain import RigidConfig
 from pliant.errors import UserError
 from pliant.interfaces.family import ActuatorFamily
 from pliant.interfaces.task import SceneTask, Task
+from pliant.mechanics.kinematics import ChainGeometry
 from pliant.mechanics.rotations import exp_map, log_map
 from pliant.pipeline.chain import (
     Module,
@@ -22,6 +23,7 @@ from pliant.pipeline.chain import (
     rod_module,
 )
 from pliant.pipeline.study import DesignStages, StudyRun, chain_segments
+from pliant.pipeline.visual import seen_surface
 from pliant.pipeline.workbench import Workbench
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
@@ -66,6 +68,27 @@ def drawn_chain(bench: Workbench, run: StudyRun) -> ChainModel:
         module = segment.piece if isinstance(segment.piece, Module) else module
         dressed.append(replace(segment, piece=_rigid_look(written.rigid, segment.piece, module)))
     return build_chain(config, dressed)
+
+
+def surface_at_rest(chain: ChainModel) -> TriangleMesh:
+    """All surfaces of a straight chain in the world; primitives that only collide are not among them.
+
+    Raises:
+        UserError: the chain has no surfaces.
+    """
+    straight = ChainGeometry.of(chain).forward(np.zeros((chain.n_joints, len(chain.axes))))
+    parts = [
+        shape.mesh.placed(shape.rotation, shape.position_m).placed(straight.rotations[k], straight.origins[k])
+        for k, shapes in enumerate(chain.shapes)
+        for shape in shapes
+        if shape.mesh is not None
+    ]
+    if not parts:
+        raise UserError("the chain's modules have no surface: an STL needs a 'family' block.")
+    whole = parts[0]
+    for part in parts[1:]:
+        whole = whole.joined(part)
+    return whole
 
 
 def with_surfaces(scene: Scene, looks: ChainModel) -> Scene:
@@ -131,8 +154,12 @@ def _frames_of(result: TaskResult) -> SceneFrames:
     return chain_frames(rollout.time_s, rollout.joint_angles)
 
 
-def _mesh(surface: TriangleMesh) -> Shape:
-    return Shape("mesh", (), np.zeros(3), np.eye(3), surface)
+def _meshes(soft: TriangleMesh, rigid: TriangleMesh | None) -> tuple[Shape, ...]:
+    """A half's surfaces as shapes."""
+    shapes = [Shape("mesh", (), np.zeros(3), np.eye(3), soft)]
+    if rigid is not None:
+        shapes.append(Shape("mesh", (), np.zeros(3), np.eye(3), rigid, rigid=True))
+    return tuple(shapes)
 
 
 def _dressed(bench: Workbench, segment: Segment, design: DesignStages) -> Segment:
@@ -146,8 +173,8 @@ def _dressed(bench: Workbench, segment: Segment, design: DesignStages) -> Segmen
             return replace(segment, piece=replace(piece, shapes=rod.shapes))
         return segment
     family: ActuatorFamily = bench.build("family", design.family)
-    surface = family.surface()
-    shapes = HalfShapes((_mesh(surface.start),), (_mesh(surface.end),))
+    surface = seen_surface(family)
+    shapes = HalfShapes(_meshes(surface.start, surface.rigid_start), _meshes(surface.end, surface.rigid_end))
     return replace(segment, piece=replace(piece, shapes=shapes))
 
 

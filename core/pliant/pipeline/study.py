@@ -27,6 +27,7 @@ from pliant.pipeline.chain import (
 from pliant.pipeline.dataset import fem_stage
 from pliant.pipeline.simulate import ChainSource, simulate_stage
 from pliant.pipeline.surrogate import LawStage, law_stage, without_tables
+from pliant.pipeline.visual import seen_surface
 from pliant.pipeline.workbench import Workbench, content
 from pliant.records.chain import ChainModel
 from pliant.records.law import JointLaw
@@ -48,7 +49,8 @@ class Design:
     @property
     def name(self) -> str:
         """The same text for the same design, however it was written."""
-        return repr([config.canonical() if config else None for config in (self.family, self.surrogate)])
+        drawn = (self.family.visual, self.family.visual_scale) if self.family else None
+        return repr([*(c.canonical() if c else None for c in (self.family, self.surrogate)), drawn])
 
 
 @dataclass(frozen=True)
@@ -113,7 +115,9 @@ def check_study(bench: Workbench, study: Study) -> None:
     """
     for design in _distinct_designs(study):
         if design.family is not None:
-            bench.build("family", design.family)
+            built: ActuatorFamily = bench.build("family", design.family)
+            if design.family.visual is not None:
+                seen_surface(built)
         if design.surrogate is not None:
             bench.build("surrogate", design.surrogate)
     for key, interface in BLOCKS.items():

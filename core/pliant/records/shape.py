@@ -40,6 +40,7 @@ class Shape:
             shape's own z, a capsule's without its caps); ellipsoid: semi-axes (3,); mesh: ().
         position_m, rotation: (3,) and (3, 3) pose of the shape in the body's frame.
         mesh: the surface of kind "mesh".
+        rigid: for pictures, which bend what meets at a joint into one skin: this shape keeps its own.
     """
 
     kind: ShapeKind
@@ -47,6 +48,7 @@ class Shape:
     position_m: Array
     rotation: Array
     mesh: TriangleMesh | None = None
+    rigid: bool = False
 
     def placed(self, rotation: Array, position_m: Array) -> Shape:
         """The same shape with its body's frame turned, then moved."""
@@ -68,7 +70,28 @@ class HalfShapes:
 
 @dataclass(frozen=True, eq=False)
 class HalfSurfaces:
-    """Surfaces of a module's two halves in the module frame, for pictures and STL."""
+    """Surfaces of a module's two halves in the module frame, for pictures and STL.
+
+    Attributes:
+        start, end: what pictures bend across the joint.
+        rigid_start, rigid_end: what keeps its shape, such as a link; None where all is soft.
+    """
 
     start: TriangleMesh
     end: TriangleMesh
+    rigid_start: TriangleMesh | None = None
+    rigid_end: TriangleMesh | None = None
+
+    @property
+    def parts(self) -> tuple[TriangleMesh, ...]:
+        """All surfaces of the module."""
+        every = (self.start, self.end, self.rigid_start, self.rigid_end)
+        return tuple(part for part in every if part is not None)
+
+    @property
+    def whole(self) -> TriangleMesh:
+        """The module as one surface, without merging vertices."""
+        first, *others = self.parts
+        for other in others:
+            first = first.joined(other)
+        return first

@@ -1,8 +1,8 @@
 """One smooth surface per arm: halves of modules are bent across their joints by linear blend skinning.
 
 A half that ends at a joint moves with its own body and, the nearer to the joint, the more with the body on the
-joint's other side: half and half at the joint, not at all at the half's far end. Only pictures need it; engines
-know rigid bodies.
+joint's other side: half and half at the joint, not at all at the half's far end. Shapes that say they are rigid
+keep their form. Only pictures need it; engines know rigid bodies.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ def skin_of(chain: ChainModel) -> Skin | None:
             mesh = surface_of(shape)
             if mesh is None:
                 continue
-            body, share = _followed(chain, number, mesh.vertices_m[:, 0])
+            body, share = _followed(chain, number, mesh.vertices_m[:, 0], shape.rigid)
             parts.append(mesh.placed(straight.rotations[number], straight.origins[number]))
             bodies.append(body)
             shares.append(share)
@@ -120,8 +120,12 @@ def cylinder(radius_m: float, half_m: float) -> TriangleMesh:
     return TriangleMesh(vertices, np.concatenate(faces).astype(np.int64))
 
 
-def _followed(chain: ChainModel, number: int, x: Array) -> tuple[NDArray[np.int64], Array]:
+def _followed(
+    chain: ChainModel, number: int, x: Array, rigid: bool = False
+) -> tuple[NDArray[np.int64], Array]:
     """The proximal of the two bodies that each vertex of a piece follows, and the share of the next one."""
+    if rigid:
+        return np.full(len(x), number), np.zeros(len(x))
     low, high = float(x.min()), float(x.max())
     length = max(high - low, 1e-12)
     begins = number > 0 and abs(low) < AT_JOINT * length

@@ -71,11 +71,9 @@ class TendonJoint(ActuatorFamily):
         return half_shapes(self.geometry)
 
     def surface(self) -> HalfSurfaces:
-        """The skins of flexure and links; where they are bonded, faces lie on each other."""
+        """The skins of flexure and rigid links; where they are bonded, faces lie on each other."""
         flexure, link = half_skins(self._flexure), link_surface(self._link)
-        return HalfSurfaces(
-            start=flexure.start.joined(mirrored_surface(link, 0)), end=flexure.end.joined(link)
-        )
+        return HalfSurfaces(flexure.start, flexure.end, mirrored_surface(link, 0), link)
 
     def mass(self, density_kg_m3: float) -> ModuleMass:
         """Masses of the two halves: the flexure of the material's density, the links of their own."""
