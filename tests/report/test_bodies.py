@@ -33,7 +33,7 @@ def test_negative_angles_unroll_too(kit: Any) -> None:
 def test_arc_tube_keeps_its_centre_line_and_stretches_outside(kit: Any) -> None:
     section = body.unrolled(kit.tube_shapes())[-1]
     assert section.length_m == pytest.approx(LENGTH / 2, rel=1e-12)
-    assert section.stretch.max() == pytest.approx(1 + FREE / LENGTH * 0.012, rel=1e-3)
+    assert section.values.max() == pytest.approx(1 + FREE / LENGTH * 0.012, rel=1e-3)
 
 
 def test_finger_of_arcs_ends_on_the_circle(kit: Any) -> None:

@@ -9,6 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from pliant.cli import summaries
+from pliant.cli.fields import DEFAULT_WHICH, FieldsFolder, FieldsOf, fields_request, write_fields
 from pliant.cli.options import DEFAULT_STORE, JsonFile, Overrides, Quiet, StoreFolder, StudyFile
 from pliant.cli.session import Session, check_writable, plain, session
 from pliant.cli.sweeps import Scheduler, Workers, fem_of_sweep
@@ -22,7 +23,7 @@ from pliant.pipeline.study import (
 )
 from pliant.pipeline.tables import write_table
 from pliant.report.folder import read_folder, table_name, write_folder
-from pliant.report.stage import report_stage, write_page
+from pliant.report.stage import fem_report_stage, report_stage, write_page
 
 OutFolder = Annotated[
     Path | None, typer.Option("--out", metavar="DIR", help="Output folder; runs/<name> by default.")
@@ -65,17 +66,22 @@ def fem(
     out: OutFolder = None,
     workers: Workers = None,
     scheduler: Scheduler = None,
+    fields: FieldsFolder = None,
+    fields_of: FieldsOf = DEFAULT_WHICH,
     store: StoreFolder = DEFAULT_STORE,
     json: JsonFile = None,
     quiet: Quiet = False,
 ) -> None:
-    """Only the FEM data set, of one design or of the study's sweep; resumes where it was interrupted."""
+    """Only the FEM data set with its page, of one design or of the study's sweep; resumes where it was interrupted."""
     with session("fem", json, quiet) as here:
         loaded = here.study(study, overrides, uses=["sweep"])
         folder = out or Path("runs") / loaded.name
         bench = here.bench(store)
         loaded.need("family", "FEM")
+        request = fields_request(fields, fields_of)
         if loaded.sweep is not None:
+            if request is not None:
+                raise UserError(f"--fields is for one design; study '{loaded.name}' has a 'sweep'.")
             fem_of_sweep(here, bench, loaded, folder, workers, scheduler)
             return
         if workers is not None or scheduler is not None:
@@ -92,6 +98,10 @@ def fem(
         for line in summaries.fem_lines(artifacts):
             here.say(line)
         here.say(f"table    {', '.join(map(str, tables))}")
+        if request is not None:
+            write_fields(here, bench, loaded, artifacts, request)
+        here.result["report"] = fem_report_stage(bench, loaded, artifacts, folder)
+        here.say(f"report   {here.result['report']}")
         if here.result["failed"]:
             here.exit_code = NOT_CONVERGED
 

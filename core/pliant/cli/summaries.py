@@ -48,12 +48,13 @@ def fem_lines(artifacts: Sequence[Artifact]) -> list[str]:
     lines = []
     for artifact in artifacts:
         whole: ModuleData = artifact.value
-        contact = int(np.sum(whole.status == "self_contact"))
+        check, contact = int(np.sum(whole.role == "check")), int(np.sum(whole.status == "self_contact"))
         d = whole.axis(whole.main_axis)
         lines.append(
-            f"FEM      {len(whole)} states ({contact} with self-contact, {len(d.failed)} failed), "
-            f"{_largest_free(d)}, {_time(artifact)}"
+            f"FEM      {len(whole)} states ({check} never fitted, {contact} with self-contact, "
+            f"{len(whole.failed)} failed), {_largest_free(d)}, {_time(artifact)}"
         )
+        lines += [f"         {line}" for line in (*_axis_lines(whole), _cost_line(whole)) if line]
     return lines
 
 
@@ -68,6 +69,47 @@ def _largest_free(data: FemDataset) -> str:
     )
     return f"{reached} at " + (
         f"{level:g} N" if data.actuation_name == "tendon_force_n" else f"{level / 1e3:g} kPa"
+    )
+
+
+def _axis_lines(data: ModuleData) -> list[str]:
+    """States of each axis, and the error that adaptive sampling states; nothing to say of one axis on a grid."""
+    records = data.sampling.get("axes")
+    lines = []
+    for axis in data.explored_axes():
+        record = records.get(axis, {}) if isinstance(records, Mapping) else {}
+        said = _stated(record) if isinstance(record, Mapping) else ""
+        if len(data.axes) > 1:
+            count = int(np.sum(data.explored == axis))
+            lines.append(f"axis {axis}: {count} states{f', {said}' if said else ''}")
+        elif said:
+            lines.append(said)
+    if together := int(np.sum(data.explored == "coupling")):
+        lines.append(f"all axes held: {together} states")
+    return lines
+
+
+def _stated(record: Mapping[str, Any]) -> str:
+    """The stated error and whether it is as small as wanted; empty where no error was stated."""
+    if "stated_error" not in record:
+        return ""
+    stated, wanted = record["stated_error"], f"{100 * record['error']:.2g} %"
+    if stated is None:
+        return f"error not stated: too few states for it (wanted {wanted})"
+    if record["reached"]:
+        return f"stated error {100 * stated:.2g} % of the effort's range (wanted {wanted})"
+    return f"stated error {100 * stated:.2g} % of the effort's range, NOT REACHED by test (wanted {wanted})"
+
+
+def _cost_line(data: ModuleData) -> str:
+    """Time and Newton steps of a state; copies by symmetry took none."""
+    solved = (data.wall_s > 0) | (data.iterations > 0)
+    if not solved.any():
+        return ""
+    wall, steps = data.wall_s[solved], data.iterations[solved]
+    return (
+        f"{wall.mean():.2g} s and {steps.mean():.2g} Newton steps for a state, {wall.max():.2g} s and "
+        f"{int(steps.max())} at most"
     )
 
 

@@ -130,8 +130,12 @@ def check_study(bench: Workbench, study: Study) -> None:
 def fem_of_study(bench: Workbench, study: Study) -> tuple[Artifact, ...]:
     """The FEM data of each distinct design of the study."""
     study.need("family", "FEM")
-    families = {repr(d.family.canonical()): d.family for d in _distinct_designs(study) if d.family}
-    return tuple(_fem(bench, study, family) for family in families.values())
+    return tuple(_fem(bench, study, family) for family in families_of_study(study))
+
+
+def families_of_study(study: Study) -> tuple[FamilyConfig, ...]:
+    """The family of each distinct design, in the order of `fem_of_study`."""
+    return tuple({repr(d.family.canonical()): d.family for d in _distinct_designs(study) if d.family}.values())
 
 
 def laws_of_study(bench: Workbench, study: Study) -> tuple[DesignStages, ...]:

@@ -31,12 +31,16 @@ ARTIFACT = re.compile(r"(fem|fit)\d+|simulate\d+_\w[\w.-]*")
 
 @dataclass(frozen=True)
 class DesignResult:
-    """One design: its data (None for a stated law), law, errors on states left out (None for a stated law)."""
+    """One design: its data (None for a stated law), law, errors on states left out (None for a stated law).
+
+    `module` holds the FEM stage's whole result, all axes, where the law was fitted to FEM data.
+    """
 
     name: str
     fem: FemDataset | None
     law: JointLaw
     fit: FitReport | None
+    module: ModuleData | None = None
 
 
 @dataclass(frozen=True)
@@ -68,7 +72,11 @@ def finished(run: StudyRun, summary: Mapping[str, Any]) -> FinishedRun:
     """A run in memory as what a report reads."""
     designs = tuple(
         DesignResult(
-            _design_name(number, run), _main(d.fem) if d.fem else d.law.data, d.law.law, d.law.report
+            _design_name(number, run),
+            _main(d.fem) if d.fem else d.law.data,
+            d.law.law,
+            d.law.report,
+            d.fem.value if d.fem else None,
         )
         for number, d in enumerate(run.designs)
     )
@@ -197,9 +205,11 @@ def _read_designs(
         table = _foreign_table(number)
         if table in index["tables"]:
             data: FemDataset | None = read_table(folder / table)
+            module = None
         else:
-            data = _main(artifacts[f"fem{number}"])
-        designs.append(DesignResult(name, data, law, fit.value["report"]))
+            source = artifacts[f"fem{number}"]
+            data, module = _main(source), source.value
+        designs.append(DesignResult(name, data, law, fit.value["report"], module))
     return tuple(designs)
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from pliant import __version__
 from pliant.report.facts import (
     coefficients,
@@ -12,12 +14,12 @@ from pliant.report.facts import (
     provenance_table,
     time_tables,
 )
+from pliant.report.fem_section import Solved, data_sections, numbered, shape_section
 from pliant.report.figures.backbones import backbone_picture
 from pliant.report.figures.backbones import caption as backbone_caption
 from pliant.report.figures.chain_pose import chain_pose
-from pliant.report.figures.finger import finger_picture
+from pliant.report.figures.finger import finger_bodies, finger_picture
 from pliant.report.figures.law import law_picture
-from pliant.report.figures.module_shape import can_show, module_shape
 from pliant.report.figures.stills import still_pictures
 from pliant.report.folder import FinishedRun
 from pliant.report.layout import Page, Picture, Section
@@ -25,13 +27,14 @@ from pliant.report.reading import ran
 from pliant.report.template import page_template
 from pliant.report.words import gravity_words, result_sentence, warnings
 
-SHAPES_SHOWN = 6  # designs whose mesh is drawn
-
 
 def render(run: FinishedRun) -> Page:
     """Draw and write the report. The same run gives the same bytes."""
+    states, how, cost = _fem(run)
     hero = Picture("finger", _hero_caption(run), finger_picture(run))
-    sections = [s for s in (_meshes(run), _laws(run), _poses(run), *_tables(run)) if s is not None]
+    sections = [
+        s for s in (_meshes(run), states, how, _laws(run), _poses(run), cost, *_tables(run)) if s is not None
+    ]
     text = page_template().render(
         title=str(run.study.get("name", "Pliant run")),
         sentence=result_sentence(run),
@@ -46,7 +49,7 @@ def render(run: FinishedRun) -> Page:
 
 def _hero_caption(run: FinishedRun) -> str:
     parts = []
-    if any(can_show(d.fem) for d in run.designs) and ran(run):
+    if finger_bodies(run) is not None:
         parts.append(
             "FEM shape of one module at this pressure, bent to each joint's angle and stacked; ghosts show the rest "
             "state and levels on the way, colour the stretch of the skin"
@@ -60,25 +63,20 @@ def _hero_caption(run: FinishedRun) -> str:
 
 
 def _meshes(run: FinishedRun) -> Section | None:
-    shown = [(n, d) for n, d in enumerate(run.designs) if can_show(d.fem)][:SHAPES_SHOWN]
-    if not shown:
-        return None
-    pictures = tuple(
-        Picture(
-            _numbered("module_shape", n),
-            f"{d.name}: the mesh at rest and on the free branch, orthographic, one scale. Only a quarter is solved; "
-            "the rest are mirror images.",
-            module_shape(d.fem),
-        )
-        for n, d in shown
-        if d.fem is not None
-    )
-    return Section("One module, undeformed and deformed", pictures)
+    return shape_section([(d.name, d.fem) for d in run.designs if d.fem is not None])
+
+
+def _fem(run: FinishedRun) -> list[Section | None]:
+    """The FEM data, how its states were chosen and what they cost; nothing for laws that no FEM was made for."""
+    block = run.study.get("fem") or {}
+    backend = str(block.get("kind", "")) if isinstance(block, Mapping) else ""
+    solved = [Solved(d.name, d.module, backend) for d in run.designs if d.module is not None]
+    return [*data_sections(solved)] or [None, None, None]
 
 
 def _laws(run: FinishedRun) -> Section:
     pictures = tuple(
-        Picture(_numbered("law", n), _law_caption(run, n), law_picture(run, d))
+        Picture(numbered("law", n), _law_caption(run, n), law_picture(run, d))
         for n, d in enumerate(run.designs)
     )
     table = law_table(run)
@@ -116,7 +114,7 @@ def _stills(run: FinishedRun) -> Section:
     """A task with contact: outlines of its scene, and its metrics."""
     pictures = tuple(
         Picture(
-            _numbered("stills", number),
+            numbered("stills", number),
             f"{engine.kind}: outlines of what collides, from the side and from above; the first trial.",
             still_pictures(engine.result.stills),
         )
@@ -135,7 +133,3 @@ def _tables(run: FinishedRun) -> list[Section]:
     if run.provenance:
         found.append(Section("Provenance", tables=(provenance_table(run),)))
     return found
-
-
-def _numbered(name: str, number: int) -> str:
-    return name if number == 0 else f"{name}_{number + 1}"

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
-from pliant.records.law import JointLaw
+from pliant.records.law import JointKind
 from pliant.units import UNIT_SUFFIXES
 
 
@@ -92,14 +92,28 @@ def of_actuation(name: str) -> Unit:
     return SHOWN["N"] if name.endswith("_n") else SHOWN["Pa"]
 
 
-def of_deformation(law: JointLaw) -> Unit:
-    """Display unit of a law's joint coordinate."""
+class Jointed(Protocol):
+    """A law, or data, of a joint."""
+
+    @property
+    def joint(self) -> JointKind:
+        """Kind of the joint."""
+        ...
+
+
+def of_deformation(law: Jointed) -> Unit:
+    """Display unit of a joint coordinate."""
     return MILLIMETRES if law.joint == "prismatic" else DEGREES
 
 
-def of_effort(law: JointLaw) -> Unit:
-    """Display unit of a law's effort."""
+def of_effort(law: Jointed) -> Unit:
+    """Display unit of a joint's effort."""
     return SHOWN["N"] if law.joint == "prismatic" else SHOWN["N*m"]
+
+
+def of_stress(largest_pa: float) -> Unit:
+    """Display unit of stresses up to this one: kPa, or MPa."""
+    return Unit("MPa", 1e-6) if largest_pa >= 1e6 else SHOWN["Pa"]
 
 
 def of_field(field: str) -> tuple[str, Unit]:

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
+from pliant.records.fem import FemDataset, ModuleData
 from pliant.report import units
+from pliant.report.fem_reading import failed_place
 from pliant.report.folder import DesignResult, FinishedRun
 from pliant.report.reading import (
     Ran,
@@ -156,34 +159,37 @@ def _law_warnings(design: DesignResult, named: bool) -> list[Warned]:
     prefix = f"{design.name}: " if named else ""
     if design.fit is not None and design.fit.details.get("stable") is False:
         found.append(Warned(f"{prefix}the law is unstable (∂τ/∂u ≥ 0) somewhere in its domain."))
-    if design.fem is None:
-        return found
-    contact = int(np.sum(design.fem.status == "self_contact"))
+    return found if design.fem is None else found + data_warnings(design.fem, prefix)
+
+
+def data_warnings(data: FemDataset | ModuleData, prefix: str = "") -> list[Warned]:
+    """What limits a data set: self-contact, states that are not trusted, states that failed."""
+    found = []
+    contact = int(np.sum(data.status == "self_contact"))
     if contact:
         found.append(
             Warned(
-                f"{prefix}{contact} of {len(design.fem)} states have touching convolutions. The model has no "
+                f"{prefix}{contact} of {len(data)} states have {_touching(data)}. The model has no "
                 "contact: the law's domain ends where they take over, and inside it they are too soft."
             )
         )
-    other = (design.fem.status != "ok") & (design.fem.status != "self_contact")
+    other = (data.status != "ok") & (data.status != "self_contact")
     if other.any():
-        names = ", ".join(sorted(set(design.fem.status[other].tolist())))
+        names = ", ".join(sorted(set(data.status[other].tolist())))
         found.append(Warned(f"{prefix}{int(other.sum())} states are not trusted ({names})."))
-    failed = design.fem.failed
+    failed = data.failed
     if failed:
-        items = tuple(_failed(entry, design) for entry in failed[:LISTED])
+        items = tuple(_failed(entry, data) for entry in failed[:LISTED])
         found.append(Warned(f"{prefix}{len(failed)} states failed{_rest(len(failed))}.", items))
     return found
 
 
-def _failed(entry: object, design: DesignResult) -> str:
-    assert isinstance(entry, dict)
-    unit = units.of_actuation(design.law.actuation_name)
-    value, angle = entry.get("actuation"), entry.get("angle_rad")
-    where = unit.text(float(value)) if isinstance(value, int | float) else "unknown actuation"
-    where += f", {units.DEGREES.text(float(angle), 3)}" if isinstance(angle, int | float) else ", free"
-    return f"{where}: {entry.get('cause', 'no cause recorded')}"
+def _touching(data: FemDataset | ModuleData) -> str:
+    return "links that would meet" if data.actuation_name == "tendon_force_n" else "touching convolutions"
+
+
+def _failed(entry: Mapping[str, object], data: FemDataset | ModuleData) -> str:
+    return f"{', '.join(failed_place(entry, data))}: {entry.get('cause', 'no cause recorded')}"
 
 
 def _rest(count: int) -> str:

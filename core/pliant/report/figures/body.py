@@ -1,8 +1,9 @@
 """From the solved piece of a module to the bodies that pictures show: modules and whole fingers.
 
-The solved piece is half a module cut by its mirror plane (y ≥ 0, x from the module's middle to its end), deformed
-about the centre of an arc: its end section is a plane turned by θ = u/2 about y. Mirroring it in y = 0 and in
-its start section gives the module; modules follow each other end to start.
+The solved piece is half a module, x from the module's middle to its end, cut by its mirror planes: y = 0, and z = 0
+where nothing bends. Its end section is a plane, turned by θ = u/2 about y around the centre of an arc, or moved along x
+by u/2. Mirror images in these planes and in the start section give the module; modules follow each other end to start.
+A piece without mirror planes is the whole module.
 """
 
 from __future__ import annotations
@@ -28,26 +29,30 @@ class SectionShape:
         section: (n, 3) section coordinates, m.
         length_m: arc length of the line z = 0 between the two end sections.
         faces: (g, 9).
-        stretch: (n,) largest stretch of the skin against the rest shape.
-        lids: the faces (g,) that lie in the planes where the piece was cut: "start", "end", "mirror".
+        values: (n,) what colours it, by default the largest stretch of the skin against the rest shape.
+        lids: the faces (g,) that lie in the planes where the piece was cut: "start", "end", and the mirror planes
+            "y", "z".
+        mirrors: the planes in which mirror images make the module, by their normals.
     """
 
     section: Array
     length_m: float
     faces: IntArray
-    stretch: Array
+    values: Array
     lids: Mapping[str, NDArray[np.bool_]]
+    mirrors: tuple[str, ...] = ("x", "y")
 
     def bent(self, theta: float, without: Sequence[str]) -> Surface:
         """The piece with its end section turned by `theta` (rad), some lids left out; the start stays at x = 0."""
-        faces = self.faces[~np.any([self.lids[name] for name in without], axis=0)]
+        hidden = [self.lids[name] for name in without if name in self.lids]
+        faces = self.faces[~np.any(hidden, axis=0)] if hidden else self.faces
         s, y, z = self.section.T
         if abs(theta) < STRAIGHT:
-            return Surface(np.stack([s, y, z], axis=1), faces, self.stretch)
+            return Surface(np.stack([s, y, z], axis=1), faces, self.values)
         radius = self.length_m / theta
         angle = s / radius
         points = np.stack([(radius + z) * np.sin(angle), y, (radius + z) * np.cos(angle) - radius], axis=1)
-        return Surface(points, faces, self.stretch)
+        return Surface(points, faces, self.values)
 
     def end_pose(self, theta: float) -> tuple[Array, Array]:
         """Rotation (3, 3) and position (3,) of the end section in the frame of the start section."""
@@ -57,14 +62,20 @@ class SectionShape:
         return _about_y(theta), np.array([radius * np.sin(theta), 0.0, radius * (np.cos(theta) - 1)])
 
 
-def unrolled(shapes: Sequence[ModuleShape]) -> list[SectionShape]:
-    """The shapes in section coordinates; the first one must be the rest shape."""
+def piece_angle(shape: ModuleShape, slides: bool = False) -> float:
+    """The angle θ between the piece's end sections; 0 where the joint slides."""
+    return 0.0 if slides else shape.angle_rad / (2 if "x" in shape.mirrors else 1)
+
+
+def unrolled(shapes: Sequence[ModuleShape], slides: bool = False) -> list[SectionShape]:
+    """The shapes in section coordinates; the first one must be the rest shape. `slides`: the joint is prismatic."""
     rest = shapes[0]
-    x, y, _ = rest.points_m.T
+    x, y, z = rest.points_m.T
     near = 1e-6 * np.ptp(x)
     planes: dict[str, NDArray[np.bool_]]
-    planes = {"start": np.abs(x) < near, "end": np.abs(x - x.max()) < near, "mirror": np.abs(y) < near}
-    return [_unroll(shape, rest, planes) for shape in shapes]
+    planes = {"start": np.abs(x) < near, "end": np.abs(x - x.max()) < near}
+    planes |= {name: np.abs(c) < near for name, c in (("y", y), ("z", z)) if name in rest.mirrors}
+    return [_unroll(shape, rest, planes, piece_angle(shape, slides)) for shape in shapes]
 
 
 def at_actuation(
@@ -81,25 +92,40 @@ def at_actuation(
         (1 - part) * low.section + part * high.section,
         (1 - part) * low.length_m + part * high.length_m,
         low.faces,
-        (1 - part) * low.stretch + part * high.stretch,
+        (1 - part) * low.values + part * high.values,
         low.lids,
+        low.mirrors,
     )
 
 
 def module(piece: SectionShape, theta: float, closed: Sequence[bool] = (True, True)) -> Surface:
-    """A whole module in the frame of its middle section; `closed` tells which of its two ends have lids."""
+    """A whole module in the frame of its middle section; `closed` tells which of its two ends have lids.
+
+    A piece without the mirror plane x is the module, in the frame of its start section.
+    """
+    if "x" not in piece.mirrors:
+        return _sides(piece.bent(theta, ("y", "z")), piece)
     halves = []
     for mirror, lid in zip((True, False), closed, strict=True):
-        quarter = piece.bent(theta, ("start", "mirror") if lid else ("start", "mirror", "end"))
-        half = Surface.joined([quarter, quarter.mirrored(1)])
+        without = ("start", "y", "z") if lid else ("start", "y", "z", "end")
+        half = _sides(piece.bent(theta, without), piece)
         halves.append(half.mirrored(0) if mirror else half)
     return Surface.joined(halves)
 
 
 def cut_module(piece: SectionShape, theta: float) -> Surface:
-    """A module cut open along y = 0: the half behind the cut, y ≥ 0."""
-    quarter = piece.bent(theta, ("start",))
-    return Surface.joined([quarter, quarter.mirrored(0)])
+    """A module cut open along y = 0, where that is a mirror plane: the half behind the cut, y ≥ 0."""
+    halved = "x" in piece.mirrors
+    part = _sides(piece.bent(theta, ("start", "z") if halved else ("z",)), piece, "z")
+    return Surface.joined([part, part.mirrored(0)]) if halved else part
+
+
+def _sides(part: Surface, piece: SectionShape, planes: str = "yz") -> Surface:
+    """The part with its mirror images in some of the piece's planes."""
+    for number, name in enumerate("xyz"):
+        if name in planes and name in piece.mirrors:
+            part = Surface.joined([part, part.mirrored(number)])
+    return part
 
 
 def finger(
@@ -129,19 +155,23 @@ def finger(
     return Surface.joined(parts), np.array(path)
 
 
-def _unroll(shape: ModuleShape, rest: ModuleShape, planes: Mapping[str, NDArray[np.bool_]]) -> SectionShape:
+def _unroll(
+    shape: ModuleShape, rest: ModuleShape, planes: Mapping[str, NDArray[np.bool_]], theta: float
+) -> SectionShape:
+    """`theta`: the angle between the piece's end sections."""
     lids = {name: np.asarray(nodes[rest.faces].all(axis=1)) for name, nodes in planes.items()}
-    end, theta = planes["end"], shape.angle_rad / 2
+    end = planes["end"]
     x, y, z = shape.points_m.T
     stretch = _skin_stretch(rest.points_m, shape.points_m, rest.faces, np.any(list(lids.values()), axis=0))
     if abs(theta) < STRAIGHT:
-        return SectionShape(shape.points_m, float(x[end].mean()), rest.faces, stretch, lids)
+        length_m = float(x[end].mean())
+        return SectionShape(shape.points_m, length_m, rest.faces, stretch, lids, rest.mirrors)
     # the end section is a plane through the centre of curvature, at x = 0 and z = −radius
     radius = float(np.mean(x[end] / np.tan(theta) - z[end]))
     side = np.sign(radius)
     angle = np.arctan2(side * x, side * (z + radius))
     section = np.stack([radius * angle, y, side * np.hypot(x, z + radius) - radius], axis=1)
-    return SectionShape(section, radius * theta, rest.faces, stretch, lids)
+    return SectionShape(section, radius * theta, rest.faces, stretch, lids, rest.mirrors)
 
 
 def _skin_stretch(rest: Array, deformed: Array, faces: IntArray, lid: NDArray[np.bool_]) -> Array:

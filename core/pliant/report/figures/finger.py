@@ -10,9 +10,10 @@ import numpy as np
 from pliant.records.design import Array
 from pliant.report import units
 from pliant.report.figures import body, raster, shading, style
+from pliant.report.figures.body_row import show
 from pliant.report.figures.chain_pose import draw_poses, views
 from pliant.report.figures.law import draw_law
-from pliant.report.figures.module_shape import can_show, show, stretch_bar, stretch_limits
+from pliant.report.figures.module_shape import can_show, stretch_bar, stretch_limits
 from pliant.report.figures.stills import draw_side
 from pliant.report.folder import FinishedRun
 from pliant.report.reading import (
@@ -75,6 +76,8 @@ def finger_bodies(run: FinishedRun) -> Bodies | None:
     if not engines or modules is None or given is None or chain is None or len(chain.actuators) > 1:
         return None
     if not planar or not all(can_show(d) for d in data):
+        return None
+    if not all(d.shapes[0].mirrors == ("x", "y") for d in data if d is not None):
         return None
     shapes = [d.shapes for d in data if d is not None]
     sections = [body.unrolled(s) for s in shapes]

@@ -3,40 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from matplotlib.colors import Normalize
 from matplotlib.lines import Line2D
-from numpy.typing import NDArray
 
 from pliant.records.design import Array
 from pliant.records.fem import FemDataset
 from pliant.report import units
 from pliant.report.figures import style
+from pliant.report.figures.state_groups import Groups
 from pliant.report.folder import DesignResult, FinishedRun
 from pliant.report.reading import actuation, law_of, main_axis, ran, study_form, study_form_effort
 
 CURVES = 7  # levels that are drawn where the data have more
 MANY = 400  # states beyond which points are drawn small
 FALLBACK_ANGLE = 0.5  # rad, where nothing else bounds a stated law
-
-
-@dataclass(frozen=True, eq=False)
-class Groups:
-    """Masks of a data set's states: fitted, checked, not trusted."""
-
-    fit: NDArray[np.bool_]
-    check: NDArray[np.bool_]
-    untrusted: NDArray[np.bool_]
-
-    @staticmethod
-    def of(data: FemDataset) -> Groups:
-        """Not trusted: every status but "ok"."""
-        trusted = data.status == "ok"
-        check = data.role == "check"
-        return Groups(trusted & ~check, trusted & check, ~trusted)
 
 
 def law_picture(run: FinishedRun, design: DesignResult) -> style.Png:

@@ -81,6 +81,13 @@ def stretch_map() -> Colormap:
     )
 
 
+def stress_map() -> Colormap:
+    """Colours of a stress on a shaded body: pale where there is none."""
+    return LinearSegmentedColormap.from_list(
+        "stress", ["#eef3f4", "#b9dcd8", "#74b9c4", "#3f8fb5", "#2f5f9e", "#2b2d6e"]
+    )
+
+
 def bare(axes: Any) -> None:
     """An axis without frame, ticks and grid, with equal scales."""
     axes.set_axis_off()

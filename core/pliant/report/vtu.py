@@ -1,0 +1,71 @@
+"""Fields as VTU files for ParaView, and PVD files that put the states of a branch in a row.
+
+Cells are VTK's triquadratic hexahedra. A file's points are those at rest; `displacement_m` moves them ("Warp By
+Vector").
+"""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+from xml.sax.saxutils import quoteattr
+
+import numpy as np
+
+from pliant.errors import MissingDependencyError
+from pliant.records.fem import IntArray, ModuleFields
+from pliant.store.store import write_atomically
+
+# Places (i, j, k)/2 of VTK's 27 nodes in the cell: corners, edges, faces, middle (vtkTriQuadraticHexahedron).
+CORNERS = ((0, 0, 0), (2, 0, 0), (2, 2, 0), (0, 2, 0), (0, 0, 2), (2, 0, 2), (2, 2, 2), (0, 2, 2))
+EDGES = (
+    (1, 0, 0), (2, 1, 0), (1, 2, 0), (0, 1, 0), (1, 0, 2), (2, 1, 2), (1, 2, 2), (0, 1, 2),
+    (0, 0, 1), (2, 0, 1), (2, 2, 1), (0, 2, 1),
+)  # fmt: skip
+FACES = ((0, 1, 1), (2, 1, 1), (1, 0, 1), (1, 2, 1), (1, 1, 0), (1, 1, 2))
+VTK_ORDER = np.array([i + 3 * j + 9 * k for i, j, k in (*CORNERS, *EDGES, *FACES, (1, 1, 1))])
+
+
+def require_meshio() -> Any:
+    """The meshio package; raises `MissingDependencyError` where it is not installed."""
+    try:
+        # An optional package that only this writer wants; found when it is wanted, as plugins are.
+        return importlib.import_module("meshio")
+    except ImportError:
+        raise MissingDependencyError("VTU files need meshio: pip install 'pliant[fields]'.") from None
+
+
+def vtk_cells(cells: IntArray) -> IntArray:
+    """(m, 27) cells in VTK's order of nodes, from lexicographic ones."""
+    return np.asarray(cells)[:, VTK_ORDER]
+
+
+def write_vtu(path: Path, fields: ModuleFields) -> None:
+    """One state as a VTU file; nodes that no cell has are left out."""
+    meshio = require_meshio()
+    used, cells = np.unique(fields.cells, return_inverse=True)
+    data = {name: np.ascontiguousarray(values[used]) for name, values in fields.point_data.items()}
+    mesh = meshio.Mesh(
+        np.ascontiguousarray(fields.points_m[used]),
+        [("hexahedron27", vtk_cells(cells.reshape(fields.cells.shape)))],
+        point_data={"displacement_m": np.ascontiguousarray(fields.displacement_m[used]), **data},
+    )
+    temporary = path.with_name(f".{path.name}")
+    meshio.write(temporary, mesh, file_format="vtu")
+    temporary.replace(path)
+
+
+def write_pvd(path: Path, files: Sequence[tuple[float, str]]) -> None:
+    """A ParaView collection: (time, file name) of each state."""
+    sets = [f'    <DataSet timestep="{time!r}" part="0" file={quoteattr(name)}/>' for time, name in files]
+    lines = [
+        '<?xml version="1.0"?>',
+        '<VTKFile type="Collection" version="0.1" byte_order="LittleEndian">',
+        "  <Collection>",
+        *sets,
+        "  </Collection>",
+        "</VTKFile>",
+    ]
+    write_atomically(path, "\n".join(lines) + "\n")
