@@ -68,6 +68,11 @@ class FemConfig(ComponentConfig):
         default=8, ge=0, le=512, description="several axes: states that hold all of them"
     )
     check_states: int = Field(default=8, ge=0, le=512, description="extra states that are never fitted")
+    self_contact: Literal["stop", "pass"] = Field(
+        default="stop",
+        description="stop: data and law end where convolutions touch, since there is no contact in the model; "
+        "pass: they go through each other, as in the published solver's data",
+    )
     angle_low: Ratio = Field(default=-0.5, le=0, description="smallest angle / largest free angle")
     angle_high: Ratio = Field(default=1.2, ge=1, description="largest angle / largest free angle")
     refinement: int = Field(default=1, ge=1, le=4, description="multiplies the elements along each edge")

@@ -80,9 +80,8 @@ def _data(surrogate: Surrogate, dataset: Artifact | None) -> tuple[dict[str, Fem
             )
         solved: ModuleData = dataset.value
         axes = solved.explored_axes()
-        data.update(
-            {axis: solved.axis(axis) for axis in axes} if len(axes) > 1 else {"": solved.axis(axes[0])}
-        )
+        found = {axis: solved.axis(axis) for axis in axes} if len(axes) > 1 else {"": solved.axis(axes[0])}
+        data = {**found, **data}  # a table of the config's own goes before FEM
         keys["data"] = dataset.key
     return data, keys
 

@@ -15,6 +15,9 @@ from pliant.records.law import JointKind
 IntArray = NDArray[np.int64]
 Branch = Literal["free", "constrained"]
 Role = Literal["fit", "check"]
+# Where convolutions overlap, and where the user lets them (fem.self_contact: pass).
+SELF_CONTACT, PASSED = "self_contact", "passed_through"
+TRUSTED = ("ok", PASSED)
 # Arrays of a data set, one value per state.
 COLUMNS = (
     "actuation",
@@ -203,6 +206,11 @@ class FemState:
             np.array([[dmoment_du]]),
             **others,
         )
+
+    @property
+    def trusted(self) -> bool:
+        """Whether nothing overlaps, or what overlaps is let pass."""
+        return self.status in TRUSTED
 
     @property
     def angle_rad(self) -> float:

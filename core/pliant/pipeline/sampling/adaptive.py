@@ -223,7 +223,7 @@ def check_error(walk: Walk, box: Box) -> float | None:
     checks = [
         one
         for one in walk.of(box.piece)
-        if one.target.role == "check" and one.target.explored == box.axis and one.state.status == "ok"
+        if one.target.role == "check" and one.target.explored == box.axis and one.state.trusted
     ]
     view = _view(walk, box)
     if not checks or len(view) < FEWEST_STATES:

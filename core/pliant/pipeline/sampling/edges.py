@@ -13,11 +13,11 @@ ACTUATIONS = (0.0, 0.5, 0.25, 0.75)
 def trusted_box(walk: Walk, axis: str, limit: float, low: float, high: float) -> tuple[float, float]:
     """The part of [low, high] that states show to be free of self-contact, and that contains the free branch."""
     free = [one.state for one in walk.solved if one.target.branch == "free"]
-    sound = [state.angle_rad for state in free if state.status == "ok"]
+    sound = [state.angle_rad for state in free if state.trusted]
     inner_low, inner_high = min(0.0, *sound), max(s.angle_rad for s in free)
     return (
         _edge(walk, axis, limit, inner_low, low),
-        _edge(walk, axis, limit, inner_high, high) if free[-1].status == "ok" else high,
+        _edge(walk, axis, limit, inner_high, high) if free[-1].trusted else high,
     )
 
 
@@ -28,7 +28,7 @@ def _edge(walk: Walk, axis: str, limit: float, inner: float, outer: float) -> fl
     reached, trial = inner, outer
     for share in ACTUATIONS:
         found = walk.reach(Target("constrained", share * limit, {axis: trial}, explored=axis))
-        if found is not None and found.status == "ok":
+        if found is not None and found.trusted:
             reached = trial
             if trial == outer:
                 break

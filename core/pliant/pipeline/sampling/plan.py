@@ -50,7 +50,7 @@ def sample(
     by_name = {piece.name: piece for piece in pieces}
     plan = _Plan(config, limit, loads or {}, by_name)
     bar = progress.begin("FEM states", max(plan.estimate(), len(saved)), done=len(saved))
-    walk = Walk(by_name, saved, bar)
+    walk = Walk(by_name, saved, bar, passing=config.self_contact == "pass")
     try:
         summary = plan.carry_out(walk)
         bar.expect(len(saved))

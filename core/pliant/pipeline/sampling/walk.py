@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from pliant.pipeline.progress import Task
 from pliant.pipeline.sampling.saved import Saved
 from pliant.pipeline.sampling.targets import FULL, MAIN, Sampled, Target
 from pliant.records.design import Array
-from pliant.records.fem import FemState
+from pliant.records.fem import PASSED, SELF_CONTACT, FemState
 
 
 @dataclass(frozen=True)
@@ -35,6 +35,7 @@ class Walk:
     solved: list[Sampled] = field(default_factory=list)
     failed: list[dict[str, object]] = field(default_factory=list)
     stops: list[Target] = field(default_factory=list)
+    passing: bool = False  # what overlaps is let pass
 
     def of(self, piece: str) -> list[Sampled]:
         """What was solved on one piece."""
@@ -44,7 +45,7 @@ class Walk:
         """The undeformed state of a piece."""
         target = Target("free", 0.0, explored=explored, piece=piece)
         name = "rest" if piece == MAIN else f"{piece} rest"
-        state = self.saved.solve(name, self.pieces[piece].solver.rest)
+        state = self.saved.solve(name, lambda: self._seen(self.pieces[piece].solver.rest()))
         self._count()
         self.solved.append(Sampled(target, state))
         return state
@@ -53,7 +54,7 @@ class Walk:
         """The target's state, or None where it failed, which is recorded."""
         start = self._nearest(target)
         try:
-            state = self.saved.solve(target.name, lambda: self._solve(target, start))
+            state = self.saved.solve(target.name, lambda: self._seen(self._solve(target, start)))
         except StateNotConvergedError as error:
             self.failed.append(self._failure(target, str(error)))
             self.stops.append(target)
@@ -71,6 +72,10 @@ class Walk:
     def knows(self, target: Target) -> bool:
         """Whether the target was dealt with."""
         return any(t.name == target.name for t in (*(one.target for one in self.solved), *self.stops))
+
+    def _seen(self, state: FemState) -> FemState:
+        """The state with its overlap let pass."""
+        return replace(state, status=PASSED) if self.passing and state.status == SELF_CONTACT else state
 
     def _count(self) -> None:
         self.bar.advance(0 if self.saved.reused else 1)

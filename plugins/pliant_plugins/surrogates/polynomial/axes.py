@@ -52,6 +52,8 @@ def _of_axis(axis: str, data: Mapping[str, FemDataset]) -> FemDataset:
     """The axis's own table, whatever axis it says, or the FEM states of that axis."""
     if axis in data:
         return replace(data[axis], axis=axis)
+    if FEM not in data:
+        raise UserError(f"no states of axis {axis}: the data have {', '.join(sorted(data))}")
     if data[FEM].axis != axis:
         raise UserError(
             f"the FEM stage solves axis {data[FEM].axis} only: give 'data' or 'coefficients' for axis {axis}"

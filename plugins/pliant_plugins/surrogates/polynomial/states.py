@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pliant.errors import UserError
-from pliant.records.fem import FemDataset
+from pliant.records.fem import SELF_CONTACT, TRUSTED, FemDataset
 from pliant.records.law import Domain
 
 Mask = NDArray[np.bool_]
@@ -16,7 +16,6 @@ Mask = NDArray[np.bool_]
 MINIMUM_STATES = 6
 HELD_OUT_SHARE = 0.2
 HELD_OUT_SEED = 0
-IN_CONTACT = "self_contact"
 # Repeats of a bench test scatter; a tenth of the range is a mistake.
 CONTRADICTION = 0.1
 
@@ -41,20 +40,21 @@ class Split:
 def split(data: FemDataset) -> Split:
     """Check the data, bound the domain by trusted states, choose which states are fitted and which scored.
 
-    The domain is the box of the fit states with status "ok": it ends where self-contact takes over. Inside it
+    The domain is the box of the trusted states of role "fit": it ends where self-contact takes over. Inside it
     states in self-contact are used too, since a corner without data would be extrapolated. States of role
     "check" are scored; data without any hold out a seeded fifth of the states inside the box.
     Raises `UserError` for numbers that are not finite, contradictions and too few states.
     """
     _finite(data)
-    converged = (data.status == "ok") | (data.status == IN_CONTACT)
+    good = np.isin(data.status, TRUSTED)
+    converged = good | (data.status == SELF_CONTACT)
     _agreeing(data, converged)
-    trusted = data.rows((data.status == "ok") & (data.role == "fit"))
+    trusted = data.rows(good & (data.role == "fit"))
     _enough(trusted, data)
     domain = _box(trusted)
     outside = _outside(domain, data)
     usable = data.rows(converged & ~outside)
-    reason = np.where(data.status == "ok", "outside the fitted box", data.status)
+    reason = np.where(good, "outside the fitted box", data.status)
     names, counts = np.unique(reason[outside | ~converged], return_counts=True)
     excluded = {str(name): int(count) for name, count in zip(names, counts, strict=True)}
     fit, check = usable.rows(usable.role == "fit"), usable.rows(usable.role == "check")
@@ -67,7 +67,7 @@ def split(data: FemDataset) -> Split:
             f"seed {HELD_OUT_SEED}"
         )
         _enough(fit, data)
-    contact = int(np.sum(usable.status == IN_CONTACT))
+    contact = int(np.sum(usable.status == SELF_CONTACT))
     return Split(fit, check, domain, float(np.ptp(usable.moment_n_m)), held_out, excluded, contact)
 
 
@@ -127,14 +127,14 @@ def _hold_out(data: FemDataset) -> Mask:
 
 
 def _enough(fit: FemDataset, data: FemDataset) -> None:
-    names, counts = np.unique(data.status[data.status != "ok"], return_counts=True)
+    names, counts = np.unique(data.status[~np.isin(data.status, TRUSTED)], return_counts=True)
     left_out = "".join(
         f"; {n} with status '{name}' are not trusted" for name, n in zip(names, counts, strict=True)
     )
     if len(fit) < MINIMUM_STATES:
         raise UserError(
             f"a polynomial law needs at least {MINIMUM_STATES} states to fit besides those that score it, "
-            f"and there are {len(fit)}{left_out}"
+            f"and there are {len(fit)}{left_out}{_let_pass(names)}"
         )
     for values, label in ((fit.actuation, fit.actuation_name), (fit.angle_rad, "angle_rad")):
         if np.ptp(values) == 0:
@@ -146,3 +146,10 @@ def _enough(fit: FemDataset, data: FemDataset) -> None:
             f"all {len(fit)} states have the moment {fit.moment_n_m[0]:g} N·m: add states with an external "
             "moment (the constrained branch)"
         )
+
+
+def _let_pass(statuses: NDArray[np.str_]) -> str:
+    """The end of a sentence: how to keep states in which convolutions overlap."""
+    if SELF_CONTACT not in statuses:
+        return ""
+    return "; 'fem.self_contact: pass' keeps states in which convolutions go through each other"

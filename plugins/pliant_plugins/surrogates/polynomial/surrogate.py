@@ -12,9 +12,9 @@ from pliant.records.fem import FemDataset
 from pliant.records.law import FitReport, LawRecord
 from pliant_plugins.surrogates.polynomial import scoring
 from pliant_plugins.surrogates.polynomial.axes import axes_law, fit_each
-from pliant_plugins.surrogates.polynomial.axes_law import AxesLaw
+from pliant_plugins.surrogates.polynomial.axes_law import AXES, AxesLaw
 from pliant_plugins.surrogates.polynomial.config import PolynomialConfig
-from pliant_plugins.surrogates.polynomial.fit import Candidate, fit_adaptive
+from pliant_plugins.surrogates.polynomial.fit import Candidate, fit_adaptive, joint_of
 from pliant_plugins.surrogates.polynomial.law import KIND, PolynomialLaw, largest_slope
 from pliant_plugins.surrogates.polynomial.states import Split, split
 from pliant_plugins.surrogates.polynomial.study_form import fit_study, stated_domain, study_law
@@ -58,8 +58,13 @@ class Polynomial(Surrogate):
         return any(one.needs_fem() for one in self._of_axes().values())
 
     def fit_axes(self, data: Mapping[str, FemDataset]) -> FittedLaw:
-        """The law of one axis, or of three: each stated, fitted to its table, or to the FEM states."""
-        return self.fit(data[""]) if self.config.axes is None else fit_each(self._of_axes(), data)
+        """The law of one axis, or of three: each stated, fitted to its table, or to the FEM states.
+
+        Where the FEM stage has three axes and the config does not name them, all are fitted alike.
+        """
+        if self.config.axes is not None:
+            return fit_each(self._of_axes(), data)
+        return self.fit(data[""]) if "" in data else fit_each(dict.fromkeys(AXES, self), data)
 
     def _of_axes(self) -> dict[str, Polynomial]:
         """The surrogate of each axis of a spherical joint."""
@@ -77,7 +82,8 @@ class Polynomial(Surrogate):
         states = split(data)
         if self.config.form == "study":
             coefficients = fit_study(states.fit, self.config.odd)
-            law = study_law(coefficients, self.config.odd, states.domain, data.actuation_name, data.axis)
+            joint = joint_of(data)
+            law = study_law(coefficients, self.config.odd, states.domain, data.actuation_name, data.axis, joint)
             parameters: dict[str, Any] = coefficients.canonical()
             choice: dict[str, Any] = {"form": "study", "odd": self.config.odd}
         else:
