@@ -19,7 +19,7 @@ def axis_record(data: ModuleData, axis: str) -> Mapping[str, Any]:
     return found if isinstance(found, Mapping) else {}
 
 
-def tested_axes(data: ModuleData) -> list[str]:
+def foretold_axes(data: ModuleData) -> list[str]:
     """Axes whose states were chosen one by one."""
     return [name for name in data.explored_axes() if axis_record(data, name).get("tests")]
 

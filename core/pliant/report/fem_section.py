@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 from pliant.records.fem import FemDataset, ModuleData
 from pliant.report.facts import Table
-from pliant.report.fem_reading import solved_rows, tested_axes
+from pliant.report.fem_reading import solved_rows, foretold_axes
 from pliant.report.fem_tables import cost_table, coupling_table, failed_table, sampling_table, states_table
 from pliant.report.figures.fem_cost import cost_picture
 from pliant.report.figures.fem_sampling import sampling_picture
@@ -68,7 +68,7 @@ def data_sections(designs: Sequence[Solved]) -> list[Section]:
         tuple(
             Picture(numbered("fem_sampling", n), _sampling_caption(d), sampling_picture(d.data))
             for n, d in enumerate(shown)
-            if tested_axes(d.data)
+            if foretold_axes(d.data)
         ),
         _named(designs, [(sampling_table(d.data), coupling_table(d.data)) for d in designs]),
     )

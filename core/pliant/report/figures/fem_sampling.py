@@ -8,7 +8,7 @@ import numpy as np
 
 from pliant.records.fem import ModuleData
 from pliant.report import units
-from pliant.report.fem_reading import axis_record, tested_axes
+from pliant.report.fem_reading import axis_record, foretold_axes
 from pliant.report.figures import style
 from pliant.report.figures.fem_states import actuation_word, coordinate_words
 
@@ -17,7 +17,7 @@ SMALLEST_MISS = 1e-8  # a share of the range below which a miss is rounding
 
 def sampling_picture(data: ModuleData) -> style.Png:
     """One row for each axis: the plane of u and actuation, and misses over the number of states."""
-    names = tested_axes(data)
+    names = foretold_axes(data)
     with style.canvas(1560, 560 * len(names) + 40) as figure:
         grid = figure.subplots(len(names), 2, squeeze=False, width_ratios=[1, 1.25])
         for (plane, history), name in zip(grid, names, strict=True):

@@ -1,0 +1,267 @@
+"""The page of FEM data, from small made-up data of each kind of joint: what it says and that all of it is there."""
+
+from __future__ import annotations
+
+import base64
+import re
+from dataclasses import replace
+from html import unescape
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pliant.records.design import Design
+from pliant.records.fem import ModuleData, ModuleShape
+from pliant.report.fem_page import free_reach, render_fem
+from pliant.report.fem_reading import failed_place, foretold_axes, solved_rows
+from pliant.report.fem_section import Solved, data_sections, shape_section
+from pliant.report.fem_tables import cost_table, coupling_table, failed_table, sampling_table, states_table
+from pliant.report.figures import body
+from pliant.report.figures.module_shape import can_show, free_title, stretch_limits
+from pliant.report.figures.module_stress import has_stress, stress_caption
+
+LEVELS, ANGLES = (0.0, 4e3, 8e3), (-0.1, 0.0, 0.1, 0.2)
+TESTS = [
+    {
+        "actuation": 2e3,
+        "deformation": 0.05,
+        "foretold": 0.01,
+        "found": 0.0101,
+        "deviation": 1e-3,
+        "miss": 8e-4,
+    },
+    {"actuation": 6e3, "deformation": 0.15, "foretold": 0.02, "found": 0.02, "deviation": 4e-4, "miss": 1e-4},
+]
+ADAPTIVE = {
+    "n_states": 14, "error": 2e-4, "stated_error": 1.5e-4, "reached": True, "tests": TESTS, "check_error": 9e-5,
+}  # fmt: skip
+
+
+def module(axes: tuple[str, ...] = ("y",), joint: Any = "revolute", **changes: Any) -> ModuleData:
+    """A linear module τ = p/40 − K u: free states, held states on a grid, a check, one in contact, one failed."""
+    main = "x" if joint == "prismatic" else "y"
+    k, m = len(axes), axes.index(main)
+    stiffness = np.diag(0.5 + np.arange(k))
+    rows: list[tuple[float, np.ndarray, str, str, str, str]] = []
+    for p in LEVELS:
+        u = np.zeros(k)
+        u[m] = 2.5e-5 * p / stiffness[m, m]
+        rows.append((p, u, "free", "ok", "fit", main))
+    for axis in (main, *(a for a in axes if a != main)):
+        for p in LEVELS:
+            for value in ANGLES:
+                u = np.zeros(k)
+                u[axes.index(axis)] = value
+                role = "check" if (p, value) == (4e3, 0.1) else "fit"
+                status = "self_contact" if (p, value) == (8e3, -0.1) else "ok"
+                rows.append((p, u, "constrained", status, role, axis))
+    if k > 1:
+        rows.append((5e3, np.full(k, 0.1), "constrained", "ok", "fit", "coupling"))
+    actuation, u = np.array([r[0] for r in rows]), np.array([r[1] for r in rows])
+    tau = -u @ stiffness
+    tau[:, m] += 2.5e-5 * actuation
+    n = len(rows)
+    coupling = {
+        "n_states": 7, "largest": 0.071, "between": ["y", "z"], "actuation": 8e3, "deformation": [0.0, 0.2, -0.3],
+        "largest_asymmetry": 1e-14, "pieces_differ": 2e-15,
+    }  # fmt: skip
+    sampling: dict[str, object] = {
+        "kind": "adaptive",
+        "axes": dict.fromkeys(axes, ADAPTIVE),
+        "pieces": {"main": {"n_cells": 24, "n_nodes": 315}},
+        **({"coupling": coupling} if k > 1 else {}),
+    }
+    data = ModuleData(
+        design=Design("made_up", {}),
+        joint=joint,
+        axes=axes,
+        main_axis=main,
+        actuation_name="pressure_pa",
+        actuation=actuation,
+        deformation=u,
+        tau=tau,
+        dtau_dp=np.tile(2.5e-5 * np.eye(k)[m], (n, 1)),
+        dtau_du=np.tile(-stiffness, (n, 1, 1)),
+        energy_j=np.zeros(n),
+        travel=np.zeros(n),
+        iterations=np.arange(n) % 5 + 1,
+        wall_s=np.full(n, 0.25),
+        explored=np.array([r[5] for r in rows]),
+        branch=np.array([r[2] for r in rows]),
+        status=np.array([r[3] for r in rows]),
+        role=np.array([r[4] for r in rows]),
+        failed=({"branch": "constrained", "actuation": 8e3, "angle_rad": -0.2, "cause": "diverged <here>"},),
+        sampling=sampling,
+    )
+    return replace(data, **changes)
+
+
+KINDS = {
+    "revolute": module(),
+    "spherical": module(("x", "y", "z"), "spherical"),
+    "prismatic": module(("x",), "prismatic"),
+    "tendon": replace(module(), actuation_name="tendon_force_n"),
+}
+
+
+def words(html: str) -> str:
+    """The page's text."""
+    return unescape(re.sub(r"<[^>]+>", " ", re.sub(r"<style>.*?</style>", "", html, flags=re.DOTALL)))
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_page_holds_everything_and_nothing_from_outside(kind: str) -> None:
+    made = render_fem({"name": kind, "fem": {"kind": "skfem"}}, [Solved(kind, KINDS[kind], "skfem")], [])
+    pictures = re.findall(r'src="data:image/png;base64,([^"]+)"', made)
+    assert len(pictures) == 3  # states, sampling, cost
+    assert all(base64.b64decode(p)[:8] == b"\x89PNG\r\n\x1a\n" for p in pictures)
+    assert not re.search(r'(?:src|href)="(?!data:|#)', made)
+    assert "diverged &lt;here&gt;" in made
+    text = words(made)
+    assert "stated error 0.015 % of the effort's range, reached" in text
+    for title in ("The FEM data", "How the states were chosen", "What the FEM cost", "Failed states"):
+        assert title in text
+
+
+def test_the_same_data_give_the_same_page() -> None:
+    first, second = (render_fem({"name": "a"}, [Solved("a", module())], []) for _ in range(2))
+    assert first == second
+
+
+def test_units_are_those_of_the_joint() -> None:
+    assert free_reach(KINDS["revolute"]) == "bends 22.92° at 8 kPa"
+    assert free_reach(KINDS["prismatic"]) == "extends by 400.00 mm at 8 kPa"
+    assert free_reach(KINDS["tendon"]) == "bends 22.92° at 8000 N"
+    row = states_table(KINDS["prismatic"]).rows[0]
+    assert row[4:] == ["0 to 8 kPa", "−100 to 400 mm", "−0.1 to 0.25 N"]
+    row = states_table(KINDS["revolute"]).rows[0]
+    assert row[4:] == ["0 to 8 kPa", "−5.73 to 22.92°", "−100 to 250 mN·m"]
+
+
+def test_states_are_counted_by_axis() -> None:
+    rows = states_table(KINDS["spherical"]).rows
+    assert [row[0] for row in rows] == ["y", "x", "z", "all axes held"]
+    assert [row[1:4] for row in rows] == [
+        ["13", "1", "1"],
+        ["10", "1", "1"],
+        ["10", "1", "1"],
+        ["1", "0", "0"],
+    ]
+    total = sum(int(cell) for row in rows for cell in row[1:4])
+    assert total == len(KINDS["spherical"])
+
+
+def test_coupling_stands_beside_three_axes_only() -> None:
+    table = coupling_table(KINDS["spherical"])
+    assert table is not None
+    assert table.rows[0][1] == "0.071 between y and z"
+    assert "z −17.2°" in table.rows[1][1]
+    assert coupling_table(KINDS["revolute"]) is None
+
+
+def test_a_missed_error_is_said() -> None:
+    record = {**ADAPTIVE, "stated_error": 6e-4, "reached": False}
+    data = replace(module(), sampling={"kind": "adaptive", "axes": {"y": record}})
+    assert sampling_table(data).rows[0][5] == "NO"
+    text = words(render_fem({"name": "a"}, [Solved("a", data)], []))
+    assert "stated error 0.06 % of the effort's range, NOT reached (wanted 0.02 %)" in text
+
+
+@pytest.mark.parametrize("kind", ["grid", "study"])
+def test_other_strategies_state_no_error(kind: str) -> None:
+    data = replace(module(), sampling={"kind": kind, "axes": {"y": {}}})
+    row = sampling_table(data).rows[0]
+    assert row[2:6] == ["–"] * 4
+    assert foretold_axes(data) == []
+    sections = data_sections([Solved("a", data)])
+    assert [len(s.pictures) for s in sections] == [1, 0, 1]
+
+
+def test_copies_cost_nothing() -> None:
+    data = module()
+    wall, steps = data.wall_s.copy(), data.iterations.copy()
+    wall[5:9], steps[5:9] = 0.0, 0
+    copied = replace(data, wall_s=wall, iterations=steps)
+    assert solved_rows(copied).sum() == len(data) - 4
+    cost = dict(cost_table(copied, "skfem").rows)
+    assert cost["states solved"] == str(len(data) - 4)
+    assert cost["time of all states"] == "2.8 s"
+    assert "24 elements" in cost["mesh"]
+    assert "4 states are copies" in states_table(copied).note
+
+
+def test_failures_say_what_was_held() -> None:
+    table = failed_table(KINDS["revolute"])
+    assert table is not None
+    assert list(table.rows[0]) == ["8 kPa", "−11.5°", "diverged <here>"]
+    assert failed_place({"actuation": 1e3, "angle_rad": 0.002}, KINDS["prismatic"]) == ("1 kPa", "2 mm")
+    assert failed_place({"actuation": 1e3, "angle_rad": None}, KINDS["revolute"]) == ("1 kPa", "free")
+    of_several = {"actuation": 1e3, "angle_rad": None, "held": {"z": 0.1}}
+    assert failed_place(of_several, KINDS["spherical"]) == ("1 kPa", "z 5.73°")
+    assert failed_place({"actuation": 1e3, "effort": {"y": 0.01}}, KINDS["spherical"])[1] == "τ y 10 mN·m"
+    assert failed_table(replace(module(), failed=())) is None
+
+
+def test_designs_of_a_study_have_a_picture_each() -> None:
+    sections = data_sections([Solved("one", module()), Solved("two", module())])
+    assert [p.name for p in sections[0].pictures] == ["fem_states", "fem_states_2"]
+    assert [t.title for t in sections[2].tables] == ["one: Cost", "two: Cost"]
+    assert data_sections([]) == []
+
+
+def block(stretch: float, mirrors: tuple[str, ...], stress: bool = False) -> ModuleShape:
+    """An eighth of a solid block 4 × 4 × 4 mm whose x is stretched; six faces of 9 nodes."""
+    s = np.array([0.0, 0.5, 1.0])
+    grid = np.stack(np.meshgrid(s, s, s, indexing="ij"), axis=-1)  # (x, y, z)
+    ids = np.arange(27).reshape(3, 3, 3)
+    faces = []
+    for axis in range(3):
+        for end in (0, 2):
+            face = np.take(ids, end, axis=axis)  # over the other two axes, in order
+            outward = (end == 2) == (axis != 1)
+            faces.append((face.T if outward else face).ravel())
+    points = 0.002 * grid.reshape(-1, 3) * [stretch, 1.0, 1.0]
+    values = np.linspace(0, 1e5, 27) if stress else None
+    return ModuleShape(1e3 * (stretch - 1), 0.004 * (stretch - 1), points, np.array(faces), values, mirrors)
+
+
+def test_mirror_images_of_a_sliding_piece_make_the_block() -> None:
+    shapes = (block(1.0, ("x", "y", "z")), block(1.5, ("x", "y", "z"), stress=True))
+    data = replace(KINDS["prismatic"], shapes=shapes).axis("x")
+    assert can_show(data)
+    assert has_stress(data)
+    free = body.unrolled(shapes, slides=True)[1]
+    assert body.piece_angle(shapes[1], slides=True) == 0.0
+    whole = body.module(free, 0.0)
+    assert np.ptp(whole.points, axis=0) == pytest.approx([0.006, 0.004, 0.004])
+    cut = body.cut_module(free, 0.0)
+    assert np.ptp(cut.points, axis=0) == pytest.approx([0.006, 0.002, 0.004])
+    assert stretch_limits([free])[1] == 1.5
+    # 6 sides of 4 images each that lie outside, each of one face; those in mirror planes are left out
+    assert len(whole.faces) == 24
+    assert len(cut.faces) == 2 * (4 + 4)  # + the section
+    assert _volume(whole) == pytest.approx(96e-9)
+    assert free_title(data, shapes[1]) == "Free at 0.5 kPa: u = 2.00 mm"
+    assert "100 kPa" in stress_caption(data)
+    section = shape_section([("a", data)])
+    assert section is not None
+    assert [p.name for p in section.pictures] == ["module_shape", "module_stress"]
+    assert "an eighth is solved" in section.pictures[0].caption
+
+
+def test_a_piece_without_mirror_planes_is_the_module() -> None:
+    shapes = (block(1.0, ()), block(1.5, ()))
+    free = body.unrolled(shapes, slides=True)[1]
+    assert np.ptp(body.module(free, 0.0).points, axis=0) == pytest.approx([0.003, 0.002, 0.002])
+    assert body.piece_angle(replace(shapes[1], angle_rad=0.3)) == 0.3
+    assert body.piece_angle(replace(shapes[1], angle_rad=0.3, mirrors=("x",))) == 0.15
+    assert not has_stress(replace(KINDS["prismatic"], shapes=shapes).axis("x"))
+
+
+def _volume(surface: Any) -> float:
+    """By the divergence theorem over the faces' corners, which are flat here."""
+    corners = surface.points[surface.faces[:, [0, 2, 8, 6]]]
+    a, b, c, d = (corners[:, k] for k in range(4))
+    normal = np.cross(c - a, d - b) / 2
+    return float(np.sum(np.einsum("fc,fc->f", corners.mean(axis=1), normal)) / 3)
