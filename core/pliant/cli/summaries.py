@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from pliant.pipeline.study import DesignStages, EngineRun
-from pliant.records.fem import FemDataset, ModuleData
+from pliant.records.fem import PASSED, SELF_CONTACT, FemDataset, ModuleData
 from pliant.records.rollout import TaskResult
 from pliant.store.store import Artifact
 
@@ -36,7 +36,7 @@ def fem(artifacts: Sequence[Artifact], tables: Sequence[str]) -> dict[str, Any]:
     return {
         "n_states": sum(len(d) for d in data),
         "failed": [dict(f) for d in data for f in d.failed],
-        "self_contact": sum(int(np.sum(d.status == "self_contact")) for d in data),
+        "self_contact": sum(int(np.sum(d.status == SELF_CONTACT)) for d in data),
         "wall_s": sum(a.manifest["wall_s"] for a in artifacts),
         "csv": tables[0] if len(tables) == 1 else list(tables),
         "stages": [stage(a) for a in artifacts],
@@ -48,10 +48,12 @@ def fem_lines(artifacts: Sequence[Artifact]) -> list[str]:
     lines = []
     for artifact in artifacts:
         whole: ModuleData = artifact.value
-        check, contact = int(np.sum(whole.role == "check")), int(np.sum(whole.status == "self_contact"))
+        check, contact = int(np.sum(whole.role == "check")), int(np.sum(whole.status == SELF_CONTACT))
+        passed = int(np.sum(whole.status == PASSED))
+        through = f"{passed} passed through, " if passed else ""
         d = whole.axis(whole.main_axis)
         lines.append(
-            f"FEM      {len(whole)} states ({check} never fitted, {contact} with self-contact, "
+            f"FEM      {len(whole)} states ({check} never fitted, {contact} with self-contact, {through}"
             f"{len(whole.failed)} failed), {_largest_free(d)}, {_time(artifact)}"
         )
         lines += [f"         {line}" for line in (*_axis_lines(whole), _cost_line(whole)) if line]

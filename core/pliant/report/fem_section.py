@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 from pliant.records.fem import FemDataset, ModuleData
 from pliant.report.facts import Table
-from pliant.report.fem_reading import solved_rows, foretold_axes
+from pliant.report.fem_reading import foretold_axes, solved_rows
 from pliant.report.fem_tables import cost_table, coupling_table, failed_table, sampling_table, states_table
 from pliant.report.figures.fem_cost import cost_picture
 from pliant.report.figures.fem_sampling import sampling_picture
@@ -48,12 +48,12 @@ def shape_section(designs: Sequence[tuple[str, FemDataset]]) -> Section | None:
     return Section("One module, undeformed and deformed", tuple(pictures)) if pictures else None
 
 
-def data_sections(designs: Sequence[Solved]) -> list[Section]:
-    """States, sampling and cost of each design; empty without any."""
+def data_sections(designs: Sequence[Solved], remark: str = "") -> list[Section]:
+    """States, sampling and cost of each design; empty without any. `remark` ends the section of the states."""
     if not designs:
         return []
     shown = designs[:SHOWN]
-    note = f"Pictures of the first {SHOWN} of {len(designs)} designs." if len(designs) > SHOWN else ""
+    note = f"Pictures of the first {SHOWN} of {len(designs)} designs. " if len(designs) > SHOWN else ""
     states = Section(
         "The FEM data",
         tuple(
@@ -61,7 +61,7 @@ def data_sections(designs: Sequence[Solved]) -> list[Section]:
             for n, d in enumerate(shown)
         ),
         _named(designs, [(states_table(d.data), failed_table(d.data)) for d in designs]),
-        note,
+        (note + remark).strip(),
     )
     chosen = Section(
         "How the states were chosen",
@@ -108,10 +108,7 @@ def _prefix(design: Solved, designs: Sequence[Solved]) -> str:
 
 def _states_caption(design: Solved) -> str:
     word = "forces in N, extensions in mm" if design.data.joint == "prismatic" else "moments of one module"
-    return (
-        f"{design.name}: every solved state; {word}. Thin lines join states of one actuation that are to be fitted. "
-        "Residuals of the law on these states stand beside the law."
-    )
+    return f"{design.name}: every solved state; {word}. Thin lines join states of one actuation that are to be fitted."
 
 
 def _sampling_caption(design: Solved) -> str:

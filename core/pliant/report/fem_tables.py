@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pliant.records.fem import ModuleData
+from pliant.records.fem import PASSED, TRUSTED, ModuleData
 from pliant.report import units
 from pliant.report.facts import Cells, Table
 from pliant.report.fem_reading import axis_record, explored_kinds, failed_place, solved_rows
@@ -38,7 +38,9 @@ def states_table(data: ModuleData) -> Table:
         rows.append([spans[0], *count, _span(data.actuation[chosen], p_unit), *spans[1:]])
     head = ["axis", "to fit", "check", "self-contact", "actuation", "u", "effort τ"]
     copies = int(np.sum(~solved_rows(data)))
-    note = "States in self-contact are marked, not fitted: the FEM has no contact."
+    note = "States in self-contact are marked, since the FEM has no contact."
+    if passed := int(np.sum(data.status == PASSED)):
+        note += f" In {passed} states convolutions pass through each other, as 'fem.self_contact: pass' lets them."
     if copies > 1:  # the rest state may cost nothing either
         note += (
             f" {copies} states are copies: mirror images at −u, and free states that belong to several axes."
@@ -143,7 +145,7 @@ def failed_table(data: ModuleData) -> Table | None:
 
 
 def _counts(data: ModuleData, chosen: NDArray[np.bool_]) -> list[str]:
-    trusted, check = data.status == "ok", data.role == "check"
+    trusted, check = np.isin(data.status, TRUSTED), data.role == "check"
     groups = (chosen & trusted & ~check, chosen & trusted & check, chosen & ~trusted)
     return [str(int(g.sum())) for g in groups]
 

@@ -27,6 +27,8 @@ from pliant.report.reading import ran
 from pliant.report.template import page_template
 from pliant.report.words import gravity_words, result_sentence, warnings
 
+RESIDUALS = "What the law misses of these states stands in the next section but one, beside the law."
+
 
 def render(run: FinishedRun) -> Page:
     """Draw and write the report. The same run gives the same bytes."""
@@ -71,7 +73,7 @@ def _fem(run: FinishedRun) -> list[Section | None]:
     block = run.study.get("fem") or {}
     backend = str(block.get("kind", "")) if isinstance(block, Mapping) else ""
     solved = [Solved(d.name, d.module, backend) for d in run.designs if d.module is not None]
-    return [*data_sections(solved)] or [None, None, None]
+    return [*data_sections(solved, RESIDUALS)] or [None, None, None]
 
 
 def _laws(run: FinishedRun) -> Section:

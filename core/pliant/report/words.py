@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pliant.records.fem import FemDataset, ModuleData
+from pliant.records.fem import PASSED, SELF_CONTACT, TRUSTED, FemDataset, ModuleData
 from pliant.report import units
 from pliant.report.fem_reading import failed_place
 from pliant.report.folder import DesignResult, FinishedRun
@@ -165,7 +165,7 @@ def _law_warnings(design: DesignResult, named: bool) -> list[Warned]:
 def data_warnings(data: FemDataset | ModuleData, prefix: str = "") -> list[Warned]:
     """What limits a data set: self-contact, states that are not trusted, states that failed."""
     found = []
-    contact = int(np.sum(data.status == "self_contact"))
+    contact = int(np.sum(data.status == SELF_CONTACT))
     if contact:
         found.append(
             Warned(
@@ -173,7 +173,14 @@ def data_warnings(data: FemDataset | ModuleData, prefix: str = "") -> list[Warne
                 "contact: the law's domain ends where they take over, and inside it they are too soft."
             )
         )
-    other = (data.status != "ok") & (data.status != "self_contact")
+    if passed := int(np.sum(data.status == PASSED)):
+        found.append(
+            Warned(
+                f"{prefix}In {passed} of {len(data)} states convolutions pass through each other, as "
+                "'fem.self_contact: pass' lets them: a real module is stiffer there."
+            )
+        )
+    other = ~np.isin(data.status, (*TRUSTED, SELF_CONTACT))
     if other.any():
         names = ", ".join(sorted(set(data.status[other].tolist())))
         found.append(Warned(f"{prefix}{int(other.sum())} states are not trusted ({names})."))

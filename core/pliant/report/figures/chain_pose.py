@@ -140,6 +140,8 @@ def _levels(axes: Any, run: FinishedRun, engine: Ran, plane: tuple[int, int]) ->
         labelled.append(tip)
         out = tip - [x[-2], y[-2]]
         out = out / max(float(np.linalg.norm(out)), 1e-9)
+        if _beside(tip, engine, plane) < 0.5 * clear:  # a chain that only grows: the label stands beside it
+            out = np.array([1.4, 0.0]) if abs(out[1]) > abs(out[0]) else np.array([0.0, 1.4])
         axes.annotate(
             unit.text(value, 3),
             tuple(tip),
@@ -150,6 +152,15 @@ def _levels(axes: Any, run: FinishedRun, engine: Ran, plane: tuple[int, int]) ->
             ha="left" if out[0] > 0.35 else ("right" if out[0] < -0.35 else "center"),
             va="bottom" if out[1] > 0.35 else ("top" if out[1] < -0.35 else "center"),
         )
+
+
+def _beside(tip: Any, engine: Ran, plane: tuple[int, int]) -> float:
+    """Distance of a point from the settled chain, mm."""
+    x, y = (np.asarray(c, float) for c in _flat(engine.markers_m, plane))
+    start, along = np.stack([x, y], axis=1)[:-1], np.diff(np.stack([x, y], axis=1), axis=0)
+    length = np.maximum(np.sum(along**2, axis=1), 1e-12)
+    part = np.clip(np.sum((tip - start) * along, axis=1) / length, 0, 1)
+    return float(np.linalg.norm(start + part[:, None] * along - tip, axis=1).min())
 
 
 def _annotate(axes: Any, run: FinishedRun, engine: Ran, plane: tuple[int, int]) -> None:

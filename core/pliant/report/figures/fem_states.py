@@ -9,7 +9,7 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.lines import Line2D
 
-from pliant.records.fem import FemDataset, ModuleData
+from pliant.records.fem import TRUSTED, FemDataset, ModuleData
 from pliant.report import units
 from pliant.report.figures import style
 from pliant.report.figures.state_groups import Groups
@@ -119,7 +119,7 @@ def _points(axes: Any, data: FemDataset, x: Any, y: Any, norm: Normalize, p_unit
 
 def _legend(figure: Any, data: ModuleData) -> None:
     shown = np.isin(data.explored, data.explored_axes())
-    trusted, check = data.status == "ok", data.role == "check"
+    trusted, check = np.isin(data.status, TRUSTED), data.role == "check"
 
     def entry(label: str, marker: str, **look: Any) -> Line2D:
         return Line2D([], [], ls="", label=label, marker=marker, ms=5.5, **look)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pliant.records.fem import FemDataset
+from pliant.records.fem import TRUSTED, FemDataset
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,7 +20,7 @@ class Groups:
 
     @staticmethod
     def of(data: FemDataset) -> Groups:
-        """Not trusted: every status but "ok"."""
-        trusted = data.status == "ok"
+        """Not trusted: what overlaps and was not let pass, and every unknown status."""
+        trusted = np.isin(data.status, TRUSTED)
         check = data.role == "check"
         return Groups(trusted & ~check, trusted & check, ~trusted)
