@@ -11,7 +11,8 @@ split, one idealisation after the other, into what comes from
     inside     modules between them: law against FEM under the same moment, and the fit's own error
     stretch    links that keep their length, where the plate stretches and shears
 
-by putting the FEM's own turns into the chain's joints, first those of the first and last module, then all.
+by putting the FEM's own turns into the chain's joints, first those of the first and last module, then all, and at last
+the stretch of a free module's plate into the links.
 """
 
 from __future__ import annotations
@@ -30,7 +31,6 @@ from pliant import api
 from pliant.interfaces.family import ActuatorFamily
 from pliant.interfaces.fem import FEMBackend
 from pliant.pipeline.study import chain_of_study
-from pliant.records.chain import ChainModel
 from pliant.records.design import Array
 from pliant.records.rollout import Inputs
 from pliant.records.structure import StructureState
@@ -100,6 +100,7 @@ def solved(ground: Ground, modules: int) -> list[dict[str, Any]]:
     chain = chain_of_study(ground.opened.bench, ground.opened.study).chain
     engine = ground.opened.bench.build("physics", ground.opened.study.physics)
     rows, free = [], {0.0: body.rest()}
+    stretch = plate_strains(ground)
     for pressure, force in CASES:
         start = free.get(pressure) or free[max(p for p in free if p <= pressure)]
         state = body.equilibrium(pressure, np.array(force), start)
@@ -108,14 +109,24 @@ def solved(ground: Ground, modules: int) -> list[dict[str, Any]]:
         with engine.build(chain) as simulation:
             simulation.apply(Inputs({"pressure_pa": pressure}, tip_force_n=TO_WORLD @ np.array(force)))
             settled = simulation.settle()
-        rows.append(compared(modules, ground, chain, state, settled.joint_angles[:, 0]))
+        rows.append(compared(modules, ground, state, settled.joint_angles[:, 0], stretch[pressure]))
         print(sentence(rows[-1]), flush=True)
     print(f"  {modules} modules: {time.perf_counter() - begun:.0f} s", flush=True)
     return rows
 
 
+def plate_strains(ground: Ground) -> dict[float, float]:
+    """Axial strain of a free module's plate at each pressure."""
+    solver = ground.backend.solver(ground.family.problem(), ground.material)
+    state, found = solver.rest(), {}
+    for pressure in sorted({pressure for pressure, _ in CASES}):
+        state = solver.free(pressure, state)
+        found[pressure] = state.axial_strain
+    return found
+
+
 def compared(
-    modules: int, ground: Ground, chain: ChainModel, state: StructureState, angles: Array
+    modules: int, ground: Ground, state: StructureState, angles: Array, strain: float
 ) -> dict[str, Any]:
     """The chain's error and its parts; lengths in m, angles in rad."""
     length = ground.family.module_length_m
@@ -125,7 +136,9 @@ def compared(
     mixed[ends] = turns[ends]
     tip = state.markers_m[-1, [0, 2]]
     steps = [planar_tip(length, bend) for bend in (angles, mixed, turns)]
+    steps.append(planar_tip((1 + strain) * length, turns))
     errors = [float(np.linalg.norm(place - tip)) for place in steps]
+    reach = [float(np.linalg.norm(place)) for place in (steps[2], tip)]
     inner = slice(1, -1) if modules > 2 else slice(0, 0)
     return {
         "modules": modules,
@@ -139,6 +152,9 @@ def compared(
         "tip_error_of_length": errors[0] / (modules * length),
         "tip_error_ends_right_m": errors[1],
         "tip_error_turns_right_m": errors[2],
+        "tip_error_stretched_m": errors[3],
+        "too_short_m": reach[1] - reach[0],
+        "plate_strain": strain,
         "inner_turn_error": float(np.mean(angles[inner] / turns[inner] - 1)) if modules > 2 else None,
         "missing_at_ends_modules": float(np.sum(1 - turns[ends] / angles[ends])) if modules > 1 else None,
         "wall_s": state.wall_s,
@@ -156,11 +172,14 @@ def sentence(row: dict[str, Any]) -> str:
     inner = (
         "" if row["inner_turn_error"] is None else f", inner modules {100 * row['inner_turn_error']:+.2f} %"
     )
+    mm = {name: 1e3 * value for name, value in row.items() if name.endswith("_m")}
     return (
-        f"N {row['modules']}, {row['pressure_pa'] / 1e3:g} kPa, tip force z {row['tip_force_n'][2]:+.2f} N: turn "
-        f"FEM {np.degrees(row['turn_fem_rad']):.2f}°, chain {np.degrees(row['turn_chain_rad']):.2f}°{inner}; tip error "
-        f"{1e3 * row['tip_error_m']:.2f} mm ({100 * row['tip_error_of_length']:.1f} % of length), with the end "
-        f"modules' turns {1e3 * row['tip_error_ends_right_m']:.2f}, with all {1e3 * row['tip_error_turns_right_m']:.2f}"
+        f"N {row['modules']}, {row['pressure_pa'] / 1e3:g} kPa, tip force z {row['tip_force_n'][2]:+.2f} N: turn FEM "
+        f"{np.degrees(row['turn_fem_rad']):.2f}°, chain {np.degrees(row['turn_chain_rad']):.2f}°{inner}; tip error "
+        f"{mm['tip_error_m']:.2f} mm ({100 * row['tip_error_of_length']:.1f} % of length), with the end modules' turns "
+        f"{mm['tip_error_ends_right_m']:.2f}, with all {mm['tip_error_turns_right_m']:.2f} (too short by "
+        f"{mm['too_short_m']:.2f}), with links stretched by {100 * row['plate_strain']:.2f} % "
+        f"{mm['tip_error_stretched_m']:.2f}"
     )
 
 
