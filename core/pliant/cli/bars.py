@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from datetime import timedelta
 
 from rich.console import Console
 from rich.progress import (
@@ -10,7 +11,6 @@ from rich.progress import (
     MofNCompleteColumn,
     ProgressColumn,
     TextColumn,
-    TimeRemainingColumn,
 )
 from rich.progress import Progress as RichProgress
 from rich.progress import Task as RichTask
@@ -27,6 +27,16 @@ class _Rate(ProgressColumn):
         return Text(f"{speed:.1f}/s" if speed >= 1 else f"{1 / speed:.1f} s each" if speed else "")
 
 
+class _Left(ProgressColumn):
+    """Time left; nothing once an estimated number of steps is used up."""
+
+    def render(self, task: RichTask) -> Text:
+        left = None if task.finished else task.time_remaining
+        if left is None or left <= 0:
+            return Text("")
+        return Text(f"{timedelta(seconds=int(left))} left")
+
+
 class _Bar:
     """A bar on a terminal."""
 
@@ -36,8 +46,7 @@ class _Bar:
             BarColumn(),
             MofNCompleteColumn(),
             _Rate(),
-            TextColumn("left"),
-            TimeRemainingColumn(),
+            _Left(),
         )
         self.title = title
         self.rich = RichProgress(*columns, console=console, transient=False)
@@ -46,6 +55,9 @@ class _Bar:
 
     def advance(self, steps: int = 1) -> None:
         self.rich.advance(self.task, steps)
+        task = self.rich.tasks[0]
+        if task.total is not None and task.completed > task.total:
+            self.rich.update(self.task, total=task.completed)
 
     def describe(self, text: str) -> None:
         self.rich.update(self.task, description=f"{self.title} ({text})" if text else self.title)
@@ -70,6 +82,7 @@ class _Lines:
 
     def advance(self, steps: int = 1) -> None:
         self.done += steps
+        self.total = max(self.total, self.done)
         self._say()
 
     def describe(self, text: str) -> None:
@@ -87,7 +100,9 @@ class _Lines:
         line = f"{self.title}: {self.done}/{self.total}{self.within}"
         if self.done > self.first:
             each = (now - self.started) / (self.done - self.first)
-            line += f", {each:.2f} s each, about {each * (self.total - self.done):.0f} s left"
+            line += f", {each:.2f} s each"
+            if self.total > self.done:
+                line += f", about {each * (self.total - self.done):.0f} s left"
         self.console.print(line)
 
     def finish(self) -> None:
