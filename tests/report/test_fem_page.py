@@ -6,11 +6,13 @@ import base64
 import re
 from dataclasses import replace
 from html import unescape
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
+from pliant.cli import summaries
 from pliant.records.design import Design
 from pliant.records.fem import ModuleData, ModuleShape
 from pliant.report.fem_page import free_reach, render_fem
@@ -18,6 +20,7 @@ from pliant.report.fem_reading import failed_place, foretold_axes, solved_rows
 from pliant.report.fem_section import Solved, data_sections, shape_section
 from pliant.report.fem_tables import cost_table, coupling_table, failed_table, sampling_table, states_table
 from pliant.report.figures import body
+from pliant.report.figures.fem_states import states_picture
 from pliant.report.figures.module_shape import can_show, free_title, stretch_limits
 from pliant.report.figures.module_stress import has_stress, stress_caption
 
@@ -110,7 +113,7 @@ def words(html: str) -> str:
     return unescape(re.sub(r"<[^>]+>", " ", re.sub(r"<style>.*?</style>", "", html, flags=re.DOTALL)))
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", ["spherical", "prismatic", "tendon"])
 def test_the_page_holds_everything_and_nothing_from_outside(kind: str) -> None:
     made = render_fem({"name": kind, "fem": {"kind": "skfem"}}, [Solved(kind, KINDS[kind], "skfem")], [])
     pictures = re.findall(r'src="data:image/png;base64,([^"]+)"', made)
@@ -124,8 +127,8 @@ def test_the_page_holds_everything_and_nothing_from_outside(kind: str) -> None:
         assert title in text
 
 
-def test_the_same_data_give_the_same_page() -> None:
-    first, second = (render_fem({"name": "a"}, [Solved("a", module())], []) for _ in range(2))
+def test_the_same_data_give_the_same_picture() -> None:
+    first, second = (states_picture(module()).tobytes() for _ in range(2))
     assert first == second
 
 
@@ -201,6 +204,34 @@ def test_failures_say_what_was_held() -> None:
     assert failed_place(of_several, KINDS["spherical"]) == ("1 kPa", "z 5.73°")
     assert failed_place({"actuation": 1e3, "effort": {"y": 0.01}}, KINDS["spherical"])[1] == "τ y 10 mN·m"
     assert failed_table(replace(module(), failed=())) is None
+
+
+def artifact(data: ModuleData) -> Any:
+    return SimpleNamespace(value=data, cached=False, manifest={"wall_s": 2.0, "stage": "fem"}, key="k")
+
+
+def test_the_command_says_the_same() -> None:
+    lines = summaries.fem_lines([artifact(KINDS["spherical"])])
+    assert lines[0].startswith(
+        "FEM      40 states (3 never fitted, 3 with self-contact, 1 failed), free angle "
+    )
+    assert lines[1] == (
+        "         axis y: 15 states, stated error 0.015 % of the effort's range (wanted 0.02 %)"
+    )
+    assert "all axes held: 1 state" in lines[4]
+    assert lines[5] == "         0.25 s and 3 Newton steps for a state, 0.25 s and 5 at most"
+    prismatic = summaries.fem_lines([artifact(KINDS["prismatic"])])
+    assert "free extension 400.000 mm at 8 kPa" in prismatic[0]
+    missed = replace(module(), sampling={"axes": {"y": {**ADAPTIVE, "reached": False}}})
+    assert "NOT TESTED" in summaries.fem_lines([artifact(missed)])[1]
+    worse = replace(module(), sampling={"axes": {"y": {**ADAPTIVE, "stated_error": 4e-4, "reached": False}}})
+    assert "0.04 % of the effort's range, NOT REACHED" in summaries.fem_lines([artifact(worse)])[1]
+    early = replace(module(), sampling={"axes": {"y": {**ADAPTIVE, "stated_error": None, "reached": False}}})
+    assert "error not stated" in summaries.fem_lines([artifact(early)])[1]
+    result = summaries.fem([artifact(KINDS["spherical"])], ["fem.csv"])
+    assert list(result["axes"]) == ["y", "x", "z"]
+    assert result["axes"]["y"]["stated_error"] == 1.5e-4
+    assert result["newton_steps"] == int(KINDS["spherical"].iterations.sum())
 
 
 def test_designs_of_a_study_have_a_picture_each() -> None:

@@ -38,9 +38,29 @@ def fem(artifacts: Sequence[Artifact], tables: Sequence[str]) -> dict[str, Any]:
         "failed": [dict(f) for d in data for f in d.failed],
         "self_contact": sum(int(np.sum(d.status == SELF_CONTACT)) for d in data),
         "wall_s": sum(a.manifest["wall_s"] for a in artifacts),
+        "newton_steps": sum(int(d.iterations.sum()) for d in data),
+        "axes": _of_axes(data[0]) if len(data) == 1 else [_of_axes(d) for d in data],
         "csv": tables[0] if len(tables) == 1 else list(tables),
         "stages": [stage(a) for a in artifacts],
     }
+
+
+def _of_axes(data: ModuleData) -> dict[str, dict[str, Any]]:
+    """By axis, how many states it has and what adaptive sampling states of its law's error."""
+    found: dict[str, dict[str, Any]] = {}
+    for axis in data.explored_axes():
+        record = _record(data, axis)
+        told = ("error", "stated_error", "reached", "check_error", "symmetric")
+        count = {"n_states": int(np.sum(data.explored == axis))}
+        found[axis] = {**count, **{key: record[key] for key in told if key in record}}
+    return found
+
+
+def _record(data: ModuleData, axis: str) -> Mapping[str, Any]:
+    """What the sampler recorded of an axis."""
+    records = data.sampling.get("axes")
+    found = records.get(axis, {}) if isinstance(records, Mapping) else {}
+    return found if isinstance(found, Mapping) else {}
 
 
 def fem_lines(artifacts: Sequence[Artifact]) -> list[str]:
@@ -76,18 +96,16 @@ def _largest_free(data: FemDataset) -> str:
 
 def _axis_lines(data: ModuleData) -> list[str]:
     """States of each axis, and the error that adaptive sampling states; nothing to say of one axis on a grid."""
-    records = data.sampling.get("axes")
     lines = []
     for axis in data.explored_axes():
-        record = records.get(axis, {}) if isinstance(records, Mapping) else {}
-        said = _stated(record) if isinstance(record, Mapping) else ""
+        said = _stated(_record(data, axis))
         if len(data.axes) > 1:
             count = int(np.sum(data.explored == axis))
             lines.append(f"axis {axis}: {count} states{f', {said}' if said else ''}")
         elif said:
             lines.append(said)
     if together := int(np.sum(data.explored == "coupling")):
-        lines.append(f"all axes held: {together} states")
+        lines.append(f"all axes held: {together} state{'s' * (together > 1)}")
     return lines
 
 
@@ -98,9 +116,12 @@ def _stated(record: Mapping[str, Any]) -> str:
     stated, wanted = record["stated_error"], f"{100 * record['error']:.2g} %"
     if stated is None:
         return f"error not stated: too few states for it (wanted {wanted})"
+    text = f"stated error {100 * stated:.2g} % of the effort's range"
     if record["reached"]:
-        return f"stated error {100 * stated:.2g} % of the effort's range (wanted {wanted})"
-    return f"stated error {100 * stated:.2g} % of the effort's range, NOT REACHED by test (wanted {wanted})"
+        return f"{text} (wanted {wanted})"
+    if stated <= record["error"]:
+        return f"{text}, NOT TESTED by enough good predictions (wanted {wanted})"
+    return f"{text}, NOT REACHED (wanted {wanted})"
 
 
 def _cost_line(data: ModuleData) -> str:
