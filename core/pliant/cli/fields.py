@@ -114,8 +114,11 @@ def _row(name: str, one: SolvedFields, data: ModuleData) -> dict[str, Any]:
     several = len(data.axes) > 1
     row: dict[str, Any] = {"file": name, "branch": one.state.branch, "status": one.state.status}
     row[data.actuation_name] = one.state.actuation
-    for k, axis in enumerate(one.axes):
+    for axis in data.axes:
         end = f"_{axis}" if several else ""
-        row[u + end], row[tau + end] = float(one.state.deformation[k]), float(one.state.tau[k])
+        known = axis in one.axes  # a piece of the main axis alone has no others
+        k = one.axes.index(axis) if known else 0
+        row[u + end] = float(one.state.deformation[k]) if known else ""
+        row[tau + end] = float(one.state.tau[k]) if known else ""
     row["held"] = " ".join(one.held)
     return row

@@ -59,7 +59,7 @@ def write_vtu(path: Path, fields: ModuleFields) -> None:
 
 def write_pvd(path: Path, files: Sequence[tuple[float, str]]) -> None:
     """A ParaView collection: (time, file name) of each state."""
-    sets = [f'    <DataSet timestep="{time!r}" part="0" file={quoteattr(name)}/>' for time, name in files]
+    sets = [f'    <DataSet timestep="{time:.10g}" part="0" file={quoteattr(name)}/>' for time, name in files]
     lines = [
         '<?xml version="1.0"?>',
         '<VTKFile type="Collection" version="0.1" byte_order="LittleEndian">',
