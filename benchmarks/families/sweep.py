@@ -56,7 +56,9 @@ GRIDS = {
     ),
     "helical": Grid(
         "family: {kind: bellow_helical, inner_radius: 3 mm, average_radius: 6 mm, wall: 1.5 mm, "
-        "module_length: 5 mm}\n" + MATERIAL + "fem: {kind: skfem, pressure_max: 15 kPa, self_contact: pass}\n",
+        "module_length: 5 mm}\n"
+        + MATERIAL
+        + "fem: {kind: skfem, pressure_max: 15 kPa, self_contact: pass}\n",
         "{average_radius: [5 mm, 5.5 mm, 6 mm, 6.5 mm, 7 mm], "
         "module_length: [4 mm, 4.5 mm, 5 mm, 5.5 mm, 6 mm]}",
         24,

@@ -442,12 +442,3 @@ def test_the_adaptive_form_goes_below_half_a_percent_on_states_not_seen(name: st
     assert report.worst_of_range < worst
     assert report.details["stable"]
     assert report.worst_of_range < report.details["study_form"]["worst_of_range"] / 5
-
-
-def test_corners_that_are_never_left_out_count() -> None:
-    """Three levels each way and a product p·u: the folds, inner levels, do not see it."""
-    p = np.array([0.0, 0.0, 1.0, 1.0, 0.5, 0.5, 0.5, 0.0, 1.0, 0.5, 0.5, 0.9])
-    u = np.array([-1.0, 1.0, -1.0, 1.0, -1.0, 1.0, 0.0, 0.0, 0.0, -0.5, 0.5, 0.9])
-    data = dataset(p, u, -(1 + 0.3 * p) * u, -0.3 * u, -(1 + 0.3 * p), check=np.arange(12) == 11)
-    fitted = Polynomial(PolynomialConfig()).fit(data)
-    assert fitted.report.worst_of_range < 1e-6
