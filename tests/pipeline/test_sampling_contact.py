@@ -1,0 +1,71 @@
+"""Where convolutions touch: the data end there, or they are let pass and the states say so."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from pliant.interfaces.fem import FemConfig, Held, ModuleSolver
+from pliant.pipeline.progress import Silent
+from pliant.pipeline.sampling import MAIN, Piece, sample
+from pliant.records.design import Array
+from pliant.records.fem import FemState
+
+TOUCHING_RAD = 0.3
+
+
+class Touching(ModuleSolver):
+    """τ = p − 20 u − 5 u³, up to 10 Pa; convolutions overlap beyond 0.3 rad."""
+
+    def _state(self, p: float, u: float, branch: str) -> FemState:
+        return FemState.of_one_axis(
+            p,
+            u,
+            p - 20 * u - 5 * u**3,
+            1.0,
+            -20.0 - 15 * u**2,
+            energy_j=0.0,
+            travel=0.0,
+            axial_strain=0.0,
+            branch=branch,
+            status="self_contact" if u > TOUCHING_RAD else "ok",
+            iterations=1,
+            wall_s=0.0,
+            solution=np.array([p, u]),
+        )
+
+    def rest(self) -> FemState:
+        return self._state(0.0, 0.0, "free")
+
+    def free(self, actuation: float, start: FemState) -> FemState:
+        roots = np.roots([5.0, 0.0, 20.0, -actuation])
+        return self._state(actuation, float(roots[np.abs(roots.imag) < 1e-9].real[0]), "free")
+
+    def constrained(self, actuation: float, held: Held, start: FemState) -> FemState:
+        assert isinstance(held, float)
+        return self._state(actuation, held, "constrained")
+
+    def deformed_nodes(self, state: FemState) -> Array:
+        return np.zeros((1, 3))
+
+
+def angles(tmp_path: Path, self_contact: str) -> tuple[list[float], set[str]]:
+    config = FemConfig.model_validate({"kind": "any", "pressure_max_pa": 10.0, "self_contact": self_contact})
+    pieces = [Piece(MAIN, Touching(), ("y",), "y")]
+    solved = sample(pieces, config, 10.0, tmp_path / self_contact, Silent()).solved
+    kept = [replace(one.state) for one in solved if one.state.trusted and one.state.branch == "constrained"]
+    return [state.angle_rad for state in kept], {one.state.status for one in solved}
+
+
+def test_the_data_end_where_convolutions_touch(tmp_path: Path) -> None:
+    trusted, statuses = angles(tmp_path, "stop")
+    assert max(trusted) <= TOUCHING_RAD
+    assert statuses == {"ok", "self_contact"}
+
+
+def test_convolutions_may_pass_and_their_states_are_marked(tmp_path: Path) -> None:
+    trusted, statuses = angles(tmp_path, "pass")
+    assert max(trusted) > 0.5
+    assert statuses == {"ok", "passed_through"}
