@@ -114,5 +114,5 @@ def _states_caption(design: Solved) -> str:
 def _sampling_caption(design: Solved) -> str:
     return (
         f"{design.name}. Left: blue with number = states chosen where the law was least certain, grey = free branch "
-        "and corners, open = check states. Right: each new state against what had been foretold of it."
+        "and corners, open = check states, cross = self-contact. Right: each new state against what was foretold of it."
     )

@@ -11,6 +11,7 @@ from pliant.report import units
 from pliant.report.fem_reading import axis_record, foretold_axes
 from pliant.report.figures import style
 from pliant.report.figures.fem_states import actuation_word, coordinate_words
+from pliant.report.figures.state_groups import Groups
 
 SMALLEST_MISS = 1e-8  # a share of the range below which a miss is rounding
 
@@ -32,9 +33,11 @@ def _plane(axes: Any, data: ModuleData, name: str) -> None:
     one = data.axis(name)
     p_unit, u_unit = units.of_actuation(data.actuation_name), units.of_deformation(data)
     x, y = one.angle_rad * u_unit.factor, one.actuation * p_unit.factor
-    fit = one.role == "fit"
+    groups = Groups.of(one)
+    fit, check, lost = groups.fit, groups.check, groups.untrusted
     axes.scatter(x[fit], y[fit], 20, color=style.FAINT, linewidths=0, zorder=3)
-    axes.scatter(x[~fit], y[~fit], 30, marker="D", facecolor="white", edgecolor=style.SOFT, zorder=3)
+    axes.scatter(x[check], y[check], 30, marker="D", facecolor="white", edgecolor=style.SOFT, zorder=3)
+    axes.scatter(x[lost], y[lost], 34, marker="x", color=style.WARN, linewidths=1.3, zorder=3)
     tests = axis_record(data, name)["tests"]
     for number, test in enumerate(tests, start=1):
         place = (test["deformation"] * u_unit.factor, test["actuation"] * p_unit.factor)
@@ -75,7 +78,7 @@ def _history(axes: Any, data: ModuleData, name: str) -> None:
             [len(tests) + 0.6], [max(100 * float(check), 100 * SMALLEST_MISS)], "D", mfc="white", mec=style.SERIES[3],
             ms=7, mew=1.4, label=f"largest error at check states: {units.percent(float(check))}",
         )  # fmt: skip
-    axes.set_xlim(0.4, len(tests) + 1.2)
+    axes.set_xlim(0.4, len(tests) + 0.95)
     low, high = axes.get_ylim()
     axes.set_ylim(low, high * (high / low) ** 0.45)  # room for the legend
     axes.xaxis.get_major_locator().set_params(integer=True)
