@@ -16,6 +16,7 @@ from pliant.records.fem import ModuleProblem
 from pliant.records.law import JointKind
 from pliant.records.shape import HalfShapes, HalfSurfaces
 from pliant.records.structure import StructureProblem
+from pliant.units import Ratio
 
 
 class FamilyConfig(ComponentConfig):
@@ -25,7 +26,7 @@ class FamilyConfig(ComponentConfig):
         default=None,
         description="STL of one module, drawn and exported instead of the family's surface; results are the same",
     )
-    visual_scale: float = Field(
+    visual_scale: Ratio = Field(
         default=1.0, gt=0, description="the file's lengths times this are metres; 0.001 for millimetres"
     )
 
