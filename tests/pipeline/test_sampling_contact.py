@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -54,8 +53,8 @@ class Touching(ModuleSolver):
 def angles(tmp_path: Path, self_contact: str) -> tuple[list[float], set[str]]:
     config = FemConfig.model_validate({"kind": "any", "pressure_max_pa": 10.0, "self_contact": self_contact})
     pieces = [Piece(MAIN, Touching(), ("y",), "y")]
-    solved = sample(pieces, config, 10.0, tmp_path / self_contact, Silent()).solved
-    kept = [replace(one.state) for one in solved if one.state.trusted and one.state.branch == "constrained"]
+    solved = sample(pieces, config, 10.0, tmp_path, Silent()).solved
+    kept = [one.state for one in solved if one.state.trusted and one.state.branch == "constrained"]
     return [state.angle_rad for state in kept], {one.state.status for one in solved}
 
 
