@@ -15,6 +15,7 @@ import pytest
 from pliant.cli import summaries
 from pliant.records.design import Design
 from pliant.records.fem import ModuleData, ModuleShape
+from pliant.report.fem_law import law_by_axis
 from pliant.report.fem_page import free_reach, render_fem
 from pliant.report.fem_reading import failed_place, foretold_axes, solved_rows
 from pliant.report.fem_section import Solved, data_sections, shape_section
@@ -88,7 +89,7 @@ def module(axes: tuple[str, ...] = ("y",), joint: Any = "revolute", **changes: A
         dtau_du=np.tile(-stiffness, (n, 1, 1)),
         energy_j=np.zeros(n),
         travel=np.zeros(n),
-        iterations=np.arange(n) % 5 + 1,
+        iterations=(np.arange(n) % 5 + 1).astype(np.float64),
         wall_s=np.full(n, 0.25),
         explored=np.array([r[5] for r in rows]),
         branch=np.array([r[2] for r in rows]),
@@ -187,7 +188,7 @@ def test_copies_cost_nothing() -> None:
     wall[5:9], steps[5:9] = 0.0, 0
     copied = replace(data, wall_s=wall, iterations=steps)
     assert solved_rows(copied).sum() == len(data) - 4
-    cost = dict(cost_table(copied, "skfem").rows)
+    cost = {row[0]: row[1] for row in cost_table(copied, "skfem").rows}
     assert cost["states solved"] == str(len(data) - 4)
     assert cost["time of all states"] == "2.8 s"
     assert "24 elements" in cost["mesh"]
@@ -204,6 +205,29 @@ def test_failures_say_what_was_held() -> None:
     assert failed_place(of_several, KINDS["spherical"]) == ("1 kPa", "z 5.73°")
     assert failed_place({"actuation": 1e3, "effort": {"y": 0.01}}, KINDS["spherical"])[1] == "τ y 10 mN·m"
     assert failed_table(replace(module(), failed=())) is None
+
+
+class Linear:
+    """The law that the made-up states come from, its axes in another order, one slope off by a tenth."""
+
+    axes, joint = ("z", "y", "x"), "spherical"
+
+    def evaluate(self, actuation: np.ndarray, deformation: np.ndarray) -> Any:
+        tau = -deformation * [1.1 * 2.5, 1.5, 0.5]
+        tau[:, 1] += 2.5e-5 * actuation
+        return SimpleNamespace(tau=tau)
+
+
+def test_what_the_law_misses_is_told_by_axis() -> None:
+    table = law_by_axis(KINDS["spherical"], Linear())  # type: ignore[arg-type]
+    assert table is not None
+    rows = {row[0]: row[1:] for row in table.rows}
+    assert [row[0] for row in rows.items()] == ["y", "x", "z", "all held: x", "all held: y", "all held: z"]
+    # z from −0.1 to 0.2: a tenth of the slope misses 2/30 of the range at its end, 1/30 at the check state
+    assert rows["z"] == ["6.7 % (10)", "3.3 % (1)", "50"]
+    assert rows["all held: z"] == ["3.3 % (1)", "–", "25"]
+    assert all(float(rows[axis][2]) < 1e-9 for axis in ("x", "y"))
+    assert law_by_axis(KINDS["revolute"], Linear()) is None  # type: ignore[arg-type]
 
 
 def artifact(data: ModuleData) -> Any:

@@ -14,6 +14,7 @@ from pliant.report.facts import (
     provenance_table,
     time_tables,
 )
+from pliant.report.fem_law import law_by_axis
 from pliant.report.fem_section import Solved, data_sections, numbered, shape_section
 from pliant.report.figures.backbones import backbone_picture
 from pliant.report.figures.backbones import caption as backbone_caption
@@ -81,10 +82,16 @@ def _laws(run: FinishedRun) -> Section:
         Picture(numbered("law", n), _law_caption(run, n), law_picture(run, d))
         for n, d in enumerate(run.designs)
     )
-    table = law_table(run)
+    several = len(run.designs) > 1
+    by_axis = [
+        law_by_axis(d.module, d.law, f"{d.name}: " if several else "")
+        for d in run.designs
+        if d.module is not None
+    ]
+    tables = tuple(table for table in (law_table(run), *by_axis) if table is not None)
     stated = [d for d in run.designs if d.fit is None]
     note = f"Stated law: {coefficients(stated[0])}" if stated else ""
-    return Section("The joint law τ(p, u)", pictures, (table,) if table else (), note)
+    return Section("The joint law τ(p, u)", pictures, tables, note)
 
 
 def _law_caption(run: FinishedRun, number: int) -> str:
