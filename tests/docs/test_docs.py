@@ -16,7 +16,13 @@ from pliant.registry.discovery import discover
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
-WRITTEN = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted(DOCS.glob("*.md"))]
+WRITTEN = [
+    ROOT / "README.md",
+    ROOT / "CONTRIBUTING.md",
+    ROOT / "examples/data/README.md",
+    *sorted(DOCS.glob("*.md")),
+    *sorted(DOCS.glob("families/*.md")),
+]
 PAGES = [*WRITTEN, *sorted(DOCS.glob("reference/**/*.md"))]
 REGISTRY = discover()
 SHIPPED = [c for c in REGISTRY.components if c.package.startswith("pliant ")]
