@@ -159,7 +159,8 @@ def _law_warnings(design: DesignResult, named: bool) -> list[Warned]:
     prefix = f"{design.name}: " if named else ""
     if design.fit is not None and design.fit.details.get("stable") is False:
         found.append(Warned(f"{prefix}the law is unstable (∂τ/∂u ≥ 0) somewhere in its domain."))
-    return found if design.fem is None else found + data_warnings(design.fem, prefix)
+    data = design.fem if design.module is None else design.module
+    return found if data is None else found + data_warnings(data, prefix)
 
 
 def data_warnings(data: FemDataset | ModuleData, prefix: str = "") -> list[Warned]:
