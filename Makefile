@@ -6,7 +6,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 PIP_INSTALL := PIP_CONSTRAINT=$(CURDIR)/constraints.txt $(BIN)/python -m pip install --quiet --disable-pip-version-check
 
-.PHONY: demo test test-all lint types imports check bench bench-laws bench-physics bench-grasp bench-evidence docs freeze clean
+.PHONY: demo test test-all lint types imports check bench bench-laws bench-families bench-physics bench-grasp bench-evidence docs freeze clean
 
 demo: $(VENV)/.run  ## FEM → law → finger in three engines → report
 	$(BIN)/pliant run examples/first_finger/finger.yaml --out runs/first-finger
@@ -35,6 +35,19 @@ bench: bench-laws bench-physics bench-grasp  ## the figures of docs and notes, a
 bench-laws: $(VENV)/.run  ## FEM and joint laws
 	$(BIN)/python benchmarks/fem_bending.py
 	$(BIN)/python benchmarks/law_error.py
+
+bench-families: $(VENV)/.run  ## FEM of the families against published curves, a second code, finer meshes, sweeps: hours; the published tables stand in ../shared/data/reference
+	$(BIN)/python -m benchmarks.families.elements
+	$(BIN)/python -m benchmarks.families.second_solver
+	$(BIN)/python -m benchmarks.families.bending
+	$(BIN)/python -m benchmarks.families.helical
+	$(BIN)/python -m benchmarks.families.translational
+	$(BIN)/python -m benchmarks.families.tendon_joint --sensitivity
+	$(BIN)/python -m benchmarks.families.sampling --helical
+	$(BIN)/python -m benchmarks.families.gripper_designs
+	$(BIN)/python -m benchmarks.families.chain_hypothesis
+	$(BIN)/python -m benchmarks.families.kill
+	$(BIN)/python -m benchmarks.families.sweep
 
 bench-physics: $(VENV)/.bench  ## engines, the published baseline and a Cosserat rod on the published helix
 	$(BIN)/python -m benchmarks.engines_agree
