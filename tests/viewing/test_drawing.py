@@ -3,6 +3,7 @@
 import ctypes.util
 import itertools
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -90,6 +91,23 @@ def test_a_skin_is_closed():
     edges = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1)
     _, count = np.unique(edges, axis=0, return_counts=True)
     assert set(count.tolist()) == {2}
+
+
+def test_a_rigid_shape_keeps_its_form_when_the_chain_bends():
+    chain = rods()
+    chain = chain.with_(
+        shapes=tuple(tuple(replace(shape, rigid=True) for shape in body) for body in chain.shapes)
+    )
+    skin = skin_of(chain)
+    geometry = ChainGeometry.of(chain)
+    straight, pose = geometry.forward(bent(chain, 0.0)), geometry.forward(bent(chain, 0.4))
+    after = skin.posed(straight, pose)
+    for body in range(chain.n_joints + 1):
+        mine = skin.body == body
+        assert mine.any()
+        local = (after[mine] - pose.origins[body]) @ pose.rotations[body]
+        rest = (skin.rest.vertices_m[mine] - straight.origins[body]) @ straight.rotations[body]
+        np.testing.assert_allclose(local, rest, atol=1e-12)
 
 
 def test_a_chain_without_shapes_is_drawn_as_rods():
