@@ -211,15 +211,18 @@ def test_the_documented_keys_are_in_the_results(pliant, write, read, workplace):
     shutil.copytree(root / "examples" / "hidden_effect", loop)
     with_bench = {"compare": [], "diagnose": [], "extend": ["--effect", "viscoelastic"], "improve": []}
     drawn = {"render": ["--backbone", "--out", "line.png"], "export": ["--out", "chain.xml"]}
+    material = root / "examples" / "materials"
+    calibrated = {"calibrate": ["--data", material / "pull.csv"]}
     checked = []
     for verb, cells in re.findall(r"^\| `(\w+)` \| (.*) \|$", page, re.M):
         if verb == "fem":
             continue  # minutes of FEM; tests/endtoend reads its keys
         study = loop / "finger.yaml" if verb in with_bench else write(BENCH)
-        more = (with_bench | drawn).get(verb, [])
+        study = material / "silicone.yaml" if verb in calibrated else study
+        more = (with_bench | drawn | calibrated).get(verb, [])
         assert pliant(verb, study, *more, "--json", "out.json", "--quiet").code == 0
         result = read("out.json")
         for key in re.findall(r"`(\w+)`", re.sub(r"\([^)]*\)", "", cells)):
             assert key in result or (verb, key) == ("run", "fem"), f"{verb}: {key}"
         checked.append(verb)
-    assert checked == ["fit", "simulate", "run", *drawn, *with_bench]
+    assert checked == ["fit", "simulate", "run", *calibrated, *drawn, *with_bench]
