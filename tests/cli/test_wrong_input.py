@@ -228,3 +228,12 @@ def test_an_unknown_option_or_verb_exits_with_2(pliant):
 
 def test_a_store_with_an_impossible_name(pliant, write, stated):
     assert_refused(pliant("simulate", write(stated), "--store", "x" * 300), "File name too long")
+
+
+def test_the_largest_of_an_actuation_that_the_family_does_not_have(pliant, write, workplace, finger):
+    text = finger.replace("pressure_max: 15 kPa", "pressure_max: 15 kPa, tendon_force_max: 5 N")
+    assert text != finger
+    assert_refused(
+        pliant("fem", write(text)), "'tendon_force_max' has no effect", "driven by pressure_pa; remove it"
+    )
+    assert not list(workplace.glob("runs/*/*.csv"))

@@ -150,7 +150,9 @@ def test_a_state_that_fails_is_a_record_with_its_cause(tmp_path):
 
 
 def test_a_free_branch_that_stops_is_an_error(tmp_path):
-    with pytest.raises(NotReachedError, match="free branch stopped: Newton stopped"):
+    with pytest.raises(
+        NotReachedError, match=r"free branch stopped: Newton stopped\. Lower the largest pressure"
+    ):
         sample(Springs(refuse=lambda p, u: p > 5), CONFIG, 10.0, tmp_path, Silent())
 
 

@@ -87,7 +87,7 @@ class FemConfig(ComponentConfig):
         return values
 
     def actuation_max(self, actuation: str) -> float:
-        """Largest actuation of a module driven by `actuation`, SI. Raises `UserError` where only the other is given."""
+        """Largest actuation of a module driven by `actuation`, SI. Raises `UserError` unless it alone is given."""
         limits = {"pressure_pa": self.pressure_max_pa, "tendon_force_n": self.tendon_force_max_n}
         keys = {"pressure_pa": "pressure_max: 15 kPa", "tendon_force_n": "tendon_force_max: 8 N"}
         limit = limits[actuation]
@@ -95,6 +95,12 @@ class FemConfig(ComponentConfig):
             raise UserError(
                 f"fem: this family is driven by {actuation}; give the data's largest, '{keys[actuation]}'."
             )
+        for other, example in keys.items():
+            if other != actuation and limits[other] is not None:
+                key = example.split(":")[0]
+                raise UserError(
+                    f"fem: '{key}' has no effect, since this family is driven by {actuation}; remove it."
+                )
         return limit
 
 

@@ -70,4 +70,8 @@ def _growth(here: FemState, found: FemState) -> float:
 
 
 def _stopped(walk: Walk) -> NotReachedError:
-    return NotReachedError(f"the free branch stopped: {walk.failed[-1]['cause']}")
+    cause = str(walk.failed[-1]["cause"]).rstrip(".")
+    return NotReachedError(
+        f"the free branch stopped: {cause}. Lower the largest pressure or force under "
+        "'fem', or see whether the material is as stiff as it should be (a bare modulus is in Pa)."
+    )

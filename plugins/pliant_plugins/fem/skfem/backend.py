@@ -92,8 +92,8 @@ class SkfemSolver(ModuleSolver):
             unit = "N" if self.problem.actuation == "tendon_force_n" else "Pa"
             raise StateNotConvergedError(
                 f"no {'constrained' if held else 'free'} equilibrium at {actuation:.6g} {unit}"
-                f"{self._named(held)} from the state at {start.actuation:.6g} {unit}, "
-                f"{np.array2string(start.deformation, precision=4)}: {error}."
+                f"{self._named(held)} from the state at {start.actuation:.6g} {unit}"
+                f"{self._named(dict(zip(self.problem.axes, start.deformation, strict=True)))}: {error}."
             ) from error
         self._known.append(found)
         return self._state(found, tuple(held), time.perf_counter() - begun)
