@@ -131,7 +131,9 @@ def test_a_prismatic_table_from_elsewhere_needs_only_its_two_columns(tmp_path: P
 def test_which_axis_to_read_is_asked_or_said(tmp_path: Path) -> None:
     path = tmp_path / "fem.csv"
     write_table(module(("x", "y", "z"), "y", n=16), path)
-    with pytest.raises(UserError, match="one table holds one axis"):
+    with pytest.raises(
+        UserError, match="one table holds one axis here; give a spherical joint this table for each of 'axes"
+    ):
         read_table(path)
     head = "pressure_pa,angle_rad,moment_n_m,axis\n"
     path.write_text(head + "1,0.1,0.2,y\n1,0.1,0.2,x\n")

@@ -207,7 +207,7 @@ def _of_axis(path: Path, rows: list[Row], wanted: str | None, default: str) -> t
         other = int(np.flatnonzero((axes != found[0]) & (axes != ALL))[0])
         raise UserError(
             f"{path}, line {rows[other][0]}, column axis: it is '{found[1]}' after '{found[0]}'; "
-            "one table holds one axis"
+            "one table holds one axis here; give a spherical joint this table for each of 'axes: {x: …, y: …, z: …}'"
         )
     if len(found) > 1 and wanted not in found:
         raise UserError(f"{path}: no state explores axis {wanted}, only {', '.join(found)}.")
