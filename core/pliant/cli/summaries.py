@@ -37,6 +37,7 @@ def fem(artifacts: Sequence[Artifact], tables: Sequence[str]) -> dict[str, Any]:
         "n_states": sum(len(d) for d in data),
         "failed": [dict(f) for d in data for f in d.failed],
         "self_contact": sum(int(np.sum(d.status == SELF_CONTACT)) for d in data),
+        "passed_through": sum(int(np.sum(d.status == PASSED)) for d in data),
         "wall_s": sum(a.manifest["wall_s"] for a in artifacts),
         "newton_steps": sum(int(d.iterations.sum()) for d in data),
         "axes": _of_axes(data[0]) if len(data) == 1 else [_of_axes(d) for d in data],
