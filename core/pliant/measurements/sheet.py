@@ -45,9 +45,7 @@ class Problems:
         if more or ending:
             lines.append(f"  … and {more} more{ending}")
         rows = "1 problem" if self.count == 1 else f"{self.count} problems"
-        return UserError(
-            f"{self.path}: {rows}; {self.advice}:\n" + "\n".join(lines)
-        )
+        return UserError(f"{self.path}: {rows}; {self.advice}:\n" + "\n".join(lines))
 
     def raise_if_any(self) -> None:
         if self.count:
