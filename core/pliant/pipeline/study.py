@@ -135,7 +135,9 @@ def fem_of_study(bench: Workbench, study: Study) -> tuple[Artifact, ...]:
 
 def families_of_study(study: Study) -> tuple[FamilyConfig, ...]:
     """The family of each distinct design, in the order of `fem_of_study`."""
-    return tuple({repr(d.family.canonical()): d.family for d in _distinct_designs(study) if d.family}.values())
+    return tuple(
+        {repr(d.family.canonical()): d.family for d in _distinct_designs(study) if d.family}.values()
+    )
 
 
 def laws_of_study(bench: Workbench, study: Study) -> tuple[DesignStages, ...]:

@@ -83,7 +83,9 @@ class Polynomial(Surrogate):
         if self.config.form == "study":
             coefficients = fit_study(states.fit, self.config.odd)
             joint = joint_of(data)
-            law = study_law(coefficients, self.config.odd, states.domain, data.actuation_name, data.axis, joint)
+            law = study_law(
+                coefficients, self.config.odd, states.domain, data.actuation_name, data.axis, joint
+            )
             parameters: dict[str, Any] = coefficients.canonical()
             choice: dict[str, Any] = {"form": "study", "odd": self.config.odd}
         else:
