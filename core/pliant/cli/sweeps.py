@@ -70,6 +70,7 @@ def result(run: SweepRun, folder: Path) -> dict[str, Any]:
         "n_states": sum(o.n_states for o in done),
         "failed": [{"design": o.design.number, **failure} for o in done for failure in o.failed],
         "self_contact": sum(o.self_contact for o in done),
+        "passed_through": sum(o.passed_through for o in done),
         "wall_s": run.wall_s,
         "fem_wall_s": sum(o.wall_s for o in done),
         "csv": str(folder / TABLE),

@@ -47,6 +47,7 @@ class ActuatorFamily(ABC):
     joint: ClassVar[JointKind] = "revolute"
     axes: ClassVar[tuple[str, ...]] = ("y",)
     main_axis: ClassVar[str] = "y"
+    actuation: ClassVar[str] = "pressure_pa"  # or "tendon_force_n"
 
     def __init__(self, config: FamilyConfig) -> None:
         self.config = config

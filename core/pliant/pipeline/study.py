@@ -118,6 +118,8 @@ def check_study(bench: Workbench, study: Study) -> None:
             built: ActuatorFamily = bench.build("family", design.family)
             if design.family.visual is not None:
                 seen_surface(built)
+            if study.fem is not None:
+                study.fem.actuation_max(built.actuation)
         if design.surrogate is not None:
             bench.build("surrogate", design.surrogate)
     for key, interface in BLOCKS.items():

@@ -12,7 +12,7 @@ from pliant.config.designs import SweptDesign
 from pliant.config.study import Study
 from pliant.errors import NotReachedError
 from pliant.pipeline.sweep_worker import Status
-from pliant.records.fem import ModuleData
+from pliant.records.fem import PASSED, SELF_CONTACT, ModuleData
 from pliant.store.store import Artifact, load_artifact
 
 
@@ -27,6 +27,7 @@ class DesignOutcome:
         key: of its artifact in the store; empty where there is none.
         folder: of the artifact.
         n_states, n_failed, self_contact: states solved, not reached, and solved with overlapping convolutions.
+        passed_through: states that overlap and that `fem.self_contact: pass` lets pass.
         free_angle_rad: the largest angle of the free branch (m for a prismatic joint).
         joint: kind of the module's joint.
         wall_s: what its FEM took when it was made.
@@ -42,6 +43,7 @@ class DesignOutcome:
     n_states: int = 0
     n_failed: int = 0
     self_contact: int = 0
+    passed_through: int = 0
     free_angle_rad: float | None = None
     joint: str = "revolute"
     wall_s: float = 0.0
@@ -61,7 +63,8 @@ class DesignOutcome:
             folder=made.folder,
             n_states=len(data),
             n_failed=len(data.failed),
-            self_contact=int(np.sum(data.status == "self_contact")),
+            self_contact=int(np.sum(data.status == SELF_CONTACT)),
+            passed_through=int(np.sum(data.status == PASSED)),
             free_angle_rad=float(main[free].max()) if free.any() else None,
             joint=data.joint,
             wall_s=float(made.manifest["wall_s"]),

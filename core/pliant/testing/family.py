@@ -65,6 +65,10 @@ def axes_fit_the_joint(subject: Subject) -> None:
         problem.actuation in ACTUATIONS,
         f"the actuation '{problem.actuation}' is none of {', '.join(ACTUATIONS)}",
     )
+    require(
+        family.actuation == problem.actuation,
+        f"the family's actuation is '{family.actuation}', the problem's '{problem.actuation}'",
+    )
 
 
 @suite.check(

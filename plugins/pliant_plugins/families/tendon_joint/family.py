@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import fields
 from functools import cached_property
+from typing import ClassVar
 
 from pliant.interfaces.family import ActuatorFamily
 from pliant.meshing.masses import half_masses, meshed_mass, mirrored
@@ -26,6 +27,8 @@ class TendonJoint(ActuatorFamily):
     rigid. The tendon, without friction, pulls its two holes toward each other along a straight line, below the
     flexure; positive tension turns the tip toward −z.
     """
+
+    actuation: ClassVar[str] = "tendon_force_n"
 
     def __init__(self, config: TendonJointConfig) -> None:
         super().__init__(config)
