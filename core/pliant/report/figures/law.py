@@ -11,6 +11,7 @@ from matplotlib.lines import Line2D
 
 from pliant.records.design import Array
 from pliant.records.fem import FemDataset
+from pliant.records.law import JointLaw
 from pliant.report import units
 from pliant.report.figures import style
 from pliant.report.figures.state_groups import Groups
@@ -74,7 +75,7 @@ def draw_law(axes: Any, run: FinishedRun, design: DesignResult, compact: bool = 
             color=colours(norm(level)),
         )
     axis = law.axes[main_axis(law, data.axis if data else "y")]
-    symbol = "extension" if law.joint == "prismatic" else "joint angle"
+    symbol = _symbol(law)
     axes.set_xlabel(
         f"{symbol} $u$ about {axis} ({u_unit.name})" if len(law.axes) > 1 else f"{symbol} $u$ ({u_unit.name})"
     )
@@ -83,6 +84,10 @@ def draw_law(axes: Any, run: FinishedRun, design: DesignResult, compact: bool = 
     source = source if data is not None else "stated by its coefficients"
     axes.set_title("Joint law τ(p, u)" if compact else f"Joint law τ(p, u): {source}")
     _legend(axes, data)
+
+
+def _symbol(law: JointLaw) -> str:
+    return "extension" if law.joint == "prismatic" else "joint angle"
 
 
 def draw_residuals(axes: Any, design: DesignResult, of_study: bool = False) -> None:
@@ -115,7 +120,7 @@ def draw_residuals(axes: Any, design: DesignResult, of_study: bool = False) -> N
     largest = float(np.abs(missed[groups.fit | groups.check]).max(initial=0.0)) or 1.0
     axes.set_ylim(-1.22 * largest, 1.22 * largest)
     axes.yaxis.set_major_formatter(lambda value, _: units.number(float(value), 2))
-    axes.set_xlabel(f"joint angle $u$ ({u_unit.name})")
+    axes.set_xlabel(f"{_symbol(design.law)} $u$ ({u_unit.name})")
     axes.set_ylabel("% of effort range")
     name = "Study's form − state" if of_study else "Law − state"
     axes.set_title(f"{name}, worst {units.percent(largest / 100)}")
