@@ -18,7 +18,6 @@ the stretch of a free module's plate into the links.
 from __future__ import annotations
 
 import argparse
-import json
 import tempfile
 import time
 from dataclasses import dataclass
@@ -26,6 +25,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from benchmarks.physics.output import write
 
 from pliant import api
 from pliant.interfaces.family import ActuatorFamily
@@ -35,7 +35,6 @@ from pliant.records.design import Array
 from pliant.records.rollout import Inputs
 from pliant.records.structure import StructureState
 
-OUT = Path(__file__).parents[1] / "out/chain_hypothesis.json"
 STUDY = """
 pliant: 1
 name: chain-hypothesis
@@ -87,8 +86,7 @@ def main() -> None:
                 bench.build("material", opened.study.material),
             )
             rows += solved(ground, modules)
-    OUT.parent.mkdir(exist_ok=True)
-    OUT.write_text(json.dumps({"cases": rows}, indent=1))
+    write("chain_hypothesis", {"cases": rows})
     if given.picture:
         draw(rows, given.picture)
 

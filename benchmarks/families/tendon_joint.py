@@ -14,12 +14,8 @@ Prints the table and writes benchmarks/out/tendon_joint.json.
 from __future__ import annotations
 
 import argparse
-import json
-import os
-import platform
 import time
 from dataclasses import asdict, dataclass, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -31,6 +27,7 @@ from benchmarks.families.tendon_data import (
     published,
     published_arm_m,
 )
+from benchmarks.physics.output import write
 from scipy.interpolate import CubicHermiteSpline
 from scipy.optimize import minimize_scalar
 
@@ -42,7 +39,6 @@ from pliant_plugins.fem.skfem.config import SkfemConfig
 from pliant_plugins.manifest import TENDON_JOINT
 from pliant_plugins.materials.neo_hookean import NeoHookean, NeoHookeanConfig
 
-OUT = Path(__file__).parents[1] / "out/tendon_joint.json"
 OFFSETS_MM = (5.2, 8.2)  # where the offset is sought
 STEEPEST_RAD = 1.05  # free curves are solved so far
 ARM_ANGLES = (0.0, 0.1, 0.2, 0.3, 0.4, 0.5)
@@ -262,9 +258,8 @@ def main() -> None:
                 flush=True,
             )
     write(
+        "tendon_joint",
         {
-            "benchmark": "tendon_joint",
-            "machine": {"processor": platform.processor() or platform.machine(), "cores": os.cpu_count()},
             "stated": asdict(Stated()),
             "fitted": asdict(fitted),
             "refinement": options.refinement,
@@ -275,7 +270,7 @@ def main() -> None:
             "meshes": meshes,
             "other_stated_values": others,
             "wall_s": time.perf_counter() - begun,
-        }
+        },
     )
 
 
@@ -316,15 +311,6 @@ def show(
         )
     for row in meshes:
         print("  mesh: " + ", ".join(f"{k} {v:.6g}" for k, v in row.items()))
-
-
-def write(results: dict[str, Any]) -> None:
-    """Write the results atomically."""
-    OUT.parent.mkdir(parents=True, exist_ok=True)
-    partial = OUT.with_suffix(f".{os.getpid()}.part")
-    partial.write_text(json.dumps(results, indent=2) + "\n")
-    partial.replace(OUT)
-    print(f"written: {OUT}")
 
 
 if __name__ == "__main__":

@@ -7,8 +7,9 @@ import pytest
 
 from pliant.errors import ContractError
 from pliant.meshing.discs import half_disc
-from pliant.meshing.hexahedra import cell_volumes, enclosed_volume, gauss, lagrange
-from pliant.meshing.stacking import capped, loose_faces, mirrored_mesh, stacked
+from pliant.meshing.hexahedra import FACE_CENTRE, cell_volumes, enclosed_volume, gauss, lagrange
+from pliant.meshing.stacking import capped, mirrored_mesh, stacked
+from pliant.records.fem import ModuleMesh
 from pliant_plugins.families.bellow_bending.config import BellowBendingConfig
 from pliant_plugins.families.bellow_bending.family import BellowBending
 from pliant_plugins.families.bellow_bending.geometry import BellowGeometry
@@ -68,6 +69,11 @@ def test_the_cap_closes_the_cavity(family: BellowBending) -> None:
     # the open base lies in x = 0, where a field along x has no flux
     assert inside == pytest.approx(-2 * _flux(body.nodes_m, body.cavity, (0,)), rel=1e-12)
     assert inside == pytest.approx(2 * geometry.cavity_volume(), rel=1e-3)
+
+
+def loose_faces(mesh: ModuleMesh) -> int:
+    """Faces of the cavity that are not on the skin."""
+    return int(np.sum(~np.isin(mesh.cavity[:, FACE_CENTRE], mesh.skin[:, FACE_CENTRE])))
 
 
 def _flux(nodes: np.ndarray, faces: np.ndarray, components: tuple[int, ...]) -> float:

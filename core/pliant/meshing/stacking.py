@@ -9,7 +9,7 @@ import numpy as np
 
 from pliant.errors import ContractError
 from pliant.meshing.discs import half_disc
-from pliant.meshing.hexahedra import FACE_CENTRE, boundary_faces
+from pliant.meshing.hexahedra import boundary_faces
 from pliant.records.design import Array
 from pliant.records.fem import IntArray, ModuleMesh
 
@@ -117,8 +117,3 @@ def _facing_x(flat: Array, quads: IntArray) -> IntArray:
     quads = quads.copy()
     quads[turned] = quads[turned][:, _FACE.T.ravel()]
     return quads
-
-
-def loose_faces(mesh: ModuleMesh) -> int:
-    """Faces of the cavity that are not on the skin: 0 for a sound mesh."""
-    return int(np.sum(~np.isin(mesh.cavity[:, FACE_CENTRE], mesh.skin[:, FACE_CENTRE])))
