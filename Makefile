@@ -6,7 +6,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 PIP_INSTALL := PIP_CONSTRAINT=$(CURDIR)/constraints.txt $(BIN)/python -m pip install --quiet --disable-pip-version-check
 
-.PHONY: demo test test-all lint types imports check bench bench-laws bench-families bench-physics bench-grasp bench-evidence docs freeze clean
+.PHONY: demo test test-all lint types imports check bench bench-laws bench-surrogates bench-families bench-physics bench-grasp bench-evidence docs freeze clean
 
 demo: $(VENV)/.run  ## FEM → law → finger in three engines → report
 	$(BIN)/pliant run examples/first_finger/finger.yaml --out runs/first-finger
@@ -35,6 +35,15 @@ bench: bench-laws bench-physics bench-grasp  ## the figures of docs and notes, a
 bench-laws: $(VENV)/.run  ## FEM and joint laws
 	$(BIN)/python benchmarks/fem_bending.py
 	$(BIN)/python benchmarks/law_error.py
+
+bench-surrogates: $(VENV)/.dev  ## laws and meta-models: accuracy on states and designs left out, error bars, few states, speed: an hour; the published tables stand in ../shared/data/reference
+	$(BIN)/python -m benchmarks.surrogates.laws
+	$(BIN)/python -m benchmarks.surrogates.speed
+	$(BIN)/python -m benchmarks.surrogates.states
+	$(BIN)/python -m benchmarks.surrogates.three_axes
+	$(BIN)/python -m benchmarks.surrogates.elsewhere
+	$(BIN)/python -m benchmarks.surrogates.designs
+	$(BIN)/python -m benchmarks.surrogates.gain
 
 bench-families: $(VENV)/.run  ## FEM of the families against published curves, a second code, finer meshes, sweeps: hours; the published tables stand in ../shared/data/reference
 	$(BIN)/python -m benchmarks.families.elements

@@ -47,6 +47,7 @@ INTERFACE_CLASS = {
     "material": "Material",
     "fem": "FEMBackend",
     "surrogate": "Surrogate",
+    "meta_model": "MetaModel",
     "effect": "Effect",
     "physics": "PhysicsBackend",
     "task": "Task",
@@ -209,6 +210,8 @@ def _inner(model: type[FrozenModel]) -> list[str]:
 
 
 def _requirement(component: Component) -> list[str]:
+    if component.lazy:
+        return [f"Needs {', '.join(component.lazy)} for part of its work: `{component.install}`.", ""]
     if not component.requires:
         return []
     extra = (

@@ -12,31 +12,38 @@ Each returns the record that the command prints; nothing is written but the arti
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
 
 from pliant.calibration.calibration import Calibration
 from pliant.calibration.calibration import calibrate as calibrate_with
 from pliant.calibration.reading import read_bench_data
 from pliant.config.loading import load_study
-from pliant.config.study import Study
+from pliant.config.problems import sentences
+from pliant.config.study import Study, varied
 from pliant.diagnosis.diagnosis import Diagnosis
 from pliant.diagnosis.diagnosis import diagnose as diagnose_with
 from pliant.diagnosis.extension import Extension, Ground
 from pliant.diagnosis.extension import extend as extend_with
 from pliant.diagnosis.improvement import Improvement
 from pliant.diagnosis.improvement import improve as improve_with
+from pliant.errors import UserError
 from pliant.evidence.comparison import Comparison
 from pliant.evidence.comparison import compare as compare_with
 from pliant.evidence.measured import measurement_of_study
 from pliant.evidence.prediction import Predictor
+from pliant.pipeline.meta_model import MetaModelStage, Proposal, Scores, designs_to_solve, meta_model_stage
 from pliant.pipeline.progress import Progress, Silent
 from pliant.pipeline.study import StudyRun, simulate_study
 from pliant.pipeline.sweep import sweep_study
 from pliant.pipeline.sweep_records import SweepRun
 from pliant.pipeline.workbench import Workbench
+from pliant.records.law import JointLaw
 from pliant.records.measurement import Measurement
 from pliant.registry.discovery import discover
 from pliant.registry.files import with_files
@@ -88,6 +95,52 @@ def sweep(opened: OpenStudy, executor: Executor | None = None, workers: int | No
     A script that starts processes needs `if __name__ == "__main__":`.
     """
     return sweep_study(opened.bench, opened.study, executor=executor, workers=workers)
+
+
+@dataclass(frozen=True, eq=False)
+class UnseenDesigns:
+    """A study's meta-model in hand.
+
+    Attributes:
+        opened: the study.
+        stage: the model with its scores, coverage and details.
+    """
+
+    opened: OpenStudy
+    stage: MetaModelStage
+
+    @property
+    def scores(self) -> Mapping[str, Scores]:
+        """Errors on designs left out: all, interior, border."""
+        return self.stage.scores
+
+    def law(self, parameters: Mapping[str, Any] | None = None) -> JointLaw:
+        """The law of a design, with its error bar.
+
+        Args:
+            parameters: of the family, as a study writes them, ``{"average_radius": "7.2 mm"}``; the others are the
+                study's.
+
+        Raises:
+            UserError: an impossible design, or one for which the model does not hold.
+        """
+        study = self.opened.study
+        family = study.need("family", "a meta-model")
+        try:
+            changed = varied(family, parameters or {})
+        except ValidationError as error:
+            raise UserError(sentences(error, type(family), lambda path: "", ("family",))) from None
+        self.opened.bench.build("family", changed)
+        return self.stage.law(self.stage.values(changed, study.material))  # type: ignore[arg-type]
+
+    def next(self, count: int = 1) -> list[Proposal]:
+        """The designs that should be solved next, best first."""
+        return designs_to_solve(self.opened.bench, self.opened.study, self.stage, count)
+
+
+def meta_model(opened: OpenStudy) -> UnseenDesigns:
+    """The study's meta-model, its designs solved first where they must be: `pliant fit`."""
+    return UnseenDesigns(opened, meta_model_stage(opened.bench, opened.study))
 
 
 def simulate(opened: OpenStudy) -> StudyRun:

@@ -51,7 +51,7 @@ NO_PYBULLET_WHEEL = (
 @hookimpl
 def pliant_components() -> Iterable[Component]:
     """All built-in components."""
-    return [*_modules(), *_engines(), *_effects(), *_viewers()]
+    return [*_modules(), *_meta_models(), *_engines(), *_effects(), *_viewers()]
 
 
 def _modules() -> list[Component]:
@@ -147,6 +147,57 @@ def _modules() -> list[Component]:
             implementation=f"{HERE}.surrogates.polynomial.surrogate:Polynomial",
             summary="polynomial law of adaptive degree from values and slopes, or the study's form",
             example={"form": "study", "coefficients": STUDY_LAW, "odd": True},
+        ),
+        Component(
+            interface="surrogate",
+            kind="table",
+            config=f"{HERE}.surrogates.table.config:TableConfig",
+            implementation=f"{HERE}.surrogates.table.surrogate:Table",
+            summary="measurements or FEM from elsewhere, interpolated and smoothed as far as they scatter",
+        ),
+        Component(
+            interface="surrogate",
+            kind="neural",
+            config=f"{HERE}.surrogates.neural.config:NeuralConfig",
+            implementation=f"{HERE}.surrogates.neural.surrogate:Neural",
+            summary="small network of an energy, trained on values and slopes, of one to three axes",
+            lazy=("torch",),
+            install="pip install 'pliant[neural]'",
+        ),
+    ]
+
+
+def _meta_models() -> list[Component]:
+    return [
+        Component(
+            interface="meta_model",
+            kind="regression",
+            config=f"{HERE}.meta_models.regression.config:RegressionConfig",
+            implementation=f"{HERE}.meta_models.regression.model:Regression",
+            summary="Gaussian processes, kernel ridge or polynomials of the design, whichever does better",
+            example={"regressor": "gaussian_process"},
+            requires=("sklearn",),
+            install="pip install 'pliant[meta]'",
+        ),
+        Component(
+            interface="meta_model",
+            kind="coefficients",
+            config=f"{HERE}.meta_models.coefficients.config:CoefficientsConfig",
+            implementation=f"{HERE}.meta_models.coefficients.model:Coefficients",
+            summary="network 64-64-32 from the design to the coefficients of its law",
+            example={"starts": 2},
+            requires=("torch",),
+            install="pip install 'pliant[neural]'",
+        ),
+        Component(
+            interface="meta_model",
+            kind="neural",
+            config=f"{HERE}.meta_models.neural.config:NeuralMetaConfig",
+            implementation=f"{HERE}.meta_models.neural.model:NeuralMetaModel",
+            summary="one network of design, actuation and deformation: an energy, or torques as in the study",
+            example={"units": 16, "steps": 200},
+            requires=("torch",),
+            install="pip install 'pliant[neural]'",
         ),
     ]
 

@@ -197,3 +197,21 @@ def test_a_stiff_constraint_keeps_the_joint_line() -> None:
         strains.append(model.constrained(5e3, 0.0, model.rest()).axial_strain)
     assert 0 < strains[1] < 2e-4
     assert strains[0] == pytest.approx(2 * strains[1], rel=0.01)
+
+
+def test_the_module_is_closed_where_the_outermost_fibre_is_used_up() -> None:
+    """Distances from the constraint to the wall's outer crests: 9.74 ∓ 2.55 mm; 15 % of 4.72 mm is left."""
+    module = family()
+    low, high = module.problem().contact_range or (0.0, 0.0)
+    assert (module.problem(axes=("y",)).contact_range) == (low, high)
+    assert high * (9.74e-3 - module.offset_m) == pytest.approx(0.85 * 4.72e-3)
+    assert -low * (9.74e-3 + module.offset_m) == pytest.approx(0.85 * 4.72e-3)
+
+
+def test_bending_sideways_uses_the_fibre_up_too() -> None:
+    closing = family().problem().closing
+    assert closing is not None
+    assert closing.shortening_m(closing.range[1]) == pytest.approx(closing.free_m)
+    assert closing.shortening_m(closing.range[0]) == pytest.approx(closing.free_m)
+    assert closing.shortening_m(0.0, 0.2) == closing.shortening_m(0.0, -0.2) == pytest.approx(0.2 * 9.74e-3)
+    assert closing.shortening_m(0.3, 0.3) > closing.shortening_m(0.3)

@@ -152,7 +152,11 @@ def test_states_in_which_the_links_meet_are_marked() -> None:
 
 
 def test_another_code_agrees() -> None:
-    pytest.importorskip("ngsolve", reason="the second FEM code is an extra: pip install 'pliant[ngsolve]'")
+    pytest.importorskip(
+        "pliant_plugins.fem.ngsolve.library",
+        reason="an extra: pip install 'pliant[ngsolve]'",
+        exc_type=ImportError,
+    )
     from pliant_plugins.fem.ngsolve.backend import Ngsolve
     from pliant_plugins.fem.ngsolve.config import NgsolveConfig
 

@@ -9,9 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-pytest.importorskip("ngsolve", reason="the extra pliant[ngsolve] is not installed")
-
-import ngsolve as ngs
+pytest.importorskip(
+    "pliant_plugins.fem.ngsolve.library",
+    reason="the extra pliant[ngsolve] is not installed",
+    exc_type=ImportError,
+)
 
 from pliant.errors import ContractError, MissingDependencyError, UserError
 from pliant.interfaces.fem import ModuleSolver, StateNotConvergedError
@@ -27,6 +29,7 @@ from pliant_plugins.fem.ngsolve.backend import Ngsolve, NgsolveSolver
 from pliant_plugins.fem.ngsolve.config import NgsolveConfig
 from pliant_plugins.fem.ngsolve.constraints import eliminate
 from pliant_plugins.fem.ngsolve.laws import density
+from pliant_plugins.fem.ngsolve.library import ngs
 from pliant_plugins.fem.ngsolve.mesh import CAVITY, curved_mesh, nodal_table
 from pliant_plugins.fem.skfem.backend import Skfem
 from pliant_plugins.fem.skfem.config import SkfemConfig

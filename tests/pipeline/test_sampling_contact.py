@@ -50,9 +50,11 @@ class Touching(ModuleSolver):
         return np.zeros((1, 3))
 
 
-def angles(tmp_path: Path, self_contact: str) -> tuple[list[float], set[str]]:
+def angles(
+    tmp_path: Path, self_contact: str, limits: tuple[float, float] = (-np.inf, np.inf)
+) -> tuple[list[float], set[str]]:
     config = FemConfig.model_validate({"kind": "any", "pressure_max_pa": 10.0, "self_contact": self_contact})
-    pieces = [Piece(MAIN, Touching(), ("y",), "y")]
+    pieces = [Piece(MAIN, Touching(), ("y",), "y", limits)]
     solved = sample(pieces, config, 10.0, tmp_path, Silent()).solved
     kept = [one.state for one in solved if one.state.trusted and one.state.branch == "constrained"]
     return [state.angle_rad for state in kept], {one.state.status for one in solved}
@@ -68,3 +70,10 @@ def test_convolutions_may_pass_and_their_states_are_marked(tmp_path: Path) -> No
     trusted, statuses = angles(tmp_path, "pass")
     assert max(trusted) > 0.5
     assert statuses == {"ok", "passed_through"}
+
+
+def test_what_rigid_parts_forbid_is_never_let_pass(tmp_path: Path) -> None:
+    """The free branch goes to 0.48 rad, beyond the limit; the box of the others ends at it."""
+    trusted, statuses = angles(tmp_path, "pass", (-0.2, 0.4))
+    assert max(trusted) == 0.4 and min(trusted) == -0.2
+    assert statuses == {"ok", "passed_through", "self_contact"}

@@ -12,12 +12,14 @@ import pytest
 from pliant.config.loading import load_study
 from pliant.errors import UserError
 from pliant.pipeline.study import StudyRun, simulate_study
+from pliant.pipeline.tables import write_table
 from pliant.pipeline.workbench import Workbench
 from pliant.registry.discovery import discover
 from pliant.report.folder import finished, read_folder, write_folder
 from pliant.report.page import render
 from pliant.report.stage import NAMES, write_page
 from pliant.store.store import ArtifactStore
+from pliant.testing.samples import softening_law, table_of
 
 STUDY = """
 pliant: 1
@@ -164,3 +166,32 @@ def test_junk_in_a_run_folder_is_one_sentence(tmp_path: Path, name: str, text: s
     (out / name).write_text(text)
     with pytest.raises(UserError, match="is damaged"):
         read_folder(out, discover())
+
+
+UNCERTAIN = """
+name: drawn
+surrogate: {kind: polynomial, data: law.csv, max_degree: 2}
+chain: {modules: 3, module_length: 11 mm, gravity: [0, 0, 0]}
+task: {kind: free_bending, pressure: 10 kPa}
+uncertainty: {samples: 8}
+"""
+
+
+def test_drawn_laws_are_kept_in_the_folder(tmp_path: Path) -> None:
+    write_table(table_of(softening_law(), noise_n_m=1e-4), tmp_path / "law.csv")
+    (tmp_path / "study.yaml").write_text(UNCERTAIN)
+    registry = discover()
+    bench = Workbench(registry, ArtifactStore(tmp_path / "store"))
+    run = simulate_study(bench, load_study(tmp_path / "study.yaml", registry, ()))
+    write_folder(tmp_path / "out", run, {})
+    again = read_folder(tmp_path / "out", registry)
+    assert again.uncertainty is not None and run.uncertainty is not None
+    assert np.array_equal(again.uncertainty["tips_m"], run.uncertainty.value["tips_m"])
+    page = render(again)
+    assert page.html == render(finished(run, {})).html and "tip_cloud" in page.pictures
+    write_page(tmp_path / "out", page.html, page.pictures)
+    assert (tmp_path / "out" / "pictures" / "tip_cloud.png").is_file() and "tip_cloud" in NAMES
+    without = load_study(tmp_path / "study.yaml", registry, ["uncertainty=null"])
+    write_folder(tmp_path / "out", simulate_study(bench, without), {})
+    assert read_folder(tmp_path / "out", registry).uncertainty is None
+    assert not (tmp_path / "out" / "data" / "uncertainty").exists()

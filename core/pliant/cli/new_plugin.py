@@ -27,6 +27,7 @@ EXAMPLES = {
     "effect": ('{"loss": 0.1}', "a share of the actuation is lost on the way"),
     "family": ("{}", "rectangular tube with its cavity off the axis"),
     "material": ('{"c10": "60 kPa", "c20": "5 kPa"}', "Yeoh rubber, nearly incompressible"),
+    "meta_model": ("{}", "terms quadratic in the design's parameters, by least squares"),
     "optimizer": ("{}", "uniform random search"),
     "physics": ("{}", "equilibria by plain Newton, for short chains"),
     "surrogate": ("{}", "linear law by least squares"),

@@ -38,8 +38,9 @@ def plugins(
         rows = []
         for interface in INTERFACES:
             for component in here.registry.of(interface):
-                missing = component.missing()
-                state = f"needs {missing}: {component.install}" if missing else ""
+                missing = component.missing(lazy=True)
+                part = "" if component.missing() else " for part of its work"
+                state = f"needs {missing}{part}: {component.install}" if missing else ""
                 rows.append(
                     {
                         "interface": interface,

@@ -1,4 +1,4 @@
-"""The verbs that run a study's stages: run, fem, fit, simulate, report."""
+"""The verbs that run a study's stages: run, fem, simulate, report."""
 
 from __future__ import annotations
 
@@ -106,24 +106,6 @@ def fem(
             here.exit_code = NOT_CONVERGED
 
 
-def fit(
-    study: StudyFile,
-    overrides: Overrides = None,
-    store: StoreFolder = DEFAULT_STORE,
-    json: JsonFile = None,
-    quiet: Quiet = False,
-) -> None:
-    """The joint law from the data set; prints its errors on states left out."""
-    with session("fit", json, quiet) as here:
-        loaded = here.study(study, overrides)
-        designs = laws_of_study(here.bench(store), loaded)
-        results = [summaries.fit(design) for design in designs]
-        here.result.update(results[0] if len(results) == 1 else {"designs": results})
-        for design in designs:
-            for line in summaries.fit_lines(design):
-                here.say(line)
-
-
 def simulate(
     study: StudyFile,
     overrides: Overrides = None,
@@ -138,6 +120,9 @@ def simulate(
         here.result.update(summaries.simulation(done.engines[0]))
         for line in summaries.simulation_lines(done.engines[0]):
             here.say(line)
+        if done.uncertainty is not None:
+            here.result["uncertainty"] = summaries.uncertainty(done.uncertainty)
+            here.say(summaries.uncertainty_line(done.uncertainty))
         for line in summaries.metric_lines(done.engines[0].result.metrics if done.engines[0].result else {}):
             here.say(line)
         _exit_unless_converged(here, done)
@@ -172,6 +157,8 @@ def _run_result(done: StudyRun, folder: Path) -> dict[str, Any]:
         result["simulate"] = summaries.simulation(done.engines[0])
         result["cross_check"] = [summaries.simulation(engine) for engine in done.engines[1:]]
         result["largest_marker_distance_m"] = summaries.largest_distance_m(done.engines)
+    if done.uncertainty is not None:
+        result["uncertainty"] = summaries.uncertainty(done.uncertainty)
     result["unused"] = list(done.unused)
     return result
 
@@ -184,6 +171,8 @@ def _say_run(here: Session, done: StudyRun) -> None:
     for engine in done.engines:
         for line in summaries.simulation_lines(engine):
             here.say(line)
+    if done.uncertainty is not None:
+        here.say(summaries.uncertainty_line(done.uncertainty))
     distance = summaries.largest_distance_m(done.engines)
     if distance is not None:
         here.say(f"engines  agree within {1e3 * distance:.5f} mm")

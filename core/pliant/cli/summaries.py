@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from pliant.cli import meta_models
 from pliant.pipeline.study import DesignStages, EngineRun
 from pliant.records.fem import PASSED, SELF_CONTACT, FemDataset, ModuleData
 from pliant.records.rollout import TaskResult
@@ -158,6 +159,8 @@ def fit(design: DesignStages) -> dict[str, Any]:
         result["n_fitted"] = report.n_fitted
         result["study_form"] = report.details.get("study_form")
         result["stable"] = report.details.get("stable")
+        if "meta_model" in report.details:
+            result |= meta_models.of_law(design)
         result["stated_axes"] = report.details.get("stated_axes", [])
     if design.law.artifact is not None:
         result["stages"] = [stage(design.law.artifact)]
@@ -169,6 +172,8 @@ def fit_lines(design: DesignStages) -> list[str]:
     report = design.law.report
     if report is None or design.law.artifact is None:
         return ["law      stated by its coefficients"]
+    if "meta_model" in report.details:
+        return meta_models.law_lines(design)
     lines = [
         f"law      worst error {100 * report.worst_of_range:.2g} % of the range on {report.n_heldout} states "
         f"left out ({report.n_fitted} fitted), {_r2(report.r2)}{_time(design.law.artifact)}"
@@ -176,7 +181,7 @@ def fit_lines(design: DesignStages) -> list[str]:
     if stated := report.details.get("stated_axes"):
         lines.append(f"         stated, not fitted: axis {' and '.join(stated)}")
     study_form = report.details.get("study_form")
-    if study_form:
+    if study_form and "worst_of_range" in study_form:
         lines.append(f"         the study's form: {100 * study_form['worst_of_range']:.2g} %")
     if report.details.get("stable") is False:
         lines.append(f"         {UNSTABLE_LAW}")
@@ -205,6 +210,23 @@ def simulation(engine: EngineRun) -> dict[str, Any]:
         "metrics": result.metrics,
         "stages": [stage(engine.artifact)],
     }
+
+
+def uncertainty(artifact: Artifact) -> dict[str, Any]:
+    """What the laws' error bars come to at the tip, for JSON."""
+    return {**artifact.value, "stages": [stage(artifact)]}
+
+
+def uncertainty_line(artifact: Artifact) -> str:
+    """The same for people."""
+    told = artifact.value
+    if told["failed"] == told["samples"]:
+        return f"error bar    none of {told['samples']} runs with drawn laws settled"
+    failed = f", {told['failed']} did not settle" if told["failed"] else ""
+    return (
+        f"error bar    the tip lies within {1e3 * told['tip_radius_m']:.3g} mm ({100 * told['level']:g} % of "
+        f"{told['samples']} runs with laws drawn from their error bars{failed}), {_time(artifact)}"
+    )
 
 
 def largest_distance_m(engines: Sequence[EngineRun]) -> float | None:

@@ -13,6 +13,7 @@ from pliant.cli import (
     diagnose,
     export,
     extend,
+    fit,
     improve,
     later,
     plugins,
@@ -28,7 +29,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for verb in (studies.run, studies.fem, studies.fit, studies.simulate, studies.report):
+for verb in (studies.run, studies.fem, fit.fit, studies.simulate, studies.report):
     app.command()(verb)
 app.command("plugins")(plugins.plugins)
 app.command("check")(plugins.check)

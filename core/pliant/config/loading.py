@@ -27,6 +27,7 @@ from pliant.registry.files import shown, with_files
 # Paths inside a study are relative to the file that states them.
 PATH_KEYS = (
     ("surrogate", "data"),
+    ("meta_model", "data"),
     ("measurements", "file"),
     ("task", "mesh"),
     ("task", "points"),

@@ -12,12 +12,14 @@ from pliant.config.chain import ChainConfig, SegmentConfig
 from pliant.config.measurements import MeasurementsConfig
 from pliant.config.noise import NoiseConfig
 from pliant.config.sweep import SweepConfig
+from pliant.config.uncertainty import UncertaintyConfig
 from pliant.errors import UserError
 from pliant.interfaces.base import ComponentConfig, FrozenModel
 from pliant.interfaces.effect import EffectConfig
 from pliant.interfaces.family import FamilyConfig
 from pliant.interfaces.fem import FemConfig
 from pliant.interfaces.material import MaterialConfig
+from pliant.interfaces.meta_model import MetaModelConfig
 from pliant.interfaces.optimizer import OptimizerConfig
 from pliant.interfaces.physics import PhysicsConfig
 from pliant.interfaces.surrogate import SurrogateConfig
@@ -31,6 +33,7 @@ BLOCKS = {
     "material": "material",
     "fem": "fem",
     "surrogate": "surrogate",
+    "meta_model": "meta_model",
     "physics": "physics",
     "task": "task",
     "optimizer": "optimizer",
@@ -38,7 +41,7 @@ BLOCKS = {
 BLOCK_LISTS = {"effects": "effect", "cross_check": "physics"}
 NAME_PATTERN = r"^[A-Za-z0-9][A-Za-z0-9._-]*$"
 # Keys of the study format whose stages are not built yet: read, kept, and reported as unused.
-NOT_USED_YET = ("sweep", "meta_model", "search", "optimizer", "protocols")
+NOT_USED_YET = ("sweep", "search", "optimizer", "protocols")
 
 
 class Study(FrozenModel):
@@ -73,11 +76,14 @@ class Study(FrozenModel):
         default=None, description="what the bench recorded (docs/measurement_files.md)"
     )
     sweep: SweepConfig | None = Field(default=None, description="the designs that `pliant fem` solves")
-    meta_model: dict[str, Any] | None = Field(
-        default=None, description="laws of unseen designs; not used by this version"
+    meta_model: MetaModelConfig | None = Field(
+        default=None, description="one model over the designs of a sweep, which gives the law of any other"
     )
     search: dict[str, Any] | None = Field(
         default=None, description="what to optimise; not used by this version"
+    )
+    uncertainty: UncertaintyConfig | None = Field(
+        default=None, description="carries the error bars of the laws to the tip"
     )
     noise: NoiseConfig | None = Field(
         default=None, description="how far the task's conditions vary from trial to trial"
@@ -96,6 +102,10 @@ class Study(FrozenModel):
     def unused(self) -> list[str]:
         """Keys that are set but that no stage of this version reads."""
         keys = [key for key in NOT_USED_YET if getattr(self, key) is not None]
+        if self.meta_model is not None and self.meta_model.data is None:
+            keys = [key for key in keys if key != "sweep"]  # its designs are what the meta-model is fitted to
+        if self.meta_model is not None and self.surrogate is not None:
+            keys.append("surrogate")  # laws come from the meta-model
         if self.noise is not None and self.task is not None and not self._task_has_noise():
             keys.append("noise")
         return keys

@@ -6,11 +6,12 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import ClassVar
 
 from pydantic import Field
 
 from pliant.interfaces.base import ComponentConfig
-from pliant.records.fem import FemDataset
+from pliant.records.fem import FemDataset, ModuleData
 from pliant.records.law import FitReport, JointLaw, LawRecord
 
 
@@ -31,8 +32,14 @@ class FittedLaw:
 class Surrogate(ABC):
     """A way to make a law. The fit stage calls `stated` first; if that is None, `fit` with a data set.
 
-    A law of several axes has a table for each: then `tables` names them and `fit_axes` gets them.
+    A law of several axes has a table for each, then `tables` names them and `fit_axes` gets them, or is fitted by
+    `fit_module` to states that know all axes.
+
+    Attributes:
+        couples: whether `fit_module` fits the axes of a joint together, with ∂τ_i/∂u_j.
     """
+
+    couples: ClassVar[bool] = False
 
     def __init__(self, config: SurrogateConfig) -> None:
         self.config = config
@@ -55,6 +62,16 @@ class Surrogate(ABC):
         Raises `UserError` as `fit` does.
         """
         return self.fit(data[""])
+
+    def fit_module(self, data: ModuleData) -> FittedLaw:
+        """Fit whole states of a module: all axes of its joint; each by itself unless the surrogate knows better.
+
+        Raises `UserError` as `fit` does.
+        """
+        axes = data.explored_axes()
+        if len(axes) == 1:
+            return self.fit_axes({"": data.axis(axes[0])})
+        return self.fit_axes({axis: data.axis(axis) for axis in axes})
 
     @abstractmethod
     def fit(self, data: FemDataset) -> FittedLaw:

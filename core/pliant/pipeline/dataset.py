@@ -32,8 +32,7 @@ def fem_stage(bench: Workbench, family: FamilyConfig, material: MaterialConfig, 
         problems = module_problems(built, fem.refinement)
         main = problems[MAIN]
         pieces = [
-            Piece(name, backend.solver(problem, substance), problem.axes, problem.main_axis)
-            for name, problem in problems.items()
+            piece_of(name, problem, backend.solver(problem, substance)) for name, problem in problems.items()
         ]
         loads = loads_of(fem, problems.get(FULL, main)) if fem.sampling == "study" else {}
         limit = fem.actuation_max(main.actuation)
@@ -55,6 +54,12 @@ def fem_stage(bench: Workbench, family: FamilyConfig, material: MaterialConfig, 
         },
         inputs={},
     )
+
+
+def piece_of(name: str, problem: ModuleProblem, solver: ModuleSolver) -> Piece:
+    """A problem with its solver, ready to be sampled."""
+    limits = problem.contact_range or (-np.inf, np.inf)
+    return Piece(name, solver, problem.axes, problem.main_axis, limits, problem.closing)
 
 
 def module_problems(family: ActuatorFamily, refinement: int) -> dict[str, ModuleProblem]:

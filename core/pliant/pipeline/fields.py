@@ -13,8 +13,8 @@ import numpy as np
 from pliant.interfaces.family import ActuatorFamily, FamilyConfig
 from pliant.interfaces.fem import FEMBackend, FemConfig
 from pliant.interfaces.material import Material, MaterialConfig
-from pliant.pipeline.dataset import module_problems
-from pliant.pipeline.sampling import FULL, MAIN, Piece, Target
+from pliant.pipeline.dataset import module_problems, piece_of
+from pliant.pipeline.sampling import FULL, MAIN, Target
 from pliant.pipeline.sampling.saved import Saved
 from pliant.pipeline.sampling.walk import Walk
 from pliant.pipeline.workbench import Workbench
@@ -65,7 +65,7 @@ def solve_fields(
     problems = module_problems(built, fem.refinement)
     needed = [name for name in problems if name == MAIN or any(t.piece == name for t in targets)]
     pieces = {
-        name: Piece(name, backend.solver(p, substance), p.axes, p.main_axis)
+        name: piece_of(name, p, backend.solver(p, substance))
         for name, p in problems.items()
         if name in needed
     }

@@ -10,11 +10,10 @@ import numpy as np
 
 from pliant.pipeline.sampling import FULL, Sampled, Sampling
 from pliant.records.design import Array
-from pliant.records.fem import FemState
+from pliant.records.fem import COUPLING, FemState
 
 NUMBERS = ("actuation", "energy_j", "travel", "wall_s")
 VECTORS = ("deformation", "tau", "dtau_dp", "dtau_du")
-SEVERAL = "coupling"  # `explored` of a state that holds several axes
 
 
 @dataclass(frozen=True)
@@ -60,7 +59,7 @@ def _rows(sampling: Sampling, axes: Sequence[str], main_axis: str) -> Iterator[_
             for number, axis in enumerate(lateral):
                 yield _Row(one.state if number == 0 else _copy(one.state), one.target.role, axis)
             continue
-        explored = one.target.explored or SEVERAL
+        explored = one.target.explored or COUPLING
         yield _Row(one.state, one.target.role, explored)
         if explored in sampling.mirrored and one.target.role == "fit":
             yield _Row(_mirrored(one.state, axes.index(main_axis)), one.target.role, explored)

@@ -13,6 +13,7 @@ from pliant.config.chain import ChainConfig, RigidConfig, SegmentConfig
 from pliant.config.study import BLOCKS, Study, varied
 from pliant.errors import MissingDependencyError, UserError
 from pliant.interfaces.family import ActuatorFamily, FamilyConfig
+from pliant.interfaces.meta_model import MetaModelConfig
 from pliant.interfaces.surrogate import SurrogateConfig
 from pliant.pipeline.chain import (
     Module,
@@ -25,13 +26,18 @@ from pliant.pipeline.chain import (
     rod_module,
 )
 from pliant.pipeline.dataset import fem_stage
+from pliant.pipeline.meta_model.designs import solved_designs
+from pliant.pipeline.meta_model.parameters import values_of
+from pliant.pipeline.meta_model.stage import MetaModelStage, law_of_design, meta_model_stage
 from pliant.pipeline.simulate import ChainSource, simulate_stage
 from pliant.pipeline.surrogate import LawStage, law_stage, without_tables
+from pliant.pipeline.uncertainty import uncertainty_stage
 from pliant.pipeline.visual import seen_surface
 from pliant.pipeline.workbench import Workbench, content
 from pliant.records.chain import ChainModel
 from pliant.records.law import JointLaw
 from pliant.records.rollout import TaskResult
+from pliant.registry.component import Component
 from pliant.store.store import Artifact
 
 DEFAULT_SURROGATE = "polynomial"
@@ -41,16 +47,21 @@ OF_RODS = ("module_length_m", "module_mass_kg", "module_radius_m", "module_offse
 
 @dataclass(frozen=True)
 class Design:
-    """What modules are made of: a family (None for a law without one) and a surrogate (None for the default)."""
+    """What modules are made of: a family (None for a law without one) and a surrogate (None for the default).
+
+    With a `meta_model` the law comes from that; the surrogate is what a direct FEM check would fit.
+    """
 
     family: FamilyConfig | None
     surrogate: SurrogateConfig | None
+    meta_model: MetaModelConfig | None = None
 
     @property
     def name(self) -> str:
         """The same text for the same design, however it was written."""
         drawn = (self.family.visual, self.family.visual_scale) if self.family else None
-        return repr([*(c.canonical() if c else None for c in (self.family, self.surrogate)), drawn])
+        configs = (self.family, self.surrogate, self.meta_model)
+        return repr([*(c.canonical() if c else None for c in configs), drawn])
 
 
 @dataclass(frozen=True)
@@ -91,6 +102,7 @@ class StudyRun:
     engines: tuple[EngineRun, ...] = ()
     wall_s: float = 0.0
     unused: tuple[str, ...] = ()
+    uncertainty: Artifact | None = None
 
     @property
     def segment_designs(self) -> tuple[int, ...]:
@@ -102,10 +114,15 @@ class StudyRun:
         return tuple(known.index(design.name) if design else 0 for design in of_segments)
 
 
-def surrogate_kinds(stages: Sequence[DesignStages]) -> list[str]:
-    """The kinds of surrogate behind the laws, each once."""
-    kinds = [s.design.surrogate.kind if s.design.surrogate else DEFAULT_SURROGATE for s in stages]
-    return list(dict.fromkeys(kinds))
+def law_components(bench: Workbench, stages: Sequence[DesignStages]) -> list[Component]:
+    """The surrogates and meta-models behind the laws, each once."""
+    kinds = [
+        ("meta_model", s.design.meta_model.kind)
+        if s.design.meta_model
+        else ("surrogate", s.design.surrogate.kind if s.design.surrogate else DEFAULT_SURROGATE)
+        for s in stages
+    ]
+    return [bench.registry.get(interface, kind) for interface, kind in dict.fromkeys(kinds)]
 
 
 def check_study(bench: Workbench, study: Study) -> None:
@@ -143,14 +160,40 @@ def families_of_study(study: Study) -> tuple[FamilyConfig, ...]:
 
 
 def laws_of_study(bench: Workbench, study: Study) -> tuple[DesignStages, ...]:
-    """Data and law of each distinct design of the study."""
-    stages = []
-    for design in _distinct_designs(study):
+    """Data and law of each distinct design of the study; a design of its meta-model has no data of its own.
+
+    Raises:
+        UserError: among others, a design for which the meta-model does not hold.
+    """
+    stages: list[DesignStages] = []
+    designs = _distinct_designs(study)
+    meta = _meta_model(bench, study, designs)
+    for design in designs:
+        if meta is not None and design.meta_model is not None and design.family is not None:
+            law = law_of_design(bench, meta, design.family, study.material)
+            stages.append(DesignStages(design, None, law))
+            continue
+        if study.meta_model is not None and design.family is None and design.surrogate is None:
+            study.need("family", "a meta-model")
         surrogate = design.surrogate or _default(bench, "surrogate", DEFAULT_SURROGATE)
         needs_fem = bench.build("surrogate", surrogate).needs_fem()
         fem = _fem(bench, study, design.family) if needs_fem and design.family is not None else None
         stages.append(DesignStages(design, fem, law_stage(bench, surrogate, fem)))
     return tuple(stages)
+
+
+def _meta_model(bench: Workbench, study: Study, designs: Sequence[Design]) -> MetaModelStage | None:
+    """The study's meta-model, where a design needs it; that it holds for them is known before it is fitted."""
+    wanted = [design.family for design in designs if design.meta_model is not None]
+    config = study.meta_model
+    if config is None or not wanted:
+        return None
+    solved = solved_designs(bench, study)
+    d = solved.designs
+    for family in wanted:
+        assert family is not None
+        values_of(d.names, d.box, d.fixed, family, study.material, config.extrapolate)
+    return meta_model_stage(bench, study, solved)
 
 
 def chain_of_study(bench: Workbench, study: Study) -> ChainSource:
@@ -182,8 +225,11 @@ def simulate_study(bench: Workbench, study: Study) -> StudyRun:
         except MissingDependencyError as error:
             bench.progress.note(f"skipped: {error}")
             engines.append(EngineRun(other.kind, None, skipped=str(error)))
+    spread = None
+    if study.uncertainty is not None:
+        spread = uncertainty_stage(bench, source, physics, task, study.effects, study.uncertainty)
     wall_s = time.perf_counter() - started
-    return StudyRun(study, designs, source.chain, tuple(engines), wall_s, tuple(study.unused()))
+    return StudyRun(study, designs, source.chain, tuple(engines), wall_s, tuple(study.unused()), spread)
 
 
 def chain_segments(bench: Workbench, study: Study, stages: Sequence[DesignStages]) -> list[Segment]:
@@ -228,13 +274,17 @@ def segment_designs(study: Study) -> list[Design | None]:
         UserError: a segment changes a family in a way that is not possible.
     """
     if study.chain is None:
-        return [Design(study.family, study.surrogate)]
+        return [Design(study.family, study.surrogate, study.meta_model if study.family else None)]
     return [
-        Design(_family(study, number, segment), segment.surrogate or study.surrogate)
-        if segment.rigid is None
-        else None
+        _design(study, _family(study, number, segment), segment) if segment.rigid is None else None
         for number, segment in enumerate(study.chain.as_segments())
     ]
+
+
+def _design(study: Study, family: FamilyConfig | None, segment: SegmentConfig) -> Design:
+    """A segment's design; one with a surrogate of its own does not take the meta-model's law."""
+    own = segment.surrogate is not None or family is None
+    return Design(family, segment.surrogate or study.surrogate, None if own else study.meta_model)
 
 
 def _family(study: Study, number: int, segment: SegmentConfig) -> FamilyConfig | None:
@@ -274,7 +324,7 @@ def _chain_source(bench: Workbench, study: Study, stages: Sequence[DesignStages]
         "density_kg_m3": _density(study),
     }
     components = [bench.component("family", study.family)] if study.family else []
-    components += [bench.registry.get("surrogate", kind) for kind in surrogate_kinds(stages)]
+    components += law_components(bench, stages)
     inputs = {f"law{number}": s.law.key for number, s in enumerate(stages)}
     return ChainSource(build_chain(chain, segments), config, inputs, components)
 

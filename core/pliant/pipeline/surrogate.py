@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,6 +9,8 @@ from typing import Any
 
 from pliant.errors import UserError
 from pliant.interfaces.surrogate import Surrogate, SurrogateConfig
+from pliant.pipeline.table_modules import has_several_axes, read_module_table
+from pliant.pipeline.table_notes import table_digest
 from pliant.pipeline.tables import read_table
 from pliant.pipeline.workbench import Workbench, content
 from pliant.records.fem import FemDataset, ModuleData
@@ -38,10 +39,15 @@ def law_stage(bench: Workbench, config: SurrogateConfig, dataset: Artifact | Non
     stated = surrogate.stated()
     if stated is not None:
         return LawStage(stated, None, None, None)
-    data, keys = _data(surrogate, dataset)
+    whole = _whole(surrogate, dataset)
+    data, keys = _data(surrogate, dataset, whole)
 
     def compute(partial: Path) -> Any:
-        fitted = surrogate.fit_axes(data)
+        try:
+            fitted = surrogate.fit_axes(data) if whole is None else surrogate.fit_module(whole)
+        except UserError as error:
+            tables = ", ".join(dict.fromkeys(path.name for path in surrogate.tables().values()))
+            raise UserError(f"{tables}: {error}" if tables else str(error)) from None
         return {"law": fitted.law.record(), "report": fitted.report}
 
     artifact = bench.make(
@@ -65,13 +71,27 @@ def without_tables(config: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
-def _data(surrogate: Surrogate, dataset: Artifact | None) -> tuple[dict[str, FemDataset], dict[str, str]]:
+def _whole(surrogate: Surrogate, dataset: Artifact | None) -> ModuleData | None:
+    """States that know all axes: of the FEM stage, or of a table of several axes; None for tables by axis."""
+    tables = surrogate.tables()
+    if not tables:
+        return dataset.value if dataset is not None else None
+    path = tables.get("")
+    return read_module_table(path) if path is not None and has_several_axes(path) else None
+
+
+def _data(
+    surrogate: Surrogate, dataset: Artifact | None, whole: ModuleData | None
+) -> tuple[dict[str, FemDataset], dict[str, str]]:
     """Data sets by axis, and what keys them."""
     data, keys = {}, {}
     for axis, path in surrogate.tables().items():
         name = f"data_{axis}" if axis else "data"
-        data[axis] = read_table(path, axis or None)
-        keys[name] = "sha256:" + hashlib.sha256(path.read_bytes()).hexdigest()
+        keys[name] = table_digest(path)
+        if whole is None:
+            data[axis] = read_table(path, axis or None)
+        else:
+            data |= {one: whole.axis(one) for one in whole.explored_axes()}
     if surrogate.needs_fem():
         if dataset is None:
             raise UserError(

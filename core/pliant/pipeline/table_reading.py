@@ -2,24 +2,23 @@
 
 from __future__ import annotations
 
-import csv
 import math
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from pliant.errors import UserError, closest
+from pliant.pipeline.table_checks import Row, check_agreement, check_pressure, check_slopes, check_tendon
 from pliant.pipeline.table_columns import ACTUATIONS, ALL, PRISMATIC, REVOLUTE, WORDS, Names, is_data
+from pliant.pipeline.table_notes import Columns, lines_to_write
+from pliant.pipeline.table_text import is_number, table_cells
 from pliant.records.design import Design
 from pliant.records.fem import FemDataset
 
 FAMILY = "table"
 FULL_TURN = 2 * math.pi
-
-Row = tuple[int, dict[str, str]]
 
 
 def read_table(path: Path, axis: str | None = None) -> FemDataset:
@@ -30,7 +29,8 @@ def read_table(path: Path, axis: str | None = None) -> FemDataset:
     `dmoment_dp`, `dmoment_du` (`dforce_dp`, `dforce_du`), `energy_j` (blank = missing = NaN), `branch` (else free
     where the moment is 0), `status` (else ok), `role` (else fit) and `axis` (else y, or x of a prismatic joint).
     Any other column that holds one number throughout is a design parameter; the rest is ignored. Lines that
-    start with `#` are comments.
+    start with `#`, `%` or `**` are comments. A YAML of the same stem may rename columns and give units and signs
+    (docs/bring_your_own_data.md).
 
     Args:
         path: the file.
@@ -39,19 +39,25 @@ def read_table(path: Path, axis: str | None = None) -> FemDataset:
     Raises `UserError` with the file and the line.
     """
     path = Path(path)
-    header, rows = _rows(path)
-    names = _names(header)
+    header, rows, columns = _rows_of(path)
+    names = names_in(header)
     default = "x" if names is PRISMATIC else "y"
     found, rows = _of_axis(path, rows, axis, default)
     actuation = next(name for name in ACTUATIONS if name in header)
     numbers = {
-        name: np.array([_number(path, line, name, row[name], names) for line, row in rows])
+        name: np.array([number(path, line, name, row[name], name in names.optional) for line, row in rows])
         for name in (actuation, *names.numbers)
         if name in header
     }
     missing = np.full(len(rows), np.nan)
     fields = {field: numbers.get(name, missing) for name, field in names.numbers.items()}
     effort = fields["moment_n_m"]
+    if "status" not in header:  # Pliant's own tables are taken as they are
+        check_pressure(path, rows, columns.stated, columns.file)
+        check_tendon(path, rows, columns.stated, columns.file)
+        check_agreement(path, rows, actuation, *names.required)
+        check_slopes(path, rows, names.deformation, actuation, names.effort, names.by_deformation)
+        check_slopes(path, rows, actuation, names.deformation, names.effort, names.by_actuation)
     return FemDataset(
         design=Design(FAMILY, _design(header, rows)),
         axis=found,
@@ -62,98 +68,85 @@ def read_table(path: Path, axis: str | None = None) -> FemDataset:
         dmoment_dp=fields["dmoment_dp"],
         dmoment_du=fields["dmoment_du"],
         energy_j=fields["energy_j"],
-        branch=_words(path, rows, "branch", lambda index: "free" if effort[index] == 0 else "constrained"),
+        branch=words(path, rows, "branch", lambda index: "free" if effort[index] == 0 else "constrained"),
         status=np.array([row.get("status") or "ok" for _, row in rows]),
-        role=_words(path, rows, "role", lambda index: "fit"),
+        role=words(path, rows, "role", lambda index: "fit"),
         joint="prismatic" if names is PRISMATIC else "revolute",
     )
 
 
 def table_axes(path: Path) -> tuple[str, ...]:
     """The axes of a table in the order in which they appear, that of the first state first."""
-    header, rows = _rows(Path(path))
-    default = "x" if _names(header) is PRISMATIC else "y"
-    return tuple(dict.fromkeys(str(word) for word in _axes(Path(path), rows, default) if word != ALL))
+    header, rows = table_rows(Path(path))
+    default = "x" if names_in(header) is PRISMATIC else "y"
+    return tuple(dict.fromkeys(str(word) for word in axis_words(Path(path), rows, default) if word != ALL))
 
 
-def _names(header: list[str]) -> Names:
+def names_in(header: list[str]) -> Names:
+    """The columns of the joint that the header has."""
     return PRISMATIC if any(name in header for name in PRISMATIC.required) else REVOLUTE
 
 
-@dataclass
-class _Lines:
-    """The lines of a file that are neither blank nor comments; `number` is that of the last one given."""
+def table_rows(path: Path) -> tuple[list[str], list[Row]]:
+    """Names of the header, which is checked first, and each row with its line, in SI as the notes beside it say.
 
-    text: str
-    number: int = 0
-
-    def __iter__(self) -> Iterator[str]:
-        for number, line in enumerate(self.text.splitlines(keepends=True), start=1):
-            if line.strip() and not line.lstrip().startswith("#"):
-                self.number = number
-                yield line
-
-
-def _rows(path: Path) -> tuple[list[str], list[Row]]:
-    """Names of the header, which is checked first, and each row with its line."""
-    try:
-        lines = _Lines(path.read_text(encoding="utf-8-sig"))
-    except UnicodeDecodeError as error:
-        raise UserError(f"{path}: it is not a UTF-8 text file; export the table as CSV") from error
-    except OSError as error:
-        raise UserError(f"{path}: the table cannot be read ({error.strerror})") from error
-    reader = csv.reader(lines, skipinitialspace=True)
-    header: list[str] = []
-    rows: list[Row] = []
-    try:
-        for cells in reader:
-            stripped = [cell.strip() for cell in cells]
-            if not header:
-                header = stripped
-                _check_header(path, lines.number, header)
-            elif len(cells) != len(header):
-                raise UserError(
-                    f"{path}, line {lines.number}: {len(cells)} cells, but the header has {len(header)}"
-                )
-            elif any(stripped):
-                rows.append((lines.number, dict(zip(header, stripped, strict=True))))
-    except csv.Error as error:
-        raise UserError(f"{path}, line {lines.number}: it cannot be read as CSV ({error})") from error
-    if not header:
-        raise UserError(f"{path}: the table is empty; it needs a header with {_needs()}")
-    if not rows:
-        raise UserError(f"{path}: the table has a header and no rows")
+    Raises `UserError` with the file and the line.
+    """
+    header, rows, _ = _rows_of(path)
     return header, rows
+
+
+def _rows_of(path: Path) -> tuple[list[str], list[Row], Columns]:
+    number, written, cells = table_cells(path, _needs())
+    _check_repeats(path, number, written)
+    columns = Columns(path, written)
+    header = columns.names
+    if problem := _problem(path, header, columns):
+        raise UserError(f"{path}, line {number}: {problem}")
+    rows = [
+        (line, {name: columns.converted(name, cell) for name, cell in zip(header, row, strict=True)})
+        for line, row in cells
+    ]
+    rows = [(line, row) for line, row in rows if columns.keeps(row)]
+    if not rows:
+        raise UserError(f"{columns.file}: 'between' leaves no row of {path.name}")
+    return header, rows, columns
 
 
 def _needs() -> str:
     return "pressure_pa (or tendon_force_n), angle_rad and moment_n_m"
 
 
-def _check_header(path: Path, line: int, header: list[str]) -> None:
-    if problem := _problem(header):
-        raise UserError(f"{path}, line {line}: {problem}")
-
-
-def _problem(header: list[str]) -> str:
-    """What is wrong with the header, or an empty text."""
-    if len(header) == 1 and any(mark in header[0] for mark in ";\t"):
-        return "columns need ',' between them and numbers '.' for the decimals; export the table that way"
+def _check_repeats(path: Path, line: int, header: list[str]) -> None:
     if repeated := sorted({name for name in header if header.count(name) > 1}):
-        return f"column '{repeated[0]}' appears {header.count(repeated[0])} times"
+        raise UserError(
+            f"{path}, line {line}: column '{repeated[0]}' appears {header.count(repeated[0])} times"
+        )
+
+
+def _problem(path: Path, header: list[str], columns: Columns) -> str:
+    """What is wrong with the header, or an empty text."""
+    if repeated := sorted({name for name in header if header.count(name) > 1}):
+        both = [w for w, name in zip(columns.written, header, strict=True) if name == repeated[0]]
+        return f"columns {' and '.join(map(repr, both))} both mean {repeated[0]}; keep one"
     given = [name for name in ACTUATIONS if name in header]
     if len(given) > 1:
         return "the table has pressure_pa and tendon_force_n; one law has one actuation"
     unknown = [name for name in header if not is_data(name)]
+    names = names_in(header)
+    if given:
+        needed = [name for name in names.required if name not in header]
+    else:
+        needed = [*ACTUATIONS, *(name for name in names.required if name not in header)]
+    lines = lines_to_write(path, columns.written, needed) if needed else ""
     if not given:
         hints = sorted((_of_the_file(name, unknown) for name in ACTUATIONS), key=len)
-        return f"column 'pressure_pa' or 'tendon_force_n' is missing{hints[-1]}"
-    names = _names(header)
+        return f"column 'pressure_pa' or 'tendon_force_n' is missing{hints[-1]}{lines}"
     if names is REVOLUTE and "angle_rad" not in header and any("half" in n and "angle" in n for n in unknown):
-        return "column 'angle_rad' is missing: it is the joint angle of a module, twice the half-module angle"
+        return f"column 'angle_rad' is missing: it is the joint angle of a module, twice the half-module angle{lines}"
     for name in names.required:
         if name not in header:
-            return f"column '{name}' is missing{_of_the_file(name, unknown)}"
+            return f"column '{name}' is missing{_of_the_file(name, unknown)}{lines}"
     return ""
 
 
@@ -162,24 +155,27 @@ def _of_the_file(name: str, columns: list[str]) -> str:
     return closest(name, columns).replace("did you mean", "the file has").replace("?", ".")
 
 
-def _number(path: Path, line: int, name: str, text: str, names: Names) -> float:
+def number(path: Path, line: int, name: str, text: str, optional: bool) -> float:
     """A finite number, or NaN for a blank in an optional column."""
     where = f"{path}, line {line}, column {name}"
-    if name in names.optional and text.lower() in ("", "nan"):
+    if optional and text.lower() in ("", "nan"):
         return math.nan
     if not text:
         raise UserError(f"{where}: it is blank; every state needs this number")
-    value = _parsed(text)
+    value = parsed(text)
     if value is None:
         raise UserError(f"{where}: '{text}' is not a number (write plain SI numbers)")
     if not math.isfinite(value):
         raise UserError(f"{where}: '{text}' is not a finite number")
     if name == "angle_rad" and abs(value) > FULL_TURN:
-        raise UserError(f"{where}: {text} rad is more than a full turn; is the column in degrees?")
+        raise UserError(
+            f"{where}: {text} rad is more than a full turn; is the column in degrees? Then write "
+            f"'units: {{angle_rad: deg}}' into {path.with_suffix('.yaml').name} beside it"
+        )
     return value
 
 
-def _words(path: Path, rows: list[Row], name: str, default: Callable[[int], str]) -> Any:
+def words(path: Path, rows: list[Row], name: str, default: Callable[[int], str]) -> Any:
     """A column of words from a short list; blank takes the default of its row."""
     words = []
     for index, (line, row) in enumerate(rows):
@@ -192,13 +188,14 @@ def _words(path: Path, rows: list[Row], name: str, default: Callable[[int], str]
     return np.array(words)
 
 
-def _axes(path: Path, rows: list[Row], default: str) -> Any:
-    return _words(path, rows, "axis", lambda index: default)
+def axis_words(path: Path, rows: list[Row], default: str) -> Any:
+    """(n,) the axis of each state."""
+    return words(path, rows, "axis", lambda index: default)
 
 
 def _of_axis(path: Path, rows: list[Row], wanted: str | None, default: str) -> tuple[str, list[Row]]:
     """The axis that is read and its rows."""
-    axes = _axes(path, rows, default)
+    axes = axis_words(path, rows, default)
     single = axes[axes != ALL]
     found = list(dict.fromkeys(map(str, single)))
     if not found:
@@ -223,14 +220,12 @@ def _design(header: list[str], rows: list[Row]) -> dict[str, float | int | str |
         if is_data(name) or not name or len(values) != 1:
             continue
         text = values.pop()
-        value = _parsed(text)
+        value = parsed(text)
         if value is not None and math.isfinite(value):
             parameters[name] = int(text) if text.lstrip("+-").isdecimal() else value
     return parameters
 
 
-def _parsed(text: str) -> float | None:
-    try:
-        return None if "_" in text else float(text)  # Python would read 1_5 as 15
-    except ValueError:
-        return None
+def parsed(text: str) -> float | None:
+    """The number that a cell holds, or None."""
+    return float(text) if is_number(text) else None

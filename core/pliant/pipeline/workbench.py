@@ -75,6 +75,6 @@ class Workbench:
         places = [place for c in components for place in (c.config, c.implementation)]
         packages = {c.implementation.partition(".")[0] for c in self.registry.components}
         code = code_fingerprint([*modules, *(place.partition(":")[0] for place in places)], packages)
-        libraries = versions([module for c in components for module in c.requires])
+        libraries = versions([module for c in components for module in (*c.requires, *c.lazy)])
         recipe = Recipe(stage, config, inputs, code, libraries)
         return self.store.make(recipe, compute, self.progress.note)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -18,7 +19,25 @@ Role = Literal["fit", "check"]
 # Where convolutions overlap, and where the user lets them (fem.self_contact: pass).
 SELF_CONTACT, PASSED = "self_contact", "passed_through"
 TRUSTED = ("ok", PASSED)
-# Arrays of a data set, one value per state.
+# `explored` of a state that holds several axes.
+COUPLING = "coupling"
+# Arrays of a module's data, one entry per state.
+STATE_COLUMNS = (
+    "actuation",
+    "deformation",
+    "tau",
+    "dtau_dp",
+    "dtau_du",
+    "energy_j",
+    "travel",
+    "iterations",
+    "wall_s",
+    "explored",
+    "branch",
+    "status",
+    "role",
+)
+# Arrays of a data set of one axis, one value per state.
 COLUMNS = (
     "actuation",
     "angle_rad",
@@ -96,6 +115,33 @@ class Link:
     signs: Mapping[int, float]
 
 
+@dataclass(frozen=True)
+class Closing:
+    """How far a round module can bend: rigid sections meet where its outermost fibre is used up.
+
+    The fibre lies on a circle about (y, z) = (0, `centre_m`) in the rod frame and is shortened by
+    radius √(u_y² + u_z²) − centre u_y.
+
+    Attributes:
+        radius_m: of the circle.
+        centre_m: its height over the line that bending leaves as long as it is.
+        free_m: by how much the fibre may be shortened.
+    """
+
+    radius_m: float
+    centre_m: float
+    free_m: float
+
+    def shortening_m(self, u_y: float, u_z: float = 0.0) -> float:
+        """How much shorter the outermost fibre is."""
+        return self.radius_m * math.hypot(u_y, u_z) - self.centre_m * u_y
+
+    @property
+    def range(self) -> tuple[float, float]:
+        """u_y that uses it up, bending against and with actuation."""
+        return -self.free_m / (self.radius_m + self.centre_m), self.free_m / (self.radius_m - self.centre_m)
+
+
 @dataclass(frozen=True, eq=False)
 class ModuleProblem:
     """The boundary-value problem of one module that a family hands to an FEM backend.
@@ -127,6 +173,7 @@ class ModuleProblem:
         tendon: the cord of `tendon_force_n`.
         contact_planes: planes of mirror symmetry along x that material must not cross ("start", "end").
         contact_range: u of the main axis between which rigid parts beside the piece stay apart.
+        closing: the bending that closes a round module, about y and z together; states beyond are never trusted.
     """
 
     mesh: ModuleMesh
@@ -147,6 +194,7 @@ class ModuleProblem:
     frame: Literal["rod"] = "rod"
     contact_planes: tuple[str, ...] = ("start", "end")
     contact_range: tuple[float, float] | None = None
+    closing: Closing | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -273,7 +321,8 @@ class FemDataset:
     """Data of one design on one axis: one row per state; all arrays have shape (n,).
 
     Slopes may be NaN (data from elsewhere). `role` is "fit" or "check": a check state is never fitted. For a
-    prismatic joint `angle_rad` holds the extension in m and `moment_n_m` the force in N.
+    prismatic joint `angle_rad` holds the extension in m and `moment_n_m` the force in N. `travel` is that of
+    `FemState`, None or NaN where it is not known.
     """
 
     design: Design
@@ -291,6 +340,7 @@ class FemDataset:
     failed: tuple[Mapping[str, object], ...] = ()
     shapes: tuple[ModuleShape, ...] = ()
     joint: JointKind = "revolute"
+    travel: Array | None = None
 
     def __len__(self) -> int:
         return len(self.actuation)
@@ -302,7 +352,10 @@ class FemDataset:
     def rows(self, keep: NDArray[np.bool_]) -> FemDataset:
         """The states that a mask (n,) chooses, without what belongs to the whole: failures and shapes."""
         arrays = {name: getattr(self, name)[keep] for name in COLUMNS}
-        return FemDataset(self.design, self.axis, self.actuation_name, joint=self.joint, **arrays)
+        travel = None if self.travel is None else self.travel[keep]
+        return FemDataset(
+            self.design, self.axis, self.actuation_name, joint=self.joint, travel=travel, **arrays
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -345,6 +398,10 @@ class ModuleData:
     def __len__(self) -> int:
         return len(self.actuation)
 
+    def rows(self, keep: NDArray[np.bool_] | IntArray) -> ModuleData:
+        """The states that a mask (n,) or numbers choose."""
+        return replace(self, **{name: getattr(self, name)[keep] for name in STATE_COLUMNS})
+
     def axis(self, name: str) -> FemDataset:
         """The states that explore one axis, as data of that axis alone.
 
@@ -364,6 +421,7 @@ class ModuleData:
             failed=self.failed if name == self.main_axis else (),
             shapes=self.shapes if name == self.main_axis else (),
             joint=self.joint,
+            travel=self.travel[rows],
             **arrays,
         )
 

@@ -10,6 +10,7 @@ from typing import Any, Literal
 import numpy as np
 
 from pliant.records.design import Array
+from pliant.records.error_bar import ErrorBar
 
 JointKind = Literal["revolute", "spherical", "prismatic"]
 
@@ -79,6 +80,7 @@ class JointLaw(ABC):
     axes: tuple[str, ...]
     actuation_name: str
     domain: Domain
+    error: ErrorBar | None = None
 
     @abstractmethod
     def evaluate(self, actuation: Array, deformation: Array) -> Effort:
@@ -100,6 +102,19 @@ class JointLaw(ABC):
             tau = self.evaluate(actuation, node * deformation).tau
             work += weight * np.einsum("na,na->n", tau, deformation)
         return -work
+
+    def band(self, actuation: Array, deformation: Array, level: float = 0.9) -> Array | None:
+        """Half-width (n, a) of the band around τ in which what the law stands for lies with probability `level`.
+
+        None where the law states no error, as laws of given coefficients do.
+        """
+        if self.error is None:
+            return None
+        return self.error.half_width(actuation, deformation, level)
+
+    def draws(self, count: int, seed: int) -> tuple[JointLaw, ...]:
+        """Laws as likely as this one, given its error; empty where the law has no way of its own to draw them."""
+        return ()
 
     def scalar(self) -> ScalarLaw | None:
         """The same law for compiled engines; None where it has no such form, then engines call `evaluate`."""

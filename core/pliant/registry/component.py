@@ -15,6 +15,7 @@ from pliant.interfaces.effect import EffectConfig
 from pliant.interfaces.family import FamilyConfig
 from pliant.interfaces.fem import FemConfig
 from pliant.interfaces.material import MaterialConfig
+from pliant.interfaces.meta_model import MetaModelConfig
 from pliant.interfaces.optimizer import OptimizerConfig
 from pliant.interfaces.physics import PhysicsConfig
 from pliant.interfaces.surrogate import SurrogateConfig
@@ -27,6 +28,7 @@ CONFIG_BASES: dict[str, type[ComponentConfig]] = {
     "material": MaterialConfig,
     "fem": FemConfig,
     "surrogate": SurrogateConfig,
+    "meta_model": MetaModelConfig,
     "effect": EffectConfig,
     "physics": PhysicsConfig,
     "task": TaskConfig,
@@ -50,6 +52,8 @@ class Component:
         example: the smallest valid block without `kind`; conformance suites and docs use it.
         requires: modules that the implementation imports and that may be missing; the versions of their
             distributions are part of the keys of what it makes.
+        lazy: modules that only part of its work needs, such as a fit but not the law of a stored one; their versions
+            are part of the keys too. It imports them where that part begins, and raises `MissingDependencyError`.
         install: what to type when one is missing.
         contract: version of the interface that it fills.
         package: name and version of the distribution; filled by discovery.
@@ -62,6 +66,7 @@ class Component:
     summary: str
     example: Mapping[str, Any] = field(default_factory=dict)
     requires: tuple[str, ...] = ()
+    lazy: tuple[str, ...] = ()
     install: str = ""
     contract: int = CONTRACT_VERSION
     package: str = ""
@@ -83,8 +88,11 @@ class Component:
         for name in ("summary", "install"):
             if not isinstance(getattr(self, name), str):
                 return f"{self.label} has {name} {getattr(self, name)!r}; it must be a text"
-        if not (isinstance(self.requires, tuple | list) and all(isinstance(m, str) for m in self.requires)):
-            return f"{self.label} requires {self.requires!r}; write a tuple of module names"
+        for name in ("requires", "lazy"):
+            value = getattr(self, name)
+            if not (isinstance(value, tuple | list) and all(isinstance(m, str) for m in value)):
+                verb = "requires" if name == "requires" else "has lazy"
+                return f"{self.label} {verb} {value!r}; write a tuple of module names"
         if not isinstance(self.example, Mapping):
             return f"{self.label} has example {self.example!r}; write a dict of config values"
         if self.contract != CONTRACT_VERSION:
@@ -108,9 +116,10 @@ class Component:
         """Import the implementation without building it, for what its class declares."""
         return self._load(self.implementation)
 
-    def missing(self) -> str | None:
-        """The first required module that is not installed, or None."""
-        return next((module for module in self.requires if not _is_installed(module)), None)
+    def missing(self, lazy: bool = False) -> str | None:
+        """The first required module, or with `lazy` also the first of those, that is not installed, or None."""
+        modules = (*self.requires, *(self.lazy if lazy else ()))
+        return next((module for module in modules if not _is_installed(module)), None)
 
     def build(self, config: ComponentConfig) -> Any:
         """Import the implementation and build it; raises `MissingDependencyError` with the install command."""

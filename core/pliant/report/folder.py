@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from pliant.errors import UserError
+from pliant.pipeline.meta_model.stage import read_law
 from pliant.pipeline.study import DEFAULT_SURROGATE, StudyRun
 from pliant.pipeline.tables import read_table, write_table
 from pliant.records.fem import FemDataset, ModuleData
@@ -26,7 +27,8 @@ from pliant.registry.discovery import Registry
 from pliant.store.store import Artifact, CorruptedError, load_artifact, write_atomically, writing_in
 
 TABLE = re.compile(r"fem(_\d+)?\.csv|data/table\d+\.csv")
-ARTIFACT = re.compile(r"(fem|fit)\d+|simulate\d+_\w[\w.-]*")
+UNCERTAINTY = "uncertainty"
+ARTIFACT = re.compile(rf"(fem|fit)\d+|simulate\d+_\w[\w.-]*|{UNCERTAINTY}")
 
 
 @dataclass(frozen=True)
@@ -57,7 +59,8 @@ class FinishedRun:
     """A run folder, read.
 
     `summary` is the result of the command; `provenance` holds one manifest per artifact, in the order of the
-    stages; `segment_designs` says which of `designs` each segment of the chain has.
+    stages; `segment_designs` says which of `designs` each segment of the chain has; `uncertainty` is what
+    `pliant.pipeline.uncertainty.spread` tells of runs with drawn laws, where the study asked for them.
     """
 
     summary: Mapping[str, Any]
@@ -66,6 +69,7 @@ class FinishedRun:
     engines: tuple[EngineResult, ...]
     provenance: tuple[Mapping[str, Any], ...]
     segment_designs: tuple[int, ...] = ()
+    uncertainty: Mapping[str, Any] | None = None
 
 
 def finished(run: StudyRun, summary: Mapping[str, Any]) -> FinishedRun:
@@ -82,7 +86,10 @@ def finished(run: StudyRun, summary: Mapping[str, Any]) -> FinishedRun:
     )
     engines = tuple(EngineResult(e.kind, e.result, e.skipped) for e in run.engines)
     manifests = tuple(artifact.manifest for _, artifact in _artifacts(run))
-    return FinishedRun(summary, run.study.canonical(), designs, engines, manifests, run.segment_designs)
+    spread = run.uncertainty.value if run.uncertainty is not None else None
+    return FinishedRun(
+        summary, run.study.canonical(), designs, engines, manifests, run.segment_designs, spread
+    )
 
 
 def write_folder(folder: Path, run: StudyRun, summary: Mapping[str, Any]) -> None:
@@ -109,6 +116,7 @@ def write_folder(folder: Path, run: StudyRun, summary: Mapping[str, Any]) -> Non
             "tables": tables,
             "designs": [_design_name(number, run) for number in range(len(run.designs))],
             "surrogates": [c.canonical() if (c := d.design.surrogate) else None for d in run.designs],
+            "meta_models": [m.canonical() if (m := d.design.meta_model) else None for d in run.designs],
             "segment_designs": run.segment_designs,
             "engines": [[e.kind, e.skipped] for e in run.engines],
         }
@@ -131,7 +139,8 @@ def read_folder(folder: Path, registry: Registry) -> FinishedRun:
         )
         segments = tuple(int(number) for number in index["segment_designs"])
         manifests = tuple(artifact.manifest for artifact in artifacts.values())
-        return FinishedRun(index["summary"], study, designs, engines, manifests, segments)
+        spread = artifacts[UNCERTAINTY].value if UNCERTAINTY in artifacts else None
+        return FinishedRun(index["summary"], study, designs, engines, manifests, segments, spread)
     except (FileNotFoundError, NotADirectoryError):
         raise UserError(
             f"{folder} holds no finished run (no run.json); give the --out folder of 'pliant run'."
@@ -169,6 +178,8 @@ def _artifacts(run: StudyRun) -> list[tuple[str, Artifact]]:
     for number, engine in enumerate(run.engines):
         if engine.artifact is not None:
             found.append((_engine_name(number, engine.kind), engine.artifact))
+    if run.uncertainty is not None:
+        found.append((UNCERTAINTY, run.uncertainty))
     return found
 
 
@@ -189,8 +200,12 @@ def _read_designs(
 ) -> tuple[DesignResult, ...]:
     # A folder of an older version has one surrogate for all designs.
     configs = index.get("surrogates") or [study.get("surrogate")] * len(index["designs"])
+    metas = index.get("meta_models") or [None] * len(configs)
     designs = []
-    for number, (name, written) in enumerate(zip(index["designs"], configs, strict=True)):
+    for number, (name, written, meta) in enumerate(zip(index["designs"], configs, metas, strict=True)):
+        if meta is not None:
+            designs.append(_unseen(name, meta, artifacts[f"fit{number}"], registry))
+            continue
         config = dict(written or {"kind": DEFAULT_SURROGATE})
         config["data"] = None  # the file may be elsewhere by now; what was fitted is in the folder
         component = registry.get("surrogate", config["kind"])
@@ -211,6 +226,13 @@ def _read_designs(
             data, module = _main(source), source.value
         designs.append(DesignResult(name, data, law, fit.value["report"], module))
     return tuple(designs)
+
+
+def _unseen(name: str, written: Mapping[str, Any], made: Artifact, registry: Registry) -> DesignResult:
+    """A design whose law a meta-model gave."""
+    component = registry.get("meta_model", written["kind"])
+    config = component.config_model().model_validate({**written, "data": None})
+    return DesignResult(name, None, read_law(component.build(config), made.value), made.value["report"])
 
 
 def _remove_earlier(folder: Path, keep: Collection[str]) -> None:

@@ -26,6 +26,7 @@ from pliant.report.folder import FinishedRun
 from pliant.report.layout import Page, Picture, Section
 from pliant.report.reading import ran
 from pliant.report.template import page_template
+from pliant.report.uncertainty_section import uncertainty_section, uncertainty_warnings
 from pliant.report.words import gravity_words, result_sentence, warnings
 
 RESIDUALS = "What the law misses of these states stands in the next section but one, beside the law."
@@ -35,14 +36,22 @@ def render(run: FinishedRun) -> Page:
     """Draw and write the report. The same run gives the same bytes."""
     states, how, cost = _fem(run)
     hero = Picture("finger", _hero_caption(run), finger_picture(run))
-    sections = [
-        s for s in (_meshes(run), states, how, _laws(run), _poses(run), cost, *_tables(run)) if s is not None
+    parts = [
+        _meshes(run),
+        states,
+        how,
+        _laws(run),
+        _poses(run),
+        uncertainty_section(run),
+        cost,
+        *_tables(run),
     ]
+    sections = [s for s in parts if s is not None]
     text = page_template().render(
         title=str(run.study.get("name", "Pliant run")),
         sentence=result_sentence(run),
         hero=hero,
-        warnings=warnings(run),
+        warnings=[*warnings(run), *uncertainty_warnings(run)],
         sections=sections,
         version=run.provenance[0].get("pliant", __version__) if run.provenance else __version__,
     )
@@ -102,6 +111,8 @@ def _law_caption(run: FinishedRun, number: int) -> str:
         text += " The other axes are held at zero."
     if design.fem is not None:
         text += " Right: law minus state in percent of the effort's range, filled = fitted, open = left out."
+    if design.law.error is not None:
+        text += " Shaded, and as bars at the states left out: the band that holds a state with a probability of 90 %."
     return text
 
 

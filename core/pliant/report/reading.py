@@ -124,6 +124,16 @@ def law_of(design: DesignResult, actuation: Array, deformation: Array) -> Array:
     return np.asarray(law.evaluate(np.asarray(actuation, float), u).tau[:, axis])
 
 
+def band_of(design: DesignResult, actuation: Array, deformation: Array) -> Array | None:
+    """Half-width (n,) of the 90 % band on a design's plotted axis, the other axes at rest; None without an error."""
+    law = design.law
+    axis = main_axis(law, design.fem.axis if design.fem else "y")
+    u = np.zeros((len(actuation), len(law.axes)))
+    u[:, axis] = deformation
+    band = law.band(np.asarray(actuation, float), u)
+    return None if band is None else np.asarray(band[:, axis])
+
+
 def study_form(design: DesignResult) -> Mapping[str, Any] | None:
     """The scores and coefficients of the study's form beside the fit, if it could be fitted."""
     found = design.fit.details.get("study_form") if design.fit else None

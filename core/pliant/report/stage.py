@@ -9,14 +9,14 @@ from typing import Any
 
 from pliant import __version__
 from pliant.config.study import Study
-from pliant.pipeline.study import StudyRun, surrogate_kinds
+from pliant.pipeline.study import StudyRun, law_components
 from pliant.pipeline.workbench import Workbench
 from pliant.report.folder import finished
 from pliant.store.fingerprint import versions
 from pliant.store.store import Artifact, write_atomically, writing_in
 
 # Pictures of every page; those that a page no longer has are taken away.
-NAMES = {"finger", "module_shape", "law", "chain_pose", "backbones", "stills"}
+NAMES = {"finger", "module_shape", "law", "chain_pose", "backbones", "stills", "tip_cloud"}
 NAMES |= {"runs", "where", "loops", "map", "steps"}
 NAMES |= {"module_stress", "fem_states", "fem_sampling", "fem_cost"}
 NAMES |= {"hypotheses", "changes", "depends", "repeats"}
@@ -38,7 +38,7 @@ def report_stage(bench: Workbench, run: StudyRun, summary: Mapping[str, Any], fo
     artifact = bench.make(
         "report",
         compute,
-        components=[bench.registry.get("surrogate", kind) for kind in surrogate_kinds(run.designs)],
+        components=law_components(bench, run.designs),
         modules=["pliant.report.page"],
         config={
             "study": run.study.canonical(),

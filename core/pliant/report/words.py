@@ -118,6 +118,8 @@ def _law_error(run: FinishedRun) -> str:
     if not fits:
         return "the law is stated by its coefficients"
     worst = max(fit.worst_of_range for fit in fits)
+    if any("meta_model" in fit.details for fit in fits):
+        return f"law of a meta-model, within {units.percent(worst)} of FEM on designs left out"
     data = [d.fem for d in run.designs if d.fem is not None]
     source = "the table's states" if data and data[0].design.family == "table" else "FEM"
     return f"law within {units.percent(worst)} of {source} on states left out"

@@ -1,7 +1,8 @@
 """Conformance suites for plugin authors: what the contracts say, as checks that name the likely cause.
 
 One file per interface holds its checks; `suite` runs them, `pytest_helpers` turns them into tests, `samples`,
-`box` and `stand_ins` are the laws, chains, problems and small implementations that checks and tests use.
+`solved_samples`, `box`, `stand_ins` and `meta_model_stand_in` are the laws, chains, problems and small implementations
+that checks and tests use.
 """
 
 from functools import partial
@@ -24,6 +25,7 @@ check_family = partial(check_component, interface="family")
 check_material = partial(check_component, interface="material")
 check_fem = partial(check_component, interface="fem")
 check_surrogate = partial(check_component, interface="surrogate")
+check_meta_model = partial(check_component, interface="meta_model")
 check_effect = partial(check_component, interface="effect")
 check_physics = partial(check_component, interface="physics")
 check_task = partial(check_component, interface="task")
@@ -43,6 +45,7 @@ __all__ = [
     "check_family",
     "check_fem",
     "check_material",
+    "check_meta_model",
     "check_optimizer",
     "check_physics",
     "check_surrogate",

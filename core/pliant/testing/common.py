@@ -15,6 +15,7 @@ from pliant.interfaces.effect import Effect, EffectConfig
 from pliant.interfaces.family import ActuatorFamily, FamilyConfig
 from pliant.interfaces.fem import FEMBackend, FemConfig
 from pliant.interfaces.material import Material, MaterialConfig
+from pliant.interfaces.meta_model import MetaModel, MetaModelConfig
 from pliant.interfaces.optimizer import Optimizer, OptimizerConfig
 from pliant.interfaces.physics import PhysicsBackend, PhysicsConfig
 from pliant.interfaces.surrogate import Surrogate, SurrogateConfig
@@ -31,6 +32,7 @@ BASES: dict[str, tuple[type[ComponentConfig], type[Any] | tuple[type[Any], ...]]
     "material": (MaterialConfig, Material),
     "fem": (FemConfig, FEMBackend),
     "surrogate": (SurrogateConfig, Surrogate),
+    "meta_model": (MetaModelConfig, MetaModel),
     "effect": (EffectConfig, Effect),
     "physics": (PhysicsConfig, PhysicsBackend),
     "task": (TaskConfig, (Task, SceneTask)),
@@ -136,7 +138,9 @@ def quantities_carry_their_unit(subject: Subject) -> None:
 @suite.check("the config's module is light: it is imported whenever any study is read.")
 def config_imports_nothing_heavy(subject: Subject) -> None:
     component = subject.component
-    forbidden = sorted({*HEAVY, *(module.partition(".")[0] for module in component.requires)})
+    forbidden = sorted(
+        {*HEAVY, *(module.partition(".")[0] for module in (*component.requires, *component.lazy))}
+    )
     module = component.config.partition(":")[0]
     code = (
         f"import sys; sys.path[:0] = {sys.path!r}; before = set(sys.modules); {_import_of(module)}; "

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -11,7 +11,8 @@ from pliant.config.chain import ChainConfig
 from pliant.pipeline.chain import Segment, build_chain, rod_module
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array, Design
-from pliant.records.fem import FemDataset
+from pliant.records.error_bar import ErrorBar
+from pliant.records.fem import FemDataset, ModuleData
 from pliant.records.law import Domain, Effort, JointKind, JointLaw, LawRecord
 
 MODULE_LENGTH_M = 11e-3
@@ -29,6 +30,7 @@ class LinearLaw(JointLaw):
     joint: JointKind = "revolute"
     axes: tuple[str, ...] = ("y",)
     actuation_name: str = "pressure_pa"
+    error: ErrorBar | None = None
 
     def evaluate(self, actuation: Array, deformation: Array) -> Effort:
         p, u = np.asarray(actuation, float), np.asarray(deformation, float)
@@ -86,6 +88,16 @@ def linear_prismatic_law() -> LinearLaw:
     return LinearLaw(np.array([2e-5]), np.array([[400.0]]), Domain.unbounded(1), "prismatic", ("x",))
 
 
+def barred_law(law: LinearLaw, domain: Domain, size: float, seed: int = 0) -> LinearLaw:
+    """The law with this domain and the error bar of normal misses of one size (N·m, N) everywhere."""
+    random = np.random.default_rng(seed)
+    k = len(law.axes)
+    box = np.vstack([domain.actuation, domain.deformation])
+    places = box[:, 0] + np.ptp(box, axis=1) * random.random((300, 1 + k))
+    bar = ErrorBar.of(box, places[:, 0], places[:, 1:], size * random.standard_normal((300, k)))
+    return replace(law, domain=domain, error=bar)
+
+
 def softening_law() -> SofteningLaw:
     """The worked law, without limits."""
     return SofteningLaw(Domain.unbounded(1))
@@ -125,3 +137,86 @@ def table_of(law: JointLaw, noise_n_m: float = 0.0, pressures: int = 6, angles: 
         status=np.full(n, "ok"),
         role=np.where(np.arange(n) < n - 10, "fit", "check"),
     )
+
+
+@dataclass(frozen=True, eq=False)
+class CoupledLaw(JointLaw):
+    """Π = K·u²/2 − p (g u_y + m u_y²/2) + a u_x² u_y + b u_y u_z²: three axes that know of each other."""
+
+    domain: Domain
+    stiffness: tuple[float, float, float] = (0.05, 0.03, 0.04)
+    gain: float = 3e-7
+    softening: float = 1e-7
+    a: float = 0.015
+    b: float = -0.015
+    joint: JointKind = "spherical"
+    axes: tuple[str, ...] = ("x", "y", "z")
+    actuation_name: str = "pressure_pa"
+
+    def evaluate(self, actuation: Array, deformation: Array) -> Effort:
+        p, u = np.asarray(actuation, float), np.asarray(deformation, float)
+        x, y, z = u.T
+        tau = -u * self.stiffness
+        tau[:, 0] -= 2 * self.a * x * y
+        tau[:, 1] += p * (self.gain + self.softening * y) - self.a * x**2 - self.b * z**2
+        tau[:, 2] -= 2 * self.b * y * z
+        gain = np.zeros_like(u)
+        gain[:, 1] = self.gain + self.softening * y
+        slope = np.tile(-np.diag(self.stiffness), (len(u), 1, 1))
+        slope[:, 0, 0] -= 2 * self.a * y
+        slope[:, 1, 1] += p * self.softening
+        slope[:, 2, 2] -= 2 * self.b * y
+        slope[:, 0, 1] = slope[:, 1, 0] = -2 * self.a * x
+        slope[:, 1, 2] = slope[:, 2, 1] = -2 * self.b * z
+        return Effort(tau, gain, slope)
+
+    def record(self) -> LawRecord:
+        values = {"stiffness": self.stiffness, "gain": self.gain, "softening": self.softening}
+        return LawRecord("coupled_sample", {**values, "a": self.a, "b": self.b}, {})
+
+
+def module_table_of(law: JointLaw, energies: bool = True, slopes: bool = True) -> ModuleData:
+    """Scattered states of a law of three axes: of each axis alone, of all held, and every fifth of role "check".
+
+    With `energies` the work done along the way: energy_j = Π + p·travel with travel = −∂Π/∂p, of which a law of
+    efforts knows all but a function of p, here zero.
+    """
+    random = np.random.default_rng(11)
+    n = 100
+    explored = np.array(["y", "x", "z", "coupling"])[np.arange(n) % 4]
+    p = PRESSURE_PA * random.random(n)
+    u = random.uniform([-0.3, -0.2, -0.3], [0.3, 0.45, 0.3], (n, 3))
+    for k, axis in enumerate(law.axes):
+        u[(explored != axis) & (explored != "coupling"), k] = 0.0
+    signs = np.array([(i, j, k, m) for i in (0, 1) for j in (0, 1) for k in (0, 1) for m in (0, 1)])
+    p[:16], explored[:16] = signs[:, 0] * PRESSURE_PA, "coupling"
+    u[:16] = np.array([-0.3, -0.2, -0.3]) + signs[:, 1:] * np.array([0.6, 0.65, 0.6])
+    effort = law.evaluate(p, u)
+    step = 1e-3 * PRESSURE_PA
+    travel = (law.potential(p - step, u) - law.potential(p + step, u)) / (2 * step)
+    known, blank = (1.0 if slopes else np.nan), np.full(n, np.nan)
+    return ModuleData(
+        design=Design("sample", {}),
+        joint=law.joint,
+        axes=law.axes,
+        main_axis="y",
+        actuation_name=law.actuation_name,
+        actuation=p,
+        deformation=u,
+        tau=effort.tau,
+        dtau_dp=known * effort.dtau_dp,
+        dtau_du=known * effort.dtau_du,
+        energy_j=law.potential(p, u) + p * travel if energies else blank,
+        travel=travel if energies else blank,
+        iterations=np.zeros(n, np.int64),
+        wall_s=np.zeros(n),
+        explored=explored,
+        branch=np.full(n, "constrained"),
+        status=np.full(n, "ok"),
+        role=np.where((np.arange(n) >= 16) & (np.arange(n) // 4 % 5 == 0), "check", "fit"),
+    )
+
+
+def coupled_law() -> CoupledLaw:
+    """The coupled law, without limits."""
+    return CoupledLaw(Domain.unbounded(3))

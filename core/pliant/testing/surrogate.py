@@ -13,7 +13,7 @@ from pliant.interfaces.surrogate import FittedLaw, Surrogate
 from pliant.records.fem import FemDataset
 from pliant.records.law import JointLaw
 from pliant.store.codec import decode, encode
-from pliant.testing.samples import linear_law, softening_law, table_of
+from pliant.testing.samples import coupled_law, linear_law, module_table_of, softening_law, table_of
 from pliant.testing.suite import CheckSkipped, Subject, Suite, require, require_close
 
 suite = Suite("surrogate")
@@ -258,6 +258,31 @@ def stated_law_is_complete(subject: Subject) -> None:
         stated.domain.actuation.shape == (2,), "the stated law has no domain; Domain.unbounded says 'none'"
     )
     require(len(stated.axes) == stated.domain.deformation.shape[0], "the domain does not fit the law's axes")
+
+
+@suite.check("a surrogate that couples axes finds how one axis turns another, with symmetric slopes.")
+def couples_the_axes_of_a_joint(subject: Subject) -> None:
+    surrogate = _surrogate(subject)
+    if not surrogate.couples:
+        raise CheckSkipped(f"{subject.component.label} fits each axis by itself")
+    wanted, data = coupled_law(), module_table_of(coupled_law())
+    law = surrogate.fit_module(data).law
+    p, u = data.actuation[data.role == "check"], data.deformation[data.role == "check"]
+    effort, truth = law.evaluate(p, u), wanted.evaluate(p, u)
+    require(law.axes == wanted.axes, f"the law's axes are {law.axes}, the data's {wanted.axes}")
+    for k, axis in enumerate(wanted.axes):
+        require_close(
+            effort.tau[:, k],
+            truth.tau[:, k],
+            f"τ (N·m) about {axis} of a coupled law is off: are states that hold several axes fitted?",
+            atol=0.02 * float(np.ptp(data.tau[:, k])),
+        )
+    require_close(
+        effort.dtau_du,
+        np.swapaxes(effort.dtau_du, 1, 2),
+        "∂τ_i/∂u_j differs from ∂τ_j/∂u_i: the law has no potential and can create energy",
+        atol=1e-9,
+    )
 
 
 def _laws(subject: Subject) -> list[JointLaw]:

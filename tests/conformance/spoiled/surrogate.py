@@ -10,9 +10,10 @@ import numpy as np
 from pliant.errors import UserError
 from pliant.interfaces.surrogate import FittedLaw, Surrogate, SurrogateConfig
 from pliant.records.design import Array
-from pliant.records.fem import FemDataset
+from pliant.records.fem import FemDataset, ModuleData
 from pliant.records.law import Domain, Effort, FitReport, JointLaw, LawRecord
 from pliant.registry.component import Component
+from pliant.testing.samples import LinearLaw
 from spoiled import Spoils
 
 
@@ -262,3 +263,24 @@ class StatesNumbers(Line):
 
     def stated(self) -> Any:
         return np.array([0.0, 1e-6, 0.04])
+
+
+@spoils.by("couples_the_axes_of_a_joint", "about x of a coupled law is off")
+class EachByItself(Line):
+    """Says that it couples axes, and fits τ_k = g_k p − K_k u_k."""
+
+    couples = True
+
+    def fit_module(self, data: ModuleData) -> FittedLaw:
+        rows = data.role == "fit"
+        p, u, tau = data.actuation[rows], data.deformation[rows], data.tau[rows]
+        fits = [
+            np.linalg.lstsq(np.stack([p, -u[:, k]], axis=1), tau[:, k], rcond=None)[0]
+            for k in range(len(data.axes))
+        ]
+        gain, stiffness = np.transpose(fits)
+        law = LinearLaw(gain, np.diag(stiffness), Domain.unbounded(len(gain)), data.joint, data.axes)
+        missed = law.evaluate(p, u).tau - tau
+        worst, wide = float(np.abs(missed).max()), float(np.ptp(tau))
+        rmse = float(np.sqrt(np.mean(missed**2)))
+        return FittedLaw(law, FitReport(len(p), 0, rmse, worst, worst / wide, 0.0, wide, {}))

@@ -127,6 +127,9 @@ class _Plan:
         else:
             free_adaptive(walk, limit, axis)
             low, high = box(walk, config)
+            if walk.passing:  # no overlap ends the box; rigid parts do
+                closed = self.pieces[MAIN].contact_range
+                low, high = max(low, closed[0]), min(high, closed[1])
             low, high = trusted_box(walk, axis, limit, low, high)
             where = Box(axis, MAIN, (0.0, limit), (low, high))
             for target in corners(where):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
@@ -12,17 +13,31 @@ from pliant.pipeline.progress import Task
 from pliant.pipeline.sampling.saved import Saved
 from pliant.pipeline.sampling.targets import FULL, MAIN, Sampled, Target
 from pliant.records.design import Array
-from pliant.records.fem import PASSED, SELF_CONTACT, FemState
+from pliant.records.fem import PASSED, SELF_CONTACT, Closing, FemState
+
+ROUNDING = 1e-9
 
 
 @dataclass(frozen=True)
 class Piece:
-    """One of a module's problems and the axes that it moves about."""
+    """One of a module's problems, the axes that it moves about, and the bending that it can take."""
 
     name: str
     solver: ModuleSolver
     axes: tuple[str, ...]
     main_axis: str
+    contact_range: tuple[float, float] = (-math.inf, math.inf)
+    closing: Closing | None = None
+
+    def can_take(self, state: FemState) -> bool:
+        """Whether the state lies where rigid parts stay apart."""
+        low, high = self.contact_range
+        u = dict(zip(self.axes, state.deformation.tolist(), strict=True))
+        closed = self.closing is not None and not (
+            self.closing.shortening_m(u.get("y", 0.0), u.get("z", 0.0))
+            <= self.closing.free_m * (1 + ROUNDING)
+        )
+        return low <= state.angle_rad <= high and not closed
 
 
 @dataclass
@@ -45,7 +60,7 @@ class Walk:
         """The undeformed state of a piece."""
         target = Target("free", 0.0, explored=explored, piece=piece)
         name = "rest" if piece == MAIN else f"{piece} rest"
-        state = self.saved.solve(name, lambda: self._seen(self.pieces[piece].solver.rest()))
+        state = self.saved.solve(name, lambda: self._seen(piece, self.pieces[piece].solver.rest()))
         self._count()
         self.solved.append(Sampled(target, state))
         return state
@@ -54,7 +69,9 @@ class Walk:
         """The target's state, or None where it failed, which is recorded."""
         start = self._nearest(target)
         try:
-            state = self.saved.solve(target.name, lambda: self._seen(self._solve(target, start)))
+            state = self.saved.solve(
+                target.name, lambda: self._seen(target.piece, self._solve(target, start))
+            )
         except StateNotConvergedError as error:
             self.failed.append(self._failure(target, str(error)))
             self.stops.append(target)
@@ -73,9 +90,10 @@ class Walk:
         """Whether the target was dealt with."""
         return any(t.name == target.name for t in (*(one.target for one in self.solved), *self.stops))
 
-    def _seen(self, state: FemState) -> FemState:
-        """The state with its overlap let pass."""
-        return replace(state, status=PASSED) if self.passing and state.status == SELF_CONTACT else state
+    def _seen(self, piece: str, state: FemState) -> FemState:
+        """The state with its overlap let pass, unless rigid parts meet."""
+        passes = self.passing and state.status == SELF_CONTACT and self.pieces[piece].can_take(state)
+        return replace(state, status=PASSED) if passes else state
 
     def _count(self) -> None:
         self.bar.advance(0 if self.saved.reused else 1)

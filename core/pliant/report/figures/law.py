@@ -16,10 +16,11 @@ from pliant.report import units
 from pliant.report.figures import style
 from pliant.report.figures.state_groups import Groups
 from pliant.report.folder import DesignResult, FinishedRun
-from pliant.report.reading import actuation, law_of, main_axis, ran, study_form, study_form_effort
+from pliant.report.reading import actuation, band_of, law_of, main_axis, ran, study_form, study_form_effort
 
 CURVES = 7  # levels that are drawn where the data have more
 MANY = 400  # states beyond which points are drawn small
+SAME = 1e-6  # of the range of actuation: one level
 FALLBACK_ANGLE = 0.5  # rad, where nothing else bounds a stated law
 
 
@@ -55,6 +56,17 @@ def draw_law(axes: Any, run: FinishedRun, design: DesignResult, compact: bool = 
     for level in levels:
         tau = effort.factor * law_of(design, np.full(len(u), level), u)
         axes.plot(u * u_unit.factor, tau, color=colours(norm(level)), lw=1.5, zorder=2)
+        if (half := band_of(design, np.full(len(u), level), u)) is not None:
+            half = effort.factor * half
+            axes.fill_between(
+                u * u_unit.factor,
+                tau - half,
+                tau + half,
+                color=colours(norm(level)),
+                alpha=0.22,
+                lw=0,
+                zorder=1.5,
+            )
         ends.append(float(tau[-1]))
     if data is not None:
         _states(axes, data, colours, norm, u_unit, effort)
@@ -81,7 +93,8 @@ def draw_law(axes: Any, run: FinishedRun, design: DesignResult, compact: bool = 
     )
     axes.set_ylabel(rf"effort $\tau$ ({effort.name})")
     source = "law and FEM states" if data is not None and data.design.family != "table" else "law and data"
-    source = source if data is not None else "stated by its coefficients"
+    if data is None:
+        source = "stated by its coefficients" if law.error is None else "of an unseen design"
     axes.set_title("Joint law τ(p, u)" if compact else f"Joint law τ(p, u): {source}")
     _legend(axes, data)
 
@@ -96,10 +109,11 @@ def draw_residuals(axes: Any, design: DesignResult, of_study: bool = False) -> N
     assert data is not None
     scale = fit.effort_range if fit else float(np.ptp(data.moment_n_m)) or 1.0
     form = study_form(design) if of_study else None
+    half = None
     if form is not None:
         predicted = study_form_effort(form, data.actuation, data.angle_rad)
     else:
-        predicted = law_of(design, data.actuation, data.angle_rad)
+        predicted, half = _at_states(design, data)
     missed = 100 * (predicted - data.moment_n_m) / scale
     groups, u_unit = Groups.of(data), units.of_deformation(design.law)
     size = 4 if len(data) > MANY else 26
@@ -118,12 +132,33 @@ def draw_residuals(axes: Any, design: DesignResult, of_study: bool = False) -> N
         zorder=4,
     )
     largest = float(np.abs(missed[groups.fit | groups.check]).max(initial=0.0)) or 1.0
+    worst = largest
+    if half is not None and groups.check.any():
+        bars = 100 * half[groups.check] / scale
+        axes.errorbar(
+            x[groups.check], missed[groups.check], bars, fmt="none", ecolor=kite, elinewidth=1.0, alpha=0.55, zorder=2
+        )  # fmt: skip
+        largest = max(largest, float(np.max(np.abs(missed[groups.check]) + bars)))
     axes.set_ylim(-1.22 * largest, 1.22 * largest)
     axes.yaxis.set_major_formatter(lambda value, _: units.number(float(value), 2))
     axes.set_xlabel(f"{_symbol(design.law)} $u$ ({u_unit.name})")
     axes.set_ylabel("% of effort range")
     name = "Study's form − state" if of_study else "Law − state"
-    axes.set_title(f"{name}, worst {units.percent(largest / 100)}")
+    left_out = groups.check.any()
+    worst = float(np.abs(missed[groups.check]).max()) if left_out else worst
+    axes.set_title(f"{name}, worst {units.percent(worst / 100)}{' of those left out' if left_out else ''}")
+
+
+def _at_states(design: DesignResult, data: FemDataset) -> tuple[Array, Array | None]:
+    """τ and, where the law states an error, its 90 % band (n,) at the states, the other axes where they were."""
+    module, law = design.module, design.law
+    if module is None or len(law.axes) == 1:
+        return law_of(design, data.actuation, data.angle_rad), band_of(design, data.actuation, data.angle_rad)
+    rows = module.explored == data.axis
+    u = module.deformation[rows][:, [module.axes.index(axis) for axis in law.axes]]
+    k = law.axes.index(data.axis)
+    band = law.band(module.actuation[rows], u)
+    return law.evaluate(module.actuation[rows], u).tau[:, k], None if band is None else band[:, k]
 
 
 def _apart(heights: Sequence[float], limits: tuple[float, float]) -> Array:
@@ -137,16 +172,26 @@ def _apart(heights: Sequence[float], limits: tuple[float, float]) -> Array:
             if short > 1e-9:
                 places[k] -= short / 2
                 places[k + 1] += short / 2
+    if len(places):
+        places += max(limits[0] + gap / 2 - places[0], 0.0)
     result = np.empty_like(places)
     result[order] = places
     return result
+
+
+def _levels(actuation: Array) -> Array:
+    """Levels of actuation, each once: nearly equal ones are one."""
+    found = np.unique(actuation)
+    apart = np.diff(found, prepend=-np.inf) > SAME * max(float(np.ptp(found)), np.finfo(float).tiny)
+    return np.asarray(found[apart])
 
 
 def curve_levels(run: FinishedRun, design: DesignResult) -> Array:
     """Levels of actuation to draw: those of the data if they are few."""
     if design.fem is not None:
         groups = Groups.of(design.fem)
-        grid = np.unique(design.fem.actuation[~groups.check])
+        chosen = ~groups.check if not groups.check.all() else groups.check
+        grid = _levels(design.fem.actuation[chosen])
         if len(grid) <= CURVES:
             return np.asarray(grid)
         return np.linspace(float(grid[0]), float(grid[-1]), CURVES - 1)

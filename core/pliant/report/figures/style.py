@@ -12,7 +12,10 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import Colormap, LinearSegmentedColormap
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullFormatter
 from numpy.typing import NDArray
+
+from pliant.report import units
 
 Png = NDArray[np.uint8]
 
@@ -88,10 +91,23 @@ def stress_map() -> Colormap:
     )
 
 
+def error_map() -> Colormap:
+    """Colours of errors, pale where there are none; dark enough everywhere to be seen on paper."""
+    return LinearSegmentedColormap.from_list("error", ["#f7ecc8", "#f2b563", "#dd6a4c", "#98305f", "#3b1150"])
+
+
 def bare(axes: Any) -> None:
     """An axis without frame, ticks and grid, with equal scales."""
     axes.set_axis_off()
     axes.set_aspect("equal")
+
+
+def log_labels(axis: Any) -> None:
+    """Numbers of one digit on a log axis: at decades, and at 2 and 5 between them where there are few decades."""
+    low, high = axis.get_view_interval()
+    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if high < 500 * low else (1.0,), numticks=12))
+    axis.set_minor_formatter(NullFormatter())
+    axis.set_major_formatter(lambda value, _: units.number(float(value), 1))
 
 
 def scale_bar(axes: Any, x: float, y: float, length: float, label: str) -> None:

@@ -6,7 +6,6 @@ import time
 from collections import deque
 from collections.abc import Mapping
 
-import ngsolve as ngs
 import numpy as np
 
 from pliant.errors import UserError
@@ -19,6 +18,7 @@ from pliant_plugins.fem.ngsolve.config import NgsolveConfig
 from pliant_plugins.fem.ngsolve.constraints import eliminate
 from pliant_plugins.fem.ngsolve.fields import deformation_gradients, nodal_fields
 from pliant_plugins.fem.ngsolve.forms import AXES, STRAIN, build_forms
+from pliant_plugins.fem.ngsolve.library import ngs
 from pliant_plugins.fem.ngsolve.mesh import curved_mesh, nodal_table, placed
 from pliant_plugins.fem.ngsolve.newton import DivergedError, Equilibrium, Newton, Target
 from pliant_plugins.fem.ngsolve.system import ONE_AT_A_TIME, SingularMatrixError, System

@@ -10,13 +10,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-import ngsolve as ngs
 import numpy as np
 
 from pliant.errors import ContractError, UserError
 from pliant.meshing.hexahedra import FACES
 from pliant.records.design import Array
 from pliant.records.fem import IntArray, Link, ModuleMesh, ModuleProblem
+from pliant_plugins.fem.ngsolve.library import ngs
 from pliant_plugins.fem.ngsolve.mesh import FACE_CORNERS, LATTICE, node_unknowns, supports
 
 SAME = 1e-8  # difference of two shape functions' values that is rounding

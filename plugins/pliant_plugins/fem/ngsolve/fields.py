@@ -8,13 +8,13 @@ from __future__ import annotations
 
 from typing import Any
 
-import ngsolve as ngs
 import numpy as np
 
 from pliant.interfaces.material import Material
 from pliant.meshing.hexahedra import shape_slopes
 from pliant.records.design import Array
 from pliant.records.fem import IntArray, ModuleProblem
+from pliant_plugins.fem.ngsolve.library import ngs
 from pliant_plugins.fem.ngsolve.mesh import LATTICE
 
 

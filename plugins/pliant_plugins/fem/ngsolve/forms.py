@@ -16,12 +16,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-import ngsolve as ngs
-
 from pliant.errors import UserError
 from pliant.interfaces.material import Material
 from pliant.records.fem import ModuleProblem
 from pliant_plugins.fem.ngsolve.laws import density, is_mixed
+from pliant_plugins.fem.ngsolve.library import ngs
 from pliant_plugins.fem.ngsolve.mesh import CAVITY, END
 
 AXES = ("x", "y", "z")

@@ -13,10 +13,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-import ngsolve as ngs
-
 from pliant.errors import UserError
 from pliant.interfaces.material import Material
+from pliant_plugins.fem.ngsolve.library import ngs
 
 LARGEST_POWER = 8  # of the stretches in Ogden's law
 

@@ -9,8 +9,6 @@ from __future__ import annotations
 import itertools
 from typing import Any
 
-import netgen.meshing as netgen
-import ngsolve as ngs
 import numpy as np
 from scipy import sparse
 from scipy.sparse.linalg import splu
@@ -20,6 +18,7 @@ from pliant.mechanics.rotations import exp_map, left_jacobian
 from pliant.meshing.hexahedra import jacobians, sample_points
 from pliant.records.design import Array
 from pliant.records.fem import IntArray, ModuleMesh
+from pliant_plugins.fem.ngsolve.library import netgen, ngs
 
 CORNERS = (0, 2, 8, 6, 18, 20, 26, 24)  # lexicographic places of NGSolve's hexahedron's vertices
 FACE_CORNERS = (0, 2, 8, 6)  # of a face, in the order that keeps its normal

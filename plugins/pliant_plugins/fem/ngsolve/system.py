@@ -14,15 +14,14 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
-import ngsolve as ngs
 import numpy as np
-from ngsolve.la import SparseMatrixd
 from scipy import sparse
 
 from pliant.records.design import Array
 from pliant.records.fem import IntArray
 from pliant_plugins.fem.ngsolve.constraints import Elimination
 from pliant_plugins.fem.ngsolve.forms import Forms
+from pliant_plugins.fem.ngsolve.library import SparseMatrixd, ngs
 
 # NGSolve's assembly lets other Python threads run and has one heap for all of them.
 ONE_AT_A_TIME = threading.RLock()

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from pliant.errors import UserError
 from pliant.records.design import Array
+from pliant.records.error_bar import BarsOfAxes, ErrorBar
 from pliant.records.law import Domain, Effort, JointKind, JointLaw, LawRecord, ScalarLaw
-from pliant_plugins.surrogates.polynomial.law import KIND, PolynomialLaw
-from pliant_plugins.surrogates.polynomial.scalar import axes_effort
+from pliant_plugins.surrogates.polynomial.law import PolynomialLaw
 
 AXES = ("x", "y", "z")
 
@@ -20,20 +21,21 @@ class AxesLaw(JointLaw):
     """τ_k(p, u) = law_k(p, u_k) for k = x, y, z, the components of the joint's rotation vector.
 
     It derives from the potential Σ Π_k(p, u_k). Its domain is the box of all three laws: their pressures in
-    common, and each one's own angles.
+    common, and each one's own angles. Its error bar is that of the laws that have one.
 
     Attributes:
-        laws: one law for each of x, y, z.
+        laws: one law for each of x, y, z, all of one kind, whose `scalar` function takes any number of axes.
 
     Raises:
         UserError: the laws take different inputs or have no actuation in common.
     """
 
-    laws: tuple[PolynomialLaw, PolynomialLaw, PolynomialLaw]
+    laws: tuple[JointLaw, JointLaw, JointLaw]
     axes: tuple[str, ...] = AXES
     joint: JointKind = "spherical"
     actuation_name: str = field(init=False)
     domain: Domain = field(init=False)
+    error: ErrorBar | None = field(init=False, default=None)
 
     def __post_init__(self) -> None:
         names = sorted({law.actuation_name for law in self.laws})
@@ -50,6 +52,9 @@ class AxesLaw(JointLaw):
         deformation = np.concatenate([law.domain.deformation for law in self.laws])
         object.__setattr__(self, "actuation_name", names[0])
         object.__setattr__(self, "domain", Domain(common, deformation))
+        bars = tuple(law.error for law in self.laws)
+        if any(bar is not None for bar in bars):
+            object.__setattr__(self, "error", BarsOfAxes(bars))
 
     def evaluate(self, actuation: Array, deformation: Array) -> Effort:
         """τ (n, 3), ∂τ/∂p (n, 3) and the diagonal ∂τ/∂u (n, 3, 3) for deformation (n, 3)."""
@@ -74,7 +79,8 @@ class AxesLaw(JointLaw):
 
     def scalar(self) -> ScalarLaw:
         """The same law for compiled engines."""
-        return ScalarLaw(axes_effort, np.concatenate([law.scalar().parameters for law in self.laws]))
+        each = [scalar for law in self.laws if (scalar := law.scalar()) is not None]
+        return ScalarLaw(each[0].function, np.concatenate([scalar.parameters for scalar in each]))
 
     def record(self) -> LawRecord:
         """The records of the axes, their names led by the axis."""
@@ -90,15 +96,17 @@ class AxesLaw(JointLaw):
             for axis, record in records.items()
             for name, array in record.arrays.items()
         }
-        return LawRecord(KIND, values, arrays)
+        return LawRecord(records[AXES[0]].kind, values, arrays)
 
     @staticmethod
-    def of_record(record: LawRecord) -> AxesLaw:
-        """The law of a record; both evaluate to the same bits."""
+    def of_record(
+        record: LawRecord, of_axis: Callable[[LawRecord], JointLaw] = PolynomialLaw.of_record
+    ) -> AxesLaw:
+        """The law of a record, the laws of its axes made by `of_axis`; both evaluate to the same bits."""
 
-        def one(axis: str) -> PolynomialLaw:
+        def one(axis: str) -> JointLaw:
             start = f"{axis}_"
             arrays = {k.removeprefix(start): v for k, v in record.arrays.items() if k.startswith(start)}
-            return PolynomialLaw.of_record(LawRecord(KIND, record.values["of_axes"][axis], arrays))
+            return of_axis(LawRecord(record.kind, record.values["of_axes"][axis], arrays))
 
         return AxesLaw((one("x"), one("y"), one("z")))

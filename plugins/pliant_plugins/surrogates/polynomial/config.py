@@ -85,6 +85,10 @@ class AxisConfig(FrozenModel):
     odd: bool = Field(
         default=False, description="form study with u|u| for u²: softens the same way both ways"
     )
+    procedure: Literal["least_squares", "finite_differences"] = Field(
+        default="least_squares",
+        description="how form study is fitted: to the moments, or as published from differences of energies too",
+    )
     coefficients: StudyCoefficients | None = Field(default=None, description="states a law of form study")
     domain: StatedDomain | None = Field(default=None, description="box in which the stated law holds")
     actuation_name: Literal["pressure_pa", "tendon_force_n"] = Field(
@@ -98,6 +102,10 @@ class AxisConfig(FrozenModel):
             problem = "coefficients state a law of the study's form: add 'form: study'"
         elif self.form != "study" and self.odd:
             problem = "odd replaces u² by u|u| in the study's form: add 'form: study' or leave it out"
+        elif self.form != "study" and self.procedure != "least_squares":
+            problem = "procedure finite_differences fits the study's form: add 'form: study' or leave it out"
+        elif self.coefficients is not None and self.procedure != "least_squares":
+            problem = "coefficients state the law and procedure says how to fit one: give only one of them"
         elif self.coefficients is None and self.domain is not None:
             problem = (
                 "domain belongs to a law stated by coefficients; a fitted law's domain is the box of its data"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -10,8 +11,13 @@ from scipy.spatial import ConvexHull, QhullError
 from pliant.errors import UserError
 from pliant.records.fem import FemDataset
 from pliant.records.law import Domain, JointLaw
+from pliant_plugins.surrogates.polynomial.config import StudyCoefficients
 from pliant_plugins.surrogates.polynomial.states import Split
+from pliant_plugins.surrogates.polynomial.study_differences import energies_known, fit_differences
 from pliant_plugins.surrogates.polynomial.study_form import fit_study, study_law
+
+# Of the band that a report checks.
+LEVEL = 0.9
 
 
 def errors(law: JointLaw, data: FemDataset, effort_range: float) -> dict[str, float]:
@@ -24,6 +30,21 @@ def errors(law: JointLaw, data: FemDataset, effort_range: float) -> dict[str, fl
         "worst": worst,
         "worst_of_range": worst / effort_range,
         "r2": 1 - float(np.sum(missed**2)) / spread if spread > 0 else float("nan"),
+    }
+
+
+def error_bar(law: JointLaw, data: FemDataset, effort_range: float) -> dict[str, float] | None:
+    """Share of the states of `data` that lie in the law's band, and the band's mean half-width; None without one."""
+    u = data.angle_rad[:, None]
+    band = law.band(data.actuation, u, LEVEL)
+    if band is None:
+        return None
+    missed = np.abs(law.evaluate(data.actuation, u).tau[:, 0] - data.moment_n_m)
+    return {
+        "level": LEVEL,
+        "covered": float(np.mean(missed <= band[:, 0])),
+        "n": len(data),
+        "mean_half_width_of_range": float(band.mean()) / effort_range,
     }
 
 
@@ -51,9 +72,21 @@ def residuals(law: JointLaw, data: FemDataset) -> dict[str, list[float]]:
 
 
 def study_beside(split: Split, odd: bool = False) -> dict[str, Any]:
-    """The study's form fitted to the same states and scored on the same states."""
+    """The study's forms fitted to the same states and scored on the same states, by the details' names.
+
+    `study_form` is fitted by least squares; `study_finite_differences` is there where strain energies are known.
+    """
+    found = {"study_form": _scored(split, odd, fit_study)}
+    if energies_known(split.fit):
+        found["study_finite_differences"] = _scored(split, odd, fit_differences)
+    return found
+
+
+def _scored(
+    split: Split, odd: bool, procedure: Callable[[FemDataset, bool], StudyCoefficients]
+) -> dict[str, Any]:
     try:
-        coefficients = fit_study(split.fit, odd)
+        coefficients = procedure(split.fit, odd)
     except UserError as error:
         return {"problem": str(error)}
     law = study_law(coefficients, odd, split.domain, split.fit.actuation_name, split.fit.axis)

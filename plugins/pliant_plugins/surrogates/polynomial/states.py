@@ -37,20 +37,20 @@ class Split:
     in_contact: int
 
 
-def split(data: FemDataset) -> Split:
+def split(data: FemDataset, law: str = "a polynomial law") -> Split:
     """Check the data, bound the domain by trusted states, choose which states are fitted and which scored.
 
     The domain is the box of the trusted states of role "fit": it ends where self-contact takes over. Inside it
     states in self-contact are used too, since a corner without data would be extrapolated. States of role
     "check" are scored; data without any hold out a seeded fifth of the states inside the box.
-    Raises `UserError` for numbers that are not finite, contradictions and too few states.
+    Raises `UserError` for numbers that are not finite, contradictions and too few states; `law` is its noun.
     """
     _finite(data)
     good = np.isin(data.status, TRUSTED)
     converged = good | (data.status == SELF_CONTACT)
     _agreeing(data, converged)
     trusted = data.rows(good & (data.role == "fit"))
-    _enough(trusted, data)
+    _enough(trusted, data, law)
     domain = _box(trusted)
     outside = _outside(domain, data)
     usable = data.rows(converged & ~outside)
@@ -66,7 +66,7 @@ def split(data: FemDataset) -> Split:
             f"no state has role check in the domain: {len(check)} of {len(usable)} held out at random, "
             f"seed {HELD_OUT_SEED}"
         )
-        _enough(fit, data)
+        _enough(fit, data, law)
     contact = int(np.sum(usable.status == SELF_CONTACT))
     return Split(fit, check, domain, float(np.ptp(usable.moment_n_m)), held_out, excluded, contact)
 
@@ -126,14 +126,14 @@ def _hold_out(data: FemDataset) -> Mask:
     return chosen
 
 
-def _enough(fit: FemDataset, data: FemDataset) -> None:
+def _enough(fit: FemDataset, data: FemDataset, law: str) -> None:
     names, counts = np.unique(data.status[~np.isin(data.status, TRUSTED)], return_counts=True)
     left_out = "".join(
         f"; {n} with status '{name}' are not trusted" for name, n in zip(names, counts, strict=True)
     )
     if len(fit) < MINIMUM_STATES:
         raise UserError(
-            f"a polynomial law needs at least {MINIMUM_STATES} states to fit besides those that score it, "
+            f"{law} needs at least {MINIMUM_STATES} states to fit besides those that score it, "
             f"and there are {len(fit)}{left_out}{_let_pass(names)}"
         )
     for values, label in ((fit.actuation, fit.actuation_name), (fit.angle_rad, "angle_rad")):

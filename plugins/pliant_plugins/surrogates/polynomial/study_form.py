@@ -13,11 +13,16 @@ from __future__ import annotations
 import numpy as np
 
 from pliant.errors import UserError
+from pliant.records.design import Array
+from pliant.records.error_bar import ErrorBar
 from pliant.records.fem import FemDataset
 from pliant.records.law import Domain, JointKind
 from pliant_plugins.surrogates.polynomial.config import StatedDomain, StudyCoefficients
 from pliant_plugins.surrogates.polynomial.law import PolynomialLaw
 
+# A state that the others do not determine cannot be left out.
+DETERMINED = 1e-9
+FEWEST_MISSES = 4
 UNITY = np.array([0.0, 1.0])
 
 
@@ -48,7 +53,7 @@ def fit_study(data: FemDataset, odd: bool) -> StudyCoefficients:
     Raises `UserError` when the states do not determine them.
     """
     p, u = data.actuation, data.angle_rad
-    columns = np.stack([p, p * u, u, -u * (np.abs(u) if odd else u) / 2], axis=1)
+    columns = _columns(p, u, odd)
     scale = np.maximum(np.abs(columns).max(axis=0), np.finfo(float).tiny)
     solution, _, rank, _ = np.linalg.lstsq(columns / scale, data.moment_n_m, rcond=1e-10)
     if rank < 4:
@@ -58,6 +63,25 @@ def fit_study(data: FemDataset, odd: bool) -> StudyCoefficients:
         )
     k_n, m_a, b, m_e = (float(value) for value in solution / scale)
     return StudyCoefficients(k_n=k_n, m_a=m_a, b_a=0.0, m_e=m_e, b_e=-b)
+
+
+def study_bar(law: PolynomialLaw, data: FemDataset) -> ErrorBar | None:
+    """The bar of a fitted law of the study's form: each state's miss, grown to what it is with that state left out."""
+    p, u = data.actuation, data.angle_rad
+    columns = _columns(p, u, law.odd != 0.0)
+    basis = np.linalg.qr(columns / np.abs(columns).max(axis=0))[0]
+    free = 1 - np.sum(basis**2, axis=1)
+    missed = law.evaluate(p, u[:, None]).tau[:, 0] - data.moment_n_m
+    known = free > DETERMINED
+    if np.sum(known) < FEWEST_MISSES:
+        return None
+    box = np.vstack([law.domain.actuation, law.domain.deformation])
+    return ErrorBar.of(box, p[known], u[known, None], (missed[known] / free[known])[:, None])
+
+
+def _columns(p: Array, u: Array, odd: bool) -> Array:
+    """(n, 4) what multiplies k_n, m_a, b_a − b_e and m_e."""
+    return np.stack([p, p * u, u, -u * (np.abs(u) if odd else u) / 2], axis=1)
 
 
 def stated_domain(domain: StatedDomain | None) -> Domain:

@@ -3,32 +3,43 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from pliant.errors import UserError
 from pliant.interfaces.surrogate import FittedLaw, Surrogate
-from pliant.records.fem import FemDataset
+from pliant.records.fem import FemDataset, ModuleData
 from pliant.records.law import FitReport, LawRecord
 from pliant_plugins.surrogates.polynomial import scoring
 from pliant_plugins.surrogates.polynomial.axes import axes_law, fit_each
 from pliant_plugins.surrogates.polynomial.axes_law import AXES, AxesLaw
 from pliant_plugins.surrogates.polynomial.config import PolynomialConfig
-from pliant_plugins.surrogates.polynomial.fit import Candidate, fit_adaptive, joint_of
+from pliant_plugins.surrogates.polynomial.energy_fit import fit_energy
+from pliant_plugins.surrogates.polynomial.energy_law import EnergyLaw
+from pliant_plugins.surrogates.polynomial.fit import Candidate, fit_adaptive
 from pliant_plugins.surrogates.polynomial.law import KIND, PolynomialLaw, largest_slope
 from pliant_plugins.surrogates.polynomial.states import Split, split
-from pliant_plugins.surrogates.polynomial.study_form import fit_study, stated_domain, study_law
+from pliant_plugins.surrogates.polynomial.study_differences import fit_differences
+from pliant_plugins.surrogates.polynomial.study_form import fit_study, stated_domain, study_bar, study_law
+from pliant_plugins.surrogates.polynomial.system import joint_of
+
+# An energy's degree is one more than its effort's; where walls meet, the main axis alone takes four more.
+MORE_IN_ENERGY = 5
 
 
 class Polynomial(Surrogate):
     """Joint laws that are polynomials in pressure and angle (`PolynomialLaw`).
 
-    Form "adaptive" fits values and slopes by least squares and chooses the degree by cross-validation; form
-    "study" is the published one (see `study_form`). `FitReport.details` holds the cross-validation table, the
-    residuals and the errors of the study's form on the same states.
+    Form "adaptive" fits values and slopes by least squares, energies and travels of FEM states too where that
+    helps, and chooses the degree by cross-validation; form
+    "study" is the published one (see `study_form` and `study_differences`). `FitReport.details` holds the
+    cross-validation table, the residuals, the share of states inside the error bar and the errors of the study's
+    forms on the same states.
     """
 
     config: PolynomialConfig
+    couples = True
 
     def __init__(self, config: PolynomialConfig) -> None:
         super().__init__(config)
@@ -66,6 +77,17 @@ class Polynomial(Surrogate):
             return fit_each(self._of_axes(), data)
         return self.fit(data[""]) if "" in data else fit_each(dict.fromkeys(AXES, self), data)
 
+    def fit_module(self, data: ModuleData) -> FittedLaw:
+        """Whole states of several axes as one energy; each axis by itself where the config has `axes` or form study."""
+        together = (
+            len(data.explored_axes()) > 1 and self.config.axes is None and self.config.form == "adaptive"
+        )
+        return (
+            fit_energy(data, self.config.max_degree + MORE_IN_ENERGY)
+            if together
+            else super().fit_module(data)
+        )
+
     def _of_axes(self) -> dict[str, Polynomial]:
         """The surrogate of each axis of a spherical joint."""
         assert self.config.axes is not None
@@ -81,16 +103,22 @@ class Polynomial(Surrogate):
         """
         states = split(data)
         if self.config.form == "study":
-            coefficients = fit_study(states.fit, self.config.odd)
+            procedure = fit_study if self.config.procedure == "least_squares" else fit_differences
+            coefficients = procedure(states.fit, self.config.odd)
             joint = joint_of(data)
             law = study_law(
                 coefficients, self.config.odd, states.domain, data.actuation_name, data.axis, joint
             )
+            law = replace(law, error=study_bar(law, states.fit))
             parameters: dict[str, Any] = coefficients.canonical()
-            choice: dict[str, Any] = {"form": "study", "odd": self.config.odd}
+            choice: dict[str, Any] = {
+                "form": "study",
+                "odd": self.config.odd,
+                "procedure": self.config.procedure,
+            }
         else:
             chosen, candidates = fit_adaptive(states.fit, states.domain, self.config.max_degree)
-            law = chosen.law
+            law = replace(chosen.law, error=chosen.posterior.error_bar())
             parameters = {
                 "coefficients": law.coefficients.tolist(),
                 "actuation_map": law.actuation_map.tolist(),
@@ -99,10 +127,12 @@ class Polynomial(Surrogate):
             choice = {"form": "adaptive", **_choice(chosen, candidates)}
         return FittedLaw(law, _report(law, states, {**choice, "parameters": parameters}))
 
-    def load(self, record: LawRecord) -> PolynomialLaw | AxesLaw:
-        """The law of a record that `PolynomialLaw.record` or `AxesLaw.record` wrote."""
+    def load(self, record: LawRecord) -> PolynomialLaw | AxesLaw | EnergyLaw:
+        """The law of a record that `PolynomialLaw.record`, `AxesLaw.record` or `EnergyLaw.record` wrote."""
         if record.kind != KIND:
             raise UserError(f"surrogate '{KIND}' cannot read a law of kind '{record.kind}'")
+        if record.values.get("form") == "energy":
+            return EnergyLaw.of_record(record)
         if record.values["joint"] == "spherical":
             return AxesLaw.of_record(record)
         return PolynomialLaw.of_record(record)
@@ -110,6 +140,7 @@ class Polynomial(Surrogate):
 
 def _choice(chosen: Candidate, candidates: list[Candidate]) -> dict[str, Any]:
     """The chosen degree and the table it was chosen from; errors are shares of the fitted effort's range."""
+    prior = chosen.prior
     table = [
         {
             "degree": c.degree,
@@ -118,6 +149,8 @@ def _choice(chosen: Candidate, candidates: list[Candidate]) -> dict[str, Any]:
             "rmse_of_range": c.rmse,
             "standard_error": c.rmse_se,
             "stable": c.largest_slope < 0,
+            "held_back": c.prior is not None,
+            "potential": c.potential,
             "chosen": c is chosen,
         }
         for c in candidates
@@ -126,6 +159,8 @@ def _choice(chosen: Candidate, candidates: list[Candidate]) -> dict[str, Any]:
         "degree": chosen.degree,
         "actuation_degree": chosen.actuation_degree,
         "terms": chosen.n_terms,
+        "prior": None if prior is None else {"radii": list(prior.radii), "noise": prior.noise},
+        "potential": chosen.potential,
         "cross_validation": table,
     }
 
@@ -145,8 +180,9 @@ def _report(law: PolynomialLaw, states: Split, details: dict[str, Any]) -> FitRe
             "largest_slope": slope,
             "stable": slope < 0,
             "coverage": scoring.coverage(states.fit, states.domain),
+            "error_bar": scoring.error_bar(law, states.check, states.effort_range),
             "slope_errors": scoring.slope_errors(law, states.check),
             "residuals": scoring.residuals(law, states.check),
-            "study_form": scoring.study_beside(states, bool(details.get("odd", False))),
+            **scoring.study_beside(states, bool(details.get("odd", False))),
         },
     )

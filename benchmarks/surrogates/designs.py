@@ -1,0 +1,114 @@
+"""Meta-models on designs left out, all kinds side by side: python -m benchmarks.surrogates.designs
+
+    python -m benchmarks.surrogates.designs --only helical --kinds regression "coefficients, study's form"
+
+Fits every installed kind to examples/designs/{bending,helical}_grid.csv and scores torque and free angle of whole
+designs: left out of the grid in eight seeded parts (inside its range and on its border apart), between the designs
+of the grid (the test tables, which no fit sees), and on the designs that were fitted, as the published study scored
+its own. Writes benchmarks/out/designs_GRID.json.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from typing import Any
+
+from benchmarks.physics.output import Bar, write
+from benchmarks.surrogates.held_out import as_json, left_out, line, scored, table
+
+from pliant.registry.discovery import Registry, discover
+
+FOLDS = 8
+# Kind and keys of each contender.
+CONTENDERS: dict[str, dict[str, Any]] = {
+    "regression": {"kind": "regression"},
+    "regression, gaussian_process": {"kind": "regression", "regressor": "gaussian_process"},
+    "regression, kernel_ridge": {"kind": "regression", "regressor": "kernel_ridge"},
+    "regression, polynomial": {"kind": "regression", "regressor": "polynomial"},
+    "coefficients": {"kind": "coefficients"},
+    "coefficients, study's form": {"kind": "coefficients", "form": "study"},
+    "neural": {"kind": "neural"},
+}
+MAIN = "regression"
+
+
+def contest(grid: str, kinds: list[str] | None) -> None:
+    """All contenders on one grid."""
+    registry = discover()
+    solved, test = table(f"{grid}_grid"), table(f"{grid}_test")
+    print(f"{grid}: {len(solved)} designs of {', '.join(solved.names)}; {len(test)} between them")
+    results: dict[str, Any] = {}
+    for name, keys in CONTENDERS.items():
+        if keys["kind"] not in registry.kinds("meta_model") or (kinds and name not in kinds):
+            continue
+        results[name] = _contender(registry, name, keys, solved, test)
+    bars = _bars(grid, results[MAIN]) if "scores" in results.get(MAIN, {}) else []
+    for bar in bars:
+        print(bar)
+    write(f"designs_{grid}", {"contenders": results, "folds": FOLDS}, bars)
+
+
+def _contender(registry: Registry, name: str, keys: dict[str, Any], solved: Any, test: Any) -> dict[str, Any]:
+    component = registry.get("meta_model", keys["kind"])
+    if component.missing():
+        print(f"  {name:30} skipped: {component.missing()}")
+        return {"skipped": component.missing()}
+    model = registry.build("meta_model", component.config_model().model_validate(keys))
+    started = time.perf_counter()
+    try:
+        fitted = model.fit(solved)
+    except Exception as error:
+        # A kind that cannot do this grid says why; the others go on.
+        print(f"  {name:30} not fitted: {error}")
+        return {"not_fitted": str(error)}
+    wall_s = time.perf_counter() - started
+    groups = {f"left out, {place}": one for place, one in left_out(model, solved, FOLDS).items()}
+    groups["between the designs"] = scored(fitted.laws, test)
+    groups["its own designs"] = scored(fitted.laws, solved)
+    print(f"{name}: fitted in {wall_s:.1f} s")
+    for place, scores in groups.items():
+        print(line(place, scores))
+    return {"fit_s": wall_s, "law_s": _law_s(fitted.laws, test), "scores": as_json(groups)}
+
+
+def _law_s(laws: Any, test: Any) -> float:
+    """Time to make one law."""
+    started = time.perf_counter()
+    for _ in range(10):
+        for values in test.values:
+            laws.law(values)
+    return (time.perf_counter() - started) / (10 * len(test))
+
+
+def _bars(grid: str, result: dict[str, Any]) -> list[Bar]:
+    scores = result["scores"]
+    everywhere, inside = scores["left out, all"], scores["left out, interior"]
+    bars = [Bar(f"{grid}: torque R² on designs left out", everywhere["r2"], 0.999, "", False)]
+    bars += [
+        Bar(f"{grid}: torque R² on designs left out, {axis}", one["r2"], 0.999, "", False)
+        for axis, one in everywhere["axes"].items()
+        if len(everywhere["axes"]) > 1
+    ]
+    if grid == "bending":
+        worst = 100 * inside["worst_of_range"]
+        bars.append(Bar("bending: worst torque inside the range", worst, 2.0, "% of range", True))
+        median = 100 * everywhere["free_median"]
+        bars.append(Bar("bending: free angle on designs left out, median", median, 1.0, "%", True))
+    return bars
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--only", choices=["bending", "helical"])
+    parser.add_argument("--kinds", nargs="*")
+    asked = parser.parse_args()
+    for grid in ("bending", "helical"):
+        if asked.only in (None, grid):
+            contest(grid, asked.kinds)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,150 @@
+"""How many designs are needed when each next one is chosen by expected gain: python -m benchmarks.surrogates.gain
+
+    python -m benchmarks.surrogates.gain --only bending --seeds 10
+
+Starts from a few spread designs of the grid and adds one at a time: the one of the largest `DesignLaws.gain` over the
+range of designs, from the designs still unsolved. After every design the model is fitted again and scored on the test
+table, whose designs lie between those of the grid and are never fitted. Beside it random choice, designs far from each
+other, and the error of the full grid. The bar: the full grid's error with at most half its designs. Writes
+benchmarks/out/gain_GRID.json.
+"""
+
+from __future__ import annotations
+
+import argparse
+from typing import Any
+
+import numpy as np
+from benchmarks.physics.output import Bar, write
+from benchmarks.surrogates.held_out import misses_of, table
+from scipy.stats import qmc
+
+from pliant.interfaces.meta_model import DesignLaws
+from pliant.pipeline.meta_model.scoring import shares
+from pliant.records.design import Array
+from pliant.records.solved import SolvedDesigns
+from pliant_plugins.meta_models.regression.config import RegressionConfig
+from pliant_plugins.meta_models.regression.model import Regression
+
+OVER = 256
+SEED = 0
+# Errors against the full grid's that are asked for.
+FACTORS = (1.0, 1.1, 1.5)
+
+
+def error(laws: DesignLaws, test: SolvedDesigns) -> float:
+    """Root mean square of the torque's miss on designs never seen, as a share of each design's range; all axes."""
+    misses = misses_of(laws, test)
+    share = shares(misses)[misses.counts]
+    return float(np.sqrt(np.nanmean(share**2)))
+
+
+def fitted(designs: SolvedDesigns, chosen: list[int]) -> DesignLaws:
+    """The model of the chosen designs."""
+    keep = np.zeros(len(designs), bool)
+    keep[chosen] = True
+    return Regression(RegressionConfig()).fit(designs.rows(keep)).laws
+
+
+def spread(designs: SolvedDesigns, count: int) -> list[int]:
+    """Designs far from each other: the one nearest to the middle, then each farthest from those chosen."""
+    places = (designs.values - designs.box[:, 0]) / designs.scale
+    chosen = [int(np.argmin(np.sum((places - 0.5) ** 2, axis=1)))]
+    while len(chosen) < count:
+        apart = np.min(np.sum((places[:, None] - places[chosen][None]) ** 2, axis=2), axis=1)
+        chosen.append(int(np.argmax(apart)))
+    return chosen
+
+
+def by_gain(
+    designs: SolvedDesigns, test: SolvedDesigns, start: list[int], most: int
+) -> list[tuple[int, float]]:
+    """(designs, error) as designs are added by expected gain over the family's range."""
+    over = _range(designs)
+    chosen, curve = list(start), []
+    while True:
+        laws = fitted(designs, chosen)
+        curve.append((len(chosen), error(laws, test)))
+        print(f"    gain: {curve[-1][0]} designs, {100 * curve[-1][1]:.4f} % of range", flush=True)
+        if len(chosen) >= most:
+            return curve
+        left = np.setdiff1d(np.arange(len(designs)), chosen)
+        gain = laws.gain(designs.values[left], over)
+        assert gain is not None
+        chosen.append(int(left[np.argmax(gain)]))
+
+
+def at_random(designs: SolvedDesigns, test: SolvedDesigns, counts: list[int], seed: int) -> list[float]:
+    """Errors with the first so many of a random order."""
+    order = [int(i) for i in np.random.default_rng(seed).permutation(len(designs))]
+    return [error(fitted(designs, order[:count]), test) for count in counts]
+
+
+def _range(designs: SolvedDesigns) -> Array:
+    """Designs over which the error is averaged: evenly over the hull of those that can be built."""
+    points = qmc.scale(qmc.Sobol(len(designs.names), seed=SEED).random(OVER), *designs.box.T)
+    places = (points - designs.box[:, 0]) / designs.scale
+    grid = (designs.values - designs.box[:, 0]) / designs.scale
+    near = np.min(np.max(np.abs(places[:, None] - grid[None]), axis=2), axis=1)
+    steps = [np.diff(np.unique(np.round(column, 9))).max() for column in grid.T]
+    inside: Array = points[near <= max(steps) / 2 + 1e-9]
+    return inside
+
+
+def study(grid: str, seeds: int, counts: list[int]) -> None:
+    """Both curves of one grid."""
+    solved, test = table(f"{grid}_grid"), table(f"{grid}_test")
+    full = error(fitted(solved, list(range(len(solved)))), test)
+    print(f"{grid}: full grid of {len(solved)} designs, {100 * full:.4f} % of range on {len(test)} others")
+    start = spread(solved, len(solved.names) + 2)
+    curve = by_gain(solved, test, start, max(counts))
+    needed = {factor: _needed(curve, factor * full) for factor in FACTORS}
+    evenly = {count: error(fitted(solved, spread(solved, count)), test) for count in counts}
+    random = np.array([at_random(solved, test, counts, seed) for seed in range(seeds)])
+    for count, column in zip(counts, random.T, strict=True):
+        chosen = dict(curve)[count]
+        low, middle, high = (100 * np.quantile(column, q) for q in (0.1, 0.5, 0.9))
+        print(
+            f"  {count:3d} designs: gain {100 * chosen:.4f} %, "
+            f"spread {100 * evenly[count]:.4f} %, random {middle:.4f} % ({low:.4f}–{high:.4f})"
+        )
+    bars = []
+    for factor, count in needed.items():
+        share = count / len(solved)
+        print(
+            f"  error of the full grid × {factor}: {count if np.isfinite(count) else 'not reached'} designs"
+        )
+        bars.append(
+            Bar(f"{grid}: designs by gain for the full grid's error × {factor}", share, 0.5, "of them", True)
+        )
+        print(bars[-1])
+    results: dict[str, Any] = {
+        "full": {"designs": len(solved), "error": full},
+        "gain": curve,
+        "spread": {"counts": counts, "errors": [evenly[count] for count in counts]},
+        "random": {"counts": counts, "errors": random.tolist()},
+    }
+    write(f"gain_{grid}", results, bars)
+
+
+def _needed(curve: list[tuple[int, float]], wanted: float) -> float:
+    """The fewest designs from which on the error stays at or below what is wanted."""
+    below = [count for count, found in curve if found <= wanted]
+    return float(min(below)) if below else float("inf")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--only", choices=["bending", "helical"])
+    parser.add_argument("--seeds", type=int, default=10)
+    asked = parser.parse_args()
+    if asked.only in (None, "bending"):
+        study("bending", asked.seeds, [14, 28])
+    if asked.only in (None, "helical"):
+        study("helical", asked.seeds, [6, 8, 10, 12])
+
+
+if __name__ == "__main__":
+    main()

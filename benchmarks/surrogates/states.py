@@ -1,0 +1,226 @@
+"""How few FEM states make a law of the reference bending module: python -m benchmarks.surrogates.states
+
+    python -m benchmarks.surrogates.states --skip-least-squares
+
+States are chosen from the places of a grid before any is solved, once for each kind of data, and laws of the first k
+of them are scored on scattered states, as shares of the effort's range. Estimators:
+
+- process: Π is a cubic plus a Gaussian process (`states_process`), its lengths the likeliest for the k states;
+- process, lengths of others: lengths likeliest for every fourth design of examples/designs/bending_grid.csv, of which
+  this module is none;
+- polynomial, held back: all terms of Π, held back by the evidence of the k states (`shrinkage.prior_of`);
+- Polynomial: the surrogate as users have it, which may choose fewer terms instead and wants 6 states at least;
+- least squares: sets of terms, chosen by states left out (a user can) and by the check states (the bound), with states
+  chosen for each set apart (`states_least_squares`).
+
+The process with the lengths of others chooses the states: each the one after which the mean variance of the effort
+over the box is least (Cohn, Neural Networks 9, 1996), after the few that its cubic needs, which are spread. Kinds of
+data: efforts; with slopes; with travel (−∂Π/∂p); with travel and energy: each FEM state gives all of them. Boxes: the
+sampler's, u from −0.5 to 1.2 times the largest free angle, and the published study's, from 0 to 1 times.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from benchmarks.physics.output import OUT, Bar, write
+from benchmarks.surrogates.held_out import table
+from benchmarks.surrogates.states_least_squares import KINDS as BASELINE_KINDS
+from benchmarks.surrogates.states_least_squares import data_of, least_squares
+from benchmarks.surrogates.states_process import KINDS, Views, greedy, likeliest, predicted
+from benchmarks.surrogates.truth import Truth, study_truth, truth
+
+from pliant.errors import UserError
+from pliant.records.design import Array
+from pliant.records.fem import TRUSTED, ModuleData
+from pliant.records.law import Domain
+from pliant_plugins.surrogates.polynomial.config import PolynomialConfig
+from pliant_plugins.surrogates.polynomial.fit import MORE_WITH_POTENTIAL
+from pliant_plugins.surrogates.polynomial.posterior import Posterior
+from pliant_plugins.surrogates.polynomial.shrinkage import all_terms, prior_of
+from pliant_plugins.surrogates.polynomial.surrogate import Polynomial
+from pliant_plugins.surrogates.polynomial.system import System, values_at
+
+BOXES = {"sampler's box": truth, "study's box": study_truth}
+NUMBERS = (4, 5, 6, 7, 8, 9, 10, 12, 14, 16, 18, 20)
+VALUES_NUMBERS = (*NUMBERS, 24, 30)
+GOAL, ENOUGH = 1e-4, 8
+EVERY = 4
+DEGREE = 9
+# Choices of states beside the one shown: how much depends on it.
+BESIDE, VARIED = (6, 7, 8, 10), (0.8, 1.0, 1.25)
+BASELINE = {"left out": "least squares", "bound": "least squares, bound"}
+# RMS and worst on the scattered states, worst of all known states; by number of states.
+Curve = dict[int, tuple[float, ...]]
+
+
+def other_designs() -> list[Views]:
+    """Every fourth design of the grid."""
+    return [_views_of(data) for data in table("bending_grid").data[::EVERY]]
+
+
+def _views_of(data: ModuleData) -> Views:
+    good = np.isin(data.status, TRUSTED)
+    u = data.deformation[good, 0]
+    box = np.array([[0.0, data.actuation.max()], [u.min(), u.max()]])
+    columns = (data.tau[good, 0], data.dtau_dp[good, 0], data.dtau_du[good, 0, 0])
+    states = Truth(data.actuation[good], u, *columns, data.energy_j[good], data.travel[good], box, 0)
+    return Views.of(states, float(np.ptp(states.tau)))
+
+
+def known_data(states: Truth, rows: Array, kind: str) -> ModuleData:
+    """States as data of a module that know no more than the kind says."""
+    data = data_of(states, rows, "slopes" in kind)
+    return data if "energy" in kind else replace(data, travel=np.full(len(rows), np.nan))
+
+
+def held_back(states: Truth, rows: list[int], kind: str) -> Array | None:
+    """(n,) scaled efforts of the polynomial of all terms; None for a kind that it has no rows for."""
+    if kind == "values, slopes, travel":
+        return None
+    energy = "energy" in kind
+    data = known_data(states, np.array(rows), kind).axis("y")
+    system = System(data, Domain(states.box[0], states.box[1:]))
+    terms = all_terms(DEGREE + energy * MORE_WITH_POTENTIAL, potential=energy)
+    posterior = Posterior.of(system, terms, prior_of(system, terms))
+    assert posterior is not None
+    x, v = Views.of(states, 1.0).places.T
+    found: Array = values_at(terms, x, v) @ posterior.solution * system.range / np.ptp(states.tau)
+    return found
+
+
+def component(states: Truth, rows: list[int], kind: str) -> Array | None:
+    """(n,) scaled efforts of `Polynomial`; None where it refuses the data, or for a kind that it has no rows for."""
+    if kind == "values, slopes, travel":
+        return None
+    scattered = np.arange(states.grid, len(states.tau))
+    data = known_data(states, np.concatenate([rows, scattered]), kind)
+    data = replace(data, role=np.where(np.arange(len(data)) < len(rows), "fit", "check"))
+    try:
+        law = Polynomial(PolynomialConfig(max_degree=DEGREE)).fit_module(data).law
+    except UserError:
+        return None
+    found: Array = law.evaluate(states.actuation, states.angle_rad[:, None]).tau[:, 0] / np.ptp(states.tau)
+    return found
+
+
+def curves(states: Truth, kind: str, others: Array) -> tuple[dict[str, Curve], list[int]]:
+    """Errors of each estimator by number of states, and the places in the order in which they are chosen."""
+    views, orders = Views.of(states, float(np.ptp(states.tau))), KINDS[kind]
+    numbers = VALUES_NUMBERS if kind == "values" else NUMBERS
+    order = greedy(views.places[: states.grid], orders, others, max(numbers))
+    true = states.tau / np.ptp(states.tau)
+
+    def process(rows: list[int]) -> Array | None:
+        if predicted(views, rows, orders, others) is None:
+            return None
+        return predicted(views, rows, orders, likeliest([views.rows(rows)], orders))
+
+    estimators: dict[str, Callable[[list[int]], Array | None]] = {
+        "process": process,
+        "process, lengths of others": lambda rows: predicted(views, rows, orders, others),
+        "polynomial, held back": lambda rows: held_back(states, rows, kind),
+        "Polynomial": lambda rows: component(states, rows, kind),
+    }
+    found: dict[str, Curve] = {name: {} for name in estimators}
+    for number in numbers:
+        for name, estimator in estimators.items():
+            told = estimator(order[:number])
+            if told is not None:
+                error = np.abs(told - true)
+                scattered = error[states.grid :]
+                rms = float(np.sqrt(np.mean(scattered**2)))
+                found[name][number] = (rms, float(scattered.max()), float(error.max()))
+    return {name: curve for name, curve in found.items() if curve}, order
+
+
+def orders_beside(states: Truth, kind: str, others: Array) -> dict[int, list[float]]:
+    """RMS of the held-back polynomial by number of states, for choices made with lengths varied by a fifth."""
+    places, true = Views.of(states, 1.0).places[: states.grid], states.tau / np.ptp(states.tau)
+    found: dict[int, list[float]] = {number: [] for number in BESIDE}
+    for factors in np.ndindex(3, 3):
+        lengths = others * np.array([VARIED[k] for k in factors])
+        order = greedy(places, KINDS[kind], lengths, max(BESIDE))
+        for number in BESIDE:
+            told = held_back(states, order[:number], kind)
+            assert told is not None
+            found[number].append(float(np.sqrt(np.mean((told - true)[states.grid :] ** 2))))
+    return found
+
+
+def baseline(states: Truth, kind: str) -> dict[str, Curve]:
+    """The curves of least squares."""
+    found = least_squares(states, kind)
+    return {
+        name: {number: row[key] for number, row in sorted(found.items()) if key in row}
+        for key, name in BASELINE.items()
+    }
+
+
+def needed(curve: Curve, which: int, lasting: bool = True) -> float:
+    """The least number of states within the goal, if `lasting` with all larger ones; inf where none is."""
+    good = [number for number, errors in curve.items() if errors[which] <= GOAL]
+    if lasting:
+        good = [number for number in good if all(m in good for m in curve if m >= number)]
+    return float(min(good, default=np.inf))
+
+
+def show(kind: str, found: dict[str, Curve]) -> None:
+    """One table: RMS / worst by number of states."""
+    print(f"\n  {kind}: RMS / worst on scattered states, worst of all known states")
+    for name, curve in found.items():
+        cells = [f"{k}: " + " / ".join(f"{error:.0e}" for error in errors) for k, errors in curve.items()]
+        print(f"    {name}")
+        for start in range(0, len(cells), 5):
+            print("      " + "   ".join(cells[start : start + 5]))
+        parts = [f"RMS {needed(curve, 0):g} (first {needed(curve, 0, False):g})"]
+        parts.append(f"worst {needed(curve, 1):g} (first {needed(curve, 1, False):g})")
+        print(f"      states for 1e-4: {', '.join(parts)}")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--skip-least-squares", action="store_true")
+    options = parser.parse_args()
+    designs = other_designs()
+    lengths = {kind: likeliest(designs, orders) for kind, orders in KINDS.items()}
+    print("lengths of other designs:", {kind: one.round(2).tolist() for kind, one in lengths.items()})
+    results: dict[str, Any] = {"lengths": {kind: one.tolist() for kind, one in lengths.items()}}
+    bars = []
+    for box, source in BOXES.items():
+        states = source(OUT)
+        scattered = len(states.tau) - states.grid
+        print(
+            f"\n{box}: {states.grid} places, {scattered} scattered states, range {np.ptp(states.tau):.4g} N·m"
+        )
+        for kind in KINDS:
+            found, order = curves(states, kind, lengths[kind])
+            if kind in BASELINE_KINDS and not options.skip_least_squares:
+                found |= baseline(states, kind)
+            show(kind, found)
+            beside = {} if kind not in BASELINE_KINDS else orders_beside(states, kind, lengths[kind])
+            for number, errors in beside.items():
+                within = sum(error <= GOAL for error in errors)
+                print(
+                    f"    {number} states chosen in {len(errors)} ways, polynomial held back: RMS median "
+                    f"{np.median(errors):.0e}, worst {max(errors):.0e}, {within} within 1e-4"
+                )
+            places = np.stack([states.actuation, states.angle_rad], axis=1)[order].tolist()
+            results[f"{box}, {kind}"] = {"curves": found, "order": places, "rms_of_other_orders": beside}
+            bars += [
+                Bar(f"{box}, {kind}: states for 1e-4, {name}, {m}", needed(curve, k), ENOUGH, "states", True)
+                for name, curve in found.items()
+                for k, m in enumerate(("RMS", "worst"))
+            ]
+    print("", *bars, sep="\n")
+    write("surrogate_states", results, bars)
+
+
+if __name__ == "__main__":
+    main()

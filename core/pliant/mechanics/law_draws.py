@@ -1,0 +1,133 @@
+"""Laws as likely as a given one: the law plus smooth functions as large as its error bar says."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from statistics import NormalDist
+
+import numpy as np
+from numpy.polynomial import chebyshev
+
+from pliant.records.design import Array
+from pliant.records.law import Domain, Effort, JointKind, JointLaw, LawRecord
+
+# Errors of a law vary slowly over its box: so many Chebyshev terms in p and in u, each half as large as the last.
+TERMS = (3, 4)
+DECAY = 0.5
+# The error bar's own shape is resolved by as many nodes.
+NODES = 9
+ONE_SIGMA = 2 * NormalDist().cdf(1.0) - 1
+
+
+def error_tables(law: JointLaw, count: int, seed: int) -> Array:
+    """(count, a, NODES, NODES) Chebyshev coefficients in (x, v_a) of drawn errors of each axis' effort, N·m.
+
+    x and v are p and u scaled to [−1, 1] on the law's box. Each axis' error is a function of p and its own u, so
+    that it derives from an energy: s_a(p, u_a) g(p, u_a), with s the band at one standard deviation (other axes at
+    the centre of the box) and g a random Chebyshev series whose variance is 1 on average over the box.
+
+    Raises:
+        ValueError: the law states no error, or its domain has no limits.
+    """
+    box = np.vstack([law.domain.actuation, law.domain.deformation])
+    if law.error is None or not np.all(np.isfinite(box)):
+        raise ValueError("the law states no error bar over a bounded domain")
+    random = np.random.default_rng(seed)
+    nodes = chebyshev.chebpts1(NODES)
+    to_series = np.linalg.inv(chebyshev.chebvander(nodes, NODES - 1))
+    tables = np.zeros((count, len(law.axes), NODES, NODES))
+    for a in range(len(law.axes)):
+        sizes = _sizes(law, box, a, nodes)
+        for number in range(count):
+            shape = _unit_function(random, nodes)
+            tables[number, a] = to_series @ (sizes * shape) @ to_series.T
+    return tables
+
+
+def draws(law: JointLaw, count: int, seed: int) -> tuple[JointLaw, ...]:
+    """The law's own draws, or the law with drawn errors added.
+
+    Raises:
+        ValueError: as `error_tables`.
+    """
+    own = law.draws(count, seed)
+    return own or tuple(DrawnLaw(law, table) for table in error_tables(law, count, seed))
+
+
+def _sizes(law: JointLaw, box: Array, a: int, nodes: Array) -> Array:
+    """(NODES, NODES) one standard deviation of axis a over its p and u."""
+    centre, half = box.mean(axis=1), np.ptp(box, axis=1) / 2
+    p, u = np.meshgrid(centre[0] + half[0] * nodes, centre[1 + a] + half[1 + a] * nodes, indexing="ij")
+    deformation = np.tile(centre[1:], (p.size, 1))
+    deformation[:, a] = u.ravel()
+    band = law.band(p.ravel(), deformation, ONE_SIGMA)
+    assert band is not None
+    sizes: Array = band[:, a].reshape(p.shape)
+    return sizes
+
+
+def _unit_function(random: np.random.Generator, nodes: Array) -> Array:
+    """(NODES, NODES) values of a random series in x and v with a mean variance of 1."""
+    weights = np.multiply.outer(DECAY ** np.arange(TERMS[0]), DECAY ** np.arange(TERMS[1]))
+    bases = [chebyshev.chebvander(nodes, terms - 1) for terms in TERMS]
+    variance = np.einsum("xi,vj,ij->xv", bases[0] ** 2, bases[1] ** 2, weights**2).mean()
+    values: Array = bases[0] @ (weights * random.standard_normal(TERMS)) @ bases[1].T / np.sqrt(variance)
+    return values
+
+
+@dataclass(frozen=True, eq=False)
+class DrawnLaw(JointLaw):
+    """A law plus an error e_a(p, u_a) on each axis; outside the box the error stays as at its border.
+
+    Attributes:
+        law: the law itself.
+        tables: (a, NODES, NODES) of `error_tables`.
+    """
+
+    law: JointLaw
+    tables: Array
+
+    @property
+    def joint(self) -> JointKind:  # type: ignore[override]
+        return self.law.joint
+
+    @property
+    def axes(self) -> tuple[str, ...]:  # type: ignore[override]
+        return self.law.axes
+
+    @property
+    def actuation_name(self) -> str:  # type: ignore[override]
+        return self.law.actuation_name
+
+    @property
+    def domain(self) -> Domain:  # type: ignore[override]
+        return self.law.domain
+
+    def evaluate(self, actuation: Array, deformation: Array) -> Effort:
+        """As the law's, shapes (n, a), (n, a), (n, a, a)."""
+        effort = self.law.evaluate(actuation, deformation)
+        tau, gain, slope = (np.array(part) for part in (effort.tau, effort.dtau_dp, effort.dtau_du))
+        p_map = _map(self.law.domain.actuation)
+        x, x_rate = _inside(np.asarray(actuation, float), p_map)
+        for a, table in enumerate(self.tables):
+            u_map = _map(self.law.domain.deformation[a])
+            v, v_rate = _inside(np.asarray(deformation, float)[:, a], u_map)
+            tau[:, a] += chebyshev.chebval2d(x, v, table)
+            gain[:, a] += x_rate * chebyshev.chebval2d(x, v, chebyshev.chebder(table, axis=0))
+            slope[:, a, a] += v_rate * chebyshev.chebval2d(x, v, chebyshev.chebder(table, axis=1))
+        return Effort(tau, gain, slope)
+
+    def record(self) -> LawRecord:
+        """Draws are made anew from the law, not stored: the law's own record."""
+        return self.law.record()
+
+
+def _map(limits: Array) -> tuple[float, float]:
+    return float(limits.mean()), float(np.ptp(limits) / 2)
+
+
+def _inside(values: Array, scale: tuple[float, float]) -> tuple[Array, Array]:
+    """Scaled values held to [−1, 1], and their rate of change, 0 outside."""
+    scaled = (values - scale[0]) / scale[1]
+    held = np.clip(scaled, -1.0, 1.0)
+    return held, np.where(scaled == held, 1.0 / scale[1], 0.0)

@@ -1,0 +1,125 @@
+"""What a joint law misses of solved states: one entry for each state and axis that the state tells of."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pliant.records.design import Array
+from pliant.records.fem import COUPLING, TRUSTED, ModuleData
+from pliant.records.law import JointLaw
+
+INSIDE = 1e-9  # of a box's width: rounding
+
+
+@dataclass(frozen=True, eq=False)
+class Misses:
+    """Predicted minus solved effort, m entries.
+
+    A state that explores one axis tells of that axis alone, a state that holds all axes of all of them. Shares are
+    of the range of an axis' effort in the trusted states that explore it.
+
+    Attributes:
+        axes: names of the k axes.
+        state: (m,) row of the data.
+        axis: (m,) place in `axes`.
+        miss: (m,) N·m, or N.
+        share: (m,) |miss| / range.
+        check: (m,) whether the state is of role "check".
+        together: (m,) whether the state holds all axes at once.
+        ranges: (k,) range of each axis' effort.
+    """
+
+    axes: tuple[str, ...]
+    state: NDArray[np.int64]
+    axis: NDArray[np.int64]
+    miss: Array
+    share: Array
+    check: NDArray[np.bool_]
+    together: NDArray[np.bool_]
+    ranges: Array
+
+    @staticmethod
+    def of(
+        data: ModuleData,
+        axes: tuple[str, ...],
+        predict: Callable[[Array, Array], Array],
+        inside: Array,
+        every: bool = False,
+        ranges: Array | None = None,
+    ) -> Misses:
+        """Misses of `predict`, from (n,) and (n, k) to (n, k), at trusted states inside a box (1 + k, 2).
+
+        With `every`, each state tells of all axes whose effort it knows, of those that follow freely too; `ranges`
+        (k,) stand for those of the data.
+        """
+        columns = [data.axes.index(axis) for axis in axes]
+        u, tau = data.deformation[:, columns], data.tau[:, columns]
+        trusted = np.isin(data.status, TRUSTED) & _inside(data.actuation, u, inside)
+        if ranges is None:
+            ranges = np.array([_range(data, axis) for axis in axes])
+        state, axis = [], []
+        for kind in (*axes, COUPLING):
+            rows = np.flatnonzero(trusted & (data.explored == kind))
+            for k in range(len(axes)) if every or kind == COUPLING else (axes.index(kind),):
+                known = rows[np.isfinite(tau[rows, k])]
+                state.append(known)
+                axis.append(np.full(len(known), k))
+        rows, place = np.concatenate(state), np.concatenate(axis)
+        miss = predict(data.actuation, u)[rows, place] - tau[rows, place]
+        return Misses(
+            axes,
+            rows,
+            place,
+            miss,
+            np.abs(miss) / ranges[place],
+            data.role[rows] == "check",
+            data.explored[rows] == COUPLING,
+            ranges,
+        )
+
+    @staticmethod
+    def of_law(data: ModuleData, law: JointLaw, every: bool = False, ranges: Array | None = None) -> Misses:
+        """Misses of a law at trusted states inside its domain."""
+        box = np.vstack([law.domain.actuation, law.domain.deformation])
+        return Misses.of(data, law.axes, lambda p, u: law.evaluate(p, u).tau, box, every, ranges)
+
+    def rows(self, keep: NDArray[np.bool_]) -> Misses:
+        """The entries that a mask (m,) chooses."""
+        names = ("state", "axis", "miss", "share", "check", "together")
+        return replace(self, **{name: getattr(self, name)[keep] for name in names})
+
+    @property
+    def rms(self) -> float:
+        """Root of the mean squared share; NaN without entries."""
+        return float(np.sqrt(np.mean(self.share**2))) if len(self.share) else float("nan")
+
+    @property
+    def worst(self) -> float:
+        """Largest share; NaN without entries."""
+        return float(self.share.max()) if len(self.share) else float("nan")
+
+
+def fitted_box(data: ModuleData, axes: tuple[str, ...]) -> Array:
+    """(1 + k, 2) box of the trusted states of role "fit"."""
+    rows = np.isin(data.status, TRUSTED) & (data.role == "fit")
+    values = np.column_stack([data.actuation, data.deformation[:, [data.axes.index(a) for a in axes]]])[rows]
+    return np.stack([values.min(axis=0), values.max(axis=0)], axis=1)
+
+
+def _inside(actuation: Array, deformation: Array, box: Array) -> NDArray[np.bool_]:
+    values = np.column_stack([actuation, deformation])
+    bounded = np.isfinite(box)
+    width = np.where(bounded.all(axis=1), box[:, 1] - box[:, 0], 0.0)
+    room = INSIDE * width
+    found: NDArray[np.bool_] = np.all((values >= box[:, 0] - room) & (values <= box[:, 1] + room), axis=1)
+    return found
+
+
+def _range(data: ModuleData, axis: str) -> float:
+    rows = np.isin(data.status, TRUSTED) & (data.explored == axis)
+    tau = data.tau[rows, data.axes.index(axis)]
+    return (float(np.ptp(tau)) if len(tau) else 0.0) or 1.0

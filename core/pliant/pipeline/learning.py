@@ -1,0 +1,246 @@
+"""Learning curves of a surrogate over states: how its error falls with the number of states that it is fitted to."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pliant.errors import UserError
+from pliant.interfaces.surrogate import Surrogate, SurrogateConfig
+from pliant.pipeline.law_misses import Misses, fitted_box
+from pliant.pipeline.surrogate import without_tables
+from pliant.pipeline.workbench import Workbench, content
+from pliant.records.design import Array
+from pliant.records.fem import TRUSTED, ModuleData
+from pliant.records.law import JointLaw
+from pliant.store.store import Artifact, write_atomically
+
+FEWEST = 4
+STEP = np.sqrt(2.0)
+# Of each order of states but the first, distances are stretched by a random factor of this deviation of its logarithm.
+SHUFFLE = 0.5
+HELD_OUT_SHARE = 0.2
+HELD_OUT_SEED = 0
+WITH, WITHOUT = "with slopes", "without slopes"
+
+
+def learning_stage(
+    bench: Workbench, config: SurrogateConfig, data: ModuleData, inputs: Mapping[str, str], orders: int = 1
+) -> Artifact:
+    """The learning curve through the store; `inputs` key the data. The value is the dict of `learning_curve`."""
+    surrogate: Surrogate = bench.build("surrogate", config)
+
+    def compute(partial: Path) -> dict[str, Any]:
+        return learning_curve(surrogate, data, orders, bench.progress, partial / "points.json")
+
+    return bench.make(
+        "learning",
+        compute,
+        components=[bench.component("surrogate", config)],
+        modules=["pliant.pipeline.learning"],
+        config={"surrogate": without_tables(content(config)), "orders": orders},
+        inputs=inputs,
+    )
+
+
+def learning_curve(
+    surrogate: Surrogate,
+    data: ModuleData,
+    orders: int = 1,
+    progress: Any = None,
+    kept: Path | None = None,
+) -> dict[str, Any]:
+    """Refit on nested subsets of the states and score on the check states.
+
+    Args:
+        surrogate: what is fitted.
+        data: states of one design; without any of role "check" a fifth is held out (`with_checks`).
+        orders: seeds of the order in which states are added (`spread_order`).
+        progress: told of each fit.
+        kept: file that keeps finished points, so that an interrupted run goes on.
+
+    Returns:
+        `points`: each with `slopes` ("with slopes", "without slopes"), `order`, `n`, `rms` and `worst` as shares of
+        the range of each axis' effort, `wall_s` of the fit; `left_out`: sizes for which the fit is impossible, each
+        with its cause; `n_check` states that score; `sizes`; `untrusted` states that take no part.
+    """
+    data = with_checks(data)
+    usable = np.isin(data.status, TRUSTED)
+    fit = np.flatnonzero(usable & (data.role == "fit"))
+    sizes = subset_sizes(len(fit))
+    jobs = [(s, o, n) for s in _slopes(data) for o in range(orders) for n in sizes]
+    found = kept_points(kept)
+    places = np.column_stack([data.actuation, data.deformation])[fit]
+    ordered = [fit[spread_order(places, data.explored[fit], seed)] for seed in range(orders)]
+    box = fitted_box(data, data.axes)
+    bar = progress.begin("learning curve", len(jobs)) if progress is not None else None
+    try:
+        for slopes, order, n in jobs:
+            name = f"{slopes}, {order}, {n}"
+            if name not in found:
+                subset = _subset(data, ordered[order][:n], slopes == WITH)
+                found[name] = {
+                    "slopes": slopes,
+                    "order": order,
+                    "n": n,
+                    **_point(surrogate, subset, data, box),
+                }
+                keep_points(kept, found)
+            if bar is not None:
+                bar.advance()
+    finally:
+        if bar is not None:
+            bar.finish()
+    points = [found[f"{s}, {o}, {n}"] for s, o, n in jobs]
+    scored = usable & (data.role == "check")
+    return {
+        "points": [p for p in points if "cause" not in p],
+        "left_out": [p for p in points if "cause" in p],
+        "n_check": int(scored.sum()),
+        "sizes": sizes,
+        "untrusted": int(np.sum(~usable)),
+    }
+
+
+def states_needed(
+    curve: Mapping[str, Any], share: float, slopes: str = WITH, score: str = "rms"
+) -> int | None:
+    """The fewest states from which on every larger subset of the first order is below `share`; None if none is."""
+    points = sorted(
+        (p for p in curve["points"] if p["slopes"] == slopes and p["order"] == 0), key=lambda p: -p["n"]
+    )
+    needed = None
+    for point in points:
+        if not point[score] <= share:
+            break
+        needed = int(point["n"])
+    return needed
+
+
+def subset_sizes(n: int) -> list[int]:
+    """4, 6, 8, 11, 16, … in steps of √2, and n itself."""
+    sizes, size = [], float(FEWEST)
+    while round(size) < n:
+        sizes.append(round(size))
+        size *= STEP
+    return [*sizes, n]
+
+
+def spread_order(places: Array, groups: NDArray[np.str_], seed: int) -> NDArray[np.int64]:
+    """An order of m points (m, d) in which every beginning is spread well, the groups in turn.
+
+    Each group begins with the corners of its box in its two widest coordinates, so that a law of the beginning has
+    nearly the whole domain, and goes on with the farthest point from those before it (greedy). Order 0 is that;
+    others stretch distances at random, seeded.
+    """
+    low, width = places.min(axis=0), np.ptp(places, axis=0)
+    x = (places - low) / np.where(width > 0, width, 1.0)
+    stretch = np.ones(len(x))
+    if seed:
+        stretch = np.exp(SHUFFLE * np.random.default_rng(seed).standard_normal(len(x)))
+    turns, members = np.empty(len(x), np.int64), np.empty(len(x), np.int64)
+    for number, group in enumerate(dict.fromkeys(groups.tolist())):
+        rows = np.flatnonzero(groups == group)
+        order = rows[_farthest_first(x[rows], stretch[rows])]
+        turns[order], members[order] = np.arange(len(order)), number
+    return np.lexsort((members, turns))
+
+
+def with_checks(data: ModuleData) -> ModuleData:
+    """The data with a check set: a seeded fifth of the trusted states that are not extreme, where it has none."""
+    usable = np.isin(data.status, TRUSTED)
+    if np.any(usable & (data.role == "check")):
+        return data
+    values = np.column_stack([data.actuation, data.deformation])
+    border = np.zeros(len(data), bool)
+    for kind in np.unique(data.explored):
+        rows = np.flatnonzero(usable & (data.explored == kind))
+        if len(rows):
+            ends = values[rows] == values[rows].min(axis=0), values[rows] == values[rows].max(axis=0)
+            varies = np.ptp(values[rows], axis=0) > 0
+            border[rows] |= np.any((ends[0] | ends[1]) & varies, axis=1)
+    inner = np.flatnonzero(usable & ~border)
+    wanted = min(len(inner), max(1, round(HELD_OUT_SHARE * int(usable.sum()))))
+    held_out = np.zeros(len(data), bool)
+    held_out[np.random.default_rng(HELD_OUT_SEED).choice(inner, wanted, replace=False)] = True
+    return replace(data, role=np.where(held_out, "check", data.role))
+
+
+def _farthest_first(x: Array, stretch: Array) -> list[int]:
+    """Corners of the box of x (m, d), then the farthest point from those chosen, times `stretch` (m,)."""
+    chosen = list(dict.fromkeys(_corners(x)))
+    nearest = np.min([np.linalg.norm(x - x[i], axis=1) for i in chosen], axis=0)
+    while len(chosen) < len(x):
+        score = nearest * stretch
+        score[chosen] = -1.0
+        best = int(np.argmax(score))
+        chosen.append(best)
+        nearest = np.minimum(nearest, np.linalg.norm(x - x[best], axis=1))
+    return chosen
+
+
+def _corners(x: Array) -> Iterator[int]:
+    """Points nearest to the four corners in the two widest coordinates."""
+    widest = np.sort(np.argsort(-np.ptp(x, axis=0), kind="stable")[:2])
+    y = x[:, widest]
+    box = np.stack([y.min(axis=0), y.max(axis=0)])
+    for sides in ((0, 0), (1, 1), (0, 1), (1, 0)):
+        yield int(np.argmin(np.linalg.norm(y - box[sides, (0, 1)], axis=1)))
+
+
+def _slopes(data: ModuleData) -> Sequence[str]:
+    known = np.isfinite(data.dtau_dp).any() or np.isfinite(data.dtau_du).any()
+    return (WITH, WITHOUT) if known else (WITHOUT,)
+
+
+def _subset(data: ModuleData, rows: NDArray[np.int64], slopes: bool) -> ModuleData:
+    """These states to fit and all check states, with slopes or with NaN for them."""
+    keep = np.sort(np.concatenate([rows, np.flatnonzero(data.role == "check")]))
+    part = data.rows(keep)
+    if slopes:
+        return part
+    return replace(
+        part, dtau_dp=np.full_like(part.dtau_dp, np.nan), dtau_du=np.full_like(part.dtau_du, np.nan)
+    )
+
+
+def _point(surrogate: Surrogate, subset: ModuleData, data: ModuleData, box: Array) -> dict[str, Any]:
+    """Scores of the law of a subset on the check states inside the box of all states, or the cause of its failure."""
+    started = time.perf_counter()
+    try:
+        law = surrogate.fit_module(subset).law
+    except UserError as error:
+        return {"cause": str(error)}
+    wall_s = time.perf_counter() - started
+    missed = _checked(data, law, box)
+    return {"rms": missed.rms, "worst": missed.worst, "wall_s": wall_s}
+
+
+def _checked(data: ModuleData, law: JointLaw, box: Array) -> Misses:
+    columns = [0, *(1 + data.axes.index(axis) for axis in law.axes)]
+    missed = Misses.of(data, law.axes, lambda p, u: law.evaluate(p, u).tau, box[columns])
+    return missed.rows(missed.check)
+
+
+def kept_points(kept: Path | None) -> dict[str, Any]:
+    """Points of an interrupted run; what cannot be read is computed anew."""
+    if kept is None or not kept.is_file():
+        return {}
+    try:
+        found = json.loads(kept.read_text())
+    except ValueError:
+        return {}
+    return found if isinstance(found, dict) else {}
+
+
+def keep_points(kept: Path | None, found: Mapping[str, Any]) -> None:
+    """Write the finished points of a curve, where there is a file for them."""
+    if kept is not None:
+        write_atomically(kept, json.dumps(found))

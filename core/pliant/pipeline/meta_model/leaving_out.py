@@ -1,0 +1,221 @@
+"""What a meta-model misses on designs that it has not seen: each is left out once and predicted by the others."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pliant.errors import UserError
+from pliant.interfaces.meta_model import MetaModel, enough_to_score
+from pliant.pipeline.meta_model.designs import trusted
+from pliant.pipeline.meta_model.free_branch import free_misses
+from pliant.pipeline.progress import Progress
+from pliant.records.design import Array
+from pliant.records.law import JointLaw
+from pliant.records.solved import SolvedDesigns
+from pliant.store.store import (
+    CorruptedError,
+    digests,
+    read_checked,
+    write_atomically,
+    write_value,
+    writing_in,
+)
+
+SEED = 0
+# Where there are at most so many designs in a part, each is a part of its own: leaving more out costs too much.
+FEW = 2
+DIGESTS = "digests.json"
+
+
+@dataclass(frozen=True, eq=False)
+class Misses:
+    """What the laws of designs that were left out miss on all their trusted states.
+
+    Attributes:
+        design: (m,) which design each state is of.
+        place: (m, 1 + a) p and u, scaled to [−1, 1] on the box of the predicted law.
+        miss: (m, a) predicted minus true effort, N·m (N for a prismatic joint).
+        tau: (m, a) the true effort.
+        counts: (m, a) whether an axis' effort is scored: lateral axes only in states that move them.
+        check: (m,) whether the state has the role "check".
+        size: (n, a) the predicted law's range of effort, of `effort_size`.
+        doubt: (n,) what the model that had not seen a design says of it (`DesignLaws.doubt`).
+        free_design: (k,) design of each state of the free branch with p > 0.
+        free_miss, free_angle: (k,) predicted minus true main angle (NaN where the law has no equilibrium), and truth.
+        wall_s: time of all fits.
+    """
+
+    design: NDArray[np.int64]
+    place: Array
+    miss: Array
+    tau: Array
+    counts: NDArray[np.bool_]
+    check: NDArray[np.bool_]
+    size: Array
+    doubt: Array
+    free_design: NDArray[np.int64]
+    free_miss: Array
+    free_angle: Array
+    wall_s: float
+
+    def as_values(self) -> dict[str, Any]:
+        """The misses as a plain dict, for the store."""
+        return dict(vars(self))
+
+    @staticmethod
+    def of_values(values: Mapping[str, Any]) -> Misses:
+        """The misses that `as_values` gave."""
+        return Misses(**values)
+
+
+def parts_of(designs: SolvedDesigns, folds: int, fewest: int, stated: bool = True) -> list[NDArray[np.int64]]:
+    """The designs in seeded parts, each to be left out in turn; one by one where there are few.
+
+    Args:
+        designs: all of them.
+        folds: how many parts.
+        fewest: designs that a fit needs.
+        stated: whether the user chose `folds`; else fewer designs than folds are left out one by one.
+
+    Raises:
+        UserError: more parts than designs, or no design can be spared.
+    """
+    n = len(designs)
+    if stated and folds > n:
+        raise UserError(
+            f"meta_model.folds is {folds}, and there are {n} designs; at most {n} parts can be left out in turn."
+        )
+    enough_to_score(n, designs.names, fewest)
+    count = min(folds, n)
+    while count < n and n - -(-n // count) < max(fewest, len(designs.names) + 1):
+        count += 1
+    if n <= FEW * count:
+        count = n
+    order = np.random.default_rng(SEED).permutation(n)
+    return [np.sort(part) for part in np.array_split(order, count)]
+
+
+def misses_left_out(
+    model: MetaModel,
+    designs: SolvedDesigns,
+    parts: Sequence[NDArray[np.int64]],
+    partial: Path,
+    progress: Progress,
+) -> Misses:
+    """Fit without each part and predict its designs; finished parts stay in `partial` for the next attempt."""
+    bar = progress.begin("designs left out", len(designs))
+    found = []
+    try:
+        for number, part in enumerate(parts):
+            bar.describe(f"fit {number + 1} of {len(parts)}")
+            found.append(_kept(partial / f"part-{number}", model, designs, part))
+            bar.advance(len(part))
+    finally:
+        bar.finish()
+    return _merged(found, len(designs))
+
+
+def _kept(folder: Path, model: MetaModel, designs: SolvedDesigns, part: NDArray[np.int64]) -> dict[str, Any]:
+    """The misses of one part, saved; what is damaged is made anew."""
+    try:
+        found: dict[str, Any] = read_checked(folder, json.loads((folder / DIGESTS).read_text()))
+        return found
+    except (OSError, ValueError, CorruptedError):
+        pass
+    found = _of_part(model, designs, part)
+    with writing_in(folder.parent):
+        shutil.rmtree(folder, ignore_errors=True)
+        folder.mkdir(parents=True)
+        write_value(folder, found)
+        write_atomically(folder / DIGESTS, json.dumps(digests(folder)))
+    return found
+
+
+def _of_part(model: MetaModel, designs: SolvedDesigns, part: NDArray[np.int64]) -> dict[str, Any]:
+    started = time.perf_counter()
+    rest = np.ones(len(designs), bool)
+    rest[part] = False
+    laws = model.fit(designs.rows(rest)).laws
+    doubt = np.asarray(laws.doubt(designs.values[part]), float)
+    rows = [_of_design(laws.law(designs.values[i]), designs, int(i)) for i in part]
+    names = list(rows[0])
+    return {
+        "part": part,
+        "doubt": doubt,
+        "size": np.stack([row["size"] for row in rows]),
+        **{name: np.concatenate([row[name] for row in rows]) for name in names if name != "size"},
+        "wall_s": time.perf_counter() - started,
+    }
+
+
+def _of_design(law: JointLaw, designs: SolvedDesigns, index: int) -> dict[str, Any]:
+    """Misses of the law of one design."""
+    data = designs.data[index]
+    keep = trusted(data)
+    p, u, tau = data.actuation[keep], data.deformation[keep], data.tau[keep]
+    counts = np.ones(tau.shape, bool)
+    for a, axis in enumerate(data.axes):
+        if axis != data.main_axis:
+            counts[:, a] = data.explored[keep] != data.main_axis
+    free_miss, free_angle = free_misses(law, data)
+    m, k = len(p), len(free_miss)
+    return {
+        "design": np.full(m, index),
+        "place": scaled(box_of(law), p, u),
+        "miss": law.evaluate(p, u).tau - tau,
+        "tau": tau,
+        "counts": counts & np.isfinite(tau),
+        "check": data.role[keep] == "check",
+        "size": effort_size(law),
+        "free_design": np.full(k, index),
+        "free_miss": free_miss,
+        "free_angle": free_angle,
+    }
+
+
+def _merged(found: Sequence[Mapping[str, Any]], n: int) -> Misses:
+    order = np.concatenate([one["part"] for one in found])
+    back = np.argsort(order)
+    assert len(order) == n
+    names = ("design", "place", "miss", "tau", "counts", "check", "free_design", "free_miss", "free_angle")
+    joined = {name: np.concatenate([one[name] for one in found]) for name in names}
+    return Misses(
+        **joined,
+        size=np.concatenate([one["size"] for one in found])[back],
+        doubt=np.concatenate([one["doubt"] for one in found])[back],
+        wall_s=float(sum(one["wall_s"] for one in found)),
+    )
+
+
+def box_of(law: JointLaw) -> Array:
+    """(1 + a, 2) the law's own box."""
+    return np.vstack([law.domain.actuation, law.domain.deformation])
+
+
+def scaled(box: Array, actuation: Array, deformation: Array) -> Array:
+    """(m, 1 + a) p and u, scaled to [−1, 1] on a box."""
+    values = np.concatenate([np.asarray(actuation, float)[:, None], np.asarray(deformation, float)], axis=1)
+    places: Array = (values - box.mean(axis=1)) / (np.ptp(box, axis=1) / 2)
+    return places
+
+
+def effort_size(law: JointLaw) -> Array:
+    """(a,) range of each axis' effort over p and its own u on the law's box, the other axes at rest."""
+    box = box_of(law)
+    p, u = (grid.ravel() for grid in np.meshgrid(box[0], [0.0, 0.5, 1.0], indexing="ij"))
+    sizes = []
+    for a in range(len(law.axes)):
+        low, high = box[1 + a]
+        deformation = np.zeros((len(p), len(law.axes)))
+        deformation[:, a] = low + u * (high - low)
+        sizes.append(float(np.ptp(law.evaluate(p, deformation).tau[:, a])))
+    return np.array(sizes)

@@ -1,0 +1,188 @@
+"""Which designs should be solved next: those whose data would teach the meta-model most.
+
+The gain of a candidate is the share of the mean squared error over the range of designs that solving it would remove,
+where the model can tell (`DesignLaws.gain`); else the model's doubt; else the distance to the next solved design.
+A batch is chosen one by one, each choice lowering the candidates near it (González, Dai, Hennig, Lawrence, Batch
+Bayesian optimization via local penalization, AISTATS 2016, there for another aim).
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import product
+from pathlib import Path
+
+import numpy as np
+from pydantic import ValidationError
+from scipy.stats import qmc
+
+from pliant.config.designs import sweep_designs
+from pliant.config.study import Study, varied
+from pliant.errors import InvalidDesignError, UserError
+from pliant.interfaces.base import ComponentConfig
+from pliant.pipeline.meta_model.parameters import MATERIAL, material_parameters, parameters_of
+from pliant.pipeline.meta_model.stage import MetaModelStage
+from pliant.pipeline.workbench import Workbench
+from pliant.records.design import Array
+from pliant.records.solved import SolvedDesigns
+from pliant.store.store import write_atomically
+
+CANDIDATES = 256
+# Designs over which the error is averaged.
+OVER = 256
+SEED = 0
+DIGITS = 6  # of a proposed parameter: 0.00712345, not 17 digits
+MOST_CORNERS = 6  # parameters up to which the corners of the range are candidates
+SAME = 1e-6  # of the range: two designs that are one
+
+
+@dataclass(frozen=True)
+class Proposal:
+    """One design to solve.
+
+    Attributes:
+        names: parameters, SI.
+        values: of the design.
+        gain: share of the mean squared error that solving it would remove; for other bases the doubt relative to the
+            largest, or the distance to the next solved design relative to the range.
+        basis: gain, doubt or distance.
+    """
+
+    names: tuple[str, ...]
+    values: tuple[float, ...]
+    gain: float
+    basis: str
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """By name."""
+        return dict(zip(self.names, self.values, strict=True))
+
+
+def check_count(count: int) -> None:
+    """Raise `UserError` unless a number of designs can be asked for; so cheap that it goes before every fit."""
+    if count < 1:
+        raise UserError(f"--next {count}: ask for at least one design.")
+
+
+def designs_to_solve(bench: Workbench, study: Study, stage: MetaModelStage, count: int) -> list[Proposal]:
+    """The `count` designs that should be solved next, best first: designs of the sweep that are not solved, where the
+    study has a sweep with such, else any in the range that the family accepts.
+
+    Raises:
+        UserError: fewer candidates than asked for.
+    """
+    check_count(count)
+    designs = stage.designs
+    candidates = _of_sweep(study, designs)
+    if not len(candidates):
+        candidates = _in_range(bench, study, designs, CANDIDATES, SEED)
+        candidates = candidates[_distances(designs, candidates, designs.values).min(axis=1) > SAME]
+    if len(candidates) < count:
+        raise UserError(
+            f"--next {count}: only {len(candidates)} designs can be had that are not solved yet; ask for fewer, or "
+            "widen the sweep."
+        )
+    over = _in_range(bench, study, designs, OVER, SEED + 1)
+    worth, basis = _worth(stage, candidates, over if len(over) else designs.values)
+    return _greedy(designs, candidates, worth, basis, count)
+
+
+def write_proposals(proposals: Sequence[Proposal], path: Path) -> None:
+    """A table of designs for `sweep: {designs: next.csv}`."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(proposals[0].names)
+    writer.writerows([repr(value) for value in one.values] for one in proposals)
+    write_atomically(Path(path), text.getvalue())
+
+
+def _worth(stage: MetaModelStage, candidates: Array, over: Array) -> tuple[Array, str]:
+    """(m,) what each candidate is worth, and by which measure."""
+    gain = stage.laws.gain(candidates, over)
+    if gain is not None and np.all(np.isfinite(gain)) and np.any(gain > 0):
+        return np.asarray(gain, float), "gain"
+    doubt = np.asarray(stage.laws.doubt(candidates), float)
+    if np.ptp(doubt) > 1e-9 * doubt.max():
+        return doubt / doubt.max(), "doubt"
+    return _distances(stage.designs, candidates, stage.designs.values).min(axis=1), "distance"
+
+
+def _greedy(
+    designs: SolvedDesigns, candidates: Array, worth: Array, basis: str, count: int
+) -> list[Proposal]:
+    """The best candidates, each choice lowering its neighbours."""
+    reach = len(designs) ** (-1.0 / len(designs.names))
+    left, found = worth.copy(), []
+    for _ in range(count):
+        best = int(np.argmax(left))
+        chosen = candidates[best]
+        found.append(Proposal(designs.names, tuple(map(float, chosen)), float(worth[best]), basis))
+        apart = _distances(designs, candidates, chosen[None])[:, 0]
+        left = left * (1 - np.exp(-((apart / reach) ** 2) / 2))
+        left[best] = -np.inf
+    return found
+
+
+def _distances(designs: SolvedDesigns, one: Array, other: Array) -> Array:
+    """(m, k) distances between designs (m, d) and (k, d), the range of each parameter being 1."""
+    width = designs.scale
+    found: Array = np.linalg.norm((one / width)[:, None] - (other / width)[None], axis=2)
+    return found
+
+
+def _of_sweep(study: Study, designs: SolvedDesigns) -> Array:
+    """(m, d) designs of the study's sweep that are not solved; none without a sweep of the same parameters."""
+    none = np.zeros((0, len(designs.names)))
+    if study.sweep is None:
+        return none
+    rows = []
+    for design in sweep_designs(study):
+        if design.cause:
+            continue
+        known = {**parameters_of(design.family), **material_parameters(design.material)}
+        if all(name in known for name in designs.names):
+            rows.append([float(known[name]) for name in designs.names])
+    found = np.array(rows).reshape(-1, len(designs.names))
+    if not len(found):
+        return none
+    new: Array = found[_distances(designs, found, designs.values).min(axis=1) > SAME]
+    return new
+
+
+def _in_range(bench: Workbench, study: Study, designs: SolvedDesigns, count: int, seed: int) -> Array:
+    """(m, d) designs that fill the range evenly and that the family accepts, its corners first."""
+    low, width = designs.box[:, 0], designs.scale
+    d = len(designs.names)
+    corners = np.array(list(product((0.0, 1.0), repeat=d)) if d <= MOST_CORNERS else []).reshape(-1, d)
+    shares = np.concatenate([corners, qmc.Sobol(d, seed=seed).random(count)])
+    rows = [_rounded(row) for row in low + shares * width]
+    return np.array([row for row in rows if _possible(bench, study, designs, row)]).reshape(-1, d)
+
+
+def _rounded(row: Array) -> list[float]:
+    return [float(f"{value:.{DIGITS}g}") for value in row]
+
+
+def _possible(bench: Workbench, study: Study, designs: SolvedDesigns, row: Sequence[float]) -> bool:
+    """Whether the family can be built with these parameters, and the material with its."""
+    blocks: dict[str, dict[str, float]] = {"family": {}, "material": {}}
+    for name, value in zip(designs.names, row, strict=True):
+        block = "material" if name.startswith(MATERIAL) else "family"
+        blocks[block][name.removeprefix(MATERIAL)] = value
+    try:
+        for block, config in _configs(study):
+            bench.build(block, varied(config, blocks[block]))
+    except (InvalidDesignError, ValidationError):
+        return False
+    return True
+
+
+def _configs(study: Study) -> Iterator[tuple[str, ComponentConfig]]:
+    if study.family is not None:
+        yield "family", study.family
+    if study.material is not None:
+        yield "material", study.material

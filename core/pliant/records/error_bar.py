@@ -1,0 +1,181 @@
+"""The error bar of a law: how far off it is where states were left out, scaled to what it is asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from statistics import NormalDist
+
+import numpy as np
+
+from pliant.records.design import Array
+
+# Of the kernel's mean: no place is surer than this share of all places together, in the root of the mean square.
+FLOOR = 0.3
+# Outside the box the band grows by its own width for each such share of the box's half-width.
+GROWTH = 0.25
+# Points that are looked up at once: memory.
+BLOCK = 4096
+# States nearer to the border than this share of the half-width are on it; fewer inside give no ranks of their own.
+BORDER, FEWEST_INNER = 1e-6, 5
+ARRAYS = ("box", "places", "misses", "weights", "scores", "reach", "floor")
+
+
+@dataclass(frozen=True, eq=False)
+class ErrorBar:
+    """Bands from misses of states that were left out, by normalised conformal prediction.
+
+    The local size of the misses at x = (p, u), scaled to [−1, 1] on the box, is a kernel mean
+
+        s_a(x)² = Σ_m w_m k(x − x_m) e_ma² / Σ_m w_m k(x − x_m) + floor²
+
+    and the half-width at a level is the level's quantile of the scores |e_ma| / s_a(x_m), each with its own place
+    left out of s, times s_a(x). A fit that knows the shape of its own doubt gives that for the misses, at places of
+    its choice, and its own scores (`of_shape`) (Papadopoulos, Vovk, Gammerman, J. Artif. Intell. Res. 40, 2011;
+    Vovk et al., Algorithmic Learning in a Random World, 2005). Levels are probabilities for states drawn as those
+    left out were.
+
+    Attributes:
+        box: (1 + a, 2) actuation and deformations, low and high.
+        places: (m, 1 + a) scaled places of the states that were left out.
+        misses: (m, a) predicted minus true effort there, N·m (N for a prismatic joint), or its expected size.
+        weights: (m,) how much each place counts.
+        scores: (k, a) sorted scores of each axis.
+        reach: width of the kernel.
+        floor: of the misses' mean, in the root of the mean square: no place is surer than that.
+    """
+
+    box: Array
+    places: Array
+    misses: Array
+    weights: Array
+    scores: Array
+    reach: float
+    floor: float = FLOOR
+
+    @staticmethod
+    def of(
+        box: Array, actuation: Array, deformation: Array, misses: Array, inner_scores: bool = False
+    ) -> ErrorBar:
+        """The bar of m left-out states: box (1 + a, 2), actuation (m,), deformation (m, a), misses (m, a).
+
+        States on the border of the box are predicted from one side only when they are left out, worse than any state
+        inside. With `inner_scores` the ranks are those of the states inside, where there are `FEWEST_INNER`; the
+        local sizes come from all.
+        """
+        box = np.asarray(box, float)
+        places = _scaled(box, actuation, deformation)
+        m, d = places.shape
+        reach = float(m ** (-1.0 / (d + 4)))
+        weights = np.ones(m)
+        local = _local(places, places, misses, weights, reach, FLOOR, leave_own=True)
+        scores = np.abs(misses) / np.maximum(local, np.finfo(float).tiny)
+        inside = np.all(np.abs(places) < 1 - BORDER, axis=1)
+        if inner_scores and np.sum(inside) >= FEWEST_INNER:
+            scores = scores[inside]
+        return ErrorBar(box, places, np.asarray(misses, float), weights, np.sort(scores, axis=0), reach)
+
+    @staticmethod
+    def of_shape(box: Array, places: Array, sizes: Array, scores: Array, reach: float) -> ErrorBar:
+        """The bar of a fit that knows its doubt: `sizes` (m, a) at scaled `places` (m, 1 + a), in any common measure.
+
+        `scores` (k, a) are misses of states left out over the doubt foretold for them in the same measure.
+        """
+        weights = np.ones(len(places))
+        return ErrorBar(np.asarray(box, float), places, sizes, weights, np.sort(scores, axis=0), reach, 0.0)
+
+    def half_width(self, actuation: Array, deformation: Array, level: float = 0.9) -> Array:
+        """(n, a) half-widths at actuation (n,) and deformation (n, a), in the effort's unit."""
+        points = _scaled(self.box, actuation, deformation)
+        inside = np.clip(points, -1.0, 1.0)
+        blocks = np.array_split(inside, len(inside) // BLOCK + 1)
+        bar = (self.places, self.misses, self.weights, self.reach, self.floor)
+        local = np.concatenate([_local(block, *bar) for block in blocks])
+        excess = np.abs(points - inside).max(axis=1)
+        grown: Array = local * (1 + excess / GROWTH)[:, None] * self.quantile(level)
+        return grown
+
+    def quantile(self, level: float) -> Array:
+        """(a,) the score that a state exceeds with probability 1 − level.
+
+        It is the score of rank (k + 1) level, between ranks by a straight line (below the first toward 0). Where k
+        scores cannot tell, the largest grows as quantiles of a normal error do.
+        """
+        k = len(self.scores)
+        rank = (k + 1) * level
+        if rank > k:
+            normal = NormalDist()
+            known, wanted = (normal.inv_cdf((1 + share) / 2) for share in (k / (k + 1), level))
+            beyond: Array = self.scores[-1] * (wanted / known)
+            return beyond
+        below = int(rank)
+        steps = np.vstack([np.zeros(self.scores.shape[1]), self.scores, self.scores[-1:]])
+        found: Array = steps[below] + (rank - below) * (steps[below + 1] - steps[below])
+        return found
+
+    def arrays(self) -> dict[str, Array]:
+        """The bar as arrays for a `LawRecord`, their names led by `error_`."""
+        return {f"error_{name}": np.asarray(getattr(self, name)) for name in ARRAYS}
+
+    @staticmethod
+    def of_arrays(arrays: Mapping[str, Array]) -> ErrorBar | None:
+        """The bar that `arrays` wrote, or None where there is none."""
+        if "error_box" not in arrays:
+            return None
+        fields = {name: np.asarray(arrays[f"error_{name}"], float) for name in ARRAYS[:-2]}
+        return ErrorBar(**fields, reach=float(arrays["error_reach"]), floor=float(arrays["error_floor"]))
+
+
+@dataclass(frozen=True, eq=False, init=False)
+class BarsOfAxes(ErrorBar):
+    """Bars of axes that do not affect each other, each a function of (p, u_a); an axis without one is taken as exact.
+
+    It is not stored: each axis's own law holds its bar.
+    """
+
+    bars: tuple[ErrorBar | None, ...] = ()
+
+    def __init__(self, bars: tuple[ErrorBar | None, ...]) -> None:
+        object.__setattr__(self, "bars", bars)
+
+    def half_width(self, actuation: Array, deformation: Array, level: float = 0.9) -> Array:
+        """(n, a) half-widths, axis by axis."""
+        u = np.asarray(deformation, float)
+        widths = np.zeros_like(u)
+        for k, bar in enumerate(self.bars):
+            if bar is not None:
+                widths[:, k] = bar.half_width(actuation, u[:, k : k + 1], level)[:, 0]
+        return widths
+
+    def quantile(self, level: float) -> Array:
+        """(a,) the quantile of each axis."""
+        return np.array([0.0 if bar is None else bar.quantile(level)[0] for bar in self.bars])
+
+
+def _scaled(box: Array, actuation: Array, deformation: Array) -> Array:
+    values = np.concatenate([np.asarray(actuation, float)[:, None], np.asarray(deformation, float)], axis=1)
+    scaled: Array = (values - box.mean(axis=1)) / (np.ptp(box, axis=1) / 2)
+    return scaled
+
+
+def _local(
+    points: Array,
+    places: Array,
+    misses: Array,
+    weights: Array,
+    reach: float,
+    floor: float,
+    leave_own: bool = False,
+) -> Array:
+    """(n, a) local size of the misses."""
+    pairs = zip(points.T / reach, places.T / reach, strict=True)
+    distance: Array = np.sum([np.subtract.outer(one, other) ** 2 for one, other in pairs], axis=0)
+    if leave_own:
+        np.fill_diagonal(distance, np.inf)
+    nearest = np.where(np.isfinite(distance), distance, np.inf).min(axis=1, keepdims=True)
+    kernel = weights * np.exp(-(distance - np.where(np.isfinite(nearest), nearest, 0.0)) / 2)
+    squares = misses**2
+    near = kernel @ squares / np.maximum(kernel.sum(axis=1, keepdims=True), np.finfo(float).tiny)
+    mean = np.average(squares, axis=0, weights=weights)
+    sizes: Array = np.sqrt(near + floor**2 * mean)
+    return sizes

@@ -1,0 +1,167 @@
+"""The sections of a fit's page, one function each."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from pliant.records.law import FitReport
+from pliant.report import units
+from pliant.report.facts import Table
+from pliant.report.fem_section import numbered
+from pliant.report.figures.calibration import calibration_picture
+from pliant.report.figures.law import law_picture
+from pliant.report.figures.learning import learning_picture, state_curves
+from pliant.report.figures.residual_map import residual_map
+from pliant.report.figures.slope_map import least_stable, slope_map
+from pliant.report.figures.surrogate_bars import surrogate_bars
+from pliant.report.fit_reading import Fitted, calibration
+from pliant.report.fit_tables import (
+    axes_table,
+    calibration_table,
+    choice_table,
+    comparison_table,
+    cost_table,
+    errors_table,
+    learning_table,
+    settings_table,
+)
+from pliant.report.folder import DesignResult, FinishedRun
+from pliant.report.layout import Picture, Section
+
+MARK = 1e-4  # of the range: what the learning curve marks
+
+
+def law_pictures(fitted: Fitted, number: int = 0) -> list[Picture]:
+    """The law with its band and states, one picture for each axis."""
+    pictures = []
+    run = FinishedRun({}, {}, (), (), ())
+    for k, axis in enumerate(fitted.explored):
+        data = fitted.data.axis(axis)
+        form = {key: value for key, value in fitted.axis_details(axis).items() if key == "study_form"}
+        scale = float(fitted.misses.ranges[fitted.law.axes.index(axis)])
+        report = FitReport(fitted.report.n_fitted, fitted.report.n_heldout, 0.0, 0.0, 0.0, 0.0, scale, form)
+        design = DesignResult(fitted.name, data, fitted.law, report, fitted.data)
+        name = numbered("fit_law" if k == 0 else f"fit_law_{axis}", number)
+        pictures.append(Picture(name, _law_caption(fitted, axis), law_picture(run, design)))
+    return pictures
+
+
+def _law_caption(fitted: Fitted, axis: str) -> str:
+    about = f"Axis {axis}, the others at zero on the curves. " if len(fitted.law.axes) > 1 else ""
+    band = (
+        "Shaded: the band that holds a state with a probability of 90 %, often thinner than the line; the same band "
+        "stands as bars at the states left out. "
+        if fitted.law.error is not None
+        else "This law states no error bar. "
+    )
+    beside = (
+        " Below: the study's form on the same states." if fitted.axis_details(axis).get("study_form") else ""
+    )
+    what = "force" if fitted.law.joint == "prismatic" else "moment"
+    return (
+        f"{about}τ is the external {what} that opposes actuation. {band}Right: law minus state; filled = fitted, open "
+        f"= left out.{beside}"
+    )
+
+
+def error_section(fitted: Fitted) -> Section:
+    """Errors beside the study's forms, and what the fit chose."""
+    tables: list[Table | None] = [errors_table(fitted), axes_table(fitted)]
+    each = fitted.explored if isinstance(fitted.report.details.get("axes"), dict) else fitted.explored[:1]
+    tables += [choice_table(fitted, axis) for axis in each]
+    tables.append(settings_table(fitted))
+    return Section("Errors, and what the fit chose", tables=tuple(t for t in tables if t is not None))
+
+
+def map_section(fitted: Fitted, number: int = 0) -> Section:
+    """Where the errors are."""
+    caption = (
+        "Each state by its error, a share of the range of its axis' effort, all panels on one logarithmic scale of "
+        "colours."
+    )
+    if fitted.study_misses:
+        caption += " Beside the law: the form of the published study, fitted to the same states."
+    return Section(
+        "Where the law misses", (Picture(numbered("fit_map", number), caption, residual_map(fitted)),)
+    )
+
+
+def bar_section(fitted: Fitted, number: int = 0) -> Section | None:
+    """Whether the error bars hold; None for a law without them."""
+    curves = calibration(fitted)
+    if not curves:
+        return None
+    caption = (
+        "Left: share of the states left out inside bands of each stated level; honest bars follow the diagonal within "
+        "what chance does with so few states (grey). Right: each state's miss against the half-width of its own band."
+    )
+    picture = Picture(numbered("fit_bars", number), caption, calibration_picture(curves))
+    table = calibration_table(curves)
+    return Section("Are the error bars honest?", (picture,), (table,) if table else ())
+
+
+def learning_section(fitted: Fitted, number: int = 0) -> Section | None:
+    """Error against the number of states; None where it was not asked for or nothing could be fitted."""
+    learning = fitted.learning
+    if learning is None or not learning["points"]:
+        return None
+    caption = (
+        "The surrogate fitted again to nested subsets of the states, with exact slopes and with values alone, and "
+        f"scored on the same {learning['n_check']} check states."
+    )
+    picture = learning_picture(
+        {"Error by number of states": state_curves(learning)},
+        "states fitted", "error on check states (% of the effort's range)", MARK,
+    )  # fmt: skip
+    shown = Picture(numbered("fit_learning", number), caption, picture)
+    return Section("How many states it takes", (shown,), (learning_table(learning),))
+
+
+def slope_section(fitted: Fitted, number: int = 0) -> Section:
+    """∂τ/∂u over the box."""
+    effort = units.of_effort(fitted.law)
+    per = "m" if fitted.law.joint == "prismatic" else "rad"
+    largest = least_stable(fitted.law)
+    shown = f"{units.number(effort.factor * largest, 3)} {effort.name}/{per}"
+    verdict = (
+        f"Stable over the whole box: the largest ∂τ/∂u is {shown}, below zero."
+        if largest < 0
+        else f"UNSTABLE somewhere in the box: ∂τ/∂u reaches {shown}, and a joint may snap there."
+    )
+    if len(fitted.law.axes) > 1:
+        verdict += " It is the largest eigenvalue of the symmetric part, over random places of the box."
+    caption = "∂τ/∂u over the law's box; the ring marks where the joint is softest."
+    if len(fitted.law.axes) > 1:
+        caption += " Each axis with the others at zero."
+    pictures = (Picture(numbered("fit_slopes", number), caption, slope_map(fitted)),)
+    return Section("Slopes: where the joint is soft", pictures, text=(verdict,))
+
+
+def cost_section(fitted: Fitted) -> Section:
+    """FEM, fit, evaluation."""
+    return Section("Cost", tables=(cost_table(fitted),))
+
+
+def comparison_section(fitted: Sequence[Fitted]) -> Section | None:
+    """Several surrogates on the same states; None for one."""
+    if len(fitted) < 2:
+        return None
+    caption = (
+        "The same states for all; shorter bars are better for errors and times, longer ones for evaluations."
+    )
+    picture = Picture("fit_surrogates", caption, surrogate_bars(fitted))
+    return Section("Surrogates side by side", (picture,), (comparison_table(fitted),))
+
+
+def of_one(fitted: Fitted, number: int = 0, prefix: str = "") -> list[Section]:
+    """All sections of one law, their titles led by `prefix` where there are several."""
+    sections = [
+        error_section(fitted),
+        map_section(fitted, number),
+        bar_section(fitted, number),
+        learning_section(fitted, number),
+        slope_section(fitted, number),
+        cost_section(fitted),
+    ]
+    return [replace(s, title=f"{prefix}{s.title}") for s in sections if s is not None]

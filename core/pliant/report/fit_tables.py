@@ -1,0 +1,281 @@
+"""Tables of a fit: errors beside the study's forms, what was chosen, error bars, learning, slopes, cost."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from pliant.pipeline.law_misses import Misses
+from pliant.pipeline.learning import states_needed
+from pliant.report import units
+from pliant.report.facts import Cells, Table
+from pliant.report.fit_reading import STUDY_FORMS, Calibration, Fitted, calibration
+
+PUBLISHED = 0.0826
+PUBLISHED_NOTE = (
+    "Published: worst error of the study's polynomial over its pressures, of the moment range, on its own FEM of the "
+    "bending bellow (Yao, Howard, Maiolino, Adv. Intell. Syst. 2026, doi 10.1002/aisy.70406); other data than here."
+)
+MARKS = (1e-3, 1e-4, 1e-5)
+# Details that have tables or pictures of their own, or are too long for a cell.
+TOLD = {
+    "parameters", "residuals", "cross_validation", "held_out", "axes", "excluded", "slope_errors", *STUDY_FORMS,
+}  # fmt: skip
+
+
+def errors_table(fitted: Fitted) -> Table:
+    """The law, the study's forms on the same states, the published figure."""
+    effort, report = units.of_effort(fitted.law), fitted.report
+    rows: list[Cells] = [
+        [
+            f"{fitted.kind} ({report.n_fitted} states fitted)",
+            str(report.n_heldout),
+            *_scores(vars(report), effort),
+        ]
+    ]
+    for key, title in STUDY_FORMS.items():
+        forms = fitted.study_forms(key)
+        for axis, form in forms.items():
+            label = f"{title}, axis {axis}" if len(fitted.explored) > 1 else title
+            held_out = fitted.axis_details(axis).get("n_heldout", report.n_heldout)
+            rows.append([label, str(held_out), *_scores(form, effort)])
+    if not any(fitted.study_forms(key) for key in STUDY_FORMS):
+        rows += [_beside(title, missed, effort) for title, missed in fitted.study_misses.items()]
+    for axis in fitted.explored:
+        for key, title in STUDY_FORMS.items():
+            told = fitted.axis_details(axis).get(key)
+            if isinstance(told, Mapping) and "problem" in told:
+                rows.append([f"{title}: {told['problem']}", *["–"] * 5])
+    note = f"States left out: {report.details['held_out']}." if "held_out" in report.details else ""
+    if fitted.law.joint == "revolute" and fitted.law.actuation_name == "pressure_pa":
+        rows.append(["published study, its own data", "–", "–", "–", units.percent(PUBLISHED, 3), "–"])
+        note = f"{note} {PUBLISHED_NOTE}".strip()
+    head = [
+        "law",
+        "states left out",
+        f"RMSE ({effort.name})",
+        f"worst ({effort.name})",
+        "worst, of effort range",
+        "R²",
+    ]
+    return Table("Errors on states that the law has not seen", head, rows, note)
+
+
+def axes_table(fitted: Fitted) -> Table | None:
+    """Errors by axis; None for a law of one axis."""
+    if len(fitted.law.axes) == 1:
+        return None
+    effort, missed = units.of_effort(fitted.law), fitted.misses
+    rows: list[Cells] = []
+    for together in (False, True):
+        for k, axis in enumerate(fitted.law.axes):
+            part = missed.rows((missed.axis == k) & (missed.together == together))
+            if len(part.state):
+                rows.append([f"all held: {axis}" if together else axis, *_by_role(part, effort)])
+    whole = Misses.of_law(fitted.data, fitted.law, every=True, ranges=fitted.ranges)
+    rows.append(["every axis in every state", *_by_role(whole, effort)])
+    head = ["axis", "fitted, worst of range", "left out, RMS of range", "left out, worst of range"]
+    note = (
+        "Of the range of each axis' effort in its own states. 'All held': states that hold all axes at once, which "
+        "tell how well the law knows their coupling. Last row: also efforts of axes that a state lets follow freely."
+    )
+    return Table("Errors by axis", [*head, f"worst ({effort.name})"], rows, note)
+
+
+def choice_table(fitted: Fitted, axis: str) -> Table | None:
+    """The candidates of a cross-validation of one axis; None where the surrogate tells none."""
+    details = fitted.axis_details(axis) or fitted.report.details
+    found = details.get("cross_validation")
+    if not isinstance(found, Sequence) or not found or not isinstance(found[0], Mapping):
+        return None
+    names = [name for name in found[0] if name != "chosen"]
+    rows = [
+        [_cell(name, one.get(name)) for name in names] + ["chosen" if one.get("chosen") else ""]
+        for one in found
+    ]
+    title = "What the fit chose from" + (f", axis {axis}" if len(fitted.explored) > 1 else "")
+    note = "Errors of states left out in turn, as shares of the effort's range."
+    return Table(title, [*(_words(name) for name in names), ""], rows, note, numeric=0)
+
+
+def settings_table(fitted: Fitted) -> Table | None:
+    """Everything else that the fit tells in one word or number."""
+    rows: list[Cells] = []
+    for axis in fitted.explored if isinstance(fitted.report.details.get("axes"), Mapping) else ("",):
+        details = fitted.axis_details(axis) if axis else fitted.report.details
+        for name, value in details.items():
+            text = _plain(value)
+            if name not in TOLD and not name.startswith("n_") and text and name not in vars(fitted.report):
+                rows.append([f"{axis}: {_words(name)}" if axis else _words(name), text])
+    return Table("What the fit tells", ["", "value"], rows, numeric=9) if rows else None
+
+
+def calibration_table(curves: Sequence[Calibration]) -> Table | None:
+    """Shares covered by level; None without bars."""
+    if not curves:
+        return None
+    levels = curves[0].levels
+    rows = [
+        [
+            curve.label,
+            str(curve.n),
+            *(units.percent(float(c), 3) for c in curve.covered),
+            units.percent(float(np.median(curve.half_width))),
+        ]
+        for curve in curves
+    ]
+    head = ["", "states", *(f"in {100 * level:.0f} %" for level in levels), "median half-width at 90 %"]
+    note = "Share of the states left out that lie inside the band of each stated level; widths of the effort's range."
+    return Table("What the error bars hold", head, rows, note)
+
+
+def learning_table(learning: Mapping[str, Any]) -> Table:
+    """Errors by number of states, and how many states an error needs."""
+    names = list(dict.fromkeys(p["slopes"] for p in learning["points"]))
+    sizes = sorted({p["n"] for p in learning["points"]})
+    rows: list[Cells] = []
+    for n in sizes:
+        cells = [str(n)]
+        for name in names:
+            found = [p for p in learning["points"] if p["slopes"] == name and p["n"] == n]
+            for score in ("rms", "worst"):
+                cells.append(units.percent(float(np.median([p[score] for p in found]))) if found else "–")
+        rows.append(cells)
+    for mark in MARKS:
+        cells = [f"states for {units.percent(mark)}"]
+        for name in names:
+            for score in ("rms", "worst"):
+                needed = states_needed(learning, mark, name, score)
+                cells.append("not reached" if needed is None else str(needed))
+        rows.append(cells)
+    head = ["states", *(f"{name}, {score}" for name in names for score in ("RMS", "worst"))]
+    note = (
+        f"Shares of the effort's range at {learning['n_check']} check states. Subsets are nested: corners of the box "
+        "first, then the state farthest from those before it; with several axes each gets one in turn."
+    )
+    if untrusted := learning.get("untrusted"):
+        note += f" {untrusted} states that are not trusted (self-contact) take no part."
+    impossible = sorted({p["n"] for p in learning["left_out"]})
+    if impossible:
+        note += f" Too few to fit: {', '.join(map(str, impossible))} ({learning['left_out'][0]['cause']})."
+    return Table("Error by number of states", head, rows, note)
+
+
+def cost_table(fitted: Fitted) -> Table:
+    """What the law cost and what an evaluation costs."""
+    rows: list[Cells] = [
+        ["states", f"{len(fitted.data)}, {fitted.solved} of them solved, from {fitted.source}"]
+    ]
+    if fitted.fem_s:
+        each = fitted.fem_s / max(fitted.solved, 1)
+        rows.append(["solver, all states", f"{units.seconds(fitted.fem_s)} ({units.seconds(each)} a state)"])
+    rows.append(["fit", units.seconds(fitted.wall_s)])
+    rows.append(["evaluations with slopes", f"{units.number(fitted.per_second / 1e6, 3)} million a second"])
+    if fitted.fem_s:
+        ratio = fitted.fem_s / max(fitted.solved, 1) * fitted.per_second
+        rows.append(["one FEM state costs as much as", f"{units.number(float(f'{ratio:.2g}'))} evaluations"])
+    note = (
+        "Evaluations in batches of 20 000, measured in one process on this machine when this page was made."
+    )
+    return Table("Cost", ["", "value"], rows, note, numeric=9)
+
+
+def comparison_table(fitted: Sequence[Fitted]) -> Table:
+    """Surrogates on the same states, side by side."""
+    effort = units.of_effort(fitted[0].law)
+    rows: list[Cells] = []
+    for one in fitted:
+        bars = one.law.error is not None
+        rows.append(
+            [
+                one.name,
+                str(one.report.n_fitted),
+                str(one.report.n_heldout),
+                *_scores(vars(one.report), effort),
+                units.percent(_coverage(one), 3) if bars else "–",
+                units.seconds(one.wall_s),
+                units.number(one.per_second / 1e6, 3),
+            ]
+        )
+    head = [
+        "surrogate",
+        "fitted",
+        "left out",
+        f"RMSE ({effort.name})",
+        f"worst ({effort.name})",
+        "worst, of range",
+    ]
+    head += ["R²", "in its 90 % band", "fit", "million evaluations a second"]
+    return Table("Surrogates side by side", head, rows)
+
+
+def _coverage(fitted: Fitted) -> float:
+    """Share of the states left out that lie in the 90 % band, all axes together."""
+    curves = calibration(fitted)
+    return curves[0].at(0.9) if curves else float("nan")
+
+
+def _by_role(part: Misses, effort: units.Unit) -> list[str]:
+    fit, left = part.rows(~part.check), part.rows(part.check)
+
+    def said(group: Misses, value: float) -> str:
+        return f"{units.percent(value)} ({len(group.state)})" if len(group.state) else "–"
+
+    return [
+        said(fit, fit.worst),
+        said(left, left.rms),
+        said(left, left.worst),
+        units.number(float(np.abs(part.miss).max()) * effort.factor, 3),
+    ]
+
+
+def _beside(title: str, missed: Misses, effort: units.Unit) -> Cells:
+    """A row of the study's form where the law's own report has none: scored here, on the same states."""
+    part = missed.rows(missed.check)
+    rmse, worst = float(np.sqrt(np.mean(part.miss**2))), float(np.abs(part.miss).max(initial=0.0))
+    values = {"rmse": rmse, "worst": worst, "worst_of_range": part.worst}
+    return [title, str(len(np.unique(part.state))), *_scores(values, effort)]
+
+
+def _scores(scores: Mapping[str, Any], effort: units.Unit) -> list[str]:
+    r2 = float(scores.get("r2", float("nan")))
+    return [
+        units.number(scores["rmse"] * effort.factor, 3),
+        units.number(scores["worst"] * effort.factor, 3),
+        units.percent(scores["worst_of_range"], 3),
+        f"{r2:.7f}" if np.isfinite(r2) else "–",
+    ]
+
+
+def _cell(name: str, value: Any) -> str:
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, float):
+        return (
+            units.percent(value) if name.endswith(("of_range", "standard_error")) else units.number(value, 3)
+        )
+    return units.number(value) if isinstance(value, int) or value is None else str(value)
+
+
+def _plain(value: Any) -> str:
+    """A value in a few words; empty where it is no single one."""
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, float | int):
+        return units.number(value, 3)
+    if isinstance(value, str):
+        return value
+    if (
+        isinstance(value, list | tuple)
+        and value
+        and len(value) <= 8
+        and all(isinstance(v, float | int) for v in value)
+    ):
+        return ", ".join(units.number(v, 3) for v in value)
+    return ""
+
+
+def _words(name: str) -> str:
+    return name.replace("_", " ")

@@ -1,0 +1,399 @@
+"""Checks of a `MetaModel`, of the `DesignLaws` that it fits and of the laws that these make."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import json
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pliant.errors import UserError
+from pliant.interfaces.meta_model import DesignLaws, MetaModel
+from pliant.records.design import Array
+from pliant.records.fem import SELF_CONTACT, ModuleData
+from pliant.records.law import JointLaw, LawRecord
+from pliant.records.solved import SolvedDesigns
+from pliant.store.codec import decode, encode
+from pliant.testing.solved_samples import (
+    FIXED,
+    NAMES,
+    PRESSURE_PA,
+    RANGE,
+    free_angles,
+    grid,
+    sample_law,
+    solved_designs,
+    solved_spherical_designs,
+    spherical_sample_law,
+    unseen_designs,
+)
+from pliant.testing.suite import CheckSkipped, Subject, Suite, require, require_close
+
+suite = Suite("meta_model")
+# Worst error on designs left out, as a share of the effort's range over all of them.
+WORST_OF_RANGE = 0.03
+PATH_STEPS = 60
+# No step of 60 along a path through the range may be a larger share of all change.
+LARGEST_STEP = 0.12
+# How far a stated range of u may be from the true one, as a share of its width.
+BOX_TOLERANCE = 0.1
+
+
+def _meta_model(subject: Subject) -> MetaModel:
+    meta_model: MetaModel = subject.build()
+    return meta_model
+
+
+def _laws(subject: Subject) -> DesignLaws:
+    return subject.once("laws", lambda: _meta_model(subject).fit(solved_designs()).laws)
+
+
+def _spherical(subject: Subject) -> DesignLaws:
+    """The model of three axes; skips where the kind says that it is for one axis alone."""
+
+    def fit() -> DesignLaws | str:
+        try:
+            return _meta_model(subject).fit(solved_spherical_designs()).laws
+        except UserError as error:
+            return str(error)
+
+    found = subject.once("spherical", fit)
+    if isinstance(found, str):
+        raise CheckSkipped(f"{subject.component.label} does not fit three axes: {found}")
+    return found
+
+
+def _few(subject: Subject) -> SolvedDesigns:
+    """Fewer designs, for checks that fit again."""
+    count = max(3, int(np.ceil(_meta_model(subject).fewest / 3)))
+    return subject.once("few", lambda: solved_designs((3, count)))
+
+
+def _points(law: JointLaw, count: int = 40) -> tuple[Array, Array]:
+    """Points inside the sampled pressures and the law's own box."""
+    random = np.random.default_rng(11)
+    low, high = law.domain.deformation.T
+    require(np.all(np.isfinite([low, high])), f"the law's range of u is {low} to {high}: not a box")
+    return PRESSURE_PA * random.random(count), low + (high - low) * random.random((count, len(low)))
+
+
+def _each_law(subject: Subject) -> list[JointLaw]:
+    """Laws of unseen designs, of one axis and, where the kind has them, of three."""
+    models = [_laws(subject)]
+    with contextlib.suppress(CheckSkipped):
+        models.append(_spherical(subject))
+    return [model.law(values) for model in models for values in unseen_designs(3)]
+
+
+def _require_predicts(laws: DesignLaws, truth_of: Callable[[Array], JointLaw]) -> None:
+    errors, taus = [], []
+    for values in unseen_designs():
+        truth = truth_of(values)
+        p, u = _points(truth)
+        wanted, got = truth.evaluate(p, u).tau, laws.law(values).evaluate(p, u).tau
+        require(got.shape == wanted.shape, f"tau has shape {got.shape}, not {wanted.shape}")
+        errors.append(np.abs(got - wanted))
+        taus.append(wanted)
+    shares = np.concatenate(errors).max(axis=0) / np.ptp(np.concatenate(taus), axis=0)
+    require(
+        np.all(shares <= WORST_OF_RANGE),
+        f"the worst torque of six designs left out is {100 * shares.max():.2g} % of its range off, allowed are "
+        f"{100 * WORST_OF_RANGE:g} %: parameters unscaled or in another order, too few terms, or overfitting",
+    )
+
+
+@suite.check("laws of designs between solved ones are right to 3 % of the effort's range, one axis.")
+def predicts_designs_left_out(subject: Subject) -> None:
+    _require_predicts(_laws(subject), sample_law)
+
+
+@suite.check("the same on three axes, from whole states; or `UserError` says that the kind has one axis.")
+def predicts_three_axes(subject: Subject) -> None:
+    _require_predicts(_spherical(subject), spherical_sample_law)
+
+
+@suite.check("joint, axes and actuation of the laws are those of the data.")
+def laws_are_of_the_joint(subject: Subject) -> None:
+    cases: list[tuple[DesignLaws, SolvedDesigns]] = [(_laws(subject), solved_designs((2, 2)))]
+    with contextlib.suppress(CheckSkipped):
+        cases.append((_spherical(subject), solved_spherical_designs((2, 2))))
+    for laws, designs in cases:
+        law, data = laws.law(RANGE.mean(axis=1)), designs.data[0]
+        got = (law.joint, tuple(law.axes), law.actuation_name)
+        wanted = (data.joint, data.axes, data.actuation_name)
+        require(got == wanted, f"joint, axes and actuation of the law are {got}, of the data {wanted}")
+
+
+@suite.check("laws of designs in the range are stable in their own box: −∂τ/∂u is positive definite.")
+def laws_are_stable_in_their_box(subject: Subject) -> None:
+    for law in [*_each_law(subject), *(_laws(subject).law(corner) for corner in grid((2, 2)))]:
+        slopes = law.evaluate(*_points(law, 200)).dtau_du
+        softest = float(np.linalg.eigvalsh(-(slopes + np.swapaxes(slopes, 1, 2)) / 2).min())
+        require(
+            softest > 0,
+            f"the stiffness of an unseen design falls to {softest:.3g} N·m/rad in its box, where all solved "
+            "designs are stable: coefficients that are each plausible may not be so together",
+        )
+
+
+@suite.check("`evaluate` of a law gives the exact slopes, shapes (n, a) and (n, a, a).")
+def slopes_are_derivatives(subject: Subject) -> None:
+    for law in _each_law(subject):
+        p, u = _points(law)
+        effort = law.evaluate(p, u)
+        n, a = u.shape
+        shapes = [effort.tau.shape, effort.dtau_dp.shape, effort.dtau_du.shape]
+        require(shapes == [(n, a), (n, a), (n, a, a)], f"tau, dtau_dp and dtau_du have shapes {shapes}")
+        in_p = (law.evaluate(p + 1.0, u).tau - law.evaluate(p - 1.0, u).tau) / 2
+        require_close(effort.dtau_dp, in_p, "dtau_dp is not the slope of tau", rtol=1e-3)
+        for j, step in enumerate(1e-5 * np.eye(a)):
+            in_u = (law.evaluate(p, u + step).tau - law.evaluate(p, u - step).tau) / 2e-5
+            require_close(effort.dtau_du[:, :, j], in_u, "dtau_du is not the slope of tau", rtol=1e-3)
+
+
+@suite.check("no law creates energy: ∂τ_i/∂u_j = ∂τ_j/∂u_i and τ = −∂Π/∂u.")
+def laws_create_no_energy(subject: Subject) -> None:
+    for law in _each_law(subject):
+        p, u = _points(law)
+        effort = law.evaluate(p, u)
+        require_close(
+            effort.dtau_du,
+            np.swapaxes(effort.dtau_du, 1, 2),
+            "∂τ_i/∂u_j is not ∂τ_j/∂u_i: a closed path through the axes creates energy",
+            rtol=1e-8,
+        )
+        for j, step in enumerate(1e-4 * np.eye(u.shape[1])):
+            slope = -(law.potential(p, u + step) - law.potential(p, u - step)) / 2e-4
+            require_close(slope, effort.tau[:, j], "τ is not −∂Π/∂u", rtol=1e-3)
+
+
+@suite.check("a law is vectorised: joints evaluated together or one by one give the same.")
+def joints_do_not_affect_each_other(subject: Subject) -> None:
+    for law in _each_law(subject):
+        p, u = _points(law)
+        together = law.evaluate(p, u).tau
+        alone = np.concatenate([law.evaluate(p[i : i + 1], u[i : i + 1]).tau for i in range(len(p))])
+        require_close(together, alone, "τ depends on which other joints are evaluated", rtol=1e-9)
+
+
+@suite.check("the domain of a law is that of its design: it contains the free branch and follows the data's.")
+def domain_follows_the_design(subject: Subject) -> None:
+    for values in unseen_designs():
+        truth, domain = sample_law(values), _laws(subject).law(values).domain
+        low, high = truth.domain.deformation[0]
+        require_close(
+            domain.actuation, [0.0, PRESSURE_PA], "the range of pressures is not the data's", rtol=1e-6
+        )
+        free = free_angles(truth, np.linspace(0, PRESSURE_PA, 7))
+        box = domain.deformation[0]
+        require(
+            box[0] <= free.min() and free.max() <= box[1],
+            f"the free branch from {free.min():.3g} to {free.max():.3g} rad leaves the domain, {box[0]:.3g} to "
+            f"{box[1]:.3g} rad: every simulation would be flagged",
+        )
+        require_close(
+            box,
+            [low, high],
+            "the range of u is not that to which a design like this is sampled: extrapolation would not be "
+            "flagged",
+            atol=BOX_TOLERANCE * (high - low),
+        )
+
+
+@suite.check("laws answer outside their domain with finite numbers; the excess is flagged, not hidden.")
+def laws_stay_finite_outside_their_domain(subject: Subject) -> None:
+    law = _laws(subject).law(RANGE.mean(axis=1))
+    p, u = np.array([0.0, 3e4, -5e3, 3e4]), np.array([[1.5], [0.2], [-1.2], [1.5]])
+    effort = law.evaluate(p, u)
+    require(
+        all(np.all(np.isfinite(values)) for values in (effort.tau, effort.dtau_dp, effort.dtau_du)),
+        "τ or a slope is not finite outside the domain: engines pass through such points on their way",
+    )
+    require(np.all(np.any(law.domain.excess(p, u) != 0, axis=1)), "points outside the domain are not flagged")
+
+
+@suite.check("laws change smoothly with the parameters: no jump between neighbouring designs.")
+def laws_are_smooth_in_the_parameters(subject: Subject) -> None:
+    middle = sample_law(RANGE.mean(axis=1))
+    p, u = _points(middle, 8)
+    share = np.linspace(0, 1, PATH_STEPS + 1)[:, None]
+    for start, end in ((RANGE[:, 0], RANGE[:, 1]), (RANGE[[0, 1], [0, 1]], RANGE[[0, 1], [1, 0]])):
+        path = start + share * (end - start)
+        taus = np.stack([_laws(subject).law(values).evaluate(p, u).tau[:, 0] for values in path])
+        steps = np.abs(np.diff(taus, axis=0))
+        largest = float((steps.max(axis=0) / np.maximum(steps.sum(axis=0), 1e-12)).max())
+        require(
+            largest <= LARGEST_STEP,
+            f"one of {PATH_STEPS} equal steps through the range makes {100 * largest:.3g} % of all change in τ: "
+            "a jump, at which gradients and error bars mean nothing",
+        )
+
+
+@suite.check("`load(record)` gives a model whose laws have the same bits, through JSON and arrays.")
+def record_gives_the_same_bits(subject: Subject) -> None:
+    laws = _laws(subject)
+    record = laws.record()
+    require(
+        record.kind == subject.component.kind,
+        f"the record's kind is '{record.kind}', so that meta_model '{subject.component.kind}' would not be "
+        "asked",
+    )
+    again = _meta_model(subject).load(_stored(record))
+    require(
+        tuple(again.names) == tuple(laws.names)
+        and np.array_equal(again.box, laws.box)
+        and dict(again.fixed) == dict(laws.fixed),
+        "names, box or fixed parameters are lost in the record",
+    )
+    for values in unseen_designs(3):
+        one, two = laws.law(values), again.law(values)
+        p, u = _points(one)
+        first, second = one.evaluate(p, u), two.evaluate(p, u)
+        for name in ("tau", "dtau_dp", "dtau_du"):
+            require(
+                np.array_equal(getattr(first, name), getattr(second, name)),
+                f"{name} of the loaded model's law differs: the record rounds a number or leaves one out",
+            )
+        require(
+            np.array_equal(one.domain.actuation, two.domain.actuation)
+            and np.array_equal(one.domain.deformation, two.domain.deformation),
+            "the domain is lost in the record",
+        )
+        require((one.joint, one.axes) == (two.joint, two.axes), "joint or axes are lost in the record")
+    places = unseen_designs()
+    require(np.array_equal(laws.doubt(places), again.doubt(places)), "the doubt is lost in the record")
+
+
+def _stored(record: LawRecord) -> LawRecord:
+    """The record as the store writes and reads it; raises where it is no data."""
+    arrays: dict[str, NDArray[np.generic]] = {}
+    text = json.dumps(encode(record, arrays))
+    file = io.BytesIO()
+    np.savez(file, allow_pickle=False, **arrays)
+    file.seek(0)
+    with np.load(file, allow_pickle=False) as stored:
+        found: LawRecord = decode(json.loads(text), dict(stored))
+    return found
+
+
+def _same_laws(subject: Subject, one: SolvedDesigns, two: SolvedDesigns, finding: str) -> None:
+    laws, others = (_meta_model(subject).fit(designs).laws for designs in (one, two))
+    for values in unseen_designs(3):
+        law = laws.law(values)
+        p, u = _points(law)
+        require(np.array_equal(law.evaluate(p, u).tau, others.law(values).evaluate(p, u).tau), finding)
+
+
+@suite.check("the same data give the same model, bit by bit: results are stored under the data's key.")
+def is_deterministic(subject: Subject) -> None:
+    designs = _few(subject)
+    _same_laws(
+        subject, designs, designs, "two fits of the same designs differ: a random start without a fixed seed"
+    )
+
+
+def _spoiled(data: ModuleData, rows: NDArray[np.bool_], status: str | None = None) -> ModuleData:
+    """Other efforts in some states, and another status."""
+    tau = np.where(rows[:, None], 1.5 * data.tau + 1e-3, data.tau)
+    return replace(data, tau=tau, status=data.status if status is None else _marked(data, rows, status))
+
+
+def _marked(data: ModuleData, rows: NDArray[np.bool_], status: str) -> NDArray[np.str_]:
+    return np.where(rows, status, data.status)
+
+
+@suite.check('the fit does not see states of role "check".')
+def check_states_are_not_fitted(subject: Subject) -> None:
+    designs = _few(subject)
+    data = tuple(_spoiled(one, one.role == "check") for one in designs.data)
+    _same_laws(
+        subject,
+        designs,
+        replace(designs, data=data),
+        "the laws changed when only the check states' efforts did: they were fitted, or chose the model",
+    )
+
+
+@suite.check("states whose status is not trusted, such as self-contact, are not fitted.")
+def untrusted_states_are_not_fitted(subject: Subject) -> None:
+    designs = _few(subject)
+    pairs = []
+    for one in designs.data:
+        rows = (
+            (one.branch == "constrained") & (one.actuation > 0.9 * PRESSURE_PA) & (one.deformation[:, 0] < 0)
+        )
+        honest = replace(one, status=_marked(one, rows, SELF_CONTACT))
+        pairs.append((honest, _spoiled(one, rows, SELF_CONTACT)))
+    honest_data, spoiled_data = (tuple(column) for column in zip(*pairs, strict=True))
+    _same_laws(
+        subject,
+        replace(designs, data=honest_data),
+        replace(designs, data=spoiled_data),
+        "the laws changed when only the efforts of states in self-contact did",
+    )
+
+
+@suite.check("a model knows its range: the box of the solved designs, and how far outside a design is.")
+def flags_designs_outside(subject: Subject) -> None:
+    laws = _laws(subject)
+    require(tuple(laws.names) == NAMES, f"the names are {tuple(laws.names)}, of the designs {NAMES}")
+    require_close(laws.box, RANGE, "the box is not that of the solved designs", rtol=1e-9)
+    require(dict(laws.fixed) == FIXED, f"fixed is {dict(laws.fixed)}, of the designs {FIXED}")
+    inside = laws.excess(RANGE.mean(axis=1))
+    require(np.all(inside == 0), f"a design in the middle of the range is said to be {inside} outside")
+    width = np.ptp(RANGE, axis=1)
+    beyond = np.array([RANGE[0, 0] - 0.3 * width[0], RANGE[1, 1] + 0.2 * width[1]])
+    require_close(
+        laws.excess(beyond),
+        [-0.3 * width[0], 0.2 * width[1]],
+        "a design outside the range is not flagged by how far it is outside",
+        atol=1e-9,
+    )
+
+
+@suite.check("`doubt` is positive and finite, and not smaller far from the solved designs than at them.")
+def doubt_grows_away_from_solved_designs(subject: Subject) -> None:
+    laws, solved = _laws(subject), solved_designs().values
+    far = RANGE.mean(axis=1) + np.array([[2.0, 2.0], [-1.5, 2.0]]) * np.ptp(RANGE, axis=1)
+    doubts = laws.doubt(np.concatenate([solved, far]))
+    require(
+        doubts.shape == (len(solved) + 2,), f"doubt of {len(solved) + 2} designs has shape {doubts.shape}"
+    )
+    require(
+        bool(np.all(np.isfinite(doubts)) and np.all(doubts > 0)),
+        f"doubt is not positive and finite: {doubts}",
+    )
+    if np.ptp(doubts) == 0:
+        return  # the model cannot tell, and says so by the same number everywhere
+    require(
+        doubts[-2:].min() > np.median(doubts[:-2]),
+        f"the doubt is {np.median(doubts[:-2]):.3g} at solved designs and {doubts[-2:].min():.3g} far outside",
+    )
+
+
+@suite.check("`gain` is None or a share from 0 to 1 for each candidate.")
+def gain_is_a_share(subject: Subject) -> None:
+    candidates = unseen_designs(5)
+    gain = _laws(subject).gain(candidates, grid((5, 5)))
+    if gain is None:
+        return
+    require(np.shape(gain) == (5,), f"the gain of 5 candidates has shape {np.shape(gain)}")
+    require(
+        bool(np.all((gain >= 0) & (gain <= 1))),
+        f"gains are {np.asarray(gain)}: no shares of the mean squared error",
+    )
+
+
+@suite.check("too few designs raise `UserError`, which says how many are needed.")
+def says_when_there_are_too_few_designs(subject: Subject) -> None:
+    designs = solved_designs((2, 2))
+    try:
+        _meta_model(subject).fit(designs.rows(np.arange(4) == 1))
+    except UserError as error:
+        require(any(c.isdigit() for c in str(error)), f"the message names no number of designs: '{error}'")
+        return
+    require(False, "a model over two parameters was fitted to a single design")

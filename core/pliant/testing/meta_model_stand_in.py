@@ -1,0 +1,197 @@
+"""A small meta-model that checks and tests of the pipeline use: one least-squares fit of an energy.
+
+    Π(p, u; x) = Σ_jk c_jk p^a_j u^b_j ψ_k(x),  τ = −∂Π/∂u
+
+with all terms up to degree 4 in u, those with p up to degree 2, and ψ the quadratic terms of the scaled parameters.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import product
+from typing import Any, Literal
+
+import numpy as np
+
+from pliant.interfaces.meta_model import (
+    DesignLaws,
+    FittedMetaModel,
+    MetaModel,
+    MetaModelConfig,
+    enough_designs,
+)
+from pliant.records.design import Array
+from pliant.records.fem import TRUSTED, IntArray
+from pliant.records.law import Domain, Effort, JointKind, JointLaw, LawRecord
+from pliant.records.solved import Parameter, SolvedDesigns
+
+
+@dataclass(frozen=True, eq=False)
+class MonomialLaw(JointLaw):
+    """τ = −∂Π/∂u of Π = Σ_j c_j p^a_j u^b_j, p in units of `domain.actuation`'s upper end."""
+
+    terms: Array
+    powers: IntArray
+    domain: Domain
+    joint: JointKind
+    axes: tuple[str, ...]
+    actuation_name: str
+
+    def evaluate(self, actuation: Array, deformation: Array) -> Effort:
+        q, top = np.asarray(actuation, float) / self.domain.actuation[1], self.domain.actuation[1]
+        u = np.asarray(deformation, float)
+        columns = [slope_columns(self.powers, q, u, (k,)) for k in range(u.shape[1])]
+        tau = -np.stack([values @ self.terms for values in columns], axis=1)
+        first = np.where(self.powers[:, 0] > 0, 1.0, 0.0)  # the power of p is 0 or 1
+        at_one = [slope_columns(self.powers, np.ones(len(q)), u, (k,)) for k in range(u.shape[1])]
+        by_p = -np.stack([values @ (first * self.terms) for values in at_one], axis=1) / top
+        by_u = np.stack(
+            [
+                -slope_columns(self.powers, q, u, (j, k)) @ self.terms
+                for j, k in product(range(u.shape[1]), repeat=2)
+            ],
+            axis=1,
+        )
+        return Effort(tau, by_p, by_u.reshape(len(u), u.shape[1], u.shape[1]))
+
+    def record(self) -> LawRecord:
+        values = {"joint": self.joint, "axes": list(self.axes), "actuation_name": self.actuation_name}
+        box = {"actuation": self.domain.actuation, "deformation": self.domain.deformation}
+        powers = self.powers.astype(float)
+        return LawRecord("stand_in", values, {"terms": self.terms, "powers": powers, **box})
+
+
+def powers_of(n_axes: int) -> IntArray:
+    """(j, 1 + a) powers of p and of each u of the energy's terms."""
+    found = [
+        (a, *b)
+        for a in (0, 1)
+        for b in product(range(5), repeat=n_axes)
+        if 1 <= sum(b) <= (2 if a else 4) and (a or sum(b) > 1)
+    ]
+    return np.array(found)
+
+
+def slope_columns(powers: IntArray, q: Array, u: Array, axes: tuple[int, ...]) -> Array:
+    """(n, j) each term of the energy, differentiated by the u of the axes named."""
+    left, factor = powers[:, 1:].copy(), np.ones(len(powers))
+    for k in axes:
+        factor = factor * left[:, k]
+        left[:, k] = np.maximum(left[:, k] - 1, 0)
+    columns: Array = factor * q[:, None] ** powers[:, 0] * np.prod(u[:, None, :] ** left, axis=2)
+    return columns
+
+
+@dataclass(frozen=True, eq=False)
+class StandInLaws(DesignLaws):
+    """Coefficients `terms` (j, k), ranges of u `boxes` (2 a, k), and the inverse `spread` of ψᵀψ of the designs."""
+
+    names: tuple[str, ...]
+    box: Array
+    fixed: Mapping[str, Parameter]
+    terms: Array
+    boxes: Array
+    spread: Array
+    top: float
+    joint: JointKind
+    axes: tuple[str, ...]
+    actuation_name: str
+
+    def law(self, values: Array) -> JointLaw:
+        psi = design_columns(self.box, np.atleast_2d(values))[0]
+        domain = Domain(np.array([0.0, self.top]), (self.boxes @ psi).reshape(-1, 2))
+        powers = powers_of(len(self.axes))
+        return MonomialLaw(self.terms @ psi, powers, domain, self.joint, self.axes, self.actuation_name)
+
+    def doubt(self, values: Array) -> Array:
+        psi = design_columns(self.box, values)
+        doubts: Array = np.sqrt(1 + np.einsum("ni,ij,nj->n", psi, self.spread, psi))
+        return doubts
+
+    def gain(self, candidates: Array, over: Array) -> Array | None:
+        """What one more row would take from the mean variance of ψ's coefficients (Fedorov 1972)."""
+        at, all_of = design_columns(self.box, candidates), design_columns(self.box, over)
+        across = all_of @ self.spread @ at.T
+        own = np.einsum("ni,ij,nj->n", at, self.spread, at)
+        before = np.einsum("ni,ij,nj->n", all_of, self.spread, all_of).mean()
+        gains: Array = (across**2).mean(axis=0) / (1 + own) / before
+        return gains
+
+    def record(self) -> LawRecord:
+        values: dict[str, Any] = {
+            "names": list(self.names),
+            "fixed": dict(self.fixed),
+            "top": self.top,
+            "joint": self.joint,
+            "axes": list(self.axes),
+            "actuation_name": self.actuation_name,
+        }
+        arrays = {"box": self.box, "terms": self.terms, "boxes": self.boxes, "spread": self.spread}
+        return LawRecord("stand_in", values, arrays)
+
+
+def design_columns(box: Array, values: Array) -> Array:
+    """(n, k) constant, linear and quadratic terms of parameters scaled to [−1, 1] on the box."""
+    x = (np.asarray(values, float) - box.mean(axis=1)) / (np.ptp(box, axis=1) / 2)
+    pairs = [x[:, i] * x[:, j] for i in range(x.shape[1]) for j in range(i + 1)]
+    return np.stack([np.ones(len(x)), *x.T, *pairs], axis=1)
+
+
+class StandInMetaModelConfig(MetaModelConfig):
+    """The stand-in meta-model has no settings of its own."""
+
+    kind: Literal["stand_in"] = "stand_in"
+
+
+class StandInMetaModel(MetaModel):
+    """Fits efforts alone; slopes are not used."""
+
+    config: StandInMetaModelConfig
+
+    def fit(self, designs: SolvedDesigns) -> FittedMetaModel:
+        enough_designs(designs, self.fewest, self.config.kind)
+        psi = design_columns(designs.box, designs.values)
+        first = designs.data[0]
+        top = max(float(one.actuation.max()) for one in designs.data)
+        powers = powers_of(len(first.axes))
+        rows, efforts, boxes = [], [], []
+        for one, own in zip(designs.data, psi, strict=True):
+            keep = (one.role == "fit") & np.isin(one.status, TRUSTED)
+            q, u = one.actuation[keep] / top, one.deformation[keep]
+            boxes.append(np.stack([u.min(axis=0), u.max(axis=0)], axis=1).ravel())
+            for k in range(u.shape[1]):
+                columns = -slope_columns(powers, q, u, (k,))
+                rows.append((columns[:, :, None] * own).reshape(len(q), -1))
+                efforts.append(one.tau[keep, k])
+        terms = np.linalg.lstsq(np.concatenate(rows), np.concatenate(efforts), rcond=1e-10)[0]
+        ranges = np.asarray(np.linalg.lstsq(psi, np.stack(boxes), rcond=None)[0].T, float)
+        spread = np.asarray(np.linalg.inv(psi.T @ psi + 1e-6 * np.eye(psi.shape[1])), float)
+        laws = StandInLaws(
+            designs.names,
+            designs.box,
+            dict(designs.fixed),
+            terms.reshape(len(powers), -1),
+            ranges,
+            spread,
+            top,
+            first.joint,
+            first.axes,
+            first.actuation_name,
+        )
+        return FittedMetaModel(laws, {"designs": len(designs)})
+
+    def load(self, record: LawRecord) -> DesignLaws:
+        v, a = record.values, record.arrays
+        return StandInLaws(
+            tuple(v["names"]),
+            a["box"],
+            dict(v["fixed"]),
+            a["terms"],
+            a["boxes"],
+            a["spread"],
+            float(v["top"]),
+            v["joint"],
+            tuple(v["axes"]),
+            v["actuation_name"],
+        )

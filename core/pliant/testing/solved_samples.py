@@ -1,0 +1,223 @@
+"""Families of laws that are smooth in two parameters, and their data as FEM would give them: for meta-models.
+
+Every law derives from an energy with the symmetry of a module whose mirror plane is y = 0, and is stable in its
+box: −0.5 to 1.2 times the largest free angle about y, ±0.3 rad about x and z.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pliant.records.design import Array, Design
+from pliant.records.fem import ModuleData
+from pliant.records.law import Domain, Effort, JointKind, JointLaw, LawRecord
+from pliant.records.solved import SolvedDesigns
+
+FAMILY = "sample"
+NAMES = ("average_radius_m", "wall_m")
+RANGE = np.array([[6e-3, 9e-3], [1.2e-3, 1.8e-3]])
+FIXED = {"module_length_m": 10e-3}
+PRESSURE_PA = 15e3
+LATERAL_RAD = 0.3
+
+
+@dataclass(frozen=True, eq=False)
+class SampleLaw(JointLaw):
+    """The law of one axis, y, of a design (R, t):
+
+    τ = k p + m p u − b u − c u² − d u³ with k ∝ R³, m ∝ R², b ∝ t², c ∝ t, d ∝ t/R.
+    """
+
+    values: Array
+    domain: Domain
+    joint: JointKind = "revolute"
+    axes: tuple[str, ...] = ("y",)
+    actuation_name: str = "pressure_pa"
+
+    def evaluate(self, actuation: Array, deformation: Array) -> Effort:
+        p, u = np.asarray(actuation, float), np.asarray(deformation, float)[:, 0]
+        k, m, b, c, d = self._terms()
+        tau = k * p + m * p * u - b * u - c * u**2 - d * u**3
+        slope = m * p - b - 2 * c * u - 3 * d * u**2
+        return Effort(tau[:, None], (k + m * u)[:, None], slope[:, None, None])
+
+    def _terms(self) -> tuple[float, ...]:
+        r, t = float(self.values[0] / 7.5e-3), float(self.values[1] / 1.5e-3)
+        return 1.6e-6 * r**3, -0.8e-6 * r**2, 0.03 * t**2, 0.02 * t, 0.02 * t / r
+
+    def record(self) -> LawRecord:
+        return LawRecord("design_sample", {"axes": list(self.axes)}, {"values": self.values})
+
+
+@dataclass(frozen=True, eq=False)
+class SphericalSampleLaw(SampleLaw):
+    """The law of three axes: the same about y; x and z are coupled with it and with each other by
+
+    −∂/∂u of ½ b_x u_x² + ½ b_z u_z² + g u_x u_z + (e u_y + h p)(u_x² + u_z²)/2.
+    """
+
+    joint: JointKind = "spherical"
+    axes: tuple[str, ...] = ("x", "y", "z")
+
+    def evaluate(self, actuation: Array, deformation: Array) -> Effort:
+        p, u = np.asarray(actuation, float), np.asarray(deformation, float)
+        r, t = float(self.values[0] / 7.5e-3), float(self.values[1] / 1.5e-3)
+        b_x, b_z, g, e, h = 0.03 * t, 0.02 * t * r, 0.002 * t, 0.01 * r, 2e-7 * r**2
+        alone = SampleLaw.evaluate(self, p, u[:, 1:2])
+        x, y, z = u.T
+        both = e * y + h * p
+        tau = np.stack(
+            [
+                -b_x * x - g * z - both * x,
+                alone.tau[:, 0] - e * (x**2 + z**2) / 2,
+                -b_z * z - g * x - both * z,
+            ],
+            axis=1,
+        )
+        by_p = np.stack([-h * x, alone.dtau_dp[:, 0], -h * z], axis=1)
+        by_u = np.empty((len(u), 3, 3))
+        by_u[:, 0, 0], by_u[:, 2, 2] = -b_x - both, -b_z - both
+        by_u[:, 1, 1] = alone.dtau_du[:, 0, 0]
+        by_u[:, 0, 1] = by_u[:, 1, 0] = -e * x
+        by_u[:, 1, 2] = by_u[:, 2, 1] = -e * z
+        by_u[:, 0, 2] = by_u[:, 2, 0] = -g
+        return Effort(tau, by_p, by_u)
+
+
+def sample_law(values: Array) -> SampleLaw:
+    """The true law of one axis, with its box."""
+    law = SampleLaw(np.asarray(values, float), Domain.unbounded(1))
+    return SampleLaw(law.values, Domain(np.array([0.0, PRESSURE_PA]), _bending_range(law)[None]))
+
+
+def spherical_sample_law(values: Array) -> SphericalSampleLaw:
+    """The true law of three axes, with its box."""
+    values = np.asarray(values, float)
+    lateral = np.array([-LATERAL_RAD, LATERAL_RAD])
+    bending = _bending_range(SampleLaw(values, Domain.unbounded(1)))
+    box = Domain(np.array([0.0, PRESSURE_PA]), np.stack([lateral, bending, lateral]))
+    return SphericalSampleLaw(values, box)
+
+
+def _bending_range(law: SampleLaw) -> Array:
+    wide: Array = np.array([-0.5, 1.2]) * free_angles(law, np.array([PRESSURE_PA]))[0, 0]
+    return wide
+
+
+def held(law: JointLaw, actuation: Array, deformation: Array) -> Array:
+    """(n, a) deformation with no effort about the axes that are NaN in `deformation`, by Newton."""
+    p, free = np.asarray(actuation, float), np.isnan(deformation)
+    u = np.where(free, 0.0, deformation)
+    identity = np.eye(u.shape[1])
+    for _ in range(12 if free.any() else 0):
+        effort = law.evaluate(p, u)
+        slopes = np.where(free[:, :, None] & free[:, None, :], effort.dtau_du, identity)
+        u = u - np.linalg.solve(slopes, np.where(free, effort.tau, 0.0)[:, :, None])[:, :, 0]
+    return u
+
+
+def free_angles(law: JointLaw, actuation: Array) -> Array:
+    """(n, a) deformation of the free joint."""
+    p = np.asarray(actuation, float)
+    return held(law, p, np.full((len(p), len(law.axes)), np.nan))
+
+
+def grid(counts: tuple[int, int], within: Array = RANGE) -> Array:
+    """(n, 2) designs on a regular grid over the range."""
+    ticks = [np.linspace(low, high, count) for (low, high), count in zip(within, counts, strict=True)]
+    points: Array = np.stack(np.meshgrid(*ticks, indexing="ij"), axis=-1).reshape(-1, 2)
+    return points
+
+
+def unseen_designs(count: int = 6, seed: int = 5) -> Array:
+    """(count, 2) designs between those of a grid, in the middle 80 % of the range."""
+    middle, width = RANGE.mean(axis=1), np.ptp(RANGE, axis=1)
+    shares = np.random.default_rng(seed).uniform(-0.4, 0.4, (count, 2))
+    points: Array = middle + shares * width
+    return points
+
+
+def solved_designs(counts: tuple[int, int] = (4, 4)) -> SolvedDesigns:
+    """Designs with one axis: about 20 states of role "fit" and 5 of role "check" each."""
+    return _solved(grid(counts), sample_law, _states_of_one_axis)
+
+
+def solved_spherical_designs(counts: tuple[int, int] = (4, 4)) -> SolvedDesigns:
+    """Designs with three axes: about 50 states of role "fit" and 10 of role "check" each."""
+    return _solved(grid(counts), spherical_sample_law, _states_of_three_axes)
+
+
+# What a state holds, which axis it explores, its branch and role; pressure and angles as shares of their ranges.
+_Plan = tuple[float, dict[str, float], str, str, str]
+
+
+def _states_of_one_axis() -> list[_Plan]:
+    random = np.random.default_rng(7)
+    free: list[_Plan] = [(s, {}, "y", "free", "fit") for s in np.linspace(0, 1, 5)]
+    shares = [(s, v) for s in (0.0, 0.5, 1.0) for v in np.linspace(0, 1, 5)]
+    fitted: list[_Plan] = [(s, {"y": v}, "y", "constrained", "fit") for s, v in shares]
+    check: list[_Plan] = [
+        (float(s), {"y": float(v)}, "y", "constrained", "check") for s, v in random.random((5, 2))
+    ]
+    return [*free, *fitted, *check]
+
+
+def _states_of_three_axes() -> list[_Plan]:
+    random = np.random.default_rng(8)
+    lateral: list[_Plan] = [
+        (s, {axis: v}, axis, "constrained", "fit")
+        for axis in "xz"
+        for s in (0.0, 0.5, 1.0)
+        for v in (0.0, 0.25, 1.0)
+    ]
+    whole: list[_Plan] = [
+        (float(s), dict(zip("xyz", map(float, v), strict=True)), "coupling", "constrained", role)
+        for role, count in (("fit", 14), ("check", 6))
+        for s, *v in random.random((count, 4))
+    ]
+    return [*_states_of_one_axis(), *lateral, *whole]
+
+
+def _solved(
+    values: Array, law_of: Callable[[Array], JointLaw], plan: Callable[[], list[_Plan]]
+) -> SolvedDesigns:
+    data = tuple(_data(row, law_of(row), plan()) for row in values)
+    return SolvedDesigns(FAMILY, NAMES, values, FIXED, data)
+
+
+def _data(values: Array, law: JointLaw, plan: list[_Plan]) -> ModuleData:
+    p = np.array([share * PRESSURE_PA for share, *_ in plan])
+    low, high = law.domain.deformation.T
+    shares = np.array([[angles.get(axis, np.nan) for axis in law.axes] for _, angles, *_ in plan])
+    u = held(law, p, low + shares * (high - low))
+    effort = law.evaluate(p, u)
+    n = len(p)
+    energy = law.potential(np.zeros(n), u)
+    return ModuleData(
+        design=Design(FAMILY, {**FIXED, **dict(zip(NAMES, map(float, values), strict=True))}),
+        joint=law.joint,
+        axes=law.axes,
+        main_axis="y",
+        actuation_name=law.actuation_name,
+        actuation=p,
+        deformation=u,
+        tau=effort.tau,
+        dtau_dp=effort.dtau_dp,
+        dtau_du=effort.dtau_du,
+        energy_j=energy,
+        travel=np.full(n, np.nan),
+        iterations=np.full(n, 4),
+        wall_s=np.full(n, 0.3),
+        explored=_texts(plan, 2),
+        branch=_texts(plan, 3),
+        status=np.full(n, "ok"),
+        role=_texts(plan, 4),
+    )
+
+
+def _texts(plan: list[_Plan], column: int) -> NDArray[np.str_]:
+    return np.array([row[column] for row in plan])

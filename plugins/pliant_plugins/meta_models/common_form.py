@@ -1,0 +1,201 @@
+"""Laws of many designs in one form, so that designs differ by a short vector of numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from pliant.records.design import Array
+from pliant.records.law import Domain, JointKind, JointLaw
+from pliant.records.solved import SolvedDesigns
+from pliant_plugins.meta_models.common_form_scales import ParameterMap, Trends
+from pliant_plugins.meta_models.common_form_stable import StabilityGrid
+from pliant_plugins.surrogates.polynomial.energy import EnergyBasis, Exponents
+from pliant_plugins.surrogates.polynomial.energy_law import EnergyLaw
+from pliant_plugins.surrogates.polynomial.law import PolynomialLaw
+
+ARRAYS = ("centre", "directions", "reference", "solved", "extent", "margin", "spread")
+TRENDS = ("sizes", "edges")
+TREND_PARTS = ("coefficients", "weights", "widths", "places")
+
+
+@dataclass(frozen=True, eq=False)
+class CommonForm:
+    """Π(p, u; design) = E(s) Σ_t c_t x^{e_t0} Π_k v_k^{e_tk} with x = p / p_max and v_k = u_k / u_k(s).
+
+    The reaches u_k(s) and the energy E(s) are power laws of the design's parameters s, or near them, so that the
+    coefficients vary little; they are c = centre + directions · z with the design's targets z (q,) in the order of
+    their size: a principal-component basis of the fitted coefficients, scaled so that |Δz| is the root mean square of
+    the effort's change, as a share of its mean size.
+
+    Attributes:
+        parameters: the map to scaled parameters.
+        sizes: logarithms of reaches and energy over s.
+        exponents: (m, 1 + k); centre: (m,); directions: (m, q).
+        reference: (n, q) stable targets of the solved designs, at `solved` (n, d).
+        edges: low and high v of the trusted states by axis, over s; extent: (k, 2) of all.
+        margin: (k,) scaled stiffness at rest.
+        spread: (q,) deviation of the targets over the solved designs.
+        actuation: lowest and highest of the data.
+        details: what there is to tell of the fit; not recorded.
+    """
+
+    parameters: ParameterMap
+    sizes: Trends
+    exponents: Exponents
+    centre: Array
+    directions: Array
+    reference: Array
+    solved: Array
+    edges: Trends
+    extent: Array
+    margin: Array
+    spread: Array
+    actuation: tuple[float, float]
+    axes: tuple[str, ...]
+    main: int
+    joint: JointKind
+    actuation_name: str
+    details: Mapping[str, Any] = field(default_factory=dict)
+    _grid: StabilityGrid = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        scale = max(abs(value) for value in self.actuation)
+        box = np.vstack([np.array(self.actuation) / scale, self.extent])
+        grid = StabilityGrid.of(self.exponents, box, self.main, self.margin)
+        object.__setattr__(self, "_grid", grid.transformed(np.column_stack([self.centre, self.directions])))
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the targets."""
+        return tuple(f"component_{i + 1}" for i in range(self.directions.shape[1]))
+
+    @staticmethod
+    def fit(designs: SolvedDesigns) -> tuple[CommonForm, Array]:
+        """The form and the targets (n, q) of the designs.
+
+        Trusted states of role "fit" only. Deterministic. Raises `UserError` for a design without such states.
+        """
+        # The fit makes forms, so its module needs this one.
+        from pliant_plugins.meta_models.common_form_fit import fit_common_form
+
+        return fit_common_form(designs)
+
+    def sizes_at(self, places: Array) -> Array:
+        """(m, k + 1) reach of each axis, and energy, at scaled parameters (m, d)."""
+        found: Array = np.exp(self.sizes(places))
+        return found
+
+    def reach(self, values: Array) -> Array:
+        """(m, k) reach of each axis of designs (m, d), rad or m."""
+        found: Array = self.sizes_at(self.parameters(values))[:, :-1]
+        return found
+
+    def effort(self, values: Array) -> Array:
+        """(m,) mean size of the main effort of designs (m, d), N·m or N: what one unit of |z| amounts to."""
+        sizes = self.sizes_at(self.parameters(values))
+        found: Array = sizes[:, -1] / sizes[:, self.main]
+        return found
+
+    def domain(self, values: Array) -> Domain:
+        """The box of a design (d,): where designs like it have trusted states."""
+        place = self.parameters(values[None])
+        return self._domain(self.sizes_at(place)[0, :-1], self._box(place))
+
+    def law(self, values: Array, targets: Array) -> JointLaw:
+        """The law of a design (d,) with targets (q,): stable, on the box that designs like it have."""
+        place = self.parameters(np.asarray(values, float)[None])
+        sizes, box = self.sizes_at(place)[0], self._box(place)
+        lifted = self._stable(place[0], np.asarray(targets, float), box)
+        coefficients = sizes[-1] * (self.centre + self.directions @ lifted)
+        return self._law(coefficients, sizes[:-1], self._domain(sizes[:-1], box))
+
+    def _stable(self, place: Array, targets: Array, box: Array) -> Array:
+        """Targets whose law is stable: moved as little as may be, in the mean effort, if need be.
+
+        Where no such targets are found near, moved toward those of the solved designs nearby.
+        """
+        keep = self._grid.inside(box)
+        own = np.concatenate([[1.0], targets])
+        if self._grid.stable(self._grid.at(own, keep)):
+            return targets
+        found = self._grid.nearest_targets(targets, keep)
+        if found is not None:
+            return found
+        away = np.sum((self.solved - place) ** 2, axis=1)
+        weights = np.exp(-2 * (away - away.min()))
+        nearby = np.concatenate([[1.0], weights @ self.reference / weights.sum()])
+        return self._grid.blended(own, nearby, keep)[1:]
+
+    def _box(self, place: Array) -> Array:
+        """(k, 2) scaled deformations of designs like one at (1, d)."""
+        k = len(self.axes)
+        found = self.edges(place).reshape(k, 2)
+        clipped: Array = np.clip(found, self.extent[:, :1], self.extent[:, 1:])
+        return clipped
+
+    def _domain(self, reach: Array, box: Array) -> Domain:
+        return Domain(np.array(self.actuation), box * reach[:, None])
+
+    def _law(self, coefficients: Array, reach: Array, domain: Domain) -> JointLaw:
+        scale = max(abs(value) for value in self.actuation)
+        x_map, u_map = np.array([0.0, scale]), np.column_stack([np.zeros(len(reach)), reach])
+        common = {"axes": self.axes, "joint": self.joint, "actuation_name": self.actuation_name}
+        if len(self.axes) > 1:
+            basis = EnergyBasis(self.exponents, x_map, u_map)
+            return EnergyLaw(basis, coefficients, domain, **common)  # type: ignore[arg-type]
+        i, j = self.exponents.T
+        table = np.zeros((i.max() + 1, j.max()))
+        table[i, j - 1] = -coefficients * j / reach[0]
+        return PolynomialLaw(table, x_map, u_map[0], domain, **common)  # type: ignore[arg-type]
+
+    def record(self, prefix: str = "form_") -> tuple[dict[str, Any], dict[str, Array]]:
+        """Values and arrays from which `of_record` makes the same form; arrays' names led by the prefix."""
+        values = {
+            "actuation": list(self.actuation),
+            "axes": list(self.axes),
+            "main": self.main,
+            "joint": self.joint,
+            "actuation_name": self.actuation_name,
+            "sizes_degree": self.sizes.degree,
+            "edges_degree": self.edges.degree,
+        }
+        arrays = {name: np.asarray(getattr(self, name)) for name in ARRAYS}
+        arrays |= {
+            "exponents": self.exponents,
+            "low": self.parameters.low,
+            "high": self.parameters.high,
+            "logarithmic": self.parameters.logarithmic,
+        }
+        for name in TRENDS:
+            arrays |= {f"{name}_{part}": getattr(getattr(self, name), part) for part in TREND_PARTS}
+        return values, {prefix + name: array for name, array in arrays.items()}
+
+    @staticmethod
+    def of_record(
+        values: Mapping[str, Any], arrays: Mapping[str, Array], prefix: str = "form_"
+    ) -> CommonForm:
+        """The form of a record."""
+
+        def read(name: str) -> Array:
+            return np.asarray(arrays[prefix + name], float)
+
+        fields: dict[str, Any] = {
+            "parameters": ParameterMap(
+                read("low"), read("high"), np.asarray(arrays[prefix + "logarithmic"], bool)
+            ),
+            "exponents": np.asarray(arrays[prefix + "exponents"], np.int64),
+            "actuation": (float(values["actuation"][0]), float(values["actuation"][1])),
+            "axes": tuple(values["axes"]),
+            "main": int(values["main"]),
+            "joint": values["joint"],
+            "actuation_name": str(values["actuation_name"]),
+        }
+        fields |= {name: read(name) for name in ARRAYS}
+        for name in TRENDS:
+            parts = (read(f"{name}_{part}") for part in TREND_PARTS)
+            fields[name] = Trends(int(values[f"{name}_degree"]), *parts)
+        return CommonForm(**fields)

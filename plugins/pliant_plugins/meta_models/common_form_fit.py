@@ -1,0 +1,204 @@
+"""The fit of a common form: scales, terms, coefficients of all designs at once, stability, principal components."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from pliant.errors import UserError
+from pliant.records.design import Array
+from pliant.records.solved import SolvedDesigns
+from pliant_plugins.meta_models.common_form import CommonForm
+from pliant_plugins.meta_models.common_form_choice import chosen_terms
+from pliant_plugins.meta_models.common_form_population import Population, fit_population
+from pliant_plugins.meta_models.common_form_scales import (
+    ParameterMap,
+    Trends,
+    degree_for,
+    monomials,
+    sizes_of,
+    turned,
+)
+from pliant_plugins.meta_models.common_form_stable import StabilityGrid
+from pliant_plugins.meta_models.common_form_terms import (
+    Equations,
+    equations,
+    fitted,
+    is_even,
+    orthonormal,
+    scaled_basis,
+    term_sets,
+)
+from pliant_plugins.surrogates.polynomial.energy import Exponents, unit
+
+# Directions that move no effort by more than this share of its mean size are left out.
+NEGLIGIBLE = 2e-5
+MOST_TARGETS = 24
+# In efforts per reach: stiffnesses are believed to be no larger; and how many places along an axis say so.
+STIFFNESS = 5.0
+CORNERS = 3
+
+
+def fit_common_form(designs: SolvedDesigns) -> tuple[CommonForm, Array]:
+    """See `CommonForm.fit`."""
+    first = designs.data[0]
+    main = first.axes.index(first.main_axis)
+    _enough_states(designs)
+    parameters = ParameterMap.of(designs.values)
+    places = parameters(designs.values)
+    sizes = Trends.fit(places, np.log(sizes_of(designs)))
+    actuation = _actuation(designs)
+    scale = max(abs(value) for value in actuation)
+    own = np.exp(sizes(places))
+    weights, ranges = _weights(designs, own)
+    even = is_even(designs.data, ranges)
+
+    def of_terms(exponents: Exponents) -> list[Equations]:
+        return [
+            equations(data, exponents, scale, size, weights)
+            for data, size in zip(designs.data, own, strict=True)
+        ]
+
+    extent, boxes = _boxes(designs, own)
+    box = np.vstack([np.array(actuation) / scale, extent])
+
+    def held(exponents: Exponents) -> Array:
+        return _held_stiffness(exponents, box, main, weights)
+
+    h = monomials(places, degree_for(*places.shape))
+    sets = term_sets(len(first.axes), main, even)
+    exponents, errors = chosen_terms(sets, of_terms, h, held)
+    blocks = of_terms(exponents)
+    lift = orthonormal(blocks)
+    raised = [one.lifted(lift) for one in blocks]
+    kept = lift.T @ held(exponents) @ lift
+    population = fit_population(raised, h, held=kept)
+    margin = _rest_stiffness(population, lift, exponents)
+    grid = StabilityGrid.of(exponents, box, main, margin).transformed(lift)
+    coefficients = _all_stable(population, raised, grid, boxes, kept)
+    centre, directions = _principal(coefficients)
+    targets = (coefficients - centre) @ directions
+    details = {
+        "terms": len(exponents),
+        "targets": directions.shape[1],
+        "even": even,
+        "state_errors": errors,
+        "noise": float(np.median(population.noise)),
+    }
+    form = CommonForm(
+        parameters,
+        sizes,
+        exponents,
+        centre=lift @ centre,
+        directions=lift @ directions,
+        reference=targets,
+        solved=places,
+        edges=_edges(places, boxes),
+        extent=extent,
+        margin=margin,
+        spread=targets.std(axis=0),
+        actuation=actuation,
+        axes=first.axes,
+        main=main,
+        joint=first.joint,
+        actuation_name=first.actuation_name,
+        details=details,
+    )
+    return form, targets
+
+
+def _enough_states(designs: SolvedDesigns) -> None:
+    for number, data in enumerate(designs.data):
+        good = fitted(data)
+        if good.sum() < 2:
+            raise UserError(
+                f"design {number + 1} of {len(designs)} has {int(good.sum())} trusted states of role 'fit', and at "
+                "least 2 are needed: leave it out of the sweep, or let its walls pass (fem.self_contact: pass)"
+            )
+
+
+def _actuation(designs: SolvedDesigns) -> tuple[float, float]:
+    seen = np.concatenate([data.actuation[fitted(data)] for data in designs.data])
+    return float(seen.min()), float(seen.max())
+
+
+def _weights(designs: SolvedDesigns, sizes: Array) -> tuple[Array, Array]:
+    """(k,) weight of each axis, one over its mean scaled effort; (k,) its largest effort."""
+    means, ranges = [], []
+    for data, size in zip(designs.data, sizes, strict=True):
+        good = fitted(data)
+        scaled = data.tau[good] * size[:-1] / size[-1]
+        means.append(np.sqrt(np.mean(scaled**2, axis=0)))
+        ranges.append(np.abs(data.tau[good]).max(axis=0))
+    typical = np.median(means, axis=0)
+    return 1 / np.where(typical > 0, typical, 1.0), np.max(ranges, axis=0)
+
+
+def _boxes(designs: SolvedDesigns, sizes: Array) -> tuple[Array, Array]:
+    """(k, 2) scaled deformations of all designs together, and (n, k, 2) of each (`turned`)."""
+    boxes = []
+    for data, size in zip(designs.data, sizes, strict=True):
+        boxes.append(np.stack(turned(data), axis=1) / size[:-1, None])
+    every = np.array(boxes)
+    return np.stack([every[:, :, 0].min(axis=0), every[:, :, 1].max(axis=0)], axis=1), every
+
+
+def _edges(places: Array, boxes: Array) -> Trends:
+    """The boxes (n, k, 2) over scaled parameters, as wide as it takes to hold those of all designs."""
+    edges = boxes.reshape(len(places), -1)
+    found = Trends.fit(places, edges, least_gain=1.0)
+    missed = edges - found(places)
+    coefficients = found.coefficients.copy()
+    coefficients[0, 0::2] += missed[:, 0::2].min(axis=0)
+    coefficients[0, 1::2] += missed[:, 1::2].max(axis=0)
+    return replace(found, coefficients=coefficients)
+
+
+def _held_stiffness(exponents: Exponents, box: Array, main: int, weights: Array) -> Array:
+    """(m, m) belief that stiffnesses in the box are of the efforts' own size, within `STIFFNESS` times.
+
+    Corners where several axes are far out have no states; without it, polynomials of several axes are anything there.
+    One axis has states all over its box, and needs none.
+    """
+    m, k = len(exponents), len(weights)
+    if k == 1:
+        return np.zeros((m, m))
+    slopes = StabilityGrid.of(exponents, box, main, np.ones(k)).slopes
+    weighed = slopes * np.sqrt(weights[:, None] * weights)[:, :, None] / STIFFNESS
+    rows = weighed.reshape(-1, m)
+    found: Array = CORNERS**k / len(slopes) * rows.T @ rows
+    return found
+
+
+def _rest_stiffness(population: Population, lift: Array, exponents: Exponents) -> Array:
+    """(k,) median over the designs of −∂τ/∂u at rest, scaled; positive."""
+    k = exponents.shape[1] - 1
+    rest = scaled_basis(exponents)
+    rows = [rest.derivative(np.zeros(1), np.zeros((1, k)), unit(k, 1 + i, 1 + i))[0] for i in range(k)]
+    found = np.median(population.coefficients @ lift.T @ np.array(rows).T, axis=0)
+    return np.asarray(np.where(found > 0, found, np.abs(found) + 1e-12), float)
+
+
+def _all_stable(
+    population: Population, blocks: list[Equations], grid: StabilityGrid, boxes: Array, held: Array
+) -> Array:
+    """(n, m) coefficients of the designs, each moved as little as its data mind until its law is stable."""
+    prior = np.linalg.inv(population.spread) + held
+    found = []
+    for own, one, box, noise in zip(population.coefficients, blocks, boxes, population.noise, strict=True):
+        keep = grid.inside(box)
+        if not grid.stable(grid.at(own, keep)):
+            precision = one.rows.T @ one.rows / noise**2 + prior
+            own = grid.nearest(own, precision, keep)
+        found.append(own)
+    return np.array(found)
+
+
+def _principal(coefficients: Array) -> tuple[Array, Array]:
+    """Mean (m,) and orthonormal directions (m, q) of coefficients (n, m); what is negligible is left out."""
+    centre = coefficients.mean(axis=0)
+    _, sizes, directions = np.linalg.svd(coefficients - centre, full_matrices=False)
+    left = np.sqrt(np.cumsum(sizes[::-1] ** 2)[::-1] / len(coefficients))
+    count = int(np.clip(np.sum(left > NEGLIGIBLE), 1, MOST_TARGETS))
+    return centre, directions[:count].T

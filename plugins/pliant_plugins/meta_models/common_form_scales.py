@@ -1,0 +1,168 @@
+"""Scales of a family's designs: parameters on [−1, 1], and smooth sizes of torques and angles."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pliant.records.design import Array
+from pliant.records.fem import TRUSTED, ModuleData
+from pliant.records.solved import SolvedDesigns
+
+# A parameter whose range spans this ratio or more counts by its logarithm.
+LOG_RATIO = 1.02
+RIDGE = 1e-6
+# The Gaussians must halve the error on designs left out: scales that wiggle make every coefficient wiggle.
+RESIDUAL_GAIN = 0.25
+RESIDUAL_WIDTHS = (0.7, 1.2)
+RESIDUAL_RIDGES = (1e-6, 1e-3, 1e-1)
+# Designs per coefficient from which the power laws get products of two parameters.
+DESIGNS_PER_TERM = 2.2
+FLOOR = 1e-12
+
+
+@dataclass(frozen=True, eq=False)
+class ParameterMap:
+    """s = (2 g(value) − a − b)/(b − a) with g the logarithm of positive parameters: the box becomes [−1, 1].
+
+    Attributes:
+        low, high: (d,) of the box, in the parameters' own units.
+        logarithmic: (d,) which ones count by their logarithm.
+    """
+
+    low: Array
+    high: Array
+    logarithmic: NDArray[np.bool_]
+
+    @staticmethod
+    def of(values: Array, logarithms: bool = True) -> ParameterMap:
+        """The map of the box of designs (n, d)."""
+        low, high = values.min(axis=0), values.max(axis=0)
+        positive = low > 0
+        wide = positive & (high > LOG_RATIO * np.where(positive, low, 1.0))
+        return ParameterMap(low, high, wide if logarithms else np.zeros(len(low), bool))
+
+    def __call__(self, values: Array) -> Array:
+        """(m, d) scaled parameters of designs (m, d); outside the box they go on as they are."""
+        low, high, given = self._taken(self.low), self._taken(self.high), self._taken(values)
+        width = np.where(high > low, high - low, 1.0)
+        scaled: Array = (2 * given - low - high) / width
+        return scaled
+
+    def _taken(self, values: Array) -> Array:
+        safe = np.where(self.logarithmic, np.maximum(values, FLOOR), 1.0)
+        taken: Array = np.where(self.logarithmic, np.log(safe), values)
+        return taken
+
+
+@dataclass(frozen=True, eq=False)
+class Trends:
+    """Several quantities over scaled parameters: a polynomial of degree ≤ 2, and Gaussians about the solved designs.
+
+    Quantity r is h(s) · b_r + Σ_i w_ir exp(−|s − s_i|² / (2 ℓ_r²)); the second part is what the first leaves, as far
+    as it helps on designs left out one by one.
+
+    Attributes:
+        degree: of h.
+        coefficients: (t, r) b; weights: (n, r) w; widths: (r,) ℓ; places: (n, d) s_i.
+    """
+
+    degree: int
+    coefficients: Array
+    weights: Array
+    widths: Array
+    places: Array
+
+    @staticmethod
+    def fit(places: Array, quantities: Array, least_gain: float = RESIDUAL_GAIN) -> Trends:
+        """Least squares of quantities (n, r) at scaled parameters (n, d), held by a small ridge.
+
+        The Gaussians must bring the squared error on designs left out down to the share `least_gain`.
+        """
+        degree = degree_for(*places.shape)
+        h = monomials(places, degree)
+        penalty = RIDGE * len(h) * np.eye(h.shape[1])
+        penalty[0, 0] = 0.0
+        trend = np.asarray(np.linalg.solve(h.T @ h + penalty, h.T @ quantities), float)
+        left = [_residual(places, column, least_gain) for column in (quantities - h @ trend).T]
+        weights = np.stack([one[1] for one in left], axis=1)
+        return Trends(degree, trend, weights, np.array([one[0] for one in left]), places)
+
+    def __call__(self, places: Array) -> Array:
+        """(m, r) quantities at scaled parameters (m, d)."""
+        found: Array = monomials(places, self.degree) @ self.coefficients
+        if not self.weights.any():
+            return found
+        apart = np.sum((places[:, None] - self.places[None]) ** 2, axis=2)
+        near = np.exp(-apart[:, :, None] / (2 * self.widths**2))
+        return found + np.einsum("mnr,nr->mr", near, self.weights)
+
+
+def _residual(places: Array, column: Array, least_gain: float) -> tuple[float, Array]:
+    """Width and weights (n,) of the Gaussians that miss designs left out least; no weights where none helps."""
+    apart = np.sum((places[:, None] - places[None]) ** 2, axis=2)
+    best = (least_gain * float(np.sum(column**2)), 1.0, np.zeros(len(column)))
+    for width in RESIDUAL_WIDTHS:
+        kernel = np.exp(-apart / (2 * width**2))
+        for ridge in RESIDUAL_RIDGES:
+            inverse = np.linalg.inv(kernel + ridge * np.eye(len(kernel)))
+            weights = inverse @ column
+            missed = float(np.sum((weights / np.diagonal(inverse)) ** 2))
+            if missed < best[0]:
+                best = (missed, width, weights)
+    return best[1], best[2]
+
+
+def degree_for(designs: int, parameters: int) -> int:
+    """2 where there are designs enough for squares and products, else 1."""
+    terms = (parameters + 1) * (parameters + 2) // 2
+    return 2 if designs >= DESIGNS_PER_TERM * terms else 1
+
+
+def monomials(places: Array, degree: int) -> Array:
+    """(n, t) 1, s_i and for degree 2 s_i s_j of scaled parameters (n, d)."""
+    n, d = places.shape
+    columns = [np.ones(n), *places.T]
+    if degree > 1:
+        columns += [places[:, i] * places[:, j] for i in range(d) for j in range(i, d)]
+    return np.stack(columns, axis=1)
+
+
+def sizes_of(designs: SolvedDesigns) -> Array:
+    """(n, k + 1) how far each design's axes were turned, and its energy: median effort times reach of the main axis.
+
+    Side axes count as far as they were turned in any state, trusted or not: their range is the study's choice.
+
+    The main axis counts by its free angle at the highest actuation where that state is trusted; one that is not
+    is left to the states that are. So the sizes are rough, which matters little: they are scales.
+    """
+    found = [_sizes(data) for data in designs.data]
+    return np.array(found)
+
+
+def turned(data: ModuleData) -> tuple[Array, Array]:
+    """(k,) lowest and (k,) highest deformation of fitted states; of side axes those that are not trusted count too."""
+    seen = data.role == "fit"
+    good = seen & np.isin(data.status, TRUSTED)
+    low, high = (np.asarray(end(data.deformation[seen], axis=0), float) for end in (np.min, np.max))
+    main = data.axes.index(data.main_axis)
+    low[main], high[main] = np.min(data.deformation[good, main]), np.max(data.deformation[good, main])
+    return low, high
+
+
+def _sizes(data: ModuleData) -> list[float]:
+    good = np.isin(data.status, TRUSTED) & (data.role == "fit")
+    main = data.axes.index(data.main_axis)
+    low, high = turned(data)
+    reach = np.maximum(np.maximum(-low, high), FLOOR)
+    highest = data.actuation[data.role == "fit"].max(initial=0.0)
+    full = good & (data.branch == "free") & (data.actuation >= 0.999 * highest)
+    if full.any():
+        reach[main] = np.abs(data.deformation[full, main]).max()
+    efforts = np.abs(data.tau[good, main])
+    # The median of what is no free branch: a stop, where efforts are many times larger, does not count.
+    loaded = efforts > 1e-6 * efforts.max(initial=0.0)
+    effort = float(np.median(efforts[loaded])) if loaded.any() else FLOOR
+    return [*np.maximum(reach, FLOOR), max(effort * reach[main], FLOOR)]

@@ -1,0 +1,174 @@
+"""Coefficients whose law is stable: ∂τ/∂u negative definite over a grid of the box of a family's designs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import nnls
+
+from pliant.records.design import Array
+from pliant_plugins.meta_models.common_form_terms import scaled_basis
+from pliant_plugins.surrogates.polynomial.energy import Exponents, unit
+
+# Levels of the actuation, of the main axis and of a side axis, which is symmetric or nearly so.
+LEVELS = (5, 25, 5)
+ONE_AXIS_LEVELS = (9, 41)
+# Every joint keeps at least this share of its family's typical stiffness at rest.
+MARGIN = 0.02
+CUTS = 25
+HALVINGS = 30
+Mask = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class StabilityGrid:
+    """Scaled slopes ∂τ/∂u as linear functions of coefficients, at points of a box.
+
+    Attributes:
+        points: (g, 1 + k) scaled actuation and deformations.
+        slopes: (g, k, k, m) slopes of each term.
+        margin: (k,) stiffness that must remain.
+    """
+
+    points: Array
+    slopes: Array
+    margin: Array
+
+    @cached_property
+    def _levels(self) -> list[Array]:
+        return [np.unique(column) for column in self.points.T]
+
+    @staticmethod
+    def of(exponents: Exponents, box: Array, main: int, margin: Array) -> StabilityGrid:
+        """A grid of the scaled box (1 + k, 2)."""
+        k = len(box) - 1
+        counts = (
+            ONE_AXIS_LEVELS if k == 1 else (LEVELS[0], *(LEVELS[1 if i == main else 2] for i in range(k)))
+        )
+        sides = [np.linspace(low, high, count) for (low, high), count in zip(box, counts, strict=True)]
+        points = np.stack(np.meshgrid(*sides, indexing="ij"), axis=-1).reshape(-1, 1 + k)
+        basis = scaled_basis(exponents)
+        slopes = np.zeros((len(points), k, k, len(exponents)))
+        for i in range(k):
+            for j in range(i, k):
+                slopes[:, i, j] = -basis.derivative(points[:, 0], points[:, 1:], unit(k, 1 + i, 1 + j))
+                slopes[:, j, i] = slopes[:, i, j]
+        return StabilityGrid(points, slopes, MARGIN * margin)
+
+    def transformed(self, matrix: Array) -> StabilityGrid:
+        """The same grid for coefficients z with c = matrix · z."""
+        return StabilityGrid(self.points, self.slopes @ matrix, self.margin)
+
+    def inside(self, box: Array) -> Mask:
+        """(g,) points in a deformation box (k, 2), and the first beyond each side of it."""
+        keep = np.ones(len(self.points), bool)
+        for axis, (low, high) in enumerate(box, start=1):
+            levels = self._levels[axis]
+            first = levels[max(np.searchsorted(levels, low, side="right") - 1, 0)]
+            last = levels[min(np.searchsorted(levels, high), len(levels) - 1)]
+            keep &= (self.points[:, axis] >= first) & (self.points[:, axis] <= last)
+        return keep
+
+    def at(self, coefficients: Array, keep: Mask) -> Array:
+        """(g', k, k) slopes plus the margin: stable where negative definite."""
+        found: Array = self.slopes[keep] @ coefficients + np.diag(self.margin)
+        return found
+
+    def stable(self, slopes: Array) -> bool:
+        """Whether all of (g, k, k) symmetric slopes are negative definite (by leading minors)."""
+        s = -slopes
+        if not np.all(s[:, 0, 0] > 0):
+            return False
+        if s.shape[1] == 1:
+            return True
+        second = s[:, 0, 0] * s[:, 1, 1] - s[:, 0, 1] ** 2
+        if not np.all(second > 0):
+            return False
+        return s.shape[1] == 2 or bool(np.all(_determinant(s) > 0))
+
+    def blended(self, coefficients: Array, reference: Array, keep: Mask) -> Array:
+        """The coefficients, moved toward a stable reference just as far as stability asks for."""
+        own, other = self.at(coefficients, keep), self.at(reference, keep)
+        if self.stable(own):
+            return coefficients
+        low, high = 0.0, 1.0
+        for _ in range(HALVINGS if len(self.margin) == 1 else HALVINGS // 2):
+            middle = (low + high) / 2
+            if self.stable(own + middle * (other - own)):
+                high = middle
+            else:
+                low = middle
+        moved: Array = coefficients + high * (reference - coefficients)
+        return moved
+
+    def nearest_targets(self, targets: Array, keep: Mask) -> Array | None:
+        """The stable targets nearest to given ones, for a grid of coefficients (1, targets); None where none is found.
+
+        The margin that is aimed at is twice the one that must remain, so that few cuts are enough.
+        """
+        fixed = self.slopes[keep][..., 0]
+        inner = StabilityGrid(self.points[keep], self.slopes[keep][..., 1:], self.margin)
+        every = np.ones(len(inner.points), bool)
+        found = inner.nearest(targets, np.eye(len(targets)), every, fixed)
+        whole = np.concatenate([[1.0], found])
+        return found if self.stable(self.at(whole, keep)) else None
+
+    def nearest(self, coefficients: Array, precision: Array, keep: Mask, fixed: Array | float = 0.0) -> Array:
+        """The stable coefficients that lie nearest to given ones in the metric `precision` (m, m).
+
+        Slopes `fixed` (g', k, k) come on top of those that the coefficients make.
+
+        Cutting planes (Kelley, J. SIAM 8, 1960): a direction d of growing effort at a point gives the plane
+        dᵀ S d ≤ 0; the quadratic program over the planes is solved by its dual, a non-negative least squares.
+        """
+        root = np.linalg.cholesky(
+            precision + 1e-12 * np.trace(precision) / len(precision) * np.eye(len(precision))
+        )
+        slopes, planes, limits = self.slopes[keep], [], []
+        rest = np.broadcast_to(fixed, slopes.shape[:3])
+        found = coefficients
+        for _ in range(CUTS):
+            values, vectors = np.linalg.eigh(self.at(found, keep) + fixed)
+            bad = np.flatnonzero(values[:, -1] > 0)
+            if not bad.size:
+                break
+            worst = bad[np.argsort(values[bad, -1])[::-1][:40]]
+            d = vectors[worst, :, -1]
+            planes.append(np.einsum("gi,gijm,gj->gm", d, slopes[worst], d))
+            held = np.einsum("gi,gij,gj->g", d, rest[worst], d)
+            limits.append(-2.0 * np.einsum("gi,i,gi->g", d, self.margin, d) - held)
+            found = _project(coefficients, root, np.concatenate(planes), np.concatenate(limits))
+        return found
+
+
+def _project(start: Array, root: Array, planes: Array, limits: Array) -> Array:
+    """min |rootᵀ (c − start)| subject to planes · c ≤ limits (Lawson and Hanson, 1974, ch. 23)."""
+    # With y = rootᵀ (c − start) the planes read −G y ≥ −h; the least distance is the residual of an NNLS.
+    g = np.linalg.solve(root, planes.T).T
+    h = limits - planes @ start
+    scale = np.maximum(np.linalg.norm(g, axis=1), 1e-300)
+    g, h = g / scale[:, None], h / scale
+    system = np.vstack([-g.T, -h[None]])
+    goal = np.zeros(len(system))
+    goal[-1] = 1.0
+    try:
+        weights, _ = nnls(system, goal, maxiter=50 * system.shape[1])
+    except RuntimeError:
+        return start
+    r = system @ weights - goal
+    if abs(r[-1]) < 1e-12:
+        return start
+    step: Array = np.linalg.solve(root.T, -r[:-1] / r[-1])
+    return start + step
+
+
+def _determinant(s: Array) -> Array:
+    found: Array = (
+        s[:, 0, 0] * (s[:, 1, 1] * s[:, 2, 2] - s[:, 1, 2] ** 2)
+        - s[:, 0, 1] * (s[:, 0, 1] * s[:, 2, 2] - s[:, 1, 2] * s[:, 0, 2])
+        + s[:, 0, 2] * (s[:, 0, 1] * s[:, 1, 2] - s[:, 1, 1] * s[:, 0, 2])
+    )
+    return found

@@ -1,0 +1,150 @@
+"""Which terms x^i v_1^j … of an energy a family's designs share, and the equations that their states give."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pliant.records.design import Array
+from pliant.records.fem import TRUSTED, ModuleData
+from pliant_plugins.surrogates.polynomial.energy import EnergyBasis, Exponents, unit
+
+# As in the polynomial surrogate: slopes of a polynomial are steeper than its values.
+SLOPE_WEIGHT = 0.2
+# From this many times an axis' typical effort on, errors count relative to the effort.
+LARGE = 2.0
+# How many powers of the main axis a power of a side axis counts for.
+COST = 1.5
+# Efforts of side axes below this share of their range, with the side axes at rest, are none.
+SYMMETRY = 1e-5
+
+
+@dataclass(frozen=True, eq=False)
+class Equations:
+    """What the states of one design say, in scaled units: rows · c = right, each weighted.
+
+    Attributes:
+        rows: (e, m) derivatives of the terms.
+        right: (e,) scaled efforts and slopes.
+        state: (e,) the state that each stems from.
+        value: (e,) whether it is an effort, no slope.
+    """
+
+    rows: Array
+    right: Array
+    state: NDArray[np.int64]
+    value: NDArray[np.bool_]
+
+    def of_states(self, keep: NDArray[np.bool_]) -> Equations:
+        """The equations of the states that a mask chooses."""
+        chosen = keep[self.state]
+        return Equations(self.rows[chosen], self.right[chosen], self.state[chosen], self.value[chosen])
+
+    def lifted(self, lift: Array) -> Equations:
+        """The same equations for z with c = lift · z."""
+        return Equations(self.rows @ lift, self.right, self.state, self.value)
+
+
+def orthonormal(blocks: Sequence[Equations]) -> Array:
+    """(m, m) L with c = L z such that |z|² is the mean square of the equations over all designs."""
+    rows = np.concatenate([one.rows / np.sqrt(len(blocks) * len(one.right)) for one in blocks])
+    held = 1e-7 * np.abs(rows).max() * np.eye(rows.shape[1])
+    found: Array = np.linalg.inv(np.linalg.qr(np.concatenate([rows, held]), mode="r"))
+    return found
+
+
+def scaled_basis(exponents: Exponents) -> EnergyBasis:
+    """Terms of scaled variables: actuation by its largest value, deformations by their reach."""
+    k = exponents.shape[1] - 1
+    return EnergyBasis(exponents, np.array([0.0, 1.0]), np.tile([0.0, 1.0], (k, 1)))
+
+
+def fitted(data: ModuleData) -> NDArray[np.bool_]:
+    """(n,) the states that a meta-model may see: trusted ones of role "fit"."""
+    seen: NDArray[np.bool_] = np.isin(data.status, TRUSTED) & (data.role == "fit")
+    return seen
+
+
+def equations(
+    data: ModuleData, exponents: Exponents, actuation: float, sizes: Array, weights: Array
+) -> Equations:
+    """Equations of the trusted states of role "fit" of one design.
+
+    Args:
+        actuation: scale of the actuation.
+        sizes: (k + 1,) reach of each axis and energy of this design.
+        weights: (k,) weight of each axis.
+    """
+    keep = fitted(data)
+    reach, energy = sizes[:-1], sizes[-1]
+    basis, k = scaled_basis(exponents), len(data.axes)
+    x, v = data.actuation[keep] / actuation, data.deformation[keep] / reach
+    blocks: list[tuple[Array, Array, bool]] = []
+    for i in range(k):
+        to_unit = weights[i] * reach[i] / energy
+        blocks.append((weights[i] * _of(basis, x, v, unit(k, 1 + i)), to_unit * data.tau[keep, i], True))
+        by_p = SLOPE_WEIGHT * to_unit * actuation * data.dtau_dp[keep, i]
+        blocks.append((SLOPE_WEIGHT * weights[i] * _of(basis, x, v, unit(k, 0, 1 + i)), by_p, False))
+        for j in range(i, k):
+            weight = SLOPE_WEIGHT * np.sqrt(weights[i] * weights[j])
+            by_u = weight * reach[i] * reach[j] / energy * data.dtau_du[keep, i, j]
+            blocks.append((weight * _of(basis, x, v, unit(k, 1 + i, 1 + j)), by_u, False))
+    n = int(keep.sum())
+    blocks = [_tempered(*block) for block in blocks]
+    rows, right = np.concatenate([b[0] for b in blocks]), np.concatenate([b[1] for b in blocks])
+    state = np.tile(np.arange(n), len(blocks))
+    value = np.repeat([b[2] for b in blocks], n)
+    known = np.isfinite(right)
+    return Equations(rows[known], right[known], state[known], value[known])
+
+
+def _tempered(rows: Array, right: Array, value: bool) -> tuple[Array, Array, bool]:
+    """Equations far larger than typical ones count by their relative error: against a stop efforts are huge."""
+    size = np.where(np.isfinite(right), np.abs(right), 0.0) / (LARGE if value else LARGE * SLOPE_WEIGHT * 2)
+    weight = 1 / np.sqrt(1 + size**2)
+    return rows * weight[:, None], right * weight, value
+
+
+def _of(basis: EnergyBasis, x: Array, v: Array, orders: tuple[int, ...]) -> Array:
+    # τ = −∂Π/∂u: the minus sign of every row.
+    return -basis.derivative(x, v, orders)
+
+
+def term_sets(axes: int, main: int, even: bool) -> list[Exponents]:
+    """Nested sets of exponents (m, 1 + k), small ones first; `even`: unchanged where all side axes change sign."""
+    sides = [k for k in range(axes) if k != main]
+    if not sides:
+        degrees = [(1, 3), (2, 3), (2, 4), (3, 5), (4, 6), (4, 7), (5, 8)]
+    else:
+        degrees = [(1, 3), (2, 4), (2, 6), (3, 8), (3, 11), (3, 14)]
+    return [_terms(axes, main, sides, even, *degree) for degree in degrees]
+
+
+def _terms(axes: int, main: int, sides: list[int], even: bool, top_x: int, top_v: int) -> Exponents:
+    """Terms with i/I + (j + 2 (side powers))/J ≤ 1 for efforts of degree I and J, at most four side powers."""
+    found = []
+    for powers in np.ndindex(*([top_x + 1] + [top_v + 2] * axes)):
+        i, u = powers[0], np.array(powers[1:])
+        across = int(u[sides].sum())
+        if u.sum() == 0 or across > 4 or (even and across % 2):
+            continue
+        if i / top_x + (int(u[main]) + COST * across - 1) / top_v <= 1 + 1e-9:
+            found.append((i + int(u[main]) + COST * across, powers))
+    # In the order of their degree: `orthonormal` then gives each direction what lower degrees leave open.
+    return np.array([powers for _, powers in sorted(found)], np.int64)
+
+
+def is_even(data: tuple[ModuleData, ...], ranges: Array) -> bool:
+    """Whether side axes at rest bear no effort in any fitted state: the module then has a plane of symmetry."""
+    for one in data:
+        main = one.axes.index(one.main_axis)
+        sides = np.array([k for k in range(len(one.axes)) if k != main])
+        if not len(sides):
+            return False
+        rest = fitted(one) & np.all(np.abs(one.deformation[:, sides]) < 1e-9, axis=1)
+        if np.any(np.abs(one.tau[rest][:, sides]) > SYMMETRY * ranges[sides]):
+            return False
+    return True

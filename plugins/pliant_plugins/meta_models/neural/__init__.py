@@ -1,0 +1,1 @@
+"""Neural meta-model: one network of design, actuation and deformation."""

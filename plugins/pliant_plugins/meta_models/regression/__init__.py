@@ -1,0 +1,1 @@
+"""Regression meta-model: Gaussian processes and others from a design's parameters to its law's coefficients."""

@@ -1,0 +1,211 @@
+"""The law of a polynomial energy as one plain function, for engines that compile it and for the law itself.
+
+`EnergyLaw`'s docstring has the formulas. Nothing here allocates. Laws of fewer than three axes are filled up with
+axes that no term contains.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pliant.records.design import Array
+
+# Parameters: number of monomials in u, of powers of x; p₀, p₁, p low, p high, reaches below and above; six numbers of
+# each of three axes: u₀, u₁, u low, u high, reach, bowl; reference gains below (3) and above (3); then the monomials:
+# whether it couples axes, its three powers, and its coefficients of x⁰, x¹ …
+AXES = 8
+GAINS = AXES + 18
+HEADER = GAINS + 6
+# Stands for "without limit", so that parameters are finite numbers.
+UNBOUNDED = 1e300
+
+
+def energy_effort(
+    actuation: float, deformation: Array, parameters: Array, tau: Array, dtau_dp: Array, dtau_du: Array
+) -> None:
+    """Fill tau (a,), dtau_dp (a,) and the symmetric dtau_du (a, a) of one to three coupled axes."""
+    n = len(tau)
+    x, y, z = deformation[0], 0.0, 0.0
+    if n > 1:
+        y = deformation[1]
+    if n > 2:
+        z = deformation[2]
+    _, tx, ty, tz, gx, gy, gz, xx, xy, xz, yy, yz, zz = energy_and_slopes(actuation, x, y, z, parameters)
+    tau[0], dtau_dp[0], dtau_du[0, 0] = tx, gx, xx
+    if n > 1:
+        tau[1], dtau_dp[1], dtau_du[1, 1] = ty, gy, yy
+        dtau_du[0, 1], dtau_du[1, 0] = xy, xy
+    if n > 2:
+        tau[2], dtau_dp[2], dtau_du[2, 2] = tz, gz, zz
+        dtau_du[0, 2], dtau_du[2, 0] = xz, xz
+        dtau_du[1, 2], dtau_du[2, 1] = yz, yz
+
+
+def energy_and_slopes(
+    actuation: float, u_x: float, u_y: float, u_z: float, parameters: Array
+) -> tuple[
+    float, float, float, float, float, float, float, float, float, float, float, float, float
+]:  # fmt: skip
+    """Π up to a function of p, then τ, ∂τ/∂p, and ∂τ/∂u as xx, xy, xz, yy, yz, zz."""
+    monomials, columns = int(parameters[0] + 0.5), int(parameters[1] + 0.5)
+    p = min(max(actuation, parameters[4]), parameters[5])
+    over = actuation - p
+    reach, rate = over, 1.0
+    side = 7 if over > 0.0 else 6
+    if over != 0.0 and parameters[side] < UNBOUNDED:
+        bent = math.tanh(over / parameters[side])
+        reach, rate = parameters[side] * bent, 1.0 - bent * bent
+    x = (p - parameters[2]) / parameters[3]
+    reach_x, rate_x = reach / parameters[3], rate / parameters[3]
+    vx, dx, sx, rx, bx, ex, fx, hx = _axis(u_x, AXES, parameters)
+    vy, dy, sy, ry, by, ey, fy, hy = _axis(u_y, AXES + 6, parameters)
+    vz, dz, sz, rz, bz, ez, fz, hz = _axis(u_z, AXES + 12, parameters)
+    start = GAINS + (3 if over > 0.0 else 0)
+    gx, gy, gz = parameters[start], parameters[start + 1], parameters[start + 2]
+    push = over - reach
+    energy = ex + ey + ez - push * (gx * u_x + gy * u_y + gz * u_z)
+    tx, ty, tz = push * gx - fx, push * gy - fy, push * gz - fz
+    gx, gy, gz = (1.0 - rate) * gx, (1.0 - rate) * gy, (1.0 - rate) * gz
+    xx, yy, zz = -hx, -hy, -hz
+    xy, xz, yz = 0.0, 0.0, 0.0
+    place = HEADER
+    for _ in range(monomials):
+        value, slope = 0.0, 0.0
+        for i in range(place + 3 + columns, place + 3, -1):
+            slope = slope * x + value
+            value = value * x + parameters[i]
+        value += slope * reach_x
+        slope *= rate_x
+        if parameters[place] > 0.5:
+            px, px1, px2 = _bent_power(sx, rx, bx, parameters[place + 1])
+            py, py1, py2 = _bent_power(sy, ry, by, parameters[place + 2])
+            pz, pz1, pz2 = _bent_power(sz, rz, bz, parameters[place + 3])
+            q, q1, q2, q3 = py * pz, px * pz, px * py, value * px
+            energy += value * px * q
+            tx -= value * px1 * q
+            ty -= value * py1 * q1
+            tz -= value * pz1 * q2
+            gx -= slope * px1 * q
+            gy -= slope * py1 * q1
+            gz -= slope * pz1 * q2
+            xx -= value * px2 * q
+            yy -= value * py2 * q1
+            zz -= value * pz2 * q2
+            xy -= value * px1 * py1 * pz
+            xz -= value * px1 * pz1 * py
+            yz -= q3 * py1 * pz1
+        elif parameters[place + 1] > 0.5:
+            w, w1, w2 = _straight_power(vx, dx, parameters[AXES + 1], parameters[place + 1])
+            energy += value * w
+            tx -= value * w1
+            gx -= slope * w1
+            xx -= value * w2
+        elif parameters[place + 2] > 0.5:
+            w, w1, w2 = _straight_power(vy, dy, parameters[AXES + 7], parameters[place + 2])
+            energy += value * w
+            ty -= value * w1
+            gy -= slope * w1
+            yy -= value * w2
+        else:
+            w, w1, w2 = _straight_power(vz, dz, parameters[AXES + 13], parameters[place + 3])
+            energy += value * w
+            tz -= value * w1
+            gz -= slope * w1
+            zz -= value * w2
+        place += 4 + columns
+    return energy, tx, ty, tz, gx, gy, gz, xx, xy, xz, yy, yz, zz
+
+
+def _axis(
+    u: float, start: int, parameters: Array
+) -> tuple[float, float, float, float, float, float, float, float]:
+    """v at the border, the excess in v; bent v, its first two derivatives by u; the bowl and its derivatives."""
+    inside = min(max(u, parameters[start + 2]), parameters[start + 3])
+    scale, limit = parameters[start + 1], parameters[start + 4]
+    v, over = (inside - parameters[start]) / scale, u - inside
+    if over == 0.0:
+        return v, 0.0, v, 1.0 / scale, 0.0, 0.0, 0.0, 0.0
+    bent = math.tanh(over / limit)
+    rate = 1.0 - bent * bent
+    a, sign = abs(over) / limit, (1.0 if over > 0.0 else -1.0)
+    bowl = parameters[start + 5]
+    log = math.log(1.0 + a)
+    return (
+        v,
+        over / scale,
+        v + limit * bent / scale,
+        rate / scale,
+        -2.0 * bent * rate / (limit * scale),
+        bowl * limit * limit * (a * a / 2.0 + a - (1.0 + a) * log),
+        bowl * sign * limit * (a - log),
+        bowl * a / (1.0 + a),
+    )
+
+
+def _bent_power(s: float, rate: float, bend: float, power: float) -> tuple[float, float, float]:
+    """s^j and its first two derivatives by u, where s(u) has the derivatives `rate` and `bend`."""
+    if power < 0.5:
+        return 1.0, 0.0, 0.0
+    if power < 1.5:
+        return s, rate, bend
+    low = 1.0
+    for _ in range(int(power + 0.5) - 2):
+        low *= s
+    first = power * low * s
+    return low * s * s, first * rate, power * (power - 1.0) * low * rate * rate + first * bend
+
+
+def _straight_power(v: float, over: float, scale: float, power: float) -> tuple[float, float, float]:
+    """v^j, continued from the border by its second-order Taylor polynomial, and its derivatives by u."""
+    if power < 1.5:
+        return v + over, 1.0 / scale, 0.0
+    low = 1.0
+    for _ in range(int(power + 0.5) - 2):
+        low *= v
+    first, second = power * low * v, power * (power - 1.0) * low
+    value = low * v * v + (first + second * over / 2.0) * over
+    return value, (first + second * over) / scale, second / (scale * scale)
+
+
+def one_by_one(at: Array, parameters: Array, out: Array) -> None:
+    """Fill out (n, 13) with `energy_and_slopes` at p and u in rows (n, 4)."""
+    for n in range(len(at)):
+        found = energy_and_slopes(at[n, 0], at[n, 1], at[n, 2], at[n, 3], parameters)
+        for k in range(len(found)):
+            out[n, k] = found[k]
+
+
+def pack(
+    exponents: NDArray[np.int64],
+    coefficients: Array,
+    maps: tuple[Array, Array],
+    box: Array,
+    reaches: tuple[Array, Array],
+    bowls: Array,
+    gains: Array,
+) -> Array:
+    """The parameters of `energy_effort` for terms (m, 1 + k), c (m,), maps of p (2,) and u (k, 2), box (1 + k, 2).
+
+    `reaches` are those in p (2,) and in u (k,), `bowls` (k,), `gains` (2, k). Terms of p alone are left out.
+    """
+    k = exponents.shape[1] - 1
+    axes = np.tile([0.0, 1.0, -UNBOUNDED, UNBOUNDED, 1.0, 0.0], (3, 1))
+    axes[:k] = np.column_stack([maps[1], box[1:], reaches[1], bowls])
+    reference = np.zeros((2, 3))
+    reference[:, :k] = gains
+    powers = np.zeros((len(exponents), 3), np.int64)
+    powers[:, :k] = exponents[:, 1:]
+    columns = int(exponents[:, 0].max(initial=0)) + 1
+    monomials, place = np.unique(powers, axis=0, return_inverse=True)
+    table = np.zeros((len(monomials), columns))
+    np.add.at(table, (place.ravel(), exponents[:, 0]), coefficients)
+    kept = monomials.any(axis=1)
+    coupled = np.count_nonzero(monomials, axis=1) > 1
+    rows = np.column_stack([coupled, monomials, table])[kept]
+    header = [len(rows), columns, *maps[0], *box[0], *reaches[0]]
+    numbers = np.concatenate([header, axes.ravel(), reference.ravel(), rows.ravel()])
+    packed: Array = np.clip(numbers, -UNBOUNDED, UNBOUNDED)
+    return packed

@@ -1,0 +1,171 @@
+"""The linear system of a polynomial energy: what FEM states say of Π and its derivatives, and states left out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pliant.records.design import Array
+from pliant.records.fem import ModuleData
+from pliant.records.law import Domain
+from pliant_plugins.surrogates.polynomial.energy import EnergyBasis, Exponents, unit
+from pliant_plugins.surrogates.polynomial.energy_states import Mask
+
+# As in a fit of one axis: slopes of degree d are up to d² times steeper than the values.
+SLOPE_WEIGHT = 0.2
+# Relative to the largest product of an effort's range and its axis' half-width.
+ENERGY_WEIGHT = 1.0
+# States closer than this share of the half-widths are one, mirror images in the lateral axes too.
+SAME_PLACE = 1e-6
+DETERMINED = 1e-9
+WORST_CONDITION = 1e10
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """Coefficients (m,) in J; misses (n, k), predicted minus true τ, each place left out in turn.
+
+    `doubts` (n, k) are the standard deviations foretold for the misses over the ranges, for rows with a noise of 1.
+    """
+
+    coefficients: Array
+    misses: Array
+    doubts: Array
+
+
+class EnergySystem:
+    """States, scaled, and what they know: τ, its slopes, the energy U − p·travel and −travel.
+
+    At a converged state with p and u held Π(p, u) = U − p·travel is stationary in all else, so that ∂Π/∂u = −τ and
+    ∂Π/∂p = −travel; Π is fitted with terms of p alone where the data have both.
+
+    Attributes:
+        ranges: (k,) what τ of each axis is divided by.
+        with_energy: whether energies and travels are fitted.
+        weights: (n,) of the states' equations, 1 where none are given.
+        alone: (n,) marks states in which all lateral axes are at zero.
+        places: (n,) number of each state's place; what lies there is left out together.
+    """
+
+    def __init__(
+        self,
+        data: ModuleData,
+        domain: Domain,
+        ranges: Array,
+        with_energy: bool = True,
+        weights: Array | None = None,
+    ) -> None:
+        self.weights = np.ones(len(data)) if weights is None else weights
+        self.data, self.domain, self.ranges = data, domain, ranges
+        self.actuation_map = _centred(domain.actuation)
+        self.deformation_map = np.array([_centred(side) for side in domain.deformation])
+        self.known = np.isfinite(data.energy_j) & np.isfinite(data.travel)
+        self.with_energy = with_energy and bool(self.known.any())
+        self.places = self._places()
+        lateral = [k for k, axis in enumerate(data.axes) if axis != data.main_axis]
+        away = np.abs(data.deformation[:, lateral]) > SAME_PLACE * self.deformation_map[lateral, 1]
+        self.alone: Mask = np.logical_not(np.any(away, axis=1))
+        self._columns: dict[tuple[int, ...], Array] = {}
+        self._right, self._state = np.zeros(0), np.zeros(0, np.int64)
+
+    def part(self, keep: NDArray[np.bool_]) -> EnergySystem:
+        """The same of the states that a mask (n,) chooses."""
+        kept = self.data.rows(keep)
+        return EnergySystem(kept, self.domain, self.ranges, self.with_energy, self.weights[keep])
+
+    def weighted(self, weights: Array) -> EnergySystem:
+        """The same with other weights (n,)."""
+        return EnergySystem(self.data, self.domain, self.ranges, self.with_energy, weights)
+
+    def basis(self, terms: Exponents) -> EnergyBasis:
+        """The terms with this system's scales."""
+        return EnergyBasis(terms, self.actuation_map, self.deformation_map)
+
+    def rows(self, terms: Exponents) -> tuple[Array, Array, NDArray[np.int64]]:
+        """Matrix (r, m), right-hand side (r,) and state (r,) of each row; the n·k rows of τ come first."""
+        data, k = self.data, len(self.ranges)
+        p_scale, u_scale = self.actuation_map[1], self.deformation_map[:, 1]
+        energy = float(np.max(self.ranges * u_scale))
+        wanted = [(unit(k, 1 + i), data.tau[:, i], -1 / self.ranges[i]) for i in range(k)]
+        for i in range(k):
+            weight = -SLOPE_WEIGHT / self.ranges[i] * p_scale
+            wanted.append((unit(k, 0, 1 + i), data.dtau_dp[:, i], weight))
+            for j in range(i, k):
+                shared = np.sqrt(u_scale[i] * u_scale[j] / (self.ranges[i] * self.ranges[j]))
+                wanted.append((unit(k, 1 + i, 1 + j), data.dtau_du[:, i, j], -SLOPE_WEIGHT * shared))
+        if self.with_energy:
+            held = np.where(self.known, data.energy_j - data.actuation * data.travel, np.nan)
+            travel = np.where(self.known, data.travel, np.nan)
+            wanted.append((unit(k), -held, -ENERGY_WEIGHT / energy))
+            wanted.append((unit(k, 0), travel, -ENERGY_WEIGHT / energy * p_scale))
+        basis, matrix, right, state = self.basis(terms), [], [], []
+        for orders, value, weight in wanted:
+            there = np.flatnonzero(np.isfinite(value))
+            block = basis.derivative(data.actuation[there], data.deformation[there], orders)
+            of_state = self.weights[there]
+            matrix.append((weight * of_state)[:, None] * block)
+            right.append(abs(weight) * of_state * value[there])
+            state.append(there)
+        return np.concatenate(matrix), np.concatenate(right), np.concatenate(state)
+
+    def prepare(self, sets: Sequence[Exponents]) -> None:
+        """Work out the columns of all terms of these sets at once, for `solve`."""
+        missing = [t for t in {tuple(t) for terms in sets for t in terms.tolist()} if t not in self._columns]
+        if missing:
+            columns, self._right, self._state = self.rows(np.array(missing))
+            self._columns.update(zip(missing, columns.T, strict=True))
+
+    def solve(self, terms: Exponents) -> Solution | None:
+        """Least squares and the misses of places left out; None where the states do not determine all terms."""
+        self.prepare([terms])
+        matrix = np.column_stack([self._columns[tuple(t)] for t in terms.tolist()])
+        right, state = self._right, self._state
+        sizes = np.linalg.norm(matrix, axis=0)
+        if len(matrix) < len(terms) or not sizes.all():
+            return None
+        Q, R = np.linalg.qr(matrix / sizes)
+        diagonal = np.abs(np.diagonal(R))
+        if diagonal.max() > WORST_CONDITION * diagonal.min():
+            return None
+        solution = np.linalg.solve(R, Q.T @ right)
+        residual = right - Q @ (Q.T @ right)
+        misses, doubts = np.empty(self.data.tau.size), np.empty(self.data.tau.size)
+        n, of_row = len(self.data), self.places[state]
+        for place in range(self.places.max() + 1):
+            rows = np.flatnonzero(of_row == place)
+            left = np.eye(len(rows)) - Q[rows] @ Q[rows].T
+            values, vectors = np.linalg.eigh(left)
+            if values[0] < DETERMINED:
+                return None
+            told = rows < len(misses)
+            missed = vectors @ ((vectors.T @ residual[rows]) / values)
+            misses[rows[told]] = -missed[told]
+            doubts[rows[told]] = np.sqrt(np.sum(vectors**2 / values, axis=1))[told]
+        of_state = (len(self.ranges), n)
+        weight = self.weights[:, None]
+        return Solution(
+            solution / sizes,
+            misses.reshape(of_state).T * self.ranges / weight,
+            doubts.reshape(of_state).T / weight,
+        )
+
+    def _places(self) -> NDArray[np.int64]:
+        """(n,) number of each state's place: a state tells all of its mirror image, which is left out with it."""
+        data = self.data
+        u = (data.deformation - self.deformation_map[:, 0]) / self.deformation_map[:, 1]
+        lateral = [k for k, axis in enumerate(data.axes) if axis != data.main_axis]
+        u[:, lateral] = np.abs(u[:, lateral])
+        x = (data.actuation - self.actuation_map[0]) / self.actuation_map[1]
+        rounded = np.round(np.column_stack([x, u]) / SAME_PLACE).astype(np.int64)
+        _, place = np.unique(rounded, axis=0, return_inverse=True)
+        found: NDArray[np.int64] = place.ravel()
+        return found
+
+
+def _centred(limits: Array) -> Array:
+    """(2,) centre and half-width; exactly 0 is the centre of a symmetric side."""
+    centre, half = float(limits.mean()), float(np.ptp(limits)) / 2
+    return np.array([0.0 if abs(centre) < SAME_PLACE * half else centre, half])

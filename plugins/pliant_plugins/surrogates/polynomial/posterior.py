@@ -1,0 +1,147 @@
+"""Least squares with or without a prior: coefficients, what is unsure about them, misses of states left out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import solve_triangular
+from scipy.stats import qmc
+
+from pliant.records.design import Array
+from pliant.records.error_bar import BORDER, FEWEST_INNER, ErrorBar
+from pliant_plugins.surrogates.polynomial.shrinkage import Prior
+from pliant_plugins.surrogates.polynomial.system import System, Terms, values_at
+
+RANK_TOLERANCE = 1e-10
+# Points of the box at which the bar's shape is kept, and how far each of them reaches.
+PLACES = 256
+REACH = 0.1
+# A state that the others do not determine at all cannot be left out.
+DETERMINED = 1e-11
+FEWEST_SCORES = 4
+
+
+def solve(matrix: Array, right: Array, prior: Prior | None = None) -> Array | None:
+    """Coefficients (k,); None where nothing but the rows holds them and the rows do not determine all."""
+    solution: Array
+    if prior is not None:
+        held = np.sqrt(prior.noise) * np.eye(matrix.shape[1])
+        stacked = np.concatenate([matrix * prior.deviations, held])
+        zeros = np.zeros(matrix.shape[1])
+        solution = np.linalg.lstsq(stacked, np.concatenate([right, zeros]), rcond=None)[0]
+        return solution * prior.deviations
+    if len(matrix) < matrix.shape[1]:
+        return None
+    solution, _, rank, _ = np.linalg.lstsq(matrix, right, rcond=RANK_TOLERANCE)  # type: ignore[assignment]
+    return solution if rank == matrix.shape[1] else None
+
+
+@dataclass(frozen=True, eq=False)
+class Posterior:
+    """A solved system.
+
+    Attributes:
+        terms: (k, 2) exponents.
+        prior: None for plain least squares.
+        solution: (k,) coefficients over the effort's range.
+        root: (k, k) upper triangle R with RᵀR the precision of the (scaled) coefficients for a noise of 1.
+    """
+
+    system: System
+    terms: Terms
+    prior: Prior | None
+    solution: Array
+    root: Array
+
+    @staticmethod
+    def of(system: System, terms: Terms, prior: Prior | None = None) -> Posterior | None:
+        """None where the states do not determine the terms."""
+        matrix, right, _ = system.rows(terms)
+        solution = solve(matrix, right, prior)
+        if solution is None:
+            return None
+        rows = matrix * _scales(terms, prior)
+        if prior is not None:
+            rows = np.concatenate([rows, np.sqrt(prior.noise) * np.eye(len(terms))])
+        return Posterior(system, terms, prior, solution, np.asarray(np.linalg.qr(rows, mode="r")))
+
+    @property
+    def potential(self) -> bool:
+        """Whether energies and travels of the states are fitted."""
+        return bool((self.terms[:, 1] < 0).any())
+
+    def effective_terms(self) -> float:
+        """Trace of the matrix that maps what is given to what is predicted."""
+        return float(np.sum(self._whitened(self.system.rows(self.terms)[0]) ** 2))
+
+    def shape(self, x: Array, v: Array) -> Array:
+        """(n,) predictive deviation at points of [−1, 1]², for a noise of 1."""
+        doubt = np.sum(self._whitened(values_at(self.terms, x, v)) ** 2, axis=1)
+        found: Array = np.sqrt(1 + doubt)
+        return found
+
+    def scores(self) -> Array:
+        """(s,) sizes of the misses of values left out, each over its predictive deviation for a noise of 1.
+
+        With Q Qᵀ the hat matrix and r the residuals, rows G that are left out together miss by
+        e = (1 − Q_G Q_Gᵀ)⁻¹ r_G, and the inverse is their covariance (Allen's PRESS in blocks; Technometrics 16,
+        1974). All rows of a state go together; on a grid all states of a fold do. With energies states tell so much
+        of their neighbours that those on the border, predicted from one side, miss by far more than any inside: the
+        scores are then of states inside, where there are enough.
+        """
+        matrix, right, state = self.system.rows(self.terms)
+        residuals, hats = right - matrix @ self.solution, self._whitened(matrix)
+        n = len(self.system.x)
+        groups = self.system.folds if self.system.grid else [np.arange(n) == k for k in range(n)]
+        inside = np.maximum(np.abs(self.system.x), np.abs(self.system.v)) < 1 - BORDER
+        keep = inside if self.potential and inside.sum() >= FEWEST_INNER else np.ones(n, bool)
+        found = [_left_out(residuals, hats, np.flatnonzero(group[state]), keep) for group in groups]
+        together: Array = np.concatenate(found)
+        return together
+
+    def misses(self) -> Array:
+        """(n,) value minus prediction of each state left out with all its rows; NaN where the others do not say."""
+        matrix, right, state = self.system.rows(self.terms)
+        residuals, hats = right - matrix @ self.solution, self._whitened(matrix)
+        missed = np.full(len(self.system.x), np.nan)
+        for k in range(len(missed)):
+            rows = np.flatnonzero(state == k)  # the state's value comes first
+            inner = np.eye(len(rows)) - hats[rows] @ hats[rows].T
+            if np.linalg.eigvalsh(inner)[0] >= DETERMINED:
+                missed[k] = np.linalg.solve(inner, residuals[rows])[0]
+        return missed
+
+    def error_bar(self) -> ErrorBar | None:
+        """The bar whose shape is the predictive deviation and whose size are the scores; None for too few of them."""
+        scores = self.scores()
+        if len(scores) < FEWEST_SCORES:
+            return None
+        places = 2 * qmc.Sobol(2, scramble=False).random(PLACES) - 1
+        domain = self.system.domain
+        box = np.vstack([domain.actuation, domain.deformation])
+        sizes = self.shape(places[:, 0], places[:, 1]) * self.system.range
+        return ErrorBar.of_shape(box, places, sizes[:, None], scores[:, None], REACH)
+
+    def _whitened(self, rows: Array) -> Array:
+        """(m, k) rows R⁻¹, in the scaled coefficients."""
+        scaled = rows * _scales(self.terms, self.prior)
+        found: Array = solve_triangular(self.root, scaled.T, trans="T").T
+        return found
+
+
+def _scales(terms: Terms, prior: Prior | None) -> Array:
+    return np.ones(len(terms)) if prior is None else prior.deviations
+
+
+def _left_out(residuals: Array, hats: Array, rows: NDArray[np.int64], keep: NDArray[np.bool_]) -> Array:
+    """Scores of the values, of the states to keep (n,), among the rows that are left out together."""
+    inner = np.eye(len(rows)) - hats[rows] @ hats[rows].T
+    if len(rows) == 0 or np.linalg.eigvalsh(inner)[0] < DETERMINED:
+        return np.zeros(0)
+    covariance = np.linalg.inv(inner)
+    values = rows < len(keep)
+    values[values] = keep[rows[values]]
+    scores: Array = np.abs(covariance @ residuals[rows])[values] / np.sqrt(np.diag(covariance)[values])
+    return scores

@@ -1,0 +1,239 @@
+"""The smooth table of scattered states: penalised least squares, smoothed as far as states left out ask for.
+
+    min Σ (τ(p_m, u_m) − τ_m)² + slopes + Σ_c λ_c |D_c c|²
+
+over the coefficients c of a bicubic spline, with D_c third (second) differences along pressure and angle (P-splines:
+Eilers, Marx, Stat. Sci. 11, 1996; in two dimensions Eilers, Currie, Durbán, Comput. Stat. Data Anal. 50, 2006). All
+is scaled to a box of [0, 1]² and an effort's range of 1.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import LinAlgError, cho_factor, cho_solve
+
+from pliant.errors import UserError
+from pliant.records.design import Array
+from pliant.records.fem import FemDataset
+from pliant.records.law import Domain
+from pliant_plugins.surrogates.table import spline
+
+# Of slopes by coordinates in [0, 1]: they are steeper than the values and would rule the fit.
+SLOPE_WEIGHT = 0.1
+CELLS_P, CELLS_U = (3, 12), (6, 16)
+FOLDS, SEED = 8, 0
+SMOOTHING = tuple(10.0**k for k in range(-10, 3, 2))
+FINER = (0.01, 0.1, 1.0, 10.0, 100.0)
+LEVEL = 1e-3  # states closer than this share of the range stand on one level
+RIDGE = 1e-12
+# Falling everywhere may cost this factor and share of the range; snap-through that is in the data costs more.
+STABILITY_PRICE = (3.0, 2e-3)
+FLATTEST = 0.02  # of the mean slope: what a law that must fall keeps everywhere
+PUSH, PUSHES = 1e3, 60
+
+Mask = NDArray[np.bool_]
+Smoothing = tuple[int, float, float]  # order of differences, λ along pressure, λ along angle
+
+
+@dataclass(frozen=True, eq=False)
+class Smoothed:
+    """The chosen table.
+
+    Attributes:
+        coefficients: (I + 3, J + 3) N·m.
+        smoothing: chosen.
+        rmse: of states left out, share of the effort's range.
+        misses: (n,) predicted minus given effort of each state, fitted without it, N·m.
+        forced: whether the table was made to fall along u.
+        tried: (order, λ_p, λ_u, rmse) of all.
+    """
+
+    coefficients: Array
+    smoothing: Smoothing
+    rmse: float
+    misses: Array
+    forced: bool
+    tried: tuple[tuple[int, float, float, float], ...]
+
+
+def fit_table(data: FemDataset, domain: Domain) -> Smoothed:
+    """Choose the smoothing and fit; deterministic. Raises `UserError` where the states determine no law."""
+    system = _System(data, domain)
+    tried: dict[Smoothing, float] = {}
+
+    def error(smoothing: Smoothing) -> float:
+        if smoothing not in tried:
+            tried[smoothing] = system.left_out(smoothing)
+        return tried[smoothing]
+
+    best = min(((o, k, k) for o, k in product(system.orders, SMOOTHING)), key=error)
+    for _ in range(2):
+        best = min(((best[0], best[1] * f, best[2]) for f in FINER), key=error)
+        best = min(((best[0], best[1], best[2] * f) for f in FINER), key=error)
+    if not np.isfinite(error(best)):
+        raise UserError(
+            f"the {len(data)} states lie on one line of {data.actuation_name} and angle_rad and determine no "
+            "law: add states at other angles under the same actuation"
+        )
+    free = system.solve(best)
+    found, forced = free, False
+    if system.rises(free):
+        fallen, rmse = system.falling(best), system.rmse_of_fitted
+        if rmse(fallen) <= STABILITY_PRICE[0] * max(error(best), rmse(free)) + STABILITY_PRICE[1]:
+            found, forced = fallen, True
+    table = found.reshape(system.shape) * system.range
+    log = tuple((*s, e) for s, e in tried.items())
+    misses = system.single_misses(best) + (system.value_rows @ (found - free))
+    return Smoothed(table, best, error(best), misses * system.range, forced, log)
+
+
+class _System:
+    """Normal equations of the states, fold by fold."""
+
+    def __init__(self, data: FemDataset, domain: Domain) -> None:
+        spans = np.ptp(domain.actuation), np.ptp(domain.deformation[0])
+        x = (data.actuation - domain.actuation[0]) / spans[0]
+        v = (data.angle_rad - domain.deformation[0, 0]) / spans[1]
+        self.range = float(np.ptp(data.moment_n_m))
+        levels = [_levels(c) for c in (x, v)]
+        cells = (
+            int(np.clip(levels[0].max(), *CELLS_P)),
+            int(np.clip(min(levels[1].max(), 2 * round(np.sqrt(len(x)))), *CELLS_U)),
+        )
+        self.shape = (cells[0] + 3, cells[1] + 3)
+        self.orders = (2, 3) if min(level.max() for level in levels) >= 3 else (2,)
+        self.value_rows = _products(spline.rows(x, cells[0]), spline.rows(v, cells[1]))
+        self.values = data.moment_n_m / self.range
+        rows, right = [self.value_rows], [self.values]
+        state = [np.arange(len(x))]
+        for k, given in enumerate((data.dmoment_dp, data.dmoment_du)):
+            known = np.flatnonzero(np.isfinite(given))
+            pair = [
+                spline.rows(c[known], n, k == i) for i, (c, n) in enumerate(zip((x, v), cells, strict=True))
+            ]
+            rows.append(SLOPE_WEIGHT * _products(*pair))
+            right.append(SLOPE_WEIGHT * given[known] * spans[k] / self.range)
+            state.append(known)
+        self.matrix, self.right, self.state = (
+            np.concatenate(rows),
+            np.concatenate(right),
+            np.concatenate(state),
+        )
+        self.normal, self.moment = self.matrix.T @ self.matrix, self.matrix.T @ self.right
+        self.folds = list(_folds(levels))
+        self._parts = [self._part(fold) for fold in self.folds]
+
+    def _part(self, fold: Mask) -> tuple[Array, Array]:
+        chosen = fold[self.state]
+        rows = self.matrix[chosen]
+        return rows.T @ rows, rows.T @ self.right[chosen]
+
+    def penalty(self, smoothing: Smoothing) -> Array:
+        """(k, k) λ_p |D_p c|² + λ_u |D_u c|² with a grain that makes it definite."""
+        order, in_p, in_u = smoothing
+        rows, columns = self.shape
+        whole = np.asarray(in_p * np.kron(_roughness(rows, order), np.eye(columns)), np.float64)
+        whole += in_u * np.kron(np.eye(rows), _roughness(columns, order))
+        whole[np.diag_indices_from(whole)] += RIDGE
+        return whole
+
+    def left_out(self, smoothing: Smoothing) -> float:
+        """RMS error of states left out, whole folds at a time; infinite where the rest determines no law."""
+        penalty, squares, count = self.penalty(smoothing), 0.0, 0
+        for fold, (normal, moment) in zip(self.folds, self._parts, strict=True):
+            try:
+                solution = cho_solve(cho_factor(self.normal - normal + penalty), self.moment - moment)
+            except LinAlgError:
+                return np.inf
+            squares += float(np.sum((self.value_rows[fold] @ solution - self.values[fold]) ** 2))
+            count += int(fold.sum())
+        return float(np.sqrt(squares / count))
+
+    def solve(self, smoothing: Smoothing) -> Array:
+        """(k,) coefficients of all states."""
+        solution: Array = cho_solve(cho_factor(self.normal + self.penalty(smoothing)), self.moment)
+        return solution
+
+    def single_misses(self, smoothing: Smoothing) -> Array:
+        """(n,) predicted − given value of each state, fitted without its value and slopes, in closed form.
+
+        With the hat matrix H of its rows b: r_b / (1 − H_bb) (Sherman–Morrison–Woodbury).
+        """
+        inverse = cho_factor(self.normal + self.penalty(smoothing))
+        spread = cho_solve(inverse, self.matrix.T)
+        residual = self.matrix @ cho_solve(inverse, self.moment) - self.right
+        n = len(self.values)
+        own: list[list[int]] = [[] for _ in range(n)]
+        for row, state in enumerate(self.state):
+            own[state].append(row)
+        misses = np.empty(n)
+        for index, block in enumerate(own):
+            hat = self.matrix[block] @ spread[:, block]
+            misses[index] = np.linalg.solve(np.eye(len(block)) - hat, residual[block])[0]
+        return misses
+
+    def rises(self, solution: Array) -> bool:
+        """Whether coefficients rise along u somewhere, so that the law may."""
+        return bool(np.any(np.diff(solution.reshape(self.shape), axis=1) >= 0))
+
+    def falling(self, smoothing: Smoothing) -> Array:
+        """Coefficients that fall along u everywhere (Eilers, Stat. Model. 5, 2005): rising pairs are pushed down."""
+        rows, columns = self.shape
+        steps = np.kron(np.eye(rows), np.diff(np.eye(columns), axis=0))
+        base = self.normal + self.penalty(smoothing)
+        solution = self.solve(smoothing)
+        least = FLATTEST * abs(float(np.median(steps @ solution)))
+        active = np.zeros(len(steps), bool)
+        for _ in range(PUSHES):
+            rising = steps @ solution > -least
+            if not np.any(rising & ~active):
+                break
+            active |= rising
+            pushed = steps[active]
+            right = self.moment - PUSH * least * pushed.sum(axis=0)
+            solution = cho_solve(cho_factor(base + PUSH * pushed.T @ pushed), right)
+        return solution
+
+    def rmse_of_fitted(self, solution: Array) -> float:
+        """RMS residual of the fitted values."""
+        return float(np.sqrt(np.mean((self.value_rows @ solution - self.values) ** 2)))
+
+
+def _products(first: Array, second: Array) -> Array:
+    """(n, a b) products of the rows of (n, a) and (n, b)."""
+    return (first[:, :, None] * second[:, None, :]).reshape(len(first), first.shape[1] * second.shape[1])
+
+
+def _roughness(size: int, order: int) -> Array:
+    steps = np.diff(np.eye(size), order, axis=0)
+    return steps.T @ steps
+
+
+def _levels(coordinate: Array) -> NDArray[np.int64]:
+    """(n,) number of each state's level, from 0 in ascending order."""
+    order = np.argsort(coordinate, kind="stable")
+    level = np.empty(len(coordinate), np.int64)
+    level[order] = np.concatenate([[0], np.cumsum(np.diff(coordinate[order]) > LEVEL)])
+    return level
+
+
+def _folds(levels: list[NDArray[np.int64]]) -> Iterator[Mask]:
+    """States left out together: whole inner levels where the data stand on levels, and a seeded eighth each."""
+    random = np.random.default_rng(SEED)
+    n = len(levels[0])
+    for level in levels:
+        count = int(level.max()) + 1
+        if count <= n / 3:
+            inner = random.permutation(np.arange(1, count - 1))
+            for k in range(min(FOLDS, len(inner))):
+                yield np.isin(level, inner[k::FOLDS])
+    order = random.permutation(n)
+    for k in range(min(FOLDS, n)):
+        chosen = np.zeros(n, bool)
+        chosen[order[k::FOLDS]] = True
+        yield chosen

@@ -1,0 +1,59 @@
+"""The tables of examples/designs: they read back as the designs of the studies beside them."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pliant import api
+from pliant.config.designs import sweep_designs
+from pliant.errors import InvalidDesignError
+from pliant.pipeline.table_modules import read_designs_table
+from pliant.records.fem import SELF_CONTACT, TRUSTED
+
+DESIGNS = Path(__file__).parents[2] / "examples/designs"
+TABLES = {"bending_grid": 56, "bending_test": 24, "helical_grid": 25, "helical_test": 8}
+SWEPT = ("inner_radius_m", "average_radius_m", "module_length_m")
+
+
+@pytest.mark.parametrize("name", TABLES)
+def test_a_table_has_the_designs_of_its_study(name: str, tmp_path: Path) -> None:
+    opened = api.open_study(DESIGNS / "fem" / f"{name}.yaml", store=tmp_path)
+    possible = []
+    for design in sweep_designs(opened.study):
+        try:
+            opened.bench.build("family", design.family)
+        except InvalidDesignError:
+            continue
+        possible.append([design.parameters[parameter] for parameter in SWEPT])
+    found = [
+        [data.design.parameters[p] for p in SWEPT] for data in read_designs_table(DESIGNS / f"{name}.csv")
+    ]
+    assert len(found) == TABLES[name]
+    np.testing.assert_allclose(sorted(found), sorted(possible), rtol=1e-8)
+
+
+@pytest.mark.parametrize("name", TABLES)
+def test_states_of_a_table_are_sound(name: str) -> None:
+    for data in read_designs_table(DESIGNS / f"{name}.csv"):
+        free = data.branch == "free"
+        main = data.axes.index(data.main_axis)
+        assert (
+            np.isin(data.status, (*TRUSTED, SELF_CONTACT)).all() and np.isin(data.status, TRUSTED).sum() >= 12
+        )
+        assert np.sum(data.role == "check") >= 8
+        assert np.abs(data.tau[free]).max() < 1e-6 * np.ptp(data.tau[:, main])
+        assert np.all(data.dtau_du[np.isin(data.status, TRUSTED), main, main] < 0)
+
+
+def test_numbers_are_shortened_to_nine_digits_and_words_kept() -> None:
+    sys.path.insert(0, str(DESIGNS))
+    try:
+        import make
+    finally:
+        sys.path.remove(str(DESIGNS))
+    text = "pressure_pa,status,wall_s,design\n1234.56789012345,ok,0.123456,12\n"
+    assert make.shortened(text) == "pressure_pa,status,wall_s,design\n1234.56789,ok,0.123,12\n"

@@ -1,0 +1,158 @@
+"""The regression meta-model: closed forms against scikit-learn, expected gain against refitting, designs left out."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pliant.errors import UserError
+from pliant.testing.solved_samples import RANGE, grid, sample_law, solved_designs, unseen_designs
+from pliant_plugins.meta_models.regression.closed_forms import (
+    fit_kernel_ridge,
+    fit_polynomial,
+    legendre_products,
+)
+from pliant_plugins.meta_models.regression.config import RegressionConfig
+from pliant_plugins.meta_models.regression.gaussian_process import GaussianProcesses, _fitted
+from pliant_plugins.meta_models.regression.laws import RegressionLaws
+from pliant_plugins.meta_models.regression.model import Regression
+
+pytest.importorskip("sklearn", reason="needs scikit-learn")
+
+
+def _sample(n: int = 24, seed: int = 1) -> tuple[np.ndarray, np.ndarray]:
+    random = np.random.default_rng(seed)
+    places = random.uniform(-1, 1, (n, 2))
+    s, t = places.T
+    clean = np.stack([np.sin(2 * s) + 0.5 * t, s * t], axis=1)
+    return places, clean + 0.02 * random.standard_normal((n, 2))
+
+
+@pytest.fixture(scope="module")
+def processes() -> GaussianProcesses:
+    return GaussianProcesses.fit(*_sample())
+
+
+@pytest.fixture(scope="module")
+def laws() -> RegressionLaws:
+    found = Regression(RegressionConfig()).fit(solved_designs()).laws
+    assert isinstance(found, RegressionLaws)
+    return found
+
+
+@pytest.mark.parametrize("rough", [False, True])
+def test_mean_and_deviation_are_scikit_learns(rough: bool) -> None:
+    places, targets = _sample()
+    column = (targets[:, 0] - targets[:, 0].mean()) / targets[:, 0].std()
+    theirs = _fitted(places, column, rough)
+    kernel = theirs.kernel_
+    ours = GaussianProcesses(
+        places,
+        column[:, None],
+        np.zeros(1),
+        np.ones(1),
+        np.asarray(kernel.k1.k1.k2.length_scale)[None],
+        np.array([[kernel.k1.k1.k1.constant_value, kernel.k1.k2.k1.constant_value, kernel.k2.noise_level]]),
+        np.array([rough]),
+    )
+    at = np.random.default_rng(2).uniform(-1.2, 1.2, (15, 2))
+    mean, deviation = theirs.predict(at, return_std=True)
+    np.testing.assert_allclose(ours.mean(at)[:, 0], mean, rtol=1e-6, atol=1e-8)
+    np.testing.assert_allclose(np.sqrt(ours.variance(at)[:, 0]), deviation, rtol=1e-4, atol=1e-7)
+
+
+def _without(processes: GaussianProcesses, left: int) -> GaussianProcesses:
+    keep = np.arange(len(processes.places)) != left
+    return replace(processes, places=processes.places[keep], targets=processes.targets[keep])
+
+
+def test_designs_left_out_in_closed_form_are_those_of_refitting(processes: GaussianProcesses) -> None:
+    missed = processes.left_out()
+    for left in (0, 7, 23):
+        alone = _without(processes, left).mean(processes.places[left : left + 1])[0]
+        np.testing.assert_allclose(missed[left], alone - processes.targets[left], rtol=1e-6, atol=1e-9)
+
+
+def test_gain_is_what_refitting_with_the_design_takes_from_the_variance(processes: GaussianProcesses) -> None:
+    random = np.random.default_rng(4)
+    candidates, over = random.uniform(-1.5, 1.5, (3, 2)), random.uniform(-1.5, 1.5, (20, 2))
+    before = processes.variance(over).sum()
+    for candidate, gain in zip(candidates, processes.gain(candidates, over), strict=True):
+        more = replace(
+            processes,
+            places=np.vstack([processes.places, candidate]),
+            targets=np.vstack([processes.targets, np.zeros(2)]),
+        )
+        assert gain == pytest.approx(1 - more.variance(over).sum() / before, rel=1e-5, abs=1e-9)
+        assert 0 <= gain <= 1
+
+
+def test_polynomials_and_kernel_ridge_are_scored_by_refitting_without_a_design() -> None:
+    places, targets = _sample()
+    smoother, missed = fit_kernel_ridge(places, targets)
+    from sklearn.kernel_ridge import KernelRidge
+
+    inner = smoother.features(places) @ smoother.weights
+    ridge = float(np.mean((targets - smoother.centre - inner) / smoother.weights))
+    theirs = KernelRidge(alpha=ridge, kernel="rbf", gamma=1 / (2 * smoother.width**2))
+    theirs.fit(places, targets - smoother.centre)
+    at = np.random.default_rng(2).uniform(-1, 1, (9, 2))
+    np.testing.assert_allclose(smoother.mean(at), theirs.predict(at) + smoother.centre, rtol=1e-5, atol=1e-7)
+    theirs.fit(places[1:], (targets - smoother.centre)[1:])
+    alone = theirs.predict(places[:1])[0] + smoother.centre - targets[0]
+    np.testing.assert_allclose(missed[0], alone, rtol=1e-4, atol=1e-7)
+    # A cubic is exact for cubics, left out or not.
+    cubic = legendre_products(places, np.array([[3, 0], [1, 1], [0, 0]])) @ np.array([[1.0], [2.0], [3.0]])
+    _, missed = fit_polynomial(places, cubic)
+    assert np.abs(missed).max() < 1e-3 * np.ptp(cubic)
+
+
+def test_designs_between_solved_ones_are_right(laws: RegressionLaws) -> None:
+    for values in unseen_designs():
+        truth, law = sample_law(values), laws.law(values)
+        p, u = np.linspace(0, 15e3, 40), np.linspace(*truth.domain.deformation[0], 40)[::-1, None]
+        wanted = truth.evaluate(p, u).tau
+        assert np.abs(law.evaluate(p, u).tau - wanted).max() < 0.005 * np.ptp(wanted)
+
+
+@pytest.mark.parametrize("regressor", ["gaussian_process", "kernel_ridge", "polynomial"])
+def test_records_give_the_same_bits(regressor: str) -> None:
+    model = Regression(RegressionConfig.model_validate({"regressor": regressor}))
+    fitted = model.fit(solved_designs((3, 3)))
+    assert fitted.details["regressor"] == regressor
+    again = model.load(fitted.laws.record())
+    values, at = unseen_designs(1)[0], (np.array([0.0, 7e3]), np.array([[0.1], [0.3]]))
+    assert isinstance(again, RegressionLaws) and isinstance(fitted.laws, RegressionLaws)
+    np.testing.assert_array_equal(
+        again.law(values).evaluate(*at).tau, fitted.laws.law(values).evaluate(*at).tau
+    )
+    over = unseen_designs()
+    np.testing.assert_array_equal(again.gain(over, over), fitted.laws.gain(over, over))
+
+
+def test_auto_takes_the_smallest_error_on_designs_left_out(laws: RegressionLaws) -> None:
+    details = Regression(RegressionConfig()).fit(solved_designs()).details
+    assert details["regressor"] == min(details["left_out"], key=details["left_out"].get)
+    assert (laws.smoother is None) == (details["regressor"] == "gaussian_process")
+
+
+def test_gain_and_doubt_are_largest_where_nothing_is_solved() -> None:
+    """A quarter of the range has no design: its far corner gains most, a solved design next to nothing."""
+    designs = solved_designs((4, 4))
+    middle = RANGE.mean(axis=1)
+    laws = Regression(RegressionConfig()).fit(designs.rows(~np.all(designs.values > middle, axis=1))).laws
+    candidates = np.array([RANGE[:, 1], RANGE[:, 0], [RANGE[0, 0], RANGE[1, 1]]])
+    gain = laws.gain(candidates, grid((9, 9)))
+    assert gain is not None and np.argmax(gain) == 0
+    assert gain[0] > 5 * max(gain[1:])
+    doubt = laws.doubt(candidates)
+    assert np.argmax(doubt) == 0
+
+
+def test_too_few_designs_say_how_many_are_needed() -> None:
+    designs = solved_designs((2, 2))
+    few = designs.rows(np.array([True, True, True, False]))
+    with pytest.raises(UserError, match="needs at least 4 designs for 2 parameters"):
+        Regression(RegressionConfig()).fit(few)

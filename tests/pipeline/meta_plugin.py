@@ -1,0 +1,20 @@
+"""The stand-in meta-model as a plugin file: studies name it under `plugins`."""
+
+from pliant.registry.component import Component
+from pliant.registry.hookspecs import hookimpl
+
+PLACE = "pliant.testing.meta_model_stand_in"
+
+
+@hookimpl
+def pliant_components() -> list[Component]:
+    return [
+        Component(
+            "meta_model",
+            "stand_in",
+            f"{PLACE}:StandInMetaModelConfig",
+            f"{PLACE}:StandInMetaModel",
+            "one least-squares fit",
+            {},
+        )
+    ]

@@ -1,0 +1,140 @@
+"""Designs for a meta-model: from a sweep or its table, and what does not belong together."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from tests.pipeline import meta_bench as bench
+
+from pliant import api
+from pliant.errors import UserError
+from pliant.pipeline.meta_model.designs import assembled, from_sweep, from_table, solved_designs
+from pliant.pipeline.sweep_table import write_sweep_table
+from pliant.testing.solved_samples import solved_designs as samples
+from pliant.testing.solved_samples import solved_spherical_designs
+
+
+def parts(designs):
+    """What `assembled` takes, of solved samples."""
+    constants = [dict(one.design.parameters) for one in designs.data]
+    return constants, list(designs.data), [f"design {n}" for n in range(len(designs))]
+
+
+def test_a_sweep_and_its_table_hold_the_same_designs(tmp_path):
+    run = bench.solved(tmp_path)
+    found = from_sweep(run).designs
+    assert found.names == ("radius_m", "length_m")
+    assert np.allclose(1e3 * found.values, [[4, 8], [4, 9], [5, 8], [5, 9]], rtol=1e-12)
+    assert found.fixed["folds"] == 1
+    assert found.fixed["material.shear_modulus_pa"] == 240e3
+    assert "material.density_kg_m3" not in found.fixed
+    write_sweep_table(run, tmp_path / "fem.csv")
+    other = from_table(tmp_path / "fem.csv", "springs").designs
+    assert other.names == found.names
+    assert np.array_equal(other.values, found.values)
+    assert all(np.array_equal(a.tau, b.tau) for a, b in zip(found.data, other.data, strict=True))
+
+
+def test_a_refused_design_is_left_out_and_counted(tmp_path):
+    found = from_sweep(bench.solved(tmp_path, "{radius: [4 mm, 9 mm], length: [8 mm, 9.5 mm]}"))
+    assert len(found.designs) == 3
+    assert found.left_out == 1
+
+
+def test_a_material_constant_may_vary(tmp_path):
+    found = from_sweep(
+        bench.solved(tmp_path, "{radius: [4 mm, 5 mm], material.shear_modulus: [200 kPa, 300 kPa]}")
+    )
+    assert found.designs.names == ("radius_m", "material.shear_modulus_pa")
+
+
+def test_a_parameter_that_is_no_number_cannot_vary(tmp_path):
+    with pytest.raises(UserError, match="'defect' is 'none', but it varies"):
+        from_sweep(bench.solved(tmp_path, "{radius: [4 mm, 5 mm], defect: [none, some_states]}"))
+
+
+def test_nothing_varies(tmp_path):
+    with pytest.raises(UserError, match="the designs do not differ.*radius_m has one value"):
+        from_sweep(bench.solved(tmp_path, "{radius: [4 mm]}"))
+
+
+def test_rounding_of_a_table_is_no_difference():
+    designs = samples((2, 2))
+    constants, data, labels = parts(designs)
+    constants[1] = {**constants[1], "module_length_m": constants[1]["module_length_m"] * (1 + 1e-9)}
+    found, doubles = assembled("sample", constants, data, labels, "here")
+    assert found.names == designs.names
+    assert doubles == 0
+
+
+def test_doubles_that_agree_count_once_and_doubles_that_contradict_are_refused():
+    constants, data, labels = parts(samples((2, 2)))
+    constants, labels = [*constants, constants[1]], [*labels, "design 4"]
+    found, doubles = assembled("sample", constants, [*data, data[1]], labels, "here")
+    assert (len(found), doubles) == (4, 1)
+    other = replace(data[1], tau=1.1 * data[1].tau)
+    with pytest.raises(UserError, match="here: design 4 has the parameters of design 1 and other data"):
+        assembled("sample", constants, [*data, other], labels, "here")
+
+
+def test_designs_of_different_joints_are_refused():
+    constants, data, labels = parts(samples((2, 2)))
+    data[2] = solved_spherical_designs((2, 2)).data[2]
+    with pytest.raises(UserError, match="joint of design 2 is spherical, of design 0 revolute"):
+        assembled("sample", constants, data, labels, "here")
+
+
+def test_a_design_without_a_trusted_state_is_refused():
+    constants, data, labels = parts(samples((2, 2)))
+    data[3] = replace(data[3], status=np.full(len(data[3]), "self_contact"))
+    with pytest.raises(UserError, match="design 3 has no trusted state"):
+        assembled("sample", constants, data, labels, "here")
+
+
+def test_an_empty_table(tmp_path):
+    path = tmp_path / "fem.csv"
+    path.write_text("")
+    with pytest.raises(UserError, match="the table is empty"):
+        from_table(path, "springs")
+
+
+def test_a_table_without_columns_of_parameters(tmp_path):
+    lines = [line.split(",") for line in bench.table(tmp_path).read_text().splitlines()]
+    keep = [i for i, name in enumerate(lines[0]) if name not in ("radius_m", "length_m")]
+    path = tmp_path / "bare.csv"
+    path.write_text("\n".join(",".join(row[i] for i in keep) for row in lines))
+    with pytest.raises(UserError, match="needs columns of parameters, such as average_radius_m"):
+        from_table(path, "springs")
+
+
+def test_a_table_of_another_family_is_told_by_its_columns(tmp_path):
+    path = bench.table(tmp_path)
+    path.write_text(path.read_text().replace("radius_m", "bore_m"))
+    opened = bench.opened(tmp_path, data=path)
+    with pytest.raises(UserError, match="'bore_m' varies between its designs, and it is not a parameter"):
+        solved_designs(opened.bench, opened.study)
+
+
+def test_a_study_without_designs(tmp_path):
+    opened = bench.opened(tmp_path, (", data: TABLE".replace("TABLE", str(tmp_path / "fem.csv")), ""))
+    with pytest.raises(UserError, match="needs solved designs: give the study a 'sweep' block"):
+        api.meta_model(opened)
+
+
+def test_designs_have_the_numbers_of_the_table_and_a_parameter_that_is_missing_is_thought_of(tmp_path):
+    head, *rows = (line.split(",") for line in bench.table(tmp_path).read_text().splitlines())
+    kept = [head[:6] + head[7:], *([*row[:6], str(10 + 3 * int(row[7]))] for row in rows)]  # without length_m
+    path = tmp_path / "less.csv"
+    path.write_text("\n".join(map(",".join, kept)))
+    with pytest.raises(
+        UserError, match="design 13 has the parameters of design 10 .* add the parameter in which"
+    ):
+        from_table(path, "springs")
+
+
+def test_a_study_with_a_meta_model_needs_a_family(tmp_path):
+    path = bench.unseen(tmp_path)
+    lines = [line for line in path.read_text().splitlines() if not line.startswith("family")]
+    path.write_text("\n".join(lines))
+    with pytest.raises(UserError, match="no 'family' block; a meta-model needs one"):
+        api.simulate(api.open_study(path, store=tmp_path / "store"))

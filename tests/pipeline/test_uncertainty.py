@@ -1,0 +1,80 @@
+"""The error of a law at the tip: closed form of one hinge, failures counted, wrong input."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from pydantic import ValidationError
+
+from pliant.config.uncertainty import UncertaintyConfig
+from pliant.errors import UserError
+from pliant.pipeline.uncertainty import drawn_chains, spread
+from pliant.records.law import Domain
+from pliant.records.rollout import Equilibrium, Inputs, TaskResult
+from pliant.testing.samples import LinearLaw, barred_law, linear_law, sample_chain
+from pliant_plugins.physics.quasistatic.backend import Quasistatic
+from pliant_plugins.physics.quasistatic.config import QuasistaticConfig
+
+BOX = Domain(np.array([0.0, 15e3]), np.array([[-0.2, 0.6]]))
+ERROR_N_M = 2e-4
+
+
+def barred() -> LinearLaw:
+    return barred_law(linear_law(), BOX, ERROR_N_M)
+
+
+def test_one_hinge_turns_by_the_error_over_its_stiffness() -> None:
+    law = barred()
+    chain = sample_chain(law, modules=1, gravity=(0, 0, 0))
+    drawn = drawn_chains(chain, 60, seed=4)
+    backend = Quasistatic(QuasistaticConfig())
+    turns = []
+    for one in drawn:
+        with backend.build(one) as simulation:
+            simulation.apply(Inputs({"pressure_pa": 1e4}))
+            turns.append(simulation.settle().joint_angles[0, 0])
+    at_rest = np.array([[0.2]])  # g p / k of the linear law at 10 kPa
+    errors = [one.laws[0].evaluate(np.array([1e4]), at_rest).tau[0, 0] for one in drawn]
+    slopes = [-one.laws[0].evaluate(np.array([1e4]), at_rest).dtau_du[0, 0, 0] for one in drawn]
+    assert np.array(turns) - 0.2 == pytest.approx(np.array(errors) / slopes, rel=0.05, abs=2e-5)
+    band = law.band(np.array([1e4]), at_rest, 0.6827)
+    assert np.std(turns) == pytest.approx(band[0, 0] / 0.04, rel=0.5)
+
+
+def test_all_modules_of_a_design_share_one_draw() -> None:
+    chain = sample_chain(barred(), modules=5)
+    drawn = drawn_chains(chain, 3, seed=0)
+    assert [len(one.laws) for one in drawn] == [1, 1, 1]
+    assert len({joint.law for joint in drawn[0].joints}) == 1
+
+
+def test_stated_laws_have_no_error_to_carry() -> None:
+    with pytest.raises(UserError, match="'uncertainty' needs a law with an error bar"):
+        drawn_chains(sample_chain(linear_law()), 3, seed=0)
+
+
+def result(x: float, converged: bool = True, **metrics: object) -> TaskResult:
+    markers = np.array([[0.0, 0, 0], [x, 0, 0]])
+    final = Equilibrium(np.zeros((1, 1)), markers, 0.0, converged, True, 1, 0.0)
+    return TaskResult(final, metrics)
+
+
+def test_intervals_hold_their_share_and_failures_are_counted() -> None:
+    results = [result(x, height_m=2 * x, mode="slip") for x in np.linspace(0, 1, 101)]
+    told = spread([*results, result(9.0, converged=False, height_m=0.0)], 0.8)
+    assert told["failed"] == 1 and told["samples"] == 102
+    assert told["tip_low_m"][0] == pytest.approx(0.1) and told["tip_high_m"][0] == pytest.approx(0.9)
+    assert told["tip_radius_m"] == pytest.approx(0.4)
+    assert told["metrics"]["height_m"]["high"] == pytest.approx(1.8)
+    assert "mode" not in told["metrics"]
+
+
+def test_without_a_settled_run_there_is_no_interval() -> None:
+    told = spread([result(0.0, converged=False)] * 3, 0.9)
+    assert told["failed"] == 3 and "tip_radius_m" not in told
+
+
+@pytest.mark.parametrize("wrong", [{"samples": 2}, {"level": "150 %"}, {"sample": 9}])
+def test_wrong_settings_are_refused(wrong: dict[str, object]) -> None:
+    with pytest.raises(ValidationError):
+        UncertaintyConfig.model_validate(wrong)

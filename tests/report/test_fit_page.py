@@ -1,0 +1,280 @@
+"""The page of a fit: its numbers are those of the report, its pictures are there, what limits the law is said."""
+
+from __future__ import annotations
+
+import base64
+import re
+import warnings
+from dataclasses import replace
+from functools import cache
+from html import unescape
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pliant.errors import UserError
+from pliant.pipeline.learning import learning_curve
+from pliant.pipeline.module_data import module_of
+from pliant.pipeline.study import Design, DesignStages
+from pliant.pipeline.surrogate import LawStage, law_stage
+from pliant.pipeline.tables import write_table
+from pliant.pipeline.workbench import Workbench
+from pliant.records.error_bar import ErrorBar
+from pliant.records.law import Domain
+from pliant.registry.discovery import discover
+from pliant.report import units
+from pliant.report.figures.calibration import calibration_picture
+from pliant.report.figures.residual_map import residual_map
+from pliant.report.figures.slope_map import least_stable, slope_grid, slope_map
+from pliant.report.fit_page import fit_warnings, render_fit, sentence
+from pliant.report.fit_reading import Fitted, calibration
+from pliant.report.fit_sections import bar_section, comparison_section
+from pliant.report.fit_stage import fit_report_stage, piece_of, pieces_of
+from pliant.report.fit_tables import (
+    axes_table,
+    calibration_table,
+    choice_table,
+    comparison_table,
+    cost_table,
+    errors_table,
+    learning_table,
+)
+from pliant.store.store import ArtifactStore
+from pliant.testing.samples import barred_law, linear_law, softening_law, table_of
+from pliant.testing.solved_samples import solved_designs, solved_spherical_designs, spherical_sample_law
+from pliant_plugins.surrogates.polynomial.config import PolynomialConfig
+from pliant_plugins.surrogates.polynomial.surrogate import Polynomial
+
+BOX = Domain(np.array([0.0, 15e3]), np.array([[-0.2, 0.45]]))
+SIZE = 2e-4
+
+
+@cache
+def fitted() -> Fitted:
+    """A polynomial of the worked law with scatter, and its learning curve."""
+    surrogate = Polynomial(PolynomialConfig(kind="polynomial", max_degree=3))
+    data = module_of(table_of(softening_law(), noise_n_m=3e-5))
+    made = surrogate.fit_module(data)
+    data = replace(data, wall_s=np.full(len(data), 0.5), iterations=np.full(len(data), 4))
+    learning = learning_curve(surrogate, data)
+    return Fitted("bellow", "polynomial", made.law, made.report, data, 0.25, 4e6, learning)
+
+
+@cache
+def barred() -> Fitted:
+    """A linear law whose states miss it by normal errors of exactly the size of its bar."""
+    law = barred_law(linear_law(), BOX, SIZE, seed=2)
+    data = module_of(table_of(linear_law()))
+    random = np.random.default_rng(3)
+    n = 400
+    p, u = 15e3 * random.random(n), -0.2 + 0.65 * random.random((n, 1))
+    tau = linear_law().evaluate(p, u).tau + SIZE * random.standard_normal((n, 1))
+    many = {
+        "actuation": p, "deformation": u, "tau": tau, "role": np.full(n, "check"), "explored": np.full(n, "y"),
+        "status": np.full(n, "ok"), "branch": np.full(n, "constrained"),
+    }  # fmt: skip
+    rest = {name: np.zeros(n) for name in ("energy_j", "travel", "iterations", "wall_s")}
+    slopes = {"dtau_dp": np.zeros((n, 1)), "dtau_du": np.zeros((n, 1, 1))}
+    data = replace(data, **many, **rest, **slopes)
+    return Fitted("linear", "sample", law, fitted().report, data, 0.1, 1e6)
+
+
+def words(html: str) -> str:
+    return unescape(re.sub(r"<[^>]+>", " ", re.sub(r"<style>.*?</style>", "", html, flags=re.DOTALL)))
+
+
+def test_the_page_holds_every_part_and_nothing_from_outside() -> None:
+    html = render_fit("a <law>", [fitted()], {"name": "x"}, [])
+    pictures = re.findall(r'src="data:image/png;base64,([^"]+)" alt="([^"]+)"', html)
+    assert all(base64.b64decode(png)[:8] == b"\x89PNG\r\n\x1a\n" and len(alt) > 20 for png, alt in pictures)
+    assert len(pictures) == 5  # law, map, bars, learning, slopes
+    assert not re.search(r'(?:src|href)="(?!data:|#)', html)
+    assert "a &lt;law&gt;" in html
+    text = words(html)
+    for title in (
+        "Errors, and what the fit chose",
+        "Where the law misses",
+        "How many states it takes",
+        "Cost",
+    ):
+        assert title in text
+    assert "8.26 %" in text and "Yao, Howard, Maiolino" in text
+
+
+def test_errors_are_the_reports_own() -> None:
+    one = fitted()
+    rows = {row[0]: row[1:] for row in errors_table(one).rows}
+    told = rows[f"polynomial ({one.report.n_fitted} states fitted)"]
+    assert told[0] == str(one.report.n_heldout)
+    assert told[1] == units.number(1e3 * one.report.rmse, 3)
+    assert told[3] == units.percent(one.report.worst_of_range, 3)
+    form = one.report.details["study_form"]
+    assert rows["the study's form, least squares"][3] == units.percent(form["worst_of_range"], 3)
+    assert units.percent(one.report.worst_of_range) in sentence(one)
+    assert one.misses.rows(one.misses.check).worst == pytest.approx(one.report.worst_of_range, rel=1e-9)
+
+
+def test_a_law_without_pressure_has_no_published_figure_beside_it() -> None:
+    tendon = replace(fitted().law, actuation_name="tendon_force_n")
+    assert not any("published" in row[0] for row in errors_table(replace(fitted(), law=tendon)).rows)
+
+
+def test_the_studys_form_is_scored_here_where_the_report_has_none() -> None:
+    bare = replace(fitted().report, details={"form": "other"})
+    assert replace(fitted(), report=bare).study_misses == {}
+    study = Polynomial(PolynomialConfig(kind="polynomial", form="study")).fit_module(fitted().data).law
+    beside = replace(fitted(), report=bare, study_law=study)
+    found = beside.study_misses["the study's form, least squares"]
+    assert found.rows(found.check).worst == pytest.approx(
+        fitted().report.details["study_form"]["worst_of_range"], rel=1e-6
+    )
+    assert any(row[0].startswith("the study's form") for row in errors_table(beside).rows)
+
+
+def test_honest_bars_cover_what_they_state() -> None:
+    (curve,) = calibration(barred())
+    assert curve.n == 400
+    assert curve.covered == pytest.approx(curve.levels, abs=0.08)
+    table = calibration_table([curve])
+    assert table is not None and table.rows[0][1] == "400"
+    assert table.rows[0][6] == units.percent(curve.at(0.9), 3)
+    narrow = replace(barred().law, error=replace(barred().law.error, misses=0.1 * barred().law.error.misses))
+    assert calibration(replace(barred(), law=narrow))[0].at(0.9) < 0.4
+
+
+def test_a_law_without_bars_says_so() -> None:
+    bare = replace(barred(), law=replace(barred().law, error=None))
+    assert calibration(bare) == [] and calibration_table([]) is None
+    assert any("no error bar" in one.sentence for one in fit_warnings(bare))
+    assert bar_section(bare) is None and bar_section(barred()) is not None
+
+
+def test_an_unstable_law_is_warned_of_and_its_worst_slope_told() -> None:
+    soft = replace(barred().law, stiffness=np.array([[-0.01]]))
+    assert least_stable(soft) == pytest.approx(0.01)
+    assert least_stable(barred().law) == pytest.approx(-0.04)
+    assert any("unstable" in one.sentence for one in fit_warnings(replace(barred(), law=soft)))
+    assert not any("unstable" in one.sentence for one in fit_warnings(barred()))
+    p, u, slopes = slope_grid(barred().law, "y")
+    assert (p[0], u[-1]) == (0.0, 0.45) and np.allclose(slopes, -0.04)
+
+
+def test_the_choice_lists_every_candidate_with_one_chosen() -> None:
+    table = choice_table(fitted(), "y")
+    found = fitted().report.details["cross_validation"]
+    assert table is not None and len(table.rows) == len(found)
+    assert [row[-1] for row in table.rows].count("chosen") == 1
+    assert choice_table(replace(fitted(), report=replace(fitted().report, details={})), "y") is None
+
+
+def test_learning_and_cost_are_those_of_the_records() -> None:
+    table = learning_table(fitted().learning)
+    last = next(row for row in table.rows if row[0] == "42")
+    points = {p["slopes"]: p for p in fitted().learning["points"] if p["n"] == 42}
+    assert last[1:] == [
+        units.percent(points[s][k]) for s in ("with slopes", "without slopes") for k in ("rms", "worst")
+    ]
+    assert "at 10 check states" in table.note and "Too few to fit: 4" in table.note
+    cost = {row[0]: row[1] for row in cost_table(fitted()).rows}
+    assert cost["solver, all states"] == "26.0 s (0.5 s a state)"
+    assert cost["evaluations with slopes"] == "4 million a second"
+    assert cost["one FEM state costs as much as"] == "2.0·10⁶ evaluations"
+
+
+def test_surrogates_stand_side_by_side() -> None:
+    rows = comparison_table([fitted(), replace(barred(), name="other")]).rows
+    assert [row[0] for row in rows] == ["bellow", "other"]
+    assert rows[1][-1] == "1"
+    section = comparison_section([fitted(), replace(barred(), name="other")])
+    assert section is not None and section.tables[0].rows == rows and len(section.pictures) == 1
+    assert comparison_section([fitted()]) is None
+
+
+@cache
+def spherical() -> Fitted:
+    """The exact law of three coupled axes, with a tenth of an error put on axis z."""
+    designs = solved_spherical_designs((2, 2))
+    data, law = designs.data[0], spherical_sample_law(designs.values[0])
+    data = replace(data, tau=data.tau + np.array([0.0, 0.0, 1e-4]) * (data.explored == "z")[:, None])
+    return Fitted("three", "sample", law, fitted().report, data, 0.1, 1e6)
+
+
+def test_three_axes_are_told_apart() -> None:
+    table = axes_table(spherical())
+    assert table is not None
+    worst = {row[0]: row[-1] for row in table.rows}
+    assert worst["z"] == "0.1"
+    assert float(worst["x"].replace("·10⁻", "e-").translate(str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹", "0123456789"))) < 1e-6
+    assert len(residual_map(spherical()).tobytes()) > 10_000
+
+
+def test_the_same_fit_gives_the_same_picture() -> None:
+    first, second = (calibration_picture(calibration(barred())).tobytes() for _ in range(2))
+    assert first == second
+
+
+def test_the_stage_writes_the_page_once_and_refuses_a_stated_law(tmp_path: Path) -> None:
+    bench = Workbench(discover(), ArtifactStore(tmp_path / "store"))
+    write_table(table_of(softening_law(), noise_n_m=3e-5), tmp_path / "bench.csv")
+    config = PolynomialConfig(kind="polynomial", data=tmp_path / "bench.csv", max_degree=2)
+    law = law_stage(bench, config, None)
+    piece = piece_of(bench, "bench", config, law, learning=False, source="bench.csv")
+    page = fit_report_stage(bench, "bench", [piece], {"name": "bench"}, tmp_path)
+    assert page.name == "fit.html"
+    text = words(page.read_text())
+    assert f"within {units.percent(law.report.worst_of_range)} of bench.csv on 10 states left out" in text
+    first = page.read_bytes()
+    assert fit_report_stage(bench, "bench", [piece], {"name": "bench"}, tmp_path).read_bytes() == first
+    with pytest.raises(UserError, match="stated by its coefficients: there is no fit"):
+        piece_of(bench, "stated", config, LawStage(softening_law(), None, None, None))
+
+
+def test_a_bar_of_several_axes_is_pooled_first() -> None:
+    law = spherical().law
+    box = np.vstack([law.domain.actuation, law.domain.deformation])
+    random = np.random.default_rng(0)
+    places = box[:, 0] + np.ptp(box, axis=1) * random.random((80, 4))
+    bar = ErrorBar.of(box, places[:, 0], places[:, 1:], 1e-4 * random.standard_normal((80, 3)))
+    object.__setattr__(law := replace(law), "error", bar)
+    data = replace(spherical().data, role=np.full(len(spherical().data), "check"))
+    curves = calibration(replace(spherical(), law=law, data=data))
+    assert [c.label for c in curves] == ["all axes", "axis x", "axis y", "axis z"]
+    assert curves[0].n == sum(c.n for c in curves[1:])
+
+
+def test_one_table_for_each_axis_makes_one_page(tmp_path: Path) -> None:
+    bench = Workbench(discover(), ArtifactStore(tmp_path / "store"))
+    stiffness = {"x": 0.05, "y": 0.04, "z": 0.06}
+    for axis, k in stiffness.items():
+        write_table(replace(table_of(linear_law(stiffness=k)), axis=axis), tmp_path / f"{axis}.csv")
+    axes = {axis: {"data": tmp_path / f"{axis}.csv", "max_degree": 2} for axis in stiffness}
+    config = PolynomialConfig.model_validate({"kind": "polynomial", "axes": axes})
+    law = law_stage(bench, config, None)
+    piece = piece_of(bench, "three", config, law, source="three tables")
+    assert piece.learning is None  # the surrogate is fitted by table, not by states of all axes
+    assert piece.data.axes == ("x", "y", "z") and piece.data.main_axis == "y"
+    one = Fitted("three", "polynomial", law.law, law.report, piece.data, 0.1, 1e6)
+    assert one.misses.worst < 1e-9 and len(one.misses.state) == 3 * 52
+    table = axes_table(one)
+    assert table is not None and [row[0] for row in table.rows][:3] == ["x", "y", "z"]
+
+
+def test_a_slope_that_never_varies_is_drawn_as_one_colour() -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert len(slope_map(barred()).tobytes()) > 5_000
+
+
+def test_a_design_solved_by_fem_gets_its_page_with_the_solvers_time(tmp_path: Path) -> None:
+    bench = Workbench(discover(), ArtifactStore(tmp_path / "store"))
+    data = solved_designs((2, 2)).data[0]
+    data = replace(data, wall_s=np.full(len(data), 0.5), iterations=np.full(len(data), 3))
+    fem = bench.make("fem", lambda partial: data, components=[], modules=[], config={}, inputs={})
+    config = PolynomialConfig(kind="polynomial", max_degree=3)
+    stages = DesignStages(Design(None, config), fem, law_stage(bench, config, fem))
+    (piece,) = pieces_of(bench, [stages], learning=False)
+    assert piece.source == "FEM" and len(piece.data) == len(data)
+    page = fit_report_stage(bench, "solved", [piece], {"name": "solved"}, tmp_path)
+    text = words(page.read_text())
+    assert units.seconds(0.5 * len(data)) in text and "of FEM on" in text

@@ -1,0 +1,194 @@
+"""The page of a meta-model: scores, parity, errors over designs and cost are those of the records."""
+
+from __future__ import annotations
+
+import base64
+import re
+from dataclasses import replace
+from functools import cache
+from html import unescape
+from itertools import pairwise
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+import pytest
+
+from pliant.pipeline.meta_model.bars import Bars
+from pliant.pipeline.meta_model.learning import design_learning
+from pliant.pipeline.meta_model.leaving_out import misses_left_out, parts_of
+from pliant.pipeline.meta_model.next_design import Proposal
+from pliant.pipeline.meta_model.scoring import scores_of
+from pliant.pipeline.progress import Silent
+from pliant.records.solved import SolvedDesigns
+from pliant.report import units
+from pliant.report.figures.design_errors import design_errors
+from pliant.report.figures.parity import parity_picture
+from pliant.report.meta_page import render_meta, sentence, warned
+from pliant.report.meta_reading import MetaFitted, parameter_words
+from pliant.report.meta_tables import (
+    cost_table,
+    coverage_table,
+    learning_table,
+    next_table,
+    scores_table,
+    worst_table,
+)
+from pliant.testing.meta_model_stand_in import StandInMetaModel, StandInMetaModelConfig
+from pliant.testing.solved_samples import solved_designs, solved_spherical_designs
+
+
+def model() -> StandInMetaModel:
+    return StandInMetaModel(StandInMetaModelConfig())
+
+
+def of(designs: SolvedDesigns) -> MetaFitted:
+    """A stand-in model with its scores, and FEM of 3 s a design."""
+    data = tuple(replace(one, wall_s=np.full(len(one), 3.0 / len(one))) for one in designs.data)
+    designs = replace(designs, data=data)
+    with TemporaryDirectory() as folder:
+        misses = misses_left_out(model(), designs, parts_of(designs, 4, 4), Path(folder), Silent())
+    coverage = Bars.of(designs, misses).coverage(designs.corners())
+    return MetaFitted(
+        "stand_in", "stand_in", designs, misses, scores_of(designs, misses), coverage, {"terms": 7, "regressor": "a_b"},
+        4, 0.5, 2.0, 2e-3, 3e6, design_learning(model(), designs, Silent()), (), "the sweep's 16 designs",
+    )  # fmt: skip
+
+
+@cache
+def fitted() -> MetaFitted:
+    return of(solved_designs((4, 4)))
+
+
+def words(html: str) -> str:
+    return unescape(re.sub(r"<[^>]+>", " ", re.sub(r"<style>.*?</style>", "", html, flags=re.DOTALL)))
+
+
+def test_the_page_holds_every_part_and_nothing_from_outside() -> None:
+    proposals = (Proposal(fitted().designs.names, (7.1e-3, 1.3e-3), 0.12, "gain"),)
+    html = render_meta("a <model>", replace(fitted(), proposals=proposals), {"name": "x"}, [])
+    pictures = re.findall(r'src="data:image/png;base64,([^"]+)" alt="([^"]+)"', html)
+    assert len(pictures) == 5  # parity, free angle, designs, bars, learning
+    assert all(base64.b64decode(png)[:8] == b"\x89PNG\r\n\x1a\n" and len(alt) > 20 for png, alt in pictures)
+    assert not re.search(r'(?:src|href)="(?!data:|#)', html)
+    text = words(html)
+    for title in ("Free angle", "Where in the space of designs it misses", "Solve these next", "Cost"):
+        assert title in text
+    assert sentence(fitted()) in text
+
+
+def test_scores_are_the_pipelines_own() -> None:
+    one = fitted()
+    rows = {row[0]: row[1:] for row in scores_table([one]).rows}
+    assert list(rows) == ["all", "interior", "border"]
+    for place, scores in one.scores.items():
+        axis = scores.axes["y"]
+        assert rows[place][0] == str(scores.n_designs)
+        assert rows[place][2] == f"{axis.r2:.6f}"
+        assert rows[place][4] == units.percent(axis.worst_of_range, 3)
+        assert rows[place][5] == units.percent(scores.free_median, 3)
+    assert units.percent(one.scores["interior"].worst_of_range) in sentence(one)
+    assert "Published" in scores_table([one]).note
+
+
+def test_models_stand_side_by_side() -> None:
+    rows = scores_table([fitted(), replace(fitted(), name="study")]).rows
+    assert [row[0] for row in rows][3:] == ["study: all", "study: interior", "study: border"]
+
+
+def test_the_worst_designs_are_those_of_the_worst_states() -> None:
+    one = fitted()
+    every = np.abs(one.shares[:, 0])
+    design = int(one.misses.design[np.argmax(every)])
+    assert one.worst_designs(1) == [design]
+    assert one.worst[design] == pytest.approx(one.scores["all"].worst_of_range, rel=1e-12)
+    row = worst_table(one).rows[0]
+    assert row[0] == units.percent(float(every.max()), 3)
+    assert row[1] == ("border" if one.designs.corners()[design] else "interior")
+    assert float(row[2]) == pytest.approx(1e3 * one.designs.values[design, 0], rel=1e-3)
+
+
+def test_cost_is_fem_against_milliseconds() -> None:
+    rows = {row[0]: row[1] for row in cost_table(fitted()).rows}
+    assert rows["FEM, one design"] == "3.0 s"
+    assert rows["law of an unseen design, with its error bar"] == "2.0 ms"
+    assert rows["a design by the model instead of FEM"] == "1500 times faster"
+    assert rows["FEM saved by every thousand further designs"] == "0.83 hours of one core"
+    nobody_knows = replace(
+        fitted(), designs=replace(fitted().designs, data=tuple(
+            replace(one, wall_s=one.wall_s * np.nan) for one in fitted().designs.data
+        )),
+    )  # fmt: skip
+    assert "FEM, one design" not in {row[0] for row in cost_table(nobody_knows).rows}
+
+
+def test_coverage_and_proposals_are_told() -> None:
+    table = coverage_table(fitted())
+    assert table.rows[0][0] == "all"
+    assert table.rows[0][2] == units.percent(fitted().coverage["all"]["0.9"], 3)
+    assert next_table(fitted()) is None
+    asked = replace(fitted(), proposals=(Proposal(fitted().designs.names, (7.1e-3, 1.3e-3), 0.12, "doubt"),))
+    found = next_table(asked)
+    assert found is not None and list(found.rows[0]) == ["1", "7.1", "1.3", "12 %"]
+    assert found.head[-1] == "of the largest doubt"
+
+
+def test_designs_far_off_are_warned_of() -> None:
+    assert max(scores.worst_of_range for scores in fitted().scores.values()) < 0.05
+    assert warned(fitted()) == []
+    bad = replace(fitted().scores["border"], free_lost=2)
+    axis = replace(bad.axes["y"], worst_of_range=0.3)
+    scores = {"all": bad, "border": replace(bad, axes={"y": axis})}
+    sentences = [one.sentence for one in warned(replace(fitted(), scores=scores))]
+    assert "Designs on the border are missed by up to 30 % of their range of torque." in sentences
+    assert "In 2 states the law of a design left out has no free equilibrium." in sentences
+
+
+def test_learning_over_designs_never_fits_what_it_scores() -> None:
+    seen = []
+
+    class Watched(StandInMetaModel):
+        def fit(self, designs):  # type: ignore[no-untyped-def]
+            seen.append({tuple(v) for v in designs.values})
+            return super().fit(designs)
+
+    designs = solved_designs((4, 4))
+    curve = design_learning(Watched(StandInMetaModelConfig()), designs, Silent())
+    tests = {tuple(designs.values[i]) for i in curve["test"]}
+    assert len(tests) == 4 and all(not (one & tests) for one in seen)
+    sizes = [len(one) for one in seen]
+    assert sizes == sorted(sizes) and sizes[-1] == 12
+    assert all(few <= more for few, more in pairwise(seen))
+    points = curve["points"]
+    assert points[-1]["all"]["worst"] < points[0]["all"]["worst"]
+    rows = learning_table(curve).rows
+    assert rows[-1][:2] == ["12", units.percent(points[-1]["all"]["rms"], 3)]
+
+
+def test_an_interrupted_curve_over_designs_goes_on(tmp_path: Path) -> None:
+    kept = tmp_path / "points.json"
+    designs = solved_designs((4, 4))
+    first = design_learning(model(), designs, Silent(), kept)
+
+    class Never(StandInMetaModel):
+        def fit(self, designs):  # type: ignore[no-untyped-def]
+            raise AssertionError("it was fitted already")
+
+    assert design_learning(Never(StandInMetaModelConfig()), designs, Silent(), kept) == first
+
+
+def test_three_axes_and_one_parameter_have_pictures_too() -> None:
+    three = of(solved_spherical_designs((3, 3)))
+    rows = [row[0] for row in scores_table([three]).rows]
+    assert [row for row in rows if row.startswith("all")] == ["all, axis x", "all, axis y", "all, axis z"]
+    assert "all" in three.coverage and len(parity_picture(three).tobytes()) > 10_000
+    one = fitted()
+    values = one.designs.values[:, :1]
+    line = replace(one, designs=replace(one.designs, names=one.designs.names[:1], values=values))
+    assert len(design_errors(line).tobytes()) > 5_000
+
+
+def test_parameters_are_named_with_their_units() -> None:
+    assert parameter_words("average_radius_m") == ("average radius", units.MILLIMETRES)
+    assert parameter_words("material.shear_modulus_pa")[0] == "shear modulus"
+    assert parameter_words("convolutions")[1].name == ""

@@ -1,0 +1,83 @@
+"""Drawn laws on the page of a run: the cloud, its intervals, runs that failed; kept in the run's folder."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from html import unescape
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pliant.report.figures.tip_cloud import tip_cloud
+from pliant.report.page import render
+from pliant.report.uncertainty_section import uncertainty_section, uncertainty_warnings
+
+
+def told(tip: np.ndarray, failed: int = 0) -> dict[str, Any]:
+    """Tips in a line along x, a tenth of that along z, as `spread` tells them."""
+    along = np.linspace(-1e-3, 1e-3, 21)
+    tips = tip + np.stack([along, 0 * along, 0.1 * along], axis=1)
+    return {
+        "level": 0.9,
+        "samples": 21 + failed,
+        "failed": failed,
+        "tips_m": tips,
+        "tip_mean_m": tips.mean(axis=0),
+        "tip_low_m": tip - [9e-4, 0, 9e-5],
+        "tip_high_m": tip + [9e-4, 0, 9e-5],
+        "tip_radius_m": 9.1e-4,
+        "metrics": {
+            "tip_x_m": {"low": 0.0, "high": 1.0, "sd": 1.0},
+            "bend_angle_rad": {"low": 1.0, "high": 1.1, "sd": 0.05},
+            "unsettled_levels": {"low": 0.0, "high": 0.0, "sd": 0.0},
+        },
+    }
+
+
+@pytest.fixture
+def run(kit: SimpleNamespace) -> Any:
+    whole = kit.full_run()
+    return replace(whole, uncertainty=told(whole.engines[0].result.final.tip_m))
+
+
+def test_intervals_are_those_of_the_record(run: Any) -> None:
+    section = uncertainty_section(run)
+    assert section is not None and len(section.pictures) == 1
+    assert "90 % of 21 runs in quasistatic" in section.text[0] and "910 µm" in section.text[0]
+    rows = {row[0]: row[1:] for row in section.tables[0].rows}
+    tip = 1e3 * run.engines[0].result.final.tip_m
+    assert [float(v.replace("−", "-")) for v in rows["tip x (mm)"][:3]] == pytest.approx(
+        [tip[0] - 0.9, tip[0], tip[0] + 0.9], abs=1e-4
+    )
+    assert rows["tip x (mm)"][3] == "900 µm"
+    assert rows["bend angle (°)"][0] == "57.296" and rows["bend angle (°)"][2] == "63.025"
+    assert len(rows) == 4  # the tip stands once, what never varies not at all
+
+
+def test_the_page_holds_the_cloud_and_says_what_did_not_settle(run: Any) -> None:
+    page = render(replace(run, uncertainty=told(run.engines[0].result.final.tip_m, failed=3)))
+    text = unescape(re.sub(r"<[^>]+>", " ", page.html))
+    assert "tip_cloud" in page.pictures
+    assert "From the laws' error bars to the tip" in text
+    assert "3 of 24 runs with laws drawn from their error bars did not settle." in text
+
+
+def test_without_a_settled_run_there_is_a_sentence_and_no_picture(run: Any) -> None:
+    nothing = replace(run, uncertainty={"level": 0.9, "samples": 8, "failed": 8, "tips_m": np.zeros((0, 3))})
+    section = uncertainty_section(nothing)
+    assert section is not None and not section.pictures and "None of 8 runs" in section.text[0]
+    assert tip_cloud(nothing.uncertainty, np.zeros(3)) is None
+    assert len(uncertainty_warnings(nothing)) == 1
+
+
+def test_a_study_without_the_block_has_no_section(kit: SimpleNamespace) -> None:
+    assert uncertainty_section(kit.full_run()) is None and uncertainty_warnings(kit.full_run()) == []
+
+
+def test_the_same_runs_give_the_same_picture(run: Any) -> None:
+    tip = run.engines[0].result.final.tip_m
+    first, second = (tip_cloud(run.uncertainty, tip) for _ in range(2))
+    assert first is not None and second is not None and first.tobytes() == second.tobytes()

@@ -1,0 +1,213 @@
+"""Training: known laws are found, FEM states are met, check states are not seen; several axes; wrong input."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+from importlib.metadata import version
+from pathlib import Path
+from typing import cast
+
+import numpy as np
+import pytest
+from pydantic import ValidationError
+
+from pliant.errors import UserError
+from pliant.interfaces.surrogate import FittedLaw
+from pliant.pipeline.tables import read_table
+from pliant.pipeline.workbench import Workbench
+from pliant.records.design import Design
+from pliant.records.fem import ModuleData
+from pliant.registry.discovery import Registry
+from pliant.store.store import ArtifactStore, Recipe
+from pliant.testing.samples import linear_spherical_law, softening_law, table_of
+from pliant_plugins.manifest import pliant_components
+from pliant_plugins.surrogates.neural.config import NeuralConfig
+
+torch = pytest.importorskip("torch", reason="pip install 'pliant[neural]'")
+from pliant_plugins.surrogates.neural.surrogate import Neural  # noqa: E402
+from pliant_plugins.surrogates.neural.system import Scales, States, System  # noqa: E402
+
+DATA = Path(__file__).parents[2] / "examples/data"
+UNITS = 12
+
+
+@cache
+def fitted(name: str) -> FittedLaw:
+    """The law of a shipped table."""
+    return Neural(NeuralConfig(units=32)).fit(read_table(DATA / f"{name}.csv"))
+
+
+def spherical_states(n: int = 60, checks: int = 15) -> ModuleData:
+    """States of three coupled axes with a known answer: a linear law and a quadratic coupling of y and z."""
+    random = np.random.default_rng(4)
+    p, u = 15e3 * random.random(n), random.uniform(-0.3, 0.3, (n, 3))
+    u[:8] = 0.3 * (2.0 * (np.arange(8)[:, None] >> np.arange(3) & 1) - 1)
+    p[:8] = 15e3 * (np.arange(8) % 3 == 0)
+    law, b = linear_spherical_law(), 0.02
+    effort = law.evaluate(p, u)
+    tau, slope = effort.tau.copy(), effort.dtau_du.copy()
+    tau[:, 1] -= b * u[:, 2] ** 2 / 2
+    tau[:, 2] -= b * u[:, 1] * u[:, 2]
+    slope[:, 1, 2] -= b * u[:, 2]
+    slope[:, 2, 1] -= b * u[:, 2]
+    slope[:, 2, 2] -= b * u[:, 1]
+    blank = np.full(n, np.nan)
+    return ModuleData(
+        design=Design("sample", {}), joint="spherical", axes=("x", "y", "z"), main_axis="y",
+        actuation_name="pressure_pa", actuation=p, deformation=u, tau=tau, dtau_dp=effort.dtau_dp, dtau_du=slope,
+        energy_j=blank, travel=blank, iterations=np.zeros(n, int), wall_s=np.zeros(n),
+        explored=np.array(["x", "y", "z"])[np.arange(n) % 3], branch=np.full(n, "constrained"),
+        status=np.full(n, "ok"), role=np.where(np.arange(n) < n - checks, "fit", "check"),
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("k", [1, 3])
+def test_jacobian_is_the_residuals_derivative(k: int) -> None:
+    random = np.random.default_rng(0)
+    n = 7
+    slope = random.normal(size=(n, k, k))
+    slope[2] = np.nan
+    states = States(
+        np.column_stack([1e4 * random.random(n), random.uniform(-0.2, 0.4, (n, k))]),
+        random.normal(size=(n, k)), 1e-4 * random.normal(size=(n, k)), slope,
+    )  # fmt: skip
+    scales = Scales(np.array([5e3, *[0.1] * k]), np.array([5e3, *[0.3] * k]), np.arange(1.0, k + 1))
+    seen = np.ones((2, n), bool)
+    seen[1, :3] = False
+    system = System(torch, states, scales, 3, seen)
+    theta = system.start(3)
+    theta = theta + 0.1 * torch.from_numpy(random.normal(size=theta.shape))
+    jacobian, step = system.jacobian(theta).numpy(), 1e-6
+    for j in range(theta.shape[1]):
+        h = torch.zeros_like(theta)
+        h[:, j] = step
+        wanted = (system.residual(theta + h) - system.residual(theta - h)).numpy() / (2 * step)
+        np.testing.assert_allclose(jacobian[:, :, j], wanted, atol=1e-7)
+    # one of several networks is what it is alone
+    np.testing.assert_array_equal(system.jacobian(theta[1:], [1]), jacobian[1:])
+    # the networks in SI give what the residuals say, and one does not see what is left out
+    for network, of_network, in_sight in zip(theta, system.residual(theta).numpy(), seen, strict=True):
+        missed = (system.network(network).efforts(states.points)[0] - states.tau) / scales.ranges
+        residual = np.full((n, 2 * k + k * (k + 1) // 2), np.nan)
+        residual.ravel()[system.known] = of_network
+        wanted = missed * in_sight[:, None] / np.sqrt(in_sight.sum())
+        np.testing.assert_allclose(residual[:, :k], wanted, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("name", "worst_of_range"),
+    [("bellow_bending", 5e-3), ("tendon_joint", 5e-3), ("bellow_translational", 5e-3)],
+)
+def test_states_left_out_of_fem_are_met(name: str, worst_of_range: float) -> None:
+    report = fitted(name).report
+    assert report.worst_of_range < worst_of_range
+    assert report.worst_of_range < report.details["study_form"]["worst_of_range"] / 1.5
+    assert report.details["stable"]
+
+
+def test_the_history_tells_where_training_stopped() -> None:
+    details = fitted("bellow_bending").report.details
+    steps = [step["steps"] for step in details["training"]]
+    chosen = [step for step in details["training"] if step["chosen"]]
+    assert steps == sorted(steps)
+    assert len(chosen) == 1
+    assert chosen[0]["decay"] == details["decay"]
+    assert chosen[0]["left_out_rmse_of_range"] < 0.01
+
+
+def test_band_is_small_among_states_and_wide_outside() -> None:
+    law, data = fitted("bellow_bending").law, read_table(DATA / "bellow_bending.csv").select("check")
+    band = law.band(data.actuation, data.angle_rad[:, None])
+    assert band is not None
+    assert 0 < np.median(band) < 0.01 * np.ptp(data.moment_n_m)
+    told = fitted("bellow_bending").report.details["error_bar"]
+    assert told["n"] == len(data)
+    assert told["covered"] >= 0.75
+    assert told["mean_half_width_of_range"] == pytest.approx(
+        band.mean() / fitted("bellow_bending").report.effort_range
+    )
+    far = law.band(np.array([6e4]), np.array([[2.0]]))
+    assert far is not None
+    assert far[0, 0] > 3 * np.median(band)
+
+
+def test_scatter_is_not_learned() -> None:
+    """States without slopes and with scatter: the law is nearer to the truth than the states are."""
+    scatter = 4e-4
+    data = table_of(softening_law(), noise_n_m=scatter, pressures=8, angles=9)
+    blank = np.full(len(data), np.nan)
+    data = replace(data, dmoment_dp=blank, dmoment_du=blank)
+    law = Neural(NeuralConfig(units=UNITS)).fit(data).law
+    p, u = np.meshgrid(np.linspace(500, 14500, 15), np.linspace(-0.18, 0.43, 15))
+    true = softening_law().evaluate(p.ravel(), u.reshape(-1, 1)).tau
+    missed = law.evaluate(p.ravel(), u.reshape(-1, 1)).tau - true
+    assert np.sqrt(np.mean(missed**2)) < scatter
+
+
+def test_three_coupled_axes() -> None:
+    data = spherical_states()
+    found = Neural(NeuralConfig(units=UNITS)).fit_module(data)
+    law, check = found.law, data.role == "check"
+    missed = law.evaluate(data.actuation, data.deformation).tau - data.tau
+    assert np.abs(missed[check]).max() < 0.01 * np.ptp(data.tau)
+    assert found.report.r2 > 0.999
+    assert (law.joint, law.axes) == ("spherical", ("x", "y", "z"))
+    slope = law.evaluate(data.actuation, data.deformation).dtau_du
+    np.testing.assert_allclose(slope[:, 1, 2], slope[:, 2, 1], atol=1e-15)
+    assert np.abs(slope[:, 1, 2] - data.dtau_du[:, 1, 2]).max() < 2e-3
+    band = law.band(data.actuation, data.deformation)
+    assert band is not None
+    assert band.shape == missed.shape
+    details = found.report.details
+    assert set(details["axes"]) == {"x", "y", "z"}
+    told = details["error_bar"]
+    own = data.explored[:, None] == np.array(data.axes)
+    assert told["n"] == check.sum()
+    assert told["covered"] == np.mean((np.abs(missed) <= band)[own & check[:, None]])
+    assert told["covered"] > 0.75
+    assert 0 < told["mean_half_width_of_range"] < 0.01
+
+
+def test_training_leaves_torch_as_it_was() -> None:
+    torch.manual_seed(5)
+    state, threads = torch.random.get_rng_state(), torch.get_num_threads()
+    Neural(NeuralConfig(units=4)).fit(table_of(softening_law(), pressures=3, angles=4))
+    assert torch.equal(torch.random.get_rng_state(), state)
+    assert torch.get_num_threads() == threads
+
+
+@pytest.mark.parametrize("units", [0, 3, 10_000])
+def test_absurd_networks_are_refused(units: int) -> None:
+    with pytest.raises(ValidationError, match="units"):
+        NeuralConfig(units=units)
+
+
+def test_too_few_states_of_one_axis_and_of_three() -> None:
+    data = table_of(softening_law())
+    few = data.rows(np.arange(len(data)) < 4)
+    with pytest.raises(UserError, match="a neural law needs at least 6 states"):
+        Neural(NeuralConfig()).fit(few)
+    with pytest.raises(UserError, match="needs at least 16 trusted states"):
+        Neural(NeuralConfig()).fit_module(spherical_states(20, 10))
+
+
+def test_states_that_contradict_each_other() -> None:
+    data = table_of(softening_law())
+    u, moment = data.angle_rad.copy(), data.moment_n_m.copy()
+    u[1], moment[1] = u[0], moment[0] + np.ptp(moment) / 2
+    with pytest.raises(UserError, match="contradict each other"):
+        Neural(NeuralConfig()).fit(replace(data, angle_rad=u, moment_n_m=moment))
+
+
+def test_torch_counts_in_the_key_of_a_fit() -> None:
+    component = next(c for c in pliant_components() if (c.interface, c.kind) == ("surrogate", "neural"))
+    asked: list[Recipe] = []
+
+    class Store:
+        def make(self, recipe: Recipe, compute: object, note: object) -> None:
+            asked.append(recipe)
+
+    bench = Workbench(Registry((component,)), cast(ArtifactStore, Store()))
+    bench.make("fit", lambda _: None, components=[component], modules=[], config={}, inputs={})
+    assert asked[0].libraries["torch"] == version("torch")
