@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 
+from pliant.errors import ContractError
 from pliant.mechanics.efforts import JointEfforts
 from pliant.mechanics.kinematics import ChainGeometry, base_rotations, trajectory
 from pliant.mechanics.rotations import exp_map
@@ -121,3 +122,15 @@ def test_base_angles_turn_about_world_x_then_y_then_z() -> None:
     for one, (x, y, z) in zip(got, angles, strict=True):
         np.testing.assert_allclose(one, about(2, z) @ about(1, y) @ about(0, x) @ rotation, atol=1e-14)
     np.testing.assert_array_equal(base_rotations(rotation, np.zeros((2, 3)))[1], rotation)
+
+
+def test_numbers_per_joint_reach_their_joint() -> None:
+    def pull(angle, rate, dt_s, actuation, temperature_c, old, new, parameters):
+        return parameters[0] * parameters[1]
+
+    term = LawTerm("moment", pull, (2.0,), per_joint=((1.0,), (10.0,)))
+    terms = LawTerms([term], (2, 1))
+    values = terms.contribution(np.zeros((2, 1)), 0.0, terms.rested())
+    assert values.moment[:, 0].tolist() == [2.0, 20.0]
+    with pytest.raises(ContractError, match="2 joints"):
+        LawTerms([term], (3, 1))

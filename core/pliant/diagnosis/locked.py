@@ -134,6 +134,7 @@ def _circumstances(history: History) -> Array:
     signals = [history.moment_n_m, history.temperature_c, *history.tip_force_n.T, *history.base_angles_rad.T]
     if history.payload_kg is not None:
         signals.append(history.payload_kg)
+    signals.append(np.ones(len(history)) if history.valve_open is None else history.valve_open)
     return np.array([f(signal) for signal in signals for f in (np.mean, np.std)])
 
 
@@ -142,6 +143,7 @@ def _fingerprint(history: History) -> Array:
     signals = [*history.actuation.values(), history.moment_n_m, history.temperature_c]
     signals += [*history.tip_force_n.T, *history.base_angles_rad.T]
     signals.append(np.zeros(len(history)) if history.payload_kg is None else history.payload_kg)
+    signals.append(np.ones(len(history)) if history.valve_open is None else history.valve_open)
     n = len(history)
     clock = np.arange(n, dtype=float) if history.time_s is None else history.time_s - history.time_s[0]
     duration = float(clock[-1]) if n > 1 else 0.0

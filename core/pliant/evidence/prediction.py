@@ -178,7 +178,8 @@ class Predictor:
                 readings[name] = angles.sum(axis=1) / self.chain.length_m
             else:
                 readings[name] = angles.sum(axis=1)
-        reported = model.reported(readings)
+        clock = {} if history.time_s is None else {"time_s": history.time_s}
+        reported = model.reported({**readings, **clock})
         return {
             name: np.where(path.converged, np.asarray(reported[name], float), np.nan) for name in self.outputs
         }

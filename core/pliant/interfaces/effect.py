@@ -68,7 +68,8 @@ class Model:
     """What effects change: a chain with its law terms, maps of the inputs before it, of the readings after it.
 
     An input map takes the history of one run and returns the history that reaches the chain. An output map
-    takes readings by name (docs/conventions.md) and returns what the sensors say; it leaves other names alone.
+    takes readings by name (docs/conventions.md) and returns what the sensors say; it leaves other names alone. Where
+    the readings are those of a run with a clock, `time_s` (t,) is among them.
     """
 
     chain: ChainModel
@@ -109,12 +110,14 @@ class Effect(ABC):
 
     The simulate stage applies a study's `effects` in their order; an effect never changes a model in place and
     keeps no memory: internal states belong to `LawTerm`s, and an input map sees the whole run. The docstring
-    of a subclass's file gives the equation and its source.
+    of a subclass's file gives the equation and its source. `exciting` names runs of the default menu
+    (`pliant.experiments.menu`) that show the effect and tell it from its look-alike.
     """
 
     place: ClassVar[Place]
     parameters: ClassVar[tuple[EffectParameter, ...]]
     notes: ClassVar[EffectNotes] = EffectNotes()
+    exciting: ClassVar[tuple[str, ...]] = ()
 
     def __init__(self, config: EffectConfig) -> None:
         self.config = config

@@ -27,6 +27,7 @@ DEFAULTS = {
     "temperature_c": f"{REFERENCE_TEMPERATURE_C:g} °C",
     "payload_kg": "the chain's own",
     "cycle": "counted",
+    "valve_open": "1",
 }
 
 
@@ -132,6 +133,7 @@ def _history(rows: RunRows, columns: Mapping[str, Array], header: Header, n: int
         temperature_c=column("temperature_c", REFERENCE_TEMPERATURE_C),
         base_angles_rad=np.column_stack([column(name) for name in BASE]),
         payload_kg=columns.get("payload_kg"),
+        valve_open=columns.get("valve_open"),
     )
 
 

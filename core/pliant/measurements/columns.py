@@ -34,6 +34,7 @@ KNOWN = (
     Known(r"moment", "_n_m", "N*m", "condition"),
     Known(r"tip_force_[xyz]", "_n", "N", "condition"),
     Known(r"payload", "_kg", "kg", "condition"),
+    Known(r"valve_open", "", "", "condition"),  # 1: connected to the supply, 0: closed off
     Known(r"temperature", "_c", "degC", "condition"),
     Known(r"base_(roll|pitch|yaw)", "_rad", "rad", "condition"),
     Known(r"cycle", "", "", "cycle"),
@@ -48,7 +49,15 @@ KNOWN = (
 # Names to suggest from: one of each family.
 EXAMPLES = (
     *("run", "specimen", "time_s", "pressure_pa", "pressure_1_pa", "tendon_force_n", "tendon_travel_m"),
-    *("moment_n_m", "tip_force_x_n", "tip_force_y_n", "tip_force_z_n", "payload_kg", "temperature_c"),
+    *(
+        "moment_n_m",
+        "tip_force_x_n",
+        "tip_force_y_n",
+        "tip_force_z_n",
+        "payload_kg",
+        "temperature_c",
+        "valve_open",
+    ),
     *("base_roll_rad", "base_pitch_rad", "base_yaw_rad", "cycle", "angle_rad", "joint_1_angle_rad"),
     *("tip_x_m", "tip_y_m", "tip_z_m", "marker_1_x_m", "marker_1_y_m", "marker_1_z_m"),
     *("elongation_strain", "successes", "trials", "sigma_angle_rad"),

@@ -120,6 +120,8 @@ def _signals(history: History) -> dict[str, Array]:
         signals[f"base_{axis}_rad"] = history.base_angles_rad[:, axis]
     if history.payload_kg is not None:
         signals["payload_kg"] = history.payload_kg
+    if history.valve_open is not None:
+        signals["valve_open"] = history.valve_open
     return signals
 
 

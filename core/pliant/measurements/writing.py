@@ -54,6 +54,7 @@ def _columns(run: MeasuredRun, measurement: Measurement) -> dict[str, Array]:
         "moment_n_m": history.moment_n_m,
         **dict(zip(FORCES, history.tip_force_n.T, strict=True)),
         "payload_kg": missing if history.payload_kg is None else history.payload_kg,
+        "valve_open": missing if history.valve_open is None else history.valve_open,
         "temperature_c": history.temperature_c,
         **dict(zip(BASE, history.base_angles_rad.T, strict=True)),
         "cycle": np.asarray(run.cycle, float),
@@ -68,7 +69,7 @@ def _matters(name: str, values: Array) -> bool:
         return bool(np.any(values != 0))
     if name == "temperature_c":
         return bool(np.any(values != REFERENCE_TEMPERATURE_C))
-    if name == "payload_kg" or name.startswith("sigma_"):
+    if name in ("payload_kg", "valve_open") or name.startswith("sigma_"):
         return bool(np.isfinite(values).any())
     return True
 

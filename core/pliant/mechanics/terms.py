@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
 from pliant.records.design import Array
 from pliant.records.history import REFERENCE_TEMPERATURE_C
-from pliant.records.term import LawTerm
+from pliant.records.term import LawTerm, numbers_of
 
 # Half-width of the central difference for slopes, in rad or m.
 STEP = 1e-6
@@ -53,7 +54,9 @@ class LawTerms:
     def __init__(self, terms: Sequence[LawTerm], shape: tuple[int, int]) -> None:
         self.terms = tuple(terms)
         self.shape = shape
-        self._parameters = [np.array(term.parameters, float) for term in self.terms]
+        ends_of_numbers = np.cumsum([0, *(term.n_parameters for term in self.terms)])
+        self._spans = [slice(*span) for span in pairwise(ends_of_numbers.tolist())]
+        self._numbers = numbers_of(self.terms, shape[0])
         ends = np.cumsum([term.n_states for term in self.terms], dtype=int)
         self._states = [
             slice(end - t.n_states, end) for end, t in zip(ends.tolist(), self.terms, strict=True)
@@ -89,7 +92,8 @@ class LawTerms:
         for place in np.ndindex(self.shape):
             angle = float(q[place])
             rate = (angle - float(memory.previous[place])) / dt if 0.0 < dt < math.inf else 0.0
-            for term, parameters, span in zip(self.terms, self._parameters, self._states, strict=True):
+            numbers = [self._numbers[place[0], span] for span in self._spans]
+            for term, parameters, span in zip(self.terms, numbers, self._states, strict=True):
                 old, new = memory.states[place][span], states[place][span]
                 value = term.function(angle, rate, dt, actuation, temperature, old, new, parameters)
                 if term.role == "moment":

@@ -33,6 +33,8 @@ class History:
         temperature_c: (t,); `REFERENCE_TEMPERATURE_C` where it was not measured.
         base_angles_rad: (t, 3) about world x, y, z in that order, after the chain's base pose.
         payload_kg: (t,) mass hung at the tip, instead of the chain's own; None keeps the chain's.
+        valve_open: (t,) 1 where the chambers are connected to their supply, 0 where they are closed off and the
+            commanded pressure does not reach them; None where they always are connected.
     """
 
     run: str
@@ -44,6 +46,7 @@ class History:
     temperature_c: Array
     base_angles_rad: Array
     payload_kg: Array | None = None
+    valve_open: Array | None = None
 
     def __len__(self) -> int:
         return len(self.moment_n_m)
@@ -76,9 +79,10 @@ class History:
         temperature_c: Any = REFERENCE_TEMPERATURE_C,
         base_angles_rad: Any = 0.0,
         payload_kg: Any = None,
+        valve_open: Any = None,
     ) -> History:
         """A history from arrays or constants; every array has the length of the longest."""
-        columns = (*actuation.values(), moment_n_m, temperature_c, payload_kg, time_s)
+        columns = (*actuation.values(), moment_n_m, temperature_c, payload_kg, valve_open, time_s)
         given = [np.asarray(v, float) for v in columns if v is not None]
         tables = [np.asarray(v, float) for v in (tip_force_n, base_angles_rad)]
         n = max([*(len(v) for v in given if v.ndim), *(len(v) for v in tables if v.ndim == 2), 1])
@@ -99,6 +103,7 @@ class History:
             temperature_c=row(temperature_c),
             base_angles_rad=rows(base_angles_rad),
             payload_kg=None if payload_kg is None else row(payload_kg),
+            valve_open=None if valve_open is None else row(valve_open),
         )
 
 

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
+import numpy as np
+
+from pliant.errors import ContractError
 from pliant.records.design import Array
 
 # angle, rate, dt_s, actuation, temperature_c, old states, new states, parameters → number
@@ -37,6 +40,8 @@ class LawTerm:
             `rest` moves the unloaded angle (rad).
         function: see above.
         parameters: numbers that the function gets.
+        per_joint: for effects that act on each joint differently, one row per joint of numbers that its function
+            gets behind `parameters`; empty where all joints are alike.
         n_states: numbers of memory per joint and axis, all 0 in a rested virgin specimen.
         keeps: the memory is damage: rest between runs does not heal it.
         needs_time: the value depends on rate, time or memory, so that only engines with
@@ -49,3 +54,29 @@ class LawTerm:
     n_states: int = 0
     keeps: bool = False
     needs_time: bool = False
+    per_joint: tuple[tuple[float, ...], ...] = ()
+
+    @property
+    def n_parameters(self) -> int:
+        """How many numbers the function gets."""
+        return len(self.parameters) + (len(self.per_joint[0]) if self.per_joint else 0)
+
+    def numbers(self, joint: int) -> tuple[float, ...]:
+        """What the function of one joint gets."""
+        return (*self.parameters, *self.per_joint[joint]) if self.per_joint else self.parameters
+
+
+def numbers_of(terms: Sequence[LawTerm], n_joints: int) -> Array:
+    """(n_joints, P) numbers of all terms, one term after another.
+
+    Raises:
+        ContractError: a term has numbers for another number of joints.
+    """
+    for term in terms:
+        if term.per_joint and len(term.per_joint) != n_joints:
+            raise ContractError(
+                f"law term '{term.function.__name__}' has numbers for {len(term.per_joint)} joints; the chain has "
+                f"{n_joints}"
+            )
+    rows = [[value for term in terms for value in term.numbers(joint)] for joint in range(n_joints)]
+    return np.array(rows, float).reshape(n_joints, -1)

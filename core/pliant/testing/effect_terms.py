@@ -33,7 +33,7 @@ def _terms(subject: Subject) -> tuple[LawTerm, ...]:
 
 
 def _value(term: LawTerm, angle: float, rate: float, dt_s: float, old: Array, new: Array) -> float:
-    numbers = np.array(term.parameters, float)
+    numbers = np.array(term.numbers(0), float)
     return term.function(angle, rate, dt_s, 9e3, REFERENCE_TEMPERATURE_C + 10.0, old, new, numbers)
 
 

@@ -47,12 +47,14 @@ def call_mujoco(typing_context, address, model, data):  # type: ignore[no-untype
 
 
 @njit(cache=True, nogil=True)
-def combine(terms, u, before, dt, net, temperature, old, new, found):  # type: ignore[no-untyped-def]
+def combine(terms, joint, u, before, dt, net, temperature, old, new, found):  # type: ignore[no-untyped-def]
     """Fills found (4,) with Σ moment, Π elastic, Π actuation, Σ rest of one coordinate; `new` is its next memory.
 
-    terms: addresses (m,), rows (m, 5) of role, first and last parameter, first and last state; parameters.
+    terms: addresses (m,), rows (m, 5) of role, first and last parameter, first and last state; numbers (n, P) of each
+    joint.
     """
-    addresses, rows, parameters = terms
+    addresses, rows, numbers = terms
+    parameters = numbers[joint]
     rate = (u - before) / dt if 0.0 < dt < np.inf else 0.0
     found[0], found[1], found[2], found[3] = 0.0, 1.0, 1.0, 0.0
     for k in range(len(addresses)):
@@ -109,9 +111,9 @@ def drive_terms(laws, terms, q, before, old, new, now, dt, tau, slope):  # type:
     for i in range(n):
         for b in range(a):
             known = (before[i, b], dt, net, temperature, old[i, b], new[i, b])
-            combine(terms, q[i, b] + SLOPE_STEP, *known, up)
-            combine(terms, q[i, b] - SLOPE_STEP, *known, down)
-            combine(terms, q[i, b], *known, values[i, b])
+            combine(terms, i, q[i, b] + SLOPE_STEP, *known, up)
+            combine(terms, i, q[i, b] - SLOPE_STEP, *known, down)
+            combine(terms, i, q[i, b], *known, values[i, b])
             for role in range(4):
                 slopes[i, b, role] = (up[role] - down[role]) / (2 * SLOPE_STEP)
             bent[i, b] -= values[i, b, 3]
@@ -205,7 +207,7 @@ def move(mujoco, laws, terms, joints, views, drive, counts, options, memory, rec
                 for i in range(n):
                     for b in range(a):
                         known = (before[i, b], dt, net, temperatures[k], states[i, b], new[i, b])
-                        combine(terms, q[i, b], *known, found)
+                        combine(terms, i, q[i, b], *known, found)
                 states[:], before[:] = new, q
         record[0][k] = qpos
         if len(record[1]):

@@ -21,7 +21,7 @@ from pliant.mechanics.terms import Memory
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
 from pliant.records.history import REFERENCE_TEMPERATURE_C, History
-from pliant.records.term import LawTerm, TermFunction
+from pliant.records.term import LawTerm, TermFunction, numbers_of
 from pliant_plugins.physics.compiled.functions import compile_function
 from pliant_plugins.physics.compiled.laws import CompiledLaws
 from pliant_plugins.physics.compiled.motion import TERM_SIGNATURE, move
@@ -107,7 +107,7 @@ class CompiledMotion:
     ) -> CompiledMotion | None:
         """None where MuJoCo's functions have no address, or a law or term is not compiled."""
         functions, laws = _functions(), CompiledLaws.of(chain)
-        terms = _terms(chain.terms)
+        terms = _terms(chain.terms, chain.n_joints)
         if functions is None or laws is None or terms is None or not hasattr(model, "_address"):
             return None
         return CompiledMotion((*functions, model._address, data._address), laws, terms, joints)
@@ -185,17 +185,17 @@ def _compiled(function: TermFunction) -> Any:
     return compile_function(function, TERM_SIGNATURE, "law term")
 
 
-def _terms(terms: Sequence[LawTerm]) -> Any:
-    """Addresses (m,), rows (m, 5) and parameters of law terms; None where one cannot be compiled."""
+def _terms(terms: Sequence[LawTerm], n_joints: int) -> Any:
+    """Addresses (m,), rows (m, 5) and numbers (n, P) of law terms; None where one cannot be compiled."""
     try:
         addresses = [int(_compiled(term.function).address) for term in terms]
     except UserError:  # it runs in plain Python then
         return None
-    ends = np.cumsum([0, *(len(term.parameters) for term in terms)])
+    ends = np.cumsum([0, *(term.n_parameters for term in terms)])
     states = np.cumsum([0, *(term.n_states for term in terms)])
     rows = [[ROLES.index(term.role), *ends[k : k + 2], *states[k : k + 2]] for k, term in enumerate(terms)]
     return (
         np.array(addresses, np.int64),
         np.array(rows, np.int64).reshape(-1, 5),
-        np.array([value for term in terms for value in term.parameters], float),
+        numbers_of(terms, n_joints),
     )

@@ -68,14 +68,14 @@ class HingeFollower:
         towards: Sequence[ChainModel],
         changes: Sequence[Drive],
     ) -> tuple[Array, Array, Any]:
-        body, terms = Body.of(chain), Terms.of(chain.terms, self.compiled)
+        body, terms = Body.of(chain), Terms.of(chain.terms, chain.n_joints, self.compiled)
         tables = [self._table(law, drive.pressure) for law in chain.laws]
         n, m = drive.pressure.shape
 
         def stack(rows: list[Array], *shape: int) -> Array:
             return np.ascontiguousarray(np.array(rows, float).reshape(len(rows), *shape))
 
-        parameters = [Terms.of(c.terms, self.compiled).parameters for c in towards]
+        parameters = [Terms.of(c.terms, c.n_joints, self.compiled).parameters for c in towards]
         result: tuple[Array, Array, Any] = follow(
             (
                 terms.functions,
@@ -100,7 +100,7 @@ class HingeFollower:
             (drive.pressure, drive.force, drive.moment, drive.payload, drive.temperature),
             (clock.duration, clock.start, clock.specimen, clock.n_specimens, clock.substeps),
             (
-                stack(parameters, len(terms.parameters)),
+                stack(parameters, *terms.parameters.shape),
                 stack([np.asarray(c.gravity_m_s2, float) for c in towards], 3),
                 stack([d.pressure for d in changes], n, m),
                 stack([d.force for d in changes], n, 3),
@@ -141,7 +141,7 @@ def _same_body(chain: ChainModel, other: ChainModel) -> bool:
 
 def _form(term: LawTerm) -> tuple[object, ...]:
     """What of a term must not change while its parameters do."""
-    return term.function, term.role, term.keeps, term.n_states, len(term.parameters)
+    return term.function, term.role, term.keeps, term.n_states, term.n_parameters
 
 
 def _split(histories: Sequence[History], q: Array, converged: Any) -> tuple[Followed, ...]:

@@ -86,12 +86,13 @@ def _combine(functions, terms, parameters, u, before, dt, net, t, old, new):  # 
 
 
 @njit(cache=True, inline="always")
-def _effort(model, law, u, before, dt, p, t, old, new):  # type: ignore[no-untyped-def]
+def _effort(model, joint, law, u, before, dt, p, t, old, new):  # type: ignore[no-untyped-def]
     """τ' and ∂τ'/∂u of one joint at angle u; `new` becomes its memory.
 
     Slopes of laws are those of their tables, slopes of terms central differences.
     """
-    functions, terms, parameters, table, grid, signs = model
+    functions, terms, numbers, table, grid, signs = model
+    parameters = numbers[joint]
     net = 0.0
     for k in range(len(signs)):
         net += signs[k] * p[k]
@@ -228,7 +229,7 @@ def _balance(chain, now, q, memory, frame):  # type: ignore[no-untyped-def]
     _weigh(axes, origins, points, body[6], hung, gravity, f, load, origins, False, space)
     size = 0.0
     for i in range(len(q)):
-        tau, slope[i] = _effort(model, laws[i], q[i], before[i], dt, p, t, old[i], new[i])
+        tau, slope[i] = _effort(model, i, laws[i], q[i], before[i], dt, p, t, old[i], new[i])
         residual[i] = tau - opposed + load[i]
         if not np.isfinite(residual[i]):
             return np.inf
@@ -377,7 +378,7 @@ def _differentiate(chain, then, dt, q, memory, memory_v, frame, square, lines, s
     for i in range(len(q)):
         for s in range(len(moved)):
             moved[s] = old[i, s] + old_v[i, s]
-        tau = _effort(model, laws[i], q[i], before[i] + before_v[i], dt, p, t, moved, scratch)[0]
+        tau = _effort(model, i, laws[i], q[i], before[i] + before_v[i], dt, p, t, moved, scratch)[0]
         right[i] = tau - opposed + load[i] - residual[i]
     work[:] = stiffness
     _solve(work, right)
@@ -385,7 +386,7 @@ def _differentiate(chain, then, dt, q, memory, memory_v, frame, square, lines, s
         if len(moved):
             for s in range(len(moved)):
                 moved[s] = old[i, s] + old_v[i, s]
-            _effort(model, laws[i], q[i] + right[i], before[i] + before_v[i], dt, p, t, moved, scratch)
+            _effort(model, i, laws[i], q[i] + right[i], before[i] + before_v[i], dt, p, t, moved, scratch)
             for s in range(len(moved)):
                 old_v[i, s] = scratch[s] - new[i, s]
         before_v[i] = right[i]

@@ -12,7 +12,7 @@ from pliant.errors import UserError
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
 from pliant.records.history import History
-from pliant.records.term import LawTerm, TermFunction
+from pliant.records.term import LawTerm, TermFunction, numbers_of
 from pliant_plugins.physics.compiled.functions import compile_function
 from pliant_plugins.physics.quasistatic.kernel import MAX_TERMS, NOTHING, ROLES, TERM_SIGNATURE
 from pliant_plugins.physics.stepping import check_driven
@@ -80,7 +80,10 @@ class Clock:
 
 @dataclass(frozen=True, eq=False)
 class Terms:
-    """Law terms as function pointers and rows (role, first and last parameter, first and last state)."""
+    """Law terms as function pointers and rows (role, first and last number, first and last state).
+
+    `parameters` (n, P) holds the numbers of each joint.
+    """
 
     functions: tuple[Any, ...]
     rows: Any
@@ -88,7 +91,7 @@ class Terms:
     parameters: Array
 
     @staticmethod
-    def of(terms: Sequence[LawTerm], compiled: dict[TermFunction, Any]) -> Terms:
+    def of(terms: Sequence[LawTerm], n_joints: int, compiled: dict[TermFunction, Any]) -> Terms:
         """`compiled` remembers functions from call to call.
 
         Raises:
@@ -98,18 +101,18 @@ class Terms:
             raise UserError(f"the study's effects add {len(terms)} law terms; {MAX_TERMS} are possible")
         rows: list[list[int]] = []
         keeps: list[bool] = []
-        parameters: list[float] = []
+        count = 0
         for term in terms:
             if term.function not in compiled:
                 compiled[term.function] = compile_function(term.function, TERM_SIGNATURE, "law term")
-            first, state = len(parameters), len(keeps)
-            parameters += list(term.parameters)
+            first, state = count, len(keeps)
+            count += term.n_parameters
             keeps += [term.keeps] * term.n_states
-            rows.append([ROLES.index(term.role), first, len(parameters), state, len(keeps)])
+            rows.append([ROLES.index(term.role), first, count, state, len(keeps)])
         functions = [compiled[term.function] for term in terms]
         return Terms(
             tuple(functions + [NOTHING] * (MAX_TERMS - len(functions))),
             np.array(rows, np.int64).reshape(-1, 5),
             np.array(keeps, np.bool_),
-            np.array(parameters, float),
+            numbers_of(terms, n_joints),
         )
