@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -83,6 +84,14 @@ class Predictor:
         chain = chain_of_study(bench, study).chain
         check_capabilities(backend, chain, physics.kind)
         return Predictor(bench, backend, chain, measurement, study.effects)
+
+    def for_runs(self, measurement: Measurement) -> Predictor:
+        """The same model, driven by other runs, which may read other outputs; those that it lacks are left out."""
+        other = copy.copy(self)
+        other.measurement = measurement
+        other._histories = [run.history for run in measurement.runs]
+        other.outputs, other.missing = other._readable(measurement.outputs)
+        return other
 
     @property
     def chain(self) -> ChainModel:
