@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from benchmarks.evidence.truths import CLEAN, UNKNOWN
+from benchmarks.evidence.truths import CLEAN, UNKNOWN, hidden_kinds
 
 HONEST = ("ambiguous", "insufficient_data")
 ERROR = "error"
@@ -90,9 +90,7 @@ def judge(group: str, label: dict[str, Any], line: dict[str, Any]) -> Judged:
 
 def true_hypothesis(kind: str) -> tuple[str, ...]:
     """The truth in the words of `hypotheses[].kinds`."""
-    if kind == CLEAN:
-        return ()
-    return ("unknown",) if kind in UNKNOWN else (kind,)
+    return ("unknown",) if kind in UNKNOWN else hidden_kinds(kind)
 
 
 def _kinds(hypothesis: Any) -> tuple[str, ...]:
@@ -120,7 +118,7 @@ def _outcome(kind: str, right: Sequence[str], verdict: str, selected: list[str])
         return ERROR
     if verdict in HONEST:
         return "ambiguous"
-    named = verdict != "missing_effect" or selected == [kind]
+    named = verdict != "missing_effect" or tuple(selected) == hidden_kinds(kind)
     return "right" if verdict in right and named else "wrong"
 
 
@@ -172,6 +170,7 @@ def summary(items: Sequence[Judged]) -> dict[str, Any]:
     effects = [item for item in asked if item.group == "effect" and item.excited]
     clean = [item for item in asked if item.group == "clean"]
     unknown = [item for item in asked if item.group == "unknown"]
+    pairs = [item for item in asked if item.group == "pair" and item.excited]
     groups = sorted({item.group for item in asked})
     strong_and_weak = [item for item in asked if item.group in ("effect", "weak") and item.excited]
     return {
@@ -201,6 +200,7 @@ def summary(items: Sequence[Judged]) -> dict[str, Any]:
         },
         "clean_right": share(clean, is_right),
         "unknown": share(unknown, is_right),
+        "pairs": share(pairs, is_right),
         "unknown_by_form": {
             key: share(rows, is_right) for key, rows in _by(unknown, lambda i: i.kind).items()
         },

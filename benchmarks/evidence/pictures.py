@@ -48,7 +48,7 @@ def draw(spec: SetSpec, path: Path) -> None:
     _runs(axes[1, 2], made, runs)
     label = made.label
     figure.suptitle(
-        f"{spec.kind} in {spec.engine}: strength {label['strength']:.3g}, {label['snr_reached']:.2f} σ RMS"
+        f"{spec.kind} in {spec.engine}: strength {label['strengths']}, {label['snr_reached']:.2f} σ RMS"
     )
     figure.savefig(path, dpi=70)
     plt.close(figure)

@@ -36,7 +36,18 @@ OUT = Path(__file__).resolve().parents[1] / "out"
 
 def _plan(given: argparse.Namespace) -> Plan:
     plan = small_plan() if given.small else Plan()
-    names = ("seeds", "clean", "unknown", "weak", "beside", "improve", "chain_every", "protocol", "split")
+    names = (
+        "seeds",
+        "clean",
+        "unknown",
+        "weak",
+        "beside",
+        "improve",
+        "pairs",
+        "chain_every",
+        "protocol",
+        "split",
+    )
     changes = {name: getattr(given, name) for name in names if getattr(given, name) is not None}
     if given.kinds:
         changes["kinds"] = tuple(given.kinds)
@@ -57,6 +68,7 @@ def _arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument("--weak", type=int, help="sets per effect at 0.5 and at 1 σ")
     parser.add_argument("--beside", type=int, help="sets per effect under the other protocols")
     parser.add_argument("--improve", type=int, help="sets per effect that are improved")
+    parser.add_argument("--pairs", type=int, help="sets with two effects")
     parser.add_argument("--chain-every", type=int, help="every this many-th set is a chain; 0: none")
     parser.add_argument("--protocol", choices=NAMES)
     parser.add_argument("--split", choices=("judged", "calibration"))

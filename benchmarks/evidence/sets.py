@@ -17,14 +17,13 @@ from benchmarks.evidence.protocols import SAMPLE_S, Protocol, protocol
 from benchmarks.evidence.robots import ROBOTS, Array, Robot, readings
 from benchmarks.evidence.truths import (
     CLEAN,
-    KINDS,
-    UNKNOWN,
     Engine,
     HiddenTruth,
     Sensor,
     Split,
     Truth,
     draw,
+    hidden_kinds,
     right_verdicts,
 )
 
@@ -33,16 +32,18 @@ SIGMA_OF_RANGE = 0.02
 SNR_RANGE = (1.5, 3.0)
 EXCITED_SNR = 0.3
 SCALING_TOLERANCE, SCALING_ROUNDS = 0.02, 12
-_ALL_KINDS = (CLEAN, *KINDS, *UNKNOWN)
 
 Outputs = list[dict[str, Array]]
+# Noiseless outputs at a strength for each part.
+Follow = Callable[..., Outputs]
 
 
 @dataclass(frozen=True)
 class SetSpec:
     """One set; with the same spec the same bytes come out.
 
-    `snr` is the RMS change of the outputs in σ; None draws it from `SNR_RANGE`.
+    `kind` is "a+b" where two effects are hidden; `snr` is the RMS change of the outputs in σ that each makes alone;
+    None draws it from `SNR_RANGE`.
     """
 
     kind: str
@@ -85,32 +86,30 @@ def make_set(spec: SetSpec, name: str = "hidden") -> MeasuredSet:
     robot, runs = ROBOTS[spec.robot], protocol(spec.protocol)
     truth = draw(spec.kind, spec.engine, robot, spec.split, rng)
     slips = rng.standard_normal(len(runs))
-    drawn_snr = rng.uniform(*SNR_RANGE)
-    target = drawn_snr if spec.snr is None else spec.snr
+    drawn_snrs = [float(rng.uniform(*SNR_RANGE)) for _ in truth.parts]
+    targets = drawn_snrs if spec.snr is None else [spec.snr] * len(truth.parts)
 
-    def outputs_by(engine: str) -> Callable[[float], Outputs]:
-        return lambda strength: follow(engine, robot, runs, truth.at(strength), slips)
+    def outputs_of(part: HiddenTruth, engine: str) -> Follow:
+        return lambda *strengths: follow(engine, robot, runs, part.at(*strengths), slips)
 
-    clean = outputs_by(spec.engine)(0.0)
+    clean = outputs_of(truth, spec.engine)()
     sigma = {key: SIGMA_OF_RANGE * float(np.ptp(_joined(clean, key))) for key in robot.outputs}
-    strength, hidden, snr = 0.0, clean, 0.0
-    if spec.kind != CLEAN:
-        guess = target / 2
-        if spec.engine != "functional":  # the fast engine knows nearly the strength
-            still = outputs_by("functional")
-            guess, _, reached = _scaled(still, truth, still(0.0), sigma, target, guess)
-            guess = guess if reached > 0 else target / 2
-        strength, hidden, snr = _scaled(outputs_by(spec.engine), truth, clean, sigma, target, guess)
+    scaled = _each_alone(spec, truth, outputs_of, clean, sigma, targets)
+    hidden = scaled[0].outputs if len(scaled) == 1 else clean
+    if len(scaled) > 1:
+        hidden = outputs_of(truth, spec.engine)(*(part.strength for part in scaled))
+    snr = signal(clean, hidden, sigma)
     measured = _with_noise(hidden, sigma, runs, noise.SPECTRA[spec.split], rng)
     csv = to_csv(runs, measured, robot)
     label = {
         **asdict(spec),
-        "kind_number": _ALL_KINDS.index(spec.kind),
+        "kinds": list(hidden_kinds(spec.kind)),
         "right": list(right_verdicts(spec.kind)),
-        "strength": strength,
-        "snr_wanted": None if spec.kind == CLEAN else target,
+        "strengths": [part.strength for part in scaled],
+        "snr_wanted": [] if spec.kind == CLEAN else targets,
+        "snr_alone": [part.signal for part in scaled],
         "snr_reached": snr,
-        "excited": spec.kind == CLEAN or snr >= EXCITED_SNR,
+        "excited": all(part.signal >= EXCITED_SNR for part in scaled),
         "sigma": sigma,
         "drawn": dict(truth.drawn),
         "csv_sha256": hashlib.sha256(csv.encode()).hexdigest(),
@@ -149,31 +148,63 @@ def signal(clean: Outputs, hidden: Outputs, sigma: dict[str, float]) -> float:
     return float(np.sqrt(np.mean(squares)))
 
 
-def _scaled(
-    outputs: Callable[[float], Outputs],
+@dataclass(frozen=True)
+class Scaled:
+    """One effect alone at its strength: what the bench would read, and how far that is from clean, in σ."""
+
+    strength: float
+    outputs: Outputs
+    signal: float
+
+
+def _each_alone(
+    spec: SetSpec,
     truth: HiddenTruth,
+    outputs_of: Callable[[HiddenTruth, str], Follow],
+    clean: Outputs,
+    sigma: dict[str, float],
+    targets: list[float],
+) -> list[Scaled]:
+    """Every part scaled to its own target; nothing for a clean set."""
+    if spec.kind == CLEAN:
+        return []
+    found = []
+    for index, target in enumerate(targets):
+        part, guess = truth.alone(index), target / 2
+        largest = part.parts[0].largest
+        if spec.engine != "functional":  # the fast engine knows nearly the strength
+            still = outputs_of(part, "functional")
+            nearly = _scaled(still, largest, still(), sigma, target, guess)
+            guess = nearly.strength if nearly.signal > 0 else guess
+        found.append(_scaled(outputs_of(part, spec.engine), largest, clean, sigma, target, guess))
+    return found
+
+
+def _scaled(
+    outputs: Follow,
+    largest: float,
     clean: Outputs,
     sigma: dict[str, float],
     target: float,
     guess: float,
-) -> tuple[float, Outputs, float]:
-    """(strength, outputs, signal) at which the signal is the target, or the largest sensible strength below it.
+) -> Scaled:
+    """At the strength at which the signal is the target, or at the largest sensible one below it.
 
     The signal grows about as a power of the strength: secants of their logarithms.
     """
-    strength, power = min(guess, truth.largest), 1.0
+    strength, power = min(guess, largest), 1.0
     before: tuple[float, float] | None = None
     for _ in range(SCALING_ROUNDS):
         hidden = outputs(strength)
         reached = signal(clean, hidden, sigma)
         met = abs(reached - target) <= SCALING_TOLERANCE * target
-        if met or reached == 0 or (reached < target and strength >= truth.largest):
+        if met or reached == 0 or (reached < target and strength >= largest):
             break
         if before is not None and before[0] != strength:
             power = math.log(reached / before[1]) / math.log(strength / before[0])
         before = (strength, reached)
-        strength = min(strength * (target / reached) ** (1 / min(max(power, 0.3), 3.0)), truth.largest)
-    return strength, hidden, reached
+        strength = min(strength * (target / reached) ** (1 / min(max(power, 0.3), 3.0)), largest)
+    return Scaled(strength, hidden, reached)
 
 
 def _with_noise(

@@ -48,6 +48,7 @@ def _lines(data: dict[str, Any]) -> Iterator[str]:
     for key, value in data["false_alarms_by_engine"].items():
         yield f"  {key:26s} {_share(value)}"
     yield f"Unknown effects recognised   {_share(data['unknown'])}"
+    yield f"Exact pair of two hidden     {_share(data['pairs'])}"
     yield ""
     yield "By strength (RMS change of the outputs in σ):"
     for band in data["by_snr"]:

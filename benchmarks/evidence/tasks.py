@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import hashlib
+import itertools
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import Literal
 
+import numpy as np
 from benchmarks.evidence.sets import SetSpec
-from benchmarks.evidence.truths import CLEAN, KINDS, UNKNOWN, Engine, Split
+from benchmarks.evidence.truths import CLEAN, KINDS, PAIRED, PLUS, UNKNOWN, Engine, Split
 
 Mode = Literal["diagnose", "improve"]
 ENGINES: tuple[Engine, Engine] = ("functional", "mujoco")
@@ -62,7 +64,7 @@ class Plan:
         kinds: effects, `none`, or unknown forms to include; empty means all.
         seeds: sets per effect; `clean`, `unknown`: clean sets, and sets per unknown form.
         weak: sets per effect at each of `WEAK_SNR`; `beside`: sets per effect under each of `beside_protocols`.
-        improve: sets per effect that go through `improve`.
+        improve: sets per effect that go through `improve`; `pairs`: sets with two effects.
     """
 
     kinds: tuple[str, ...] = ()
@@ -75,6 +77,7 @@ class Plan:
     beside: int = 2
     beside_protocols: tuple[str, ...] = ("rich_noload", "poor")
     improve: int = 2
+    pairs: int = 60
     chain_every: int = CHAIN_EVERY
 
     def tasks(self) -> list[Task]:
@@ -86,12 +89,13 @@ class Plan:
             *self._weak(),
             *self._beside(),
             *self._improve(),
+            *self._pairs(),
         ]
         kept = [task for task in every if not self.kinds or task.spec.kind in self.kinds]
         return sorted(kept, key=lambda task: (task.mode, task.spec.seed / max(1, self._count(task.group))))
 
     def _count(self, group: str) -> int:
-        counts = {"effect": self.seeds, "clean": self.clean, "unknown": self.unknown}
+        counts = {"effect": self.seeds, "clean": self.clean, "unknown": self.unknown, "pair": self.pairs}
         return counts.get(group, max(self.weak, self.beside, self.improve))
 
     def _set(
@@ -142,10 +146,21 @@ class Plan:
             seeds = range(self.improve)
             yield from (Task("improve", self._set(kind, seed, "joint"), "improve") for seed in seeds)
 
+    def _pairs(self) -> Iterator[Task]:
+        for seed, kind in enumerate(pairs_of(self.split, self.pairs)):
+            yield Task("pair", self._set(kind, seed, "joint"))
+
+
+def pairs_of(split: Split, count: int) -> list[str]:
+    """Names "a+b" of two hidden effects: all pairs of `PAIRED` in the split's random order, from the front again."""
+    every = [PLUS.join(sorted(pair)) for pair in itertools.combinations(PAIRED, 2)]
+    order = np.random.default_rng(list(split.encode())).permutation(len(every))
+    return [every[order[i % len(every)]] for i in range(count)]
+
 
 SMALL_KINDS: Sequence[str] = (CLEAN, "stiffness", "viscous_damping", "mullins", "torque_ripple")
 
 
 def small_plan() -> Plan:
     """A handful for CI: three effects, one clean set, one unknown form."""
-    return Plan(kinds=tuple(SMALL_KINDS), seeds=1, clean=1, unknown=1, weak=0, beside=0, improve=0)
+    return Plan(kinds=tuple(SMALL_KINDS), seeds=1, clean=1, unknown=1, weak=0, beside=0, improve=0, pairs=0)

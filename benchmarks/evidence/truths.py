@@ -1,14 +1,15 @@
-"""Hidden truths: one effect, none, or an effect that no plugin has, with random parameters.
+"""Hidden truths: one effect, two, none, or an effect that no plugin has, with random parameters.
 
-A truth is drawn once (`draw`) and then taken at a strength (`HiddenTruth.at`), which `sets.py` scales until the
-outputs change by the wanted share of the noise. Sets for calibrating thresholds and sets that are judged draw from
-other forms and ranges (`split`), so that no threshold has seen the forms it is judged on.
+A truth is drawn once (`draw`) and then taken at a strength for each effect (`HiddenTruth.at`), which `sets.py` scales
+until the outputs change by the wanted share of the noise; two effects ("a+b") are scaled one by one. Sets for
+calibrating thresholds and sets that are judged draw from other forms and ranges (`split`), so that no threshold has
+seen the forms it is judged on.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -20,6 +21,8 @@ Engine = Literal["functional", "mujoco"]
 Right = tuple[str, ...]
 
 CLEAN = "none"
+# Between the names of two hidden effects.
+PLUS = "+"
 KINDS = (
     "stiffness",
     "actuation_gain",
@@ -36,6 +39,8 @@ KINDS = (
     "gravity_scale",
     "sensor_bias",
 )
+# Two of these are hidden together: any two, each found on one joint by itself.
+PAIRED = KINDS
 # What no plugin has, and the verdicts that count as right. Repeats disagree in those that also allow `not_repeatable`.
 UNKNOWN: Mapping[str, Right] = {
     "gain_bump": ("unknown_effect",),
@@ -79,25 +84,57 @@ class Truth:
     sensor: Sensor = Sensor()
 
 
+Change = Callable[[float], dict[str, float]]
+
+
 @dataclass(frozen=True)
-class HiddenTruth:
-    """A truth without its strength.
+class Part:
+    """One hidden effect without its strength.
 
     Attributes:
         kind: one of `KINDS`, `UNKNOWN` or `CLEAN`.
-        at: the truth at a strength; 1 is about 2 σ under a rich protocol, 0 is none.
+        change: fields of `Forms`, `Body` and `Sensor` at a strength; 1 is about 2 σ under a rich protocol, 0 is none.
         largest: the strength beyond which the form makes no sense.
-        drawn: the random numbers, for the sealed label.
     """
 
     kind: str
-    at: Callable[[float], Truth]
+    change: Change
     largest: float
+
+
+@dataclass(frozen=True)
+class HiddenTruth:
+    """A truth without its strengths.
+
+    Attributes:
+        parts: the hidden effects, in the order of the kind's name.
+        error: fields of the model's law that are off.
+        drawn: the random numbers, for the sealed label.
+    """
+
+    parts: tuple[Part, ...]
+    error: Mapping[str, float]
     drawn: Mapping[str, float] = field(default_factory=dict)
+
+    def at(self, *strengths: float) -> Truth:
+        """The truth with each part at its strength; parts without one are absent."""
+        changes: dict[str, float] = {}
+        for part, strength in zip(self.parts, strengths, strict=False):
+            changes.update(part.change(strength))
+        return _assembled(self.error, changes)
+
+    def alone(self, index: int) -> HiddenTruth:
+        """The same truth with one of its parts only."""
+        return replace(self, parts=(self.parts[index],))
+
+
+def hidden_kinds(kind: str) -> tuple[str, ...]:
+    """The effects that a set of this kind hides: none, one, or two of "a+b"."""
+    return () if kind == CLEAN else tuple(sorted(kind.split(PLUS)))
 
 
 def right_verdicts(kind: str) -> Right:
-    """Verdicts that count as right; `missing_effect` also needs the kind selected."""
+    """Verdicts that count as right; `missing_effect` also needs the kinds selected."""
     if kind == CLEAN:
         return ("nothing_missing",)
     return UNKNOWN.get(kind, ("missing_effect",))
@@ -115,11 +152,14 @@ def draw(kind: str, engine: Engine, robot: Robot, split: Split, rng: np.random.G
         "elastic_error": 0.003 * float(rng.choice([-1.0, 1.0])) * rng.uniform(0.6, 1.2),
         "elastic_phase": rng.uniform(0, 2 * np.pi),
     }
-    dice = _Dice(rng, split, engine, robot)
-    if kind not in _EFFECTS:
-        raise ValueError(f"no truth of kind '{kind}'")
-    change, largest = _EFFECTS[kind](dice)
-    return HiddenTruth(kind, lambda s: _assembled(error, change(s)), largest, {**error, **dice.drawn})
+    parts, drawn = [], dict(error)
+    for name in kind.split(PLUS):
+        if name not in _EFFECTS:
+            raise ValueError(f"no truth of kind '{name}'")
+        dice = _Dice(rng, split, engine, robot)
+        parts.append(Part(name, *_EFFECTS[name](dice)))
+        drawn |= {f"{name}.{key}": value for key, value in dice.drawn.items()}
+    return HiddenTruth(tuple(parts), error, drawn)
 
 
 def _assembled(error: Mapping[str, float], changes: Mapping[str, float]) -> Truth:
@@ -150,9 +190,6 @@ class _Dice:
     def _note(self, name: str, value: float) -> float:
         self.drawn[name] = value
         return value
-
-
-Change = Callable[[float], dict[str, float]]
 
 
 def _stiffness(d: _Dice) -> tuple[Change, float]:

@@ -122,6 +122,8 @@ def answer(verdict: str, *selected: str, credible: Any = ()) -> dict[str, Any]:
         ("torque_ripple", answer("missing_effect", "viscoelastic"), "wrong", True),
         ("torque_ripple", answer("not_repeatable"), "wrong", True),
         ("run_slip", answer("not_repeatable"), "right", True),
+        ("stiffness+mullins", answer("missing_effect", "mullins", "stiffness"), "right", True),
+        ("stiffness+mullins", answer("missing_effect", "mullins"), "wrong", True),
     ],
 )
 def test_outcomes(kind: str, line: dict[str, Any], outcome: str, alarm: bool) -> None:
@@ -159,9 +161,11 @@ def test_the_plan_is_what_the_issue_asks_for() -> None:
     assert len(clean) >= 100 and sum(spec.engine == "mujoco" for spec in clean) * 2 == len(clean)
     unknown = [task.spec for task in tasks if task.group == "unknown"]
     assert len({spec.kind for spec in unknown}) >= 5 and len(unknown) >= 40
+    pairs = [task.spec for task in tasks if task.group == "pair"]
+    assert len({spec.kind for spec in pairs}) == len(pairs) >= 60
     for kind in KINDS:  # both engines, and a chain in each
-        pairs = {(spec.engine, spec.robot) for spec in effects if spec.kind == kind}
-        assert len(pairs) == 4
+        made_as = {(spec.engine, spec.robot) for spec in effects if spec.kind == kind}
+        assert len(made_as) == 4
     names = {task.secret_id(KEY) for task in tasks}
     assert len(names) == len(tasks) and not [n for n in names if any(k in n for k in (*KINDS, *UNKNOWN))]
     task = Task("effect", SetSpec("mullins", 0))
@@ -182,7 +186,7 @@ def test_a_torn_line_is_closed_off_and_passed_over(tmp_path: Path) -> None:
 def bench(out: Path, *more: str, seconds: str = "0") -> subprocess.Popen[str]:
     command = [sys.executable, str(ROOT / "benchmarks" / "evidence" / "run_bench.py"), "--out", str(out)]
     command += ["--diagnoser", "testbed_stand_in", "--workers", "1", "--kinds", "stiffness", "--seeds", "3"]
-    command += ["--weak", "0", "--beside", "0", "--improve", "0", "--chain-every", "0", *more]
+    command += ["--weak", "0", "--beside", "0", "--improve", "0", "--pairs", "0", "--chain-every", "0", *more]
     paths = {"PYTHONPATH": str(Path(__file__).parent), "STAND_IN_SECONDS": seconds}
     return subprocess.Popen(
         command, env=os.environ | paths, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True

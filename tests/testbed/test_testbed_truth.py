@@ -266,6 +266,18 @@ def test_noise_has_the_variance_and_the_correlation_that_it_states(split: str) -
     assert np.std([run.mean() for run in runs]) == pytest.approx(spectrum.run_offset, rel=0.3)
 
 
+def test_two_hidden_effects_are_scaled_one_by_one() -> None:
+    both = make_set(SetSpec("sensor_bias+stiffness", 3, snr=2.0))
+    assert both.label["kinds"] == ["sensor_bias", "stiffness"]
+    assert both.label["snr_alone"] == pytest.approx([2.0, 2.0], rel=0.03)
+    bias = both.label["strengths"][0] * 0.015 * both.label["drawn"]["sensor_bias.sign"]
+    joined = np.concatenate([run["angle_rad"] for run in both.hidden])
+    other = np.concatenate([run["angle_rad"] for run in make_set(SetSpec(CLEAN, 3)).clean])
+    assert np.median(joined[other < 0.02]) == pytest.approx(
+        bias, abs=0.01
+    )  # unbent, the bias is what is read
+
+
 def test_a_set_is_its_spec_and_reads_as_a_measurement(tmp_path: object) -> None:
     spec = SetSpec("mullins", 7)
     one, again = make_set(spec), make_set(spec)

@@ -1,0 +1,68 @@
+"""Write sets with open labels, for whoever tunes the diagnosis: on the calibration split, never on what is judged.
+
+    python -m benchmarks.evidence.dump --split calibration --group pair --count 40 --out FOLDER
+
+writes NNN_study.yaml, NNN.csv and NNN_label.json for each set of the group, with the kinds mixed.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from benchmarks.evidence.bench import write
+from benchmarks.evidence.sets import make_set
+from benchmarks.evidence.tasks import Plan, Task
+from benchmarks.evidence.truths import KINDS, UNKNOWN
+
+NOTHING = Plan(seeds=0, clean=0, unknown=0, weak=0, beside=0, improve=0, pairs=0)
+GROUPS = ("effect", "clean", "unknown", "pair", "weak", "poor", "rich_noload")
+
+
+def tasks_of(group: str, count: int, split: str) -> list[Task]:
+    """The first tasks of a group, kinds in turn."""
+    each = -(-count // len(KINDS))
+    sizes = {
+        "effect": {"seeds": each},
+        "clean": {"clean": count},
+        "unknown": {"unknown": -(-count // len(UNKNOWN))},
+        "pair": {"pairs": count},
+        "weak": {"weak": -(-count // (2 * len(KINDS)))},
+    }
+    plan = replace(NOTHING, split=split, **sizes.get(group, {"beside": each, "beside_protocols": (group,)}))
+    return [task for task in plan.tasks() if task.group == group][:count]
+
+
+def dump(tasks: Sequence[Task], folder: Path) -> Iterator[str]:
+    """Write the sets; what each hides, as they come."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for number, task in enumerate(tasks):
+        label = folder / f"{number:03d}_label.json"
+        if label.exists():
+            continue
+        made = make_set(task.spec, name=f"set-{number:03d}")
+        write(folder / f"{number:03d}_study.yaml", made.study)
+        write(folder / f"{number:03d}.csv", made.csv)
+        write(label, json.dumps({"group": task.group, **made.label}, indent=1))
+        yield f"{number:03d} {task.spec.kind} {task.spec.engine} {task.spec.robot} {made.label['snr_reached']:.2f} σ"
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Make the sets that are asked for."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--group", choices=GROUPS, required=True)
+    parser.add_argument("--count", type=int, default=40)
+    parser.add_argument("--split", choices=("calibration", "judged"), default="calibration")
+    parser.add_argument("--out", type=Path, required=True)
+    given = parser.parse_args(arguments)
+    for line in dump(tasks_of(given.group, given.count, given.split), given.out):
+        print(line, flush=True)
+
+
+if __name__ == "__main__":
+    main()
