@@ -9,7 +9,7 @@ from typing import Any, ClassVar, Literal
 
 from pliant.interfaces.base import ComponentConfig
 from pliant.records.chain import ChainModel
-from pliant.records.history import History
+from pliant.records.history import History, held
 from pliant.records.term import LawTerm
 
 Place = Literal["input", "law", "chain", "output"]
@@ -55,12 +55,14 @@ class EffectNotes:
         look_alike: the kind that it is most easily taken for.
         told_apart: what separates the two.
         excited_by: the run to do so that it shows, as an order to the bench.
+        where: the families and chains that it makes sense for, and the engines that follow it.
     """
 
     signature: str = ""
     look_alike: str = ""
     told_apart: str = ""
     excited_by: str = ""
+    where: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,7 +95,8 @@ class Model:
         return replace(self, outputs=(*self.outputs, change))
 
     def commanded(self, history: History) -> History:
-        """What reaches the chain when this history is commanded."""
+        """What reaches the chain when this history is commanded: closed valves first, then the effects' maps."""
+        history = held(history)
         for change in self.inputs:
             history = change(history)
         return history
@@ -111,13 +114,15 @@ class Effect(ABC):
     The simulate stage applies a study's `effects` in their order; an effect never changes a model in place and
     keeps no memory: internal states belong to `LawTerm`s, and an input map sees the whole run. The docstring
     of a subclass's file gives the equation and its source. `exciting` names runs of the default menu
-    (`pliant.experiments.menu`) that show the effect and tell it from its look-alike.
+    (`pliant.experiments.menu`) that show the effect and tell it from its look-alike. `actuation` names the input that
+    the chain's laws must take for the effect to make sense (`tendon_force_n`); empty where any does.
     """
 
     place: ClassVar[Place]
     parameters: ClassVar[tuple[EffectParameter, ...]]
     notes: ClassVar[EffectNotes] = EffectNotes()
     exciting: ClassVar[tuple[str, ...]] = ()
+    actuation: ClassVar[str] = ""
 
     def __init__(self, config: EffectConfig) -> None:
         self.config = config

@@ -107,6 +107,7 @@ def _run(
     for name in conditions:
         good &= ~np.isnan(columns[name]) | (name in silent)
     columns = {name: values[good] for name, values in columns.items() if name not in silent}
+    _check_valve(columns, lines[good], path)
     history = _history(rows, columns, header, int(good.sum()))
     sigma = _sigma(columns, outputs, stated, lines[good], path)
     nothing = np.full(len(history), np.nan)
@@ -135,6 +136,16 @@ def _history(rows: RunRows, columns: Mapping[str, Array], header: Header, n: int
         payload_kg=columns.get("payload_kg"),
         valve_open=columns.get("valve_open"),
     )
+
+
+def _check_valve(columns: Mapping[str, Array], lines: Array, path: Path) -> None:
+    valve = columns.get("valve_open", np.ones(len(lines)))
+    bad = lines[(valve != 0.0) & (valve != 1.0)]
+    if bad.size:
+        raise UserError(
+            f"{path}, {listed(bad.tolist())}: valve_open should be 1 (chambers connected to the supply) or 0 (closed "
+            "off)."
+        )
 
 
 def _sigma(

@@ -129,6 +129,11 @@ def check_terms(backend: PhysicsBackend, chain: ChainModel) -> None:
             f"physics '{kind}' does not follow effects with rate or memory; use 'quasistatic' or "
             "'mujoco', or leave them out of 'effects'."
         )
+    if any(term.is_inertia for term in chain.terms) and backend.capabilities.dynamic:
+        raise UserError(
+            f"physics '{backend.config.kind}' accelerates the chain's masses by itself, and an effect that adds their "
+            "inertia would count them twice; leave it out of 'effects', or use physics 'quasistatic'."
+        )
 
 
 def check_capabilities(backend: PhysicsBackend, chain: ChainModel, kind: str) -> None:

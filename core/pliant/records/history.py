@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
@@ -13,6 +14,7 @@ from pliant.records.design import Array
 from pliant.records.rollout import Inputs
 
 REFERENCE_TEMPERATURE_C = 22.0
+PRESSURE = re.compile(r"pressure(_\d+)?_pa")
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,7 +36,8 @@ class History:
         base_angles_rad: (t, 3) about world x, y, z in that order, after the chain's base pose.
         payload_kg: (t,) mass hung at the tip, instead of the chain's own; None keeps the chain's.
         valve_open: (t,) 1 where the chambers are connected to their supply, 0 where they are closed off and the
-            commanded pressure does not reach them; None where they always are connected.
+            commanded pressure does not reach them; None where they always are connected. A value holds for the
+            step that leads to its sample.
     """
 
     run: str
@@ -105,6 +108,19 @@ class History:
             payload_kg=None if payload_kg is None else row(payload_kg),
             valve_open=None if valve_open is None else row(valve_open),
         )
+
+
+def held(history: History) -> History:
+    """The history as its chambers have it: closed off, they keep the pressure they had when the valve closed.
+
+    That is the commanded pressure of the last sample with an open valve, or the first of a run that begins closed.
+    Tendons have no valve.
+    """
+    if history.valve_open is None or bool(np.all(history.valve_open != 0.0)):
+        return history
+    last_open = np.maximum.accumulate(np.where(history.valve_open != 0.0, np.arange(len(history)), 0))
+    kept = {n: values[last_open] for n, values in history.actuation.items() if PRESSURE.fullmatch(n)}
+    return history.with_actuation(**kept)
 
 
 @dataclass(frozen=True, eq=False)

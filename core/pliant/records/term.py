@@ -46,6 +46,8 @@ class LawTerm:
         keeps: the memory is damage: rest between runs does not heal it.
         needs_time: the value depends on rate, time or memory, so that only engines with
             `Capabilities.internal_states` can follow it.
+        is_inertia: the value stands for masses that must be accelerated. Engines with `Capabilities.dynamic` move them
+            by themselves and refuse the term.
     """
 
     role: Role
@@ -55,6 +57,7 @@ class LawTerm:
     keeps: bool = False
     needs_time: bool = False
     per_joint: tuple[tuple[float, ...], ...] = ()
+    is_inertia: bool = False
 
     @property
     def n_parameters(self) -> int:

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable
 
 from pliant.errors import UserError
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
-from pliant.records.history import History
-
-PRESSURE = re.compile(r"pressure(_\d+)?_pa")
+from pliant.records.history import PRESSURE, History
 
 
 def needs_pressure(kind: str, chain: ChainModel) -> None:

@@ -8,7 +8,8 @@ solution over a step h is exact at any step:
 
     p(t + h) = p_c(t + h) − T s + (p(t) − p_c(t) + T s) e^(−h/T),      s = (p_c(t + h) − p_c(t)) / h
 
-A run starts in balance, p = p_c. Data without times are states reached slowly, and have no lag.
+A run starts in balance, p = p_c; a chamber that a valve closes off keeps its p. Data without times are states reached
+slowly, and have no lag.
 """
 
 from __future__ import annotations
@@ -18,11 +19,12 @@ from functools import partial
 from typing import ClassVar, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field
 
 from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, EffectParameter, Model, Place
 from pliant.records.design import Array
-from pliant.records.history import History
+from pliant.records.history import PRESSURE, History
 from pliant.units import Time
 
 BOUNDS = (0.0, 60.0)
@@ -68,17 +70,27 @@ def _delayed(time: float, history: History) -> History:
     if history.time_s is None or time == 0.0:
         return history
     steps = np.diff(history.time_s)
-    late = {name: _lagged(values, steps, time) for name, values in history.actuation.items()}
+    valve = np.ones(len(history)) if history.valve_open is None else history.valve_open
+    late = {
+        name: _lagged(values, steps, valve[1:] != 0.0 if PRESSURE.fullmatch(name) else steps >= 0.0, time)
+        for name, values in history.actuation.items()
+    }
     return history.with_actuation(**late)
 
 
-def _lagged(commanded: Array, steps: Array, time: float) -> Array:
+def _lagged(commanded: Array, steps: Array, flows: NDArray[np.bool_], time: float) -> Array:
     """The equation at the samples; plain floats, for a recurrence cannot be vectorised."""
     arriving = [float(commanded[0])]
     slopes = np.diff(commanded) / steps
-    for end, slope, step, start in zip(
-        commanded[1:].tolist(), slopes.tolist(), steps.tolist(), commanded[:-1].tolist(), strict=True
+    for end, slope, step, start, flowing in zip(
+        commanded[1:].tolist(),
+        slopes.tolist(),
+        steps.tolist(),
+        commanded[:-1].tolist(),
+        flows.tolist(),
+        strict=True,
     ):
         behind = arriving[-1] - start + time * slope
-        arriving.append(end - time * slope + behind * math.exp(-step / time))
+        late = end - time * slope + behind * math.exp(-step / time)
+        arriving.append(late if flowing else arriving[-1])
     return np.array(arriving)
