@@ -28,6 +28,7 @@ from pliant.testing.effect_bench import (
     probe_readings,
     probe_run,
     reading_numbers,
+    run_readings,
     sample_model,
     strong,
 )
@@ -268,10 +269,12 @@ def output_maps_keep_the_readings(subject: Subject) -> None:
     "wrapped laws stay laws: slopes are derivatives, τ = −∂Π/∂u, joint, axes, domain and record are kept."
 )
 def wrapped_laws_stay_laws(subject: Subject) -> None:
-    plain = sample_model().chain.laws
+    plain, changed = sample_model().chain, applied(subject, strong(subject)).chain
+    require(changed.n_joints == plain.n_joints, "the chain has another number of joints")
+    pairs = {(a.law, b.law): None for a, b in zip(changed.joints, plain.joints, strict=True)}
     p, u = np.full(5, 0.7 * PRESSURE_PA), ANGLES[:, None]
     h, k = 1.0, 1e-5
-    for law, inner in zip(applied(subject, strong(subject)).chain.laws, plain, strict=True):
+    for law, inner in ((changed.laws[a], plain.laws[b]) for a, b in pairs):
         effort = law.evaluate(p, u)
         in_p = (law.evaluate(p + h, u).tau - law.evaluate(p - h, u).tau) / (2 * h)
         in_u = (law.evaluate(p, u + k).tau - law.evaluate(p, u - k).tau) / (2 * k)
@@ -296,12 +299,11 @@ def a_run_shows_it(subject: Subject) -> None:
     engine = follower(subject)
     seen = []
     for model in (applied(subject, strong(subject)), sample_model()):
-        followed = engine.follow(model.chain, [model.commanded(probe_run())])[0][0]
-        joints = followed.joint_angles[:, :, 0]
-        readings = {f"joint_{k + 1}_angle_rad": joints[:, k] for k in range(joints.shape[1])}
+        reached = model.commanded(probe_run())
+        followed = engine.follow(model.chain, [reached])[0][0]
         lost = int(np.sum(np.logical_not(followed.converged)))
         require(lost == 0, f"{lost} samples of a run find no equilibrium")
-        seen.append(reading_numbers(model.reported({"angle_rad": joints.sum(axis=1), **readings})))
+        seen.append(reading_numbers(run_readings(model, followed.joint_angles, reached)))
     require(np.all(np.isfinite(seen[0])), "with the effect the readings of a run are not finite")
     require(
         not np.allclose(seen[0], seen[1], rtol=1e-9, atol=1e-12),

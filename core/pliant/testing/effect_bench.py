@@ -10,11 +10,12 @@ import numpy as np
 from pliant.errors import ContractError
 from pliant.interfaces.effect import Effect, EffectParameter, Model, Readings
 from pliant.interfaces.physics import PhysicsBackend
+from pliant.mechanics.kinematics import ChainGeometry, base_rotations, trajectory
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
 from pliant.records.history import History
 from pliant.registry.discovery import discover
-from pliant.testing.histories import Motion, drive, triangles
+from pliant.testing.histories import Motion, drive, first_joint, triangles
 from pliant.testing.physics_bench import chain_numbers
 from pliant.testing.samples import PRESSURE_PA, sample_chain
 from pliant.testing.suite import CheckSkipped, Subject
@@ -102,9 +103,10 @@ def history_numbers(history: History) -> Array:
 
 
 def efforts(model: Model) -> Array:
-    """The laws on a grid of states, and the effort with law terms along the probe motion."""
+    """The law of every joint on a grid of states, and the effort with law terms along the probe motion."""
     p, u = (grid.ravel() for grid in np.meshgrid(PRESSURES, ANGLES, indexing="ij"))
-    answers = [law.evaluate(p, u[:, None]) for law in model.chain.laws]
+    chain = model.chain
+    answers = [chain.laws[joint.law].evaluate(p, u[:, None]) for joint in chain.joints]
     parts = [np.ravel(x) for e in answers for x in (e.tau, e.dtau_dp, e.dtau_du)]
     return np.concatenate([*parts, drive(model.chain, probe_motion()).effort])
 
@@ -117,9 +119,11 @@ def rigid(model: Model) -> Array:
 def probe_readings() -> dict[str, Any]:
     """Readings of a given motion, over time and as a task leaves them: arrays, lists, numbers."""
     angle = np.linspace(0.0, 1.0, 7)
-    readings: dict[str, Any] = {"angle_rad": angle, "tip_x_m": 0.05 * angle, "tip_z_m": -0.08 + 0.02 * angle}
+    readings: dict[str, Any] = {"time_s": 2.0 * angle, "angle_rad": angle}
+    readings |= {"tip_x_m": 0.05 * angle, "tip_z_m": -0.08 + 0.02 * angle}
     readings |= {f"joint_{k}_angle_rad": angle / 3 for k in range(1, MODULES + 1)}
     readings |= {"marker_1_x_m": 0.01 * angle, "elongation_strain": 0.1 * angle}
+    readings |= {"actuation": 15e3 * angle}
     readings |= {"bend_angle_rad": 0.9, "tip_angle_rad": 0.9, "joint_angles_rad": [[0.3]] * MODULES}
     return readings
 
@@ -132,6 +136,18 @@ def reading_numbers(readings: Readings) -> Array:
 def readings_seen(model: Model) -> Array:
     """What the model reports of a given motion."""
     return reading_numbers(model.reported(probe_readings()))
+
+
+def run_readings(model: Model, path: Array, history: History) -> Readings:
+    """What the sensors say of a path (t, n, a): the clock, every angle and the position of the tip."""
+    joints = path[:, :, 0]
+    geometry = ChainGeometry.of(model.chain)
+    tip = trajectory(geometry, path, base_rotations(geometry.base_rotation, history.base_angles_rad))[:, -1]
+    readings: dict[str, Any] = {} if history.time_s is None else {"time_s": history.time_s}
+    readings |= {"angle_rad": joints.sum(axis=1)}
+    readings |= {f"joint_{k + 1}_angle_rad": joints[:, k] for k in range(joints.shape[1])}
+    readings |= {f"tip_{axis}_m": tip[:, k] for k, axis in enumerate("xyz")}
+    return model.reported(readings)
 
 
 SIGHTS = {"input": inputs_seen, "law": efforts, "chain": rigid, "output": readings_seen}
@@ -159,5 +175,6 @@ def _find_follower() -> PhysicsBackend | None:
 
 
 def hinge(subject: Subject, values: Mapping[str, float]) -> ChainModel:
-    """One weightless joint with the effect's law terms."""
-    return applied(subject, values, Model(sample_chain(modules=1, gravity=(0, 0, 0)))).chain
+    """One weightless joint with the effect's law terms: the first of two, for some effects need a neighbour."""
+    chain = applied(subject, values, Model(sample_chain(modules=2, gravity=(0, 0, 0)))).chain
+    return first_joint(chain)

@@ -58,7 +58,7 @@ class Driven:
 
 def drive(chain: ChainModel, motion: Motion) -> Driven:
     """The first joint of a one-axis chain with its law terms, moved along a prescribed motion."""
-    one = _first_joint(chain)
+    one = first_joint(chain)
     efforts = JointEfforts(one)
     memory = efforts.terms.rested()
     effort, slope, states = [], [], []
@@ -138,8 +138,17 @@ def _keeps(terms: LawTerms) -> Array:
     return np.array([term.keeps for term in terms.terms for _ in range(term.n_states)], bool)
 
 
-def _first_joint(chain: ChainModel) -> ChainModel:
-    return chain.with_(joints=chain.joints[:1], bodies=chain.bodies[:2])
+def first_joint(chain: ChainModel) -> ChainModel:
+    """The chain cut behind its first joint, with that joint's numbers of its law terms."""
+    terms = tuple(replace(term, per_joint=term.per_joint[:1]) for term in chain.terms)
+    return chain.with_(
+        joints=chain.joints[:1],
+        bodies=chain.bodies[:2],
+        shapes=chain.shapes[:2],
+        rings=(),
+        centre_line=(),
+        terms=terms,
+    )
 
 
 def triangles(
