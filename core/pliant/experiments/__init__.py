@@ -1,1 +1,4 @@
-"""Experiments: the runs that a bench can do, and the files that it does them from."""
+"""Runs that a bench can do: the menu, a study's own protocols, and the file that the bench fills in.
+
+Import from the files: `menu.py` holds the default menu, `protocols.py` a study's own runs.
+"""
