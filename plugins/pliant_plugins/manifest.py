@@ -323,6 +323,25 @@ def _effects() -> list[Component]:
             {"loss_per_k": 0.005},
         ),
         "sensor_bias": ("SensorBias", "the angle sensor is off by a constant", {"bias": "2 deg"}),
+        "sensor_scale": ("SensorScale", "the angle sensor has another scale", {"excess": 0.06}),
+        "sensor_lag": ("SensorLag", "angle readings come late", {"time": "0.3 s"}),
+        "backlash": ("Backlash", "play between joint and angle sensor", {"play": "2 deg"}),
+        "base_misalignment": (
+            "BaseMisalignment",
+            "the base is mounted tilted",
+            {"pitch": "2 deg", "roll": "1 deg"},
+        ),
+        "inter_module_compliance": (
+            "InterModuleCompliance",
+            "connections between modules give",
+            {"share": 0.15},
+        ),
+        "cross_axis": ("CrossAxis", "modules bend about a turned axis", {"turn": "8 deg"}),
+        "end_restraint": (
+            "EndRestraint",
+            "of the modules at the clamp and at the cap only a share bends",
+            {"base_share": 0.97, "cap_share": 0.65},
+        ),
     }
     return [
         Component(
