@@ -10,9 +10,8 @@ stay as they are: a sensor has no torque.
 
 from __future__ import annotations
 
-import re
 from functools import partial
-from typing import Any, ClassVar, Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
@@ -27,9 +26,9 @@ from pliant.interfaces.effect import (
     Readings,
 )
 from pliant.units import Angle
+from pliant_plugins.effects.angles import with_angles
 
 BOUNDS = (-np.pi, np.pi)
-READING = re.compile(r"((bend|tip|joint_\d+)_)?angle_rad|joint_angles_rad")
 
 
 class SensorBiasConfig(EffectConfig):
@@ -68,13 +67,4 @@ class SensorBias(Effect):
 
 
 def _biased(bias: float, readings: Readings) -> Readings:
-    return {
-        name: _shift(value, bias) if READING.fullmatch(name) else value for name, value in readings.items()
-    }
-
-
-def _shift(value: Any, bias: float) -> Any:
-    """A number stays a number, a list a list, an array an array."""
-    if isinstance(value, list | tuple):
-        return [_shift(item, bias) for item in value]
-    return value + bias
+    return with_angles(readings, lambda angle: angle + bias)

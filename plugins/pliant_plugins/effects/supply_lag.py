@@ -14,18 +14,16 @@ slowly, and have no lag.
 
 from __future__ import annotations
 
-import math
 from functools import partial
 from typing import ClassVar, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
 from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, EffectParameter, Model, Place
-from pliant.records.design import Array
 from pliant.records.history import PRESSURE, History
 from pliant.units import Time
+from pliant_plugins.effects.lag import lagged
 
 BOUNDS = (0.0, 60.0)
 
@@ -66,31 +64,13 @@ class SupplyLag(Effect):
         return model.with_input(partial(_delayed, self.config.time_s))
 
 
-def _delayed(time: float, history: History) -> History:
-    if history.time_s is None or time == 0.0:
+def _delayed(constant_s: float, history: History) -> History:
+    if history.time_s is None or constant_s == 0.0:
         return history
-    steps = np.diff(history.time_s)
-    valve = np.ones(len(history)) if history.valve_open is None else history.valve_open
+    steps = len(history) - 1
+    open_ = np.ones(steps, bool) if history.valve_open is None else history.valve_open[1:] != 0.0
     late = {
-        name: _lagged(values, steps, valve[1:] != 0.0 if PRESSURE.fullmatch(name) else steps >= 0.0, time)
+        name: lagged(values, history.time_s, constant_s, open_ if PRESSURE.fullmatch(name) else None)
         for name, values in history.actuation.items()
     }
     return history.with_actuation(**late)
-
-
-def _lagged(commanded: Array, steps: Array, flows: NDArray[np.bool_], time: float) -> Array:
-    """The equation at the samples; plain floats, for a recurrence cannot be vectorised."""
-    arriving = [float(commanded[0])]
-    slopes = np.diff(commanded) / steps
-    for end, slope, step, start, flowing in zip(
-        commanded[1:].tolist(),
-        slopes.tolist(),
-        steps.tolist(),
-        commanded[:-1].tolist(),
-        flows.tolist(),
-        strict=True,
-    ):
-        behind = arriving[-1] - start + time * slope
-        late = end - time * slope + behind * math.exp(-step / time)
-        arriving.append(late if flowing else arriving[-1])
-    return np.array(arriving)

@@ -1,0 +1,96 @@
+"""Play between a joint and what reads its angle.
+
+    y_k = min(max(y_(k−1), q_k − w/2), q_k + w/2)
+
+for every angle q that is recorded, in the order of the samples: a gear, a cable or a clutch with the clearance w on the
+way to the encoder or potentiometer (the play operator: Krasnosel'skii & Pokrovskii, Systems with Hysteresis, 1989;
+Visintin, Differential Models of Hysteresis, 1994, ch. III). It needs no clock. The sensor stands in the middle of
+its clearance when a run begins. Each reading has the play of one sensor, the sum along the chain too. The chain, its
+markers and its efforts stay as they are.
+"""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import ClassVar, Literal
+
+import numpy as np
+from pydantic import Field
+
+from pliant.interfaces.effect import (
+    Effect,
+    EffectConfig,
+    EffectNotes,
+    EffectParameter,
+    Model,
+    Place,
+    Readings,
+)
+from pliant.records.design import Array
+from pliant.units import Angle
+from pliant_plugins.effects.angles import with_recorded_angles
+
+BOUNDS = (0.0, 0.5)
+
+
+class BacklashConfig(EffectConfig):
+    """w."""
+
+    kind: Literal["backlash"] = "backlash"
+    play_rad: Angle = Field(
+        default=0.0, ge=BOUNDS[0], le=BOUNDS[1], description="clearance between joint and sensor, whole width"
+    )
+
+
+class Backlash(Effect):
+    """Drags every recorded angle behind the joint's by half a clearance."""
+
+    place: ClassVar[Place] = "output"
+    parameters: ClassVar[tuple[EffectParameter, ...]] = (
+        EffectParameter("play_rad", "rad", neutral=0.0, bounds=BOUNDS, plausible=(0.005, 0.1)),
+    )
+    notes: ClassVar[EffectNotes] = EffectNotes(
+        signature=(
+            "after every reversal the reading stands still until the joint has turned by the clearance, then follows "
+            "with the model's slope; the loop is as wide at any rate, pressure and load, and positions have none."
+        ),
+        look_alike="friction_hysteresis",
+        told_apart=(
+            "positions: friction holds the chain itself back, a play only its reading. By angles alone: the loop of a "
+            "play is as wide where the joint is stiff as where it is soft, friction's narrows as the joint stiffens."
+        ),
+        excited_by=(
+            "cycle the pressure in loops of different size, and loads at constant pressure, and film the tip beside "
+            "the angle."
+        ),
+        where=(
+            "joints whose angle a gear, a cable or a shaft transmits to a sensor, as on tendon fingers; not cameras or "
+            "strain gauges. Every engine that follows histories, for it acts on readings only."
+        ),
+    )
+    exciting: ClassVar[tuple[str, ...]] = ("small_loops", "load_steps", "second_sensor")
+    config: BacklashConfig
+
+    def apply(self, model: Model) -> Model:
+        """The model with one more map of its readings; where no angle is recorded it changes nothing."""
+        return model.with_output(partial(_dragged, self.config.play_rad / 2))
+
+
+def _dragged(half: float, readings: Readings) -> Readings:
+    if half == 0.0:
+        return readings
+    return with_recorded_angles(readings, partial(played, half))
+
+
+def played(half: float, angle: Array) -> Array:
+    """(t,) the play operator of half the clearance; plain floats, for it hangs on its own past."""
+    if not len(angle):
+        return angle
+    held, read = float(angle[0]), []
+    for low, high in zip((angle - half).tolist(), (angle + half).tolist(), strict=True):
+        if held < low:
+            held = low
+        elif held > high:
+            held = high
+        read.append(held)
+    return np.array(read)

@@ -1,0 +1,71 @@
+"""A base that is mounted tilted.
+
+    R' = T exp([θ_x, θ_y, 0]) R
+
+R is the base's nominal pose, T the turn of the bench in a run (`base_pitch_rad`… of a recording): the rotation vector
+[θ_x, θ_y, 0] stands between the two, in world axes, and turns with the bench. θ_y lies in the plane in which a chain
+with the default base bends, θ_x out of it; a turn about the vertical changes nothing that gravity sees. The base
+stays where it is. (Misalignment as a small rotation of the base frame: Mooring, Roth & Driels, Fundamentals of
+Manipulator Calibration, 1991.)
+"""
+
+from __future__ import annotations
+
+from typing import ClassVar, Literal
+
+import numpy as np
+from pydantic import Field
+
+from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, EffectParameter, Model, Place
+from pliant.mechanics.rotations import exp_map
+from pliant.units import Angle
+
+BOUNDS = (-0.5, 0.5)
+PLAUSIBLE = (-0.05, 0.05)
+
+
+class BaseMisalignmentConfig(EffectConfig):
+    """θ_y and θ_x."""
+
+    kind: Literal["base_misalignment"] = "base_misalignment"
+    pitch_rad: Angle = Field(
+        default=0.0, ge=BOUNDS[0], le=BOUNDS[1], description="tilt about world y, in the bending plane"
+    )
+    roll_rad: Angle = Field(
+        default=0.0, ge=BOUNDS[0], le=BOUNDS[1], description="tilt about world x, out of the bending plane"
+    )
+
+
+class BaseMisalignment(Effect):
+    """Tilts the base of the chain."""
+
+    place: ClassVar[Place] = "chain"
+    parameters: ClassVar[tuple[EffectParameter, ...]] = (
+        EffectParameter("pitch_rad", "rad", neutral=0.0, bounds=BOUNDS, plausible=PLAUSIBLE),
+        EffectParameter("roll_rad", "rad", neutral=0.0, bounds=BOUNDS, plausible=PLAUSIBLE),
+    )
+    notes: ClassVar[EffectNotes] = EffectNotes(
+        signature=(
+            "all positions are turned about the base by one angle, at rest too, the tip by the length times the angle. "
+            "Angles are off only as far as gravity bends the chain, as they are with the base turned by the tilt."
+        ),
+        look_alike="gravity_scale",
+        told_apart=(
+            "with the base hanging a wrong weight bends nothing, and the error of a tilt is largest there; with the "
+            "base level it is the other way round. A tilt moves the tip of an unloaded chain, a weight does not."
+        ),
+        excited_by=(
+            "film the tip at rest and in a cycle of pressure with the base hanging, then level and turned over."
+        ),
+        where=(
+            "every family and every engine; read by angles alone it needs a chain that its weight bends, and a tilt "
+            "out of the bending plane shows in positions only."
+        ),
+    )
+    exciting: ClassVar[tuple[str, ...]] = ("second_sensor", "level", "upside_down", "sideways")
+    config: BaseMisalignmentConfig
+
+    def apply(self, model: Model) -> Model:
+        """The model with its chain's base turned."""
+        tilt = exp_map(np.array([self.config.roll_rad, self.config.pitch_rad, 0.0]))
+        return model.with_(chain=model.chain.with_(base_rotation=tilt @ model.chain.base_rotation))

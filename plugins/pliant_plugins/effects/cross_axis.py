@@ -1,0 +1,108 @@
+"""Modules that bend about a turned axis.
+
+    R_parent · rest · Rx(α) · exp(B q) · Rx(−α)
+
+per joint in place of R_parent · rest · exp(B q): its axes are turned by α about the chain axis, and behind the joint
+the body stands as before, so that turns do not add up along the chain and the chain at rest is the same. A chamber or
+a tendon that sits α beside its place bends a module so; of a ball joint the whole law turns. The angle of a joint is
+that about its turned axis.
+
+Without gravity a chain of equal joints in one plane is turned as a whole: by α about the chain axis at its base.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import ClassVar, Literal
+
+import numpy as np
+from pydantic import Field
+
+from pliant.errors import UserError
+from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, EffectParameter, Model, Place
+from pliant.mechanics.rotations import exp_map
+from pliant.records.chain import ChainModel, Ring
+from pliant.records.design import Array
+from pliant.units import Angle
+
+BOUNDS = (-1.5, 1.5)
+
+
+class CrossAxisConfig(EffectConfig):
+    """α."""
+
+    kind: Literal["cross_axis"] = "cross_axis"
+    turn_rad: Angle = Field(
+        default=0.0, ge=BOUNDS[0], le=BOUNDS[1], description="turn of the bending axis about the chain axis"
+    )
+
+
+class CrossAxis(Effect):
+    """Turns the axes of every joint about the chain axis."""
+
+    place: ClassVar[Place] = "chain"
+    parameters: ClassVar[tuple[EffectParameter, ...]] = (
+        EffectParameter("turn_rad", "rad", neutral=0.0, bounds=BOUNDS, plausible=(-0.2, 0.2)),
+    )
+    notes: ClassVar[EffectNotes] = EffectNotes(
+        signature=(
+            "under pressure the tip leaves the plane in which the model bends, in proportion to the bend; what is "
+            "missing within the plane is of second order. At rest positions are right, and so are angles."
+        ),
+        look_alike="base_misalignment",
+        told_apart=(
+            "a tilted or turned base moves the tip of the unloaded chain too and shows in angles when gravity acts; a "
+            "turned axis shows only as the chain bends."
+        ),
+        excited_by=(
+            "film the tip from two sides in a cycle of pressure; then roll the base by 90° and repeat it under gravity."
+        ),
+        where=(
+            "hinge and ball joints of every family, every engine; positions across the plane must be measured, for "
+            "angles show it only where a load or a weight acts across the plane."
+        ),
+    )
+    exciting: ClassVar[tuple[str, ...]] = ("second_sensor", "sideways")
+    config: CrossAxisConfig
+
+    def apply(self, model: Model) -> Model:
+        """The model with its joints' axes turned. Raises `UserError` for a chain that does not bend."""
+        if model.chain.laws[0].joint == "prismatic":
+            raise UserError(
+                f"effect '{self.config.kind}' turns the axis about which modules bend, and this chain only extends; "
+                "take it out of 'effects'."
+            )
+        if self.config.turn_rad == 0.0:
+            return model
+        turn = exp_map(np.array([self.config.turn_rad, 0.0, 0.0]))
+        return model.with_(chain=with_turned_axes(model.chain, turn))
+
+
+def with_turned_axes(chain: ChainModel, turn: Array) -> ChainModel:
+    """The chain with every joint's axes turned by `turn` (3, 3), and the same at rest.
+
+    Frames of bodies behind a joint are turned along, as a body has its joint's rest frame; what they carry is
+    written in the turned frame, where it stays in place.
+    """
+    back = turn.T
+
+    def seen(ring: Ring) -> Ring:
+        return Ring(ring.body, back @ ring.point_m) if ring.body else ring
+
+    joints = [
+        replace(
+            joint,
+            offset_m=back @ joint.offset_m if i else joint.offset_m,
+            rest_rotation=(back if i else np.eye(3)) @ joint.rest_rotation @ turn,
+        )
+        for i, joint in enumerate(chain.joints)
+    ]
+    moved = [tuple(shape.placed(back, np.zeros(3)) for shape in piece) for piece in chain.shapes[1:]]
+    return chain.with_(
+        joints=tuple(joints),
+        bodies=(chain.bodies[0], *(body.rotated(back) for body in chain.bodies[1:])),
+        tip_offset_m=back @ chain.tip_offset_m,
+        shapes=(*chain.shapes[:1], *moved),
+        rings=tuple(seen(ring) for ring in chain.rings),
+        centre_line=tuple(seen(ring) for ring in chain.centre_line),
+    )

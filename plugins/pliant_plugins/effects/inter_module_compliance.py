@@ -1,0 +1,112 @@
+"""Connections between modules that give.
+
+    τ'(p, q) = τ(p, q + (n/2) c τ'),      c = κ / k₀
+
+per joint: each interface between two modules is a spring that turns by c per moment, in series with the joints on both
+sides. Half of it belongs to each neighbour, so that a joint has n = 1 half at the ends of the chain and n = 2
+between (series springs; the lumping of a joint's own flexibility of Spong, J. Dyn. Sys. Meas. Control 109, 1987). κ is
+what an interface turns for each radian that a joint turns at rest. The law change is exact: `series_law.py`.
+
+Each of m actuators in parallel has an interface of its own, m times as soft; together they are the spring where laws
+are linear. An interface turns as much about every axis of a ball joint. Law terms of other effects act on the joint
+with its interfaces.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import lru_cache
+from typing import ClassVar, Literal
+
+from pydantic import Field
+
+from pliant.errors import UserError
+from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, EffectParameter, Model, Place
+from pliant.records.chain import ChainModel, Joint
+from pliant.records.law import JointLaw
+from pliant.units import Ratio
+from pliant_plugins.effects.scale import rest_stiffness
+from pliant_plugins.effects.series_law import SeriesLaw
+
+BOUNDS = (0.0, 3.0)
+
+
+class InterModuleComplianceConfig(EffectConfig):
+    """κ."""
+
+    kind: Literal["inter_module_compliance"] = "inter_module_compliance"
+    share: Ratio = Field(
+        default=0.0,
+        ge=BOUNDS[0],
+        le=BOUNDS[1],
+        description="compliance of one connection / that of a joint at rest",
+    )
+
+
+class InterModuleCompliance(Effect):
+    """Puts the springs of the connections in series with the joints beside them."""
+
+    place: ClassVar[Place] = "law"
+    parameters: ClassVar[tuple[EffectParameter, ...]] = (
+        EffectParameter("share", "1", neutral=0.0, bounds=BOUNDS, plausible=(0.02, 0.3)),
+    )
+    notes: ClassVar[EffectNotes] = EffectNotes(
+        signature=(
+            "the chain bends farther under loads than its modules do, the more the larger the moment that passes a "
+            "connection; joints between two others are off by more than those at the ends, and one module is right."
+        ),
+        look_alike="stiffness",
+        told_apart=(
+            "read every joint: a stiffness is off by one factor in all of them, connections by half as much in the "
+            "first and the last; and where pressure or a large angle stiffens modules, connections stay as they are."
+        ),
+        excited_by="hang loads on the vented chain, then on the pressed one, and read every joint's angle.",
+        where=(
+            "chains of two modules or more that bend, hinges and ball joints; every engine. Read by the sum of "
+            "angles alone it is nearly a stiffness."
+        ),
+    )
+    exciting: ClassVar[tuple[str, ...]] = ("second_sensor", "passive_load_steps", "load_steps")
+    config: InterModuleComplianceConfig
+
+    def apply(self, model: Model) -> Model:
+        """The model with other laws in its joints.
+
+        Raises:
+            UserError: a chain of one module, or of modules that do not bend, or a law that is not stiff at rest.
+        """
+        chain = model.chain
+        self._check(chain)
+        if self.config.share == 0.0:
+            return model
+        compliance = self.config.share * len(chain.actuators) / rest_stiffness(chain)
+        laws, joints = _connected(chain.laws, chain.joints, compliance)
+        return model.with_(chain=chain.with_(laws=laws, joints=joints))
+
+    def _check(self, chain: ChainModel) -> None:
+        if chain.laws[0].joint == "prismatic":
+            raise UserError(
+                f"effect '{self.config.kind}' needs modules that bend, and this chain only extends; take it out of "
+                "'effects'."
+            )
+        if chain.n_joints < 2:
+            raise UserError(
+                f"effect '{self.config.kind}' is about connections between modules, and the chain has one module; "
+                "take it out of 'effects', or give 'chain.modules' 2 or more."
+            )
+
+
+@lru_cache(maxsize=128)
+def _connected(
+    laws: tuple[JointLaw, ...], joints: tuple[Joint, ...], compliance: float
+) -> tuple[tuple[JointLaw, ...], tuple[Joint, ...]]:
+    """Laws behind their halves of the connections, and joints that have them.
+
+    The same objects for the same input: engines tabulate a law once for each object.
+    """
+    ends = (0, len(joints) - 1)
+    wanted = [(joint.law, 0.5 if i in ends else 1.0) for i, joint in enumerate(joints)]
+    kinds = list(dict.fromkeys(wanted))
+    wrapped = tuple(SeriesLaw(laws[law], halves * compliance) for law, halves in kinds)
+    changed = (replace(j, law=kinds.index(kind)) for j, kind in zip(joints, wanted, strict=True))
+    return wrapped, tuple(changed)

@@ -1,0 +1,87 @@
+"""Angle readings that come late.
+
+    T y' + y = u
+
+for every angle u that is recorded over time: the filter of a sensor's electronics or of a tracker, to first order.
+Between samples the angle is a straight line, for which the solution is exact at any step (`lag.py`). A run starts
+in balance, y = u. Readings without a clock, as tasks and quasi-static tables give them, have no lag, and the chain
+itself and its positions are not late.
+"""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import ClassVar, Literal
+
+import numpy as np
+from pydantic import Field
+
+from pliant.interfaces.effect import (
+    Effect,
+    EffectConfig,
+    EffectNotes,
+    EffectParameter,
+    Model,
+    Place,
+    Readings,
+)
+from pliant.records.design import Array
+from pliant.units import Time
+from pliant_plugins.effects.angles import with_recorded_angles
+from pliant_plugins.effects.lag import lagged
+
+BOUNDS = (0.0, 60.0)
+
+
+class SensorLagConfig(EffectConfig):
+    """T, the time in which two thirds of a step are read."""
+
+    kind: Literal["sensor_lag"] = "sensor_lag"
+    time_s: Time = Field(
+        default=0.0, ge=BOUNDS[0], le=BOUNDS[1], description="time constant of the sensor's first-order lag"
+    )
+
+
+class SensorLag(Effect):
+    """Delays every recorded angle by a first-order lag."""
+
+    place: ClassVar[Place] = "output"
+    parameters: ClassVar[tuple[EffectParameter, ...]] = (
+        EffectParameter("time_s", "s", neutral=0.0, bounds=BOUNDS, plausible=(0.05, 2.0)),
+    )
+    notes: ClassVar[EffectNotes] = EffectNotes(
+        signature=(
+            "the angle that is read is behind in every motion, by the same time, whatever moves the chain; a few time "
+            "constants into a hold nothing is left. Positions are not late."
+        ),
+        look_alike="supply_lag",
+        told_apart=(
+            "step a load at constant pressure: a sensor is late there too, a supply is not. Positions tell it from "
+            "damping and from a supply: they are in time."
+        ),
+        excited_by=(
+            "step the pressure, then a load at constant pressure, sampled at ten times a second or more, and film the "
+            "tip beside the angle."
+        ),
+        where=(
+            "every family of which angles are read with a clock; every engine that follows histories, for it acts on "
+            "readings only."
+        ),
+    )
+    exciting: ClassVar[tuple[str, ...]] = ("step_response", "load_steps", "second_sensor")
+    config: SensorLagConfig
+
+    def apply(self, model: Model) -> Model:
+        """The model with one more map of its readings; where no angle is read over time it changes nothing."""
+        return model.with_output(partial(_delayed, self.config.time_s))
+
+
+def _delayed(constant_s: float, readings: Readings) -> Readings:
+    time_s = readings.get("time_s")
+    if constant_s == 0.0 or not isinstance(time_s, np.ndarray) or time_s.ndim != 1:
+        return readings
+
+    def late(angle: Array) -> Array:
+        return lagged(angle, time_s, constant_s) if len(angle) == len(time_s) else angle
+
+    return with_recorded_angles(readings, late)

@@ -1,0 +1,73 @@
+"""An angle sensor with another scale.
+
+    y' = (1 + s) y
+
+for every angle that is read, about zero: `angle_rad`, `bend_angle_rad`, `tip_angle_rad`, `joint_1_angle_rad`… and each
+number of `joint_angles_rad` (the scale error of a potentiometer, of a bend sensor's calibration, of a camera's; the
+gain of a linear transducer model). The chain, its markers and its efforts stay as they are: a sensor has no torque.
+"""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import ClassVar, Literal
+
+from pydantic import Field
+
+from pliant.interfaces.effect import (
+    Effect,
+    EffectConfig,
+    EffectNotes,
+    EffectParameter,
+    Model,
+    Place,
+    Readings,
+)
+from pliant.units import Ratio
+from pliant_plugins.effects.angles import with_angles
+
+BOUNDS = (-0.8, 4.0)
+
+
+class SensorScaleConfig(EffectConfig):
+    """s, reading / true angle − 1."""
+
+    kind: Literal["sensor_scale"] = "sensor_scale"
+    excess: Ratio = Field(default=0.0, ge=BOUNDS[0], le=BOUNDS[1], description="reading / true angle − 1")
+
+
+class SensorScale(Effect):
+    """Scales the angles that are read."""
+
+    place: ClassVar[Place] = "output"
+    parameters: ClassVar[tuple[EffectParameter, ...]] = (
+        EffectParameter("excess", "1", neutral=0.0, bounds=BOUNDS, plausible=(-0.1, 0.1)),
+    )
+    notes: ClassVar[EffectNotes] = EffectNotes(
+        signature=(
+            "every angle is off by the same factor, whatever bends the chain: pressure, a load or a weight; "
+            "at zero angle nothing is off, and positions are right."
+        ),
+        look_alike="stiffness",
+        told_apart=(
+            "a position or a second sensor: a scale moves no marker. By angles alone a scale is a joint that is softer "
+            "under load, pressure and weight at once; a gain of the actuation is silent under a load."
+        ),
+        excited_by=(
+            "film the tip beside the angle in one cycle of pressure, then hang a load on the vented chain."
+        ),
+        where=(
+            "every family of which angles are read; every engine, for it acts on readings only. A chain read by "
+            "positions alone does not show it."
+        ),
+    )
+    exciting: ClassVar[tuple[str, ...]] = ("second_sensor", "passive_load_steps", "blocked")
+    config: SensorScaleConfig
+
+    def apply(self, model: Model) -> Model:
+        """The model with one more map of its readings; where no angle is read it changes nothing."""
+        return model.with_output(partial(_scaled, 1.0 + self.config.excess))
+
+
+def _scaled(factor: float, readings: Readings) -> Readings:
+    return with_angles(readings, lambda angle: factor * angle)

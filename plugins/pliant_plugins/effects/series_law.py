@@ -1,0 +1,116 @@
+"""A joint law in series with a rotational spring.
+
+    τ'(p, q) = τ(p, v),      v = q + C τ'
+
+The spring of compliance C gives q − v = −C τ', and the joint what is left. With the potential Π of the joint's law
+it is Π'(p, q) = min over v of Π(p, v) + |q − v|² / (2 C), so that τ' = −∂Π'/∂q as for every law, and
+
+    ∂τ'/∂q = (1 − C ∂τ/∂v)⁻¹ ∂τ/∂v,      ∂τ'/∂p = (1 − C ∂τ/∂v)⁻¹ ∂τ/∂p
+
+For the three axes of a ball joint rotation vectors are added, which is exact for turns about one axis and off by a
+share of |v|²/12 for others.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from pliant.records.design import Array
+from pliant.records.error_bar import ErrorBar
+from pliant.records.law import Domain, Effort, JointKind, JointLaw, LawRecord
+
+MOST_STEPS = 40
+# Newton ends when the deformation is known to this many rad.
+PRECISION_RAD = 1e-13
+LEAST_STEP = 1.0 / 64.0
+
+
+@dataclass(frozen=True, eq=False)
+class SeriesLaw(JointLaw):
+    """`inner` behind a spring that turns by `compliance` rad per N·m about every axis; `inner`'s domain and error."""
+
+    inner: JointLaw
+    compliance: float
+    joint: JointKind = field(init=False)
+    axes: tuple[str, ...] = field(init=False)
+    actuation_name: str = field(init=False)
+    domain: Domain = field(init=False)
+    error: ErrorBar | None = field(init=False)
+
+    def __post_init__(self) -> None:
+        for name in ("joint", "axes", "actuation_name", "domain", "error"):
+            object.__setattr__(self, name, getattr(self.inner, name))
+
+    def evaluate(self, actuation: Array, deformation: Array) -> Effort:
+        """See `JointLaw.evaluate`."""
+        p, q = np.asarray(actuation, float), np.asarray(deformation, float)
+        _, effort = self._divided(p, q)
+        stiffer = np.linalg.inv(np.eye(q.shape[1]) - self.compliance * effort.dtau_du)
+        return Effort(effort.tau, np.einsum("nab,nb->na", stiffer, effort.dtau_dp), stiffer @ effort.dtau_du)
+
+    def potential(self, actuation: Array, deformation: Array) -> Array:
+        """See `JointLaw.potential`: that of the joint and of the spring."""
+        p, q = np.asarray(actuation, float), np.asarray(deformation, float)
+        return self._stored(p, q) - self._stored(p, np.zeros_like(q))
+
+    def band(self, actuation: Array, deformation: Array, level: float = 0.9) -> Array | None:
+        """See `JointLaw.band`: the inner law's where the joint is, less what the spring takes of it."""
+        p, q = np.asarray(actuation, float), np.asarray(deformation, float)
+        v, effort = self._divided(p, q)
+        inner = self.inner.band(p, v, level)
+        if inner is None:
+            return None
+        stiffer = np.linalg.inv(np.eye(q.shape[1]) - self.compliance * effort.dtau_du)
+        wide: Array = np.einsum("nab,nb->na", np.abs(stiffer), inner)
+        return wide
+
+    def draws(self, count: int, seed: int) -> tuple[JointLaw, ...]:
+        """See `JointLaw.draws`."""
+        return tuple(SeriesLaw(law, self.compliance) for law in self.inner.draws(count, seed))
+
+    def record(self) -> LawRecord:
+        """See `JointLaw.record`."""
+        inner = self.inner.record()
+        values = {"compliance_rad_per_n_m": self.compliance, "inner": {"kind": inner.kind, **inner.values}}
+        return LawRecord("series", values, inner.arrays)
+
+    def _stored(self, p: Array, q: Array) -> Array:
+        v, effort = self._divided(p, q)
+        spring = 0.5 * self.compliance * np.einsum("na,na->n", effort.tau, effort.tau)
+        return np.asarray(self.inner.potential(p, v) + spring)
+
+    def _divided(self, p: Array, q: Array) -> tuple[Array, Effort]:
+        """The joint's own deformation v (n, a) and the inner law there: Newton, shortened where it does not help."""
+        identity = np.eye(q.shape[1])
+        v, effort = q, self.inner.evaluate(p, q)
+        short = np.ones(len(q))
+        missing = v - q - self.compliance * effort.tau
+        size = np.abs(missing).max(axis=1)
+        for _ in range(MOST_STEPS):
+            slope = identity - self.compliance * effort.dtau_du
+            step = np.linalg.solve(slope, missing[:, :, None])[:, :, 0] * short[:, None]
+            if not np.abs(step).max(initial=0.0) > PRECISION_RAD:
+                break
+            ahead = v - step
+            there = self.inner.evaluate(p, ahead)
+            left = ahead - q - self.compliance * there.tau
+            now = np.abs(left).max(axis=1)
+            better = (now < size) | (short <= LEAST_STEP)
+            short = np.where(better, 1.0, short / 2)
+            v = np.where(better[:, None], ahead, v)
+            missing, size = np.where(better[:, None], left, missing), np.where(better, now, size)
+            effort = _chosen(better, there, effort)
+        return v, effort
+
+
+def _chosen(which: Array, there: Effort, here: Effort) -> Effort:
+    if which.all():
+        return there
+    row = which[:, None]
+    return Effort(
+        np.where(row, there.tau, here.tau),
+        np.where(row, there.dtau_dp, here.dtau_dp),
+        np.where(row[:, :, None], there.dtau_du, here.dtau_du),
+    )
