@@ -1,0 +1,81 @@
+"""A joint that is stiffer one way than the other.
+
+    E'(u) = (1 + b s(u)) E(u),      s(u) = u / √(u² + w²)
+
+per joint: a material with other moduli in tension than in compression, or folds that open more easily than they
+close (Ambartsumyan, Elasticity Theory of Different Moduli, 1986; here the two moduli of the whole joint). With b > 0
+the joint is stiffer on the side toward which actuation bends it. w only rounds the corner at u = 0: the slope of u s(u)
+never exceeds 1.09, so that a law that is linear stays stable for every |b| ≤ 0.9.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import ClassVar, Literal
+
+from pydantic import Field
+
+from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, EffectParameter, Model, Place
+from pliant.records.design import Array
+from pliant.records.term import LawTerm
+from pliant.units import Angle, Ratio
+
+BOUNDS = (-0.9, 0.9)
+
+
+class BimodulusConfig(EffectConfig):
+    """b and w."""
+
+    kind: Literal["bimodulus"] = "bimodulus"
+    asymmetry: Ratio = Field(
+        default=0.0,
+        ge=BOUNDS[0],
+        le=BOUNDS[1],
+        description="(stiffness toward actuation − stiffness away from it) / their sum",
+    )
+    width_rad: Angle = Field(
+        default=0.02,
+        gt=0.0,
+        le=0.5,
+        description="angle over which one stiffness becomes the other, per joint",
+    )
+
+
+class Bimodulus(Effect):
+    """Scales the elastic part up on one side and down on the other."""
+
+    place: ClassVar[Place] = "law"
+    parameters: ClassVar[tuple[EffectParameter, ...]] = (
+        EffectParameter("asymmetry", "1", neutral=0.0, bounds=BOUNDS, plausible=(-0.3, 0.3)),
+    )
+    notes: ClassVar[EffectNotes] = EffectNotes(
+        signature=(
+            "under loads without pressure the angle is too small one way and too large the other; there is a kink in "
+            "the curve of angle over load at the straight joint, the same at every rate."
+        ),
+        look_alike="stiffness",
+        told_apart=(
+            "load steps of both signs without pressure: a stiffness is off by the same factor both ways, a bimodulus "
+            "by opposite ones."
+        ),
+        excited_by="vent the chamber and hang the same loads on either side of the joint, one after the other.",
+    )
+    exciting: ClassVar[tuple[str, ...]] = ("passive_load_steps", "load_steps", "upside_down")
+    config: BimodulusConfig
+
+    def apply(self, model: Model) -> Model:
+        """The model with one more factor on the elastic part."""
+        return model.with_term(LawTerm("elastic", _factor, (self.config.asymmetry, self.config.width_rad)))
+
+
+def _factor(
+    angle: float,
+    rate: float,
+    dt_s: float,
+    actuation: float,
+    temperature_c: float,
+    old: Array,
+    new: Array,
+    parameters: Array,
+) -> float:
+    return 1.0 + parameters[0] * angle / math.sqrt(angle * angle + parameters[1] * parameters[1])

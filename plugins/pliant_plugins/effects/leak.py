@@ -1,0 +1,102 @@
+"""Chambers that lose gas: a held pressure sags, and a closed-off one dies away.
+
+    dd/dt = λ (p_c − d) − v d / T_s,      p = p_c − d
+
+for every pressure of the chain: the mass balance of a chamber behind a linear resistance (a hose with the filling time
+T_s) with a second one to the outside (Beater, Pneumatic Drives, 2007, ch. 3, at small pressures). p_c is what the
+chamber has without a leak, d what it lacks. With the valve open (v = 1) the regulator refills: d settles with
+T_s / (1 + λ T_s) at the share λ T_s / (1 + λ T_s) of p_c. Closed off (`History.valve_open` 0, v = 0) p_c stands still
+and dp/dt = −λ p. Between samples p_c is a straight line of slope s, for which, with r = λ + v / T_s, a step h is exact:
+
+    d(t + h) = d*(t + h) + (d(t) − d*(t)) e^(−r h),      d* = λ/r (p_c − s/r)
+
+A run starts in balance with the valve open. Without times open states are in balance too, and closed ones, of which
+nobody knows how long they last, keep what they had. Tendon forces are left alone.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import partial
+from typing import ClassVar, Literal
+
+import numpy as np
+from pydantic import Field
+
+from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, EffectParameter, Model, Place
+from pliant.records.design import Array
+from pliant.records.history import PRESSURE, History
+from pliant.units import Time
+from pliant_plugins.effects.pressures import needs_pressure
+
+RATES = (0.0, 2.0)
+
+
+class LeakConfig(EffectConfig):
+    """λ and T_s."""
+
+    kind: Literal["leak"] = "leak"
+    rate_1_s: float = Field(
+        default=0.0,
+        ge=RATES[0],
+        le=RATES[1],
+        description="share of its pressure that a closed chamber loses, 1/s",
+    )
+    filling_time_s: Time = Field(
+        default=0.2, gt=0.0, le=60.0, description="time constant in which the supply fills the chamber"
+    )
+
+
+class Leak(Effect):
+    """Lets gas out of every chamber."""
+
+    place: ClassVar[Place] = "input"
+    parameters: ClassVar[tuple[EffectParameter, ...]] = (
+        EffectParameter("rate_1_s", "s^-1", neutral=0.0, bounds=RATES, plausible=(0.001, 0.1)),
+    )
+    notes: ClassVar[EffectNotes] = EffectNotes(
+        signature=(
+            "with the valve closed the joint sinks back at a rate in proportion to its pressure; connected to the "
+            "supply it stands nearly still, a small share below the model."
+        ),
+        look_alike="viscoelastic",
+        told_apart=(
+            "a material that relaxes goes on bending under a pressure that is held by the regulator; a leak shows "
+            "only once the valve is closed, and always toward the straight joint."
+        ),
+        excited_by="fill the chamber, close the valve and record for a minute.",
+    )
+    exciting: ClassVar[tuple[str, ...]] = ("closed_valve", "holds")
+    config: LeakConfig
+
+    def apply(self, model: Model) -> Model:
+        """The model with one more map of its inputs. Raises `UserError` for a chain without a pressure."""
+        needs_pressure(self.config.kind, model.chain)
+        return model.with_input(partial(_leaking, self.config.rate_1_s, self.config.filling_time_s))
+
+
+def _leaking(rate: float, filling_time: float, history: History) -> History:
+    if rate == 0.0:
+        return history
+    valve = np.ones(len(history)) if history.valve_open is None else history.valve_open
+    left = {}
+    for name, pressure in history.actuation.items():
+        if PRESSURE.fullmatch(name) and history.time_s is None:
+            left[name] = pressure / (1.0 + rate * filling_time)
+        elif PRESSURE.fullmatch(name):
+            assert history.time_s is not None
+            left[name] = pressure - _lacking(pressure, valve, np.diff(history.time_s), rate, filling_time)
+    return history.with_actuation(**left)
+
+
+def _lacking(pressure: Array, valve: Array, steps: Array, rate: float, filling_time: float) -> Array:
+    """d at the samples; plain floats, for a recurrence cannot be vectorised."""
+    lacking = [rate * filling_time / (1.0 + rate * filling_time) * float(pressure[0])]
+    for k, step in enumerate(steps.tolist(), start=1):
+        start, end = float(pressure[k - 1]), float(pressure[k])
+        slope = (end - start) / step
+        total = rate + (1.0 / filling_time if valve[k] != 0.0 else 0.0)
+        share = rate / total
+        settling = lacking[-1] - share * (start - slope / total)
+        lacking.append(share * (end - slope / total) + settling * math.exp(-total * step))
+    return np.array(lacking)

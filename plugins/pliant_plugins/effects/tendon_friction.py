@@ -1,0 +1,127 @@
+"""A tendon that rubs where it bends.
+
+    A'(F, u) = e^(−μ w z) A(F, u),      w_i = (i − 1/2) |u_i| + i w₀,      z' = clip(z + Δu / δ, −1, 1)
+
+for joint i from the base: tension falls by e^(−μ w) behind the wrap w while the tendon is pulled in (z = 1) and is as
+much larger while it is let out (z = −1): the capstan equation of Euler and Eytelwein, for tendons in sheaths as in
+Kaneko, Yamashita & Tanie (Proc. Int. Conf. Advanced Robotics, 1991) and Do et al. (Mechatronics 24, 2014). The wrap up
+to the middle of joint i is taken as if all joints before it were bent as far, plus w₀ per joint for the tendon's own
+curves at rest. The direction z turns over within the small angle δ, as the element of `friction_hysteresis` does.
+Pulled and released, the actuation at one angle differs by the factor e^(2 μ w).
+
+The angle decides, not the time, so it acts on states that are reached slowly as well.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import ClassVar, Literal
+
+from pydantic import Field
+
+from pliant.errors import UserError
+from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, EffectParameter, Model, Place
+from pliant.records.chain import ChainModel
+from pliant.records.design import Array
+from pliant.records.term import LawTerm
+from pliant.units import Angle, Ratio
+
+BOUNDS = (0.0, 1.5)
+TENDON = "tendon_force_n"
+
+
+class TendonFrictionConfig(EffectConfig):
+    """μ, w₀ and δ."""
+
+    kind: Literal["tendon_friction"] = "tendon_friction"
+    friction: Ratio = Field(
+        default=0.0,
+        ge=BOUNDS[0],
+        le=BOUNDS[1],
+        description="coefficient of friction of the tendon in its guides",
+    )
+    wrap_at_rest_rad: Angle = Field(
+        default=0.0, ge=0.0, le=3.2, description="angle by which the tendon bends in each joint at rest"
+    )
+    break_away_rad: Angle = Field(
+        default=0.01, ge=0.002, le=0.05, description="angle of a joint in which friction turns over"
+    )
+
+
+class TendonFriction(Effect):
+    """Scales the actuation part by what friction leaves of the tendon's tension."""
+
+    place: ClassVar[Place] = "law"
+    parameters: ClassVar[tuple[EffectParameter, ...]] = (
+        EffectParameter("friction", "1", neutral=0.0, bounds=BOUNDS, plausible=(0.05, 0.4)),
+    )
+    notes: ClassVar[EffectNotes] = EffectNotes(
+        signature=(
+            "pulling and releasing run apart in proportion to the tension, the wider the more the chain is bent and "
+            "the farther from the base, at every rate; loads without tension are followed without a loop."
+        ),
+        look_alike="friction_hysteresis",
+        told_apart=(
+            "the loop of a rubbing tendon grows with its tension and its wrap; that of dry friction in the joint is as "
+            "wide at small forces as at large ones."
+        ),
+        excited_by=(
+            "pull and release the tendon slowly to a third, two thirds and all of the range, and step a load without "
+            "tension; read every joint."
+        ),
+    )
+    exciting: ClassVar[tuple[str, ...]] = (
+        "slow_cycles",
+        "small_loops",
+        "passive_load_steps",
+        "second_sensor",
+    )
+    actuation: ClassVar[str] = TENDON
+    config: TendonFrictionConfig
+
+    def apply(self, model: Model) -> Model:
+        """The model with one more factor on the actuation part.
+
+        Raises:
+            UserError: a chain that no tendon drives, or tendons that pull either way.
+        """
+        config, sign = self.config, _pull(model.chain)
+        parameters = (config.friction, config.wrap_at_rest_rad, config.break_away_rad, sign)
+        rows = tuple((float(i),) for i in range(1, model.chain.n_joints + 1))
+        term = LawTerm("actuation", _factor, parameters, n_states=2, needs_time=True, per_joint=rows)
+        return model.with_term(term)
+
+
+def _pull(chain: ChainModel) -> float:
+    """The sign of the angle toward which the tendons bend a joint."""
+    names = sorted({law.actuation_name for law in chain.laws})
+    if names != [TENDON]:
+        raise UserError(
+            f"effect 'tendon_friction' needs a tendon, and the chain's law takes {', '.join(names)}; families with "
+            "tendons are 'tendon_joint' and measured laws of tendon_force_n. Take it out of 'effects'."
+        )
+    signs = {math.copysign(1.0, actuator.sign) for actuator in chain.actuators}
+    if len(signs) > 1:
+        raise UserError(
+            "effect 'tendon_friction' is for tendons that pull one way, and this chain has opposed ones: while one is "
+            "pulled in the other is let out. Take it out of 'effects'."
+        )
+    return signs.pop()
+
+
+def _factor(
+    angle: float,
+    rate: float,
+    dt_s: float,
+    actuation: float,
+    temperature_c: float,
+    old: Array,
+    new: Array,
+    parameters: Array,
+) -> float:
+    # Memory: the direction z, and the angle of the sample before. Numbers: μ, w₀, δ, sign of the pull, i.
+    moved = parameters[3] * (angle - old[1]) / parameters[2]
+    new[0] = min(max(old[0] + moved, -1.0), 1.0)
+    new[1] = angle
+    wrap = (parameters[4] - 0.5) * abs(angle) + parameters[4] * parameters[1]
+    return math.exp(-parameters[0] * wrap * new[0])
