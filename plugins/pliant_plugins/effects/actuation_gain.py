@@ -45,7 +45,9 @@ class ActuationGain(Effect):
         excited_by=(
             "step the pressure through its whole range without load, then hang a load at zero pressure."
         ),
+        where="every family, pressures and tendon forces alike, and every engine.",
     )
+    exciting: ClassVar[tuple[str, ...]] = ("slow_cycles", "passive_load_steps", "blocked")
     config: ActuationGainConfig
 
     def apply(self, model: Model) -> Model:

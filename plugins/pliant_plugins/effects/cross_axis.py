@@ -1,6 +1,6 @@
 """Modules that bend about a turned axis.
 
-    R_parent · rest · Rx(α) · exp(B q) · Rx(−α)
+    R_child = R_parent · rest · Rx(α) · exp(B q) · Rx(−α)
 
 per joint in place of R_parent · rest · exp(B q): its axes are turned by α about the chain axis, and behind the joint
 the body stands as before, so that turns do not add up along the chain and the chain at rest is the same. A chamber or

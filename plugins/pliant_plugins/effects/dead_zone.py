@@ -51,7 +51,9 @@ class DeadZone(Effect):
             "raise the pressure from zero in small steps through the lowest tenth of the range, and lower "
             "it again."
         ),
+        where="families that a pressure drives, every engine; it needs samples at the lowest pressures.",
     )
+    exciting: ClassVar[tuple[str, ...]] = ("slow_cycles", "vented_zero", "blocked")
     config: DeadZoneConfig
 
     def apply(self, model: Model) -> Model:

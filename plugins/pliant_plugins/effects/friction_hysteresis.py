@@ -68,7 +68,12 @@ class FrictionHysteresis(Effect):
             "cycle the pressure up and down, with small loops inside the large one, at two rates a factor "
             "of ten apart."
         ),
+        where=(
+            "folds, fibres and sleeves that rub; recordings with or without a clock, in engines that follow "
+            "histories: `quasistatic` and `mujoco`."
+        ),
     )
+    exciting: ClassVar[tuple[str, ...]] = ("small_loops", "slow_cycles", "fast_cycles")
     config: FrictionHysteresisConfig
 
     def apply(self, model: Model) -> Model:

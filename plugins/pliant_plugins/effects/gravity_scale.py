@@ -42,7 +42,9 @@ class GravityScale(Effect):
             "turn the base by 90° and 180°: the error of a weight turns with it, that of a stiffness stays."
         ),
         excited_by="repeat one pressure sweep with the base hanging, level and turned over.",
+        where="chains that their weight or payload bends, every engine; a chain on a table does not show it.",
     )
+    exciting: ClassVar[tuple[str, ...]] = ("level", "upside_down", "sideways")
     config: GravityScaleConfig
 
     def apply(self, model: Model) -> Model:

@@ -69,7 +69,12 @@ class Mullins(Effect):
             "take a specimen that was never loaded and cycle it three times each to a third, two thirds "
             "and all of the range."
         ),
+        where=(
+            "filled rubbers and silicones, with the order of runs and specimens recorded; engines that follow "
+            "histories: `quasistatic` and `mujoco`."
+        ),
     )
+    exciting: ClassVar[tuple[str, ...]] = ("virgin", "slow_cycles")
     config: MullinsConfig
 
     def apply(self, model: Model) -> Model:

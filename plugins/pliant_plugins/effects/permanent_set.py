@@ -50,7 +50,12 @@ class PermanentSet(Effect):
         excited_by=(
             "start with a virgin specimen, load to higher and higher levels and vent for a minute after each."
         ),
+        where=(
+            "rubbers and 3D-printed elastomers, with the order of runs and specimens recorded; engines that "
+            "follow histories: `quasistatic` and `mujoco`."
+        ),
     )
+    exciting: ClassVar[tuple[str, ...]] = ("virgin", "vented_zero")
     config: PermanentSetConfig
 
     def apply(self, model: Model) -> Model:

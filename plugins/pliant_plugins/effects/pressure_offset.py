@@ -48,7 +48,9 @@ class PressureOffset(Effect):
             "in positions too; a sensor's bias is the same everywhere and moves no marker."
         ),
         excited_by="record the angle at zero pressure and at full pressure, each with and without a load.",
+        where="families that a pressure drives, every engine; a chain of tendons refuses it.",
     )
+    exciting: ClassVar[tuple[str, ...]] = ("vented_zero", "passive_load_steps", "load_steps")
     config: PressureOffsetConfig
 
     def apply(self, model: Model) -> Model:

@@ -65,7 +65,11 @@ class SelfContact(Effect):
             "sweep the pressure slowly to the top of the range, without a load and with loads either way, "
             "in small steps near the end."
         ),
+        where=(
+            "bellows and ribbed chambers that bend far, every engine; solid fingers have no folds that meet."
+        ),
     )
+    exciting: ClassVar[tuple[str, ...]] = ("slow_cycles", "load_steps", "passive_load_steps")
     config: SelfContactConfig
 
     def apply(self, model: Model) -> Model:

@@ -58,7 +58,9 @@ class SensorBias(Effect):
         excited_by=(
             "record the angle at rest, vented and unloaded, and again under a load; film a marker if you can."
         ),
+        where="every family of which angles are read; every engine, for it acts on readings only.",
     )
+    exciting: ClassVar[tuple[str, ...]] = ("vented_zero", "passive_load_steps", "second_sensor")
     config: SensorBiasConfig
 
     def apply(self, model: Model) -> Model:

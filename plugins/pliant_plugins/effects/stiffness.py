@@ -49,7 +49,11 @@ class Stiffness(Effect):
             "vent the chamber and hang two or three loads one after the other, up and down, then repeat "
             "under pressure."
         ),
+        where=(
+            "every family and every engine; without a load or a weight it is nearly a gain of the actuation."
+        ),
     )
+    exciting: ClassVar[tuple[str, ...]] = ("passive_load_steps", "load_steps")
     config: StiffnessConfig
 
     def apply(self, model: Model) -> Model:

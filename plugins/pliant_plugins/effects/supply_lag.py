@@ -56,7 +56,12 @@ class SupplyLag(Effect):
             "step the pressure up and down at two or three rates, with a hold after each step, then step "
             "a load at constant pressure."
         ),
+        where=(
+            "every family; recordings with a clock, in engines that follow histories. Tasks and tables have "
+            "no lag."
+        ),
     )
+    exciting: ClassVar[tuple[str, ...]] = ("step_response", "load_steps", "fast_cycles")
     config: SupplyLagConfig
 
     def apply(self, model: Model) -> Model:

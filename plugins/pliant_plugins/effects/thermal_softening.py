@@ -48,7 +48,9 @@ class ThermalSoftening(Effect):
         excited_by=(
             "repeat one loaded run at three temperatures at least ten kelvin apart, and write temperature_c."
         ),
+        where="every family, recordings with temperature_c, in engines that follow histories.",
     )
+    exciting: ClassVar[tuple[str, ...]] = ("warm", "passive_load_steps")
     config: ThermalSofteningConfig
 
     def apply(self, model: Model) -> Model:

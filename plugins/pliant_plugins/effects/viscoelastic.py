@@ -69,7 +69,12 @@ class Viscoelastic(Effect):
             "a dashpot has forgotten within a second of a hold; a relaxing branch still drifts after many."
         ),
         excited_by="raise the pressure quickly, hold it for several minutes, vent and keep recording.",
+        where=(
+            "silicone, foam and 3D-printed modules; recordings with a clock, in engines that follow "
+            "histories: `quasistatic` and `mujoco`."
+        ),
     )
+    exciting: ClassVar[tuple[str, ...]] = ("holds", "fast_cycles", "slow_cycles")
     config: ViscoelasticConfig
 
     def apply(self, model: Model) -> Model:

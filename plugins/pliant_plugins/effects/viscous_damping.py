@@ -51,7 +51,12 @@ class ViscousDamping(Effect):
             "run the same triangle at three rates a factor of three apart, and step a load at constant "
             "pressure."
         ),
+        where=(
+            "every family; recordings with a clock, in engines that follow histories: `quasistatic` and "
+            "`mujoco`."
+        ),
     )
+    exciting: ClassVar[tuple[str, ...]] = ("step_response", "fast_cycles", "load_steps")
     config: ViscousDampingConfig
 
     def apply(self, model: Model) -> Model:
