@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from tests.diagnosis.quick import REGISTRY, effect, fitter_of, joint, measured, predictor_of, rich
 
+from pliant.diagnosis.candidates import Candidate
+from pliant.diagnosis.excitation import excitations
 from pliant.diagnosis.search import MOST_EFFECTS, Search
 from pliant.diagnosis.table import PRICES
 from pliant.evidence.prediction import Predictor
@@ -16,7 +18,8 @@ def searched(*hidden, kinds=KINDS, seed: int = 3) -> Search:
     measurement = measured(chain, rich(), *hidden, seed=seed)
     predictor: Predictor = predictor_of(chain, measurement)
     fitter = fitter_of(predictor)
-    search = Search(REGISTRY, measurement, fitter.readings, fitter, PRICES)
+    shown = excitations(REGISTRY, fitter, fitter.fit(Candidate.of(REGISTRY, ())), kinds)
+    search = Search(REGISTRY, measurement, fitter.readings, fitter, PRICES, shown)
     search.run(kinds)
     return search
 

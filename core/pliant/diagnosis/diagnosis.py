@@ -19,7 +19,8 @@ from pliant.diagnosis.excitation import (
     not_excited,
 )
 from pliant.diagnosis.fitting import Fit, Fitter
-from pliant.diagnosis.next_run import NextRun, next_run, run_that_excites
+from pliant.diagnosis.menu_view import MenuView
+from pliant.diagnosis.next_run import Belief, NextRun, run_that_excites, view_of, what_next
 from pliant.diagnosis.noise import NoiseView
 from pliant.diagnosis.readings import ReadingVector
 from pliant.diagnosis.scores import SHARE_OF_RANGE, scales_of
@@ -31,12 +32,12 @@ from pliant.errors import NotReachedError, UserError
 from pliant.evidence.covariates import covariates
 from pliant.evidence.importance import importance
 from pliant.evidence.prediction import Predictor
+from pliant.experiments.menu import MenuRun
 from pliant.measurements.floors import Floor, floor_remarks, noise_floors
 from pliant.records.design import Array
 from pliant.records.measurement import Measurement
 from pliant.registry.discovery import Registry
 
-REPEATING = "the medium run again, three times"
 MOST_PROFILED = 3
 # A diagnosis is refused where the model has no equilibrium in a larger share of the samples.
 MOST_WITHOUT = 0.5
@@ -99,6 +100,7 @@ def diagnose(
     *,
     kinds: Sequence[str] | None = None,
     prices: Prices = PRICES,
+    runs: Sequence[MenuRun] = (),
     tick: Tick | None = None,
 ) -> Diagnosis:
     """Fit every candidate, weigh them, and say what can be said.
@@ -107,6 +109,7 @@ def diagnose(
         predictor: a study's model, driven by the measured histories.
         kinds: candidates; all effects that make sense for this chain by default.
         prices: thresholds.
+        runs: what the bench can do next; the default menu without them.
         tick: called with the name of each hypothesis when it has been fitted.
 
     Raises:
@@ -124,11 +127,11 @@ def diagnose(
     readings = ReadingVector.of(measurement, tuple(scales), scales)
     fitter = Fitter(predictor, readings)
     chosen, left_out = applicable(registry, fitter, asked)
-    search = Search(registry, measurement, readings, fitter, prices)
+    shown = excitations(registry, fitter, fitter.fit(Candidate.of(registry, NOTHING)), chosen)
+    search = Search(registry, measurement, readings, fitter, prices, shown)
     if tick is not None:
         search.tick = tick
     table = search.run(chosen)
-    shown = excitations(registry, fitter, search.fits[NOTHING], chosen)
     silent = not_excited(shown, prices)
     not_tried = _not_tried(left_out, [kind for kind in chosen if not _solved(search.fits, kind)])
     judgement = judge(table, prices, len(chosen) - len(silent))
@@ -136,23 +139,27 @@ def diagnose(
     residuals = readings.unpack(search.fits[explained].residual)
     found = covariates(measurement, readings.unpack(readings.values - search.fits[explained].residual))
     n = table.noise.n_effective
+    view = view_of(predictor, scales, n, runs)
+    belief = Belief.of(search.fits, judgement.probability, readings, table.noise, prices)
+    ahead, undecided = what_next(view, belief, judgement.verdict, measurement)
     return Diagnosis(
         judgement=judgement,
         table=table,
         fits=search.fits,
         readings=readings,
         noise=table.noise,
-        not_excited=_ways_to_excite(predictor, registry, scales, shown, silent),
+        not_excited=_ways_to_excite(view, registry, shown, silent),
         indistinguishable=look_alikes(shown, search.fits, n),
         detectable=detectable(shown, n, prices),
         depends_on=importance(residuals, found, dict(scales)),
         circumstances={item.name: item.shown.label for item in found.items},
-        next_run=_what_next(predictor, scales, search.fits, judgement),
+        next_run=ahead,
         remarks=(
             *measurement.remarks,
             *lost,
             *floor_remarks({name: floors[name] for name in predictor.outputs}),
             *_remarks(predictor, not_tried, table),
+            *([undecided] if undecided else []),
         ),
         explained=explained,
         not_tried=tuple(not_tried),
@@ -238,30 +245,15 @@ def _estimates(
 
 
 def _ways_to_excite(
-    predictor: Predictor,
-    registry: Registry,
-    scales: Mapping[str, float],
-    shown: Mapping[str, Excitation],
-    silent: Sequence[str],
+    view: MenuView, registry: Registry, shown: Mapping[str, Excitation], silent: Sequence[str]
 ) -> dict[str, str]:
     """For each silent kind the run that its plugin names, or the one of the menu that shows it most."""
     words = {kind: registry.get("effect", kind).implementation_class().notes.excited_by for kind in silent}
     unnamed = [kind for kind, text in words.items() if not text]
     if unnamed:
         configs = {kind: Candidate.of(registry, (kind,)).configs(shown[kind].x) for kind in unnamed}
-        words.update(run_that_excites(predictor, scales, configs))
+        words.update(run_that_excites(view, configs))
     return words
-
-
-def _what_next(
-    predictor: Predictor, scales: Mapping[str, float], fits: Mapping[Kinds, Fit], judgement: Judgement
-) -> NextRun | None:
-    if judgement.verdict == "not_repeatable":
-        last = max(predictor.measurement.runs, key=len).history
-        minutes = 0.0 if last.time_s is None else 3 * float(last.time_s[-1] - last.time_s[0]) / 60
-        why = "only runs with the same inputs show whether the bench repeats, and what moves between them"
-        return NextRun(REPEATING, why, (), round(minutes, 1))
-    return next_run(predictor, scales, fits, judgement.probability)
 
 
 def _solved(fits: Mapping[Kinds, Fit], kind: str) -> bool:

@@ -1,26 +1,27 @@
 """Which hypotheses are fitted: nothing, every single effect, and larger sets as far as the data ask for them.
 
-Forward steps add the effect that helps most, swaps exchange one of a set for another, and every subset of a set
-that was reached is fitted too, so that an effect that has become idle drops out (backward elimination; Miller,
-Subset Selection in Regression, 2002).
+Of all sets of two effects, then of three, those that promise most by superposition (`screening`) are fitted, and the
+best single with what helps it most. The best set's effects are exchanged in turn, and its subsets are fitted too, so
+that an effect that has become idle drops out (Miller, Subset Selection in Regression, 2002).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pliant.diagnosis.candidates import Candidate
+from pliant.diagnosis.excitation import Excitation
 from pliant.diagnosis.fitting import MOST_LOST, Fit, Fitter
 from pliant.diagnosis.heldout import condition_of_runs, heldout_residual
 from pliant.diagnosis.noise import NoiseView, noise_view
 from pliant.diagnosis.readings import ReadingVector
+from pliant.diagnosis.screening import Directions
 from pliant.diagnosis.table import (
     NOTHING,
-    UNKNOWN,
     EvidenceTable,
     Kinds,
     Prices,
@@ -36,11 +37,9 @@ from pliant.records.measurement import Measurement
 from pliant.registry.discovery import Registry
 
 MOST_EFFECTS = 3
-# Singles that are within this of the best one in log-evidence are grown too.
-NEAR = 15.0
-MOST_GROWN = 2
-# Of all sets with one effect more, those that promise most are fitted.
-SCREENED = 5
+# Of all sets of one size, so many that promise most are fitted; of the neighbours of the best one, so many each.
+SCREENED = 8
+EXCHANGED = 3
 
 Tick = Callable[[str], None]
 
@@ -54,6 +53,7 @@ class Search:
     readings: ReadingVector
     fitter: Fitter
     prices: Prices
+    shown: Mapping[str, Excitation]
     tick: Tick = lambda _: None
     fits: dict[Kinds, Fit] = field(default_factory=dict)
     rows: dict[Kinds, Row] = field(default_factory=dict)
@@ -68,8 +68,9 @@ class Search:
         self._fit(NOTHING)
         for kind in kinds:
             self._fit((kind,))
-        for base in self._promising():
-            self._grow(base, kinds)
+        current = self._best([key for key in self.fits if len(key) <= 1])
+        if room_above_floor(self.table(), current, self.prices):
+            self._grow(Directions.of(kinds, self.fits, self.shown, MOST_LOST), len(kinds))
         return self.table()
 
     def table(self) -> EvidenceTable:
@@ -82,70 +83,50 @@ class Search:
         residuals = self.readings.unpack(fit.residual)
         return noise_view(self.measurement, residuals, self.readings.scales, self.groups)
 
-    def _promising(self) -> list[Kinds]:
-        """Singles from which larger sets are grown: the best and those near it."""
-        table = self.table()
-        evidence = self._ranked(table)
-        first = evidence[0][1]
-        near: list[Kinds] = [kinds for kinds, value in evidence if len(kinds) == 1 and first - value < NEAR]
-        return near[:MOST_GROWN] if room_above_floor(table, evidence[0][0], self.prices) else []
-
-    def _grow(self, base: Kinds, kinds: Sequence[str]) -> None:
-        current = base
-        while len(current) < MOST_EFFECTS and room_above_floor(self.table(), current, self.prices):
-            larger = self._screened(current, kinds)
-            if not larger:
-                return
-            for candidate in larger:
-                self._fit(candidate, near=current)
-            best = self._best(larger)
-            if not self._pays(best, current):
-                return
-            best = self._swapped(best, kinds)
+    def _grow(self, directions: Directions, n_kinds: int) -> None:
+        """Sets of two and more effects, while the best of a size is better than what is smaller and may be bettered."""
+        plain = self.fits[NOTHING].residual
+        for size in range(2, min(MOST_EFFECTS, n_kinds) + 1):
+            before = self._best([key for key in self.fits if len(key) < size])
+            sets = directions.promising(plain, size, SCREENED)
+            beside = [key for key in self.fits if len(key) == size - 1]
+            sets += self._larger(self._best(beside), directions)
+            for larger in dict.fromkeys(sets):
+                self._fit(larger)
+            best = self._exchanged(self._best(sets), directions)
             for left in best:
                 self._fit(tuple(kind for kind in best if kind != left), near=best)
-            current = best
+            if not self._pays(best, before) or not room_above_floor(self.table(), best, self.prices):
+                return
 
-    def _swapped(self, best: Kinds, kinds: Sequence[str]) -> Kinds:
+    def _larger(self, base: Kinds, directions: Directions) -> list[Kinds]:
+        """The base with each of the kinds that promise most beside it, its own parameters free to follow."""
+        fit = self.fits[base]
+        if not np.all(np.isfinite(fit.residual)):
+            return []
+        found = directions.next_to(fit.residual, fit.slopes, base, EXCHANGED)
+        return [sorted_kinds((*base, kind)) for kind in found]
+
+    def _exchanged(self, best: Kinds, directions: Directions) -> Kinds:
         """The set with each of its effects exchanged in turn while that helps."""
         for out in tuple(best):
             if out not in best:
                 continue
             rest = tuple(kind for kind in best if kind != out)
-            self._fit(rest, near=best)
-            others = [larger for larger in self._screened(rest, kinds) if larger != best]
-            for candidate in others:
-                self._fit(candidate, near=rest)
-            best = self._best([best, *others])
+            looked = self.fitter.look(Candidate.of(self.registry, rest), self._part(best, rest))
+            if not np.all(np.isfinite(looked.residual)):
+                continue
+            others = directions.next_to(looked.residual, looked.slopes, best, EXCHANGED)
+            sets = [sorted_kinds((*rest, kind)) for kind in others]
+            for candidate in sets:
+                self._fit(candidate, near=best)
+            best = self._best([best, *sets])
         return best
 
-    def _screened(self, base: Kinds, kinds: Sequence[str]) -> list[Kinds]:
-        """Sets with one effect more that promise most.
-
-        Rao's score test (1948): the readings that the base leaves are regressed on what a small further effect
-        would change, the base's own parameters free to follow.
-        """
-        promise: dict[Kinds, float] = {}
-        for kind in kinds:
-            if kind in base:
-                continue
-            larger = sorted_kinds((*base, kind))
-            candidate = Candidate.of(self.registry, larger)
-            starts = candidate.starts(self._known(base))
-            promise[larger] = min(self._linear_rest(self.fitter.look(candidate, x), base) for x in starts)
-        return sorted(promise, key=lambda larger: promise[larger])[:SCREENED]
-
-    def _linear_rest(self, looked: Fit, base: Kinds) -> float:
-        """Mean square that is left after the residual of the base is regressed on the slopes there."""
-        residual = self.fits[base].residual
-        change = residual - looked.residual
-        basis = np.column_stack([looked.slopes, change])
-        there = np.all(np.isfinite(basis), axis=1) & np.isfinite(residual)
-        if there.mean() < 1.0 - MOST_LOST:
-            return np.inf
-        weights = np.linalg.lstsq(basis[there], residual[there], rcond=1e-8)[0]
-        rest = residual[there] - basis[there] @ weights
-        return float(rest @ rest)
+    def _part(self, whole: Kinds, part: Kinds) -> Array:
+        """The knobs of a part of a fitted set, as they are in the set."""
+        known = self._known(whole)
+        return np.array([known[knob.name] for knob in Candidate.of(self.registry, part).knobs])
 
     def _known(self, kinds: Kinds) -> dict[str, float]:
         """Knobs of a fitted set by name."""
@@ -160,20 +141,24 @@ class Search:
         evidence = log_evidence(self.table(), self.prices)
         return max(among, key=lambda kinds: evidence[kinds])
 
-    def _ranked(self, table: EvidenceTable) -> list[tuple[Kinds, float]]:
-        evidence = log_evidence(table, self.prices)
-        evidence.pop(UNKNOWN, None)
-        return sorted(evidence.items(), key=lambda item: -item[1])
-
     def _fit(self, kinds: Kinds, near: Kinds | None = None) -> None:
         if kinds in self.fits:
             return
         candidate = Candidate.of(self.registry, kinds)
-        known = {} if near is None else self._known(near)
-        fit = self.fitter.fit(candidate, candidate.starts(known))
+        fit = self.fitter.fit(candidate, self._starts(candidate, near))
         self.fits[kinds] = fit
         self.rows[kinds] = _row(kinds, fit, self.fits[NOTHING].residual, self.readings, self.condition)
         self.tick(" + ".join(kinds) or "nothing")
+
+    def _starts(self, candidate: Candidate, near: Kinds | None) -> list[Array]:
+        """Near a fitted set, or near each effect as it was fitted alone and near all of them."""
+        if near is not None:
+            return candidate.starts(self._known(near))
+        alone = [self._known((kind,)) for kind in candidate.kinds if (kind,) in self.fits]
+        if len(alone) < len(candidate.kinds) or len(alone) < 2:
+            return candidate.starts()
+        together = {name: x for known in alone for name, x in known.items()}
+        return [candidate.starts(known)[0] for known in alone] + candidate.starts(together)
 
 
 def _row(kinds: Kinds, fit: Fit, plain: Array, readings: ReadingVector, condition: NDArray[np.intp]) -> Row:
