@@ -3,7 +3,7 @@
 Near where it was fitted alone, and near its plausible end, an effect changes the readings along a few directions: its
 change there and its slopes. What a set could explain of a residual is, to first order, the regression of the residual
 on the directions of its effects (Rao's score test, 1948, for all subsets at once as in Furnival & Wilson,
-Technometrics 16, 1974). The sets that leave least are fitted with the physics in the loop; nothing else is decided here.
+Technometrics 16, 1974). The sets that leave least are fitted with the physics in the loop; no more is decided here.
 """
 
 from __future__ import annotations
@@ -99,6 +99,6 @@ class Directions:
     def _explained(self, at: NDArray[np.intp], right: Array) -> float:
         """Sum of squares of the projection of a vector on some columns, by their normal equations."""
         values, vectors = np.linalg.eigh(self.gram[np.ix_(at, at)])
-        felt = values > SHORT * max(float(values[-1]), 1e-300)
+        felt = values > SHORT * max(float(values[-1]), 1.0)
         along = vectors[:, felt].T @ right[at]
         return float(np.sum(along**2 / values[felt]))
