@@ -21,8 +21,7 @@ from tests.diagnosis.quick import (
 from pliant.diagnosis.candidates import Candidate
 from pliant.diagnosis.diagnosis import diagnose
 from pliant.diagnosis.excitation import detectable, excitations, look_alikes, not_excited
-from pliant.diagnosis.next_run import menu, next_run, run_that_excites
-from pliant.diagnosis.table import PRICES, UNKNOWN
+from pliant.diagnosis.table import PRICES
 
 CHAIN = joint()
 FLAT = joint(gravity=(0, 0, 0))
@@ -77,49 +76,3 @@ def test_detectable_strengths_shrink_with_readings() -> None:
     found = shown(rich(), kinds=["stiffness"])
     few, many = detectable(found, 50.0, PRICES), detectable(found, 5000.0, PRICES)
     assert abs(few[0].value - 1.0) > 2 * abs(many[0].value - 1.0) > 0
-
-
-def contenders(histories, *kinds: str):
-    """Fits of look-alikes to data with the first of them."""
-    measurement = measured(FLAT, histories, effect(kinds[0]), seed=2)
-    fitter = fitter_of(predictor_of(FLAT, measurement))
-    fits = {(kind,): fitter.fit(Candidate.of(REGISTRY, (kind,))) for kind in kinds}
-    return fitter.predictor, fits
-
-
-def test_the_next_run_parts_a_stiffness_from_a_gain_by_a_load() -> None:
-    runs = [ramp("a", 200.0, 0.5, (3e3, 2e3, 3e3)), pushes("once", 0.6 * 3e3, moment=1e-4)]
-    predictor, fits = contenders(runs, "stiffness", "actuation_gain")
-    heavy = [runs[0], pushes("bench", 3e3)]
-    predictor = predictor_of(FLAT, measured(FLAT, heavy))
-    found = next_run(predictor, {"angle_rad": SIGMA}, fits, dict.fromkeys(fits, 0.5))
-    assert found is not None
-    assert "load steps of both signs" in found.run  # without a load the two are one
-    assert found.separates == ((("stiffness",), ("actuation_gain",)),)
-    assert found.minutes == pytest.approx(2.0, abs=0.1)
-
-
-def test_nothing_to_separate_means_no_run() -> None:
-    predictor, fits = contenders(poor(), "stiffness")
-    assert next_run(predictor, {"angle_rad": SIGMA}, fits, {("stiffness",): 0.99, UNKNOWN: 0.01}) is None
-
-
-def test_only_a_new_specimen_is_virgin() -> None:
-    """Mullins softening shows most where the specimen has never been loaded."""
-    predictor = predictor_of(FLAT, measured(FLAT, poor()))
-    found = run_that_excites(predictor, {"angle_rad": SIGMA}, {"mullins": [effect("mullins")]})
-    assert found["mullins"]
-    specimens = {run.history.specimen: run.words for run in menu(predictor.measurement)}
-    assert specimens["new"].startswith("a new specimen")
-    assert len(specimens) == 2
-
-
-def test_the_menu_drives_the_input_that_the_bench_drove() -> None:
-    chain = joint(actuators=[{"input": "pressure_1_pa", "sign": 1}, {"input": "pressure_2_pa", "sign": -1}])
-    runs = [
-        h.with_(actuation={"pressure_1_pa": np.zeros(len(h)), "pressure_2_pa": h.actuation["pressure_pa"]})
-        for h in poor()
-    ]
-    for run in menu(measured(chain, runs)):
-        assert not run.history.actuation["pressure_1_pa"].any()
-        assert run.history.actuation["pressure_2_pa"].max() == pytest.approx(15e3)

@@ -9,6 +9,7 @@ import numpy as np
 
 from pliant.diagnosis.diagnosis import Diagnosis
 from pliant.diagnosis.heldout import heldout_residual
+from pliant.diagnosis.next_run import next_run_json
 from pliant.diagnosis.table import NOTHING, UNKNOWN, Kinds
 from pliant.measurements.columns import unit_of
 from pliant.records.design import Array
@@ -30,17 +31,11 @@ def diagnosis_json(found: Diagnosis) -> dict[str, Any]:
             {"a": pair.a, "b": pair.b, "unexplained_share": pair.unexplained_share}
             for pair in found.indistinguishable
         ],
+        "classes": [{"kinds": list(kinds)} for kinds in found.classes],
         "covariates": [
             {"name": name, "importance": value} for name, value in found.depends_on.items() if value > 0.0
         ],
-        "next_experiment": None
-        if found.next_run is None
-        else {
-            "run": found.next_run.run,
-            "why": found.next_run.why,
-            "separates": [[list(a), list(b)] for a, b in found.next_run.separates],
-            "minutes": found.next_run.minutes,
-        },
+        "next_experiment": next_run_json(found.next_run),
         "smallest_detectable": [
             {"kind": d.kind, "parameter": d.parameter, "value": d.value, "unit": d.unit}
             for d in found.detectable

@@ -130,11 +130,12 @@ def _unread(runs: Sequence[MenuRun], outputs: tuple[str, ...]) -> Measurement:
 def _conditioning(history: History) -> History:
     """One cycle to the run's largest actuation, without load, as the base usually stands."""
     n = int(CONDITIONING_S / CONDITIONING_STEP_S)
-    shape = 1.0 - np.abs(2.0 * np.arange(n + 1) / n - 1.0)
+    clock: Array = CONDITIONING_STEP_S * np.arange(n + 1, dtype=float)
+    shape = 1.0 - np.abs(2.0 * clock / clock[-1] - 1.0)
     tops = {name: float(values.max(initial=0.0)) for name, values in history.actuation.items()}
     return History.of(
         {name: top * shape for name, top in tops.items()},
-        CONDITIONING_STEP_S * np.arange(n + 1),
+        clock,
         run=f"before {history.run}",
         payload_kg=None if history.payload_kg is None else float(history.payload_kg[0]),
     )

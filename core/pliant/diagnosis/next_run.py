@@ -1,189 +1,313 @@
-"""Which run to do next: the one in which the explanations that are left disagree most per minute.
+"""What to measure next: the run of a menu from which most is expected per minute of bench time.
 
-After Hunter & Reiner (Technometrics 7, 1965): of the runs that a bench can do, take the one with the largest
-expected squared difference between the predictions of the contenders, weighted by their probabilities.
+The contenders are the hypotheses that are still probable, each at its fitted parameters and as unsure of them as the
+measured runs leave it (`separation.py`). Readings of the new run are as noisy, and as much alike among neighbours, as
+those that were measured.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, field
+from typing import Any
 
 import numpy as np
 
+from pliant.diagnosis.candidates import NINETY, Candidate
 from pliant.diagnosis.fitting import Fit
-from pliant.diagnosis.table import UNKNOWN, Kinds
+from pliant.diagnosis.menu_view import Look, MenuView, seconds_per_reading
+from pliant.diagnosis.noise import NoiseView
+from pliant.diagnosis.readings import ReadingVector
+from pliant.diagnosis.separation import Contender, Outcome, expected
+from pliant.diagnosis.table import LEAST_SQUARE, NOTHING, PRICES, UNKNOWN, Kinds, Prices
 from pliant.evidence.prediction import Predictor
+from pliant.experiments.menu import SET_UP, MenuRun, menu
+from pliant.experiments.scale import BenchScale
 from pliant.interfaces.effect import EffectConfig
 from pliant.records.design import Array
-from pliant.records.history import REFERENCE_TEMPERATURE_C, History
 from pliant.records.measurement import Measurement
 
 # Contenders below this probability are not asked.
 SMALL = 0.01
-MOST_CONTENDERS = 6
-SAMPLE_S = 0.5
-SEPARATED = 4.0
-# The specimen that was measured, in the runs of the menu.
-USED = "used"
+MOST_CONTENDERS = 8
+REPEATING = "the medium run again, three times"
+# A run from which less is expected, in nats, does not help.
+LEAST_INFORMATION = 0.02
+NO_RUN = (
+    "No run of the menu would decide between the explanations that are left: {words} predict the same in all of them, "
+    "within the noise. Add other runs under 'protocols:' in the study, or another sensor."
+)
 
 
-@dataclass(frozen=True, eq=False)
-class MenuRun:
-    """A run that the bench can do: `words` are an order to the bench."""
+@dataclass(frozen=True)
+class RankedRun:
+    """One run of the menu: nats of information expected per minute, probability of a right verdict after it."""
 
-    words: str
-    history: History
-
-    @property
-    def minutes(self) -> float:
-        assert self.history.time_s is not None
-        return float(self.history.time_s[-1]) / 60.0
+    name: str
+    run: str
+    minutes: float
+    gain_per_minute: float
+    expected: float
 
 
 @dataclass(frozen=True)
 class NextRun:
-    """The run to do next, why, which hypotheses it separates, and what it costs."""
+    """The run to do next.
+
+    Attributes:
+        run, why: an order to the bench, and the reason.
+        separates: pairs of hypotheses whose expected log Bayes factor, either way, is enough for a verdict.
+        minutes: of motion and of setting up.
+        name: of the menu's run.
+        expected: probability that the verdict after it is the right one; NaN where it is not known.
+        ranked: all runs of the menu, the best first.
+        planned: the run itself, for its file.
+    """
 
     run: str
     why: str
     separates: tuple[tuple[Kinds, Kinds], ...]
     minutes: float
+    name: str = ""
+    expected: float = math.nan
+    ranked: tuple[RankedRun, ...] = ()
+    planned: MenuRun | None = field(default=None, compare=False)
 
 
-def menu(measurement: Measurement) -> tuple[MenuRun, ...]:
-    """Runs that most benches can do, scaled to the largest actuation and load of the measurement."""
-    names = sorted(measurement.runs[0].history.actuation, key=lambda name: -_largest(measurement, name))
-    top = _largest(measurement, names[0]) or 1.0
-    moment = max(float(np.abs(run.history.moment_n_m).max()) for run in measurement.runs)
-    rest = dict.fromkeys(names[1:], 0.0)
+@dataclass(frozen=True, eq=False)
+class Belief:
+    """What the measured runs leave: hypotheses with their fits and probabilities, and the noise.
 
-    def run(words: str, drive: Array, specimen: str = USED, **conditions: object) -> MenuRun:
-        time_s = SAMPLE_S * np.arange(len(drive))
-        inputs = {names[0]: top * drive, **rest}
-        return MenuRun(words, History.of(inputs, time_s, run=words, specimen=specimen, **conditions))  # type: ignore[arg-type]
+    Attributes:
+        fits, probability: of every hypothesis.
+        readings: the measured readings, for their number.
+        n_effective: independent readings among them.
+        square: variance of one reading in units of the scales.
+        prices: what a verdict asks for.
+    """
 
-    found = [
-        run("cycle slowly, 80 s per cycle, twice", _triangles(80.0, [1.0, 1.0])),
-        run("cycle quickly, 4 s per cycle, fifteen times", _triangles(4.0, [1.0] * 15)),
-        run("small loops inside a large one at a medium rate", _triangles(20.0, [1.0, 0.4, 0.7, 1.0])),
-        run(
-            "raise the pressure in steps, hold each for a minute, vent and keep recording",
-            _steps((0.4, 0.8, 1.0, 0.0)),
-        ),
-        run(
-            "a new specimen, amplitude rising from cycle to cycle, each amplitude twice",
-            _triangles(20.0, [0.3, 0.3, 0.6, 0.6, 1.0, 1.0]),
-            specimen="new",
-        ),
-        run(
-            "the base horizontal, two medium cycles",
-            _triangles(20.0, [1.0, 1.0]),
-            base_angles_rad=[0.0, np.pi / 2, 0.0],
-        ),
-        run(
-            "upside down, two medium cycles", _triangles(20.0, [1.0, 1.0]), base_angles_rad=[0.0, np.pi, 0.0]
-        ),
-        run(
-            "15 K warmer, two medium cycles",
-            _triangles(20.0, [1.0, 1.0]),
-            temperature_c=REFERENCE_TEMPERATURE_C + 15.0,
-        ),
-    ]
-    if moment > 0.0:
-        pushes = moment * np.repeat([0.0, 1.0, 0.0, -1.0, 0.5, 0.0], int(20.0 / SAMPLE_S))
-        found += [
-            run("no pressure, load steps of both signs", np.zeros(len(pushes)), moment_n_m=pushes),
-            run("constant pressure, load steps of both signs", np.full(len(pushes), 0.6), moment_n_m=pushes),
+    fits: Mapping[Kinds, Fit]
+    probability: Mapping[Kinds, float]
+    readings: ReadingVector
+    n_effective: float
+    square: float
+    prices: Prices = PRICES
+
+    @staticmethod
+    def of(
+        fits: Mapping[Kinds, Fit],
+        probability: Mapping[Kinds, float],
+        readings: ReadingVector,
+        noise: NoiseView,
+        prices: Prices = PRICES,
+    ) -> Belief:
+        """The noise is the floor; the unit of the residuals where nothing tells one."""
+        known = math.isfinite(noise.floor_square) and noise.floor_square > LEAST_SQUARE
+        square = noise.floor_square if known else 1.0
+        return Belief(fits, probability, readings, noise.n_effective, square, prices)
+
+    @property
+    def contenders(self) -> tuple[Kinds, ...]:
+        """Hypotheses that predict something and are still probable, the most probable first."""
+        found = [
+            kinds
+            for kinds, p in self.probability.items()
+            if kinds != UNKNOWN and p >= SMALL and np.isfinite(self.fits[kinds].mean_square())
         ]
+        return tuple(found[:MOST_CONTENDERS])
+
+    @property
+    def deciding(self) -> float:
+        """Expected log Bayes factor that turns even odds into a verdict."""
+        return self.prices.temper * math.log(self.prices.believed / (1.0 - self.prices.believed))
+
+
+def menu_of(predictor: Predictor, own: Sequence[MenuRun] = ()) -> tuple[MenuRun, ...]:
+    """A study's own runs, or the default menu at the measurement's scale."""
+    return tuple(own) or menu(BenchScale.of_measurement(predictor.chain, predictor.measurement))
+
+
+def view_of(
+    predictor: Predictor, scales: Mapping[str, float], n_effective: float, own: Sequence[MenuRun] = ()
+) -> MenuView:
+    """The model in the menu, its readings worth as much as the measured ones."""
+    slow = seconds_per_reading(predictor.measurement, len(scales), n_effective)
+    return MenuView.of(predictor, menu_of(predictor, own), scales, slow)
+
+
+def next_run(view: MenuView, belief: Belief) -> NextRun | None:
+    """The best run; None with fewer than two contenders, or where no run would help."""
+    runs = next_runs(view, belief, 1)
+    return runs[0] if runs else None
+
+
+def next_runs(view: MenuView, belief: Belief, count: int, minutes: float = math.inf) -> tuple[NextRun, ...]:
+    """Up to `count` runs that fit into the minutes, each the best beside those before it."""
+    contenders = belief.contenders
+    if len(contenders) < 2:
+        return ()
+    looks = _looks(view, belief, contenders)
+    chosen: list[int] = []
+    found: list[NextRun] = []
+    told = 0.0
+    while len(found) < count:
+        outcomes = {
+            index: outcome
+            for index, run in enumerate(view.runs)
+            if run.minutes <= minutes
+            and (outcome := _outcome(view, belief, looks, [*chosen, index])) is not None
+        }
+        ranked = sorted(
+            outcomes, key=lambda i: (outcomes[i].information - told) / view.runs[i].minutes, reverse=True
+        )
+        helpful = [index for index in ranked if _helps(outcomes[index], told, belief)]
+        if not helpful:
+            break
+        best = helpful[0]
+        found.append(_worded(view, belief, contenders, outcomes, ranked, best, told))
+        chosen.append(best)
+        told, minutes = outcomes[best].information, minutes - view.runs[best].minutes
     return tuple(found)
 
 
-def next_run(
-    predictor: Predictor,
-    scales: Mapping[str, float],
-    fits: Mapping[Kinds, Fit],
-    probability: Mapping[Kinds, float],
-) -> NextRun | None:
-    """The run of the menu that separates the contenders best; None with fewer than two of them."""
-    contenders = [k for k, p in probability.items() if k != UNKNOWN and p >= SMALL][:MOST_CONTENDERS]
-    if len(contenders) < 2:
-        return None
-    runs = menu(predictor.measurement)
-    answers = {k: _answers(predictor, fits[k].candidate.configs(fits[k].x), runs, scales) for k in contenders}
-    best: tuple[float, int] = (-1.0, 0)
-    for index, run in enumerate(runs):
-        gain = sum(
-            probability[a] * probability[b] * _distance(answers[a][index], answers[b][index])
-            for i, a in enumerate(contenders)
-            for b in contenders[:i]
-        )
-        best = max(best, (gain / max(run.minutes, 0.5), -index))
-    chosen = -best[1]
-    separates = tuple(
-        (a, b)
-        for i, b in enumerate(contenders)
-        for a in contenders[:i]
-        if _distance(answers[a][chosen], answers[b][chosen]) > SEPARATED
-    )
-    why = f"the explanations that are left predict different readings there: {_worded(contenders)}"
-    return NextRun(runs[chosen].words, why, separates, round(runs[chosen].minutes, 1))
+def what_next(
+    view: MenuView, belief: Belief, verdict: str, measurement: Measurement
+) -> tuple[NextRun | None, str]:
+    """The next run, and a sentence where several explanations are left that no run of the menu would part.
+
+    A bench that does not repeat is asked to repeat.
+    """
+    if verdict == "not_repeatable":
+        return repeating(measurement), ""
+    found = next_run(view, belief)
+    return found, "" if found is not None else undecidable(belief)
 
 
-def run_that_excites(
-    predictor: Predictor, scales: Mapping[str, float], configs: Mapping[str, Sequence[EffectConfig]]
-) -> dict[str, str]:
+def repeating(measurement: Measurement) -> NextRun:
+    """The longest run again, three times."""
+    history = max(measurement.runs, key=len).history
+    seconds = 0.0 if history.time_s is None else float(history.time_s[-1] - history.time_s[0])
+    why = "only runs with the same inputs show whether the bench repeats, and what moves between them"
+    minutes = round(3 * seconds / 60, 1)
+    planned = MenuRun("repeat", REPEATING, history, round(SET_UP + seconds / 60, 1))
+    return NextRun(REPEATING, why, (), minutes, planned.name, planned=planned)
+
+
+def undecidable(belief: Belief) -> str:
+    """That several explanations are left and no run of the menu parts any of them; empty where one is left."""
+    contenders = belief.contenders
+    return NO_RUN.format(words=_either(contenders, " and ")) if len(contenders) > 1 else ""
+
+
+def run_that_excites(view: MenuView, configs: Mapping[str, Sequence[EffectConfig]]) -> dict[str, str]:
     """For each effect the run of the menu in which it changes the readings most, in words; where any does."""
-    runs = menu(predictor.measurement)
-    plain = _answers(predictor, (), runs, scales)
+    plain = view.readings.pack(view.predictor.evaluate().runs)
     found = {}
     for kind, effects in configs.items():
-        there = _answers(predictor, effects, runs, scales)
-        changes = [_distance(a, b) / len(a) for a, b in zip(plain, there, strict=True)]
-        best = int(np.argmax(changes))
-        if changes[best] > 0.0:
-            found[kind] = runs[best].words
+        change = (view.readings.pack(view.predictor.evaluate(effects).runs) - plain) ** 2
+        sizes = [float(np.nanmean(change[view.rows([k])])) for k in range(len(view.runs))]
+        best = int(np.nanargmax(sizes))
+        if sizes[best] > 0.0:
+            found[kind] = view.runs[best].words
     return found
 
 
-def _answers(
-    predictor: Predictor,
-    effects: Sequence[EffectConfig],
-    runs: Sequence[MenuRun],
-    scales: Mapping[str, float],
-) -> list[Array]:
-    """Predicted readings of each run over the noise, all outputs one after another.
-
-    The first run is done before as well, unread: a specimen that was measured is no longer virgin.
-    """
-    histories = [run.history for run in runs]
-    prediction = predictor.evaluate(effects, [histories[0], *histories])
-    return [
-        np.concatenate([readings[name] / scale for name, scale in scales.items()])
-        for readings in prediction.runs[1:]
-    ]
+def information_of(fit: Fit, n_effective: float, square: float) -> Array:
+    """(k, k) inverse covariance of a fit's parameters: what the readings say, and the plausible ranges."""
+    spans = [high - low for low, high in (knob.plausible for knob in fit.candidate.knobs)]
+    prior = np.diag([(2.0 * NINETY / span) ** 2 for span in spans])
+    known: Array = n_effective / (len(fit.residual) * square) * fit.slopes.T @ fit.slopes + prior.reshape(
+        len(spans), len(spans)
+    )
+    return known
 
 
-def _largest(measurement: Measurement, name: str) -> float:
-    return max(float(np.abs(run.history.actuation[name]).max()) for run in measurement.runs)
+def _looks(view: MenuView, belief: Belief, contenders: Sequence[Kinds]) -> dict[Kinds, Look]:
+    fits = {kinds: belief.fits[kinds] for kinds in contenders}
+    looks = {kinds: view.look(fit.candidate, fit.x) for kinds, fit in fits.items()}
+    plain = belief.fits.get(NOTHING)
+    if NOTHING not in looks:
+        looks[NOTHING] = view.look(Candidate((), (), ()) if plain is None else plain.candidate, np.zeros(0))
+    return looks
 
 
-def _distance(a: Array, b: Array) -> float:
-    return float(np.nansum((a - b) ** 2))
+def _outcome(
+    view: MenuView, belief: Belief, looks: Mapping[Kinds, Look], chosen: Sequence[int]
+) -> Outcome | None:
+    """What these runs together are expected to tell; None where a contender has no equilibrium in them."""
+    rows = view.rows(chosen)
+    for look in looks.values():
+        rows = rows & np.isfinite(look.values) & np.isfinite(look.slopes).all(axis=1)
+    if not rows.any():
+        return None
+    root = np.sqrt(view.worth[rows] / belief.square)
+    plain = looks[NOTHING].values[rows] * root
+    law = belief.prices.excited**2 * float(root @ root)
+    contenders = []
+    for kinds in belief.contenders:
+        mean = looks[kinds].values[rows] * root
+        form = law + belief.prices.form * float(np.sum((mean - plain) ** 2))
+        known = information_of(belief.fits[kinds], belief.n_effective, belief.square)
+        slopes = looks[kinds].slopes[rows] * root[:, None]
+        contenders.append(Contender(belief.probability[kinds], mean, slopes, known, form))
+    return expected(contenders, belief.prices.temper, belief.prices.believed)
 
 
-def _worded(contenders: Sequence[Kinds]) -> str:
-    return " or ".join(" + ".join(kinds) or "nothing missing" for kinds in contenders[:3])
+def _helps(outcome: Outcome, told: float, belief: Belief) -> bool:
+    parted = np.minimum(outcome.factors, outcome.factors.T).max() >= belief.deciding
+    return outcome.information - told >= LEAST_INFORMATION and (bool(parted) or outcome.right > 0.0)
 
 
-def _triangles(period_s: float, amplitudes: Sequence[float]) -> Array:
-    n = round(period_s / SAMPLE_S)
-    shape = 1.0 - np.abs(2.0 * np.arange(n) / n - 1.0)
-    return np.concatenate([*(a * shape for a in amplitudes), [0.0]])
+def _worded(
+    view: MenuView,
+    belief: Belief,
+    contenders: Sequence[Kinds],
+    outcomes: Mapping[int, Outcome],
+    ranked: Sequence[int],
+    best: int,
+    told: float,
+) -> NextRun:
+    outcome, run = outcomes[best], view.runs[best]
+    factors = np.minimum(outcome.factors, outcome.factors.T)
+    pairs = tuple(
+        (a, b)
+        for j, b in enumerate(contenders)
+        for i, a in enumerate(contenders[:j])
+        if factors[i, j] >= belief.deciding
+    )
+    why = (
+        f"the explanations that are left predict different readings there: {_either(contenders, ' or ')}; the "
+        f"verdict after it is expected to be right with {outcome.right:.0%}"
+    )
+    order = tuple(
+        RankedRun(
+            view.runs[k].name,
+            view.runs[k].words,
+            view.runs[k].minutes,
+            (outcomes[k].information - told) / view.runs[k].minutes,
+            outcomes[k].right,
+        )
+        for k in ranked
+    )
+    return NextRun(run.words, why, pairs, run.minutes, run.name, outcome.right, order, run)
 
 
-def _steps(levels: Sequence[float]) -> Array:
-    n, rise = round(60.0 / SAMPLE_S), round(1.0 / SAMPLE_S)
-    ramp = np.minimum(1.0, np.arange(1, n + 1) / rise)
-    before = (0.0, *levels[:-1])
-    return np.concatenate([a + (b - a) * ramp for a, b in zip(before, levels, strict=True)])
+def _either(contenders: Sequence[Kinds], between: str) -> str:
+    return between.join(" + ".join(kinds) or "nothing missing" for kinds in contenders[:3])
+
+
+def next_run_json(found: NextRun | None, file: str | None = None) -> dict[str, Any] | None:
+    """`next_experiment` of `pliant diagnose --json`."""
+    if found is None:
+        return None
+    return {
+        "run": found.run,
+        "why": found.why,
+        "separates": [[list(a), list(b)] for a, b in found.separates],
+        "minutes": found.minutes,
+        "name": found.name,
+        "expected": found.expected,
+        "ranked": [asdict(one) for one in found.ranked],
+        "file": file,
+    }

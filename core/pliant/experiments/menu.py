@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pliant.errors import UserError, closest
 from pliant.experiments.scale import BenchScale
@@ -210,7 +211,8 @@ def _loads(make: RunMaker) -> list[MenuRun | None]:
 
     def loaded(name: str, words: str, share: float) -> MenuRun:
         drive = replace(pushes, share=np.full(len(pushes), share))
-        return make.run(name, words, drive, LOADING, needs="weights or a lever", **scale.loads(pushes.share))
+        pushed: dict[str, Any] = scale.loads(pushes.share)
+        return make.run(name, words, drive, LOADING, needs="weights or a lever", **pushed)
 
     return [
         loaded("passive_load_steps", "no pressure, load steps of both signs", 0.0),
@@ -255,6 +257,6 @@ def _air(make: RunMaker) -> list[MenuRun]:
     ]
 
 
-def _between(time_s: Array, low: float, high: float) -> Array:
-    inside: Array = (time_s > low) & (time_s <= high)
+def _between(time_s: Array, low: float, high: float) -> NDArray[np.bool_]:
+    inside: NDArray[np.bool_] = (time_s > low) & (time_s <= high)
     return inside
