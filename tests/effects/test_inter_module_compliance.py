@@ -1,0 +1,193 @@
+"""`inter_module_compliance`: springs between modules, in series with the joints beside them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pliant.config.chain import ActuatorConfig
+from pliant.errors import UserError
+from pliant.interfaces.effect import Effect, Model
+from pliant.records.chain import ChainModel, Joint
+from pliant.records.design import MassProperties
+from pliant.records.history import History
+from pliant.records.law import Domain, JointLaw
+from pliant.records.rollout import Inputs
+from pliant.registry.discovery import discover
+from pliant.testing.samples import (
+    PRESSURE_PA,
+    barred_law,
+    coupled_law,
+    linear_law,
+    linear_prismatic_law,
+    linear_spherical_law,
+    sample_chain,
+    softening_law,
+)
+from pliant_plugins.effects.inter_module_compliance import InterModuleCompliance, InterModuleComplianceConfig
+from pliant_plugins.effects.scale import rest_stiffness
+from pliant_plugins.effects.series_law import SeriesLaw
+from pliant_plugins.effects.stiffness import Stiffness, StiffnessConfig
+
+GAIN, K = 8e-7, 0.04
+SHARE = 0.3
+NO_GRAVITY = (0, 0, 0)
+
+
+def connected(chain: ChainModel, share: float = SHARE) -> ChainModel:
+    return InterModuleCompliance(InterModuleComplianceConfig(share=share)).apply(Model(chain)).chain
+
+
+def engine(kind: str = "quasistatic") -> Any:
+    component = discover().get("physics", kind)
+    if component.missing():
+        pytest.skip(f"{kind} is not installed")
+    return component.build(component.config_model()(kind=kind))
+
+
+def angles(chain: ChainModel, pressure: float, moment: float = 0.0) -> Any:
+    history = History.of({"pressure_pa": pressure}, moment_n_m=moment)
+    return engine().follow(chain, [history])[0][0].joint_angles[0, :, 0]
+
+
+@pytest.mark.parametrize(("pressure", "moment"), [(9e3, 0.0), (0.0, 4e-3), (9e3, 4e-3), (5e3, -6e-3)])
+def test_a_linear_chain_under_a_moment_has_its_closed_form(pressure: float, moment: float) -> None:
+    """u_i = (g p − M) / k − n_i/2 κ M / k: free bending is untouched, the end joints get half a connection."""
+    chain = connected(sample_chain(linear_law(GAIN, K), modules=4, gravity=NO_GRAVITY))
+    halves = np.array([0.5, 1.0, 1.0, 0.5])
+    wanted = (GAIN * pressure - moment) / K - halves * SHARE * moment / K
+    np.testing.assert_allclose(angles(chain, pressure, moment), wanted, rtol=1e-6, atol=1e-10)
+
+
+def test_only_the_sum_over_many_modules_is_a_stiffness() -> None:
+    """Two modules: all joints alike, the stiffness 1/(1 + κ/2) where nothing is pressed."""
+    chain = sample_chain(linear_law(GAIN, K), modules=2, gravity=NO_GRAVITY)
+    softer: Effect = Stiffness(StiffnessConfig(factor=1 / (1 + SHARE / 2)))
+    np.testing.assert_allclose(
+        angles(connected(chain), 0.0, 4e-3), angles(softer.apply(Model(chain)).chain, 0.0, 4e-3), rtol=1e-6
+    )
+    free = angles(connected(chain), 9e3), angles(softer.apply(Model(chain)).chain, 9e3)
+    assert np.all(free[1] > 1.1 * free[0])
+
+
+def states(law: JointLaw) -> tuple[Any, Any]:
+    random = np.random.default_rng(4)
+    return PRESSURE_PA * random.random(60), random.uniform(-0.4, 0.6, (60, len(law.axes)))
+
+
+LAWS = [linear_law(), softening_law(), linear_spherical_law(), coupled_law()]
+ALL = pytest.mark.parametrize("law", LAWS, ids=["linear", "softening", "ball", "coupled ball"])
+
+
+@ALL
+def test_the_series_law_is_solved_to_rounding(law: JointLaw) -> None:
+    """τ' = τ(p, q + C τ') at every state."""
+    p, q = states(law)
+    series = SeriesLaw(law, 6.0)
+    tau = series.evaluate(p, q).tau
+    np.testing.assert_allclose(law.evaluate(p, q + 6.0 * tau).tau, tau, rtol=1e-11, atol=1e-15)
+
+
+@ALL
+def test_slopes_are_derivatives_and_the_energy_is_that_of_both_springs(law: JointLaw) -> None:
+    p, q = states(law)
+    series, h, k = SeriesLaw(law, 6.0), 1.0, 1e-5
+    effort = series.evaluate(p, q)
+    in_p = (series.evaluate(p + h, q).tau - series.evaluate(p - h, q).tau) / (2 * h)
+    np.testing.assert_allclose(effort.dtau_dp, in_p, rtol=1e-5, atol=1e-12)
+    for axis, unit in enumerate(np.eye(len(law.axes))):
+        in_q = (series.evaluate(p, q + k * unit).tau - series.evaluate(p, q - k * unit).tau) / (2 * k)
+        np.testing.assert_allclose(effort.dtau_du[:, :, axis], in_q, rtol=1e-5, atol=1e-9)
+        energy = (series.potential(p, q + k * unit) - series.potential(p, q - k * unit)) / (2 * k)
+        np.testing.assert_allclose(effort.tau[:, axis], -energy, rtol=1e-5, atol=1e-10)
+    np.testing.assert_allclose(series.potential(p, 0 * q), 0.0, atol=1e-18)
+    by_work = JointLaw.potential(series, p, q)
+    np.testing.assert_allclose(series.potential(p, q), by_work, rtol=1e-3, atol=1e-8)
+
+
+def test_joints_of_one_kind_share_a_law_and_the_same_springs_are_the_same_objects() -> None:
+    chain = sample_chain(modules=5)
+    once, again = connected(chain), connected(chain)
+    assert len(once.laws) == 2
+    assert [joint.law for joint in once.joints] == [0, 1, 1, 1, 0]
+    assert all(a is b for a, b in zip(once.laws, again.laws, strict=True))
+    assert once.joints is again.joints
+    assert connected(chain, 0.0) is chain
+    assert len(connected(sample_chain(modules=2)).laws) == 1
+
+
+def test_opposed_chambers_share_a_connection() -> None:
+    """Two linear laws in parallel behind one spring: k = 2 k₁, so that a moment bends by (1 + κ n/2) M / k."""
+    opposed = {
+        "actuators": [ActuatorConfig(input="pressure_1_pa"), ActuatorConfig(input="pressure_2_pa", sign=-1)]
+    }
+    chain = sample_chain(linear_law(GAIN, K), modules=2, gravity=NO_GRAVITY, **opposed)
+    assert rest_stiffness(chain) == pytest.approx(2 * K)
+    history = History.of({"pressure_1_pa": 9e3, "pressure_2_pa": 3e3}, moment_n_m=4e-3)
+    found = engine().follow(connected(chain), [history])[0][0].joint_angles[0, :, 0]
+    wanted = GAIN * 6e3 / (2 * K) - (1 + SHARE / 2) * 4e-3 / (2 * K)
+    np.testing.assert_allclose(found, wanted, rtol=1e-6)
+
+
+def test_error_bars_shrink_by_what_the_spring_takes() -> None:
+    law = linear_law()
+    barred = barred_law(law, Domain(np.array([0.0, PRESSURE_PA]), np.array([[-0.5, 0.7]])), 1e-4)
+    p, q = states(law)
+    series = SeriesLaw(barred, 6.0)
+    inner = barred.band(p, q)
+    assert inner is not None
+    np.testing.assert_allclose(series.band(p, q), inner / (1 + 6.0 * K), rtol=0.2)
+    assert SeriesLaw(law, 6.0).band(p, q) is None
+
+
+@pytest.mark.parametrize("kind", ["mujoco", "pybullet"])
+def test_other_engines_stand_where_the_quasi_static_one_does(kind: str) -> None:
+    chain = connected(sample_chain(modules=3, payload=0.003))
+    tips = []
+    for name in ("quasistatic", kind):
+        with engine(name).build(chain) as simulation:
+            simulation.apply(Inputs({"pressure_pa": 6e3}, moment_n_m=1e-3))
+            tips.append(simulation.settle().tip_m)
+    assert float(np.abs(tips[1] - tips[0]).max()) < 1e-5
+
+
+def with_springs_as_joints(chain: ChainModel, compliance: float) -> ChainModel:
+    """The same body with a joint of its own for every spring, at the joint that it belongs to."""
+    n_axes, last = len(chain.axes), chain.n_joints - 1
+    halves = [0.5 if i in (0, last) else 1.0 for i in range(chain.n_joints)]
+    laws, joints, bodies = list(chain.laws), [], [chain.bodies[0]]
+    for joint, body, share in zip(chain.joints, chain.bodies[1:], halves, strict=True):
+        stiffness = np.eye(n_axes) / (share * compliance)
+        own = replace(chain.laws[joint.law], gain=np.zeros(n_axes), stiffness=stiffness)  # type: ignore[type-var]
+        joints += [replace(joint, law=len(laws)), Joint(joint.law, np.zeros(3), np.eye(3))]
+        laws.append(own)
+        bodies += [MassProperties.none(), body]
+    return chain.with_(joints=tuple(joints), bodies=tuple(bodies), laws=tuple(laws))
+
+
+@pytest.mark.parametrize(
+    ("law", "tolerance_m"), [(linear_law(), 1e-8), (linear_spherical_law(), 2e-5)], ids=["hinge", "ball"]
+)
+def test_springs_as_joints_of_their_own_give_the_same_pose(law: JointLaw, tolerance_m: float) -> None:
+    """Under gravity, a load across the plane and pressure; hinges exactly, balls as far as rotation vectors add."""
+    chain = sample_chain(law, modules=3, payload=0.01, base={"direction": [1.0, 0.0, 0.0]})
+    inputs = Inputs({"pressure_pa": 9e3}, tip_force_n=np.array([0.0, 0.1, 0.0]))
+    tips = []
+    for body in (connected(chain), with_springs_as_joints(chain, SHARE / rest_stiffness(chain)), chain):
+        with engine().build(body) as simulation:
+            simulation.apply(inputs)
+            found = simulation.settle()
+            assert found.converged
+            tips.append(found.tip_m)
+    assert float(np.abs(tips[0] - tips[1]).max()) < tolerance_m
+    assert float(np.abs(tips[2] - tips[1]).max()) > 3e-4
+
+
+def test_one_module_and_chains_that_extend_are_refused() -> None:
+    with pytest.raises(UserError, match="the chain has one module"):
+        connected(sample_chain(modules=1))
+    with pytest.raises(UserError, match="this chain only extends"):
+        connected(sample_chain(linear_prismatic_law(), modules=3))
