@@ -24,6 +24,7 @@ from pliant.testing.effect_bench import (
     applied,
     follower,
     history_numbers,
+    inputs_of,
     parameters,
     probe_readings,
     probe_run,
@@ -50,7 +51,8 @@ class ProbeTask(Task):
     def run(self, simulation: Any) -> TaskResult:
         settled = []
         for pressure in PRESSURES[[1, 4, 2]]:
-            simulation.apply(Inputs({"pressure_pa": float(pressure)}))
+            names = (actuator.input for actuator in simulation.chain.actuators)
+            simulation.apply(Inputs(dict.fromkeys(names, float(pressure))))
             settled.append(simulation.settle())
         return _reported(settled)
 
@@ -134,7 +136,7 @@ def parameters_are_config_fields(subject: Subject) -> None:
 
 @suite.check("with every strength neutral the effect vanishes, whatever its shape.")
 def neutral_values_change_nothing(subject: Subject) -> None:
-    plain, neutral = sample_model(), applied(subject, absent(subject))
+    plain, neutral = sample_model(subject), applied(subject, absent(subject))
     for place, sight in SIGHTS.items():
         require_close(
             sight(neutral),
@@ -160,7 +162,7 @@ def plausible_values_change_something(subject: Subject) -> None:
 )
 def acts_only_at_its_place(subject: Subject) -> None:
     place = type(subject.build()).place
-    plain, changed = sample_model(), applied(subject, strong(subject))
+    plain, changed = sample_model(subject), applied(subject, strong(subject))
     for other in PLACES:
         if other == place:
             continue
@@ -175,7 +177,7 @@ def acts_only_at_its_place(subject: Subject) -> None:
 
 @suite.check("`apply` returns a new model and never changes the one it was given.")
 def leaves_the_model_alone(subject: Subject) -> None:
-    model = sample_model()
+    model = sample_model(subject)
     before = {name: sight(model) for name, sight in SIGHTS.items()}
     laws = tuple(model.chain.laws)
     effect: Effect = subject.build(subject.configured(strong(subject)))
@@ -199,7 +201,7 @@ def keeps_earlier_effects(subject: Subject) -> None:
     def marked(readings: Readings) -> Readings:
         return {**readings, "earlier_count": 1.0}
 
-    earlier = sample_model().with_(inputs=(doubled,), outputs=(marked,))
+    earlier = sample_model(subject).with_(inputs=(doubled,), outputs=(marked,))
     changed = applied(subject, strong(subject), earlier)
     require(
         changed.inputs[:1] == (doubled,) and changed.outputs[:1] == (marked,),
@@ -212,7 +214,7 @@ def keeps_earlier_effects(subject: Subject) -> None:
         "law terms of effects applied before are lost or come later: use model.with_term",
     )
     sight = SIGHTS[type(subject.build()).place]
-    plain = sight(sample_model())
+    plain = sight(sample_model(subject))
     scale = max(float(np.abs(sight(once) - plain).max()), 1e-300)
     require(
         float(np.abs(sight(twice) - sight(once)).max()) > 1e-6 * scale,
@@ -226,7 +228,7 @@ def keeps_earlier_effects(subject: Subject) -> None:
 def input_maps_keep_the_run(subject: Subject) -> None:
     for timed in (True, False):
         for change in applied(subject, strong(subject)).inputs:
-            history = probe_run(timed=timed)
+            history = probe_run(timed=timed, inputs=inputs_of(sample_model(subject)))
             before = history_numbers(history)
             changed = change(history)
             require(isinstance(changed, History), f"an input map returned {changed!r}, no History")
@@ -269,7 +271,7 @@ def output_maps_keep_the_readings(subject: Subject) -> None:
     "wrapped laws stay laws: slopes are derivatives, τ = −∂Π/∂u, joint, axes, domain and record are kept."
 )
 def wrapped_laws_stay_laws(subject: Subject) -> None:
-    plain, changed = sample_model().chain, applied(subject, strong(subject)).chain
+    plain, changed = sample_model(subject).chain, applied(subject, strong(subject)).chain
     require(changed.n_joints == plain.n_joints, "the chain has another number of joints")
     pairs = {(a.law, b.law): None for a, b in zip(changed.joints, plain.joints, strict=True)}
     p, u = np.full(5, 0.7 * PRESSURE_PA), ANGLES[:, None]
@@ -298,8 +300,8 @@ def wrapped_laws_stay_laws(subject: Subject) -> None:
 def a_run_shows_it(subject: Subject) -> None:
     engine = follower(subject)
     seen = []
-    for model in (applied(subject, strong(subject)), sample_model()):
-        reached = model.commanded(probe_run())
+    for model in (applied(subject, strong(subject)), sample_model(subject)):
+        reached = model.commanded(probe_run(inputs=inputs_of(model)))
         followed = engine.follow(model.chain, [reached])[0][0]
         lost = int(np.sum(np.logical_not(followed.converged)))
         require(lost == 0, f"{lost} samples of a run find no equilibrium")
@@ -314,8 +316,8 @@ def a_run_shows_it(subject: Subject) -> None:
 @suite.check("the simulate stage can run the model under a task, and again with the same result.")
 def model_runs_under_a_task(subject: Subject) -> None:
     effect: Effect = subject.build(subject.configured(strong(subject)))
-    chain = sample_model().chain
-    timeless = not any(term.needs_time for term in effect.apply(sample_model()).chain.terms)
+    chain = sample_model(subject).chain
+    timeless = not any(term.needs_time for term in effect.apply(sample_model(subject)).chain.terms)
     engine = StandIn(StandInConfig()) if timeless else follower(subject)
     probe = ProbeTask(TaskConfig(kind="probe"))
     result = run_task(engine, probe, [effect], chain)

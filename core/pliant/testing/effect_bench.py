@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,7 @@ from pliant.records.history import History
 from pliant.registry.discovery import discover
 from pliant.testing.histories import Motion, drive, first_joint, triangles
 from pliant.testing.physics_bench import chain_numbers
-from pliant.testing.samples import PRESSURE_PA, sample_chain
+from pliant.testing.samples import PRESSURE_PA, sample_chain, softening_law
 from pliant.testing.suite import CheckSkipped, Subject
 
 PRESSURES = np.array([0.0, 2e3, 5e3, 9e3, 15e3])
@@ -27,9 +28,19 @@ STEP_S = 0.25
 WARM_C = 35.0
 
 
-def sample_model() -> Model:
-    """Three modules that carry a payload."""
-    return Model(sample_chain(modules=MODULES, payload=0.003))
+def sample_model(subject: Subject, modules: int = MODULES, **chain: Any) -> Model:
+    """Three modules that carry a payload, driven by the input that the effect under test needs.
+
+    A law knows no units: a tendon pulls here with as many newtons as a chamber has pascals.
+    """
+    law = softening_law()
+    law = replace(law, actuation_name=type(subject.build()).actuation or law.actuation_name)
+    return Model(sample_chain(law, modules=modules, **(chain or {"payload": 0.003})))
+
+
+def inputs_of(model: Model) -> tuple[str, ...]:
+    """Names of the model's inputs."""
+    return tuple(actuator.input for actuator in model.chain.actuators)
 
 
 def parameters(subject: Subject) -> tuple[EffectParameter, ...]:
@@ -41,7 +52,7 @@ def parameters(subject: Subject) -> tuple[EffectParameter, ...]:
 def applied(subject: Subject, values: Mapping[str, float], model: Model | None = None) -> Model:
     """The model with the effect at these parameter values."""
     effect: Effect = subject.build(subject.configured(values))
-    return effect.apply(model or sample_model())
+    return effect.apply(model or sample_model(subject))
 
 
 def absent(subject: Subject) -> dict[str, float]:
@@ -65,18 +76,26 @@ def _far(parameter: EffectParameter) -> float:
     return max(parameter.plausible, key=lambda value: abs(value - parameter.neutral))
 
 
-def probe_run(run: str = "probe", specimen: str = "", timed: bool = True) -> History:
-    """Up, down and up again at two rates with holds, on a warm day, under a small load."""
+def probe_run(
+    run: str = "probe", specimen: str = "", timed: bool = True, inputs: Sequence[str] = ("pressure_pa",)
+) -> History:
+    """Up, down and up again at two rates with holds, on a warm day, under a small load.
+
+    At the end the valve closes: the command goes back to 2 kPa for five seconds, and the chambers keep theirs.
+    """
     fast, p_fast = triangles((PRESSURE_PA, 2e3), 6e3, STEP_S, holds_s=2.0)
     slow, p_slow = triangles((PRESSURE_PA,), 1.5e3, 2 * STEP_S)
-    time_s = np.append(fast, fast[-1] + 2 * STEP_S + slow)
+    closed = 2 * STEP_S * np.arange(1.0, 11.0)
+    time_s = np.concatenate([fast, fast[-1] + 2 * STEP_S + slow, fast[-1] + 2 * STEP_S + slow[-1] + closed])
+    commanded = np.concatenate([p_fast, p_slow, np.full(len(closed), 2e3)])
     return History.of(
-        {"pressure_pa": np.append(p_fast, p_slow)},
+        dict.fromkeys(inputs, commanded),
         time_s if timed else None,
         run=run,
         specimen=specimen,
         moment_n_m=1e-3,
         temperature_c=WARM_C,
+        valve_open=np.where(np.arange(len(time_s)) < len(time_s) - len(closed), 1.0, 0.0),
     )
 
 
@@ -90,7 +109,8 @@ def probe_motion(actuation: float = 0.6 * PRESSURE_PA) -> Motion:
 
 def inputs_seen(model: Model) -> Array:
     """What reaches the chain when the probe run is commanded, with and without a clock."""
-    reached = [model.commanded(probe_run(timed=timed)) for timed in (True, False)]
+    runs = [probe_run(timed=timed, inputs=inputs_of(model)) for timed in (True, False)]
+    reached = [model.commanded(run) for run in runs]
     return np.concatenate([history_numbers(history) for history in reached])
 
 
@@ -98,7 +118,7 @@ def history_numbers(history: History) -> Array:
     """All arrays of a history in a row."""
     parts = [*(history.actuation[name] for name in sorted(history.actuation)), history.tip_force_n]
     parts += [history.moment_n_m, history.temperature_c, history.base_angles_rad]
-    parts += [x for x in (history.time_s, history.payload_kg) if x is not None]
+    parts += [x for x in (history.time_s, history.payload_kg, history.valve_open) if x is not None]
     return np.concatenate([np.ravel(part) for part in parts])
 
 
@@ -144,6 +164,7 @@ def run_readings(model: Model, path: Array, history: History) -> Readings:
     geometry = ChainGeometry.of(model.chain)
     tip = trajectory(geometry, path, base_rotations(geometry.base_rotation, history.base_angles_rad))[:, -1]
     readings: dict[str, Any] = {} if history.time_s is None else {"time_s": history.time_s}
+    readings |= {"actuation": sum(history.actuation[actuator.input] for actuator in model.chain.actuators)}
     readings |= {"angle_rad": joints.sum(axis=1)}
     readings |= {f"joint_{k + 1}_angle_rad": joints[:, k] for k in range(joints.shape[1])}
     readings |= {f"tip_{axis}_m": tip[:, k] for k, axis in enumerate("xyz")}
@@ -176,5 +197,4 @@ def _find_follower() -> PhysicsBackend | None:
 
 def hinge(subject: Subject, values: Mapping[str, float]) -> ChainModel:
     """One weightless joint with the effect's law terms: the first of two, for some effects need a neighbour."""
-    chain = applied(subject, values, Model(sample_chain(modules=2, gravity=(0, 0, 0)))).chain
-    return first_joint(chain)
+    return first_joint(applied(subject, values, sample_model(subject, 2, gravity=(0, 0, 0))).chain)

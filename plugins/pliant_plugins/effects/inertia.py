@@ -2,11 +2,12 @@
 
     M_i = −f J_i d²u_i/dt²
 
-per joint: what a model of equilibria leaves out (d'Alembert). J_i lumps the chain's mass matrix at rest by the sum of
-its row (Hinton, Rock & Zienkiewicz, Earthquake Eng. Struct. Dyn. 4, 1976), payload included: the inertia of everything
-beyond the joint about its axis, and how it is carried along by the joints that move with it. The mass is thus diagonal:
-right for one joint and where all joints accelerate alike; other motions of a chain, its higher modes above all, are
-rough. A payload that a recording gives instead of the chain's own counts as weight only.
+per joint: what a model of equilibria leaves out (d'Alembert). A law term knows its own joint only, so the chain's mass
+matrix M at rest, payload included, becomes a diagonal one that has the same lowest swing: there M φ = K φ / ω²
+(Craig & Kurdila, Fundamentals of Structural Dynamics, 2006), hence J_i = k_i / ω² with the stiffnesses at rest k_i.
+For one joint that is its moment of inertia. A chain has no swing but the lowest: after a step of pressure that makes a
+third to three quarters of what the masses do to the whole angle (RMS, two to eight modules, with and without
+payload). A payload that a recording gives instead of the chain's own counts as weight only.
 
 The acceleration is that of Newmark's average-acceleration rule (β = 1/4, γ = 1/2; J. Eng. Mech. Div. ASCE 85, 1959),
 velocity v and acceleration a being the memory: over a step Δt in which the angle moves by Δu
@@ -32,7 +33,7 @@ from pliant.records.chain import ChainModel
 from pliant.records.design import Array
 from pliant.records.term import LawTerm
 from pliant.units import Ratio
-from pliant_plugins.effects.scale import MAIN_AXIS
+from pliant_plugins.effects.scale import joint_stiffnesses, main_axis
 
 BOUNDS = (0.0, 20.0)
 
@@ -68,7 +69,7 @@ class Inertia(Effect):
     config: InertiaConfig
 
     def apply(self, model: Model) -> Model:
-        """The model with its masses accelerated. Raises `UserError` for a chain without mass."""
+        """The model with its masses accelerated; see `lumped_inertia` for errors."""
         rows = tuple((inertia,) for inertia in lumped_inertia(model.chain))
         term = LawTerm(
             "moment",
@@ -83,25 +84,23 @@ class Inertia(Effect):
 
 
 def lumped_inertia(chain: ChainModel) -> tuple[float, ...]:
-    """J_i about each joint's main axis in kg·m² (kg on slides): row sums, never below the diagonal.
-
-    Row sums are of the main axes only. They fall below the diagonal where segments are turned against each other.
+    """J_i about each joint's main axis in kg·m² (kg on slides): see above.
 
     Raises:
-        UserError: no piece beyond a joint has mass.
+        UserError: the chain has no mass beyond its base, or a law that is not stiff at rest.
     """
     n, axes = chain.n_joints, chain.axes
-    main = axes.index(MAIN_AXIS) if MAIN_AXIS in axes else 0
-    matrix = mass_matrix(chain, np.zeros((n, len(axes)))).reshape(n, len(axes), n, len(axes))[
-        :, main, :, main
-    ]
-    lumped = np.maximum(matrix.sum(axis=1), np.diag(matrix))
-    if not np.all(lumped > 0.0):
+    main = main_axis(chain)
+    mass = mass_matrix(chain, np.zeros((n, len(axes)))).reshape(n, len(axes), n, len(axes))[:, main, :, main]
+    stiffness = joint_stiffnesses(chain)
+    scale = np.sqrt(stiffness)
+    slowest = float(np.linalg.eigvalsh(mass / np.outer(scale, scale))[-1])  # 1/ω²
+    if not slowest > 0.0:
         raise UserError(
-            f"effect 'inertia' needs masses, and beyond joint {int(np.argmin(lumped)) + 1} the chain has none; give "
-            "the material a density or the chain's modules a mass, or take it out of 'effects'."
+            "effect 'inertia' needs masses, and the chain has none beyond its base; give the material a density, the "
+            "chain's modules a mass or the chain a payload, or take it out of 'effects'."
         )
-    return tuple(float(value) for value in lumped)
+    return tuple((slowest * stiffness).tolist())
 
 
 def _moment(

@@ -5,8 +5,8 @@
 with s the true thickness over the nominal one. In a thin plate that only bends, stiffness goes with the cube of the
 thickness (Timoshenko & Woinowsky-Krieger, Theory of Plates and Shells, 1959); the walls of a bellow also stretch. The
 default exponents were fitted to this project's FEM of `bellow_bending` (neo-Hookean, 0 to 15 kPa): the first finger's
-module with walls of 1.3 to 1.7 mm gives a = 2.15, b = 0.39, a gripper module (r 3.5, R 7.5, l 10 mm) a = 2.16, b = 0.27,
-by least squares over the angles that all walls share. They leave at most 2 % of E and 1 % of A, where the walls
+module with walls of 1.3 to 1.7 mm gives a = 2.15, b = 0.39, a gripper module (r 3.5, R 7.5, l 10 mm) 2.16 and 0.27,
+by least squares over angles that all walls share. They leave at most 2 % of E and 1 % of A, where the walls
 make up to 35 % and 6 %. The slope at rest alone grows faster (a = 2.6 and 2.8). Other families have exponents of their
 own, which two designs with different walls tell; a flexure of `tendon_joint` should come near the plate (a = 3, b = 0).
 """

@@ -324,3 +324,16 @@ class CountsSamples(TermGain):
     """Its memory fades by a tenth per sample, however long that is."""
 
     term = term("moment", _forgets, 1)
+
+
+def _lags(u: float, rate: float, dt: float, p: float, t: float, old: Any, new: Any, c: Any) -> float:
+    new[0] = old[0] + 0.2 * (rate - old[0])
+    new[1] = new[0] - old[0]
+    return -0.02 * c[0] * new[1]
+
+
+@spoils.by("terms_do_not_count_samples", "a swing of .* differs")
+class CountsSamplesOfASwing(TermGain):
+    """A mass whose acceleration is the change of a rate from sample to sample."""
+
+    term = replace(term("moment", _lags, 2), is_inertia=True)
