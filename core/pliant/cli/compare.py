@@ -21,8 +21,12 @@ from pliant.evidence.words import number, percent, shown
 from pliant.report.stage import write_page
 
 DataFile = Annotated[
-    Path | None,
-    typer.Option("--data", metavar="CSV", help="The measurement, instead of the one that the study names."),
+    list[Path] | None,
+    typer.Option(
+        "--data",
+        metavar="CSV",
+        help="The measurement, instead of the one that the study names; several are read as one, in their order.",
+    ),
 ]
 ReportFolder = Annotated[
     Path | None,

@@ -11,6 +11,7 @@ from pydantic import Field, create_model
 from pliant.config.chain import ChainConfig, SegmentConfig
 from pliant.config.measurements import MeasurementsConfig
 from pliant.config.noise import NoiseConfig
+from pliant.config.protocols import ProtocolConfig
 from pliant.config.sweep import SweepConfig
 from pliant.config.uncertainty import UncertaintyConfig
 from pliant.errors import UserError
@@ -41,7 +42,7 @@ BLOCKS = {
 BLOCK_LISTS = {"effects": "effect", "cross_check": "physics"}
 NAME_PATTERN = r"^[A-Za-z0-9][A-Za-z0-9._-]*$"
 # Keys of the study format whose stages are not built yet: read, kept, and reported as unused.
-NOT_USED_YET = ("sweep", "search", "optimizer", "protocols")
+NOT_USED_YET = ("sweep", "search", "optimizer")
 
 
 class Study(FrozenModel):
@@ -88,8 +89,9 @@ class Study(FrozenModel):
     noise: NoiseConfig | None = Field(
         default=None, description="how far the task's conditions vary from trial to trial"
     )
-    protocols: list[dict[str, Any]] | None = Field(
-        default=None, description="runs that the bench can do; not used by this version"
+    protocols: tuple[ProtocolConfig, ...] = Field(
+        default=(),
+        description="runs that the bench can do, instead of the default menu (docs/plan_the_next_experiment.md)",
     )
 
     def need(self, key: str, what: str) -> Any:

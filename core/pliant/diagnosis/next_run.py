@@ -22,7 +22,8 @@ from pliant.diagnosis.readings import ReadingVector
 from pliant.diagnosis.separation import Contender, Outcome, expected
 from pliant.diagnosis.table import LEAST_SQUARE, NOTHING, PRICES, UNKNOWN, Kinds, Prices
 from pliant.evidence.prediction import Predictor
-from pliant.experiments.menu import SET_UP, MenuRun, menu
+from pliant.experiments.menu import SET_UP, MenuRun
+from pliant.experiments.runs import menu
 from pliant.experiments.scale import BenchScale
 from pliant.interfaces.effect import EffectConfig
 from pliant.records.design import Array

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +10,7 @@ import numpy as np
 from pliant.config.measurements import MeasurementsConfig
 from pliant.config.study import Study
 from pliant.errors import UserError
+from pliant.measurements.joining import together
 from pliant.measurements.reading import read_measurement
 from pliant.pipeline.study import chain_of_study
 from pliant.pipeline.workbench import Workbench
@@ -19,8 +20,12 @@ from pliant.records.measurement import Measurement
 POSITIONS = ("tip_x_m", "tip_y_m", "tip_z_m")
 
 
-def measurement_of_study(bench: Workbench, study: Study, data: Path | None = None) -> Measurement:
+def measurement_of_study(
+    bench: Workbench, study: Study, data: Path | Sequence[Path] | None = None
+) -> Measurement:
     """Read the study's `measurements`, or `data` with the block's renames, units and sigmas.
+
+    Several files are one measurement, in their order.
 
     The ranges that the model knows (its laws' domains, the chain's length) are used to notice a wrong unit.
 
@@ -28,25 +33,28 @@ def measurement_of_study(bench: Workbench, study: Study, data: Path | None = Non
         UserError: no file is named, or it cannot be read.
     """
     settings = study.measurements
-    if data is None and settings is None:
+    if settings is None and not data:
         raise UserError(
             f"study '{study.name}' names no measurements; add 'measurements: {{file: bench.csv}}' "
             "or give --data bench.csv."
         )
-    if data is not None:
-        settings = (
-            settings.model_copy(update={"file": str(data)})
-            if settings is not None
-            else MeasurementsConfig(file=str(data))
-        )
-    assert settings is not None
+    files = [data] if isinstance(data, Path) else list(data or ())
+    blocks = [settings] if settings is not None and not files else []
+    for file in files:
+        given = {"file": str(file)}
+        blocks.append(settings.model_copy(update=given) if settings else MeasurementsConfig(file=str(file)))
     chain = chain_of_study(bench, study).chain
-    return read_measurement(
-        Path(settings.file),
-        settings=settings,
-        actuation=tuple(dict.fromkeys(actuator.input for actuator in chain.actuators)),
-        expected=expected_ranges(chain),
-        progress=bench.progress,
+    return together(
+        [
+            read_measurement(
+                Path(block.file),
+                settings=block,
+                actuation=tuple(dict.fromkeys(actuator.input for actuator in chain.actuators)),
+                expected=expected_ranges(chain),
+                progress=bench.progress,
+            )
+            for block in blocks
+        ]
     )
 
 

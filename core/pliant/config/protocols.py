@@ -1,0 +1,139 @@
+"""The `protocols` block: runs that the bench can do, from which the next one is chosen."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Literal
+
+from pydantic import Field, field_validator, model_validator
+
+from pliant.config.chain import Count
+from pliant.config.measurements import Name
+from pliant.errors import closest
+from pliant.interfaces.base import FrozenModel
+from pliant.units import Angle, Moment, Time, UnitError, parse_quantity, strip_unit_suffix
+
+_CYCLES = ("period_s", "cycles", "amplitudes")
+# Runs of the default menu, and what of each may be said.
+OPTIONS: Mapping[str, tuple[str, ...]] = {
+    "slow_cycles": _CYCLES,
+    "fast_cycles": _CYCLES,
+    "small_loops": ("period_s",),
+    "holds": ("levels", "hold_s"),
+    "virgin": _CYCLES,
+    "level": _CYCLES,
+    "upside_down": _CYCLES,
+    "sideways": _CYCLES,
+    "warm": (*_CYCLES, "temperature_c"),
+    "passive_load_steps": ("load_n_m", "hold_s"),
+    "load_steps": ("load_n_m", "hold_s", "levels"),
+    "blocked": ("levels", "hold_s"),
+    "vented_zero": ("hold_s",),
+    "closed_valve": ("levels", "hold_s"),
+    "step_response": ("levels", "hold_s"),
+    "second_sensor": _CYCLES,
+    "custom": ("times_s", "inputs", "moments_n_m", "pitch_rad", "roll_rad", "temperature_c", "new_specimen"),
+}
+_ALWAYS = ("run", "name", "words", "minutes")
+# Units of what may drive a chain.
+DRIVES = ("Pa", "N", "m")
+Level = float | str
+
+
+class ProtocolConfig(FrozenModel):
+    """One run: its name in the default menu with what is different on this bench, or `custom`.
+
+    Levels and amplitudes are texts with a unit (`5 kPa`), or plain numbers: shares of the largest that was driven.
+    """
+
+    run: str = Field(description="a run of the default menu, or `custom`")
+    name: Name | None = Field(default=None, description="another name; needed where a run is listed twice")
+    words: Name | None = Field(default=None, description="the order to the bench, instead of the menu's")
+    minutes: float | None = Field(
+        default=None, gt=0, le=10_000, description="of motion and set-up together, instead of the menu's"
+    )
+    period_s: Time | None = Field(default=None, gt=0, le=86_400, description="of one cycle")
+    cycles: Count | None = Field(default=None, ge=1, le=1000, description="how many")
+    amplitudes: tuple[Level, ...] = Field(default=(), max_length=1000, description="of each cycle")
+    levels: tuple[Level, ...] = Field(default=(), max_length=1000, description="of each hold or step")
+    hold_s: Time | None = Field(default=None, gt=0, le=86_400, description="how long a level is held")
+    load_n_m: Moment | None = Field(default=None, gt=0, description="largest end moment of load steps")
+    times_s: tuple[Time, ...] = Field(
+        default=(), max_length=10_000, description="custom: corners of the drive, from 0"
+    )
+    inputs: dict[Name, tuple[Level, ...]] = Field(
+        default_factory=dict,
+        description="custom: each input at these times, e.g. {pressure_pa: [0, 5 kPa, 0]}",
+    )
+    moments_n_m: tuple[Moment, ...] = Field(default=(), description="custom: end moment at these times")
+    pitch_rad: Angle = Field(default=0.0, description="custom: base turned about world y")
+    roll_rad: Angle = Field(default=0.0, description="custom: base turned about world x")
+    temperature_c: float | None = Field(default=None, ge=-100, le=300, description="in °C")
+    new_specimen: Literal[True, False] = Field(
+        default=False, description="custom: a body never loaded before"
+    )
+
+    @field_validator("run")
+    @classmethod
+    def _known(cls, run: str) -> str:
+        if run not in OPTIONS:
+            raise ValueError(
+                f"there is no run '{run}'{closest(run, list(OPTIONS))} Runs: {', '.join(OPTIONS)}"
+            )
+        return run
+
+    @field_validator("amplitudes", "levels")
+    @classmethod
+    def _levels(cls, levels: tuple[Level, ...]) -> tuple[Level, ...]:
+        for level in levels:
+            _check(level)
+        return levels
+
+    @model_validator(mode="after")
+    def _fitting(self) -> ProtocolConfig:
+        said = {key for key in self.model_fields_set if key not in _ALWAYS}
+        allowed = OPTIONS.get(self.run, ())
+        for key in sorted(said - set(allowed)):
+            names = ", ".join(strip_unit_suffix(name) for name in (*allowed, "minutes", "words"))
+            raise ValueError(f"run '{self.run}' takes no '{strip_unit_suffix(key)}'; it takes {names}")
+        if self.run == "custom":
+            self._check_custom()
+        if self.amplitudes and self.cycles is not None and len(self.amplitudes) != self.cycles:
+            raise ValueError(
+                f"{len(self.amplitudes)} amplitudes for {self.cycles} cycles; give one of the two"
+            )
+        return self
+
+    def _check_custom(self) -> None:
+        if not self.name:
+            raise ValueError("a custom run needs a 'name'")
+        if len(self.times_s) < 2 or self.times_s[0] != 0.0:
+            raise ValueError("a custom run needs 'times' from 0 on, such as [0 s, 10 s, 20 s]")
+        if any(late <= early for early, late in zip(self.times_s, self.times_s[1:], strict=False)):
+            raise ValueError("'times' must increase")
+        if not self.inputs:
+            raise ValueError("a custom run needs 'inputs', such as {pressure_pa: [0, 5 kPa, 0]}")
+        rows: dict[str, tuple[Any, ...]] = {**self.inputs}
+        if self.moments_n_m:
+            rows["moments"] = self.moments_n_m
+        for name, values in rows.items():
+            if len(values) != len(self.times_s):
+                raise ValueError(f"'{name}' has {len(values)} values for {len(self.times_s)} times")
+        for values in self.inputs.values():
+            for value in values:
+                _check(value)
+
+
+def _check(level: Level) -> None:
+    """A text must be a pressure, a force or a travel."""
+    if not isinstance(level, str):
+        return
+    problems = []
+    for unit in DRIVES:
+        try:
+            parse_quantity(level, unit)
+        except UnitError as error:
+            problems.append(str(error))
+        else:
+            return
+    raise ValueError(problems[0])

@@ -1,0 +1,67 @@
+"""Several files of one bench as one measurement, in the order in which they were recorded."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from pliant.errors import UserError
+from pliant.records.measurement import MeasuredRun, Measurement
+
+
+def together(measurements: Sequence[Measurement]) -> Measurement:
+    """All runs in order; outputs that only some files have are missing in the others.
+
+    A specimen that stands in several files goes on from one to the next. A run whose name was taken by an earlier
+    file gets its file's name before its own.
+
+    Raises:
+        UserError: files that are driven by different inputs, or whose markers sit at different places.
+    """
+    if len(measurements) == 1:
+        return measurements[0]
+    first = measurements[0]
+    inputs = set(first.runs[0].history.actuation)
+    arms = {m.marker_arms_m for m in measurements if m.marker_arms_m}
+    for other in measurements[1:]:
+        theirs = set(other.runs[0].history.actuation)
+        if theirs != inputs:
+            raise UserError(
+                f"{other.source} is driven by {', '.join(sorted(theirs))}, and {first.source} by "
+                f"{', '.join(sorted(inputs))}; files that are read together need the same inputs."
+            )
+    if len(arms) > 1:
+        raise UserError(
+            f"{' and '.join(m.source for m in measurements)} state different places of their markers; "
+            "files that are read together need the same 'markers'."
+        )
+    outputs = tuple(dict.fromkeys(name for m in measurements for name in m.outputs))
+    runs: list[MeasuredRun] = []
+    for measurement in measurements:
+        taken = {run.name for run in runs}
+        runs += [_joined(run, outputs, taken, Path(measurement.source).stem) for run in measurement.runs]
+    digest = hashlib.sha256("".join(m.sha256 for m in measurements).encode()).hexdigest()
+    return Measurement(
+        tuple(runs),
+        outputs,
+        " + ".join(m.source for m in measurements),
+        tuple(f"{m.source}: {remark}" for m in measurements for remark in m.remarks),
+        next(iter(arms), ()),
+        digest if any(m.sha256 for m in measurements) else "",
+    )
+
+
+def _joined(run: MeasuredRun, outputs: Sequence[str], taken: set[str], stem: str) -> MeasuredRun:
+    """The run with every output, and a name of its own."""
+    missing = np.full(len(run), np.nan)
+    name, number = run.name if run.name not in taken else f"{stem} {run.name}", 2
+    while name in taken:
+        name, number = f"{stem} {run.name} ({number})", number + 1
+    return replace(
+        run.with_outputs({output: run.outputs.get(output, missing) for output in outputs}),
+        history=run.history.with_(run=name),
+    )
