@@ -329,7 +329,7 @@ class CountsSamples(TermGain):
 def _lags(u: float, rate: float, dt: float, p: float, t: float, old: Any, new: Any, c: Any) -> float:
     new[0] = old[0] + 0.2 * (rate - old[0])
     new[1] = new[0] - old[0]
-    return -0.02 * c[0] * new[1]
+    return -0.2 * c[0] * c[0] * new[1]
 
 
 @spoils.by("terms_do_not_count_samples", "a swing of .* differs")
