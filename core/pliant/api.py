@@ -22,6 +22,8 @@ from pydantic import ValidationError
 
 from pliant.calibration.calibration import Calibration
 from pliant.calibration.calibration import calibrate as calibrate_with
+from pliant.calibration.law_of_runs import LawOfRuns
+from pliant.calibration.law_of_runs import law_of_runs as law_of_runs_with
 from pliant.calibration.reading import read_bench_data
 from pliant.config.loading import load_study
 from pliant.config.problems import sentences
@@ -37,6 +39,7 @@ from pliant.evidence.comparison import Comparison
 from pliant.evidence.comparison import compare as compare_with
 from pliant.evidence.measured import measurement_of_study
 from pliant.evidence.prediction import Predictor
+from pliant.experiments.protocols import own_runs
 from pliant.pipeline.meta_model import MetaModelStage, Proposal, Scores, designs_to_solve, meta_model_stage
 from pliant.pipeline.progress import Progress, Silent
 from pliant.pipeline.study import StudyRun, simulate_study
@@ -50,6 +53,8 @@ from pliant.registry.files import with_files
 from pliant.store.store import ArtifactStore
 
 DEFAULT_STORE = Path(".pliant/store")
+# Measurement files, read together in their order; None are those that the study names.
+Data = str | Path | Sequence[str | Path] | None
 
 
 @dataclass(frozen=True)
@@ -148,37 +153,39 @@ def simulate(opened: OpenStudy) -> StudyRun:
     return simulate_study(opened.bench, opened.study)
 
 
-def read_measurement(opened: OpenStudy, data: str | Path | None = None) -> Measurement:
-    """The study's measurements, or another file read by the same settings."""
-    return measurement_of_study(opened.bench, opened.study, None if data is None else Path(data))
+def read_measurement(opened: OpenStudy, data: Data = None) -> Measurement:
+    """The study's measurements, or other files read by the same settings, as one measurement in their order."""
+    files = [data] if isinstance(data, str | Path) else data
+    return measurement_of_study(opened.bench, opened.study, files and [Path(file) for file in files])
 
 
-def predictor(opened: OpenStudy, data: str | Path | None = None) -> Predictor:
+def predictor(opened: OpenStudy, data: Data = None) -> Predictor:
     """The study's model, driven by the measured histories."""
     return Predictor.of_study(opened.bench, opened.study, read_measurement(opened, data))
 
 
-def compare(opened: OpenStudy, data: str | Path | None = None) -> Comparison:
+def compare(opened: OpenStudy, data: Data = None) -> Comparison:
     """Model against measurements: `pliant compare`."""
     model = predictor(opened, data)
     return compare_with(model.measurement, model.predict())
 
 
 def diagnose(
-    opened: OpenStudy, data: str | Path | None = None, *, kinds: Sequence[str] | None = None
+    opened: OpenStudy, data: Data = None, *, kinds: Sequence[str] | None = None
 ) -> Diagnosis:
     """Which physical effect is missing: `pliant diagnose`."""
-    return diagnose_with(predictor(opened, data), kinds=kinds)
+    model = predictor(opened, data)
+    return diagnose_with(model, kinds=kinds, runs=own_runs(opened.study, model.chain, model.measurement))
 
 
-def extend(opened: OpenStudy, kinds: Sequence[str], data: str | Path | None = None) -> Extension:
+def extend(opened: OpenStudy, kinds: Sequence[str], data: Data = None) -> Extension:
     """Effects fitted on top of the study's own, with their uncertainty: `pliant extend`."""
     ground = Ground.of(opened.bench, opened.study, read_measurement(opened, data))
     return extend_with(ground, opened.study.effects, kinds)
 
 
 def improve(
-    opened: OpenStudy, data: str | Path | None = None, *, kinds: Sequence[str] | None = None
+    opened: OpenStudy, data: Data = None, *, kinds: Sequence[str] | None = None
 ) -> Improvement:
     """The whole loop, with runs put aside: `pliant improve`."""
     return improve_with(opened.bench, opened.study, read_measurement(opened, data), kinds=kinds)
@@ -193,3 +200,8 @@ def calibrate(
 ) -> Calibration:
     """Constants of the study's material from a tensile test or a free curve: `pliant calibrate`."""
     return calibrate_with(opened.bench, opened.study, read_bench_data(Path(data), test), fit)
+
+
+def law_of_runs(opened: OpenStudy, data: Data = None, *, held: Sequence[str] = ()) -> LawOfRuns:
+    """The coefficients of the study's stated law from measured runs, its effects in place."""
+    return law_of_runs_with(opened.bench, opened.study, read_measurement(opened, data), held=held)
