@@ -130,13 +130,21 @@ def _same_body(chain: ChainModel, other: ChainModel) -> bool:
     return (
         [id(law) for law in chain.laws] == [id(law) for law in other.laws]
         and chain.actuators == other.actuators
-        and chain.joints is other.joints
-        and chain.bodies is other.bodies
-        and chain.base_rotation is other.base_rotation
-        and chain.base_position_m is other.base_position_m
-        and chain.tip_offset_m is other.tip_offset_m
+        and _alike(chain.joints, other.joints)
+        and _alike(chain.bodies, other.bodies)
+        and np.array_equal(chain.base_rotation, other.base_rotation)
+        and np.array_equal(chain.base_position_m, other.base_position_m)
+        and np.array_equal(chain.tip_offset_m, other.tip_offset_m)
         and [_form(term) for term in chain.terms] == [_form(term) for term in other.terms]
     )
+
+
+def _alike(pieces: Sequence[object], others: Sequence[object]) -> bool:
+    """Whether joints or bodies are the same, number by number: effects that change chains make new ones."""
+    if pieces is others:
+        return True
+    numbers = ((x, vars(b)[name]) for a, b in zip(pieces, others, strict=True) for name, x in vars(a).items())
+    return all(np.array_equal(x, y) for x, y in numbers)
 
 
 def _form(term: LawTerm) -> tuple[object, ...]:
