@@ -8,16 +8,26 @@ from dataclasses import replace
 import numpy as np
 
 from pliant.config.protocols import Level, ProtocolConfig
+from pliant.config.study import Study
 from pliant.errors import UserError, closest
 from pliant.experiments.menu import NEW, SET_UP, STEP_S, MenuRun, RunMaker, Shape
 from pliant.experiments.runs import BUILDERS, TURNING, menu
 from pliant.experiments.scale import BenchScale
 from pliant.experiments.waves import corners
+from pliant.records.chain import ChainModel
 from pliant.records.design import Array
 from pliant.records.history import History
+from pliant.records.measurement import Measurement
 from pliant.units import UnitError, parse_quantity
 
 UNITS = {"_pa": "Pa", "_n": "N", "_m": "m"}
+
+
+def own_runs(study: Study, chain: ChainModel, measurement: Measurement) -> tuple[MenuRun, ...]:
+    """The runs of a study's `protocols`, at the scale of a measurement; none where it has no such block."""
+    if not study.protocols:
+        return ()
+    return runs_of(study.protocols, BenchScale.of_measurement(chain, measurement))
 
 
 def runs_of(protocols: Sequence[ProtocolConfig], scale: BenchScale) -> tuple[MenuRun, ...]:
