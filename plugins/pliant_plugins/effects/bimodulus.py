@@ -59,6 +59,7 @@ class Bimodulus(Effect):
             "by opposite ones."
         ),
         excited_by="vent the chamber and hang the same loads on either side of the joint, one after the other.",
+        where="every family and engine; opposed chambers too, one side then being the softer.",
     )
     exciting: ClassVar[tuple[str, ...]] = ("passive_load_steps", "load_steps", "upside_down")
     config: BimodulusConfig

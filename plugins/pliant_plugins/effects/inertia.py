@@ -64,6 +64,10 @@ class Inertia(Effect):
         excited_by=(
             "step the pressure as fast as the valve allows and record at 50 Hz or more, with and without a payload."
         ),
+        where=(
+            "chains with masses in the quasistatic engine, sampled above twenty times per swing; mujoco accelerates "
+            "masses itself and refuses it (with drag_1_s and joint_damping 0 its chain swings freely)."
+        ),
     )
     exciting: ClassVar[tuple[str, ...]] = ("step_response", "fast_cycles")
     config: InertiaConfig

@@ -65,6 +65,7 @@ class Leak(Effect):
             "only once the valve is closed, and always toward the straight joint."
         ),
         excited_by="fill the chamber, close the valve and record for a minute.",
+        where="families that a pressure drives, every engine; recordings with the column valve_open.",
     )
     exciting: ClassVar[tuple[str, ...]] = ("closed_valve", "holds")
     config: LeakConfig

@@ -69,6 +69,7 @@ class TendonFriction(Effect):
             "pull and release the tendon slowly to a third, two thirds and all of the range, and step a load without "
             "tension; read every joint."
         ),
+        where="families with a tendon (tendon_joint) that pulls one way; engines that follow memory.",
     )
     exciting: ClassVar[tuple[str, ...]] = (
         "slow_cycles",

@@ -61,6 +61,7 @@ class WallThickness(Effect):
             "vent the chamber and step loads of both signs, then hold the joint straight by a load at several "
             "pressures."
         ),
+        where="families with walls, every engine; the exponents are those of bending bellows.",
     )
     exciting: ClassVar[tuple[str, ...]] = ("passive_load_steps", "blocked", "load_steps")
     config: WallThicknessConfig
