@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pickle
 import re
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -18,7 +19,7 @@ from pliant.records.chain import Actuator
 from pliant.records.history import History
 from pliant.registry.component import Component
 from pliant.testing.effect_bench import SIGHTS
-from pliant.testing.samples import linear_law, sample_chain
+from pliant.testing.samples import linear_law, sample_chain, softening_law
 from pliant_plugins.effects.actuation_gain import ActuationGain, ActuationGainConfig
 from pliant_plugins.effects.dead_zone import DeadZone, DeadZoneConfig
 from pliant_plugins.effects.gravity_scale import GravityScale, GravityScaleConfig
@@ -53,6 +54,13 @@ def example(component: Component) -> Effect:
     return effect
 
 
+def suited(component: Component, modules: int = 3) -> Model:
+    """A chain that takes the input that the effect needs."""
+    law = softening_law()
+    needed = type(example(component)).actuation or law.actuation_name
+    return Model(sample_chain(replace(law, actuation_name=needed), modules=modules))
+
+
 def model(*inputs: str) -> Model:
     chain = sample_chain(linear_law(), modules=2)
     actuators = tuple(Actuator(name) for name in inputs or ("pressure_pa",))
@@ -77,7 +85,7 @@ def test_defaults_are_neutral_or_typical_and_bounds_are_the_config_s(component: 
 
 @ALL
 def test_an_effect_with_its_defaults_is_no_effect(component: Component) -> None:
-    plain = Model(sample_chain(modules=3))
+    plain = suited(component)
     absent = component.build(component.config_model()(kind=component.kind)).apply(plain)
     for sight in SIGHTS.values():
         np.testing.assert_array_equal(sight(absent), sight(plain))
@@ -85,7 +93,7 @@ def test_an_effect_with_its_defaults_is_no_effect(component: Component) -> None:
 
 @ALL
 def test_a_model_with_the_effect_travels_to_another_process(component: Component) -> None:
-    changed = example(component).apply(model())
+    changed = example(component).apply(suited(component))
     copy = pickle.loads(pickle.dumps(changed))
     for sight in SIGHTS.values():
         np.testing.assert_array_equal(sight(copy), sight(changed))
