@@ -47,12 +47,26 @@ VALUES: dict[str, dict[str, float]] = {
     "gravity_scale": {"factor": 1.25},
     "sensor_bias": {"bias_rad": 0.03},
 }
+# Kinds that the tests of the diagnosis do not hide in one joint: they need more joints, sensors or runs.
+MORE_VALUES: dict[str, dict[str, float]] = {
+    "wall_thickness": {"ratio": 1.08},
+    "bimodulus": {"asymmetry": 0.2},
+    "leak": {"rate_1_s": 0.05},
+    "inertia": {"scale": 1.0},
+    "base_misalignment": {"pitch_rad": 0.04, "roll_rad": -0.03},
+    "cross_axis": {"turn_rad": 0.15},
+    "inter_module_compliance": {"share": 0.2},
+    "end_restraint": {"base_share": 0.9, "cap_share": 0.8},
+    "sensor_scale": {"excess": 0.06},
+    "sensor_lag": {"time_s": 0.3},
+    "backlash": {"play_rad": 0.03},
+}
 
 
 def effect(kind: str, **values: Any) -> EffectConfig:
-    """The config of an effect; the strength of `VALUES` unless values are given."""
+    """The config of an effect; the strength of `VALUES` or `MORE_VALUES` unless values are given."""
     model = REGISTRY.get("effect", kind).config_model()
-    return model.model_validate({"kind": kind, **(values or VALUES[kind])})  # type: ignore[return-value]
+    return model.model_validate({"kind": kind, **(values or {**VALUES, **MORE_VALUES}[kind])})  # type: ignore[return-value]
 
 
 def joint(modules: int = 1, **chain: Any) -> ChainModel:
