@@ -1,0 +1,157 @@
+"""`inertia`: free swings against closed forms, a chain's lowest swing, MuJoCo's own masses, and who refuses it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.linalg import eigh
+
+from pliant.errors import UserError
+from pliant.interfaces.effect import Model
+from pliant.mechanics.inertia import mass_matrix
+from pliant.pipeline.simulate import check_terms
+from pliant.records.chain import ChainModel
+from pliant.records.design import Array, MassProperties
+from pliant.records.history import History
+from pliant.testing.samples import linear_law, linear_prismatic_law, linear_spherical_law, sample_chain
+from pliant_plugins.effects.inertia import Inertia, InertiaConfig, lumped_inertia
+from pliant_plugins.effects.viscous_damping import ViscousDamping, ViscousDampingConfig
+from pliant_plugins.physics.mujoco.backend import Mujoco
+from pliant_plugins.physics.mujoco.config import MujocoConfig
+from pliant_plugins.physics.quasistatic.backend import Quasistatic
+from pliant_plugins.physics.quasistatic.config import QuasistaticConfig
+
+K, GAIN, P = 0.04, 8e-7, 15e3
+END = GAIN * P / K
+ENGINE = Quasistatic(QuasistaticConfig())
+
+
+def chain_of(modules: int, **chain: object) -> ChainModel:
+    return sample_chain(linear_law(GAIN, K), modules=modules, gravity=(0, 0, 0), **chain)
+
+
+def heavy(chain: ChainModel, scale: float = 1.0) -> ChainModel:
+    return Inertia(InertiaConfig(scale=scale)).apply(Model(chain)).chain
+
+
+def after_a_step(chain: ChainModel, time_s: Array) -> Array:
+    """(t, n) joint angles after the pressure has come within the first step."""
+    run = History.of({"pressure_pa": np.where(time_s > 0.0, P, 0.0)}, time_s)
+    (path,), _ = ENGINE.follow(chain, [run])
+    assert path.converged.all()
+    return path.joint_angles[:, :, 0]
+
+
+def period_of(swing: Array, time_s: Array) -> float:
+    """Mean time between rises through zero, by straight lines between samples."""
+    k = np.flatnonzero((swing[:-1] < 0.0) & (swing[1:] >= 0.0))
+    rises = time_s[k] - swing[k] * (time_s[k + 1] - time_s[k]) / (swing[k + 1] - swing[k])
+    return float(np.diff(rises).mean())
+
+
+# -- closed forms ----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("scale", [0.5, 1.0, 2.0])
+def test_a_joint_swings_at_its_frequency_and_keeps_its_amplitude(scale: float) -> None:
+    """50 samples per period: 2π √(f J / K) within 1 %, and exactly that of Newmark's rule, tan(ω' h/2) = ω h/2."""
+    chain = chain_of(1, payload=0.005)
+    inertia = float(mass_matrix(chain, np.zeros((1, 1)))[0, 0])
+    omega = np.sqrt(K / (scale * inertia))
+    h = 2 * np.pi / omega / 50
+    time_s = h * np.arange(20 * 50 + 26)
+    swing = after_a_step(heavy(chain, scale), time_s)[:, 0] - END
+    period = period_of(swing, time_s)
+    assert period == pytest.approx(2 * np.pi / omega, rel=0.01)
+    assert period == pytest.approx(np.pi * h / np.arctan(omega * h / 2), rel=1e-5)
+    first, last = np.abs(swing[1:101]).max(), np.abs(swing[-100:]).max()
+    assert first == pytest.approx(END, rel=0.01)
+    assert last == pytest.approx(first, rel=2e-3)
+
+
+def test_a_dashpot_beside_it_damps_as_the_oscillator() -> None:
+    """J u'' + T K u' + K u = g p after a step, ζ = T ω / 2 = 0.2; backward rates of the dashpot need fine steps."""
+    chain = chain_of(1)
+    omega = np.sqrt(K / lumped_inertia(chain)[0])
+    damped = ViscousDamping(ViscousDampingConfig(time_s=0.4 / omega)).apply(Model(heavy(chain))).chain
+    time_s = np.linspace(0.0, 12.0 / omega, 4801)
+    ratio, wet = 0.2, omega * np.sqrt(1 - 0.04)
+    exact = END * (
+        1
+        - np.exp(-ratio * omega * time_s)
+        * (np.cos(wet * time_s) + ratio / np.sqrt(1 - 0.04) * np.sin(wet * time_s))
+    )
+    np.testing.assert_allclose(after_a_step(damped, time_s)[:, 0], exact, atol=5e-3 * END)
+
+
+@pytest.mark.parametrize("payload", [0.0, 0.01])
+@pytest.mark.parametrize("modules", [2, 5])
+def test_a_chain_has_the_lowest_swing_of_its_mass_matrix(modules: int, payload: float) -> None:
+    chain = chain_of(modules, payload=payload)
+    lowest = np.sqrt(eigh(K * np.eye(modules), mass_matrix(chain, np.zeros((modules, 1))))[0][0])
+    time_s = np.arange(450) * 2 * np.pi / lowest / 100
+    angle = after_a_step(heavy(chain), time_s).sum(axis=1) - modules * END
+    assert period_of(angle, time_s) == pytest.approx(2 * np.pi / lowest, rel=1e-3)
+
+
+def test_what_is_reached_slowly_and_slow_runs_have_none() -> None:
+    chain, pressures = heavy(chain_of(3)), np.array([0.0, P, 5e3, P])
+    (path,), _ = ENGINE.follow(chain, [History.of({"pressure_pa": pressures})])
+    np.testing.assert_allclose(path.joint_angles[:, 0, 0], GAIN * pressures / K, atol=1e-7)
+    time_s = np.linspace(0.0, 20.0, 201)
+    (path,), _ = ENGINE.follow(chain, [History.of({"pressure_pa": P * time_s / 20.0}, time_s)])
+    np.testing.assert_allclose(path.joint_angles[:, 0, 0], END * time_s / 20.0, atol=2e-3 * END)
+
+
+@pytest.mark.parametrize(
+    ("law", "axis"), [(linear_spherical_law(), 1), (linear_prismatic_law(), 0)], ids=["ball", "slide"]
+)
+def test_one_joint_of_any_kind_has_its_own_inertia(law: object, axis: int) -> None:
+    chain = sample_chain(law, modules=1, payload=0.004)  # type: ignore[arg-type]
+    still = np.zeros((1, len(chain.axes)))
+    assert lumped_inertia(chain) == pytest.approx([mass_matrix(chain, still)[axis, axis]])
+
+
+# -- another engine --------------------------------------------------------------------------------
+
+
+def test_it_is_what_mujoco_has_by_itself() -> None:
+    """One joint with a dashpot after a step, in MuJoCo without its drag: the same swing within 2 % of it."""
+    chain = chain_of(1, payload=0.02)
+    omega = np.sqrt(K / lumped_inertia(chain)[0])
+    damped = ViscousDamping(ViscousDampingConfig(time_s=0.2 / omega)).apply(Model(chain)).chain
+    time_s = np.linspace(0.0, 15.0 / omega, 3001)
+    run = History.of({"pressure_pa": np.where(time_s > 0.0, P, 0.0)}, time_s)
+    free = Mujoco(MujocoConfig(timestep_s=1e-3, joint_damping=0.0, drag_1_s=0.0))
+    (moved,), _ = free.follow(damped, [run])
+    mine = after_a_step(heavy(damped), time_s)[:, 0]
+    assert mine.max() > 1.6 * END
+    np.testing.assert_allclose(mine, moved.joint_angles[:, 0, 0], atol=0.02 * END)
+
+
+def test_engines_that_accelerate_masses_refuse_it() -> None:
+    with pytest.raises(UserError, match="physics 'mujoco' accelerates the chain's masses by itself"):
+        check_terms(Mujoco(MujocoConfig()), heavy(chain_of(2)))
+    check_terms(ENGINE, heavy(chain_of(2)))
+
+
+# -- wrong input -----------------------------------------------------------------------------------
+
+
+def test_a_chain_without_mass_is_refused() -> None:
+    chain = chain_of(3)
+    none = tuple(MassProperties(0.0, body.com_m, np.zeros((3, 3))) for body in chain.bodies)
+    with pytest.raises(UserError, match="'inertia' needs masses, and the chain has none beyond its base"):
+        heavy(chain.with_(bodies=none))
+    heavy(chain.with_(bodies=none, payload_kg=0.01))
+
+
+def test_a_joint_that_is_not_stiff_is_refused() -> None:
+    with pytest.raises(UserError, match="slope .* at rest"):
+        heavy(sample_chain(linear_law(GAIN, -K), modules=2))
+
+
+@pytest.mark.parametrize("scale", [-0.1, 20.1])
+def test_bounds(scale: float) -> None:
+    with pytest.raises(ValueError, match="scale"):
+        InertiaConfig(scale=scale)
