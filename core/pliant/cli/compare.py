@@ -9,11 +9,13 @@ import numpy as np
 import typer
 from rich.table import Table
 
+from pliant.cli.counts import compare_counts_verb
 from pliant.cli.options import DEFAULT_STORE, JsonFile, Overrides, Quiet, StoreFolder, StudyFile
 from pliant.cli.session import Session, check_writable, session
 from pliant.evidence.comparison import Comparison
 from pliant.evidence.comparison import compare as compare_with
 from pliant.evidence.comparison_json import comparison_json
+from pliant.evidence.counted_study import is_counted
 from pliant.evidence.interpretation import interpret
 from pliant.evidence.measured import measurement_of_study
 from pliant.evidence.prediction import Predictor
@@ -32,6 +34,12 @@ ReportFolder = Annotated[
     Path | None,
     typer.Option("--out", metavar="DIR", help="Folder of the report; runs/<name>-compare by default."),
 ]
+Workers = Annotated[
+    int,
+    typer.Option(
+        "--workers", metavar="N", help="Processes that simulate the conditions of a file of counts."
+    ),
+]
 WORST_SHOWN = 5
 
 
@@ -40,6 +48,7 @@ def compare(
     overrides: Overrides = None,
     data: DataFile = None,
     out: ReportFolder = None,
+    workers: Workers = 1,
     store: StoreFolder = DEFAULT_STORE,
     json: JsonFile = None,
     quiet: Quiet = False,
@@ -49,6 +58,10 @@ def compare(
         loaded = here.study(study, overrides)
         folder = out or Path("runs") / f"{loaded.name}-compare"
         bench = here.bench(store)
+        alone = one_file(data)
+        if is_counted(loaded, alone):
+            compare_counts_verb(here, bench, loaded, alone, folder, workers)
+            return
         measurement = measurement_of_study(bench, loaded, data)
         predictor = Predictor.of_study(bench, loaded, measurement)
         check_writable(folder)
@@ -70,6 +83,11 @@ def compare(
         page = write_page(folder, made.html, made.pictures)
         here.result["report"] = str(page)
         here.say(f"report   {page}")
+
+
+def one_file(data: list[Path] | None) -> Path | None:
+    """The first of `--data`, which alone says what kind of file it is."""
+    return data[0] if data else None
 
 
 def _say(here: Session, comparison: Comparison) -> None:

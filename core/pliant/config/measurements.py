@@ -7,6 +7,7 @@ from typing import Annotated
 from pydantic import Field, StringConstraints, model_validator
 
 from pliant.config.chain import Count
+from pliant.config.conditions import Condition, PlausibleRange
 from pliant.interfaces.base import FrozenModel
 from pliant.units import Length, Time
 
@@ -57,6 +58,10 @@ class MeasurementNotes(FrozenModel):
         default=(), description="positions of marker 1, 2, … along the chain at rest, from the base"
     )
     exclude: tuple[ExcludedSpan, ...] = Field(default=(), description="spans or runs that are not used")
+    conditions: dict[Name, Condition] = Field(
+        default_factory=dict,
+        description="of a file of counts: column: key of the task, e.g. {weights: task.extra_weights}",
+    )
 
 
 class MeasurementsConfig(MeasurementNotes):
@@ -66,4 +71,10 @@ class MeasurementsConfig(MeasurementNotes):
     outputs: tuple[Name, ...] = Field(default=(), description="outputs to use; all by default")
     max_samples: Count = Field(
         default=MOST_SAMPLES, ge=1000, description="samples kept of a longer file, thinned evenly per run"
+    )
+    trials: Count = Field(
+        default=10, ge=1, le=10_000, description="trials to simulate for each condition of a file of counts"
+    )
+    plausible: tuple[PlausibleRange, ...] = Field(
+        default=(), description="numbers of the task that may explain counts, for `pliant diagnose`"
     )

@@ -48,7 +48,7 @@ def read_measurement(
             listed), or the chain's inputs or the wanted outputs are not there.
     """
     path = Path(path)
-    notes, notes_name = _notes(path, settings)
+    notes, notes_name = notes_of(path, settings)
     with open_sheet(path) as sheet:
         header = read_header(path, sheet.header, notes, notes_name, actuation)
         gatherer = _gathered(
@@ -64,7 +64,7 @@ def read_measurement(
         return replace(found, sha256=hashlib.file_digest(file, "sha256").hexdigest())
 
 
-def _notes(path: Path, settings: MeasurementsConfig | None) -> tuple[MeasurementNotes, str]:
+def notes_of(path: Path, settings: MeasurementsConfig | None) -> tuple[MeasurementNotes, str]:
     """The notes beside the file with the study's on top, and the name of the file to write notes into."""
     found = [path.with_suffix(ending) for ending in NOTES if path.with_suffix(ending).is_file()]
     beside = [(file, load_notes(file, MeasurementNotes)) for file in found]
@@ -79,6 +79,7 @@ def _notes(path: Path, settings: MeasurementsConfig | None) -> tuple[Measurement
             sigma={**notes.sigma, **settings.sigma},
             markers_m=settings.markers_m or notes.markers_m,
             exclude=(*notes.exclude, *settings.exclude),
+            conditions={**notes.conditions, **settings.conditions},
         )
     # a study of the same stem takes the name: then the notes belong into its `measurements` block
     name = (

@@ -63,11 +63,11 @@ class Here:
 
 
 class Processes:
-    """Processes of our own."""
+    """Processes of our own; `work` is what they do with a job, by default the solution of a design."""
 
-    def __init__(self, workers: int) -> None:
+    def __init__(self, workers: int, work: Callable[[Any], Any] = solve) -> None:
         self.size: int | None = workers
-        self._workers = workers
+        self._workers, self._work = workers, work
         self._open()
 
     def _open(self) -> None:
@@ -76,9 +76,9 @@ class Processes:
         self._theirs: Any = theirs
         self._pool = ProcessPoolExecutor(self._workers, context, _begin, (theirs,))
 
-    def submit(self, job: Job) -> Future[Answer]:
+    def submit(self, job: Any) -> Future[Any]:
         with _one_thread_each(), _deaf_to_interrupts():  # processes are spawned when a job needs one
-            return self._pool.submit(solve, job)
+            return self._pool.submit(self._work, job)
 
     def renew(self) -> bool:
         self.stop(at_once=True)

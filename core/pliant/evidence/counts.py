@@ -1,0 +1,197 @@
+"""A model's trials against counted trials: which conditions disagree beyond chance, and do the repeats agree?
+
+Both sides are finite: s of n measured, t of m simulated. The log-likelihood of a condition is that of the measured
+count given the simulated one (`binomial.log_predictive`); its test is Fisher's exact one, adjusted for the number of
+conditions by Holm. Sets of one condition are tested against each other in the same way: contradictory repeats are a
+finding about the bench, before any about the model.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pliant.evidence.binomial import (
+    Count,
+    chi_square,
+    deviance,
+    fisher_p,
+    holm,
+    log_bayes_factor,
+    log_own,
+    log_predictive,
+    repeats_agree,
+    signed_z,
+    wilson,
+)
+from pliant.records.counts import CountCondition, Counts
+
+LEVEL = 0.05
+
+
+@dataclass(frozen=True)
+class ConditionResult:
+    """One condition.
+
+    Attributes:
+        condition: what was set and measured.
+        simulated: successes and trials of the model.
+        log_likelihood: of the measured count given the simulated one.
+        deviance: twice what the best possible simulated count would gain; ≥ 0.
+        log_bayes_factor: one probability for both over one each; negative speaks against the model.
+        p: Fisher's exact test; `p_adjusted` after Holm over all conditions.
+        z: its normal score, positive where more succeeded than in the model.
+        p_repeats: of the sets having one probability, 1 for a single set; `p_repeats_adjusted` after Holm.
+        share_of_error: of the total deviance.
+    """
+
+    condition: CountCondition
+    simulated: Count
+    log_likelihood: float
+    deviance: float
+    log_bayes_factor: float
+    p: float
+    p_adjusted: float
+    z: float
+    p_repeats: float
+    p_repeats_adjusted: float
+    share_of_error: float
+
+    @property
+    def measured(self) -> Count:
+        """Successes and trials over all sets."""
+        return self.condition.successes, self.condition.trials
+
+    @property
+    def disagrees(self) -> bool:
+        """Whether the model differs from the measurement by more than chance, all conditions being looked at."""
+        return self.p_adjusted < LEVEL
+
+    @property
+    def contradictory(self) -> bool:
+        """Whether the sets of this condition differ by more than chance, all conditions being looked at."""
+        return self.p_repeats_adjusted < LEVEL
+
+    @property
+    def error(self) -> float:
+        """Measured less simulated share of successes."""
+        return self.measured[0] / self.measured[1] - self.simulated[0] / self.simulated[1]
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """95 % of the measured share (Wilson)."""
+        return wilson(self.measured)
+
+
+@dataclass(frozen=True)
+class CountComparison:
+    """All conditions.
+
+    Attributes:
+        conditions: in the file's order.
+        log_likelihood, deviance: sums over the conditions.
+        log_likelihood_own: of a model in which every condition has a probability of its own, uniform: what a model
+            has to beat to say anything.
+        rmse: root mean square of the differences of shares; `bias` their mean.
+        noise_floor: what `rmse` would be on average if model and measurement had the same probabilities.
+        overdispersion: χ² of the repeats per degree of freedom, where at least one condition repeats; else NaN.
+        n_repeated: conditions with more than one set.
+        remarks: of the reader.
+    """
+
+    conditions: tuple[ConditionResult, ...]
+    log_likelihood: float
+    deviance: float
+    log_likelihood_own: float
+    rmse: float
+    bias: float
+    noise_floor: float
+    overdispersion: float
+    n_repeated: int
+    remarks: tuple[str, ...]
+
+    @property
+    def ratio_to_floor(self) -> float:
+        """Error in units of what chance alone would give."""
+        return self.rmse / self.noise_floor
+
+    @property
+    def n_samples(self) -> int:
+        """Measured trials."""
+        return sum(one.measured[1] for one in self.conditions)
+
+    @property
+    def n_effective(self) -> float:
+        """Trials of this worth if sets that scatter more than binomially are worth less."""
+        return self.n_samples / max(1.0, self.overdispersion if np.isfinite(self.overdispersion) else 1.0)
+
+    @property
+    def disagreeing(self) -> tuple[ConditionResult, ...]:
+        """Conditions beyond chance, the worst first."""
+        return tuple(sorted((c for c in self.conditions if c.disagrees), key=lambda c: -c.deviance))
+
+    @property
+    def contradictory(self) -> tuple[ConditionResult, ...]:
+        """Conditions whose repeats contradict each other."""
+        return tuple(c for c in self.conditions if c.contradictory)
+
+
+def compare_counts(counts: Counts, simulated: Sequence[Count]) -> CountComparison:
+    """Measured against simulated counts, condition by condition in the same order."""
+    measured = [(c.successes, c.trials) for c in counts.conditions]
+    adjusted = holm([fisher_p(a, b) for a, b in zip(measured, simulated, strict=True)])
+    sets = [[(one.successes, one.trials) for one in c.sets] for c in counts.conditions]
+    p_sets = [repeats_agree(one) for one in sets]
+    repeated = [k for k, one in enumerate(sets) if len(one) > 1]
+    p_sets_adjusted = dict(zip(repeated, holm([p_sets[k] for k in repeated]), strict=True))
+    deviances = [deviance(a, b) for a, b in zip(measured, simulated, strict=True)]
+    total = sum(deviances)
+    results = tuple(
+        ConditionResult(
+            condition=condition,
+            simulated=b,
+            log_likelihood=log_predictive(a, b),
+            deviance=deviances[k],
+            log_bayes_factor=log_bayes_factor(a, b),
+            p=fisher_p(a, b),
+            p_adjusted=adjusted[k],
+            z=signed_z(a, b),
+            p_repeats=p_sets[k],
+            p_repeats_adjusted=p_sets_adjusted.get(k, 1.0),
+            share_of_error=deviances[k] / total if total > 0 else 0.0,
+        )
+        for k, (condition, a, b) in enumerate(zip(counts.conditions, measured, simulated, strict=True))
+    )
+    errors = np.array([one.error for one in results])
+    return CountComparison(
+        conditions=results,
+        log_likelihood=sum(one.log_likelihood for one in results),
+        deviance=total,
+        log_likelihood_own=sum(log_own(a) for a in measured),
+        rmse=float(np.sqrt(np.mean(errors**2))),
+        bias=float(np.mean(errors)),
+        noise_floor=_floor(measured, simulated),
+        overdispersion=_overdispersion(sets),
+        n_repeated=len(repeated),
+        remarks=counts.remarks,
+    )
+
+
+def _floor(measured: Sequence[Count], simulated: Sequence[Count]) -> float:
+    """Root mean square difference of two shares with one probability p̂ = (s + t + 1) / (n + m + 2) per condition."""
+    variances = []
+    for (s, n), (t, m) in zip(measured, simulated, strict=True):
+        share = (s + t + 1) / (n + m + 2)
+        variances.append(share * (1 - share) * (1 / n + 1 / m))
+    return float(np.sqrt(np.mean(variances)))
+
+
+def _overdispersion(sets: Sequence[Sequence[Count]]) -> float:
+    """Σχ² over degrees of freedom of the conditions that repeat and did not all end alike; 1 is binomial."""
+    informative = [
+        one for one in sets if len(one) > 1 and 0 < sum(s for s, _ in one) < sum(n for _, n in one)
+    ]
+    freedom = sum(len(one) - 1 for one in informative)
+    return sum(chi_square(one) for one in informative) / freedom if freedom else float("nan")

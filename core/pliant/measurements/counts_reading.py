@@ -1,0 +1,335 @@
+"""Read a file of counts: successes of trials under conditions, which are keys of the study's task."""
+
+from __future__ import annotations
+
+import difflib
+import hashlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pydantic import ValidationError
+
+from pliant.config.measurements import MeasurementNotes, MeasurementsConfig
+from pliant.config.problems import sentences
+from pliant.config.task_keys import TaskKey, changed_task, find_key, known_keys, need_key
+from pliant.errors import UserError, closest
+from pliant.interfaces.task import TaskConfig
+from pliant.measurements.columns import ENDINGS, find
+from pliant.measurements.reading import notes_of
+from pliant.measurements.sheet import MISSING, Cells, Sheet, numbers, open_sheet
+from pliant.records.counts import CountCondition, Counts, CountSet
+
+COUNTS = ("successes", "trials")
+TEXTS = ("run", "specimen", "cycle")  # say which set a row is
+EXAMPLE = "run,object,pressure_pa,extra_weights,successes,trials"
+MOST_ROWS = 10_000
+SLIP = 0.75  # likeness of a column's name to a key from which on it is taken for a slip of the pen
+MOST_TRIALS = 1_000_000_000
+SHOWN = {"Pa": (1e-3, "kPa"), "m": (1e3, "mm"), "kg": (1e3, "g"), "s": (1.0, "s"), "N": (1.0, "N")}
+
+
+@dataclass(frozen=True)
+class ConditionOf:
+    """A column that sets a key: how its texts become values. `unit` is what the texts are written in, or ""."""
+
+    column: str
+    key: TaskKey
+    unit: str
+    values: Mapping[str, Any]
+
+
+@dataclass
+class Layout:
+    """Which column is what, by its place in the file."""
+
+    places: dict[str, int] = field(default_factory=dict)
+    conditions: list[ConditionOf] = field(default_factory=list)
+    ignored: list[str] = field(default_factory=list)
+    remarks: list[str] = field(default_factory=list)
+
+
+def holds_counts(path: Path, task: TaskConfig | None, settings: MeasurementsConfig | None = None) -> bool:
+    """Whether a file is one of counts: it has successes or trials, and no readings that the study could be asked for.
+
+    Beside readings, counts are for a study whose task counts trials (then `read_counts` refuses the mixture); a
+    chain's readings are compared and its counts are ignored.
+    """
+    notes, _ = notes_of(path, settings)
+    with open_sheet(path) as sheet:
+        names = [notes.rename.get(name, name).lower() for name in sheet.header]
+    has = any(name in COUNTS for name in names)
+    return has and (not _readings(names) or (task is not None and counts_trials(task)))
+
+
+def counts_trials(task: TaskConfig) -> bool:
+    """Whether a task can be done several times with other random numbers, and counts how often it succeeds."""
+    return {"trials", "seed"} <= set(type(task).model_fields)
+
+
+def read_counts(path: Path | str, task: TaskConfig, settings: MeasurementsConfig | None = None) -> Counts:
+    """Read a counts CSV (docs/measurement_files.md) and the YAML notes of the same stem.
+
+    Args:
+        path: the CSV: columns successes, trials, and one for each condition that was set.
+        task: the study's task; every condition is validated by it.
+        settings: the study's `measurements` block; its entries come before those of the notes.
+
+    Raises:
+        UserError: no such columns, a column that names no key of the task, or rows that cannot be, with their lines.
+    """
+    path = Path(path)
+    notes, notes_name = notes_of(path, settings)
+    with open_sheet(path, EXAMPLE) as sheet:
+        layout = _layout(path, sheet.header, notes, notes_name, type(task))
+        rows = _rows(sheet, layout, task)
+    sheet.problems.raise_if_any()
+    if not rows:
+        raise UserError(f"{path}: the file has a header and no rows.")
+    with path.open("rb") as file:
+        digest = hashlib.file_digest(file, "sha256").hexdigest()
+    return Counts(_conditions(rows, layout), path.name, digest, tuple(layout.remarks))
+
+
+@dataclass(frozen=True)
+class _Row:
+    values: tuple[Any, ...]  # of the conditions, in the layout's order
+    written: tuple[str, ...]
+    one: CountSet
+
+
+def _readings(names: Sequence[str]) -> list[str]:
+    known = {name: find(name) for name in names}
+    return [name for name, column in known.items() if column is not None and column.role == "output"]
+
+
+def _layout(
+    path: Path, header: Sequence[str], notes: MeasurementNotes, notes_name: str, task: type[TaskConfig]
+) -> Layout:
+    """Match the header with what counts need and what the task knows."""
+    _check_notes(path, header, notes, notes_name)
+    if readings := _readings([notes.rename.get(name, name).lower() for name in header]):
+        raise UserError(
+            f"{path}: the file has counts (successes, trials) and readings ({', '.join(readings)}). A row is one or "
+            "the other: put them into two files and compare each."
+        )
+    layout = Layout()
+    taken: dict[tuple[str, ...], str] = {}
+    for place, written in enumerate(header):
+        name = notes.rename.get(written, written)
+        plain = name.lower()
+        layout.places[plain if plain in (*COUNTS, *TEXTS) else written] = place
+        if not name or plain in COUNTS or plain in TEXTS:
+            continue
+        condition = _condition(path, written, name, notes, notes_name, task)
+        if condition is None:
+            layout.ignored.append(written)
+            continue
+        if condition.key.path in taken:
+            raise UserError(
+                f"{path}: columns '{taken[condition.key.path]}' and '{written}' both set {condition.key.dotted}; "
+                "keep one."
+            )
+        taken[condition.key.path] = written
+        layout.conditions.append(condition)
+    _check_layout(path, layout, header)
+    return layout
+
+
+def _condition(
+    path: Path,
+    written: str,
+    name: str,
+    notes: MeasurementNotes,
+    notes_name: str,
+    task: type[TaskConfig],
+) -> ConditionOf | None:
+    """What a column sets; None for one that is ignored. A dotted name or a near miss of a key is a slip of the pen."""
+    unit = notes.units.get(written, notes.units.get(name, ""))
+    stated = notes.conditions.get(written, notes.conditions.get(name))
+    if stated is not None:
+        key = need_key(task, stated.key, ENDINGS, f"{notes_name}: 'conditions' gives '{written}' the key")
+        return ConditionOf(written, key, unit or key.unit, stated.values)
+    found = find_key(task, name, ENDINGS)
+    if found is not None:
+        return ConditionOf(written, found, unit or found.unit, {})
+    known = [key.removeprefix("task.") for key in known_keys(task)]
+    slip = difflib.get_close_matches(name.lower(), known, n=1, cutoff=SLIP)
+    if find(name.lower()) is None and ("." in name or slip):
+        need_key(task, name, ENDINGS, f"{path}: there is a column")
+    return None
+
+
+def _check_notes(path: Path, header: Sequence[str], notes: MeasurementNotes, notes_name: str) -> None:
+    renamed = {notes.rename.get(name, name) for name in header}
+    for block, names in (
+        ("rename", notes.rename),
+        ("units", notes.units),
+        ("conditions", notes.conditions),
+    ):
+        for name in names:
+            if name not in header and (block == "rename" or name not in renamed):
+                raise UserError(
+                    f"{notes_name}: '{block}' has '{name}', which is not a column of {path.name}"
+                    f"{closest(name, sorted(header))}"
+                )
+
+
+def _check_layout(path: Path, layout: Layout, header: Sequence[str]) -> None:
+    """Refuse a file without counts; say what is ignored."""
+    for name in COUNTS:
+        if name not in layout.places:
+            other = "trials" if name == "successes" else "successes"
+            hint = closest(name, [n.lower() for n in header])
+            raise UserError(
+                f"{path}: a file of counts has the columns 'successes' and 'trials', and '{name}' is not there"
+                f"{hint} Without '{name}' nobody can tell what '{other}' means."
+            )
+    if layout.ignored:
+        names = ", ".join(f"'{name}'" for name in layout.ignored)
+        layout.remarks.append(
+            f"Columns that are no key of the task are ignored: {names}. Rows that differ in nothing else are taken as "
+            "repeats; 'conditions' in the notes says which key a column sets."
+        )
+    if not layout.conditions:
+        layout.remarks.append(
+            "No column sets a condition: all rows are repeats of the study's task as it is."
+        )
+
+
+def _rows(sheet: Sheet, layout: Layout, task: TaskConfig) -> list[_Row]:
+    rows: list[_Row] = []
+    known: dict[tuple[str, ...], tuple[Any, ...] | None] = {}
+    for block in sheet.blocks():
+        columns = [block.columns[layout.places[c.column]] for c in layout.conditions]
+        cells = [block.columns[layout.places[name]] for name in COUNTS]
+        counts = [
+            numbers(c, block.lines, name, sheet.problems) for c, name in zip(cells, COUNTS, strict=True)
+        ]
+        names = _names(block.columns, layout, len(block.lines))
+        for k, line in enumerate(block.lines.tolist()):
+            blank = [n for n, c in zip(COUNTS, cells, strict=True) if c[k].strip().lower() in MISSING]
+            for name in blank:
+                sheet.problems.add(line, f"column {name} is blank; a row needs both counts")
+            one = _set(names[k], float(counts[0][k]), float(counts[1][k]), line, sheet)
+            texts = tuple(column[k].strip() for column in columns)
+            if texts not in known:
+                known[texts] = _values(texts, layout, task, line, sheet)
+            values = known[texts]
+            if one is not None and values is not None:
+                rows.append(_Row(values, texts, one))
+        if len(rows) > MOST_ROWS:
+            raise UserError(
+                f"{sheet.path}: more than {MOST_ROWS} rows of counts; add up the trials of each set."
+            )
+    return rows
+
+
+def _names(columns: Sequence[Cells], layout: Layout, count: int) -> list[str]:
+    """What names each row: its run, specimen and cycle."""
+    texts = [columns[layout.places[name]] for name in TEXTS if name in layout.places]
+    return [" ".join(filter(None, (column[k].strip() for column in texts))) for k in range(count)]
+
+
+def _set(name: str, successes: float, trials: float, line: int, sheet: Sheet) -> CountSet | None:
+    """The row's count; None where it cannot be. What is no number was told before, the rest is told here."""
+    if not np.isfinite([successes, trials]).all():
+        return None
+    problem = ""
+    for label, value in zip(COUNTS, (successes, trials), strict=True):
+        if value != int(value):
+            problem = problem or f"column {label} is {value:g}; a count is a whole number"
+        elif value < 0:
+            problem = problem or f"column {label} is {value:g}; a count is not negative"
+    if not problem and trials == 0:
+        problem = "column trials is 0; a row without trials says nothing, leave it out"
+    if not problem and trials > MOST_TRIALS:
+        problem = f"column trials is {trials:g}; that is more than anybody counts"
+    if not problem and successes > trials:
+        problem = f"{successes:g} successes are more than {trials:g} trials; are the columns exchanged?"
+    if problem:
+        sheet.problems.add(line, problem)
+        return None
+    return CountSet(name, int(successes), int(trials), line)
+
+
+def _values(
+    texts: Sequence[str], layout: Layout, task: TaskConfig, line: int, sheet: Sheet
+) -> tuple[Any, ...] | None:
+    """The values that a row's texts mean, as the task understands them; None where one cannot be, which is told."""
+    changes: dict[str, Any] = {}
+    for text, condition in zip(texts, layout.conditions, strict=True):
+        if text.lower() in MISSING:
+            sheet.problems.add(line, f"column {condition.column} is blank; write the value that was set")
+            return None
+        if condition.values and text not in condition.values:
+            listed = ", ".join(condition.values)
+            sheet.problems.add(
+                line,
+                f"column {condition.column} is '{text}', for which 'conditions' gives no value"
+                f"{closest(text, condition.values)} It has {listed}",
+            )
+            return None
+        value = condition.values[text] if condition.values else _typed(text, condition.unit)
+        changes[condition.key.dotted] = value
+    try:
+        changed_task(task, changes)
+    except ValidationError as error:
+        for sentence in sentences(error, type(task), lambda at: "", ("task",)).splitlines():
+            sheet.problems.add(line, sentence.rstrip("."))
+        return None
+    return tuple(changes.values())
+
+
+def _typed(text: str, unit: str) -> Any:
+    if unit:
+        return f"{text} {unit}"
+    for kind in (int, float):
+        try:
+            return kind(text)
+        except ValueError:
+            continue
+    return text
+
+
+def _conditions(rows: Sequence[_Row], layout: Layout) -> tuple[CountCondition, ...]:
+    """Rows of one condition together, in the order of their first rows."""
+    together: dict[str, list[_Row]] = {}
+    for row in rows:
+        together.setdefault(repr(row.values), []).append(row)
+    varying = [
+        len({repr(row.values[k]) for row in rows}) > 1 or len(layout.conditions) == 1
+        for k in range(len(layout.conditions))
+    ]
+    found = []
+    for group in together.values():
+        keys = [condition.key.dotted for condition in layout.conditions]
+        told = [
+            _said(condition, text)
+            for condition, text, varies in zip(layout.conditions, group[0].written, varying, strict=True)
+            if varies
+        ]
+        sets = tuple(
+            CountSet(row.one.name or f"set {number}", row.one.successes, row.one.trials, row.one.line)
+            for number, row in enumerate(group, start=1)
+        )
+        changes = dict(zip(keys, group[0].values, strict=True))
+        found.append(CountCondition(changes, ", ".join(told) or "the task as it is", sets))
+    return tuple(found)
+
+
+def _said(condition: ConditionOf, text: str) -> str:
+    """A condition for people: ``cylinder``, ``13 kPa``, ``2 extra weights``."""
+    label = condition.key.path[-1].replace("_", " ")
+    if condition.unit:
+        return f"{text} {condition.unit}"
+    try:
+        value = float(text)
+    except ValueError:
+        return text
+    if condition.key.si in SHOWN:
+        factor, unit = SHOWN[condition.key.si]
+        return f"{factor * value:g} {unit}"
+    return f"{value:g} {label}"

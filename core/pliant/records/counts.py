@@ -1,0 +1,64 @@
+"""Counts: how often something succeeded under conditions that were set."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+
+@dataclass(frozen=True)
+class CountSet:
+    """One row of a counts file: `successes` of `trials`, done in one go; `line` in the file, 0 in memory."""
+
+    name: str
+    successes: int
+    trials: int
+    line: int = 0
+
+
+@dataclass(frozen=True)
+class CountCondition:
+    """What was done, and how often it succeeded.
+
+    Attributes:
+        changes: study key (``task.pressure_pa``) → value that was set, in the order of the file's columns.
+        words: the condition for people, "cylinder, 13 kPa, 2 extra weights".
+        sets: the rows of this condition, in the file's order; more than one are repeats of each other.
+    """
+
+    changes: Mapping[str, Any]
+    words: str
+    sets: tuple[CountSet, ...]
+
+    @property
+    def successes(self) -> int:
+        """Over all sets."""
+        return sum(one.successes for one in self.sets)
+
+    @property
+    def trials(self) -> int:
+        """Over all sets."""
+        return sum(one.trials for one in self.sets)
+
+
+@dataclass(frozen=True)
+class Counts:
+    """A counts file.
+
+    Attributes:
+        conditions: in the file's order.
+        source: the file's name, for messages.
+        sha256: of its content; empty for data made in memory.
+        remarks: what the reader did or noticed, in sentences.
+    """
+
+    conditions: tuple[CountCondition, ...]
+    source: str = ""
+    sha256: str = ""
+    remarks: tuple[str, ...] = ()
+
+    @property
+    def trials(self) -> int:
+        """Over all conditions."""
+        return sum(condition.trials for condition in self.conditions)
