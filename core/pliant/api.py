@@ -156,7 +156,9 @@ def simulate(opened: OpenStudy) -> StudyRun:
 def read_measurement(opened: OpenStudy, data: Data = None) -> Measurement:
     """The study's measurements, or other files read by the same settings, as one measurement in their order."""
     files = [data] if isinstance(data, str | Path) else data
-    return measurement_of_study(opened.bench, opened.study, files and [Path(file) for file in files])
+    return measurement_of_study(
+        opened.bench, opened.study, None if files is None else [Path(file) for file in files]
+    )
 
 
 def predictor(opened: OpenStudy, data: Data = None) -> Predictor:
@@ -170,9 +172,7 @@ def compare(opened: OpenStudy, data: Data = None) -> Comparison:
     return compare_with(model.measurement, model.predict())
 
 
-def diagnose(
-    opened: OpenStudy, data: Data = None, *, kinds: Sequence[str] | None = None
-) -> Diagnosis:
+def diagnose(opened: OpenStudy, data: Data = None, *, kinds: Sequence[str] | None = None) -> Diagnosis:
     """Which physical effect is missing: `pliant diagnose`."""
     model = predictor(opened, data)
     return diagnose_with(model, kinds=kinds, runs=own_runs(opened.study, model.chain, model.measurement))
@@ -184,9 +184,7 @@ def extend(opened: OpenStudy, kinds: Sequence[str], data: Data = None) -> Extens
     return extend_with(ground, opened.study.effects, kinds)
 
 
-def improve(
-    opened: OpenStudy, data: Data = None, *, kinds: Sequence[str] | None = None
-) -> Improvement:
+def improve(opened: OpenStudy, data: Data = None, *, kinds: Sequence[str] | None = None) -> Improvement:
     """The whole loop, with runs put aside: `pliant improve`."""
     return improve_with(opened.bench, opened.study, read_measurement(opened, data), kinds=kinds)
 

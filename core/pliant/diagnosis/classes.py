@@ -19,6 +19,9 @@ from pliant.diagnosis.table import Kinds
 from pliant.records.design import Array
 from pliant.registry.discovery import Registry
 
+# Eigenvalues below this share of the largest are directions that are not there.
+FLAT = 1e-10
+
 
 @dataclass(frozen=True)
 class EffectClass:
@@ -65,6 +68,84 @@ def connected(kinds: Iterable[str], pairs: Sequence[LookAlike]) -> tuple[Kinds, 
     return tuple(sorted(classes, key=lambda kinds: (-len(kinds), kinds)))
 
 
+@dataclass(frozen=True, eq=False)
+class Overlaps:
+    """Sums of products of what effects change, and of their slopes, over independent readings.
+
+    Attributes:
+        columns: for each kind the place of its change and those of its slopes in `whole`.
+        measured: (c, c) of the runs that were measured; zeros without any.
+        of_run: (c, c) of each run of the menu.
+        readings: independent readings that were measured, and of each run of the menu.
+    """
+
+    columns: Mapping[str, tuple[int, ...]]
+    measured: Array
+    of_run: tuple[Array, ...]
+    readings: tuple[float, tuple[float, ...]]
+
+    @staticmethod
+    def of(
+        view: MenuView,
+        changes: Mapping[str, Look],
+        found: Mapping[str, Excitation] | None = None,
+        n_effective: float = 0.0,
+    ) -> Overlaps:
+        """Of these changes in the menu, and of the excitations under the measured runs where they are given."""
+        columns, at = {}, 0
+        for kind, look in changes.items():
+            columns[kind] = tuple(range(at, at + 1 + look.slopes.shape[1]))
+            at += 1 + look.slopes.shape[1]
+        table = np.column_stack([np.column_stack([look.values, look.slopes]) for look in changes.values()])
+        rows = [view.rows([k]) for k in range(len(view.runs))]
+        of_run = tuple((table[r] * view.worth[r, None]).T @ table[r] for r in rows)
+        measured = np.zeros((at, at))
+        if found is not None:
+            old = np.column_stack([np.column_stack([found[k].change, found[k].slopes]) for k in changes])
+            measured = n_effective / len(old) * old.T @ old
+        worth = tuple(float(view.worth[r].sum()) for r in rows)
+        return Overlaps(columns, measured, of_run, (n_effective, worth))
+
+    def parts(self, kinds: Sequence[str], chosen: Sequence[int]) -> tuple[Kinds, ...]:
+        """What these kinds fall into once the chosen runs are there beside the measured ones, the largest first.
+
+        Kinds that change nothing in any of these runs stay together.
+        """
+        whole = self.measured + sum((self.of_run[k] for k in chosen), np.zeros_like(self.measured))
+        n = self.readings[0] + sum(self.readings[1][k] for k in chosen)
+        alike = [
+            LookAlike(a, b, 0.0)
+            for a in kinds
+            for b in kinds
+            if a != b and self._apart(whole, n, a, b) < SEPARABLE
+        ]
+        joined = connected(kinds, alike)
+        alone = [(kind,) for kind in sorted(kinds) if not any(kind in part for part in joined)]
+        return (*joined, *alone)
+
+    def snr(self, kind: str, run: int) -> float:
+        """RMS change of a run's readings over their noise."""
+        change = self.columns[kind][0]
+        return float(np.sqrt(self.of_run[run][change, change] / max(self.readings[1][run], 1e-12)))
+
+    def _apart(self, whole: Array, n: float, a: str, b: str) -> float:
+        """n · SNR² · unexplained share: squares of a's change, at a typical strength, that b cannot imitate."""
+        change = self.columns[a][0]
+        square = float(whole[change, change])
+        snr = np.sqrt(square / max(n, 1e-12))
+        if snr <= 0.0:
+            return 0.0
+        basis = [k for k in self.columns[b] if whole[k, k] > 0.0]
+        left = square
+        if basis:
+            size = np.sqrt(np.diag(whole)[basis])
+            values, vectors = np.linalg.eigh(whole[np.ix_(basis, basis)] / np.outer(size, size))
+            along = vectors.T @ (whole[change, basis] / size)
+            felt = values > FLAT * values.max()
+            left = max(square - float(np.sum(along[felt] ** 2 / values[felt])), 0.0)
+        return left * float(min(snr, TYPICAL_SNR) / snr) ** 2
+
+
 def split_classes(
     registry: Registry,
     view: MenuView,
@@ -85,7 +166,8 @@ def split_classes(
     if not kinds:
         return ()
     changes = menu_changes(registry, view, {kind: found[kind] for kind in kinds})
-    return tuple(_split(one, view, found, changes, n_effective) for one in classes)
+    overlaps = Overlaps.of(view, changes, found, n_effective)
+    return tuple(_split(one, view, overlaps) for one in classes)
 
 
 def menu_changes(registry: Registry, view: MenuView, found: Mapping[str, Excitation]) -> dict[str, Look]:
@@ -101,58 +183,12 @@ def menu_changes(registry: Registry, view: MenuView, found: Mapping[str, Excitat
     return changes
 
 
-def _split(
-    kinds: Kinds, view: MenuView, found: Mapping[str, Excitation], changes: Mapping[str, Look], n: float
-) -> EffectClass:
+def _split(kinds: Kinds, view: MenuView, overlaps: Overlaps) -> EffectClass:
     best = EffectClass(kinds, parts=(kinds,))
-    rank: tuple[float, ...] = (1.0, 0.0)
+    rank: tuple[float, float] = (1.0, 0.0)
     for index, run in enumerate(view.runs):
-        parts = parts_after(kinds, view, [index], changes, found, n)
+        parts = overlaps.parts(kinds, [index])
         here = (float(len(parts)), -run.minutes)
         if len(parts) > 1 and here > rank:
             best, rank = EffectClass(kinds, run.name, run.words, run.minutes, parts), here
     return best
-
-
-def parts_after(
-    kinds: Sequence[str],
-    view: MenuView,
-    chosen: Sequence[int],
-    changes: Mapping[str, Look],
-    found: Mapping[str, Excitation] | None = None,
-    n: float = 0.0,
-) -> tuple[Kinds, ...]:
-    """The parts that these kinds fall into once the chosen runs of the menu are there beside the measured ones.
-
-    Kinds that change nothing in any of these runs stay together.
-    """
-    rows = view.rows(chosen)
-    root = np.sqrt(view.worth[rows])
-    vectors = {}
-    for kind in kinds:
-        change, slopes = changes[kind].values[rows] * root, changes[kind].slopes[rows] * root[:, None]
-        size = np.sqrt(float(change @ change) / max(float(view.worth[rows].sum()), 1e-12))
-        if found is not None:
-            old, share = found[kind], np.sqrt(n / len(found[kind].change))
-            change = np.concatenate([change, share * old.change])
-            slopes = np.concatenate([slopes, share * old.slopes])
-            size = max(old.snr, size)
-        vectors[kind] = (change, slopes, size)
-    apart = {(a, b): _distance(vectors[a], vectors[b]) >= SEPARABLE for a in kinds for b in kinds if a != b}
-    pairs = [LookAlike(a, b, 0.0) for (a, b), split in apart.items() if not split]
-    whole = connected(kinds, pairs)
-    alone = [(kind,) for kind in kinds if not any(kind in part for part in whole)]
-    return (*whole, *alone)
-
-
-def _distance(a: tuple[Array, Array, float], b: tuple[Array, Array, float]) -> float:
-    """n · SNR² · unexplained share: Σ of squares of a's change, at a typical strength, that b cannot imitate."""
-    change, _, size = a
-    if size <= 0.0:
-        return 0.0
-    basis = np.column_stack([b[0], b[1]])
-    basis = basis[:, np.abs(basis).max(axis=0, initial=0.0) > 0.0]
-    target = change * min(size, TYPICAL_SNR) / size
-    if basis.shape[1]:
-        target = target - basis @ np.linalg.lstsq(basis, target, rcond=1e-8)[0]
-    return float(target @ target)

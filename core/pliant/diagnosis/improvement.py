@@ -18,6 +18,7 @@ from pliant.config.study import Study
 from pliant.diagnosis.diagnosis import Diagnosis, diagnose
 from pliant.diagnosis.extension import Extension, Ground, extend
 from pliant.diagnosis.locked import Locked, lock
+from pliant.diagnosis.next_run import NextRun
 from pliant.diagnosis.noise import noise_view
 from pliant.diagnosis.scores import Residuals, Score, score
 from pliant.diagnosis.search import Tick
@@ -27,6 +28,7 @@ from pliant.evidence.comparison import compare
 from pliant.evidence.interpretation import interpret
 from pliant.evidence.prediction import Predictor
 from pliant.evidence.words import listed, number
+from pliant.experiments.protocols import own_runs
 from pliant.interfaces.effect import EffectConfig
 from pliant.measurements.floors import Floor
 from pliant.measurements.repeats import repeat_groups
@@ -76,6 +78,7 @@ class Improvement:
         floors: by output, of all runs.
         final: the last fit, with its uncertainty; None where no effect was added.
         remarks: what limits the result, in sentences.
+        next_run: what the last diagnosis proposes to measure.
     """
 
     steps: tuple[Step, ...]
@@ -86,6 +89,7 @@ class Improvement:
     judged: bool
     final: Extension | None
     remarks: tuple[str, ...]
+    next_run: NextRun | None = None
 
     @property
     def scored_on(self) -> str:
@@ -151,6 +155,7 @@ class _Walk:
         self.effects = study.effects
         self.added: list[str] = []
         self.not_tried: tuple[str, ...] = ()
+        self.next_run: NextRun | None = None
         plain = self.ground.residuals(self.effects)
         self.drafts = [_Draft((), self.effects, self._seen(), self._everywhere(self.effects), plain)]
 
@@ -193,7 +198,9 @@ class _Walk:
     def _diagnose(self) -> Diagnosis:
         study = self.study.model_copy(update={"effects": self.effects})
         predictor = Predictor.of_study(self.bench, study, self.locked.training)
-        found = diagnose(predictor, kinds=self.kinds, tick=self.tick)
+        own = own_runs(study, predictor.chain, predictor.measurement)
+        found = diagnose(predictor, kinds=self.kinds, runs=own, tick=self.tick)
+        self.next_run = found.next_run
         self.not_tried = found.not_tried
         return found
 
@@ -284,7 +291,15 @@ def _told(walk: _Walk, stop: str, reason: str, final: Extension | None) -> Impro
             "Without repeats or a stated sigma the floor holds fast noise only: an error above it may still be noise."
         )
     return Improvement(
-        tuple(steps), stop, reason, walk.locked, noise.floors, noise.judged, final, tuple(remarks)
+        tuple(steps),
+        stop,
+        reason,
+        walk.locked,
+        noise.floors,
+        noise.judged,
+        final,
+        tuple(remarks),
+        walk.next_run,
     )
 
 

@@ -25,7 +25,8 @@ def measurement_of_study(
 ) -> Measurement:
     """Read the study's `measurements`, or `data` with the block's renames, units and sigmas.
 
-    Several files are one measurement, in their order.
+    Several files are one measurement, in their order: the block's renames, units and sigmas hold for all of them, its
+    exclusions for the first.
 
     The ranges that the model knows (its laws' domains, the chain's length) are used to notice a wrong unit.
 
@@ -40,8 +41,8 @@ def measurement_of_study(
         )
     files = [data] if isinstance(data, Path) else list(data or ())
     blocks = [settings] if settings is not None and not files else []
-    for file in files:
-        given = {"file": str(file)}
+    for number, file in enumerate(files):
+        given: dict[str, object] = {"file": str(file)} | ({"exclude": ()} if number else {})
         blocks.append(settings.model_copy(update=given) if settings else MeasurementsConfig(file=str(file)))
     chain = chain_of_study(bench, study).chain
     return together(

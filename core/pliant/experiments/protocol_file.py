@@ -1,0 +1,139 @@
+"""A run as a file for the bench: what to do at which time, with blank columns for what is read.
+
+Filled in, it is a measurement file like any other; with the old file it is one measurement:
+``pliant diagnose STUDY.yaml --data old.csv --data next_run.csv``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from pliant.config.measurements import MeasurementNotes
+from pliant.errors import UserError
+from pliant.experiments.menu import MenuRun
+from pliant.measurements.assembly import BASE, FORCES
+from pliant.measurements.columns import conversion, unit_of
+from pliant.records.design import Array
+from pliant.records.measurement import Measurement
+from pliant.store.store import write_atomically
+
+# Digits after which nobody sets a supply.
+DIGITS = 7
+
+
+def write_protocol(
+    path: Path,
+    run: MenuRun,
+    outputs: Sequence[str],
+    *,
+    measurement: Measurement | None = None,
+    notes: MeasurementNotes | None = None,
+    study: str = "STUDY.yaml",
+) -> None:
+    """Write the run as a CSV whose comments are the order in words.
+
+    Args:
+        path: the file.
+        run: what to do.
+        outputs: what is read in every run; what this run adds comes beside them.
+        measurement: the old one, so that the run and a new specimen get names of their own.
+        notes: the study's renames and units, in which the file is written, because it will be read by them.
+        study: its file, for the sentence on how to go on.
+
+    Raises:
+        UserError: the file cannot be written.
+    """
+    notes = notes or MeasurementNotes()
+    columns = _columns(run, outputs)
+    written = {name: kept for kept, name in notes.rename.items()}
+    texts = {"run": _run_name(run, measurement), "specimen": _specimen(run, measurement)}
+    header = [written.get(name, name) for name in (*texts, *columns)]
+    values = [_in_unit(written.get(name, name), name, column, notes) for name, column in columns.items()]
+    blank = [name for name in (*notes.rename, *notes.units) if name not in header]
+    blank = [name for name in dict.fromkeys(blank) if notes.rename.get(name, name) not in (*texts, *columns)]
+    start = ",".join(_quoted(text) for text in texts.values())
+    lines = [f"# {line}" for line in order(run, outputs, measurement, path.name, study)]
+    lines.append(",".join([*header, *blank]))
+    for row in zip(*(column.tolist() for column in values), strict=True):
+        cells = ("" if value != value else repr(float(f"{value:.{DIGITS}g}")) for value in row)
+        lines.append(",".join([start, *cells, *("" for _ in blank)]))
+    try:
+        write_atomically(path, "\n".join(lines) + "\n")
+    except OSError as error:
+        raise UserError(f"{path} cannot be written ({error.strerror}); choose another folder.") from None
+
+
+def order(
+    run: MenuRun, outputs: Sequence[str], measurement: Measurement | None, file: str, study: str
+) -> list[str]:
+    """The order in words, one sentence a line."""
+    history = run.history
+    temperature, angles = float(history.temperature_c[0]), np.rad2deg(history.base_angles_rad[0])
+    lines = [
+        f"Run '{run.name}': {run.words}.",
+        f"About {run.minutes:g} min with setting up{f'; needs {run.needs}' if run.needs else ''}.",
+        "Specimen: a new one, never loaded before."
+        if run.new_specimen
+        else "Specimen: the one that was measured.",
+        f"Temperature {temperature:g} °C; base roll {angles[0]:g}°, pitch {angles[1]:g}°, yaw {angles[2]:g}°.",
+        f"Read {', '.join(dict.fromkeys((*outputs, *run.adds)))} at these times and fill in the blank columns; write "
+        "down the drive, the load and the temperature as they were, where they differ.",
+    ]
+    if np.any(history.moment_n_m):
+        lines.append("moment_n_m opposes the drive's torque; negative pushes along with it.")
+    if history.valve_open is not None:
+        lines.append("valve_open is 0 where the valve at the specimen is closed.")
+    old = "OLD.csv" if measurement is None or not measurement.source else measurement.source.split(" + ")[0]
+    before = f" --data {old}" if measurement is not None else ""
+    return [*lines, f"Then: pliant diagnose {study}{before} --data {file}"]
+
+
+def _columns(run: MenuRun, outputs: Sequence[str]) -> dict[str, Array]:
+    """Time, inputs, loads and conditions, then blank outputs; loads and turns that never act are left out."""
+    history, missing = run.history, np.full(len(run.history), np.nan)
+    forces = dict(zip(FORCES, history.tip_force_n.T, strict=True))
+    turns = dict(zip(BASE, history.base_angles_rad.T, strict=True))
+    found = {} if history.time_s is None else {"time_s": history.time_s}
+    found |= dict(history.actuation)
+    found |= {name: row for name, row in {"moment_n_m": history.moment_n_m, **forces}.items() if np.any(row)}
+    if history.payload_kg is not None:
+        found["payload_kg"] = history.payload_kg
+    if history.valve_open is not None:
+        found["valve_open"] = history.valve_open
+    found["temperature_c"] = history.temperature_c
+    found |= {name: row for name, row in turns.items() if np.any(row)}
+    return found | dict.fromkeys((*outputs, *run.adds), missing)
+
+
+def _in_unit(written: str, name: str, values: Array, notes: MeasurementNotes) -> Array:
+    """Values in the unit in which a column of this name will be read."""
+    unit = notes.units.get(written, notes.units.get(name))
+    if unit is None or not unit_of(name):
+        return values
+    scale, shift = conversion(unit, unit_of(name), written)
+    return (values - shift) / scale
+
+
+def _run_name(run: MenuRun, measurement: Measurement | None) -> str:
+    taken = {one.name for one in measurement.runs} if measurement is not None else set()
+    name, number = run.name, 2
+    while name in taken:
+        name, number = f"{run.name} {number}", number + 1
+    return name
+
+
+def _specimen(run: MenuRun, measurement: Measurement | None) -> str:
+    if not run.new_specimen:
+        return run.history.specimen
+    taken = {one.history.specimen for one in measurement.runs} if measurement is not None else set()
+    name, number = "new", 2
+    while name in taken:
+        name, number = f"new {number}", number + 1
+    return name
+
+
+def _quoted(text: str) -> str:
+    return '"' + text.replace('"', '""') + '"' if any(mark in text for mark in ',"\n') else text
