@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pliant.diagnosis.candidates import Candidate
+from pliant.diagnosis.classes import classes_of
 from pliant.diagnosis.excitation import (
     Detectable,
     Excitation,
@@ -54,6 +55,7 @@ class Diagnosis:
         noise: as the residuals of the best hypothesis show it.
         not_excited: kinds that these runs could not show, each with the run that would.
         indistinguishable: pairs that these runs cannot separate.
+        classes: excited effects that none of these runs tells apart, by inputs and model alone.
         detectable: smallest strengths that would be found.
         depends_on: what the unexplained residual depends on, the most important first.
         next_run: what to do next, where something is open.
@@ -71,6 +73,7 @@ class Diagnosis:
     noise: NoiseView
     not_excited: Mapping[str, str]
     indistinguishable: tuple[LookAlike, ...]
+    classes: tuple[Kinds, ...]
     detectable: tuple[Detectable, ...]
     depends_on: Mapping[str, float]
     circumstances: Mapping[str, str]
@@ -150,6 +153,7 @@ def diagnose(
         noise=table.noise,
         not_excited=_ways_to_excite(view, registry, shown, silent),
         indistinguishable=look_alikes(shown, search.fits, n),
+        classes=classes_of({kind: one for kind, one in shown.items() if kind not in silent}, n),
         detectable=detectable(shown, n, prices),
         depends_on=importance(residuals, found, dict(scales)),
         circumstances={item.name: item.shown.label for item in found.items},

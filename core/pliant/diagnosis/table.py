@@ -72,7 +72,8 @@ class Prices:
         effect: log-odds that each further effect costs, beside the ½ ln n_eff of each parameter (Schwarz 1978).
         unknown: log-odds of "an effect outside the list", which may reach the noise floor with any form.
         form: share of what a hypothesis explains that may be left over because its equation is an idealisation:
-            a further effect, or an unknown one, must explain more than that.
+            a further effect must explain more than that.
+        form_unknown: that share beside an effect outside the list, which could have any form.
         temper: log-evidence is divided by this: forms and noise models are never quite right.
         believed: probability above which the first hypothesis is the verdict.
         slip: between / within scatter from which runs do not repeat.
@@ -81,9 +82,10 @@ class Prices:
             that an effect is paid only for what it explains beyond that.
     """
 
-    effect: float = 7.0
+    effect: float = 4.5
     unknown: float = 30.0
     form: float = 0.03
+    form_unknown: float = 0.08
     temper: float = 2.0
     believed: float = 0.9
     slip: float = 1.5
@@ -100,8 +102,8 @@ def log_evidence(table: EvidenceTable, prices: Prices) -> dict[Kinds, float]:
     """ln P(data | hypothesis) + ln prior of each row, up to a constant, and of `UNKNOWN` where it can be judged.
 
     −½ n_eff ln S* − ½ k ln n_eff − price · effects, with S* the mean squared residual plus, for every hypothesis
-    but "nothing", what a law that is slightly off may explain by itself, and what an equation that is slightly
-    off may have left over of the simpler hypotheses.
+    but "nothing", what a law that is slightly off may explain by itself, and what the slightly wrong equations of
+    the best simpler hypothesis may have left over.
     """
     n = max(table.noise.n_effective, 2.0)
     found = {}
@@ -112,7 +114,7 @@ def log_evidence(table: EvidenceTable, prices: Prices) -> dict[Kinds, float]:
         )
     if table.noise.judged:
         best = max(found, key=lambda kinds: found[kinds])
-        square = table.noise.floor_square + _left_over(table, best, prices)
+        square = table.noise.floor_square + _left_over(table, best, prices, prices.form_unknown)
         found[UNKNOWN] = -0.5 * n * np.log(square) - prices.unknown
     return found
 
@@ -174,18 +176,17 @@ def at_limit(fit: Fit) -> tuple[str, ...]:
     return tuple(knob.name for knob, there in zip(fit.candidate.knobs, fit.at_limit, strict=True) if there)
 
 
-def _left_over(table: EvidenceTable, kinds: Kinds, prices: Prices) -> float:
+def _left_over(table: EvidenceTable, kinds: Kinds, prices: Prices, form: float | None = None) -> float:
     """What a slightly wrong law and the slightly wrong equations of a hypothesis may leave above the noise."""
     explained = table.nothing.mean_square - table.rows[kinds].mean_square
-    return prices.excited**2 + prices.form * max(explained, 0.0)
+    return prices.excited**2 + (prices.form if form is None else form) * max(explained, 0.0)
 
 
 def _allowance(table: EvidenceTable, kinds: Kinds, prices: Prices) -> float:
-    """What the best of the hypotheses with one effect less may leave: no merit of the further effect."""
+    """What the best of all hypotheses with one effect less may leave: no merit of any further effect."""
     if not kinds:
         return 0.0
-    parts = [tuple(kind for kind in kinds if kind != left) for left in kinds]
-    known = [part for part in parts if part in table.rows]
-    if not known:
+    smaller = [key for key in table.rows if len(key) == len(kinds) - 1]
+    if not smaller:
         return prices.excited**2
-    return _left_over(table, min(known, key=lambda part: table.rows[part].mean_square), prices)
+    return _left_over(table, min(smaller, key=lambda key: table.rows[key].mean_square), prices)
