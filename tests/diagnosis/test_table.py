@@ -101,3 +101,16 @@ def test_errors_over_the_floor() -> None:
 
 def test_pairs_have_one_name() -> None:
     assert sorted_kinds(["b", "a"]) == sorted_kinds(["a", "b"]) == ("a", "b")
+
+
+def test_sets_of_one_size_are_weighed_alike_whatever_their_parts_explain_alone() -> None:
+    squares = {(): 8.0, ("a",): 3.0, ("b",): 7.0, ("c",): 7.5, ("d",): 7.6, ("a", "b"): 1.0, ("c", "d"): 1.0}
+    assert odds(table(squares), ("a", "b"), ("c", "d")) == pytest.approx(0.0)
+
+
+def test_what_right_equations_leave_over_is_no_proof_of_the_unknown() -> None:
+    explained, n = 10.0, 400.0
+    for left, believed in ((0.05, True), (0.3, False)):  # shares of what is explained
+        single = 1.0 + left * explained
+        t = table({(): single + explained, ("a",): single}, n=n)
+        assert (odds(t, ("a",), UNKNOWN) > 0) is believed
