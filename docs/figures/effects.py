@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -19,19 +19,23 @@ from pliant.interfaces.effect import Model
 from pliant.records.history import History
 from pliant.registry.discovery import Registry, discover
 from pliant.testing.histories import triangles
-from pliant.testing.samples import sample_chain
+from pliant.testing.samples import sample_chain, softening_law
 
 OUT = Path(__file__).parent.parent / "pictures" / "effects"
 DARK = "#222222"
 WITH: dict[str, Any] = {"color": "#D55E00", "lw": 1.8}
 WITHOUT: dict[str, Any] = {"color": "#555555", "lw": 1.2, "ls": (0, (4, 2))}
 KPA, MNM = 1e3, 1e-3
+PASCALS_PER_NEWTON = 1500.0  # the sample law's, as a tendon of 10 N
 Abscissa = Callable[[History], Any]
 
 
 @dataclass(frozen=True)
 class Scene:
-    """The runs of one picture, what they are drawn over, and what to look at."""
+    """The runs of one picture, what they are drawn over, and what to look at.
+
+    `reads` is the reading that is drawn, in degrees or mm.
+    """
 
     runs: Sequence[History]
     over: Abscissa
@@ -39,14 +43,25 @@ class Scene:
     look: str
     modules: int = 1
     values: Mapping[str, float] | None = None
+    reads: str = "angle_rad"
+    name: str = "angle / °"
 
 
 def pressure(history: History) -> Any:
     return history.actuation["pressure_pa"] / KPA
 
 
+def tension(history: History) -> Any:
+    return history.actuation["tendon_force_n"]
+
+
 def clock(history: History) -> Any:
     return history.time_s
+
+
+def milliseconds(history: History) -> Any:
+    assert history.time_s is not None
+    return 1e3 * history.time_s
 
 
 def load(history: History) -> Any:
@@ -79,6 +94,25 @@ def ramps_then_load() -> History:
         np.append(time_s, time_s[-1] + more),
         moment_n_m=np.append(np.zeros(len(time_s)), moment),
     )
+
+
+def closed_valve() -> History:
+    """Up, a hold, then the valve is closed for a minute."""
+    time_s = 0.25 * np.arange(300)
+    pressed = np.minimum(KPA * 4.0 * time_s, 12.0 * KPA)
+    return History.of({"pressure_pa": pressed}, time_s, valve_open=np.where(time_s < 15.0, 1.0, 0.0))
+
+
+def step() -> History:
+    """A step of the pressure within a millisecond."""
+    time_s = 1e-3 * np.arange(331)
+    return History.of({"pressure_pa": np.where(time_s > 0.05, 8.0 * KPA, 0.0)}, time_s)
+
+
+def pulls() -> History:
+    """A tendon pulled to three levels and let go."""
+    time_s, force = triangles((3.0, 0.0, 6.0, 0.0, 9.0, 0.0), 1.0, 0.05)
+    return History.of({"tendon_force_n": force}, time_s)
 
 
 def scenes() -> dict[str, Scene]:
@@ -155,6 +189,32 @@ def scenes() -> dict[str, Scene]:
             "right at 22 °C",
             values={"loss_per_k": 0.01},
         ),
+        "wall_thickness": Scene(
+            [loads(0.0), loads(10.0)],
+            load,
+            "load moment / mN·m",
+            "vented and pressed: stiffer",
+            values={"ratio": 1.15},
+        ),
+        "leak": Scene(
+            [closed_valve()], clock, "time / s", "the valve closes at 15 s", values={"rate_1_s": 0.02}
+        ),
+        "bimodulus": Scene(
+            [loads(0.0)],
+            load,
+            "load moment / mN·m",
+            "too far one way, too little the other",
+            values={"asymmetry": 0.3},
+        ),
+        "inertia": Scene([step()], milliseconds, "time / ms", "overshoots and rings", modules=8),
+        "tendon_friction": Scene(
+            [pulls()],
+            tension,
+            "tendon force / N",
+            "the loop grows with the tension",
+            modules=8,
+            values={"friction": 0.3},
+        ),
         "sensor_bias": Scene(
             [ramps((12.0, 0.0), 2.0)],
             pressure,
@@ -162,12 +222,65 @@ def scenes() -> dict[str, Scene]:
             "the same everywhere",
             values={"bias_rad": 0.05},
         ),
+        "sensor_scale": Scene(
+            [loads(0.0), loads(10.0)],
+            load,
+            "load moment / mN·m",
+            "off by a share of the angle, right at zero",
+            values={"excess": 0.15},
+        ),
+        "sensor_lag": Scene(
+            [ramps_then_load()],
+            clock,
+            "time / s",
+            "the load step (right) is late too",
+            values={"time_s": 0.5},
+        ),
+        "backlash": Scene(
+            [ramps((12.0, 7.0, 9.0, 5.0, 12.0, 0.0), 2.0)],
+            pressure,
+            "pressure / kPa",
+            "stands still after every reversal",
+            values={"play_rad": 0.06},
+        ),
+        "base_misalignment": Scene(
+            [History.of({"pressure_pa": np.zeros(61)}, base_angles_rad=turns)],
+            pitch,
+            "pitch of the base / °",
+            "the error is largest where the chain hangs",
+            modules=8,
+            values={"pitch_rad": 0.15},
+        ),
+        "inter_module_compliance": Scene(
+            [loads(0.0)],
+            load,
+            "load moment / mN·m",
+            "the middle joint of three: twice an end's error",
+            modules=3,
+            values={"share": 0.3},
+            reads="joint_2_angle_rad",
+            name="angle of joint 2 / °",
+        ),
+        "cross_axis": Scene(
+            [ramps((12.0, 0.0), 2.0)],
+            pressure,
+            "pressure / kPa",
+            "the tip leaves the plane as the chain bends",
+            modules=8,
+            values={"turn_rad": 0.2},
+            reads="tip_y_m",
+            name="tip across the plane / mm",
+        ),
     }
 
 
 def angles(registry: Registry, scene: Scene, effect: Any | None) -> list[Any]:
     """Sum of joint angles in degrees, as read, in each run."""
-    bare = sample_chain(modules=scene.modules, gravity=(0, 0, -9.81 if scene.modules > 1 else 0))
+    law = softening_law()
+    if "tendon_force_n" in scene.runs[0].actuation:
+        gains = {"k_n": PASCALS_PER_NEWTON * law.k_n, "m_a": PASCALS_PER_NEWTON * law.m_a}
+        law = replace(law, actuation_name="tendon_force_n", **gains)
+    bare = sample_chain(law, modules=scene.modules, gravity=(0, 0, -9.81 if scene.modules > 1 else 0))
     model = effect.apply(Model(bare)) if effect else Model(bare)
     component = registry.get("physics", "quasistatic")
     engine = component.build(component.config_model()(kind="quasistatic"))
