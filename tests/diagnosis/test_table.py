@@ -113,4 +113,4 @@ def test_what_right_equations_leave_over_is_no_proof_of_the_unknown() -> None:
     for left, believed in ((0.05, True), (0.3, False)):  # shares of what is explained
         single = 1.0 + left * explained
         t = table({(): single + explained, ("a",): single}, n=n)
-        assert (odds(t, ("a",), UNKNOWN) > 0) is believed
+        assert bool(odds(t, ("a",), UNKNOWN) > 0) is believed
