@@ -1,0 +1,1 @@
+"""Measured hardware: what the evidence loop makes of recordings that nobody simulated."""
