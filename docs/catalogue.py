@@ -7,8 +7,11 @@ import sys
 from collections.abc import Sequence
 from typing import get_args
 
+from pliant.experiments.runs import menu
+from pliant.experiments.scale import BenchScale
 from pliant.interfaces.effect import Effect, EffectParameter, Place
 from pliant.registry.component import Component
+from pliant.testing.samples import PRESSURE_PA, sample_chain
 from pliant.units import strip_unit_suffix
 
 INTRODUCTION = """\
@@ -16,11 +19,17 @@ INTRODUCTION = """\
 
 What a chain of joint laws may lack, where it acts, what gives it away in the data, and the run that shows it,
 beside [effects of your own](../write_an_effect.md). Pictures show a run that excites the effect; the dashed line is the
-model without it, the angle that of one joint (of eight joints for weights).
+model without it, the angle that of one joint unless the axis says otherwise (of eight joints for weights).
 
 A *strength* makes the effect vanish at its neutral value; a *shape* says when or how it acts, and its neutral value
 is a typical one. The *plausible* range holds the central 90 % of the prior: it would not surprise an expert. Bounds
-are hard; they keep out limits in which one effect becomes another (a spring that never slips is a stiffness)."""
+are hard; they keep out limits in which one effect becomes another (a spring that never slips is a stiffness). The *runs
+that show it* are those of the [menu](#runs-of-the-menu) that excite the effect and tell it from its look-alike."""
+MENU = """\
+## Runs of the menu
+
+Runs that most benches can do, with the effects that each shows best. `pliant plan` ranks them by what they would
+decide between the hypotheses that are left, for your chain and your measurements."""
 PLACES: dict[Place, str] = {
     "input": "before the chain: what arrives is not what was commanded",
     "law": "in every joint's law",
@@ -36,29 +45,58 @@ def catalogue(components: Sequence[Component]) -> str:
     effects = [(component, component.implementation_class()) for component in components]
     effects.sort(key=lambda pair: (order[pair[1].place], pair[0].kind))
     rows = [
-        f"| [{c.kind}](#{c.kind}) | {e.place} | {c.summary} | {_link(e.notes.look_alike)} |"
+        f"| [{c.kind}](#{c.kind}) | {e.place} | {c.summary} | {_link(e.notes.look_alike)} | {_runs(e)} |"
         for c, e in effects
     ]
-    table = ["| kind | place | what it is | easily taken for |", "|---|---|---|---|", *rows]
-    parts = [INTRODUCTION, "\n".join(table), *(_section(component, effect) for component, effect in effects)]
-    return "\n\n".join(parts) + "\n"
+    head = "| kind | place | what it is | easily taken for | runs that show it |\n|---|---|---|---|---|"
+    parts = [INTRODUCTION, "\n".join([head, *rows])]
+    parts += [_section(component, effect) for component, effect in effects]
+    return "\n\n".join([*parts, *_menu(effects)]) + "\n"
+
+
+def facts(component: Component, page: str = "") -> list[str]:
+    """Paragraphs: its parameters, what gives it away, what it is taken for, how and where it shows.
+
+    `page` is the address of the catalogue, for links from other pages.
+    """
+    effect: type[Effect] = component.implementation_class()
+    notes, fields = effect.notes, component.config_model().model_fields
+    rows = [_row(p, fields[p.name].description or "") for p in effect.parameters]
+    where = [f"**Makes sense for** {notes.where}"] if notes.where else []
+    return [
+        "\n".join([HEAD, *rows]),
+        f"**What gives it away:** {_sentence(notes.signature)}",
+        f"**Easily taken for** {_link(notes.look_alike, page)}: {notes.told_apart}",
+        f"**To see it:** {_sentence(notes.excited_by)} Runs of the [menu]({page}#runs-of-the-menu): {_runs(effect)}.",
+        *where,
+    ]
+
+
+def _menu(effects: Sequence[tuple[Component, type[Effect]]]) -> list[str]:
+    """What to do in each run of the default menu, and the kinds that name it."""
+    runs = menu(BenchScale.of_chain(sample_chain(), PRESSURE_PA))
+    rows = [
+        f"| `{run.name}` | {run.words} | {run.needs or 'nothing more'} | "
+        f"{', '.join(_link(c.kind) for c, e in effects if run.name in e.exciting)} |"
+        for run in runs
+    ]
+    return [MENU, "\n".join(["| run | what to do | what it needs | shows |", "|---|---|---|---|", *rows])]
+
+
+def _runs(effect: type[Effect]) -> str:
+    return ", ".join(f"`{name}`" for name in effect.exciting)
 
 
 def _section(component: Component, effect: type[Effect]) -> str:
-    kind, notes = component.kind, effect.notes
+    kind = component.kind
     title, _, text = (inspect.getdoc(sys.modules[effect.__module__]) or "").partition("\n\n")
-    fields = component.config_model().model_fields
-    rows = [_row(p, fields[p.name].description or "") for p in effect.parameters]
     return "\n\n".join(
         [
             f"## {kind}",
             f"{title} Acts {PLACES[effect.place]}. Keys: [{kind}](effect/{kind}.md).",
             f"![{kind}: the run that shows it](../pictures/effects/{kind}.png)",
             text,
-            "\n".join([HEAD, *rows]),
-            f"**What gives it away:** {_sentence(notes.signature)}",
-            f"**Easily taken for** {_link(notes.look_alike)}: {notes.told_apart}",
-            f"**To see it:** {_sentence(notes.excited_by)}",
+            *facts(component),
         ]
     )
 
@@ -85,5 +123,5 @@ def _sentence(text: str) -> str:
     return text[:1].upper() + text[1:]
 
 
-def _link(kind: str) -> str:
-    return f"[{kind}](#{kind})" if kind else "nothing"
+def _link(kind: str, page: str = "") -> str:
+    return f"[{kind}]({page}#{kind})" if kind else "nothing"

@@ -56,21 +56,20 @@ INTERFACE_CLASS = {
 }
 
 
-def _catalogue(components: list[Component]) -> str:
-    """The page that `catalogue.py`, which lies beside this script, makes of the effects."""
+def _catalogue() -> Any:
+    """The script `catalogue.py`, which lies beside this one and writes about effects."""
     spec = importlib.util.spec_from_file_location("catalogue", Path(__file__).parent / "catalogue.py")
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
-    text: str = module.catalogue(components)
-    return text
+    return module
 
 
 def pages(registry: Registry) -> dict[Path, str]:
     """Path → text of every reference page."""
     made = {REFERENCE / "index.md": _index(registry), REFERENCE / "study.md": _study_page()}
-    made[REFERENCE / "effects.md"] = _catalogue(_ours(registry, "effect"))
+    made[REFERENCE / "effects.md"] = _catalogue().catalogue(_ours(registry, "effect"))
     for interface in INTERFACES:
         made[REFERENCE / interface / "index.md"] = _interface_page(interface, registry)
         for component in _ours(registry, interface):
@@ -192,10 +191,10 @@ def _usage(component: Component) -> list[str]:
 def _see_catalogue(component: Component) -> list[str]:
     if component.interface != "effect":
         return []
-    return [
-        f"What gives it away, and the run that shows it: [effect catalogue](../effects.md#{component.kind}).",
-        "",
-    ]
+    paragraphs = ["## In the data", *_catalogue().facts(component, "../effects.md")]
+    picture = f"![{component.kind}](../../pictures/effects/{component.kind}.png)"
+    beside = f"Beside the others: [effect catalogue](../effects.md#{component.kind})."
+    return [line for paragraph in (*paragraphs, picture, beside) for line in (paragraph, "")]
 
 
 def _inner(model: type[FrozenModel]) -> list[str]:

@@ -18,6 +18,7 @@ from matplotlib.figure import Figure
 from pliant.interfaces.effect import Model
 from pliant.records.history import History
 from pliant.registry.discovery import Registry, discover
+from pliant.testing.effect_bench import run_readings
 from pliant.testing.histories import triangles
 from pliant.testing.samples import sample_chain, softening_law
 
@@ -261,6 +262,26 @@ def scenes() -> dict[str, Scene]:
             reads="joint_2_angle_rad",
             name="angle of joint 2 / °",
         ),
+        "end_restraint": Scene(
+            [loads(10.0)],
+            load,
+            "load moment / mN·m",
+            "the last of three joints bends too little",
+            modules=3,
+            values={"cap_share": 0.65},
+            reads="joint_3_angle_rad",
+            name="angle of joint 3 / °",
+        ),
+        "link_stretch": Scene(
+            [ramps((12.0, 0.0), 2.0)],
+            pressure,
+            "pressure / kPa",
+            "the tip is farther out, the more the higher the pressure",
+            modules=8,
+            values={"strain_per_mpa": 8.0},
+            reads="tip_x_m",
+            name="tip beside the base / mm",
+        ),
         "cross_axis": Scene(
             [ramps((12.0, 0.0), 2.0)],
             pressure,
@@ -274,8 +295,8 @@ def scenes() -> dict[str, Scene]:
     }
 
 
-def angles(registry: Registry, scene: Scene, effect: Any | None) -> list[Any]:
-    """Sum of joint angles in degrees, as read, in each run."""
+def drawn(registry: Registry, scene: Scene, effect: Any | None) -> list[Any]:
+    """The scene's reading in degrees or mm, as the sensors say it, in each run."""
     law = softening_law()
     if "tendon_force_n" in scene.runs[0].actuation:
         gains = {"k_n": PASCALS_PER_NEWTON * law.k_n, "m_a": PASCALS_PER_NEWTON * law.m_a}
@@ -284,9 +305,10 @@ def angles(registry: Registry, scene: Scene, effect: Any | None) -> list[Any]:
     model = effect.apply(Model(bare)) if effect else Model(bare)
     component = registry.get("physics", "quasistatic")
     engine = component.build(component.config_model()(kind="quasistatic"))
-    runs = engine.follow(model.chain, [model.commanded(h) for h in scene.runs])[0]
-    read = [model.reported({"angle_rad": run.joint_angles.sum(axis=(1, 2))}) for run in runs]
-    return [np.degrees(r["angle_rad"]) for r in read]
+    reached = [model.commanded(history) for history in scene.runs]
+    paths = engine.follow(model.chain, reached)[0]
+    read = [run_readings(model, p.joint_angles, h)[scene.reads] for p, h in zip(paths, reached, strict=True)]
+    return [np.degrees(r) if scene.reads.endswith("_rad") else 1e3 * r for r in read]
 
 
 def draw(registry: Registry, kind: str, scene: Scene) -> Figure:
@@ -298,10 +320,10 @@ def draw(registry: Registry, kind: str, scene: Scene) -> Figure:
     FigureCanvasAgg(figure)
     ax = figure.subplots()
     for name, present, style in (("with the effect", effect, WITH), ("model", None, WITHOUT)):
-        for number, (run, angle) in enumerate(zip(scene.runs, angles(registry, scene, present), strict=True)):
+        for number, (run, angle) in enumerate(zip(scene.runs, drawn(registry, scene, present), strict=True)):
             ax.plot(scene.over(run), angle, label=name if number == 0 else None, **style)
     ax.set_xlabel(scene.label)
-    ax.set_ylabel("angle / °")
+    ax.set_ylabel(scene.name)
     ax.set_title(scene.look, fontsize=10, color=DARK)
     ax.spines[["top", "right"]].set_visible(False)
     ax.legend(frameon=False, fontsize=8, loc="best")

@@ -60,6 +60,7 @@ MORE_VALUES: dict[str, dict[str, float]] = {
     "sensor_scale": {"excess": 0.06},
     "sensor_lag": {"time_s": 0.3},
     "backlash": {"play_rad": 0.03},
+    "link_stretch": {"strain_per_mpa": 1.0},
 }
 
 

@@ -14,12 +14,14 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from pliant.errors import UserError
+from pliant.experiments.runs import menu
+from pliant.experiments.scale import BenchScale
 from pliant.interfaces.effect import Effect, Model
 from pliant.records.chain import Actuator
 from pliant.records.history import History
 from pliant.registry.component import Component
 from pliant.testing.effect_bench import SIGHTS
-from pliant.testing.samples import linear_law, sample_chain, softening_law
+from pliant.testing.samples import PRESSURE_PA, linear_law, sample_chain, softening_law
 from pliant_plugins.effects.actuation_gain import ActuationGain, ActuationGainConfig
 from pliant_plugins.effects.dead_zone import DeadZone, DeadZoneConfig
 from pliant_plugins.effects.gravity_scale import GravityScale, GravityScaleConfig
@@ -106,6 +108,13 @@ def test_its_notes_are_sentences_for_the_bench(component: Component) -> None:
     for text in (notes.signature, notes.told_apart, notes.excited_by, notes.where):
         assert 30 < len(text) < 400
         assert re.fullmatch(r"[a-z].*[.]", text), text
+
+
+@ALL
+def test_runs_that_excite_it_are_on_the_menu(component: Component) -> None:
+    named = type(example(component)).exciting
+    assert 1 <= len(named) <= 4
+    assert set(named) <= {run.name for run in menu(BenchScale.of_chain(sample_chain(), PRESSURE_PA))}
 
 
 @ALL

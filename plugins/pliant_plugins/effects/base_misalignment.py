@@ -62,7 +62,7 @@ class BaseMisalignment(Effect):
             "out of the bending plane shows in positions only."
         ),
     )
-    exciting: ClassVar[tuple[str, ...]] = ("second_sensor", "level", "upside_down", "sideways")
+    exciting: ClassVar[tuple[str, ...]] = ("second_sensor", "level", "upside_down")
     config: BaseMisalignmentConfig
 
     def apply(self, model: Model) -> Model:
