@@ -16,8 +16,16 @@ The candidates (plugins/pliant_plugins/effects) have another form for every one 
 | permanent_set | a power between 1.5 and 2 of the largest past angles |
 | self_contact | softplus, or quadratic beyond contact |
 | thermal_softening | with curvature in temperature |
-| gravity_scale | a fitting elsewhere on the pieces (`truths.Body`) |
-| sensor_bias | with a small scale (`truths.Sensor`) |
+| wall_thickness | two powers, of the linear and the quadratic part of E; the gain's fades with pressure |
+| leak | through an orifice: dp/dt in proportion to p^n, n < 1 (calibration: n > 1) |
+| tendon_friction | capstan over the wraps that the joints before it really have; the direction turns over by Bouc-Wen |
+| bimodulus | tanh of the angle, wide (calibration: a jump); the quadratic part takes another share |
+| gravity_scale | a fitting elsewhere on the pieces (`skeleton.Body`) |
+| inertia | balanced bars on the pieces of a dynamic engine, or Newmark's rule in fine steps (`skeleton.Body`) |
+| base_misalignment, cross_axis | a third angle; turns that differ along the chain (`skeleton.Body`) |
+| inter_module_compliance | real hinges between the modules, springs with a cubic part (`skeleton.Body`) |
+| sensor_bias | with a small scale (`sensors.Sensor`) |
+| sensor_scale, sensor_lag, backlash | curved; two stages; three plays of other widths (`sensors.Sensor`) |
 
 Nothing is cached on disk: numba's cache of one file does not see that another file has changed.
 """
@@ -33,20 +41,27 @@ from numba import njit
 
 TYPICAL_ANGLE_RAD = 0.36
 ROOM_C = 22.0
-# Memory of one joint: three Maxwell branches, three friction elements, the largest past angles on either side.
-MAXWELL, FRICTION, LARGEST, LEAST, N_MEMORY = 0, 3, 6, 7, 8
+# Memory of one joint: three Maxwell branches, three friction elements, the largest past angles on either
+# side, the tendon's direction.
+MAXWELL, FRICTION, LARGEST, LEAST, TENDON, N_MEMORY = 0, 3, 6, 7, 8, 9
 ZERO = 1e-300  # strengths below this are none
 
 
 class Drive(NamedTuple):
-    """What acts on a joint at one instant; `pressure_pa` in the tube, `cycles` done by the specimen so far."""
+    """What acts on a joint at one instant.
+
+    `pressure_pa` in the chamber, `time_s` since the run began, `clock_s` since the session did, `cycles` done by the
+    specimen so far, `wrap_rad` of the tendon up to the joint.
+    """
 
     pressure_pa: float
     pressure_rate: float
     temperature_c: float
     moment_n_m: float
     time_s: float
+    clock_s: float
     cycles: float
+    wrap_rad: float
 
 
 class Forms(NamedTuple):
@@ -57,7 +72,7 @@ class Forms(NamedTuple):
     actuation_phase: float = 0.0
     elastic_error: float = 0.0
     elastic_phase: float = 0.0
-    # the 14 kinds
+    # the kinds
     stiffness: float = 0.0
     stiffness_quadratic: float = 1.0
     gain: float = 0.0
@@ -90,17 +105,32 @@ class Forms(NamedTuple):
     contact_quadratic: float = 0.0
     thermal: float = 0.0
     thermal_curvature: float = 0.0
+    wall: float = 1.0
+    wall_linear: float = 2.6
+    wall_quadratic: float = 1.8
+    wall_gain: float = 0.3
+    leak_1_s: float = 0.0
+    leak_power: float = 1.0
+    leak_filling_s: float = 0.15
+    tendon: float = 0.0
+    tendon_width: float = 0.01
+    tendon_rest_rad: float = 0.1
+    bimodulus: float = 0.0
+    bimodulus_width: float = 0.06
+    bimodulus_quadratic: float = 1.0
     # what no plugin has
     bump: float = 0.0
     bump_at: float = 0.6
     bump_width: float = 0.1
-    bimodulus: float = 0.0
     ripple: float = 0.0
     ripple_period_s: float = 37.0
     ripple_phase: float = 0.0
     ageing: float = 0.0
     filling: float = 0.0
     warm_stick: float = 0.0
+    drift_1_s: float = 0.0
+    buckling: float = 0.0
+    buckling_at: float = 0.5
 
 
 @njit
@@ -110,15 +140,30 @@ def softplus(x: float) -> float:
 
 
 @njit
-def lagged(supply: Array, pressure: float, dt: float, f: Forms) -> float:
-    """The pressure behind two stages; `supply` (2,) is advanced by dt at constant supplied pressure."""
+def arriving(supply: Array, middle: float, end: float, valve: float, dt: float, f: Forms) -> float:
+    """The pressure in the chamber after dt; `supply` (2,), both stages, is advanced.
+
+    `middle` and `end` are the commanded pressure half way and at the end of the step. A closed valve keeps what there
+    is, but for the leak.
+    """
+    if valve < 0.5:
+        supply[0] = supply[1] = max(0.0, supply[1] - dt * outflow(supply[1], f))
+        return supply[1]
     if f.lag_s <= 0.0:
-        supply[0] = supply[1] = pressure
-        return pressure
-    time = f.lag_s * (f.lag_vent if pressure < supply[0] else 1.0)
-    supply[0] = pressure + (supply[0] - pressure) * math.exp(-dt / time)
-    supply[1] = supply[0] + (supply[1] - supply[0]) * math.exp(-dt / (f.lag_second * time))
-    return supply[1]
+        supply[0] = supply[1] = end
+    else:
+        time = f.lag_s * (f.lag_vent if middle < supply[0] else 1.0)
+        supply[0] = middle + (supply[0] - middle) * math.exp(-dt / time)
+        supply[1] = supply[0] + (supply[1] - supply[0]) * math.exp(-dt / (f.lag_second * time))
+    return supply[1] - f.leak_filling_s * outflow(supply[1], f)
+
+
+@njit
+def outflow(pressure: float, f: Forms) -> float:
+    """What a chamber loses, Pa/s."""
+    if f.leak_1_s <= 0.0 or pressure <= 0.0:
+        return 0.0
+    return f.leak_1_s * PRESSURE_MAX_PA * (pressure / PRESSURE_MAX_PA) ** f.leak_power
 
 
 @njit
@@ -167,6 +212,18 @@ def rubbing(old: Array, new: Array, step: float, f: Forms) -> float:
 
 
 @njit
+def wraps(angles: Array, module: Array, f: Forms) -> Array:
+    """(n,) how far the tendon has turned up to the middle of each joint."""
+    turned, out = 0.0, np.zeros(len(angles))
+    for j in range(len(angles)):
+        if module[j] >= 0:
+            turned += f.tendon_rest_rad + 0.5 * abs(angles[j])
+            out[j] = turned
+            turned += 0.5 * abs(angles[j])
+    return out
+
+
+@njit
 def effort(
     u: float,
     step: float,
@@ -177,7 +234,7 @@ def effort(
     f: Forms,
 ) -> float:
     """Effort of one joint at angle u, reached from u − step in dt; writes the memory `new` (N_MEMORY,) of `old`."""
-    p, warm, load = acting(drive.pressure_pa, f), drive.temperature_c - ROOM_C, drive.moment_n_m
+    p, warm = acting(drive.pressure_pa, f), drive.temperature_c - ROOM_C
     share = p / PRESSURE_MAX_PA
     new[LARGEST], new[LEAST] = max(old[LARGEST], u), min(old[LEAST], u)
     top = max(new[LARGEST], -new[LEAST])
@@ -186,12 +243,19 @@ def effort(
     if f.set_share > 0.0:
         stretched = (new[LARGEST] / TYPICAL_ANGLE_RAD) ** f.set_power
         v -= f.set_share * TYPICAL_ANGLE_RAD * (stretched - (-new[LEAST] / TYPICAL_ANGLE_RAD) ** f.set_power)
-    linear = B_E * v * (1.0 + f.stiffness)
+    side = math.tanh(v / f.bimodulus_width)
+    linear = B_E * v * (1.0 + f.stiffness) * (1.0 + f.bimodulus * side)
     quadratic = 0.5 * M_E * v * abs(v) * (1.0 + f.stiffness * f.stiffness_quadratic)
+    quadratic *= 1.0 + f.bimodulus * f.bimodulus_quadratic * side
+    if f.wall != 1.0:
+        linear *= f.wall**f.wall_linear
+        quadratic *= f.wall**f.wall_quadratic
     factor = 1.0 + f.elastic_error * math.sin(3.0 * u / TYPICAL_ANGLE_RAD + f.elastic_phase)
     factor *= 1.0 - f.thermal * warm * (1.0 - f.thermal_curvature * warm)
     factor *= 1.0 - f.mullins * (1.0 - math.exp(-(top - abs(u)) / f.mullins_scale))
-    factor *= 1.0 - f.bimodulus * math.tanh(load / 3e-4)
+    factor *= 1.0 + f.drift_1_s * drive.clock_s
+    if f.buckling != 0.0:
+        factor *= 1.0 - f.buckling / (1.0 + math.exp(-(share - f.buckling_at) / 0.03))
     moment = -factor * (linear + quadratic)
 
     gain = 1.0 + f.actuation_error * math.sin(4.0 * share + f.actuation_phase)
@@ -199,6 +263,11 @@ def effort(
     gain *= 1.0 + f.bump * math.exp(-(((share - f.bump_at) / f.bump_width) ** 2))
     gain *= 1.0 - f.ageing * drive.cycles
     gain *= 1.0 + f.filling * math.tanh(drive.pressure_rate / 150.0) * math.sin(math.pi * share)
+    if f.wall != 1.0:
+        gain *= f.wall ** (f.wall_gain * (1.0 - 0.5 * share))
+    if f.tendon > 0.0:
+        new[TENDON] = bouc_wen(old[TENDON], step / f.tendon_width)
+        gain *= math.exp(-f.tendon * drive.wrap_rad * new[TENDON])
     moment += gain * p * (K_N + M_A * u)
 
     if f.viscous > 0.0:

@@ -1,24 +1,26 @@
-"""Truth engine 1: a massless planar chain that creeps through equilibria, five to a sample.
+"""Truth engine 1: a massless chain of hinges that creeps through equilibria, five or more to a sample.
 
-The candidates' engine takes one backward Euler step per sample; here the inputs are followed in sub-steps, relaxation
-is integrated exactly and the statics is written in absolute angles: with ψ_i = Σ_{j≤i} u_j − φ,
+The candidates' engine takes one backward Euler step per sample; here the inputs are followed in sub-steps and
+relaxation is integrated exactly. Hinges may stand any way in space: with first moments s_j = Σ_{i≥j} m_i (c_i − o_j) of
+what hangs on hinge j (axis a_j, place o_j), gravity g makes the moment and its slope
 
-    V = −g Σ_i (S_i cos ψ_i − B_i sin ψ_i),   r_j = effort_j(u_j) − M − Σ_{i≥j} g (S_i sin ψ_i + B_i cos ψ_i)
+    Q_j = a_j · (s_j × g),      ∂Q_j/∂u_k = a_j · ((a_k × s_k) × g)   for k ≥ j, symmetric
 
-where S_i = (own first moment + length × all mass beyond) of piece i and B_i the same to its side.
+Where a truth has inertia, u̇ and ü follow Newmark's rule (average acceleration) at finer sub-steps.
 """
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
-from benchmarks.evidence.forms import Drive, Forms, effort, healed, lagged, virgin
-from benchmarks.evidence.protocols import SAMPLE_S, Protocol, Run
-from benchmarks.evidence.robots import GRAVITY_M_S2, PRESSURE_MAX_PA, Array, Robot
+from benchmarks.evidence.forms import Drive, Forms, arriving, effort, healed, virgin, wraps
+from benchmarks.evidence.protocols import Protocol, Run
+from benchmarks.evidence.robots import PRESSURE_MAX_PA, Array, Robot
+from benchmarks.evidence.skeleton import Skeleton, gravity_on, skeleton
 from numba import njit
 
-SUB_STEPS = 5
+LONGEST_S, LONGEST_DYNAMIC_S = 0.08, 0.01
 # Runs start from straight along a slow ramp of all loads.
 RAMP_STEPS, RAMP_S = 40, 40.0
 SLOPE_STEP_RAD = 1e-6
@@ -26,61 +28,172 @@ LEAST_STIFFNESS = 1e-3
 LARGEST_MOVE_RAD, TOLERANCE_RAD, ITERATIONS = 0.1, 1e-9, 100
 # Newton may hop across kinks: from this iteration on it takes shorter moves.
 PATIENCE, SHORTER = 20, 0.3
+# Of a hinge in air, as in the other engines; it ends what inertia begins.
+AIR_DAMPING = 5e-5
 
 
-def first_moments(robot: Robot, fitting_kg: float, arm_share: float, side_m: float) -> tuple[Array, Array]:
-    """(S, B), kg·m, of pieces that each carry a fitting at a share of their length and `side_m` off the axis."""
-    lengths = robot.piece_lengths_m
-    masses = robot.piece_masses_kg + fitting_kg
-    beyond = np.concatenate([np.cumsum(masses[::-1])[::-1][1:], [0.0]])
-    own = lengths * (robot.piece_masses_kg / 2 + fitting_kg * arm_share)
-    return own + lengths * beyond, np.full(robot.modules, fitting_kg * side_m)
+class Bones(NamedTuple):
+    """A skeleton in numbers; `inertia` (n,) about each hinge, 0 where nothing is to swing."""
+
+    axes: Array
+    offsets: Array
+    masses: Array
+    centres: Array
+    module: Array
+    springs: Array
+    load_share: Array
+    inertia: Array
+
+
+class Inputs(NamedTuple):
+    """One run's inputs, (t,) each, and its conditions."""
+
+    time: Array
+    pressure: Array
+    load: Array
+    valve: Array
+    gravity: Array
+    temperature: float
+    clock: float
+
+
+def bones_of(found: Skeleton, swings: bool) -> Bones:
+    """The skeleton for compiled code."""
+    share = found.axes @ np.array([0.0, -1.0, 0.0])
+    about = found.inertias_kg_m2 + found.masses_kg * np.sum(found.centres_m**2, axis=1)
+    inertia = about if swings else np.zeros(len(share))
+    linear = (found.axes, found.offsets_m, found.masses_kg, found.centres_m)
+    return Bones(*linear, found.module, found.spring_n_m, share, inertia)
+
+
+def inputs_of(run: Run, body: Any, clock_s: float) -> Inputs:
+    """The run's inputs; `clock_s` when it begins."""
+    gravity = gravity_on(run.base_angles_rad, body)
+    return Inputs(run.time_s, run.pressure_pa, run.moment_n_m, run.valve, gravity, run.temperature_c, clock_s)
 
 
 @njit
-def _weights(u: Array, pitch: float, along: Array, aside: Array, moments: Array, slopes: Array) -> None:
-    """Moments of the weights about each joint and their Hessian's running sums, both summed from the tip."""
-    psi, n = -pitch, len(u)
-    for i in range(n):
-        psi += u[i]
-        moments[i] = GRAVITY_M_S2 * (along[i] * np.sin(psi) + aside[i] * np.cos(psi))
-        slopes[i] = GRAVITY_M_S2 * (along[i] * np.cos(psi) - aside[i] * np.sin(psi))
-    for i in range(n - 2, -1, -1):
-        moments[i] += moments[i + 1]
-        slopes[i] += slopes[i + 1]
+def _cross(a: Array, b: Array, out: Array) -> None:
+    out[0] = a[1] * b[2] - a[2] * b[1]
+    out[1] = a[2] * b[0] - a[0] * b[2]
+    out[2] = a[0] * b[1] - a[1] * b[0]
+
+
+@njit
+def weights(u: Array, bones: Bones, gravity: Array, moments: Array, slopes: Array) -> None:
+    """Moments (n,) of the weights about each hinge, and their derivatives (n, n)."""
+    n = len(u)
+    rotation, place, before = np.eye(3), np.zeros(3), np.zeros(3)
+    axes, first = np.empty((n, 3)), np.empty((n, 3))
+    centres, places = np.empty((n, 3)), np.empty((n, 3))
+    turned = np.empty(3)
+    for j in range(n):
+        for r in range(3):
+            place[r] += (
+                rotation[r, 0] * bones.offsets[j, 0]
+                + rotation[r, 1] * bones.offsets[j, 1]
+                + rotation[r, 2] * bones.offsets[j, 2]
+            )
+            places[j, r] = place[r]
+            axes[j, r] = (
+                rotation[r, 0] * bones.axes[j, 0]
+                + rotation[r, 1] * bones.axes[j, 1]
+                + rotation[r, 2] * bones.axes[j, 2]
+            )
+        s, c = np.sin(u[j]), 1.0 - np.cos(u[j])
+        # Rodrigues about the axis in space: every column of the rotation is turned.
+        for k in range(3):
+            before[:] = rotation[:, k]
+            along = axes[j, 0] * before[0] + axes[j, 1] * before[1] + axes[j, 2] * before[2]
+            _cross(axes[j], before, turned)
+            for r in range(3):
+                rotation[r, k] = before[r] + s * turned[r] + c * (axes[j, r] * along - before[r])
+        for r in range(3):
+            centres[j, r] = (
+                place[r]
+                + rotation[r, 0] * bones.centres[j, 0]
+                + rotation[r, 1] * bones.centres[j, 1]
+                + rotation[r, 2] * bones.centres[j, 2]
+            )
+    mass, sums = 0.0, np.zeros(3)
+    for j in range(n - 1, -1, -1):
+        mass += bones.masses[j]
+        for r in range(3):
+            sums[r] += bones.masses[j] * centres[j, r]
+            first[j, r] = sums[r] - mass * places[j, r]
+    push = np.empty(3)
+    for k in range(n):
+        _cross(first[k], gravity, push)
+        moments[k] = axes[k, 0] * push[0] + axes[k, 1] * push[1] + axes[k, 2] * push[2]
+        _cross(axes[k], first[k], turned)
+        _cross(turned, gravity, push)
+        for j in range(k + 1):
+            value = axes[j, 0] * push[0] + axes[j, 1] * push[1] + axes[j, 2] * push[2]
+            slopes[j, k] = slopes[k, j] = value
+
+
+@njit
+def own(
+    j: int, u: float, step: float, dt: float, drive: Drive, old: Array, new: Array, bones: Bones, f: Forms
+) -> float:
+    """Effort of hinge j by itself: a module's joint, or the spring of a connection."""
+    if bones.module[j] < 0:
+        return -(bones.springs[j, 0] + bones.springs[j, 1] * u * u) * u
+    return effort(u, step, dt, drive, old, new, f)
 
 
 @njit
 def _solve(
     u: Array,
     before: Array,
+    rates: Array,
     dt: float,
     drive: Drive,
-    pitch: float,
     weight: float,
-    along: Array,
-    aside: Array,
+    gravity: Array,
+    bones: Bones,
     memory: Array,
     new: Array,
     f: Forms,
 ) -> bool:
-    """Newton to the equilibrium at the end of one sub-step; u starts as the guess. True where it converged."""
+    """Newton to the equilibrium at the end of one sub-step; u starts as the guess. True where it converged.
+
+    `rates` (2, n) are velocity and acceleration at its start.
+    """
     n = len(u)
-    moments, slopes, residual = np.empty(n), np.empty(n), np.empty(n)
-    matrix = np.empty((n, n))
+    moments, residual = np.empty(n), np.empty(n)
+    slopes, matrix = np.empty((n, n)), np.empty((n, n))
+    wrap = wraps(before, bones.module, f)
     for iteration in range(ITERATIONS):
-        _weights(u, pitch, along, aside, moments, slopes)
+        weights(u, bones, gravity, moments, slopes)
         for j in range(n):
-            y, old, fresh = u[j], memory[j], new[j]
-            value = effort(y, y - before[j], dt, drive, old, fresh, f)
-            residual[j] = value - drive.moment_n_m - weight * moments[j]
+            at = Drive(
+                drive.pressure_pa,
+                drive.pressure_rate,
+                drive.temperature_c,
+                drive.moment_n_m,
+                drive.time_s,
+                drive.clock_s,
+                drive.cycles,
+                wrap[j],
+            )
+            y = u[j]
+            value = own(j, y, y - before[j], dt, at, memory[j], new[j], bones, f)
+            residual[j] = value - drive.moment_n_m * bones.load_share[j] + weight * moments[j]
             # Friction has a kink where a joint turns back: there the slope is that of the side it is driven to.
             way = -1.0 if y == before[j] and residual[j] < 0.0 else 1.0
             z = y + way * SLOPE_STEP_RAD
-            slope = way * (effort(z, z - before[j], dt, drive, old, fresh, f) - value) / SLOPE_STEP_RAD
+            slope = (
+                way * (own(j, z, z - before[j], dt, at, memory[j], new[j], bones, f) - value) / SLOPE_STEP_RAD
+            )
             for k in range(n):
-                matrix[j, k] = weight * slopes[max(j, k)]
+                matrix[j, k] = -weight * slopes[j, k]
             matrix[j, j] += max(-slope, LEAST_STIFFNESS)
+            if bones.inertia[j] > 0.0:
+                swing = 4.0 / dt * ((y - before[j]) / dt - rates[0, j]) - rates[1, j]
+                residual[j] -= bones.inertia[j] * swing
+                residual[j] -= AIR_DAMPING * (2.0 * (y - before[j]) / dt - rates[0, j])
+                matrix[j, j] += 4.0 * bones.inertia[j] / dt**2 + 2.0 * AIR_DAMPING / dt
         move = np.linalg.solve(matrix, residual)
         largest = np.abs(move).max()
         share = 1.0 if iteration < PATIENCE else SHORTER
@@ -91,75 +204,93 @@ def _solve(
         if largest < TOLERANCE_RAD:
             break
     for j in range(n):
-        effort(u[j], u[j] - before[j], dt, drive, memory[j], new[j], f)
+        at = Drive(
+            drive.pressure_pa,
+            drive.pressure_rate,
+            drive.temperature_c,
+            drive.moment_n_m,
+            drive.time_s,
+            drive.clock_s,
+            drive.cycles,
+            wrap[j],
+        )
+        own(j, u[j], u[j] - before[j], dt, at, memory[j], new[j], bones, f)
+        swing = 4.0 / dt * ((u[j] - before[j]) / dt - rates[0, j]) - rates[1, j]
+        rates[0, j], rates[1, j] = 2.0 * (u[j] - before[j]) / dt - rates[0, j], swing
     return largest < TOLERANCE_RAD
 
 
 @njit
 def _follow(
-    pressure: Array,
-    load: Array,
-    temperature: float,
-    pitch: float,
-    along: Array,
-    aside: Array,
-    memory: Array,
-    cycles: float,
-    f: Forms,
+    inputs: Inputs, bones: Bones, memory: Array, cycles: float, longest: float, f: Forms
 ) -> tuple[Array, float, bool]:
     """One run from rest: (t, n) angles, cycles done after it, and whether every state converged."""
-    n, count = len(memory), len(pressure)
+    n, count = len(memory), len(inputs.pressure)
     u, before, new = np.zeros(n), np.zeros(n), memory.copy()
-    supply = np.full(2, pressure[0])
+    rates = np.zeros((2, n))
+    supply = np.full(2, inputs.pressure[0])
     well = True
     for k in range(RAMP_STEPS):
         share = (k + 1) / RAMP_STEPS
-        drive = Drive(share * pressure[0], 0.0, temperature, share * load[0], 0.0, cycles)
-        well &= _solve(u, before, RAMP_S / RAMP_STEPS, drive, pitch, share, along, aside, memory, new, f)
+        drive = Drive(
+            share * inputs.pressure[0],
+            0.0,
+            inputs.temperature,
+            share * inputs.load[0],
+            0.0,
+            inputs.clock,
+            cycles,
+            0.0,
+        )
+        rates[:] = 0.0
+        step = RAMP_S / RAMP_STEPS
+        well &= _solve(u, before, rates, step, drive, share, inputs.gravity, bones, memory, new, f)
         before[:], memory[:] = u, new
+    rates[:] = 0.0
     healed(memory)
     angles = np.empty((count, n))
     angles[0] = u
-    dt = SAMPLE_S / SUB_STEPS
     for i in range(1, count):
-        rate = (pressure[i] - pressure[i - 1]) / SAMPLE_S
-        for k in range(1, SUB_STEPS + 1):
-            share = k / SUB_STEPS
-            supplied = pressure[i - 1] + (share - 0.5 / SUB_STEPS) * rate * SAMPLE_S
-            tube = lagged(supply, supplied, dt, f)
-            if f.lag_s <= 0.0:
-                tube = pressure[i - 1] + share * rate * SAMPLE_S
-            cycles += abs(rate) * dt / (2.0 * PRESSURE_MAX_PA)
-            moment = load[i - 1] + share * (load[i] - load[i - 1])
-            time = (i - 1 + share) * SAMPLE_S
-            drive = Drive(tube, rate, temperature, moment, time, cycles)
+        span = inputs.time[i] - inputs.time[i - 1]
+        parts = max(1, int(np.ceil(span / longest - 1e-9)))
+        dt = span / parts
+        start, rise = inputs.pressure[i - 1], inputs.pressure[i] - inputs.pressure[i - 1]
+        for k in range(1, parts + 1):
+            share = k / parts
+            middle, end = start + (share - 0.5 / parts) * rise, start + share * rise
+            chamber = arriving(supply, middle, end, inputs.valve[i], dt, f)
+            cycles += abs(rise) / parts / (2.0 * PRESSURE_MAX_PA)
+            moment = inputs.load[i - 1] + share * (inputs.load[i] - inputs.load[i - 1])
+            time = inputs.time[i - 1] + share * span
+            drive = Drive(
+                chamber, rise / span, inputs.temperature, moment, time, inputs.clock + time, cycles, 0.0
+            )
             guess = 2.0 * u - before
             before[:], u[:] = u, guess
-            well &= _solve(u, before, dt, drive, pitch, 1.0, along, aside, memory, new, f)
+            well &= _solve(u, before, rates, dt, drive, 1.0, inputs.gravity, bones, memory, new, f)
             memory[:] = new
         angles[i] = u
     return angles, cycles, well
 
 
 def follow(robot: Robot, protocol: Protocol, truth: Any) -> list[Array]:
-    """(t, n) joint angles of every run, in order; specimens keep what does not heal.
+    """(t, n) hinge angles of every run, in order; specimens keep what does not heal.
 
     Raises:
         RuntimeError: a state did not converge.
     """
-    body = truth.body
-    along, aside = first_moments(robot, body.fitting_kg, body.fitting_share, body.fitting_side_m)
+    swings = truth.body.crossbar_kg_m2 > 0.0
+    bones = bones_of(skeleton(robot, truth.body), swings)
+    longest = LONGEST_DYNAMIC_S if swings else LONGEST_S
     memories: dict[str, tuple[Array, float]] = {}
-    angles = []
+    angles, clock = [], 0.0
     for run in protocol:
-        memory, cycles = memories.get(run.specimen, (virgin(robot.modules), 0.0))
-        followed, cycles, well = _follow(*_inputs(run), along, aside, memory, cycles, truth.forms)
+        memory, cycles = memories.get(run.specimen, (virgin(len(bones.masses)), 0.0))
+        inputs = inputs_of(run, truth.body, clock)
+        followed, cycles, well = _follow(inputs, bones, memory, cycles, longest, truth.forms)
         if not well:
             raise RuntimeError(f"functional truth: run '{run.condition}' did not converge")
         memories[run.specimen] = (memory, cycles)
         angles.append(followed)
+        clock += run.seconds
     return angles
-
-
-def _inputs(run: Run) -> tuple[Array, Array, float, float]:
-    return run.pressure_pa, run.moment_n_m, run.temperature_c, run.base_pitch_rad

@@ -15,17 +15,16 @@ from xml.etree import ElementTree
 
 import mujoco
 import numpy as np
-from benchmarks.evidence.forms import Drive, Forms, effort, healed, lagged, virgin
-from benchmarks.evidence.protocols import SAMPLE_S, Protocol, Run
-from benchmarks.evidence.robots import GRAVITY_M_S2, PRESSURE_MAX_PA, Array, Robot
+from benchmarks.evidence.forms import Drive, Forms, arriving, healed, virgin, wraps
+from benchmarks.evidence.functional_truth import AIR_DAMPING, Bones, Inputs, bones_of, inputs_of, own
+from benchmarks.evidence.protocols import Protocol
+from benchmarks.evidence.robots import PRESSURE_MAX_PA, Array, Robot
+from benchmarks.evidence.skeleton import Skeleton, skeleton
 from llvmlite import binding
 from numba import njit, types
 
 STEP_S = 0.004
-STEPS_PER_SAMPLE = round(SAMPLE_S / STEP_S)
 RAMP_S, SETTLE_S = 4.0, 2.0
-# Air and joint: a ringing joint comes to rest within a second; its torque is below 0.1 % of the peak.
-AIR_DAMPING = 5e-5
 SLOPE_STEP_RAD = 1e-6
 
 _LIBRARY = next(Path(mujoco.__file__).parent.glob("libmujoco*"))
@@ -34,11 +33,8 @@ binding.load_library_permanently(str(_LIBRARY))
 _step = types.ExternalFunction("mj_step", types.void(types.uintp, types.uintp))
 
 
-def mjcf(robot: Robot, body: Any) -> str:
-    """Nested bodies hanging along −z, hinges about −y, so that positive angles turn the tip toward +x.
-
-    A half module before joint 1 is fixed to the world. Fittings are point masses on the pieces.
-    """
+def mjcf(bones: Skeleton, body: Any) -> str:
+    """Nested bodies hanging along −z with a hinge each; what is before the first hinge is fixed to the world."""
     root = ElementTree.Element("mujoco")
     ElementTree.SubElement(root, "compiler", angle="radian")
     option = ElementTree.SubElement(
@@ -46,34 +42,29 @@ def mjcf(robot: Robot, body: Any) -> str:
     )
     ElementTree.SubElement(option, "flag", contact="disable", energy="disable")
     parent = ElementTree.SubElement(root, "worldbody")
-    before = robot.length_m / 2
-    for length, mass in zip(robot.piece_lengths_m, robot.piece_masses_kg, strict=True):
-        parent = ElementTree.SubElement(parent, "body", pos=f"0 0 {-before:.9e}")
-        joint = ElementTree.SubElement(parent, "joint", type="hinge", axis="0 -1 0")
-        joint.set("damping", f"{AIR_DAMPING + body.joint_damping:.9e}")
+    for j, axis in enumerate(bones.axes):
+        parent = ElementTree.SubElement(parent, "body", pos=_numbers(bones.offsets_m[j]))
+        joint = ElementTree.SubElement(parent, "joint", type="hinge", axis=_numbers(axis))
+        own_damping, own_friction = body.joint_damping, body.joint_friction
+        if bones.module[j] < 0:
+            own_damping, own_friction = 0.0, 0.0
+        joint.set("damping", f"{AIR_DAMPING + own_damping:.9e}")
         joint.set("solreffriction", f"{2 * STEP_S} 1")
         joint.set("solimpfriction", "0.9999 0.9999 0.001 0.5 2")
-        joint.set("frictionloss", f"{body.joint_friction:.9e}")
-        _add_inertia(parent, length, mass, body)
-        before = length
+        joint.set("frictionloss", f"{own_friction:.9e}")
+        inertia = bones.inertias_kg_m2[j]
+        ElementTree.SubElement(
+            parent,
+            "inertial",
+            pos=_numbers(bones.centres_m[j]),
+            mass=f"{bones.masses_kg[j]:.9e}",
+            diaginertia=_numbers(np.array([inertia, inertia, 0.1 * inertia])),
+        )
     return ElementTree.tostring(root, encoding="unicode")
 
 
-def _add_inertia(parent: ElementTree.Element, length: float, rod_kg: float, body: Any) -> None:
-    """A uniform rod and a point mass as one inertia."""
-    mass = rod_kg + body.fitting_kg
-    arm, side = body.fitting_share * length, body.fitting_side_m
-    down = (rod_kg * length / 2 + body.fitting_kg * arm) / mass
-    aside = body.fitting_kg * side / mass
-    about_joint = rod_kg * length**2 / 3 + body.fitting_kg * (arm**2 + side**2)
-    inertia = about_joint - mass * (down**2 + aside**2)
-    ElementTree.SubElement(
-        parent,
-        "inertial",
-        pos=f"{aside:.9e} 0 {-down:.9e}",
-        mass=f"{mass:.9e}",
-        diaginertia=f"{inertia:.9e} {inertia:.9e} {0.1 * inertia:.9e}",
-    )
+def _numbers(values: Array) -> str:
+    return " ".join(f"{value:.9e}" for value in values)
 
 
 @njit
@@ -81,6 +72,7 @@ def _advance(
     handles: tuple[int, int],
     views: tuple[Array, Array, Array, Array],
     drive: Drive,
+    bones: Bones,
     before: Array,
     memory: Array,
     new: Array,
@@ -88,18 +80,28 @@ def _advance(
 ) -> None:
     """One MuJoCo step under the drive at its end; memory goes along with the motion that MuJoCo makes."""
     position, _, force, stiffness = views
+    wrap = wraps(position, bones.module, f)
     for j in range(len(position)):
         u, old, fresh = position[j], memory[j], new[j]
-        value = effort(u, 0.0, STEP_S, drive, old, fresh, f)
-        nearby = effort(u + SLOPE_STEP_RAD, SLOPE_STEP_RAD, STEP_S, drive, old, fresh, f)
+        at = _with_wrap(drive, wrap[j])
+        value = own(j, u, 0.0, STEP_S, at, old, fresh, bones, f)
+        nearby = own(j, u + SLOPE_STEP_RAD, SLOPE_STEP_RAD, STEP_S, at, old, fresh, bones, f)
         slope = max((value - nearby) / SLOPE_STEP_RAD, 0.0)
         before[j] = u
         stiffness[j] = slope
-        force[j] = value - drive.moment_n_m + slope * u
+        force[j] = value - drive.moment_n_m * bones.load_share[j] + slope * u
     _step(handles[0], handles[1])
     for j in range(len(position)):
-        effort(position[j], position[j] - before[j], STEP_S, drive, memory[j], new[j], f)
+        at = _with_wrap(drive, wrap[j])
+        own(j, position[j], position[j] - before[j], STEP_S, at, memory[j], new[j], bones, f)
         memory[j, :] = new[j]
+
+
+@njit
+def _with_wrap(d: Drive, wrap: float) -> Drive:
+    return Drive(
+        d.pressure_pa, d.pressure_rate, d.temperature_c, d.moment_n_m, d.time_s, d.clock_s, d.cycles, wrap
+    )
 
 
 @njit
@@ -107,67 +109,73 @@ def _follow(
     handles: tuple[int, int],
     views: tuple[Array, Array, Array, Array],
     gravity: Array,
-    pressure: Array,
-    load: Array,
-    temperature: float,
-    pitch: float,
+    inputs: Inputs,
+    bones: Bones,
     memory: Array,
     cycles: float,
     f: Forms,
 ) -> tuple[Array, float]:
     """One run from rest: (t, n) angles and the cycles that the specimen has done after it."""
     position, velocity, _, _ = views
-    n, count = len(position), len(pressure)
+    n, count = len(position), len(inputs.pressure)
     new, before = memory.copy(), np.zeros(n)
     position[:], velocity[:] = 0.0, 0.0
-    ramp = round(RAMP_S / STEP_S)
+    ramp, warm = round(RAMP_S / STEP_S), inputs.temperature
     for k in range(ramp + round(SETTLE_S / STEP_S)):
         share = min(1.0, (k + 1) / ramp)
-        # The bench turns, the world stays: gravity is turned back by the base's pitch about y.
-        gravity[0] = share * GRAVITY_M_S2 * np.sin(pitch)
-        gravity[2] = -share * GRAVITY_M_S2 * np.cos(pitch)
-        drive = Drive(share * pressure[0], 0.0, temperature, share * load[0], 0.0, cycles)
-        _advance(handles, views, drive, before, memory, new, f)
+        # The bench turns, the world stays: gravity is what is turned.
+        gravity[:] = share * inputs.gravity
+        drive = Drive(
+            share * inputs.pressure[0], 0.0, warm, share * inputs.load[0], 0.0, inputs.clock, cycles, 0.0
+        )
+        _advance(handles, views, drive, bones, before, memory, new, f)
     healed(memory)
-    supply = np.full(2, pressure[0])
+    supply = np.full(2, inputs.pressure[0])
     angles = np.empty((count, n))
     angles[0] = position
     for i in range(1, count):
-        rise, more = pressure[i] - pressure[i - 1], load[i] - load[i - 1]
-        for k in range(1, STEPS_PER_SAMPLE + 1):
-            share = k / STEPS_PER_SAMPLE
-            tube = lagged(supply, pressure[i - 1] + share * rise, STEP_S, f)
-            cycles += abs(rise) / STEPS_PER_SAMPLE / (2.0 * PRESSURE_MAX_PA)
-            time = (i - 1 + share) * SAMPLE_S
-            drive = Drive(tube, rise / SAMPLE_S, temperature, load[i - 1] + share * more, time, cycles)
-            _advance(handles, views, drive, before, memory, new, f)
+        span = inputs.time[i] - inputs.time[i - 1]
+        parts = max(1, round(span / STEP_S))
+        start, load = inputs.pressure[i - 1], inputs.load[i - 1]
+        rise, more = inputs.pressure[i] - start, inputs.load[i] - load
+        for k in range(1, parts + 1):
+            share = k / parts
+            reached = start + share * rise
+            chamber = arriving(supply, reached, reached, inputs.valve[i], STEP_S, f)
+            cycles += abs(rise) / parts / (2.0 * PRESSURE_MAX_PA)
+            time = inputs.time[i - 1] + share * span
+            drive = Drive(
+                chamber, rise / span, warm, load + share * more, time, inputs.clock + time, cycles, 0.0
+            )
+            _advance(handles, views, drive, bones, before, memory, new, f)
         angles[i] = position
     return angles, cycles
 
 
 def follow(robot: Robot, protocol: Protocol, truth: Any) -> list[Array]:
-    """(t, n) joint angles of every run, in order; specimens keep what does not heal.
+    """(t, n) hinge angles of every run, in order; specimens keep what does not heal.
 
     Raises:
         RuntimeError: MuJoCo's motion is not finite.
     """
-    model = mujoco.MjModel.from_xml_string(mjcf(robot, truth.body))
+    found = skeleton(robot, truth.body)
+    bones = bones_of(found, swings=False)
+    model = mujoco.MjModel.from_xml_string(mjcf(found, truth.body))
     data = mujoco.MjData(model)
     handles = (model._address, data._address)
     views = (data.qpos, data.qvel, data.qfrc_applied, model.jnt_stiffness)
     memories: dict[str, tuple[Array, float]] = {}
-    angles = []
+    angles, clock = [], 0.0
     for run in protocol:
         mujoco.mj_resetData(model, data)
-        memory, cycles = memories.get(run.specimen, (virgin(robot.modules), 0.0))
-        inputs = _inputs(run)
-        followed, cycles = _follow(handles, views, model.opt.gravity, *inputs, memory, cycles, truth.forms)
+        memory, cycles = memories.get(run.specimen, (virgin(len(found.masses_kg)), 0.0))
+        inputs = inputs_of(run, truth.body, clock)
+        followed, cycles = _follow(
+            handles, views, model.opt.gravity, inputs, bones, memory, cycles, truth.forms
+        )
         if not np.isfinite(followed).all():
             raise RuntimeError(f"MuJoCo truth: run '{run.condition}' diverged")
         memories[run.specimen] = (memory, cycles)
         angles.append(followed)
+        clock += run.seconds
     return angles
-
-
-def _inputs(run: Run) -> tuple[Array, Array, float, float]:
-    return run.pressure_pa, run.moment_n_m, run.temperature_c, run.base_pitch_rad

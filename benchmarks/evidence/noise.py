@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from benchmarks.evidence.robots import Array
-from scipy.signal import lfilter
 
 
 @dataclass(frozen=True)
@@ -31,19 +31,18 @@ CALIBRATION = Spectrum(coloured_share=0.65, correlation_s=2.5, run_offset=0.2)
 SPECTRA = {"judged": JUDGED, "calibration": CALIBRATION}
 
 
-def draw(
-    spectrum: Spectrum, lengths: Sequence[int], sample_s: float, rng: np.random.Generator
-) -> list[Array]:
-    """Noise of unit σ for runs of these lengths: (t,) each."""
-    return [_one_run(spectrum, n, sample_s, rng) for n in lengths]
+def draw(spectrum: Spectrum, clocks: Sequence[Array], rng: np.random.Generator) -> list[Array]:
+    """Noise of unit σ for runs sampled at these times: (t,) each."""
+    return [_one_run(spectrum, clock, rng) for clock in clocks]
 
 
-def _one_run(spectrum: Spectrum, n: int, sample_s: float, rng: np.random.Generator) -> Array:
-    keep = np.exp(-sample_s / spectrum.correlation_s)
-    pushes = np.sqrt(1 - keep**2) * rng.standard_normal(n)
-    pushes[0] /= np.sqrt(1 - keep**2)  # the first value has the stationary spread
-    coloured = lfilter([1.0], [1.0, -keep], pushes)
-    within = np.sqrt(spectrum.coloured_share) * coloured
-    within += np.sqrt(1 - spectrum.coloured_share) * rng.standard_normal(n)
+def _one_run(spectrum: Spectrum, clock: Array, rng: np.random.Generator) -> Array:
+    keep = np.exp(-np.diff(clock) / spectrum.correlation_s).tolist()
+    pushes = rng.standard_normal(len(clock)).tolist()
+    coloured = [pushes[0]]  # the first value has the stationary spread
+    for kept, push in zip(keep, pushes[1:], strict=True):
+        coloured.append(kept * coloured[-1] + math.sqrt(1.0 - kept * kept) * push)
+    within = np.sqrt(spectrum.coloured_share) * np.array(coloured)
+    within += np.sqrt(1 - spectrum.coloured_share) * rng.standard_normal(len(clock))
     noise: Array = within + spectrum.run_offset * rng.standard_normal()
     return noise

@@ -1,42 +1,67 @@
-"""What the bench does, as data: runs of pressure, load, temperature and orientation over time.
+"""What the bench does, as data: runs of drive, load, temperature and orientation over time.
 
 | protocol | runs | samples | minutes of motion | what it can tell |
 |---|---|---|---|---|
-| `rich` | 20 | 3254 | 22 | two specimens, each virgin, slow, fast, holds, ± load, horizontal, hot, load steps, repeat |
-| `rich_noload` | 18 | 2702 | 18 | the same without the load steps |
+| `rich` | 28 | 3746 | 22 | two specimens, each all of the runs below |
+| `rich_noload` | 24 | 3194 | 18 | the same without the load steps |
 | `rates` | 9 | 1118 | 7 | one specimen, three rates, no load |
 | `poor` | 5 | 750 | 5 | one specimen, one rate |
 | `example` | 14 | 2354 | 16 | two specimens: virgin, slow, fast, holds, load, load steps, repeat |
+
+`rich` has, of each specimen: virgin, slow, fast, holds, ± load, horizontal, sideways, hot, load steps without pressure
+and with it, closed valve, steps at 50 Hz, second sensor, and a repeat. Chains leave out the steps at 50 Hz:
+they swing too slowly to stand still between samples, in every dynamic truth. Tendons have no valve to close.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
-from benchmarks.evidence.robots import PEAK_TORQUE_N_M, PRESSURE_MAX_PA, Array
+from benchmarks.evidence.robots import JOINT, PEAK_TORQUE_N_M, PRESSURE_MAX_PA, Array, Robot
 
-SAMPLE_S = 0.4
+SAMPLE_S, DENSE_S = 0.4, 0.02
+DENSE = "steps at 50 Hz"
 ROOM_C, HOT_C = 22.0, 52.0
 LOAD_N_M = 0.15 * PEAK_TORQUE_N_M
 LOAD_LEVELS = (0.0, 1.0, 0.0, -1.0, 0.6, 0.0)
+Angles = tuple[float, float, float]
 
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """One run, sampled every `SAMPLE_S`: everything (t,) but its names and its orientation."""
+    """One run: everything (t,) but its names and its conditions.
+
+    Attributes:
+        pressure_pa: commanded, in a robot with a tendon the share of its largest force times the largest pressure.
+        time_s: from the start of the run, increasing.
+        base_angles_rad: the base's turns about world x, y, z in that order.
+        valve_open: 1 where the chambers are connected to the supply; None where they always are.
+        second: the second sensor is read.
+    """
 
     condition: str
     specimen: str
     pressure_pa: Array
     moment_n_m: Array
     temperature_c: float = ROOM_C
-    base_pitch_rad: float = 0.0
+    base_angles_rad: Angles = (0.0, 0.0, 0.0)
+    valve_open: Array | None = None
+    second: bool = False
+    time_s: Array = field(default_factory=lambda: np.empty(0))
+
+    def __post_init__(self) -> None:
+        if not len(self.time_s):
+            object.__setattr__(self, "time_s", np.arange(len(self.pressure_pa), dtype=float) * SAMPLE_S)
 
     @property
-    def time_s(self) -> Array:
-        """(t,) from the start of the run."""
-        return np.arange(len(self.pressure_pa), dtype=float) * SAMPLE_S
+    def valve(self) -> Array:
+        """(t,) 1 open, 0 closed."""
+        return np.ones(len(self)) if self.valve_open is None else self.valve_open
+
+    @property
+    def seconds(self) -> float:
+        return float(self.time_s[-1])
 
     def __len__(self) -> int:
         return len(self.pressure_pa)
@@ -52,27 +77,49 @@ def triangles(period_s: float, amplitudes: list[float]) -> Array:
     return PRESSURE_MAX_PA * np.concatenate([a * shape for a in amplitudes])
 
 
-def steps(levels: tuple[float, ...], hold_s: float, rise_s: float = 1.2) -> Array:
+def steps(levels: tuple[float, ...], hold_s: float, rise_s: float = 1.2, sample_s: float = SAMPLE_S) -> Array:
     """Levels reached along straight lines of `rise_s`, then held."""
-    n, rising = round(hold_s / SAMPLE_S), round(rise_s / SAMPLE_S)
+    n, rising = round(hold_s / sample_s), round(rise_s / sample_s)
     ramp = np.minimum(1.0, np.arange(1, n + 1) / rising)
     before = (0.0, *levels[:-1])
     return np.concatenate([a + (b - a) * ramp for a, b in zip(before, levels, strict=True)])
 
 
-def _free(condition: str, specimen: str, pressure: Array, **conditions: float) -> Run:
-    return Run(condition, specimen, pressure, np.zeros(len(pressure)), **conditions)
+def _free(condition: str, specimen: str, pressure: Array, **conditions: float | Angles | bool) -> Run:
+    return Run(condition, specimen, pressure, np.zeros(len(pressure)), **conditions)  # type: ignore[arg-type]
 
 
 def _loaded(condition: str, specimen: str, pressure: Array, share: float) -> Run:
     return Run(condition, specimen, pressure, np.full(len(pressure), share * LOAD_N_M))
 
 
-def _load_steps(specimen: str) -> Run:
+def _load_steps(specimen: str) -> list[Run]:
     """The load walks through its levels, first without pressure, then at constant pressure."""
-    load = LOAD_N_M * np.tile(steps(LOAD_LEVELS, 9.2), 2)
-    pressure = PRESSURE_MAX_PA * np.minimum(1.0, np.maximum(0.0, np.arange(len(load)) - len(load) // 2) / 3)
-    return Run("load steps", specimen, 0.6 * pressure, load)
+    load = LOAD_N_M * steps(LOAD_LEVELS, 9.2)
+    held = 0.6 * PRESSURE_MAX_PA * np.minimum(1.0, np.arange(len(load)) / 3)
+    return [
+        Run("passive load steps", specimen, np.zeros(len(load)), load),
+        Run("load steps", specimen, held, load),
+    ]
+
+
+def _closed_valve(specimen: str) -> Run:
+    """Fill, close the valve for 20 s, open it and vent: at the top, then half way up."""
+    once = steps((1.0, 1.0, 0.0), 8.0), np.repeat([1.0, 0.0, 1.0], 20)
+    pressure = PRESSURE_MAX_PA * np.concatenate([once[0], 0.5 * once[0]])
+    # Closed from the end of the first hold; the command stands still meanwhile.
+    return Run("closed valve", specimen, pressure, np.zeros(len(pressure)), valve_open=np.tile(once[1], 2))
+
+
+def _step_response(specimen: str) -> Run:
+    """Steps along half a cosine of 0.5 s, sampled densely: a bare joint's own 8 Hz hardly ring."""
+    n, rising = round(1.0 / DENSE_S), round(0.5 / DENSE_S)
+    ramp = 0.5 - 0.5 * np.cos(np.pi * np.minimum(1.0, np.arange(1, n + 1) / rising))
+    levels = (0.6, 0.0, 1.0, 0.2)
+    shape = [a + (b - a) * ramp for a, b in zip((0.0, *levels[:-1]), levels, strict=True)]
+    pressure = PRESSURE_MAX_PA * np.concatenate(shape)
+    clock = np.arange(len(pressure)) * DENSE_S
+    return Run(DENSE, specimen, pressure, np.zeros(len(pressure)), time_s=clock)
 
 
 def _medium(specimen: str, cycles: int = 2) -> Run:
@@ -104,9 +151,13 @@ def _rich(specimen: str, load_steps: bool) -> list[Run]:
         _holds(specimen),
         _loaded("load +", specimen, cycles, 1.0),
         _loaded("load -", specimen, 0.6 * cycles, -1.0),
-        _free("horizontal", specimen, triangles(20, [1.0] * 3), base_pitch_rad=np.pi / 2),
-        _free("hot", specimen, triangles(20, [1.0] * 4), temperature_c=HOT_C),
-        *([_load_steps(specimen)] if load_steps else []),
+        _free("horizontal", specimen, triangles(20, [1.0] * 3), base_angles_rad=(0.0, np.pi / 2, 0.0)),
+        _free("sideways", specimen, triangles(20, [1.0]), base_angles_rad=(np.pi / 2, 0.0, 0.0)),
+        _free("hot", specimen, triangles(20, [1.0] * 2), temperature_c=HOT_C),
+        *(_load_steps(specimen) if load_steps else []),
+        _closed_valve(specimen),
+        _step_response(specimen),
+        _free("second sensor", specimen, triangles(20, [1.0]), second=True),
         _medium(specimen),
     ]
 
@@ -119,21 +170,31 @@ def _rates(specimen: str) -> list[Run]:
 def _example(specimen: str) -> list[Run]:
     loaded = _loaded("load +", specimen, triangles(20, [1.0, 1.0]), 1.0)
     kinds = [_virgin, _slow, _fast, _holds]
-    return [*(make(specimen) for make in kinds), loaded, _load_steps(specimen), _medium(specimen)]
+    return [*(make(specimen) for make in kinds), loaded, *_load_steps(specimen), _medium(specimen)]
 
 
-def protocol(name: str) -> Protocol:
-    """The runs of a protocol in the order in which they are done."""
+def protocol(name: str, robot: Robot = JOINT) -> Protocol:
+    """The runs of a protocol that this robot can do, in the order in which they are done."""
+    return tuple(run for run in _runs(name) if _possible(run, robot))
+
+
+def _possible(run: Run, robot: Robot) -> bool:
+    if run.condition == DENSE:
+        return robot.modules == 1
+    return run.valve_open is None or not robot.tendon
+
+
+def _runs(name: str) -> list[Run]:
     if name == "rich":
-        return (*_rich("A", True), *_rich("B", True))
+        return [*_rich("A", True), *_rich("B", True)]
     if name == "rich_noload":
-        return (*_rich("A", False), *_rich("B", False))
+        return [*_rich("A", False), *_rich("B", False)]
     if name == "rates":
-        return tuple(_rates("A"))
+        return _rates("A")
     if name == "poor":
-        return tuple(_medium("A", 3) for _ in range(5))
+        return [_medium("A", 3) for _ in range(5)]
     if name == "example":
-        return (*_example("A"), *_example("B"))
+        return [*_example("A"), *_example("B")]
     raise ValueError(f"no protocol '{name}': {', '.join(NAMES)}")
 
 

@@ -14,6 +14,7 @@ GRAVITY_M_S2 = 9.81
 # τ(p, u) = k_n p + m_a p u − (m_e u|u|/2 + b_e u), the published law of a bending module, odd form.
 K_N, M_A, M_E, B_E = 1.637e-6, -1.704e-6, 0.1012, 0.0245
 PEAK_TORQUE_N_M = K_N * PRESSURE_MAX_PA
+TIPS = ("tip_x_m", "tip_y_m", "tip_z_m")
 
 
 @dataclass(frozen=True)
@@ -23,6 +24,8 @@ class Robot:
     Attributes:
         modules, length_m, mass_kg: number of modules; length and mass of each.
         outputs: what its bench reads: `angle_rad` is the sum of the joint angles, tips are in the world.
+        second: what a second sensor reads, in the runs that have it.
+        drive: the input's name; `drive_max` its largest value, which acts as `PRESSURE_MAX_PA` does.
     """
 
     name: str
@@ -30,6 +33,9 @@ class Robot:
     length_m: float
     mass_kg: float
     outputs: tuple[str, ...]
+    second: tuple[str, ...] = ()
+    drive: str = "pressure_pa"
+    drive_max: float = PRESSURE_MAX_PA
 
     @property
     def piece_lengths_m(self) -> Array:
@@ -43,20 +49,29 @@ class Robot:
         """(n,) mass of the rigid piece that hangs on each joint."""
         return self.mass_kg * self.piece_lengths_m / self.length_m
 
+    @property
+    def tendon(self) -> bool:
+        """A tendon drives it."""
+        return self.drive.startswith("tendon")
+
     def study(self, name: str) -> str:
         """The study that the diagnoser gets: a stated law and a chain, nothing of the truth."""
+        per_drive = PRESSURE_MAX_PA / self.drive_max
         return STUDY.format(
             name=name,
-            k_n=K_N,
-            m_a=M_A,
+            drive=self.drive,
+            k_n=K_N * per_drive,
+            m_a=M_A * per_drive,
             m_e=M_E,
             b_e=B_E,
             modules=self.modules,
             length=self.length_m * 1e3,
             mass=self.mass_kg * 1e3,
+            task="{kind: free_bending, pressure: 15 kPa}" if not self.tendon else TENDON_TASK,
         )
 
 
+TENDON_TASK = "{kind: tendon_finger, tendon_force: 9 N}"
 STUDY = """\
 pliant: 1
 name: {name}
@@ -64,28 +79,20 @@ surrogate:
   kind: polynomial
   form: study
   odd: true
+  actuation_name: {drive}
   coefficients: {{k_n: {k_n:g}, m_a: {m_a:g}, m_e: {m_e:g}, b_e: {b_e:g}}}
 chain: {{modules: {modules}, module_length: {length:g} mm, module_mass: {mass:g} g}}
 physics: quasistatic
-task: {{kind: free_bending, pressure: 15 kPa}}
+task: {task}
 """
 
-# Lying horizontally, the joint carries 16 % of its peak torque as weight; the chain's first joint 22 %.
-JOINT = Robot("joint", 1, 0.080, 0.040, ("angle_rad",))
-CHAIN = Robot("chain", 8, 0.011, 0.0016, ("angle_rad", "tip_x_m", "tip_z_m"))
-ROBOTS = {robot.name: robot for robot in (JOINT, CHAIN)}
-
-
-def readings(robot: Robot, angles: Array, base_pitch_rad: Array) -> dict[str, Array]:
-    """What an ideal bench reads of joint angles (t, n): bending positive toward world +x, base pitch about world y.
-
-    A base pitch φ turns every piece from −z toward −x: its angle from the vertical is Σ u − φ.
-    """
-    turned = np.cumsum(angles, axis=1) - base_pitch_rad[:, None]
-    first, lengths = robot.length_m / 2, robot.piece_lengths_m
-    every = {
-        "angle_rad": angles.sum(axis=1),
-        "tip_x_m": -first * np.sin(base_pitch_rad) + np.sin(turned) @ lengths,
-        "tip_z_m": -first * np.cos(base_pitch_rad) - np.cos(turned) @ lengths,
-    }
-    return {name: every[name] for name in robot.outputs}
+# Lying horizontally, the joint carries 16 % of its peak torque as weight; the chains' first joints 22 % and 21 %.
+JOINT = Robot("joint", 1, 0.080, 0.040, ("angle_rad",), TIPS)
+CHAIN = Robot("chain", 8, 0.011, 0.0016, ("angle_rad", *TIPS))
+FOUR = Robot(
+    "four", 4, 0.022, 0.0032, ("angle_rad", *TIPS), tuple(f"joint_{k}_angle_rad" for k in (1, 2, 3, 4))
+)
+FINGER = Robot(
+    "finger", 3, 0.030, 0.004, tuple(f"joint_{k}_angle_rad" for k in (1, 2, 3)), TIPS, "tendon_force_n", 9.0
+)
+ROBOTS = {robot.name: robot for robot in (JOINT, CHAIN, FOUR, FINGER)}

@@ -12,14 +12,15 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
-from benchmarks.evidence import functional_truth, mujoco_truth, noise
-from benchmarks.evidence.protocols import SAMPLE_S, Protocol, protocol
-from benchmarks.evidence.robots import ROBOTS, Array, Robot, readings
+from benchmarks.evidence import explicit_truth, functional_truth, mujoco_truth, noise
+from benchmarks.evidence.protocols import Protocol, Run, protocol
+from benchmarks.evidence.robots import PRESSURE_MAX_PA, ROBOTS, TIPS, Array, Robot
+from benchmarks.evidence.sensors import sensed
+from benchmarks.evidence.skeleton import readings
 from benchmarks.evidence.truths import (
     CLEAN,
     Engine,
     HiddenTruth,
-    Sensor,
     Split,
     Truth,
     draw,
@@ -27,7 +28,11 @@ from benchmarks.evidence.truths import (
     right_verdicts,
 )
 
-ENGINES: dict[str, Any] = {"functional": functional_truth, "mujoco": mujoco_truth}
+ENGINES: dict[str, Any] = {
+    "functional": functional_truth,
+    "mujoco": mujoco_truth,
+    "explicit": explicit_truth,
+}
 SIGMA_OF_RANGE = 0.02
 SNR_RANGE = (1.5, 3.0)
 EXCITED_SNR = 0.3
@@ -83,7 +88,8 @@ def make_set(spec: SetSpec, name: str = "hidden") -> MeasuredSet:
         RuntimeError: an engine did not follow the truth.
     """
     rng = spec.generator()
-    robot, runs = ROBOTS[spec.robot], protocol(spec.protocol)
+    robot = ROBOTS[spec.robot]
+    runs = protocol(spec.protocol, robot)
     truth = draw(spec.kind, spec.engine, robot, spec.split, rng)
     slips = rng.standard_normal(len(runs))
     drawn_snrs = [float(rng.uniform(*SNR_RANGE)) for _ in truth.parts]
@@ -93,7 +99,7 @@ def make_set(spec: SetSpec, name: str = "hidden") -> MeasuredSet:
         return lambda *strengths: follow(engine, robot, runs, part.at(*strengths), slips)
 
     clean = outputs_of(truth, spec.engine)()
-    sigma = {key: SIGMA_OF_RANGE * float(np.ptp(_joined(clean, key))) for key in robot.outputs}
+    sigma = noise_sizes(clean)
     scaled = _each_alone(spec, truth, outputs_of, clean, sigma, targets)
     hidden = scaled[0].outputs if len(scaled) == 1 else clean
     if len(scaled) > 1:
@@ -118,34 +124,36 @@ def make_set(spec: SetSpec, name: str = "hidden") -> MeasuredSet:
 
 
 def follow(engine: str, robot: Robot, runs: Protocol, truth: Truth, slips: Array) -> Outputs:
-    """Noiseless outputs of every run."""
+    """Noiseless outputs of every run: what its sensors read."""
     angles = ENGINES[engine].follow(robot, runs, truth)
-    pitches = [np.full(len(run), run.base_pitch_rad) for run in runs]
-    ideal = [readings(robot, q, pitch) for q, pitch in zip(angles, pitches, strict=True)]
     return [
-        {**reading, "angle_rad": sensed(reading["angle_rad"], truth.sensor, slip)}
-        for reading, slip in zip(ideal, slips, strict=True)
+        _read(robot, run, q, truth, slip) for run, q, slip in zip(runs, angles, slips.tolist(), strict=True)
     ]
 
 
-def sensed(angle: Array, sensor: Sensor, slip: float) -> Array:
-    """What the angle sensor says: lost motion, scale, bias, and where it was put for this run."""
-    seen: Array = _play(angle, sensor.play_rad) if sensor.play_rad else angle
-    return seen * (1 + sensor.scale) + sensor.bias_rad + sensor.slip_rad * slip
+def _read(robot: Robot, run: Run, angles: Array, truth: Truth, slip: float) -> dict[str, Array]:
+    ideal = readings(robot, angles, run.base_angles_rad, truth.body)
+    names = (*robot.outputs, *robot.second) if run.second else robot.outputs
+    return {
+        name: sensed(ideal[name], run.time_s, truth.sensor, slip)
+        if name.endswith("angle_rad")
+        else ideal[name]
+        for name in names
+    }
 
 
-def _play(angle: Array, width: float) -> Array:
-    """The play operator: the output is dragged by either side of a gap of this width; it starts in the middle."""
-    out = angle.copy()
-    for i in range(1, len(out)):
-        out[i] = min(max(out[i - 1], angle[i] - width / 2), angle[i] + width / 2)
-    return out
+def noise_sizes(clean: Outputs) -> dict[str, float]:
+    """σ of every output: a share of its range, of the largest range for the tip's three coordinates."""
+    names = list(dict.fromkeys(name for run in clean for name in run))
+    ranges = {name: float(np.ptp(_joined(clean, name))) for name in names}
+    widest = max((ranges[name] for name in names if name in TIPS), default=0.0)
+    return {name: SIGMA_OF_RANGE * (widest if name in TIPS else ranges[name]) for name in names}
 
 
 def signal(clean: Outputs, hidden: Outputs, sigma: dict[str, float]) -> float:
-    """RMS change over samples and outputs, in σ."""
-    squares = [np.mean((_joined(hidden, key) - _joined(clean, key)) ** 2) / sigma[key] ** 2 for key in sigma]
-    return float(np.sqrt(np.mean(squares)))
+    """RMS change over all readings, in σ."""
+    changes = [(_joined(hidden, key) - _joined(clean, key)) / sigma[key] for key in sigma]
+    return float(np.sqrt(np.mean(np.concatenate(changes) ** 2)))
 
 
 @dataclass(frozen=True)
@@ -214,25 +222,37 @@ def _with_noise(
     spectrum: noise.Spectrum,
     rng: np.random.Generator,
 ) -> Outputs:
-    lengths = [len(run) for run in runs]
-    drawn = {key: noise.draw(spectrum, lengths, SAMPLE_S, rng) for key in sigma}
-    return [{key: run[key] + sigma[key] * drawn[key][i] for key in sigma} for i, run in enumerate(outputs)]
+    drawn = {key: noise.draw(spectrum, [run.time_s for run in runs], rng) for key in sigma}
+    return [
+        {key: values + sigma[key] * drawn[key][i] for key, values in run.items()}
+        for i, run in enumerate(outputs)
+    ]
 
 
 def _joined(outputs: Outputs, key: str) -> Array:
-    return np.concatenate([run[key] for run in outputs])
+    """The output over the runs that have it."""
+    return np.concatenate([run[key] for run in outputs if key in run])
 
 
 def to_csv(runs: Protocol, outputs: Outputs, robot: Robot) -> str:
-    """The measurement CSV of docs/conventions.md: what was commanded and read, nothing else."""
-    columns = ["run", "specimen", "time_s", "pressure_pa", "moment_n_m", "temperature_c", "base_pitch_rad"]
-    lines = [",".join([*columns, *robot.outputs])]
+    """The measurement CSV of docs/measurement_files.md: what was commanded and read, nothing else."""
+    names = list(dict.fromkeys(name for run in outputs for name in run))
+    turns = ["base_roll_rad", "base_pitch_rad"]
+    valve = [] if all(run.valve_open is None for run in runs) else ["valve_open"]
+    columns = ["run", "specimen", "time_s", robot.drive, "moment_n_m", "temperature_c", *turns, *valve]
+    lines = [",".join([*columns, *names])]
+    per_pressure = robot.drive_max / PRESSURE_MAX_PA
     for number, (run, read) in enumerate(zip(runs, outputs, strict=True), 1):
-        conditions = f"{run.temperature_c:.1f},{run.base_pitch_rad:.6f}"
-        values = np.column_stack([read[key] for key in robot.outputs])
-        for t, p, m, row in zip(run.time_s, run.pressure_pa, run.moment_n_m, values, strict=True):
-            numbers = ",".join(f"{value:.6f}" for value in row)
-            lines.append(f"r{number:02d},{run.specimen},{t:.1f},{p:.1f},{m:.6f},{conditions},{numbers}")
+        roll, pitch, _ = run.base_angles_rad
+        fixed = f"{run.temperature_c:.1f},{roll:.6f},{pitch:.6f}"
+        drive = [f"{value * per_pressure:.{1 if per_pressure == 1.0 else 5}f}" for value in run.pressure_pa]
+        cells = [
+            [f"{value:.6f}" for value in read[name]] if name in read else [""] * len(run) for name in names
+        ]
+        state = [[f"{value:.0f}" for value in run.valve]] if valve else []
+        head = f"r{number:02d},{run.specimen}"
+        for t, p, m, *row in zip(run.time_s, drive, run.moment_n_m, *state, *cells, strict=True):
+            lines.append(",".join([f"{head},{t:.2f},{p},{m:.6f},{fixed}", *row]))
     return "\n".join(lines) + "\n"
 
 
@@ -243,4 +263,4 @@ def expected_samples(name: str) -> int:
 
 def minutes(name: str) -> float:
     """Bench time of a protocol's motion, without rests."""
-    return math.fsum(len(run) for run in protocol(name)) * SAMPLE_S / 60
+    return math.fsum(run.seconds for run in protocol(name)) / 60

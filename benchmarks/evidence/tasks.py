@@ -12,10 +12,16 @@ from typing import Literal
 
 import numpy as np
 from benchmarks.evidence.sets import SetSpec
-from benchmarks.evidence.truths import CLEAN, KINDS, PAIRED, PLUS, UNKNOWN, Engine, Split
+from benchmarks.evidence.truths import CLEAN, KINDS, PAIRED, PLUS, UNKNOWN, Engine, Split, robots_of
 
 Mode = Literal["diagnose", "improve"]
-ENGINES: tuple[Engine, Engine] = ("functional", "mujoco")
+# In turn. Thresholds are chosen on one engine, and judged on all of them.
+ENGINES: dict[tuple[Split, bool], tuple[Engine, ...]] = {
+    ("judged", True): ("functional", "mujoco", "explicit"),
+    ("judged", False): ("functional", "mujoco"),
+    ("calibration", True): ("functional",),
+    ("calibration", False): ("functional",),
+}
 # Every this many-th set of a kind is a chain, the others are one joint.
 CHAIN_EVERY = 5
 WEAK_SNR = (0.5, 1.0)
@@ -24,7 +30,20 @@ UNKNOWN_ROBOT = "joint"
 
 
 # Whatever changes the measured sets: a change there makes other sets, with other names.
-TRUTH_FILES = ("robots", "protocols", "forms", "truths", "functional_truth", "mujoco_truth", "noise", "sets")
+TRUTH_FILES = (
+    "robots",
+    "skeleton",
+    "protocols",
+    "forms",
+    "sensors",
+    "truths",
+    "strengths",
+    "functional_truth",
+    "mujoco_truth",
+    "explicit_truth",
+    "noise",
+    "sets",
+)
 
 
 @cache
@@ -106,13 +125,15 @@ class Plan:
         protocol: str | None = None,
         snr: float | None = None,
     ) -> SetSpec:
-        chain = self.chain_every > 0 and seed % self.chain_every == self.chain_every - 1
-        # The engines alternate; with an odd period of chains both engines make both robots.
+        other = self.chain_every > 0 and seed % self.chain_every == self.chain_every - 1
+        usual, second = robots_of(kind.split(PLUS)[0])
+        name = robot or (second if other else usual)
+        engines = ENGINES[self.split, name == "joint"]
         return SetSpec(
             kind=kind,
             seed=seed,
-            engine=ENGINES[seed % 2],
-            robot=robot or ("chain" if chain else "joint"),
+            engine=engines[(seed + seed // self.chain_every if self.chain_every else seed) % len(engines)],
+            robot=name,
             protocol=protocol or self.protocol,
             split=self.split,
             snr=snr,
@@ -133,18 +154,23 @@ class Plan:
         for kind in KINDS:
             for snr in WEAK_SNR:
                 yield from (
-                    Task("weak", self._set(kind, seed, "joint", snr=snr)) for seed in range(self.weak)
+                    Task("weak", self._set(kind, seed, robots_of(kind)[0], snr=snr))
+                    for seed in range(self.weak)
                 )
 
     def _beside(self) -> Iterator[Task]:
         for kind in (*KINDS, CLEAN):
             for name in self.beside_protocols:
-                yield from (Task(name, self._set(kind, seed, "joint", name)) for seed in range(self.beside))
+                yield from (
+                    Task(name, self._set(kind, seed, robots_of(kind)[0], name)) for seed in range(self.beside)
+                )
 
     def _improve(self) -> Iterator[Task]:
         for kind in KINDS:
             seeds = range(self.improve)
-            yield from (Task("improve", self._set(kind, seed, "joint"), "improve") for seed in seeds)
+            yield from (
+                Task("improve", self._set(kind, seed, robots_of(kind)[0]), "improve") for seed in seeds
+            )
 
     def _pairs(self) -> Iterator[Task]:
         for seed, kind in enumerate(pairs_of(self.split, self.pairs)):

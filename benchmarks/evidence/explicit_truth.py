@@ -1,0 +1,119 @@
+"""Truth engine 3: one joint with its own inertia, by explicit steps of 1 ms (velocity Verlet, Verlet 1967).
+
+    I ü = effort(u) − c u̇ − M + Q(u)
+
+Half a kick, a drift, half a kick; the effort's memory goes along once per step. What heals in time is forgotten after
+the joint has been laid slowly where the first sample has it.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from benchmarks.evidence.forms import Drive, Forms, arriving, effort, healed, virgin, wraps
+from benchmarks.evidence.functional_truth import AIR_DAMPING, Bones, Inputs, bones_of, inputs_of, weights
+from benchmarks.evidence.protocols import Protocol
+from benchmarks.evidence.robots import PRESSURE_MAX_PA, Array, Robot
+from benchmarks.evidence.skeleton import skeleton
+from numba import njit
+
+STEP_S = 0.001
+RAMP_S, SETTLE_S = 4.0, 2.0
+
+
+@njit
+def _advance(
+    state: Array,
+    dt: float,
+    drive: Drive,
+    weight: float,
+    gravity: Array,
+    bones: Bones,
+    memory: Array,
+    new: Array,
+    f: Forms,
+) -> None:
+    """One step of `state`: angle, velocity, acceleration."""
+    moments, slopes, at = np.empty(1), np.empty((1, 1)), np.empty(1)
+    state[1] += 0.5 * dt * state[2]
+    step = dt * state[1]
+    state[0] += step
+    at[0] = state[0]
+    weights(at, bones, gravity, moments, slopes)
+    seen = Drive(
+        drive.pressure_pa,
+        drive.pressure_rate,
+        drive.temperature_c,
+        drive.moment_n_m,
+        drive.time_s,
+        drive.clock_s,
+        drive.cycles,
+        wraps(at, bones.module, f)[0],
+    )
+    total = effort(state[0], step, dt, seen, memory[0], new[0], f)
+    total += weight * moments[0] - drive.moment_n_m * bones.load_share[0] - AIR_DAMPING * state[1]
+    memory[0, :] = new[0]
+    state[2] = total / bones.inertia[0]
+    state[1] += 0.5 * dt * state[2]
+
+
+@njit
+def _follow(inputs: Inputs, bones: Bones, memory: Array, cycles: float, f: Forms) -> tuple[Array, float]:
+    """One run from rest: (t, 1) angles and the cycles that the specimen has done after it."""
+    count, warm = len(inputs.pressure), inputs.temperature
+    new, state = memory.copy(), np.zeros(3)
+    ramp = round(RAMP_S / STEP_S)
+    for k in range(ramp + round(SETTLE_S / STEP_S)):
+        share = min(1.0, (k + 1) / ramp)
+        drive = Drive(
+            share * inputs.pressure[0], 0.0, warm, share * inputs.load[0], 0.0, inputs.clock, cycles, 0.0
+        )
+        _advance(state, STEP_S, drive, share, inputs.gravity, bones, memory, new, f)
+        if k >= ramp:  # it comes to rest at once, without ringing into the run
+            state[1] *= 0.99
+    healed(memory)
+    supply = np.full(2, inputs.pressure[0])
+    angles = np.empty((count, 1))
+    angles[0, 0] = state[0]
+    for i in range(1, count):
+        span = inputs.time[i] - inputs.time[i - 1]
+        parts = max(1, round(span / STEP_S))
+        dt = span / parts
+        start, load = inputs.pressure[i - 1], inputs.load[i - 1]
+        rise, more = inputs.pressure[i] - start, inputs.load[i] - load
+        for k in range(1, parts + 1):
+            share = k / parts
+            reached = start + share * rise
+            chamber = arriving(supply, reached, reached, inputs.valve[i], dt, f)
+            cycles += abs(rise) / parts / (2.0 * PRESSURE_MAX_PA)
+            time = inputs.time[i - 1] + share * span
+            drive = Drive(
+                chamber, rise / span, warm, load + share * more, time, inputs.clock + time, cycles, 0.0
+            )
+            _advance(state, dt, drive, 1.0, inputs.gravity, bones, memory, new, f)
+        angles[i, 0] = state[0]
+    return angles, cycles
+
+
+def follow(robot: Robot, protocol: Protocol, truth: Any) -> list[Array]:
+    """(t, 1) joint angles of every run, in order; specimens keep what does not heal.
+
+    Raises:
+        ValueError: a chain; its modes are too fast for explicit steps.
+        RuntimeError: the motion is not finite.
+    """
+    bones = bones_of(skeleton(robot, truth.body), swings=True)
+    if len(bones.masses) != 1:
+        raise ValueError(f"the explicit engine follows one joint, and '{robot.name}' has {len(bones.masses)}")
+    memories: dict[str, tuple[Array, float]] = {}
+    angles, clock = [], 0.0
+    for run in protocol:
+        memory, cycles = memories.get(run.specimen, (virgin(1), 0.0))
+        followed, cycles = _follow(inputs_of(run, truth.body, clock), bones, memory, cycles, truth.forms)
+        if not np.isfinite(followed).all():
+            raise RuntimeError(f"explicit truth: run '{run.condition}' diverged")
+        memories[run.specimen] = (memory, cycles)
+        angles.append(followed)
+        clock += run.seconds
+    return angles
