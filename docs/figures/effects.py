@@ -106,7 +106,7 @@ def closed_valve() -> History:
 
 def step() -> History:
     """A step of the pressure within a millisecond."""
-    time_s = 1e-3 * np.arange(331)
+    time_s = 1e-3 * np.arange(601)
     return History.of({"pressure_pa": np.where(time_s > 0.05, 8.0 * KPA, 0.0)}, time_s)
 
 

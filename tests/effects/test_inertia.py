@@ -30,8 +30,8 @@ def chain_of(modules: int, **chain: object) -> ChainModel:
     return sample_chain(linear_law(GAIN, K), modules=modules, gravity=(0, 0, 0), **chain)
 
 
-def heavy(chain: ChainModel, scale: float = 1.0) -> ChainModel:
-    return Inertia(InertiaConfig(scale=scale)).apply(Model(chain)).chain
+def heavy(chain: ChainModel, scale: float = 1.0, damping: float = 0.0) -> ChainModel:
+    return Inertia(InertiaConfig(scale=scale, damping_ratio=damping)).apply(Model(chain)).chain
 
 
 def after_a_step(chain: ChainModel, time_s: Array) -> Array:
@@ -84,6 +84,26 @@ def test_a_dashpot_beside_it_damps_as_the_oscillator() -> None:
     np.testing.assert_allclose(after_a_step(damped, time_s)[:, 0], exact, atol=5e-3 * END)
 
 
+def test_its_own_damping_is_that_of_the_oscillator() -> None:
+    """f (u'' + 2 ζ ω u') + ω² (u − U) = 0: the swing falls as e^(−ζ ω t) whatever f."""
+    chain = chain_of(1)
+    omega, ratio, scale = np.sqrt(K / lumped_inertia(chain)[0]), 0.15, 1.7
+    time_s = np.linspace(0.0, 15.0 / omega, 3001)
+    wet = np.sqrt(omega**2 / scale - (ratio * omega) ** 2)
+    swing = np.cos(wet * time_s) + ratio * omega / wet * np.sin(wet * time_s)
+    exact = END * (1 - np.exp(-ratio * omega * time_s) * swing)
+    np.testing.assert_allclose(after_a_step(heavy(chain, scale, ratio), time_s)[:, 0], exact, atol=4e-3 * END)
+
+
+def test_a_swing_that_samples_cannot_show_is_gone_after_a_few() -> None:
+    """Sampled once in two and in forty periods: after a step the joint stands where statics has it."""
+    chain = chain_of(1)
+    for periods in (0.5, 2.0, 40.0):
+        h = periods * 2 * np.pi * np.sqrt(lumped_inertia(chain)[0] / K)
+        angle = after_a_step(heavy(chain), h * np.arange(20))[:, 0]
+        np.testing.assert_allclose(angle[8:], END, atol=2e-3 * END)
+
+
 @pytest.mark.parametrize("payload", [0.0, 0.01])
 @pytest.mark.parametrize("modules", [2, 5])
 def test_a_chain_has_the_lowest_swing_of_its_mass_matrix(modules: int, payload: float) -> None:
@@ -129,6 +149,19 @@ def test_it_is_what_mujoco_has_by_itself() -> None:
     np.testing.assert_allclose(mine, moved.joint_angles[:, 0, 0], atol=0.02 * END)
 
 
+def test_mujoco_s_drag_is_this_damping() -> None:
+    """Both are in proportion to mass: ζ = drag / 2 ω."""
+    chain = chain_of(1, payload=0.02)
+    omega, drag = float(np.sqrt(K / lumped_inertia(chain)[0])), 20.0
+    time_s = np.linspace(0.0, 15.0 / omega, 3001)
+    run = History.of({"pressure_pa": np.where(time_s > 0.0, P, 0.0)}, time_s)
+    dragged = Mujoco(MujocoConfig(timestep_s=1e-3, joint_damping=0.0, drag_1_s=drag))
+    (moved,), _ = dragged.follow(chain, [run])
+    mine = after_a_step(heavy(chain, damping=0.5 * drag / omega), time_s)[:, 0]
+    assert 1.2 * END < mine.max() < 1.9 * END
+    np.testing.assert_allclose(mine, moved.joint_angles[:, 0, 0], atol=0.02 * END)
+
+
 def test_engines_that_accelerate_masses_refuse_it() -> None:
     with pytest.raises(UserError, match="physics 'mujoco' accelerates the chain's masses by itself"):
         check_terms(Mujoco(MujocoConfig()), heavy(chain_of(2)))
@@ -151,7 +184,7 @@ def test_a_joint_that_is_not_stiff_is_refused() -> None:
         heavy(sample_chain(linear_law(GAIN, -K), modules=2))
 
 
-@pytest.mark.parametrize("scale", [-0.1, 20.1])
-def test_bounds(scale: float) -> None:
-    with pytest.raises(ValueError, match="scale"):
-        InertiaConfig(scale=scale)
+@pytest.mark.parametrize("wrong", [{"scale": -0.1}, {"scale": 20.1}, {"damping_ratio": 0.6}])
+def test_bounds(wrong: dict[str, float]) -> None:
+    with pytest.raises(ValueError, match="scale|damping_ratio"):
+        InertiaConfig.model_validate(wrong)

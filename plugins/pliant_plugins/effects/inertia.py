@@ -1,21 +1,21 @@
 """Mass that must be accelerated.
 
-    M_i = −f J_i d²u_i/dt²
+    M_i = −f J_i (d²u_i/dt² + 2 ζ ω du_i/dt)
 
-per joint: what a model of equilibria leaves out (d'Alembert). A law term knows its own joint only, so the chain's mass
-matrix M at rest, payload included, becomes a diagonal one that has the same lowest swing: there M φ = K φ / ω²
-(Craig & Kurdila, Fundamentals of Structural Dynamics, 2006), hence J_i = k_i / ω² with the stiffnesses at rest k_i.
-For one joint that is its moment of inertia. A chain has no swing but the lowest: after a step of pressure that makes a
-third to three quarters of what the masses do to the whole angle (RMS, two to eight modules, with and without
-payload). A payload that a recording gives instead of the chain's own counts as weight only.
+per joint: what a model of equilibria leaves out (d'Alembert), with the damping that ends every swing, in proportion to
+mass (Rayleigh's). A law term knows its own joint only, so the chain's mass matrix M at rest, payload included, becomes
+a diagonal one that has the same lowest swing ω: there M φ = K φ / ω² (Craig & Kurdila, Fundamentals of Structural
+Dynamics, 2006), hence J_i = k_i / ω² with the stiffnesses at rest k_i. For one joint that is its moment of inertia. A
+chain has no swing but the lowest: after a step of pressure it makes a third to three quarters of what the masses do
+to the whole angle (RMS, two to eight modules, with and without payload). Payloads of a recording count as weight only.
 
-The acceleration is that of Newmark's average-acceleration rule (β = 1/4, γ = 1/2; J. Eng. Mech. Div. ASCE 85, 1959),
-velocity v and acceleration a being the memory: over a step Δt in which the angle moves by Δu
+Newmark's rule (J. Eng. Mech. Div. ASCE 85, 1959) with velocity v and acceleration a as memory; over a step Δt
 
-    a' = 4/Δt (Δu/Δt − v) − a,      v' = 2 Δu/Δt − v
+    a' = (Δu − Δt v) / (β Δt²) − (1 / 2β − 1) a,      v' = v + Δt ((1 − γ) a + γ a')
 
-which is stable at any step and takes no energy from a swing; a step should be below a twentieth of its period. A
-state that is reached slowly has v = a = 0. Engines that integrate motion themselves refuse the effect: they have it.
+With more than six samples per swing it takes no energy from it (γ = 1/2, β = 1/4); what samples cannot show, two and
+fewer per swing, it damps out at once (γ = 3/2, β = 1), as it would have died between them. A state that is reached
+slowly has v = a = 0. Engines that integrate motion themselves refuse the effect: they have it.
 """
 
 from __future__ import annotations
@@ -36,14 +36,20 @@ from pliant.units import Ratio
 from pliant_plugins.effects.scale import joint_stiffnesses, main_axis
 
 BOUNDS = (0.0, 20.0)
+DAMPINGS = (0.0, 0.5)
+# ω Δt below which a swing is followed, and from which on it is damped out.
+RESOLVED, UNSEEN = 1.0, 3.0
 
 
 class InertiaConfig(EffectConfig):
-    """f, acting / computed inertia."""
+    """f, acting / computed inertia, and ζ."""
 
     kind: Literal["inertia"] = "inertia"
     scale: Ratio = Field(
         default=0.0, ge=BOUNDS[0], le=BOUNDS[1], description="inertia that acts / that of the chain's masses"
+    )
+    damping_ratio: Ratio = Field(
+        default=0.1, ge=DAMPINGS[0], le=DAMPINGS[1], description="damping of the swing / critical, at scale 1"
     )
 
 
@@ -53,6 +59,15 @@ class Inertia(Effect):
     place: ClassVar[Place] = "law"
     parameters: ClassVar[tuple[EffectParameter, ...]] = (
         EffectParameter("scale", "1", neutral=0.0, bounds=BOUNDS, plausible=(0.3, 2.0)),
+        EffectParameter(
+            "damping_ratio",
+            "1",
+            neutral=0.1,
+            bounds=DAMPINGS,
+            plausible=(0.02, 0.3),
+            role="shape",
+            prior="log_normal",
+        ),
     )
     notes: ClassVar[EffectNotes] = EffectNotes(
         signature=(
@@ -74,11 +89,12 @@ class Inertia(Effect):
 
     def apply(self, model: Model) -> Model:
         """The model with its masses accelerated; see `lumped_inertia` for errors."""
-        rows = tuple((inertia,) for inertia in lumped_inertia(model.chain))
+        config, inertia, stiffness = self.config, lumped_inertia(model.chain), joint_stiffnesses(model.chain)
+        rows = tuple((j, math.sqrt(k / j)) for j, k in zip(inertia, stiffness.tolist(), strict=True))
         term = LawTerm(
             "moment",
             _moment,
-            (self.config.scale,),
+            (config.scale, config.damping_ratio),
             n_states=2,
             needs_time=True,
             per_joint=rows,
@@ -117,7 +133,7 @@ def _moment(
     new: Array,
     parameters: Array,
 ) -> float:
-    # Memory: velocity and acceleration. In no time nothing moves.
+    # Memory: velocity and acceleration. Numbers: f, ζ, J, ω. In no time nothing moves.
     if math.isinf(dt_s):
         new[0] = 0.0
         new[1] = 0.0
@@ -125,6 +141,9 @@ def _moment(
         new[0] = old[0]
         new[1] = old[1]
     else:
-        new[0] = 2.0 * rate - old[0]
-        new[1] = 4.0 / dt_s * (rate - old[0]) - old[1]
-    return -parameters[0] * parameters[1] * new[1]
+        swing = parameters[3] * dt_s / math.sqrt(parameters[0]) if parameters[0] > 0.0 else UNSEEN
+        gamma = 0.5 + min(max((swing - RESOLVED) / (UNSEEN - RESOLVED), 0.0), 1.0)
+        beta = 0.25 * (gamma + 0.5) * (gamma + 0.5)
+        new[1] = (rate - old[0]) / (beta * dt_s) - (0.5 / beta - 1.0) * old[1]
+        new[0] = old[0] + dt_s * ((1.0 - gamma) * old[1] + gamma * new[1])
+    return -parameters[0] * parameters[2] * (new[1] + 2.0 * parameters[1] * parameters[3] * new[0])
