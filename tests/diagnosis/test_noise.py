@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from tests.diagnosis.quick import P, colour, measurement_of, ramp, run_of
@@ -89,3 +91,19 @@ def test_repeats_sampled_differently_and_runs_without_readings() -> None:
     found = noise_view(measurement, residuals, {"angle_rad": 1.0}, repeat_groups(measurement))
     assert 10 < found.n_effective <= len(histories[2]) * 2
     assert found.floor_square == pytest.approx(1.0, rel=0.5)
+
+
+@pytest.mark.parametrize("phi", [0.0, 0.9])
+def test_a_run_that_was_done_once_counts_as_much_as_others(phi: float) -> None:
+    rng = np.random.default_rng(6)
+    whole = runs(6, 2)
+    residuals = [{"angle_rad": colour(rng, N, 1.0, phi)} for _ in whole.runs]
+    one_less = replace(whole, runs=whole.runs[:-1])
+    scales = {"angle_rad": 1.0}
+    pairs_only = replace(whole, runs=whole.runs[:-2])
+
+    def counted(measurement: Measurement) -> float:
+        n = len(measurement.runs)
+        return noise_view(measurement, residuals[:n], scales, repeat_groups(measurement)).n_effective
+
+    assert counted(one_less) == pytest.approx(1.1 * counted(pairs_only), rel=1e-6)

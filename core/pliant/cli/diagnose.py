@@ -9,16 +9,22 @@ import numpy as np
 import typer
 from rich.table import Table
 
-from pliant.cli.compare import DataFile
+from pliant.cli.compare import DataFile, Workers, one_file
+from pliant.cli.diagnose_counts import diagnose_counts_verb
 from pliant.cli.options import DEFAULT_STORE, JsonFile, Overrides, Quiet, StoreFolder, StudyFile
+from pliant.cli.protocol_files import NEXT_RUN, write_runs
 from pliant.cli.session import Session, check_writable, session
+from pliant.config.study import Study
 from pliant.diagnosis.diagnosis import Diagnosis
 from pliant.diagnosis.diagnosis import diagnose as diagnose_with
 from pliant.diagnosis.diagnosis_json import diagnosis_json
 from pliant.diagnosis.table import UNKNOWN, Kinds
 from pliant.diagnosis.words import explanation, headline, named
+from pliant.evidence.counted_study import is_counted
 from pliant.evidence.measured import measurement_of_study
 from pliant.evidence.prediction import Predictor
+from pliant.experiments.protocols import own_runs
+from pliant.records.measurement import Measurement
 from pliant.report.diagnosis_words import parameter_texts, probability_text
 from pliant.report.stage import write_page
 
@@ -39,6 +45,7 @@ def diagnose(
     data: DataFile = None,
     effect: Candidates = None,
     out: ReportFolder = None,
+    workers: Workers = 1,
     store: StoreFolder = DEFAULT_STORE,
     json: JsonFile = None,
     quiet: Quiet = False,
@@ -48,12 +55,19 @@ def diagnose(
         loaded = here.study(study, overrides)
         folder = out or Path("runs") / f"{loaded.name}-diagnose"
         bench = here.bench(store)
+        alone = one_file(data)
+        if is_counted(loaded, alone):
+            diagnose_counts_verb(here, bench, loaded, alone, effect, folder, workers)
+            return
         measurement = measurement_of_study(bench, loaded, data)
         predictor = Predictor.of_study(bench, loaded, measurement)
         check_writable(folder)
         kinds = effect or here.registry.kinds("effect")
         task = here.progress.begin("fitting effects", 1 + len(kinds))
-        found = diagnose_with(predictor, kinds=kinds, tick=lambda name: task.advance(" + " not in name))
+        own = own_runs(loaded, predictor.chain, measurement)
+        found = diagnose_with(
+            predictor, kinds=kinds, runs=own, tick=lambda name: task.advance(" + " not in name)
+        )
         task.finish()
         here.result.update(
             {
@@ -65,12 +79,26 @@ def diagnose(
             }
         )
         _say(here, found)
+        _next_file(here, found, folder, study, loaded, measurement)
         from pliant.report.diagnosis import diagnosis_page  # matplotlib takes a second to import
 
         made = diagnosis_page(loaded.name, measurement, found, here.registry)
         page = write_page(folder, made.html, made.pictures)
         here.result["report"] = str(page)
         here.say(f"report   {page}")
+
+
+def _next_file(
+    here: Session, found: Diagnosis, folder: Path, study: Path, loaded: Study, measurement: Measurement
+) -> None:
+    """The proposed run, ready for the bench; one of an earlier diagnosis is taken away."""
+    (folder / NEXT_RUN).unlink(missing_ok=True)
+    if found.next_run is None or found.next_run.planned is None:
+        return
+    planned = [(NEXT_RUN, found.next_run.planned)]
+    (path,) = write_runs(folder, planned, measurement.outputs, study, loaded, measurement)
+    here.result["next_experiment"]["file"] = str(path)
+    here.say(f"next run {path}")
 
 
 def _say(here: Session, found: Diagnosis) -> None:

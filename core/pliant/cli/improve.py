@@ -15,6 +15,7 @@ from pliant.cli.options import DEFAULT_STORE, JsonFile, Overrides, Quiet, StoreF
 from pliant.cli.session import Session, check_writable, session
 from pliant.diagnosis.improvement import Improvement, Step, summary
 from pliant.diagnosis.improvement import improve as improve_with
+from pliant.diagnosis.next_run import next_run_json
 from pliant.diagnosis.scores import score_json
 from pliant.evidence.measured import measurement_of_study
 from pliant.evidence.words import shown
@@ -125,6 +126,7 @@ def improvement_json(found: Improvement, measurement: Measurement) -> dict[str, 
         "parameters": {}
         if found.final is None
         else parameters_json(found.final.uncertainty, found.final.values),
+        "next_experiment": next_run_json(found.next_run),
         "remarks": list(found.remarks),
     }
 

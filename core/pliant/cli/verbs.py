@@ -16,6 +16,7 @@ from pliant.cli import (
     fit,
     improve,
     later,
+    plan,
     plugins,
     render,
     studies,
@@ -38,6 +39,7 @@ app.command("new-plugin")(plugins.new_plugin)
 app.command("calibrate")(calibrate.calibrate)
 app.command("compare")(compare.compare)
 app.command("diagnose")(diagnose.diagnose)
+app.command("plan")(plan.plan)
 app.command("extend")(extend.extend)
 app.command("improve")(improve.improve)
 app.command("export")(export.export)

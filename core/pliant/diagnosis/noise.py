@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pliant.measurements.effective import effective_samples
+from pliant.measurements.effective import clock_of, effective_samples
 from pliant.measurements.floors import Floor, noise_floors
 from pliant.measurements.repeats import RepeatGroup
 from pliant.records.design import Array
@@ -54,17 +54,44 @@ def noise_view(
         for m, run in zip(measurement.runs, residuals, strict=True)
     ]
     floors = {name: floor for name, floor in noise_floors(measurement, padded).items() if name in scales}
-    counted = effective_samples(_deviations(padded, groups), measurement)
+    deviations = _deviations(padded, groups)
+    counted = effective_samples(deviations, measurement)
     squares = [(floors[name].value / scale) ** 2 for name, scale in scales.items()]
     shares = [sum(int(np.isfinite(run[name]).sum()) for run in padded) for name in scales]
     between = [f.between / f.within for f in floors.values() if f.between is not None and f.within > 0]
     return NoiseView(
         floors=floors,
-        n_effective=float(sum(counted[name] for name in scales)),
+        n_effective=float(
+            sum(_of_all_runs(name, counted[name], padded, deviations, measurement) for name in scales)
+        ),
         floor_square=float(np.average(squares, weights=shares)) if any(shares) else np.nan,
         judged=all(floor.source in WHOLE for floor in floors.values()),
         slip=max([1.0, *between]),
     )
+
+
+def _of_all_runs(
+    name: str, counted: float, residuals: Residuals, deviations: Residuals, measurement: Measurement
+) -> float:
+    """Independent readings of all runs, when those of runs with repeats were counted.
+
+    A run that was done once has as many per second as the others (per reading without clocks), and not more than
+    its readings.
+    """
+    rests, seconds, used = [], 0.0, 0
+    for run, all_of, kept in zip(measurement.runs, residuals, deviations, strict=True):
+        n, m = (int(np.isfinite(values[name]).sum()) for values in (all_of, kept))
+        clock = clock_of(run)
+        span = float(clock[-1] - clock[0])
+        if m:
+            seconds, used = seconds + span, used + m
+        elif n:
+            rests.append((n, span))
+    if not rests or not used:
+        return counted
+    if seconds <= 0.0:
+        return counted * (1.0 + sum(n for n, _ in rests) / used)
+    return counted + sum(min(float(n), counted * span / seconds) for n, span in rests)
 
 
 def _deviations(
