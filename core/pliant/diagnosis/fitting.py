@@ -19,6 +19,10 @@ STEP = 1e-4
 MOST_ITERATIONS = 20
 TRIAL_ITERATIONS = 4
 SMALL_GAIN = 1e-5
+# The last step, which promises less than this share of the cost, is taken to first order without the engine.
+SMALLEST_PROMISE = 1e-6
+# Numbers that points which have been looked at may hold together.
+MOST_KEPT = 8_000_000
 # A knob that the data do not feel stays near the middle of its prior: its weight in units of squared residuals.
 PRIOR_WEIGHT = 0.1
 # Starts are drawn toward neutral strengths and typical shapes by this factor where they have no equilibrium.
@@ -75,6 +79,7 @@ class Fitter:
     def __init__(self, predictor: Predictor, readings: ReadingVector, weights: Array | None = None) -> None:
         self.predictor, self.readings = predictor, readings
         self.weights = np.ones(len(readings)) if weights is None else weights
+        self._seen: dict[tuple[object, ...], _Point] = {}
 
     def fit(self, candidate: Candidate, starts: Sequence[Array] | None = None) -> Fit:
         """The best of fits from several starts; short trials decide which one is finished.
@@ -82,14 +87,14 @@ class Fitter:
         Where the model finds no equilibrium at any start the fit holds NaN, and its mean square is infinite.
         """
         if not len(candidate):
-            point = self._point(candidate, np.zeros(0))
+            point = self._start(candidate, np.zeros(0))
             return Fit(candidate, point.x, point.residual, point.slopes, True, ())
         tried = starts or candidate.starts()
-        points = [self._point(candidate, x) for x in tried]
+        points = [self._start(candidate, x) for x in tried]
         if not any(
             np.isfinite(point.cost) for point in points
         ):  # no equilibrium so far out: begin near nothing
-            points = [self._point(candidate, NEAR_NOTHING * x) for x in tried]
+            points = [self._start(candidate, NEAR_NOTHING * x) for x in tried]
         if len(points) > 1:
             points = [self._descend(candidate, point, TRIAL_ITERATIONS)[0] for point in points]
         best = min(points, key=lambda point: point.cost)
@@ -101,8 +106,19 @@ class Fitter:
 
     def look(self, candidate: Candidate, x: Array) -> Fit:
         """The candidate at x, not fitted."""
-        point = self._point(candidate, x)
+        point = self._start(candidate, x)
         return Fit(candidate, point.x, point.residual, point.slopes, True, (False,) * len(x))
+
+    def _start(self, candidate: Candidate, x: Array) -> _Point:
+        """The point, remembered: what is looked at is often where a fit begins."""
+        low, high = candidate.limits()
+        held = tuple(np.flatnonzero(low == high).tolist())
+        key = (candidate.kinds, repr(candidate.configs(x)), x.tobytes(), held)
+        point = self._seen.pop(key, None) or self._point(candidate, x)
+        self._seen[key] = point
+        while sum(p.residual.size + p.slopes.size for p in self._seen.values()) > MOST_KEPT:
+            self._seen.pop(next(iter(self._seen)))
+        return point
 
     def _descend(self, candidate: Candidate, point: _Point, iterations: int) -> tuple[_Point, bool]:
         if not np.isfinite(point.cost):
@@ -117,6 +133,11 @@ class Fitter:
             for _ in range(6):
                 damped = normal + damping * np.diag(np.diag(normal) + 1e-9)
                 step = _projected(damped, gradient, point.x, low, high)
+                step = np.clip(point.x + step, low, high) - point.x
+                promise = float(step @ (2.0 * gradient - normal @ step))
+                if 0.0 <= promise < SMALLEST_PROMISE * point.cost:
+                    residual = point.residual - point.slopes @ step
+                    return _Point(point.x + step, residual, point.slopes, point.cost - promise), True
                 trial = self._point(candidate, np.clip(point.x + step, low, high))
                 if trial.cost < point.cost:
                     break
@@ -130,12 +151,14 @@ class Fitter:
         return point, False
 
     def _point(self, candidate: Candidate, x: Array) -> _Point:
-        steps = [-STEP if x[k] + STEP > high else STEP for k, high in enumerate(candidate.limits()[1])]
-        towards = [candidate.configs(x + step * np.eye(len(x))[k]) for k, step in enumerate(steps)]
+        low, high = candidate.limits()
+        free = np.flatnonzero(low < high)
+        steps = {k: -STEP if x[k] + STEP > high[k] else STEP for k in free}
+        towards = [candidate.configs(x + step * np.eye(len(x))[k]) for k, step in steps.items()]
         prediction, changes = self.predictor.vary(candidate.configs(x), towards)
         residual = self.readings.values - self.readings.pack(prediction.runs)
-        slopes = np.empty((len(residual), len(x)))
-        for k, (change, step) in enumerate(zip(changes, steps, strict=True)):
+        slopes = np.zeros((len(residual), len(x)))
+        for (k, step), change in zip(steps.items(), changes, strict=True):
             slopes[:, k] = self.readings.pack(change) / step
         if not (np.all(np.isfinite(residual)) and np.all(np.isfinite(slopes))):
             lost = ~(np.isfinite(residual) & np.all(np.isfinite(slopes), axis=1))

@@ -214,26 +214,31 @@ def _end(
     if scale is None:
         reach = NINETY * spread
         return (bound, True) if reach >= room else (best + side * reach, False)
-    profile = _Profile(fitter, fit, knob, scale)
+    profile = _Profile(fitter, fit, knob, scale, _followers(fitter, fit, knob))
     length = _crossing(lambda t: profile.height(best + side * t), min(NINETY * spread, LONGEST), room)
     return (bound, True) if length is None else (best + side * length, False)
 
 
 @dataclass(eq=False)
 class _Profile:
-    """√(rise of Σ r² / s²) along one knob, the others refitted from where the last call left them."""
+    """√(rise of Σ r² / s²) along one knob, the others refitted from where the last call would lead them.
+
+    `along` (k,) is how much each knob follows this one, to first order.
+    """
 
     fitter: Fitter
     fit: Fit
     knob: int
     scale: float
+    along: Array
 
     def __post_init__(self) -> None:
         self._cost = self._squares(self.fit)
         self._last = self.fit.x
 
     def height(self, x: float) -> float:
-        start = self._last.copy()
+        low, high = self.fit.candidate.limits()
+        start = np.clip(self._last + (x - self._last[self.knob]) * self.along, low, high)
         start[self.knob] = x
         refitted = self.fitter.fit(Held.hold(self.fit.candidate, self.knob, x), [start])
         rise = (self._squares(refitted) - self._cost) / self.scale
@@ -244,6 +249,16 @@ class _Profile:
 
     def _squares(self, fit: Fit) -> float:
         return float(self.fitter.weights @ fit.residual**2)
+
+
+def _followers(fitter: Fitter, fit: Fit, knob: int) -> Array:
+    """(k,) change of each knob's best value per change of one of them; 0 for those that the readings do not feel."""
+    covariance = covariance_of(fitter, fit, 1.0)
+    along = np.zeros(len(fit.x))
+    if np.isfinite(covariance[knob, knob]) and covariance[knob, knob] > 0.0:
+        felt = np.isfinite(np.diag(covariance))
+        along[felt] = covariance[knob, felt] / covariance[knob, knob]
+    return along
 
 
 def _crossing(height: Callable[[float], float], step: float, room: float) -> float | None:

@@ -163,19 +163,30 @@ class Predictor:
     def _read(
         self, model: Model, paths: Sequence[Followed], histories: Sequence[History]
     ) -> tuple[RunReadings, ...]:
+        """What the sensors say of each run's path under the inputs that reach the chain."""
+        reached = np.concatenate([path.converged for path in paths])
+        q = np.concatenate([path.joint_angles for path in paths])
+        base_angles = np.concatenate([history.base_angles_rad for history in histories])
+        true = self._true(model, q, base_angles)
+        ends = np.cumsum([len(history) for history in histories])[:-1]
+        parts = {name: np.split(values, ends) for name, values in true.items()}
+        runs = [{name: parts[name][k] for name in self.outputs} for k in range(len(histories))]
+        if model.outputs:
+            runs = [self._reported(model, run, history) for run, history in zip(runs, histories, strict=True)]
+        if reached.all():
+            return tuple(runs)
         return tuple(
-            self._readings(model, path, history) for path, history in zip(paths, histories, strict=True)
+            {name: np.where(path.converged, values, np.nan) for name, values in run.items()}
+            for run, path in zip(runs, paths, strict=True)
         )
 
-    def _readings(self, model: Model, path: Followed, history: History) -> RunReadings:
-        """What the sensors say of a path under the inputs that reach the chain."""
-        main = self._geometry.main
-        angles = path.joint_angles[:, :, main]
+    def _true(self, model: Model, q: Array, base_angles: Array) -> RunReadings:
+        """Every output (t,) of coordinates q (t, n, a) and turns of the base (t, 3), as it is."""
+        angles = q[:, :, self._geometry.main]
         markers = None
         if any(POSITION.fullmatch(name) for name in self.outputs):
             geometry = ChainGeometry.of(model.chain)
-            rotations = base_rotations(geometry.base_rotation, history.base_angles_rad)
-            markers = trajectory(geometry, path.joint_angles, rotations)
+            markers = trajectory(geometry, q, base_rotations(geometry.base_rotation, base_angles))
         readings: RunReadings = {}
         for name in self.outputs:
             if joint := JOINT_ANGLE.fullmatch(name):
@@ -187,11 +198,14 @@ class Predictor:
                 readings[name] = angles.sum(axis=1) / self.chain.length_m
             else:
                 readings[name] = angles.sum(axis=1)
+        return readings
+
+    def _reported(self, model: Model, readings: RunReadings, history: History) -> RunReadings:
+        """The outputs of one run through the model's output maps, which see the clock and the actuation too."""
         clock = {} if history.time_s is None else {"time_s": history.time_s}
-        reported = model.reported({**readings, **clock})
-        return {
-            name: np.where(path.converged, np.asarray(reported[name], float), np.nan) for name in self.outputs
-        }
+        pushed = {"actuation": sum(history.actuation[actuator.input] for actuator in model.chain.actuators)}
+        reported = model.reported({**readings, **clock, **pushed})
+        return {name: np.asarray(reported[name], float) for name in self.outputs}
 
     def _marker(self, markers: Array, number: str | None) -> Array:
         """(t, 3) the tip, or a marker by its number from 1: at its arm length, else joints and then the tip."""

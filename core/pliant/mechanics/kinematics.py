@@ -7,6 +7,7 @@ child by q along its axis instead.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -139,6 +140,8 @@ def _check(chain: ChainModel) -> None:
 
 def trajectory(geometry: ChainGeometry, q: Array, base_rotations: Array) -> Array:
     """(t, n + 2, 3) markers over a history: coordinates q (t, n, a), base orientations (t, 3, 3)."""
+    if geometry.kind == "revolute":
+        return _hinges(geometry, q[:, :, 0], base_rotations)
     steps, n = q.shape[:2]
     markers = np.empty((steps, n + 2, 3))
     position, rotation = np.tile(geometry.base_position, (steps, 1)), base_rotations
@@ -156,6 +159,35 @@ def trajectory(geometry: ChainGeometry, q: Array, base_rotations: Array) -> Arra
     return markers
 
 
+def _hinges(geometry: ChainGeometry, q: Array, base_rotations: Array) -> Array:
+    """Markers of hinges at angles q (t, n): two columns of a rotation turn into each other; time is last in memory."""
+    steps, n = q.shape
+    axis = int(np.argmax(geometry.basis[:, 0]))
+    first, second = (axis + 1) % 3, (axis + 2) % 3
+    columns: list[Array] = list(np.ascontiguousarray(base_rotations.transpose(2, 1, 0)))
+    markers = np.empty((n + 2, 3, steps))
+    markers[0] = geometry.base_position[:, None]
+    for i, (cosine, sine) in enumerate(zip(np.cos(q.T), np.sin(q.T), strict=True)):
+        markers[i + 1] = markers[i]
+        _add(columns, geometry.offsets[i], markers[i + 1])
+        rest = geometry.rest_rotations[i]
+        if not np.array_equal(rest, np.eye(3)):
+            columns = [_add(columns, rest[:, k], np.zeros((3, steps))) for k in range(3)]
+        a, b = columns[first], columns[second]
+        columns[first], columns[second] = cosine * a + sine * b, cosine * b - sine * a
+    markers[n + 1] = markers[n]
+    _add(columns, geometry.tip_offset, markers[n + 1])
+    return markers.transpose(2, 0, 1)
+
+
+def _add(columns: Sequence[Array], factors: Array, total: Array) -> Array:
+    """The total (3, t) plus the columns (3, t) times their factors, in place."""
+    for column, factor in zip(columns, factors, strict=True):
+        if factor != 0.0:
+            total += factor * column
+    return total
+
+
 def base_rotations(rotation: Array, angles: Array) -> Array:
     """(t, 3, 3) base orientations: `rotation`, then turns about world x, y and z by the rows of `angles`."""
     if not angles.any():
@@ -165,4 +197,4 @@ def base_rotations(rotation: Array, angles: Array) -> Array:
     turns[:, 0, 0], turns[:, 0, 1], turns[:, 0, 2] = cz * cy, cz * sy * sx - sz * cx, cz * sy * cx + sz * sx
     turns[:, 1, 0], turns[:, 1, 1], turns[:, 1, 2] = sz * cy, sz * sy * sx + cz * cx, sz * sy * cx - cz * sx
     turns[:, 2, 0], turns[:, 2, 1], turns[:, 2, 2] = -sy, cy * sx, cy * cx
-    return turns @ rotation
+    return np.asarray((turns.reshape(-1, 3) @ rotation).reshape(-1, 3, 3))
