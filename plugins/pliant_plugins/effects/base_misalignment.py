@@ -59,7 +59,7 @@ class BaseMisalignment(Effect):
         ),
         where=(
             "every family and every engine; read by angles alone it needs a chain that its weight bends, and a tilt "
-            "out of the bending plane shows in positions only."
+            "out of the bending plane hardly shows there."
         ),
     )
     exciting: ClassVar[tuple[str, ...]] = ("second_sensor", "level", "upside_down")
