@@ -1,0 +1,104 @@
+"""Classes of effects that runs cannot tell apart, before anything is read, and the run that splits them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from tests.diagnosis.quick import (
+    REGISTRY,
+    SIGMA,
+    blank,
+    fitter_of,
+    joint,
+    measured,
+    predictor_of,
+    pushes,
+    ramp,
+)
+
+from pliant.diagnosis.candidates import Candidate
+from pliant.diagnosis.classes import classes_of, connected, split_classes
+from pliant.diagnosis.design import design_runs, unread
+from pliant.diagnosis.excitation import LookAlike, excitations
+from pliant.diagnosis.next_run import view_of
+from pliant.experiments.menu import named_run
+from pliant.experiments.runs import menu
+from pliant.experiments.scale import BenchScale
+
+FLAT = joint(gravity=(0, 0, 0))
+NARROW = [ramp(f"r{k}", 200.0, 0.5, (3e3, 2e3, 3e3)) for k in range(2)]
+KINDS = ["stiffness", "actuation_gain", "sensor_bias", "viscous_damping"]
+N = 60.0
+
+
+def shown(histories, chain=FLAT, kinds=KINDS):
+    predictor = predictor_of(chain, blank(histories))
+    fitter = fitter_of(predictor)
+    return predictor, excitations(REGISTRY, fitter, fitter.fit(Candidate.of(REGISTRY, ())), kinds)
+
+
+def test_classes_are_connected_parts_of_pairs_that_are_alike_both_ways() -> None:
+    pairs = [LookAlike(a, b, 0.0) for a, b in ("ab", "ba", "bc", "cb", "cd", "ef", "fe")]
+    assert connected("abcdefg", pairs) == (("a", "b", "c"), ("e", "f"))
+    assert connected("ab", []) == ()
+
+
+def test_a_stiffness_and_a_gain_are_one_until_a_load_parts_them() -> None:
+    predictor, found = shown(NARROW)
+    (together,) = classes_of(found, N)
+    assert {"stiffness", "actuation_gain"} <= set(together)
+    (split,) = split_classes(REGISTRY, view_of(predictor, {"angle_rad": SIGMA}, N), found, N)
+    assert split.kinds == together
+    assert split.run in ("passive_load_steps", "load_steps", "blocked")
+    assert len(split.parts) > 1 and split.minutes > 0.0 and split.words
+    _, loaded = shown([*NARROW, pushes("p", 0.0), pushes("q", 6e3)])
+    assert not any({"stiffness", "actuation_gain"} <= set(part) for part in classes_of(loaded, N))
+
+
+def test_a_class_does_not_depend_on_what_was_read() -> None:
+    fitter = fitter_of(predictor_of(FLAT, measured(FLAT, NARROW, seed=3)))
+    found = excitations(REGISTRY, fitter, fitter.fit(Candidate.of(REGISTRY, ())), KINDS)
+    assert classes_of(found, N) == classes_of(shown(NARROW)[1], N)
+
+
+def test_more_readings_part_more() -> None:
+    _, found = shown(NARROW)
+    few, many = (sum(map(len, classes_of(found, n))) for n in (20.0, 1e5))
+    assert many <= few
+
+
+@pytest.fixture(scope="module")
+def designed():
+    runs = menu(BenchScale.of_chain(FLAT, 15e3))
+    predictor = predictor_of(FLAT, unread(runs, ("angle_rad",)))
+    kinds = [*KINDS, "thermal_softening", "mullins"]
+    return runs, predictor, kinds, design_runs(predictor, runs, kinds)
+
+
+def test_the_fewest_runs_tell_what_the_whole_menu_tells(designed) -> None:
+    runs, _, _, found = designed
+    assert list(found.parts) == sorted(set(found.parts))  # every run splits something more
+    assert len(found.chosen) < len(runs)
+    assert "warm" in {runs[k].name for k in found.chosen}  # nothing else shows softening with temperature
+    assert not found.silent
+    assert found.snr["thermal_softening"][[run.name for run in runs].index("slow_cycles")] == pytest.approx(
+        0.0, abs=1e-9
+    )
+    assert found.minutes == pytest.approx(sum(runs[k].minutes for k in found.chosen))
+
+
+def test_a_design_keeps_to_its_minutes(designed) -> None:
+    runs, predictor, kinds, _ = designed
+    found = design_runs(predictor, runs, kinds, most_runs=2, minutes=9.0)
+    assert 0 < len(found.chosen) <= 2
+    assert found.minutes <= 9.0
+    assert "thermal_softening" in found.silent
+
+
+def test_runs_without_a_load_leave_stiffness_and_gain_together(designed) -> None:
+    runs, predictor, _, _ = designed
+    poor = [named_run(runs, name) for name in ("slow_cycles", "fast_cycles")]
+    found = design_runs(predictor, poor, ["stiffness", "actuation_gain", "viscous_damping"])
+    assert found.chosen
+    assert np.isfinite([value for values in found.snr.values() for value in values]).all()
+    assert "viscous_damping" not in {kind for part in found.together for kind in part}
