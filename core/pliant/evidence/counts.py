@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import chdtrc
 
 from pliant.evidence.binomial import (
     Count,
@@ -97,6 +98,7 @@ class CountComparison:
         rmse: root mean square of the differences of shares; `bias` their mean.
         noise_floor: what `rmse` would be on average if model and measurement had the same probabilities.
         overdispersion: χ² of the repeats per degree of freedom, where at least one condition repeats; else NaN.
+        p_overdispersion: of sets that scatter binomially, by that χ²; 1 without repeats.
         n_repeated: conditions with more than one set.
         remarks: of the reader.
     """
@@ -109,6 +111,7 @@ class CountComparison:
     bias: float
     noise_floor: float
     overdispersion: float
+    p_overdispersion: float
     n_repeated: int
     remarks: tuple[str, ...]
 
@@ -124,8 +127,13 @@ class CountComparison:
 
     @property
     def n_effective(self) -> float:
-        """Trials of this worth if sets that scatter more than binomially are worth less."""
-        return self.n_samples / max(1.0, self.overdispersion if np.isfinite(self.overdispersion) else 1.0)
+        """What the trials are worth: less where sets scatter more than binomially."""
+        return self.n_samples / self.scatter
+
+    @property
+    def scatter(self) -> float:
+        """The overdispersion where it is more than chance, else 1."""
+        return max(1.0, self.overdispersion) if self.p_overdispersion < LEVEL else 1.0
 
     @property
     def disagreeing(self) -> tuple[ConditionResult, ...]:
@@ -148,6 +156,7 @@ def compare_counts(counts: Counts, simulated: Sequence[Count]) -> CountCompariso
     p_sets_adjusted = dict(zip(repeated, holm([p_sets[k] for k in repeated]), strict=True))
     deviances = [deviance(a, b) for a, b in zip(measured, simulated, strict=True)]
     total = sum(deviances)
+    overdispersion, p_overdispersion = _overdispersion(sets)
     results = tuple(
         ConditionResult(
             condition=condition,
@@ -173,7 +182,8 @@ def compare_counts(counts: Counts, simulated: Sequence[Count]) -> CountCompariso
         rmse=float(np.sqrt(np.mean(errors**2))),
         bias=float(np.mean(errors)),
         noise_floor=_floor(measured, simulated),
-        overdispersion=_overdispersion(sets),
+        overdispersion=overdispersion,
+        p_overdispersion=p_overdispersion,
         n_repeated=len(repeated),
         remarks=counts.remarks,
     )
@@ -188,10 +198,13 @@ def _floor(measured: Sequence[Count], simulated: Sequence[Count]) -> float:
     return float(np.sqrt(np.mean(variances)))
 
 
-def _overdispersion(sets: Sequence[Sequence[Count]]) -> float:
-    """Σχ² over degrees of freedom of the conditions that repeat and did not all end alike; 1 is binomial."""
+def _overdispersion(sets: Sequence[Sequence[Count]]) -> tuple[float, float]:
+    """Σχ² over its degrees of freedom (1 is binomial) and its p, of conditions that repeat and did not end alike."""
     informative = [
         one for one in sets if len(one) > 1 and 0 < sum(s for s, _ in one) < sum(n for _, n in one)
     ]
     freedom = sum(len(one) - 1 for one in informative)
-    return sum(chi_square(one) for one in informative) / freedom if freedom else float("nan")
+    if not freedom:
+        return float("nan"), 1.0
+    total = sum(chi_square(one) for one in informative)
+    return total / freedom, float(chdtrc(freedom, total))

@@ -84,6 +84,7 @@ def counts_json(found: CountComparison) -> dict[str, Any]:
         "repeats": {
             "conditions": found.n_repeated,
             "overdispersion": found.overdispersion,
+            "p_overdispersion": found.p_overdispersion,
             "contradictory": [one.condition.words for one in found.contradictory],
         },
         "n_samples": found.n_samples,
