@@ -6,7 +6,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 PIP_INSTALL := PIP_CONSTRAINT=$(CURDIR)/constraints.txt $(BIN)/python -m pip install --quiet --disable-pip-version-check
 
-.PHONY: demo test test-all lint types imports check bench bench-laws bench-surrogates bench-families bench-physics bench-grasp bench-evidence docs freeze clean
+.PHONY: demo test test-all lint types imports check bench bench-laws bench-surrogates bench-families bench-physics bench-grasp bench-evidence bench-real docs freeze clean
 
 demo: $(VENV)/.run  ## FEM → law → finger in three engines → report
 	$(BIN)/pliant run examples/first_finger/finger.yaml --out runs/first-finger
@@ -74,6 +74,9 @@ bench-grasp: $(VENV)/.run  ## grasps: speed, holding limits and creep, the measu
 
 bench-evidence: $(VENV)/.run  ## hidden effects, diagnosed and judged: at most two hours on two cores, resumable
 	$(BIN)/python benchmarks/evidence/run_bench.py
+
+bench-real: $(VENV)/.run  ## measurements of real hardware in ../shared/data; half an hour, resumable
+	$(BIN)/python -m benchmarks.real.grasp_counts
 
 docs: $(VENV)/.run  ## the reference pages that are generated from the code
 	$(BIN)/python docs/generate.py
