@@ -2,53 +2,29 @@
 
 from __future__ import annotations
 
-import difflib
 import hashlib
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from pydantic import ValidationError
 
-from pliant.config.measurements import MeasurementNotes, MeasurementsConfig
+from pliant.config.measurements import MeasurementsConfig
 from pliant.config.problems import sentences
-from pliant.config.task_keys import TaskKey, changed_task, find_key, known_keys, need_key
+from pliant.config.task_keys import changed_task
 from pliant.errors import UserError, closest
 from pliant.interfaces.task import TaskConfig
-from pliant.measurements.columns import ENDINGS, find
+from pliant.measurements.counts_layout import COUNTS, TEXTS, ConditionOf, Layout, layout_of, readings_among
 from pliant.measurements.reading import notes_of
 from pliant.measurements.sheet import MISSING, Cells, Sheet, numbers, open_sheet
 from pliant.records.counts import CountCondition, Counts, CountSet
 
-COUNTS = ("successes", "trials")
-TEXTS = ("run", "specimen", "cycle")  # say which set a row is
 EXAMPLE = "run,object,pressure_pa,extra_weights,successes,trials"
 MOST_ROWS = 10_000
-SLIP = 0.75  # likeness of a column's name to a key from which on it is taken for a slip of the pen
 MOST_TRIALS = 1_000_000_000
 SHOWN = {"Pa": (1e-3, "kPa"), "m": (1e3, "mm"), "kg": (1e3, "g"), "s": (1.0, "s"), "N": (1.0, "N")}
-
-
-@dataclass(frozen=True)
-class ConditionOf:
-    """A column that sets a key: how its texts become values. `unit` is what the texts are written in, or ""."""
-
-    column: str
-    key: TaskKey
-    unit: str
-    values: Mapping[str, Any]
-
-
-@dataclass
-class Layout:
-    """Which column is what, by its place in the file."""
-
-    places: dict[str, int] = field(default_factory=dict)
-    conditions: list[ConditionOf] = field(default_factory=list)
-    ignored: list[str] = field(default_factory=list)
-    remarks: list[str] = field(default_factory=list)
 
 
 def holds_counts(path: Path, task: TaskConfig | None, settings: MeasurementsConfig | None = None) -> bool:
@@ -61,7 +37,7 @@ def holds_counts(path: Path, task: TaskConfig | None, settings: MeasurementsConf
     with open_sheet(path) as sheet:
         names = [notes.rename.get(name, name).lower() for name in sheet.header]
     has = any(name in COUNTS for name in names)
-    return has and (not _readings(names) or (task is not None and counts_trials(task)))
+    return has and (not readings_among(names) or (task is not None and counts_trials(task)))
 
 
 def counts_trials(task: TaskConfig) -> bool:
@@ -83,7 +59,7 @@ def read_counts(path: Path | str, task: TaskConfig, settings: MeasurementsConfig
     path = Path(path)
     notes, notes_name = notes_of(path, settings)
     with open_sheet(path, EXAMPLE) as sheet:
-        layout = _layout(path, sheet.header, notes, notes_name, type(task))
+        layout = layout_of(path, sheet.header, notes, notes_name, type(task))
         rows = _rows(sheet, layout, task)
     sheet.problems.raise_if_any()
     if not rows:
@@ -98,105 +74,6 @@ class _Row:
     values: tuple[Any, ...]  # of the conditions, in the layout's order
     written: tuple[str, ...]
     one: CountSet
-
-
-def _readings(names: Sequence[str]) -> list[str]:
-    known = {name: find(name) for name in names}
-    return [name for name, column in known.items() if column is not None and column.role == "output"]
-
-
-def _layout(
-    path: Path, header: Sequence[str], notes: MeasurementNotes, notes_name: str, task: type[TaskConfig]
-) -> Layout:
-    """Match the header with what counts need and what the task knows."""
-    _check_notes(path, header, notes, notes_name)
-    if readings := _readings([notes.rename.get(name, name).lower() for name in header]):
-        raise UserError(
-            f"{path}: the file has counts (successes, trials) and readings ({', '.join(readings)}). A row is one or "
-            "the other: put them into two files and compare each."
-        )
-    layout = Layout()
-    taken: dict[tuple[str, ...], str] = {}
-    for place, written in enumerate(header):
-        name = notes.rename.get(written, written)
-        plain = name.lower()
-        layout.places[plain if plain in (*COUNTS, *TEXTS) else written] = place
-        if not name or plain in COUNTS or plain in TEXTS:
-            continue
-        condition = _condition(path, written, name, notes, notes_name, task)
-        if condition is None:
-            layout.ignored.append(written)
-            continue
-        if condition.key.path in taken:
-            raise UserError(
-                f"{path}: columns '{taken[condition.key.path]}' and '{written}' both set {condition.key.dotted}; "
-                "keep one."
-            )
-        taken[condition.key.path] = written
-        layout.conditions.append(condition)
-    _check_layout(path, layout, header)
-    return layout
-
-
-def _condition(
-    path: Path,
-    written: str,
-    name: str,
-    notes: MeasurementNotes,
-    notes_name: str,
-    task: type[TaskConfig],
-) -> ConditionOf | None:
-    """What a column sets; None for one that is ignored. A dotted name or a near miss of a key is a slip of the pen."""
-    unit = notes.units.get(written, notes.units.get(name, ""))
-    stated = notes.conditions.get(written, notes.conditions.get(name))
-    if stated is not None:
-        key = need_key(task, stated.key, ENDINGS, f"{notes_name}: 'conditions' gives '{written}' the key")
-        return ConditionOf(written, key, unit or key.unit, stated.values)
-    found = find_key(task, name, ENDINGS)
-    if found is not None:
-        return ConditionOf(written, found, unit or found.unit, {})
-    known = [key.removeprefix("task.") for key in known_keys(task)]
-    slip = difflib.get_close_matches(name.lower(), known, n=1, cutoff=SLIP)
-    if find(name.lower()) is None and ("." in name or slip):
-        need_key(task, name, ENDINGS, f"{path}: there is a column")
-    return None
-
-
-def _check_notes(path: Path, header: Sequence[str], notes: MeasurementNotes, notes_name: str) -> None:
-    renamed = {notes.rename.get(name, name) for name in header}
-    for block, names in (
-        ("rename", notes.rename),
-        ("units", notes.units),
-        ("conditions", notes.conditions),
-    ):
-        for name in names:
-            if name not in header and (block == "rename" or name not in renamed):
-                raise UserError(
-                    f"{notes_name}: '{block}' has '{name}', which is not a column of {path.name}"
-                    f"{closest(name, sorted(header))}"
-                )
-
-
-def _check_layout(path: Path, layout: Layout, header: Sequence[str]) -> None:
-    """Refuse a file without counts; say what is ignored."""
-    for name in COUNTS:
-        if name not in layout.places:
-            other = "trials" if name == "successes" else "successes"
-            hint = closest(name, [n.lower() for n in header])
-            raise UserError(
-                f"{path}: a file of counts has the columns 'successes' and 'trials', and '{name}' is not there"
-                f"{hint} Without '{name}' nobody can tell what '{other}' means."
-            )
-    if layout.ignored:
-        names = ", ".join(f"'{name}'" for name in layout.ignored)
-        layout.remarks.append(
-            f"Columns that are no key of the task are ignored: {names}. Rows that differ in nothing else are taken as "
-            "repeats; 'conditions' in the notes says which key a column sets."
-        )
-    if not layout.conditions:
-        layout.remarks.append(
-            "No column sets a condition: all rows are repeats of the study's task as it is."
-        )
 
 
 def _rows(sheet: Sheet, layout: Layout, task: TaskConfig) -> list[_Row]:
