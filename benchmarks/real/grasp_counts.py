@@ -1,13 +1,13 @@
 """The published gripper's measured successes through `pliant compare` and `diagnose`: which number would explain them?
 
-python -m benchmarks.real.grasp_counts [--trials N] [--quick]
+python -m benchmarks.real.grasp_counts [--quick] [--picture]
 
 Reads ../shared/data/reference/grasp_experiment.csv, writes it as a file of counts (three sets of ten per condition),
 compares the published simulation and ours with it, then scans effects of the fingers and numbers of the task over
 plausible ranges: few trials, and only the conditions that are near a threshold (in the other four, success or failure
 is certain in every simulation). The best explanation is then judged on all twelve. Every condition at every level is an
 artifact of the store: the scan can be stopped and goes on.
-Prints, and writes benchmarks/out/grasp_counts.json.
+Prints, and writes benchmarks/out/grasp_counts.json; with --picture also docs/pictures/grasp_counts.png.
 """
 
 from __future__ import annotations
@@ -30,15 +30,18 @@ from pliant import api
 from pliant.config.conditions import PlausibleRange
 from pliant.diagnosis.counts_candidates import Knob, effect_knobs, task_knobs
 from pliant.diagnosis.counts_evidence import CountEvidence, count_evidence
+from pliant.diagnosis.counts_words import told
 from pliant.diagnosis.table import NOTHING, UNKNOWN
 from pliant.evidence.counted_study import CountedStudy, counted_study
 from pliant.evidence.counts import CountComparison, compare_counts
 from pliant.evidence.counts_words import counted as of
 from pliant.evidence.counts_words import interpret_counts
+from pliant.report.figures.success_shares import Series, success_shares
 from pliant.store.store import write_atomically
 
 TABLE = REFERENCE / "grasp_experiment.csv"
 SETS = (1, 2, 3)
+PICTURE = ROOT / "docs" / "pictures" / "grasp_counts.png"
 TRIALS, SCAN_TRIALS = 8, 4
 CERTAIN = (("egg", "15", "6"), ("egg", "15", "5"), ("cylinder", "15", "4"), ("cylinder", "13", "4"))
 # The published set-up: friction 0.8, inclination 30°, bases at 14 mm, noise as stated; what it leaves open stays open.
@@ -75,17 +78,17 @@ def main() -> None:
     hypotheses = [
         (knob,) for knob in ([*numbers, *effects][:1] if quick else [*numbers[:2], *effects, *numbers[2:]])
     ]
-    for number, hypothesis in enumerate(
-        hypotheses, start=1
-    ):  # one after the other, so that it can be watched
+    for number, hypothesis in enumerate(hypotheses, start=1):  # one by one, to be watched
         row = count_evidence(opened.bench, counted, [hypothesis]).rows[(hypothesis[0].name,)]
         likelihood = row.log_likelihood.sum(axis=1)
-        told = ", ".join(f"{v[0]:.4g}: {x:.1f}" for v, x in zip(row.grid, likelihood, strict=True))
-        print(f"  {number} of {len(hypotheses)}: {hypothesis[0].name}: {told}", flush=True)
+        levels = ", ".join(f"{v[0]:.4g}: {x:.1f}" for v, x in zip(row.grid, likelihood, strict=True))
+        print(f"  {number} of {len(hypotheses)}: {hypothesis[0].name}: {levels}", flush=True)
     found = count_evidence(opened.bench, counted, hypotheses)
     print_ranking(found)
     judged = on_all(whole, found)
     print_conditions(theirs, judged)
+    if "--picture" in sys.argv:
+        draw(judged)
     OUT.mkdir(exist_ok=True)
     write_atomically(OUT / "grasp_counts.json", json.dumps(result(theirs, found, judged, counted), indent=1))
 
@@ -105,6 +108,22 @@ def on_all(whole: tuple[api.OpenStudy, CountedStudy], found: CountEvidence) -> C
     row = found.rows[best]
     knobs = [replace(k, levels=(v,)) for k, v in zip(row.knobs, row.grid[row.best], strict=True)]
     return count_evidence(opened.bench, counted, [knobs])
+
+
+def draw(judged: CountEvidence) -> None:
+    """Success by condition: measured, the model as it is, with the best explanation."""
+    best = next(kinds for kinds in judged.probability if kinds not in (NOTHING, UNKNOWN))
+    plain, with_it = judged.comparison.conditions, judged.comparisons[best].conditions
+    shown = {"model, published set-up": plain, f"with {told(judged.rows[best])}": with_it}
+    png = success_shares(
+        [one.condition.words for one in plain],
+        Series("measured (three sets of ten)", [one.measured for one in plain], [True] * len(plain)),
+        [
+            Series(label, [one.simulated for one in conditions], [one.disagrees for one in conditions])
+            for label, conditions in shown.items()
+        ],
+    )
+    PICTURE.write_bytes(png.tobytes())
 
 
 def ranges() -> list[PlausibleRange]:
