@@ -174,6 +174,12 @@ def compare(opened: OpenStudy, data: Data = None) -> Comparison:
     return compare_with(model.measurement, model.predict())
 
 
+def compare_counts(opened: OpenStudy, data: str | Path | None = None, *, workers: int = 1) -> CountComparison:
+    """The study's task against a file of successes and trials: `pliant compare` on counts."""
+    counted = counted_study(opened.study, None if data is None else Path(data))
+    return compare_counted(opened.bench, counted, workers)
+
+
 def diagnose(opened: OpenStudy, data: Data = None, *, kinds: Sequence[str] | None = None) -> Diagnosis:
     """Which physical effect is missing: `pliant diagnose`."""
     model = predictor(opened, data)
