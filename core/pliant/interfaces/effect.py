@@ -71,7 +71,8 @@ class Model:
 
     An input map takes the history of one run and returns the history that reaches the chain. An output map
     takes readings by name (docs/conventions.md) and returns what the sensors say; it leaves other names alone. Where
-    the readings are those of a run with a clock, `time_s` (t,) is among them.
+    the readings are those of a run with a clock, `time_s` (t,) is among them; where the inputs that reach the chain are
+    known, so is `actuation` (t,), their sum without signs.
     """
 
     chain: ChainModel

@@ -7,6 +7,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from pliant.errors import UserError
 from pliant.interfaces.effect import Effect, EffectConfig, Model
 from pliant.interfaces.physics import PhysicsBackend, PhysicsConfig
@@ -90,7 +92,13 @@ def run_task(
             result = task.run(WithInputs(simulation, model) if model.inputs else simulation)
     if task.config.outside_domain == "error":
         refuse_extrapolation(result.final.outside_domain)
-    return replace(result, metrics=dict(model.reported(result.metrics)))
+    reported = model.reported({**result.metrics, **_pushed(result)})
+    return replace(result, metrics={name: reported[name] for name in reported if name != "actuation"})
+
+
+def _pushed(result: TaskResult) -> dict[str, float]:
+    """The sum of the last inputs, for output maps that depend on it; nothing where a task leaves no history."""
+    return {} if result.rollout is None else {"actuation": float(np.sum(result.rollout.actuation[-1]))}
 
 
 def refuse_extrapolation(outside: Sequence[OutsideDomain]) -> None:

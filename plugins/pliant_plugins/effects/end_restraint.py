@@ -1,33 +1,40 @@
-"""Ends that are held round: of the first and the last module only a share bends.
+"""Ends that are held round: of the first and the last module only a share bends, in series with what gives there.
 
-    τ'(p, u) = τ(p, u/s),      Π'(p, u) = s Π(p, u/s)
+    u = s v − c τ',      τ'(p, u) = τ(p, v)
 
-with s = s_b at the first joint of a chain and s_c at the last. A clamp or a glued cap keeps its section from becoming
-oval, as the wall next to it has to in order to bend, and that dies out along the wall (end effects in tubes: Brazier,
-Proc. R. Soc. A 116, 1927; Whatham, J. Pressure Vessel Technol. 108, 1986). What is left of the module is s of its length
-under the same moment, so that it turns by s times the angle. Pieces and joints stay where they are. Full FEM of one to
-eight bending modules: s_b = 0.97, s_c = 0.65 (docs/chain_of_modules.md).
+at the first joint of a chain with (s, c) of the base and at the last with those of the cap. A clamp or a glued cap
+keeps its section round, which the wall beside it has to leave in order to bend, and that dies out along the wall
+(end effects in tubes: Brazier, Proc. R. Soc. A 116, 1927; Whatham, J. Pressure Vessel Technol. 108, 1986). The share
+s of the module is left: it turns by s times the angle under the same moment. The compliance c is that of the mount:
+what a moment or a force at the end tilts beside the module; it is stated as c k₀, k₀ the stiffness at rest. Both are
+exact law changes (`short_law.py`, `series_law.py`). Pieces and joints stay where they are. Full FEM of bending
+modules: s = 0.99 and c k₀ = 0.1 at the clamp, 0.64 and 1.9 at the cap (docs/chain_of_modules.md).
 """
 
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import lru_cache
 from typing import ClassVar, Literal
 
 from pydantic import Field
 
 from pliant.errors import UserError
 from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, EffectParameter, Model, Place
-from pliant.records.chain import ChainModel
+from pliant.records.chain import Joint
+from pliant.records.law import JointLaw
 from pliant.units import Ratio
+from pliant_plugins.effects.scale import rest_stiffness
+from pliant_plugins.effects.series_law import SeriesLaw
 from pliant_plugins.effects.short_law import ShortLaw
 
 BOUNDS = (0.2, 1.5)
 PLAUSIBLE = (0.5, 1.0)
+GIVES = (0.0, 10.0)
 
 
 class EndRestraintConfig(EffectConfig):
-    """s_b and s_c."""
+    """s and c k₀ at both ends."""
 
     kind: Literal["end_restraint"] = "end_restraint"
     base_share: Ratio = Field(
@@ -36,15 +43,23 @@ class EndRestraintConfig(EffectConfig):
     cap_share: Ratio = Field(
         default=1.0, ge=BOUNDS[0], le=BOUNDS[1], description="share of the last module that bends"
     )
+    base_give: Ratio = Field(
+        default=0.0, ge=GIVES[0], le=GIVES[1], description="compliance of the clamp x stiffness at rest"
+    )
+    cap_give: Ratio = Field(
+        default=0.0, ge=GIVES[0], le=GIVES[1], description="compliance of the cap's mount x stiffness at rest"
+    )
 
 
 class EndRestraint(Effect):
-    """Shortens what bends at both ends of the chain."""
+    """Shortens what bends at both ends of the chain, and puts springs there."""
 
     place: ClassVar[Place] = "law"
     parameters: ClassVar[tuple[EffectParameter, ...]] = (
         EffectParameter("base_share", "1", neutral=1.0, bounds=BOUNDS, plausible=PLAUSIBLE),
         EffectParameter("cap_share", "1", neutral=1.0, bounds=BOUNDS, plausible=PLAUSIBLE),
+        EffectParameter("base_give", "1", neutral=0.0, bounds=GIVES, plausible=(0.0, 2.0)),
+        EffectParameter("cap_give", "1", neutral=0.0, bounds=GIVES, plausible=(0.0, 2.0)),
     )
     notes: ClassVar[EffectNotes] = EffectNotes(
         signature=(
@@ -59,6 +74,7 @@ class EndRestraint(Effect):
         excited_by=(
             "film a marker on every module through a slow pressure sweep, without a load and with loads either way."
         ),
+        where="chains of two joints or more of every family; every engine, in those that compile laws a slower way.",
     )
     exciting: ClassVar[tuple[str, ...]] = ("second_sensor", "passive_load_steps")
     config: EndRestraintConfig
@@ -71,14 +87,31 @@ class EndRestraint(Effect):
                 "effect 'end_restraint' tells the ends of a chain from its middle and needs two joints or more; "
                 "this chain has one. Take it out of 'effects', or raise 'chain.modules'."
             )
-        first = _shortened(chain, 0, self.config.base_share)
-        return model.with_(chain=_shortened(first, chain.n_joints - 1, self.config.cap_share))
+        c = self.config
+        per_give = len(chain.actuators) / rest_stiffness(chain)
+        ends = ((c.base_share, c.base_give * per_give), (c.cap_share, c.cap_give * per_give))
+        laws, joints = _restrained(chain.laws, chain.joints, ends)
+        return model.with_(chain=chain.with_(laws=laws, joints=joints))
 
 
-def _shortened(chain: ChainModel, joint: int, share: float) -> ChainModel:
-    """The chain with a law of its own at one joint; whole shares change nothing."""
-    if share == 1.0:
-        return chain
-    laws = (*chain.laws, ShortLaw(chain.laws[chain.joints[joint].law], share))
-    own = replace(chain.joints[joint], law=len(laws) - 1)
-    return chain.with_(laws=laws, joints=(*chain.joints[:joint], own, *chain.joints[joint + 1 :]))
+@lru_cache(maxsize=128)
+def _restrained(
+    laws: tuple[JointLaw, ...],
+    joints: tuple[Joint, ...],
+    ends: tuple[tuple[float, float], tuple[float, float]],
+) -> tuple[tuple[JointLaw, ...], tuple[Joint, ...]]:
+    """Laws with those of the ends behind them, and the joints that have them.
+
+    `ends` holds share and compliance of the base's end and of the cap's.
+    The same objects for the same input: engines tabulate a law once for each object.
+    """
+    wanted = list(joints)
+    for at, (share, compliance) in zip((0, -1), ends, strict=True):
+        law = laws[joints[at].law]
+        if share != 1.0:
+            law = ShortLaw(law, share)
+        if compliance:
+            law = SeriesLaw(law, compliance)
+        if law is not laws[joints[at].law]:
+            laws, wanted[at] = (*laws, law), replace(joints[at], law=len(laws))
+    return laws, tuple(wanted)

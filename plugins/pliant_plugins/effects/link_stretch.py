@@ -1,0 +1,85 @@
+"""Pieces that pressure lengthens: the pressure on the end cap stretches the whole chain.
+
+    x' = x₀ + (1 + ε) (x − x₀),      ε = c Σ p
+
+for every position that is read, with x₀ the base and Σ p the pressures of all chambers. A tube under inner pressure
+carries p A at its cap as an axial force in its wall (Timoshenko and Woinowsky-Krieger, Theory of Plates and Shells,
+1959, ch. 15), and what the joint's law does not take up as bending stretches it. All pieces stretch alike and joints
+keep their angles, so that scaling positions about the base is exact. Moments keep the arms of the chain at rest, which
+is wrong by the share ε of them, and the shape that an engine draws keeps its length. c is stated per MPa; the plate of
+a bending module of 249 kPa has 0.83, and c also holds by how much straight pieces between hinges are too short.
+"""
+
+from __future__ import annotations
+
+import re
+from functools import partial
+from typing import Any, ClassVar, Literal
+
+import numpy as np
+from pydantic import Field
+
+from pliant.interfaces.effect import (
+    Effect,
+    EffectConfig,
+    EffectNotes,
+    EffectParameter,
+    Model,
+    Place,
+    Readings,
+)
+from pliant.records.design import Array
+from pliant_plugins.effects.pressures import needs_pressure
+
+BOUNDS = (-10.0, 20.0)
+PER_MPA = 1e-6
+READING = re.compile(r"(?:tip|marker_\d+)_([xyz])_m")
+
+
+class LinkStretchConfig(EffectConfig):
+    """c, strain per pressure."""
+
+    kind: Literal["link_stretch"] = "link_stretch"
+    strain_per_mpa: float = Field(
+        default=0.0, ge=BOUNDS[0], le=BOUNDS[1], description="axial strain of the pieces per MPa of pressure"
+    )
+
+
+class LinkStretch(Effect):
+    """Moves positions away from the base in proportion to the pressure."""
+
+    place: ClassVar[Place] = "output"
+    parameters: ClassVar[tuple[EffectParameter, ...]] = (
+        EffectParameter("strain_per_mpa", "MPa^-1", neutral=0.0, bounds=BOUNDS, plausible=(0.0, 3.0)),
+    )
+    notes: ClassVar[EffectNotes] = EffectNotes(
+        signature=(
+            "angles are right and positions too near the base, by a share of their distance that grows with the "
+            "pressure; without pressure they are right, under any load."
+        ),
+        look_alike="actuation_gain",
+        told_apart="a gain turns every joint; a stretch moves markers and turns nothing.",
+        excited_by="film the tip and every joint's angle through a slow pressure sweep to the top of the range.",
+        where="chains under pressure whose tip or markers are read; every engine, since only readings change.",
+    )
+    exciting: ClassVar[tuple[str, ...]] = ("second_sensor",)
+    config: LinkStretchConfig
+
+    def apply(self, model: Model) -> Model:
+        """The model with one more map of its readings; angles and chain stay. Raises `UserError` without a pressure."""
+        needs_pressure(self.config.kind, model.chain)
+        base = np.asarray(model.chain.base_position_m, float)
+        return model.with_output(partial(_stretched, PER_MPA * self.config.strain_per_mpa, base))
+
+
+def _stretched(strain_per_pa: float, base: Array, readings: Readings) -> Readings:
+    """Positions farther from the base; unchanged where readings do not say under which pressure they were made."""
+    if "actuation" not in readings:
+        return readings
+    factor = 1.0 + strain_per_pa * readings["actuation"]
+    changed: dict[str, Any] = dict(readings)
+    for name, value in readings.items():
+        if axis := READING.fullmatch(name):
+            origin = float(base["xyz".index(axis[1])])
+            changed[name] = origin + factor * (value - origin)
+    return changed
