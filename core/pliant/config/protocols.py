@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, Literal
+from typing import Any
 
 from pydantic import Field, field_validator, model_validator
 
@@ -69,9 +69,7 @@ class ProtocolConfig(FrozenModel):
     pitch_rad: Angle = Field(default=0.0, description="custom: base turned about world y")
     roll_rad: Angle = Field(default=0.0, description="custom: base turned about world x")
     temperature_c: float | None = Field(default=None, ge=-100, le=300, description="in °C")
-    new_specimen: Literal[True, False] = Field(
-        default=False, description="custom: a body never loaded before"
-    )
+    new_specimen: bool = Field(default=False, description="custom: a body never loaded before")
 
     @field_validator("run")
     @classmethod

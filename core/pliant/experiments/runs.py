@@ -14,7 +14,7 @@ from pliant.experiments.scale import BenchScale
 from pliant.experiments.waves import corners, dense_steps, steps
 from pliant.records.design import Array
 
-SLOW_STEP_S, FINE_STEP_S = 1.0, 0.02
+SLOW_STEP_S, FINE_STEP_S, STEP_RISE_S = 1.0, 0.02, 0.3
 MEDIUM_S, SLOW_S, FAST_S = 20.0, 80.0, 4.0
 TWICE = (1.0, 1.0)
 RISING = (0.3, 0.3, 0.6, 0.6, 1.0, 1.0)
@@ -166,10 +166,9 @@ def closed_valve(make: RunMaker, shape: Shape) -> MenuRun | None:
 def step_response(make: RunMaker, shape: Shape) -> MenuRun:
     """What comes late, in the first second after a step."""
     hold = shape.hold_s or 4.0
-    wave = dense_steps(
-        (*(shape.levels or (0.6, 0.0, 1.0)), 0.0), hold, 0.1, FINE_STEP_S, min(1.0, hold / 2), 0.2
-    )
-    words = "steps as fast as the supply can, sampled densely (50 Hz) for a second after each"
+    levels, fine = (*(shape.levels or (0.6, 0.0, 1.0)), 0.0), min(1.0, hold / 2)
+    wave = dense_steps(levels, hold, STEP_RISE_S, FINE_STEP_S, fine, 0.2)
+    words = f"steps within {STEP_RISE_S:g} s, sampled densely (50 Hz) for {fine:g} s after each"
     return make.run("step_response", words, wave, needs="a recorder of 50 Hz")
 
 

@@ -53,7 +53,10 @@ def steps(levels: Sequence[float], hold_s: float, step_s: float, rise_s: float =
 def dense_steps(
     levels: Sequence[float], hold_s: float, rise_s: float, fine_s: float, fine_for_s: float, step_s: float
 ) -> Wave:
-    """Steps sampled every `fine_s` for `fine_for_s` after each of them, then every `step_s`."""
+    """Steps along half a cosine of `rise_s`, sampled every `fine_s` for `fine_for_s` after each, then every `step_s`.
+
+    A kink would make a body swing that has a frequency of its own.
+    """
     times, shares, before = [0.0], [0.0], 0.0
     for k, level in enumerate(levels):
         start = k * hold_s
@@ -61,6 +64,7 @@ def dense_steps(
             [np.arange(fine_s, fine_for_s, fine_s), np.arange(fine_for_s, hold_s + 0.5 * step_s, step_s)]
         )
         times += list(start + local)
-        shares += list(before + (level - before) * np.minimum(1.0, local / rise_s))
+        risen = 0.5 - 0.5 * np.cos(np.pi * np.minimum(1.0, local / rise_s))
+        shares += list(before + (level - before) * risen)
         before = level
     return Wave(np.array(times), np.array(shares))
