@@ -16,7 +16,7 @@ from pliant.records.chain import Actuator, ChainModel
 from pliant.records.history import Followed, History
 from pliant.records.term import LawTerm
 from pliant.testing.samples import linear_law, linear_spherical_law, sample_chain, softening_law
-from pliant_plugins.physics.quasistatic import kernel
+from pliant_plugins.physics.quasistatic import joint_effort
 from pliant_plugins.physics.quasistatic.backend import Quasistatic
 from pliant_plugins.physics.quasistatic.config import QuasistaticConfig
 from pliant_plugins.physics.quasistatic.law_table import tabulate
@@ -53,7 +53,7 @@ def with_effects(chain: ChainModel, *kinds: str) -> Model:
     return model
 
 
-def agree(chain: ChainModel, histories: list[History], atol: float = 1e-8) -> list[Followed]:
+def agree(chain: ChainModel, histories: list[History], atol: float = 3e-8) -> list[Followed]:
     compiled, _ = ENGINE.follow(chain, histories)
     plain, _ = step_through(ENGINE.build, chain, histories, [], ENGINE.config.longest_step_s)
     for a, b in zip(compiled, plain, strict=True):
@@ -282,7 +282,10 @@ def test_a_table_is_the_law() -> None:
     rng = np.random.default_rng(0)
     p, u = rng.uniform(0, P, 400), rng.uniform(-1.0, 1.0, 400)
     got = np.array(
-        [kernel._law.py_func(table.cells[None], table.grid[None], 0, a, b) for a, b in zip(p, u, strict=True)]
+        [
+            joint_effort.law_at.py_func(table.cells.ravel(), table.grid[None], table.cells.shape[:2], 0, a, b)
+            for a, b in zip(p, u, strict=True)
+        ]
     )
     wanted = law.evaluate(p, u[:, None])
     span = np.ptp(wanted.tau)
@@ -293,10 +296,10 @@ def test_a_table_is_the_law() -> None:
 
 def test_a_table_is_smooth_across_cells_and_straight_outside() -> None:
     table = tabulate(softening_law(), (0.0, P))
-    cells, grid = table.cells[None], table.grid[None]
+    cells, grid, size = table.cells.ravel(), table.grid[None], table.cells.shape[:2]
 
     def law(p: float, u: float) -> tuple[float, float]:
-        return kernel._law.py_func(cells, grid, 0, p, u)
+        return joint_effort.law_at.py_func(cells, grid, size, 0, p, u)
 
     u_node = table.grid[2] + 130 * table.grid[3]
     p_node = table.grid[0] + 11 * table.grid[1]
@@ -329,6 +332,10 @@ def clumsy(angle, rate, dt, p, t, old, new, c):  # type: ignore[no-untyped-def]
     return {"a": [angle]}["a"][0] + str(p)
 
 
+def steady(angle, rate, dt_s, actuation, temperature_c, old, new, parameters):
+    return parameters[0]
+
+
 def nothing(angle, rate, dt, p, t, old, new, c):  # type: ignore[no-untyped-def]
     return 0.0
 
@@ -354,10 +361,14 @@ def test_a_moment_that_is_no_number_is_no_equilibrium() -> None:
     assert np.isfinite(path.joint_angles[path.converged]).all()
 
 
-def test_too_many_terms() -> None:
-    chain = sample_chain(modules=1).with_(terms=(LawTerm("moment", nothing, ()),) * 17)
-    with pytest.raises(UserError, match="17 law terms; 16"):
-        ENGINE.follow(chain, [swept()])
+def test_many_terms_add_up() -> None:
+    many = sample_chain(modules=2).with_(terms=(LawTerm("moment", steady, (1e-4,)),) * 20)
+    one = sample_chain(modules=2).with_(terms=(LawTerm("moment", steady, (20e-4,)),))
+    (path,), _ = ENGINE.follow(many, [swept()])
+    (wanted,), _ = ENGINE.follow(one, [swept()])
+    np.testing.assert_allclose(path.joint_angles, wanted.joint_angles, atol=1e-7)
+    (plain,), _ = ENGINE.follow(sample_chain(modules=2), [swept()])
+    assert np.abs(path.joint_angles - plain.joint_angles).max() > 1e-3
 
 
 def test_a_term_that_cannot_be_compiled_names_its_file_and_line() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 
 from numba import njit
@@ -14,10 +15,14 @@ def cache_folder() -> Path:
     return Path(njit(cache=True)(_probe).stats.cache_path)
 
 
-def discard_stale() -> None:
-    """Remove cache indexes older than the newest source of the room: numba compiles anew what they listed."""
-    newest = max(source.stat().st_mtime for source in ROOM.glob("*.py"))
-    for index in cache_folder().glob("*.nbi"):
+def discard_stale(folder: Path | None = None, sources: Iterable[Path] | None = None) -> None:
+    """Remove cache indexes older than the newest source: numba compiles anew what they listed.
+
+    Numba itself compares a function with its own file only, not with the files of what it calls. Without arguments this
+    is about the cache and the sources of this room.
+    """
+    newest = max(source.stat().st_mtime for source in sources or ROOM.glob("*.py"))
+    for index in (folder or cache_folder()).glob("*.nbi"):
         try:
             if index.stat().st_mtime < newest:
                 index.unlink()

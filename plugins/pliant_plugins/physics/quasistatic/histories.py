@@ -38,9 +38,14 @@ class HingeFollower:
 
     def follow(self, chain: ChainModel, histories: Sequence[History], towards: Sequence[Variation]) -> Paths:
         """See `PhysicsBackend.follow`."""
-        drive, clock = Drive.of(chain, histories), Clock.of(histories, self.config.longest_step_s)
-        changes = [Drive.of(v.chain, v.histories) for v in towards]
-        clocks = [Clock.of(v.histories, self.config.longest_step_s) for v in towards]
+        longest = self.config.longest_step_s
+        drive, clock = Drive.of(chain, histories), Clock.of(chain, histories, longest)
+        changes, clocks = [], []
+        for v in towards:
+            same = chain.payload_kg == v.chain.payload_kg and chain.actuators == v.chain.actuators
+            driven_alike = same and all(a is b for a, b in zip(histories, v.histories, strict=True))
+            changes.append(drive if driven_alike else Drive.of(v.chain, v.histories))
+            clocks.append(clock if driven_alike else Clock.of(v.chain, v.histories, longest))
         linear = [
             k
             for k, v in enumerate(towards)
@@ -67,10 +72,14 @@ class HingeFollower:
         clock: Clock,
         towards: Sequence[ChainModel],
         changes: Sequence[Drive],
+        near: Array | None = None,
     ) -> tuple[Array, Array, Any]:
         body, terms = Body.of(chain), Terms.of(chain.terms, chain.n_joints, self.compiled)
         tables = [self._table(law, drive.pressure) for law in chain.laws]
         n, m = drive.pressure.shape
+        axis = int(body.axes[0])
+        order = [(axis + 1) % 3, (axis + 2) % 3, axis]
+        rests = np.ascontiguousarray(body.rests[:, order][:, :, order])
 
         def stack(rows: list[Array], *shape: int) -> Array:
             return np.ascontiguousarray(np.array(rows, float).reshape(len(rows), *shape))
@@ -78,29 +87,33 @@ class HingeFollower:
         parameters = [Terms.of(c.terms, c.n_joints, self.compiled).parameters for c in towards]
         result: tuple[Array, Array, Any] = follow(
             (
-                terms.functions,
+                terms.addresses,
                 terms.rows,
-                terms.parameters,
-                np.stack([table.cells for table in tables]),
+                terms.parameters.ravel(),
+                tables[0].cells.ravel()
+                if len(tables) == 1
+                else np.concatenate([table.cells.ravel() for table in tables]),
                 np.stack([table.grid for table in tables]),
+                (*tables[0].cells.shape[:2], terms.parameters.shape[1]),
                 np.array([actuator.sign for actuator in chain.actuators], float),
+                any(term.role != "moment" for term in chain.terms),
             ),
             terms.keeps,
             np.array([joint.law for joint in chain.joints]),
             (
                 body.position,
-                base_rotations(body.rotation, drive.angles),
-                body.offsets,
-                body.rests,
-                int(body.axes[0]),
-                body.arms,
+                np.ascontiguousarray(base_rotations(body.rotation, drive.angles)[:, :, order]),
+                np.ascontiguousarray(body.offsets[:, order]),
+                rests,
+                np.array([np.array_equal(rest, np.eye(3)) for rest in rests]),
+                np.ascontiguousarray(body.arms[:, order]),
                 body.masses,
             ),
             np.asarray(chain.gravity_m_s2, float),
             (drive.pressure, drive.force, drive.moment, drive.payload, drive.temperature),
             (clock.duration, clock.start, clock.specimen, clock.n_specimens, clock.substeps),
             (
-                stack(parameters, *terms.parameters.shape),
+                stack(parameters, terms.parameters.size),
                 stack([np.asarray(c.gravity_m_s2, float) for c in towards], 3),
                 stack([d.pressure for d in changes], n, m),
                 stack([d.force for d in changes], n, 3),
@@ -108,6 +121,7 @@ class HingeFollower:
                 stack([d.payload for d in changes], n),
                 stack([d.temperature for d in changes], n),
             ),
+            np.zeros((0, chain.n_joints)) if near is None else near,
             (self.config.tolerance, self.config.max_iterations, self.config.max_turn),
         )
         return result

@@ -8,14 +8,16 @@ from typing import Any
 
 import numpy as np
 
-from pliant.errors import UserError
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
 from pliant.records.history import History
 from pliant.records.term import LawTerm, TermFunction, numbers_of
 from pliant_plugins.physics.compiled.functions import compile_function
-from pliant_plugins.physics.quasistatic.kernel import MAX_TERMS, NOTHING, ROLES, TERM_SIGNATURE
+from pliant_plugins.physics.quasistatic.joint_effort import TERM_SIGNATURE
 from pliant_plugins.physics.stepping import check_driven
+
+# The roles of law terms, as the compiled loop numbers them.
+ROLES = ("moment", "elastic", "actuation", "rest")
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,9 +34,10 @@ class Drive:
     @staticmethod
     def of(chain: ChainModel, histories: Sequence[History]) -> Drive:
         """Raises `UserError` where a history lacks an input of the chain, or a number of it."""
-        check_driven(chain, histories)
         join = np.concatenate
-        return Drive(
+        if any(a.input not in h.actuation for a in chain.actuators for h in histories):
+            check_driven(chain, histories)
+        drive = Drive(
             pressure=np.stack(
                 [join([h.actuation[a.input] for h in histories]) for a in chain.actuators], axis=1
             ),
@@ -49,6 +52,9 @@ class Drive:
             temperature=join([h.temperature_c for h in histories]),
             angles=join([h.base_angles_rad for h in histories]),
         )
+        if not all(np.all(np.isfinite(values)) for values in vars(drive).values()):
+            check_driven(chain, histories)
+        return drive
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,30 +68,38 @@ class Clock:
     substeps: Any
 
     @staticmethod
-    def of(histories: Sequence[History], longest_step_s: float) -> Clock:
-        """Steps longer than `longest_step_s` are cut into equal parts."""
+    def of(chain: ChainModel, histories: Sequence[History], longest_step_s: float) -> Clock:
+        """Steps longer than `longest_step_s` are cut into equal parts.
+
+        Raises:
+            UserError: a time that is not a number.
+        """
         names = list(dict.fromkeys(h.specimen for h in histories))
-        durations, starts, specimens = [], [], []
-        for h in histories:
-            durations.append(
-                np.full(len(h), np.inf) if h.time_s is None else np.diff(h.time_s, prepend=h.time_s[0])
-            )
-            starts.append(np.arange(len(h)) == 0)
-            specimens.append(np.full(len(h), names.index(h.specimen)))
-        duration = np.concatenate(durations)
+        lengths = [len(h) for h in histories]
+        first = np.cumsum([0, *lengths[:-1]])
+        timed = [h.time_s is not None for h in histories]
+        time = np.concatenate([np.zeros(len(h)) if h.time_s is None else h.time_s for h in histories])
+        if not np.all(np.isfinite(time)):
+            check_driven(chain, histories)
+        duration = np.diff(time, prepend=time[:1])
+        duration[first] = 0.0
+        duration[~np.repeat(timed, lengths)] = np.inf
+        start = np.zeros(len(duration), np.bool_)
+        start[first] = True
+        specimen = np.repeat([names.index(h.specimen) for h in histories], lengths)
         finite = np.where(np.isfinite(duration), duration, 0.0)
         substeps = np.maximum(1, np.ceil(finite / longest_step_s - 1e-9)).astype(np.int64)
-        return Clock(duration, np.concatenate(starts), np.concatenate(specimens), len(names), substeps)
+        return Clock(duration, start, specimen, len(names), substeps)
 
 
 @dataclass(frozen=True, eq=False)
 class Terms:
-    """Law terms as function pointers and rows (role, first and last number, first and last state).
+    """Law terms as addresses of machine code and rows (role, first number, numbers, first state, states).
 
     `parameters` (n, P) holds the numbers of each joint.
     """
 
-    functions: tuple[Any, ...]
+    addresses: Any
     rows: Any
     keeps: Any
     parameters: Array
@@ -95,10 +109,8 @@ class Terms:
         """`compiled` remembers functions from call to call.
 
         Raises:
-            UserError: too many terms, or one that cannot be compiled.
+            UserError: a term that cannot be compiled.
         """
-        if len(terms) > MAX_TERMS:
-            raise UserError(f"the study's effects add {len(terms)} law terms; {MAX_TERMS} are possible")
         rows: list[list[int]] = []
         keeps: list[bool] = []
         count = 0
@@ -108,10 +120,10 @@ class Terms:
             first, state = count, len(keeps)
             count += term.n_parameters
             keeps += [term.keeps] * term.n_states
-            rows.append([ROLES.index(term.role), first, count, state, len(keeps)])
-        functions = [compiled[term.function] for term in terms]
+            rows.append([ROLES.index(term.role), first, count - first, state, len(keeps) - state])
+        addresses = [compiled[term.function].address for term in terms]
         return Terms(
-            tuple(functions + [NOTHING] * (MAX_TERMS - len(functions))),
+            np.array(addresses, np.int64),
             np.array(rows, np.int64).reshape(-1, 5),
             np.array(keeps, np.bool_),
             numbers_of(terms, n_joints),
