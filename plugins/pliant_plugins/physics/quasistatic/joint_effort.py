@@ -19,9 +19,9 @@ SLOPE_STEP = 1e-6
 
 
 @intrinsic
-def call_term(
+def call_term(  # type: ignore[no-untyped-def]
     typing_context, address, u, rate, dt, net, t, old, old_at, new, new_at, states, c, c_at, numbers
-):  # type: ignore[no-untyped-def]
+):
     """The law term at an address, given parts of three arrays as its memory and parameters.
 
     One compiled loop serves all terms, those of plugins included; the parts are built without counting references.
