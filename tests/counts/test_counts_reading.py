@@ -7,6 +7,7 @@ from pliant.config.loading import load_study
 from pliant.config.task_keys import changed_task
 from pliant.errors import UserError
 from pliant.measurements.counts_reading import holds_counts, read_counts
+from pliant.measurements.reading import read_measurement
 from pliant.registry.discovery import discover
 
 
@@ -145,3 +146,9 @@ def test_a_file_is_one_of_counts_by_its_columns(tmp_path, study):
         path.write_text(header + "\n")
         assert holds_counts(path, task) is counted
         assert holds_counts(path, None) is of_a_chain
+
+
+def test_verbs_that_need_readings_say_which_take_counts(tmp_path):
+    (tmp_path / "counts.csv").write_text("pressure_pa,successes,trials\n15000,3,4\n")
+    with pytest.raises(UserError, match="holds counts .* and no readings"):
+        read_measurement(tmp_path / "counts.csv")

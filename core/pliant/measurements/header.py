@@ -148,6 +148,12 @@ def _used(
     actuation: Sequence[str] | None,
 ) -> tuple[list[Column], list[str]]:
     """Columns that are read, and remarks on known ones that are not. Raises where something needed is missing."""
+    roles = {column.role for column in columns}
+    if "count" in roles and "output" not in roles:
+        raise UserError(
+            f"{path}: the file holds counts (successes, trials) and no readings; `pliant compare` and "
+            "`pliant diagnose` take counts, this needs readings such as angle_rad or tip_x_m."
+        )
     have = [column.name for column in columns if column.role == "input"]
     for name in actuation or ():
         if name not in have:
@@ -185,7 +191,10 @@ def _without_unused(
         if column.role == "input" and actuation is not None and column.name not in actuation:
             remarks.append(f"Input '{column.name}' does not drive the chain and is ignored.")
         elif column.role == "count":
-            remarks.append(f"Column '{column.name}' counts trials, which no chain predicts: ignored.")
+            remarks.append(
+                f"Column '{column.name}' counts trials, which no chain predicts: ignored; counts go in a file of "
+                "their own."
+            )
         elif column.role == "sigma" and column.name.removeprefix("sigma_") not in outputs:
             remarks.append(f"Column '{column.name}' has no output of its own in the file and is ignored.")
         else:
