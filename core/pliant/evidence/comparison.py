@@ -26,6 +26,7 @@ from pliant.evidence.scores import (
     overall,
     run_words,
 )
+from pliant.evidence.sense import sense_remarks
 from pliant.measurements.effective import clock_of
 from pliant.measurements.floors import Floor, floor_remarks, noise_floors
 from pliant.measurements.repeats import repeat_groups
@@ -160,6 +161,7 @@ def compare(
             *measurement.remarks,
             *floor_remarks(floors),
             *_remarks(measurement, names, residuals, noiseless),
+            *sense_remarks(measurement, predicted, names),
         ),
     )
 

@@ -1,0 +1,35 @@
+"""Readings that go the other way than the model are a sign, not physics."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from pliant import api
+from pliant.errors import UserError
+
+EXAMPLE = Path(__file__).parents[2] / "examples" / "opposed_chambers"
+
+
+def opened(folder: Path, *overrides: str) -> api.OpenStudy:
+    return api.open_study(EXAMPLE / "joint.yaml", overrides, store=folder / "store")
+
+
+def test_the_right_signs_say_nothing(tmp_path: Path) -> None:
+    assert not any("the other way" in remark for remark in api.compare(opened(tmp_path)).remarks)
+
+
+def test_swapped_chambers_are_named(tmp_path: Path) -> None:
+    swapped = "chain.actuators=[{input: pressure_1_pa, sign: -1}, {input: pressure_2_pa, sign: 1}]"
+    [remark] = [r for r in api.compare(opened(tmp_path, swapped)).remarks if "the other way" in r]
+    assert "bend angle" in remark
+    assert "pressure_1_pa, pressure_2_pa and their signs in 'chain.actuators'" in remark
+
+
+def test_one_chamber_of_two_is_missing(tmp_path: Path) -> None:
+    rows = [line.split(",") for line in (EXAMPLE / "bench.csv").read_text().splitlines()]
+    short = tmp_path / "short.csv"
+    short.write_text("\n".join(",".join([*row[:3], *row[4:]]) for row in rows) + "\n")
+    with pytest.raises(UserError, match="driven by 'pressure_2_pa'"):
+        api.read_measurement(opened(tmp_path), short)
