@@ -76,6 +76,7 @@ bench-evidence: $(VENV)/.run  ## hidden effects, diagnosed and judged: at most t
 	$(BIN)/python benchmarks/evidence/run_bench.py
 
 bench-real: $(VENV)/.run  ## measurements of real hardware in ../shared/data; half an hour, resumable
+	$(BIN)/python -m benchmarks.real.two_bellow
 	$(BIN)/python -m benchmarks.real.grasp_counts
 
 docs: $(VENV)/.run  ## the reference pages that are generated from the code

@@ -76,6 +76,7 @@ def main() -> None:
     print("\nwhat two runs cannot judge, and the run of the default menu that would")
     for what, why, run in SILENT:
         print(f"  {what}: {why}: {run}")
+    OUT.parent.mkdir(parents=True, exist_ok=True)
     write_atomically(OUT, json.dumps(found, indent=1))
 
 
@@ -108,6 +109,7 @@ def direction(bench: Bench, training: str, unseen: str, quick: bool) -> dict[str
             f"against the static law of {law.name}: error / {falls[0]:.2f}; at pressures of {training} / "
             f"{falls[1]:.2f}{beyond}"
         )
+    print("last: " + ", ".join(f"{name} {value:.3g}" for name, value in steps[-1].values.items()))
     report_close(bench, steps)
     if not quick:
         found["other_blocks"] = other_blocks(bench, training, scores, base)
