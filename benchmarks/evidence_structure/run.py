@@ -156,7 +156,7 @@ def draw(rows: list[dict[str, Any]], path: Path) -> None:
 
     figure, panels = pyplot.subplots(1, 2, figsize=(9.0, 3.6), layout="constrained", sharey=True)
     for panel, suffix, title in zip(
-        panels, ("", "_unseen"), ("forces as in training", "twice as large"), strict=True
+        panels, ("", "_unseen"), ("forces as in training", "forces twice as large"), strict=True
     ):
         mine = sorted(
             (r for r in rows if r["file"] == SEEN[r["modules"]] + suffix), key=lambda r: r["modules"]
@@ -166,12 +166,14 @@ def draw(rows: list[dict[str, Any]], path: Path) -> None:
             label = {"plain": "chain of single-module laws", "improved": "after improve"}[word]
             panel.plot(n, [1e3 * row[f"tip_{word}_m"] for row in mine], "o-", color=colour, label=label)
         panel.axvline(TRAINING, color="0.7", linewidth=0.8, linestyle=":")
-        panel.set(xlabel="modules", title=title, ylim=(0, None), xticks=n)
+        panel.set(xlabel="modules", title=title, xticks=n)
+    highest = max(row["tip_plain_m"] for row in rows)
+    panels[0].set_ylim(0, 1.08e3 * highest)
     panels[0].annotate(
         "fitted here", (TRAINING, 0.02), xytext=(4, 3), textcoords="offset points", color="0.5"
     )
     panels[0].set_ylabel("tip error, rms (mm)")
-    panels[0].legend(frameon=False, fontsize=9)
+    panels[0].legend(frameon=False, fontsize=9, loc="upper left")
     figure.savefig(path, dpi=150)
 
 
