@@ -119,8 +119,10 @@ def _after(
     for one, file in zip(chosen, files, strict=True):
         here.say(f"{one.name} ({one.minutes:g} min): {one.run}")
         here.say(f"  {one.why}")
-        for a, b in one.separates:
-            here.say(f"  expected to tell {named(a)} from {named(b)}")
+        for a in dict.fromkeys(a for a, _ in one.separates):
+            here.say(
+                f"  expected to tell {named(a)} from {listed([named(b) for c, b in one.separates if c == a])}"
+            )
         here.say(f"  file   {file}")
     if not chosen:
         here.say(remark or "One explanation is left: no further run is needed to decide.")
