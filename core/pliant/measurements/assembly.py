@@ -23,6 +23,9 @@ from pliant.units import UnitError, parse_quantity
 
 FORCES = ("tip_force_x_n", "tip_force_y_n", "tip_force_z_n")
 BASE = ("base_roll_rad", "base_pitch_rad", "base_yaw_rad")
+# Remarks on a file by itself, which files that are read together do not deserve.
+ONE_RUN = "There is one run only: nothing repeats, and no run can be held out."
+NEVER_CHANGES = "never changes: nothing that depends on it can be judged."
 DEFAULTS = {
     "temperature_c": f"{REFERENCE_TEMPERATURE_C:g} °C",
     "payload_kg": "the chain's own",
@@ -263,13 +266,9 @@ def _look(
     """What the values themselves make one ask."""
     histories = [run.history for run in measurement.runs]
     ranges = spans(histories)
-    remarks = [
-        f"Input '{name}' never changes: nothing that depends on it can be judged."
-        for name, width in ranges.items()
-        if width == 0
-    ]
+    remarks = [f"Input '{name}' {NEVER_CHANGES}" for name, width in ranges.items() if width == 0]
     if len(measurement.runs) == 1:
-        remarks.append("There is one run only: nothing repeats, and no run can be held out.")
+        remarks.append(ONE_RUN)
     silent = [
         run.name for run in measurement.runs if not any(np.isfinite(v).any() for v in run.outputs.values())
     ]
