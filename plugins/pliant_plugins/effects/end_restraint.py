@@ -67,10 +67,7 @@ class EndRestraint(Effect):
             "those between them are right; the tip's turn is off by a constant, however many modules there are."
         ),
         look_alike="stiffness",
-        told_apart=(
-            "read every joint's angle: a stiffness is wrong in all of them, and without pressure only; held ends are "
-            "wrong at the ends alone."
-        ),
+        told_apart="read every joint's angle: a stiffness is wrong in all of them, held ends at the ends alone.",
         excited_by=(
             "film a marker on every module through a slow pressure sweep, without a load and with loads either way."
         ),
