@@ -35,6 +35,8 @@ def main() -> None:
     parser.add_argument("--modules", type=int, nargs="+", default=[4, 6, 2, 3, 8])
     parser.add_argument("--out", type=Path, required=True)
     given = parser.parse_args()
+    if given.out.exists():
+        parser.error(f"{given.out} exists; states are appended as they are found, so begin with a new file.")
     with tempfile.TemporaryDirectory() as folder:
         study = Path(folder) / "study.yaml"
         study.write_text(STUDY)
