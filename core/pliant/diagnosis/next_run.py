@@ -35,6 +35,8 @@ MOST_CONTENDERS = 8
 REPEATING = "the medium run again, three times"
 # A run from which less is expected, in nats, does not help.
 LEAST_INFORMATION = 0.02
+# Runs that tell less than this share of what the most telling one tells are not chosen for being short.
+TELLING = 0.5
 NO_RUN = (
     "No run of the menu would decide between the explanations that are left: {words} predict the same in all of them, "
     "within the noise. Add other runs under 'protocols:' in the study, or another sensor."
@@ -159,9 +161,7 @@ def next_runs(view: MenuView, belief: Belief, count: int, minutes: float = math.
             if run.minutes <= minutes
             and (outcome := _outcome(view, belief, looks, [*chosen, index])) is not None
         }
-        ranked = sorted(
-            outcomes, key=lambda i: (outcomes[i].information - told) / view.runs[i].minutes, reverse=True
-        )
+        ranked = _ranked(view, outcomes, told)
         helpful = [index for index in ranked if _helps(outcomes[index], told, belief)]
         if not helpful:
             break
@@ -253,6 +253,18 @@ def _outcome(
         slopes = looks[kinds].slopes[rows] * root[:, None]
         contenders.append(Contender(belief.probability[kinds], mean, slopes, known, form))
     return expected(contenders, belief.prices.temper, belief.prices.believed)
+
+
+def _ranked(view: MenuView, outcomes: Mapping[int, Outcome], told: float) -> list[int]:
+    """Runs by what they tell per minute; those that tell less than a share of what the best one tells come last.
+
+    A short run that hardly tells anything is no bargain: what it tells again is no news.
+    """
+    told_now = {index: outcome.information - told for index, outcome in outcomes.items()}
+    enough = TELLING * max(told_now.values(), default=0.0)
+    return sorted(
+        outcomes, key=lambda k: (told_now[k] >= enough, told_now[k] / view.runs[k].minutes), reverse=True
+    )
 
 
 def _helps(outcome: Outcome, told: float, belief: Belief) -> bool:

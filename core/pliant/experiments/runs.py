@@ -149,12 +149,13 @@ def closed_valve(make: RunMaker, shape: Shape) -> MenuRun | None:
     """What the specimen does to the air that is shut in it."""
     if not all(name.startswith("pressure") for name in make.scale.inputs):
         return None
-    hold, fill, rest = shape.hold_s or 60.0, 2.0, 10.0
+    hold, fill, rest = shape.hold_s or 60.0, 2.0, 8.0
     points, spans, now = [(0.0, 0.0)], [], 0.0
     for level in shape.levels or (0.6, 1.0):
-        points += [(now + fill, level), (now + fill + hold, level), (now + 2 * fill + hold, 0.0)]
-        spans.append((now + fill, now + fill + hold))
-        now += 2 * fill + hold + rest
+        closed_at = now + fill + rest  # the chamber has come to the supply's pressure before the valve closes
+        points += [(now + fill, level), (closed_at + hold, level), (closed_at + hold + fill, 0.0)]
+        spans.append((closed_at, closed_at + hold))
+        now = closed_at + hold + fill + rest
         points.append((now, 0.0))
     wave = corners(points, min(STEP_S, hold / 8))
     closed = np.any([_between(wave.time_s, *span) for span in spans], axis=0)
