@@ -68,7 +68,7 @@ def test_a_detectable_strength_is_found_and_a_fifth_of_it_is_not(kind: str) -> N
         hidden = effect(kind, **{limit.parameter: neutral + share * (limit.value - neutral)})
         return diagnose(predictor_of(CHAIN, measured(CHAIN, rich(), hidden, seed=7)), kinds=kinds).selected
 
-    assert verdict(2.0) == (kind,)
+    assert verdict(3.0) == (kind,)
     assert verdict(0.2) == ()
 
 
