@@ -1,4 +1,4 @@
-"""How the bench asks: `pliant diagnose` and `pliant improve`, with a study and a CSV and nothing else."""
+"""How the bench asks: `pliant diagnose` and `pliant improve`, with a study and CSVs and nothing else."""
 
 from __future__ import annotations
 
@@ -8,23 +8,23 @@ import io
 import json
 import sys
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-Diagnoser = Callable[[str, str, int], dict[str, Any]]
+Diagnoser = Callable[[str, Sequence[str], int], dict[str, Any]]
 DEFAULT = "benchmarks.evidence.diagnosers"
 
 
-def diagnose(study: str, csv: str, seed: int) -> dict[str, Any]:
-    """The JSON of `pliant diagnose STUDY --data CSV`; it seeds itself."""
-    return _command("diagnose", study, csv)
+def diagnose(study: str, data: Sequence[str], seed: int) -> dict[str, Any]:
+    """The JSON of `pliant diagnose STUDY --data CSV …`; it seeds itself."""
+    return _command("diagnose", study, data)
 
 
-def improve(study: str, csv: str, seed: int) -> dict[str, Any]:
-    """The JSON of `pliant improve STUDY --data CSV`; it seeds itself."""
+def improve(study: str, data: Sequence[str], seed: int) -> dict[str, Any]:
+    """The JSON of `pliant improve STUDY --data CSV …`; it seeds itself."""
     with tempfile.TemporaryDirectory() as folder:
-        return _command("improve", study, csv, "--out", str(Path(folder) / "improved.yaml"))
+        return _command("improve", study, data, "--out", str(Path(folder) / "improved.yaml"))
 
 
 def load(module: str, verb: str) -> Diagnoser:
@@ -37,7 +37,7 @@ def load(module: str, verb: str) -> Diagnoser:
     return found
 
 
-def _command(verb: str, study: str, csv: str, *more: str) -> dict[str, Any]:
+def _command(verb: str, study: str, data: Sequence[str], *more: str) -> dict[str, Any]:
     """One command in this process, which stays warm from set to set.
 
     Raises:
@@ -48,7 +48,8 @@ def _command(verb: str, study: str, csv: str, *more: str) -> dict[str, Any]:
     with tempfile.TemporaryDirectory() as folder:
         answer = Path(folder) / "answer.json"
         heard = io.StringIO()
-        arguments = [verb, study, "--data", csv, "--json", str(answer), "--quiet", *more]
+        files = [word for csv in data for word in ("--data", csv)]
+        arguments = [verb, study, *files, "--json", str(answer), "--quiet", *more]
         with contextlib.redirect_stderr(heard), contextlib.redirect_stdout(heard):
             code = _exit_code(main, arguments)
         if not answer.exists():

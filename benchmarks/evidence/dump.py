@@ -13,12 +13,12 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from benchmarks.evidence.bench import write
 from benchmarks.evidence.sets import make_set
 from benchmarks.evidence.tasks import Plan, Task
 from benchmarks.evidence.truths import KINDS, UNKNOWN
+from benchmarks.evidence.workers import write
 
-NOTHING = Plan(seeds=0, clean=0, unknown=0, weak=0, beside=0, improve=0, pairs=0)
+NOTHING = Plan(seeds=0, clean=0, unknown=0, pairs=0, weak=0, poor=0, noload=0, plan=0, improve=0)
 GROUPS = ("effect", "clean", "unknown", "pair", "weak", "poor", "rich_noload")
 
 
@@ -31,8 +31,10 @@ def tasks_of(group: str, count: int, split: str) -> list[Task]:
         "unknown": {"unknown": -(-count // len(UNKNOWN))},
         "pair": {"pairs": count},
         "weak": {"weak": -(-count // (2 * len(KINDS)))},
+        "poor": {"poor": each},
+        "rich_noload": {"noload": each},
     }
-    plan = replace(NOTHING, split=split, **sizes.get(group, {"beside": each, "beside_protocols": (group,)}))
+    plan = replace(NOTHING, split=split, **sizes[group])
     return [task for task in plan.tasks() if task.group == group][:count]
 
 

@@ -4,6 +4,9 @@
     python benchmarks/evidence/run_bench.py --small            a handful, for CI
     python benchmarks/evidence/run_bench.py --seeds 3 --kinds mullins none
     python benchmarks/evidence/run_bench.py --summarise        the tables of what is there
+    python benchmarks/evidence/run_bench.py --summarise --publish   and docs/how_often_it_is_right.md with its pictures
+    python benchmarks/evidence/run_bench.py --shard 2/4        every fourth set from the second on, beside other shards
+    python benchmarks/evidence/run_bench.py --scheduler tcp://host:8786   diagnosers on a dask cluster
 
 Results are in benchmarks/out/evidence/NAME.jsonl, one line per set, and the tables in benchmarks/out/evidence.json.
 """
@@ -24,30 +27,36 @@ os.environ["NUMBA_NUM_THREADS"] = "1"
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from benchmarks.evidence import diagnosers
-from benchmarks.evidence.bench import Bench, judged, run, write
-from benchmarks.evidence.judge import ERROR, summary
+from benchmarks.evidence.bench import Bench, judged, run
+from benchmarks.evidence.judge import ERROR
 from benchmarks.evidence.protocols import NAMES
+from benchmarks.evidence.publish import expected_time, publish
+from benchmarks.evidence.statistics import summary
 from benchmarks.evidence.tables import tables
 from benchmarks.evidence.tasks import Plan, small_plan
 from benchmarks.evidence.truths import CLEAN, KINDS, UNKNOWN
+from benchmarks.evidence.workers import write
 
 OUT = Path(__file__).resolve().parents[1] / "out"
 
 
+COUNTS = {
+    "seeds": "sets per effect",
+    "clean": "clean sets",
+    "unknown": "sets per unknown form",
+    "pairs": "sets with two effects",
+    "weak": "sets per effect at 0.5 and at 1 σ",
+    "poor": "sets per effect under the poor protocol",
+    "noload": "sets per effect without load steps",
+    "plan": "poor sets that get two more runs, proposed and random",
+    "improve": "sets per effect that are improved",
+    "other_every": "every this many-th set is made of the kind's other robot; 0: none",
+}
+
+
 def _plan(given: argparse.Namespace) -> Plan:
     plan = small_plan() if given.small else Plan()
-    names = (
-        "seeds",
-        "clean",
-        "unknown",
-        "weak",
-        "beside",
-        "improve",
-        "pairs",
-        "chain_every",
-        "protocol",
-        "split",
-    )
+    names = (*COUNTS, "protocol", "split")
     changes = {name: getattr(given, name) for name in names if getattr(given, name) is not None}
     if given.kinds:
         changes["kinds"] = tuple(given.kinds)
@@ -59,24 +68,41 @@ def _arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--name", help="of the results file; full or small by default")
-    parser.add_argument("--small", action="store_true", help="a handful of sets")
+    parser.add_argument("--small", action="store_true", help="a few of every group, for CI")
     parser.add_argument("--summarise", action="store_true", help="only the tables of what is there")
+    parser.add_argument("--publish", action="store_true", help="and write them into docs, with pictures")
+    parser.add_argument(
+        "--plan-only", action="store_true", help="how many sets of what, and the expected time"
+    )
     parser.add_argument("--kinds", nargs="+", choices=(*KINDS, CLEAN, *UNKNOWN), metavar="KIND")
-    parser.add_argument("--seeds", type=int, help="sets per effect")
-    parser.add_argument("--clean", type=int, help="clean sets")
-    parser.add_argument("--unknown", type=int, help="sets per unknown form")
-    parser.add_argument("--weak", type=int, help="sets per effect at 0.5 and at 1 σ")
-    parser.add_argument("--beside", type=int, help="sets per effect under the other protocols")
-    parser.add_argument("--improve", type=int, help="sets per effect that are improved")
-    parser.add_argument("--pairs", type=int, help="sets with two effects")
-    parser.add_argument("--chain-every", type=int, help="every this many-th set is a chain; 0: none")
+    for name, words in COUNTS.items():
+        parser.add_argument(f"--{name.replace('_', '-')}", type=int, help=words)
     parser.add_argument("--protocol", choices=NAMES)
     parser.add_argument("--split", choices=("judged", "calibration"))
     parser.add_argument("--workers", type=int, default=2, help="diagnosers at a time")
+    parser.add_argument("--scheduler", help="ask on a dask cluster instead: its address or its file")
+    parser.add_argument("--shard", type=_shard, default=(1, 1), metavar="I/N", help="only every N-th set")
     parser.add_argument("--diagnoser", default=diagnosers.DEFAULT, help="module with diagnose and improve")
     parser.add_argument("--out", type=Path, default=OUT, help="folder of evidence.json and evidence/")
     parser.add_argument("--fresh", action="store_true", help="forget the results that are there")
     return parser.parse_args(arguments)
+
+
+def _shard(text: str) -> tuple[int, int]:
+    part, count = (int(word) for word in text.split("/"))
+    if not 1 <= part <= count:
+        raise ValueError(text)
+    return part, count
+
+
+def _run(bench: Bench, plan: Plan, scheduler: str | None) -> None:
+    if scheduler is None:
+        run(bench, plan)
+        return
+    from pliant.pipeline.crews import cluster
+
+    with cluster(scheduler) as executor:
+        run(bench, plan, executor)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -84,16 +110,21 @@ def main(arguments: Sequence[str] | None = None) -> None:
     given = _arguments(arguments)
     plan = _plan(given)
     name = given.name or ("small" if given.small else "full")
-    bench = Bench(given.out / "evidence", name, given.diagnoser, given.workers)
+    bench = Bench((given.out / "evidence").resolve(), name, given.diagnoser, given.workers, given.shard)
+    if given.plan_only:
+        print(expected_time(plan))
+        return
     if given.fresh:
         bench.results.unlink(missing_ok=True)
     if not given.summarise:
-        run(bench, plan)
+        _run(bench, plan, given.scheduler)
     items = judged(bench, plan)
     data = summary(items)
     print(tables(data))
     target = given.out / ("evidence.json" if name == "full" else f"evidence_{name}.json")
     write(target, json.dumps(data, indent=1))
+    if given.publish:
+        publish(data)
     if any(item.outcome == ERROR for item in items):
         sys.exit(1)  # errors are no answers
 

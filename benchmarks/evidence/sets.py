@@ -69,7 +69,8 @@ class SetSpec:
 class MeasuredSet:
     """What the bench gives away (`study`, `csv`) and what it hides (`label`).
 
-    `clean` and `hidden` are the noiseless outputs without and with the effect, `sigma` the noise's size.
+    `clean` and `hidden` are the noiseless outputs without and with the effect, `measured` the hidden ones with noise of
+    the size `sigma`.
     """
 
     study: str
@@ -77,6 +78,7 @@ class MeasuredSet:
     label: dict[str, Any]
     clean: Outputs
     hidden: Outputs
+    measured: Outputs
     sigma: dict[str, float]
 
 
@@ -120,7 +122,7 @@ def make_set(spec: SetSpec, name: str = "hidden") -> MeasuredSet:
         "drawn": dict(truth.drawn),
         "csv_sha256": hashlib.sha256(csv.encode()).hexdigest(),
     }
-    return MeasuredSet(robot.study(name), csv, label, clean, hidden, sigma)
+    return MeasuredSet(robot.study(name), csv, label, clean, hidden, measured, sigma)
 
 
 def follow(engine: str, robot: Robot, runs: Protocol, truth: Truth, slips: Array) -> Outputs:

@@ -35,47 +35,67 @@ def _lines(data: dict[str, Any]) -> Iterator[str]:
             answers = ", ".join(
                 f"{_short(a)} {n}" for a, n in sorted(row.items(), key=lambda x: (-x[1], x[0]))
             )
-            rate = _share(shares[kind]) if kind in shares else f"{'':>28s}"
+            rate = share_text(shares[kind]) if kind in shares else f"{'':>28s}"
             yield f"  {kind:20s} {rate}  {answers}"
     yield ""
-    yield f"Right effect selected        {_share(data['effects'])}"
+    yield f"Right effect, by class       {share_text(data['effects']['by_class'])}"
+    yield f"  strictly                   {share_text(data['effects'])}"
     if data["effects_not_excited"]:
         yield f"  not excited, left out      {data['effects_not_excited']}"
     for name in ("by_engine", "by_robot"):
         for key, value in data[name].items():
-            yield f"  {key:26s} {_share(value)}"
-    yield f"False alarms on clean data   {_share(data['false_alarms'])}"
+            yield f"  {key:26s} {_two(value)}"
+    yield f"False alarms on clean data   {share_text(data['false_alarms'])}"
     for key, value in data["false_alarms_by_engine"].items():
-        yield f"  {key:26s} {_share(value)}"
-    yield f"Unknown effects recognised   {_share(data['unknown'])}"
-    yield f"Exact pair of two hidden     {_share(data['pairs'])}"
+        yield f"  {key:26s} {share_text(value)}"
+    yield f"Unknown effects recognised   {share_text(data['unknown'])}"
+    yield f"Exact pair of two hidden     {_two(data['pairs'])}"
     yield ""
-    yield "By strength (RMS change of the outputs in σ):"
+    yield "By strength (RMS change of the readings in σ): by class, strictly"
     for band in data["by_snr"]:
         if band["n"]:
-            yield f"  {band['above']:.2f} to {band['below']:.2f}             {_share(band)}"
-    yield "By protocol (effects that it excites; clean):"
+            yield f"  {band['above']:.2f} to {band['below']:.2f}             {_two(band)}"
+    yield "By protocol (effects that it excites, by class and strictly; clean):"
     for name, value in data["by_protocol"].items():
-        yield f"  {name:26s} {_share(value['effects'])}  clean {_share(value['clean'])}"
-    yield "Ambiguous, never right:"
+        yield f"  {name:26s} {_two(value['effects'])}  clean {share_text(value['clean'])}"
+    poor = data["poor"]
+    yield "Poor protocol, first hypothesis against a scorer with the true forms:"
+    yield f"  first hypothesis           {share_text(poor['top'])}"
+    yield f"  true forms                 {share_text(poor['oracle'])}  ratio {number_text(poor['ratio'])}"
+    for name, value in data["plan"].items():
+        runs = ", ".join(f"{run} {n}" for run, n in list(value["runs"].items())[:5])
+        yield f"  after two runs, {name:10s} {_two(value)}  first {share_text(value['top'])}  {runs}"
+    yield "Ambiguous, never strictly right:"
     for name, value in data["ambiguous"].items():
-        yield f"  {name:26s} {_share(value)}"
+        yield f"  {name:26s} {share_text(value)}"
     credible = data["credible_set"]
-    yield f"90 % credible set holds it   {_share(credible['coverage'])}  median size {_number(credible['median_size'])}"
-    yield "First hypothesis: probability stated, and share that is true:"
-    for row in data["calibration"]:
-        if row["n"]:
-            yield f"  {row['above']:.2f} to {row['below']:.2f}  stated {row['stated']:.3f}  {_share(row)}"
+    size = number_text(credible["median_size"])
+    yield f"90 % credible set holds it   {share_text(credible['coverage'])}  median size {size}"
+    found = data["calibration"]
+    yield (
+        f"First hypothesis, {found['n']} cases: error {number_text(found['error'])}, Brier score "
+        f"{number_text(found['brier'])}; probability stated, and share that is true:"
+    )
+    for row in found["bins"]:
+        yield f"  {row['above']:.3f} to {row['below']:.3f}  stated {row['stated']:.3f}  {share_text(row)}"
     wall = data["wall_s"]
-    yield f"One diagnosis: median {_number(wall['median'])} s, 90 % below {_number(wall['q90'])} s"
+    yield f"One diagnosis: median {number_text(wall['median'])} s, 90 % below {number_text(wall['q90'])} s"
+    for name, value in data["time"].items():
+        minutes, median = value["cpu_s"] / 60, number_text(value["median"])
+        yield f"  {name:12s} {value['n']:4d} sets, {minutes:.1f} min of CPU, median {median} s"
     improve = data["improve"]
     if improve["n"]:
         start, end = improve["start_over_floor"], improve["end_over_floor"]
         yield (
-            f"Held-out error over the floor, {improve['n']} sets: before {_number(start['median'])}, after improve "
-            f"{_number(end['median'])} (quartiles {_number(end['q25'])} to {_number(end['q75'])}, worst "
-            f"{_number(end['worst'])}); right effects {_share(improve['right'])}"
+            f"Held-out error over the floor, {improve['n']} sets: before {number_text(start['median'])}, after improve "
+            f"{number_text(end['median'])} (quartiles {number_text(end['q25'])} to {number_text(end['q75'])}, worst "
+            f"{number_text(end['worst'])}); right effects {share_text(improve['right'])}"
         )
+
+
+def _two(value: dict[str, Any]) -> str:
+    """By class and strictly."""
+    return f"{share_text(value['by_class'])} {share_text(value)}"
 
 
 def _matrix(rows: dict[str, dict[str, int]]) -> Iterator[str]:
@@ -102,12 +122,12 @@ def _short(answer: str) -> str:
     return SHORT.get(answer, answer)
 
 
-def _share(value: dict[str, Any]) -> str:
+def share_text(value: dict[str, Any]) -> str:
     if not value["n"]:
         return f"{'none tried':>28s}"
     text = f"{value['right']}/{value['n']}"
     return f"{text:>8s} {100 * value['share']:5.1f} % [{100 * value['low']:4.1f}, {100 * value['high']:5.1f}]"
 
 
-def _number(value: float | None) -> str:
+def number_text(value: float | None) -> str:
     return "–" if value is None else f"{value:.3g}"

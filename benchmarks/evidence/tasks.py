@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import itertools
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -14,7 +14,9 @@ import numpy as np
 from benchmarks.evidence.sets import SetSpec
 from benchmarks.evidence.truths import CLEAN, KINDS, PAIRED, PLUS, UNKNOWN, Engine, Split, robots_of
 
-Mode = Literal["diagnose", "improve"]
+# Poor sets that get two more runs: the proposed ones, or any of the menu.
+PLANS = ("suggested", "random")
+Mode = Literal["diagnose", "improve", "suggested", "random"]
 # In turn. Thresholds are chosen on one engine, and judged on all of them.
 ENGINES: dict[tuple[Split, bool], tuple[Engine, ...]] = {
     ("judged", True): ("functional", "mujoco", "explicit"),
@@ -22,9 +24,16 @@ ENGINES: dict[tuple[Split, bool], tuple[Engine, ...]] = {
     ("calibration", True): ("functional",),
     ("calibration", False): ("functional",),
 }
-# Every this many-th set of a kind is a chain, the others are one joint.
-CHAIN_EVERY = 5
+# Every this many-th set of a kind is made of its other robot.
+OTHER_EVERY = 5
 WEAK_SNR = (0.5, 1.0)
+# Sets of plans are others than those of the poor protocol.
+PLAN_SEED = 1000
+SHOWN = tuple(
+    kind
+    for kind in KINDS
+    if robots_of(kind)[0] == "joint" and kind not in ("thermal_softening", "leak", "inertia")
+)
 # Unknown forms are judged on one joint: what they are for a chain depends on where along it they act.
 UNKNOWN_ROBOT = "joint"
 
@@ -81,23 +90,26 @@ class Plan:
 
     Attributes:
         kinds: effects, `none`, or unknown forms to include; empty means all.
-        seeds: sets per effect; `clean`, `unknown`: clean sets, and sets per unknown form.
-        weak: sets per effect at each of `WEAK_SNR`; `beside`: sets per effect under each of `beside_protocols`.
-        improve: sets per effect that go through `improve`; `pairs`: sets with two effects.
+        seeds: sets per effect; `clean`: clean sets; `unknown`: sets per unknown form; `pairs`: sets with two effects.
+        weak: sets per effect at each of `WEAK_SNR`; `poor`, `noload`: sets per effect and clean ones under these
+            protocols.
+        plan: sets for each way of adding runs to a poor set; `improve`: sets per effect that go through `improve`.
+        other_every: every this many-th set of a kind is made of its other robot.
     """
 
     kinds: tuple[str, ...] = ()
     protocol: str = "rich"
     split: Split = "judged"
-    seeds: int = 15
-    clean: int = 100
-    unknown: int = 10
-    weak: int = 2
-    beside: int = 2
-    beside_protocols: tuple[str, ...] = ("rich_noload", "poor")
-    improve: int = 2
+    seeds: int = 20
+    clean: int = 204
+    unknown: int = 12
     pairs: int = 60
-    chain_every: int = CHAIN_EVERY
+    weak: int = 2
+    poor: int = 6
+    noload: int = 1
+    plan: int = 50
+    improve: int = 2
+    other_every: int = OTHER_EVERY
 
     def tasks(self) -> list[Task]:
         """All tasks, kinds interleaved, so that a bench that is stopped has seen a bit of everything."""
@@ -106,16 +118,17 @@ class Plan:
             *self._clean(),
             *self._unknown(),
             *self._weak(),
-            *self._beside(),
+            *self._beside("poor", self.poor),
+            *self._beside("rich_noload", self.noload),
+            *self._plan(),
             *self._improve(),
             *self._pairs(),
         ]
         kept = [task for task in every if not self.kinds or task.spec.kind in self.kinds]
-        return sorted(kept, key=lambda task: (task.mode, task.spec.seed / max(1, self._count(task.group))))
-
-    def _count(self, group: str) -> int:
-        counts = {"effect": self.seeds, "clean": self.clean, "unknown": self.unknown, "pair": self.pairs}
-        return counts.get(group, max(self.weak, self.beside, self.improve))
+        last: dict[tuple[str, str], int] = {}
+        for task in kept:
+            last[task.group, task.mode] = max(task.spec.seed, last.get((task.group, task.mode), 0))
+        return sorted(kept, key=lambda task: task.spec.seed / (1 + last[task.group, task.mode]))
 
     def _set(
         self,
@@ -125,14 +138,14 @@ class Plan:
         protocol: str | None = None,
         snr: float | None = None,
     ) -> SetSpec:
-        other = self.chain_every > 0 and seed % self.chain_every == self.chain_every - 1
+        other = self.other_every > 0 and seed % self.other_every == self.other_every - 1
         usual, second = robots_of(kind.split(PLUS)[0])
         name = robot or (second if other else usual)
         engines = ENGINES[self.split, name == "joint"]
         return SetSpec(
             kind=kind,
             seed=seed,
-            engine=engines[(seed + seed // self.chain_every if self.chain_every else seed) % len(engines)],
+            engine=engines[(seed + seed // self.other_every if self.other_every else seed) % len(engines)],
             robot=name,
             protocol=protocol or self.protocol,
             split=self.split,
@@ -158,12 +171,16 @@ class Plan:
                     for seed in range(self.weak)
                 )
 
-    def _beside(self) -> Iterator[Task]:
+    def _beside(self, name: str, count: int) -> Iterator[Task]:
         for kind in (*KINDS, CLEAN):
-            for name in self.beside_protocols:
-                yield from (
-                    Task(name, self._set(kind, seed, robots_of(kind)[0], name)) for seed in range(self.beside)
-                )
+            robot = robots_of(kind)[0]
+            yield from (Task(name, self._set(kind, seed, robot, name)) for seed in range(count))
+
+    def _plan(self) -> Iterator[Task]:
+        for seed in range(self.plan):
+            # Effects in turn, of those that a poor recording of one joint shows.
+            spec = self._set(SHOWN[seed % len(SHOWN)], PLAN_SEED + seed, "joint", "poor")
+            yield from (Task("plan", spec, mode) for mode in ("suggested", "random"))
 
     def _improve(self) -> Iterator[Task]:
         for kind in KINDS:
@@ -184,9 +201,22 @@ def pairs_of(split: Split, count: int) -> list[str]:
     return [every[order[i % len(every)]] for i in range(count)]
 
 
-SMALL_KINDS: Sequence[str] = (CLEAN, "stiffness", "viscous_damping", "mullins", "torque_ripple")
-
-
 def small_plan() -> Plan:
-    """A handful for CI: three effects, one clean set, one unknown form."""
-    return Plan(kinds=tuple(SMALL_KINDS), seeds=1, clean=1, unknown=1, weak=0, beside=0, improve=0, pairs=0)
+    """A few of every group for CI: at most ten minutes on two cores."""
+    return Plan(
+        kinds=SMALL_KINDS, seeds=1, clean=4, unknown=1, pairs=0, weak=0, poor=1, noload=0, plan=1, improve=0
+    )
+
+
+SMALL_KINDS = (
+    CLEAN,
+    "stiffness",
+    "viscous_damping",
+    "mullins",
+    "leak",
+    "sensor_lag",
+    "cross_axis",
+    "tendon_friction",
+    "torque_ripple",
+    "run_slip",
+)

@@ -10,13 +10,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from benchmarks.evidence.forms import Forms
 from benchmarks.evidence.robots import Robot
 from benchmarks.evidence.sensors import Sensor
 from benchmarks.evidence.skeleton import Body
+
+if TYPE_CHECKING:
+    from benchmarks.evidence.strengths import Dice
 
 Split = Literal["calibration", "judged"]
 Engine = Literal["functional", "mujoco", "explicit"]
@@ -175,9 +178,16 @@ def draw(kind: str, engine: Engine, robot: Robot, split: Split, rng: np.random.G
         if name not in EFFECTS:
             raise ValueError(f"no truth of kind '{name}'")
         dice = Dice(rng, split, engine, robot)
-        parts.append(Part(name, *EFFECTS[name](dice)))
+        parts.append(draw_part(name, dice))
         drawn |= {f"{name}.{key}": value for key, value in dice.drawn.items()}
     return HiddenTruth(tuple(parts), error, drawn)
+
+
+def draw_part(kind: str, dice: Dice) -> Part:
+    """One effect with the shapes that these dice throw."""
+    from benchmarks.evidence.strengths import EFFECTS
+
+    return Part(kind, *EFFECTS[kind](dice))
 
 
 def _assembled(error: Mapping[str, float], changes: Mapping[str, float]) -> Truth:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
+import re
 import signal
 import stat
 import subprocess
@@ -13,13 +14,20 @@ import time
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from benchmarks.evidence import results, seal
-from benchmarks.evidence.judge import judge, summary, wilson
-from benchmarks.evidence.sets import SetSpec
+from benchmarks.evidence.bench import Bench, Job
+from benchmarks.evidence.judge import judge
+from benchmarks.evidence.oracle import best, choice, mean_squares
+from benchmarks.evidence.publish import PAGE, TABLES, expected_time, publish
+from benchmarks.evidence.result_pictures import matrix
+from benchmarks.evidence.sets import SetSpec, make_set
+from benchmarks.evidence.statistics import reliability, summary, wilson
 from benchmarks.evidence.tables import tables
 from benchmarks.evidence.tasks import Plan, Task, small_plan
-from benchmarks.evidence.truths import CLEAN, KINDS, UNKNOWN, right_verdicts
+from benchmarks.evidence.truths import CLEAN, KINDS, UNKNOWN, right_verdicts, robots_of
+from benchmarks.evidence.workers import ANY
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -63,7 +71,7 @@ def test_the_judges_key_is_made_once_and_for_its_owner(tmp_path: Path) -> None:
 
 
 def test_no_code_under_test_knows_of_seals_or_of_the_bench() -> None:
-    words = ("unseal", ".sealed", "judge.key", "benchmarks.evidence", "benchmarks/evidence")
+    words = ("unseal(", ".sealed", "judge.key", "benchmarks.evidence", "benchmarks/evidence")
     for room in ("core", "plugins", "contrib"):
         for file in (ROOT / room).rglob("*.py"):
             text = file.read_text()
@@ -153,24 +161,139 @@ def test_summary_counts_what_it_is_given() -> None:
     assert "none tried" in tables(summary([]))
 
 
+CLASSES = [["actuation_gain", "stiffness", "wall_thickness"]]
+
+
+@pytest.mark.parametrize(
+    ("kind", "line", "by_class"),
+    [
+        ("stiffness", answer("missing_effect", "stiffness"), True),
+        ("stiffness", answer("missing_effect", "wall_thickness"), True),
+        ("stiffness", answer("missing_effect", "mullins"), False),
+        ("stiffness", answer("missing_effect", "stiffness", "wall_thickness"), False),
+        ("stiffness", answer("ambiguous", credible=[["actuation_gain"], ["wall_thickness"]]), True),
+        ("stiffness", answer("ambiguous", credible=[["stiffness"], ["mullins"]]), False),
+        ("stiffness", answer("ambiguous", credible=[["stiffness"], []]), False),
+        ("stiffness", answer("ambiguous"), False),
+        ("mullins", answer("ambiguous", credible=[["stiffness"], ["wall_thickness"]]), False),
+        ("mullins+stiffness", answer("missing_effect", "mullins", "wall_thickness"), True),
+        ("mullins+stiffness", answer("missing_effect", "stiffness", "wall_thickness"), False),
+        (CLEAN, answer("missing_effect", "stiffness"), False),
+        ("torque_ripple", answer("missing_effect", "stiffness"), False),
+    ],
+)
+def test_right_by_class_is_what_the_answer_declared(kind: str, line: dict[str, Any], by_class: bool) -> None:
+    line["result"]["classes"] = [{"kinds": kinds} for kinds in CLASSES]
+    assert judge("effect", label_of(kind), line).by_class is by_class
+
+
+def stated(probability: float, right: bool) -> Any:
+    line = answer("missing_effect", "mullins" if right else "stiffness")
+    line["result"]["hypotheses"] = [
+        {"kinds": ["mullins" if right else "stiffness"], "probability": probability},
+        {"kinds": [], "probability": 1 - probability},
+    ]
+    return judge("effect", label_of("mullins"), line)
+
+
+def test_reliability_has_bins_of_equal_mass_and_its_closed_forms() -> None:
+    items = [stated(0.6, k % 5 < 3) for k in range(50)] + [stated(0.9, k % 10 < 9) for k in range(50)]
+    honest = reliability(items, bins=2)
+    assert [row["n"] for row in honest["bins"]] == [50, 50]
+    assert honest["error"] == pytest.approx(0.0, abs=1e-12)
+    assert honest["brier"] == pytest.approx((0.6 * 0.4 + 0.9 * 0.1) / 2)
+    boasting = reliability([stated(1.0, k < 7) for k in range(10)], bins=5)
+    assert boasting["error"] == pytest.approx(0.3) and boasting["brier"] == pytest.approx(0.3)
+    assert reliability([])["error"] is None
+
+
 def test_the_plan_is_what_the_issue_asks_for() -> None:
     tasks = Plan().tasks()
-    effects = [task.spec for task in tasks if task.group == "effect"]
-    assert all(sum(spec.kind == kind for spec in effects) >= 15 for kind in KINDS)
-    clean = [task.spec for task in tasks if task.group == "clean"]
-    assert len(clean) >= 100 and sum(spec.engine == "mujoco" for spec in clean) * 2 == len(clean)
-    unknown = [task.spec for task in tasks if task.group == "unknown"]
-    assert len({spec.kind for spec in unknown}) >= 5 and len(unknown) >= 40
-    pairs = [task.spec for task in tasks if task.group == "pair"]
-    assert len({spec.kind for spec in pairs}) == len(pairs) >= 60
-    for kind in KINDS:  # both engines, and a chain in each
-        made_as = {(spec.engine, spec.robot) for spec in effects if spec.kind == kind}
-        assert len(made_as) == 4
+    of = {name: [t.spec for t in tasks if t.group == name] for name in {task.group for task in tasks}}
+    assert len(KINDS) == 25 and all(sum(spec.kind == kind for spec in of["effect"]) >= 20 for kind in KINDS)
+    clean = of["clean"]
+    assert len(clean) >= 200
+    for engine in ("functional", "mujoco", "explicit"):
+        assert sum(spec.engine == engine for spec in clean) > 40
+    assert len({spec.kind for spec in of["unknown"]}) >= 8 and len(of["unknown"]) >= 100
+    assert not set(UNKNOWN) & set(KINDS)
+    assert len({spec.kind for spec in of["pair"]}) == len(of["pair"]) >= 60
+    assert len(of["poor"]) >= 100 and len(of["improve"]) >= 50
+    for kind in KINDS:  # every engine that follows its robots, and both robots
+        mine = [spec for spec in of["effect"] if spec.kind == kind]
+        assert {spec.robot for spec in mine} == set(robots_of(kind))
+        assert {spec.engine for spec in mine} >= {"functional", "mujoco"}
+    suggested, random = ([t.spec for t in tasks if t.mode == mode] for mode in ("suggested", "random"))
+    assert suggested == random and len(suggested) >= 50  # both ways of adding runs to the same sets
     names = {task.secret_id(KEY) for task in tasks}
     assert len(names) == len(tasks) and not [n for n in names if any(k in n for k in (*KINDS, *UNKNOWN))]
     task = Task("effect", SetSpec("mullins", 0))
     assert task.secret_id(KEY) == task.secret_id(KEY) != task.secret_id(KEY[::-1])
-    assert len(small_plan().tasks()) == 5
+    other = Plan(split="calibration").tasks()
+    assert {task.spec.engine for task in other} == {"functional"}  # thresholds see one engine of three
+    small = small_plan().tasks()
+    assert {task.group for task in small} >= {"effect", "clean", "unknown", "poor", "plan"} and len(
+        small
+    ) < 30
+    assert expected_time(small_plan()).splitlines()[-1].split()[1] == str(len(small))
+
+
+def test_shards_share_the_tasks_and_their_results_are_read_as_one(tmp_path: Path) -> None:
+    tasks = Plan(seeds=2).tasks()
+    shards = [Bench(tmp_path, "full", shard=(part, 3)) for part in (1, 2, 3)]
+    shared = [task for shard in shards for task in shard.share_of(tasks)]
+    assert len(shared) == len(tasks) == len(set(shared))
+    for k, shard in enumerate(shards):
+        results.append(shard.results, {"id": f"set{k}", "n": k})
+    assert sorted(Bench(tmp_path, "full").lines()) == ["set0", "set1", "set2"]
+
+
+def test_a_plan_adds_two_runs_and_stops_where_none_is_proposed() -> None:
+    proposed = {"result": {"next_experiment": {"name": "holds"}}, "wall_s": 1.0, "cpu_s": 1.0}
+    job = Job("x", Task("plan", SetSpec("mullins", 0), "suggested"))
+    assert job.next_run(proposed) == "holds"
+    assert job.next_run({"result": {"next_experiment": None}}) is None
+    assert job.next_run({"error": "boom"}) is None
+    job.runs = ["holds", "level"]
+    assert job.next_run(proposed) is None
+    assert Job("x", Task("plan", SetSpec("mullins", 0), "random")).next_run(proposed) == ANY
+    assert Job("x", Task("poor", SetSpec("mullins", 0))).next_run(proposed) is None
+
+
+def test_the_scorer_with_the_true_forms_finds_strengths_and_kinds() -> None:
+    grid = np.linspace(0, 1, 50)
+    assert best(lambda s: grid * (s - 0.7), 0.0, 5.0, 1.0) == pytest.approx(0.0, abs=1e-12)
+    assert choice({CLEAN: 1.0, "mullins": 0.99}, 100) == CLEAN
+    assert choice({CLEAN: 1.0, "mullins": 0.9, "leak": 0.8}, 100) == "leak"
+    spec = SetSpec("dead_zone", 3, protocol="poor", snr=3.0)
+    squares = mean_squares(spec, make_set(spec))
+    assert choice(squares, 100) == "dead_zone"
+    assert squares["dead_zone"] == pytest.approx(1.06, abs=0.15)  # noise and runs' offsets are left
+    assert "tendon_friction" not in squares and squares[CLEAN] > 5
+
+
+def test_the_page_is_written_from_numbers_alone(tmp_path: Path) -> None:
+    items = [stated(0.95, True) for _ in range(19)] + [stated(0.9, False)]
+    items += [judge("clean", label_of(CLEAN), answer("nothing_missing"))]
+    data = json.loads(json.dumps(summary(items)))
+    page = tmp_path / "page.md"
+    marks = "".join(f"<!-- bench: {name} -->\nold\n<!-- end -->\n\n" for name in TABLES)
+    page.write_text(f"# Title\n\nwords stay\n\n{marks}")
+    publish(data, page, tmp_path)
+    text = page.read_text()
+    assert (
+        "words stay" in text and "old" not in text and "| `mullins` | 19/20 | 19/20 | `stiffness` 1 |" in text
+    )
+    assert all((tmp_path / f"bench_{name}.png").exists() for name in ("confusion", "reliability", "strength"))
+    publish(data, page, tmp_path)
+    assert page.read_text() == text
+    page.write_text("<!-- bench: nonsense -->\n<!-- end -->")
+    with pytest.raises(ValueError, match="nonsense"):
+        publish(data, page, tmp_path)
+    hidden, columns, shares = matrix(data)
+    assert shares[hidden.index("mullins"), columns.index("mullins")] == pytest.approx(95)
+    named = set(re.findall(r"<!-- bench: (\w+) -->", PAGE.read_text()))
+    assert named == set(TABLES)
 
 
 def test_a_torn_line_is_closed_off_and_passed_over(tmp_path: Path) -> None:
@@ -186,7 +309,21 @@ def test_a_torn_line_is_closed_off_and_passed_over(tmp_path: Path) -> None:
 def bench(out: Path, *more: str, seconds: str = "0") -> subprocess.Popen[str]:
     command = [sys.executable, str(ROOT / "benchmarks" / "evidence" / "run_bench.py"), "--out", str(out)]
     command += ["--diagnoser", "testbed_stand_in", "--workers", "1", "--kinds", "stiffness", "--seeds", "3"]
-    command += ["--weak", "0", "--beside", "0", "--improve", "0", "--pairs", "0", "--chain-every", "0", *more]
+    command += [
+        "--weak",
+        "0",
+        "--poor",
+        "0",
+        "--noload",
+        "0",
+        "--plan",
+        "0",
+        "--improve",
+        "0",
+        "--pairs",
+        "0",
+    ]
+    command += ["--other-every", "0", *more]
     paths = {"PYTHONPATH": str(Path(__file__).parent), "STAND_IN_SECONDS": seconds}
     return subprocess.Popen(
         command, env=os.environ | paths, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True

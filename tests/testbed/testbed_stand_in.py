@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import os
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 
-def diagnose(study: str, csv: str, seed: int) -> dict[str, Any]:
+def diagnose(study: str, data: Sequence[str], seed: int) -> dict[str, Any]:
     """Always finds stiffness; fails where it can see a label."""
     assert Path(study).suffix == ".yaml" and "kind: polynomial" in Path(study).read_text()
-    assert Path(csv).read_text().startswith("run,specimen,time_s,pressure_pa")
+    assert Path(data[0]).read_text().startswith("run,specimen,time_s,pressure_pa")
     time.sleep(float(os.environ.get("STAND_IN_SECONDS", "0")))
     return {
         "verdict": "missing_effect",

@@ -1,0 +1,101 @@
+"""A scorer that knows the true forms: what the poor protocol can tell at best.
+
+For every kind that makes sense on the robot, the form of the truth itself, with its shapes, the law's error and the
+engine's creep all known, is fitted to the set by its strength alone; BIC with the diagnoser's own effective sample
+size decides. The true kind's shapes are those of the set; the others' are drawn as its own were.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+from benchmarks.evidence.protocols import protocol
+from benchmarks.evidence.robots import ROBOTS, Array
+from benchmarks.evidence.sets import MeasuredSet, SetSpec, follow
+from benchmarks.evidence.strengths import Dice
+from benchmarks.evidence.truths import CLEAN, KINDS, HiddenTruth, draw, draw_part, robots_of
+
+# Strengths that are looked at first, in shares of the largest sensible one; then a few Gauss-Newton steps.
+LOOKED_AT = (0.02, 0.06, 0.15, 0.3, 0.6)
+STEPS = 4
+SLOPE = 1e-3
+
+
+def mean_squares(spec: SetSpec, made: MeasuredSet) -> dict[str, float]:
+    """Mean squared error over σ of each kind's own best fit; `CLEAN` is the model with nothing added."""
+    robot = ROBOTS[spec.robot]
+    runs = protocol(spec.protocol, robot)
+    truth = draw(spec.kind, spec.engine, robot, spec.split, spec.generator())
+    rng = np.random.default_rng(spec.seed)
+    slips = np.zeros(len(runs))
+    measured = _flat(made.measured, made.sigma)
+
+    def left(candidate: HiddenTruth) -> Callable[[float], Array]:
+        def residual(strength: float) -> Array:
+            read = follow("functional", robot, runs, candidate.at(strength), slips)
+            return _flat(read, made.sigma) - measured
+
+        return residual
+
+    found = {CLEAN: float(np.mean(left(truth)(0.0) ** 2))}
+    for kind in KINDS:
+        if spec.robot not in robots_of(kind):
+            continue
+        dice = Dice(rng, spec.split, "functional", robot)
+        part = draw_part(kind, dice)
+        signed = "sign" in dice.drawn
+        if kind == spec.kind and spec.engine == "functional":
+            part = truth.parts[0]
+        residual = left(HiddenTruth((part,), truth.error))
+        found[kind] = best(residual, -part.largest if signed else 0.0, part.largest, found[CLEAN])
+    return found
+
+
+def best(residual: Callable[[float], Array], least: float, largest: float, at_zero: float) -> float:
+    """Smallest mean square over strengths from `least` to `largest`: the best of a few, then Gauss-Newton."""
+    tried = {0.0: at_zero}
+    for strength in [end * share for end in (largest, least) if end for share in LOOKED_AT]:
+        tried[strength] = _square(residual, strength)
+    strength = min(tried, key=lambda s: tried[s])
+    for _ in range(STEPS):
+        here = _safe(residual, strength)
+        there = _safe(residual, strength + SLOPE * largest)
+        if here is None or there is None:
+            break
+        slope = (there - here) / (SLOPE * largest)
+        curvature = float(slope @ slope)
+        if curvature == 0.0:
+            break
+        strength = float(np.clip(strength - float(slope @ here) / curvature, least, largest))
+        tried[strength] = _square(residual, strength)
+    return min(tried.values())
+
+
+def choice(squares: Mapping[str, float], n_effective: float) -> str:
+    """The kind with the largest −½ n ln S − ½ k ln n; k is 1, and 0 for `CLEAN`."""
+
+    def evidence(kind: str) -> float:
+        price = 0.0 if kind == CLEAN else 0.5 * math.log(n_effective)
+        return -0.5 * n_effective * math.log(squares[kind]) - price
+
+    return max(squares, key=evidence)
+
+
+def _safe(residual: Callable[[float], Array], strength: float) -> Array | None:
+    """None where the form has no equilibrium."""
+    try:
+        return residual(strength)
+    except (RuntimeError, np.linalg.LinAlgError):
+        return None
+
+
+def _square(residual: Callable[[float], Array], strength: float) -> float:
+    left = _safe(residual, strength)
+    return math.inf if left is None or not np.isfinite(left).all() else float(np.mean(left**2))
+
+
+def _flat(outputs: Sequence[Mapping[str, Array]], sigma: Mapping[str, float]) -> Array:
+    """All readings in σ, in one row."""
+    return np.concatenate([run[name] / sigma[name] for run in outputs for name in run])

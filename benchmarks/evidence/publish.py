@@ -1,0 +1,216 @@
+"""The results page of docs, from the bench's numbers: no figure on it is typed by hand.
+
+The page's own words stay; what stands between `<!-- bench: NAME -->` and `<!-- end -->` is written anew.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+from benchmarks.evidence.tables import number_text
+from benchmarks.evidence.tasks import Plan, Task
+from benchmarks.evidence.truths import FOURTEEN
+
+DOCS = Path(__file__).resolve().parents[2] / "docs"
+PAGE = DOCS / "how_often_it_is_right.md"
+PICTURES = DOCS / "pictures"
+MARK = re.compile(r"(<!-- bench: (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
+# Seconds of CPU, measured: making a set and one diagnosis, by robot; `improve` and added runs take several.
+MAKING_S = {"joint": 2.0, "chain": 6.0, "four": 4.0, "finger": 3.0}
+ASKING_S = {"joint": 4.0, "chain": 20.0, "four": 10.0, "finger": 8.0}
+TIMES = {"diagnose": 1.0, "improve": 3.0, "suggested": 2.0, "random": 2.0}
+
+
+def publish(data: dict[str, Any], page: Path = PAGE, pictures: Path = PICTURES) -> None:
+    """Write the tables into the page and draw the pictures beside it.
+
+    Raises:
+        ValueError: the page asks for a table that there is none of.
+    """
+    from benchmarks.evidence.result_pictures import draw_all
+
+    def table(match: re.Match[str]) -> str:
+        if match[2] not in TABLES:
+            raise ValueError(f"{page.name} asks for the table '{match[2]}'; there are {', '.join(TABLES)}")
+        return f"{match[1]}{chr(10).join(TABLES[match[2]](data))}\n{match[3]}"
+
+    page.write_text(MARK.sub(table, page.read_text()))
+    draw_all(data, pictures)
+
+
+def bars(data: dict[str, Any]) -> Iterator[str]:
+    """What was asked for, and what was reached."""
+    poor, plan, found, credible = data["poor"], data["plan"], data["calibration"], data["credible_set"]
+    rows: list[tuple[str, str, str, str]] = [
+        _row("right effect by class, rich protocol", "≥ 95 %", data["effects"]["by_class"]),
+        _row("… strictly", "", data["effects"]),
+        _row("false alarms, nothing hidden", "≤ 5 %", data["false_alarms"]),
+        _row("unknown effect recognised", "≥ 95 %", data["unknown"]),
+        _row("exact pair of two hidden", "≥ 85 %", data["pairs"]),
+        _row("… by class", "", data["pairs"]["by_class"]),
+        _row("90 % set holds the truth", "86 to 95 %", credible["coverage"]),
+        ("… median size", "≤ 2", number_text(credible["median_size"]), ""),
+        _row("poor protocol, first hypothesis true", "", poor["top"]),
+        _row("… a scorer with the true forms", "", poor["oracle"]),
+        ("… ratio", "≥ 90 %", _percent(poor["ratio"]), ""),
+        *(
+            _row(f"poor, after two runs, {name}", "≥ 90 %" if name == "suggested" else "", plan[name])
+            for name in ("suggested", "random")
+            if name in plan
+        ),
+        *(
+            _row(f"… {name}, by class", "", plan[name]["by_class"])
+            for name in ("suggested", "random")
+            if name in plan
+        ),
+        (f"stated against true, {found['n']} cases: error", "≤ 0.05", number_text(found["error"]), ""),
+        ("… Brier score", "", number_text(found["brier"]), ""),
+        ("held-out error after `improve`, over the floor, median", "≤ 1.15", _improved(data), ""),
+    ]
+    yield "| what | to reach | reached | 95 % (Wilson), sets |"
+    yield "|---|---|---|---|"
+    for row in rows:
+        yield f"| {' | '.join(row)} |"
+
+
+def kinds(data: dict[str, Any]) -> Iterator[str]:
+    """Every effect."""
+    yield "![Answers in % of what was hidden](pictures/bench_confusion.png)"
+    yield ""
+    yield "| hidden | strictly | by class | answered otherwise |"
+    yield "|---|---|---|---|"
+    answers = data["confusion"].get("effect", {})
+    for kind, value in sorted(
+        data["by_kind"].items(), key=lambda entry: (entry[0] not in FOURTEEN, entry[0])
+    ):
+        other = {a: n for a, n in answers.get(kind, {}).items() if a != kind}
+        words = ", ".join(f"{_words(a)} {n}" for a, n in sorted(other.items(), key=lambda entry: -entry[1]))
+        yield f"| `{kind}` | {_of(value)} | {_of(value['by_class'])} | {words} |"
+
+
+def unknown(data: dict[str, Any]) -> Iterator[str]:
+    """Every form that no plugin has."""
+    yield "| form | recognised | answered otherwise |"
+    yield "|---|---|---|"
+    answers = data["confusion"].get("unknown", {})
+    for kind, value in data["unknown_by_form"].items():
+        other = {
+            a: n for a, n in answers.get(kind, {}).items() if a not in ("unknown_effect", "not_repeatable")
+        }
+        yield f"| `{kind}` | {_of(value)} | {', '.join(f'{_words(a)} {n}' for a, n in other.items())} |"
+
+
+def strength(data: dict[str, Any]) -> Iterator[str]:
+    """By the RMS change of the readings."""
+    yield "![Share that is right by strength](pictures/bench_strength.png)"
+    yield ""
+    yield "| RMS change, σ | strictly | by class |"
+    yield "|---|---|---|"
+    for band in data["by_snr"]:
+        if band["n"]:
+            yield f"| {band['above']:g} to {band['below']:g} | {_long(band)} | {_long(band['by_class'])} |"
+
+
+def protocols(data: dict[str, Any]) -> Iterator[str]:
+    """By protocol, engine and robot."""
+    yield "| | effects, strictly | by class | nothing hidden: right |"
+    yield "|---|---|---|---|"
+    for name, value in data["by_protocol"].items():
+        effects = value["effects"]
+        yield f"| protocol `{name}` | {_long(effects)} | {_long(effects['by_class'])} | {_of(value['clean'])} |"
+    for what in ("engine", "robot"):
+        for name, value in data[f"by_{what}"].items():
+            alarms = data["false_alarms_by_engine"].get(name, {}) if what == "engine" else {}
+            clean = f"{alarms['right']} alarms in {alarms['n']}" if alarms else ""
+            yield f"| {what} `{name}` | {_long(value)} | {_long(value['by_class'])} | {clean} |"
+
+
+def planned(data: dict[str, Any]) -> Iterator[str]:
+    """Poor sets after two more runs."""
+    yield "| two more runs | right | by class | first hypothesis true | runs that were added |"
+    yield "|---|---|---|---|---|"
+    for name, value in sorted(data["plan"].items(), reverse=True):
+        runs = ", ".join(f"`{run}` {n}" for run, n in list(value["runs"].items())[:6])
+        yield f"| {name} | {_long(value)} | {_of(value['by_class'])} | {_of(value['top'])} | {runs} |"
+
+
+def stated(data: dict[str, Any]) -> Iterator[str]:
+    """Bins of equal mass."""
+    yield "![Share that is true against the probability that was stated](pictures/bench_reliability.png)"
+    yield ""
+    yield "| probability of the first hypothesis | stated, mean | true |"
+    yield "|---|---|---|"
+    for row in data["calibration"]["bins"]:
+        yield f"| {row['above']:.3f} to {row['below']:.3f} | {row['stated']:.3f} | {_long(row)} |"
+
+
+def times(data: dict[str, Any]) -> Iterator[str]:
+    """What it cost."""
+    yield "| group | sets | one, median, s of CPU | all, min of CPU |"
+    yield "|---|---|---|---|"
+    for name, value in data["time"].items():
+        yield f"| {name} | {value['n']} | {number_text(value['median'])} | {value['cpu_s'] / 60:.1f} |"
+
+
+TABLES: dict[str, Callable[[dict[str, Any]], Iterator[str]]] = {
+    table.__name__: table for table in (bars, kinds, unknown, strength, protocols, planned, stated, times)
+}
+
+
+def expected_time(plan: Plan) -> str:
+    """Sets and minutes of each group, on two cores, by the seconds that one was measured to take."""
+    tasks = plan.tasks()
+    lines = [f"{'group':14s} sets  min on two cores"]
+    total = 0.0
+    for group in sorted({task.group for task in tasks}):
+        mine = [task for task in tasks if task.group == group]
+        minutes = sum(_seconds(task) for task in mine) / 60 / 2
+        total += minutes
+        lines.append(f"{group:14s} {len(mine):4d}  {minutes:6.1f}")
+    lines.append(f"{'all':14s} {len(tasks):4d}  {total:6.1f}")
+    return "\n".join(lines)
+
+
+def _seconds(task: Task) -> float:
+    share = 0.4 if task.spec.protocol == "poor" else 1.0
+    return share * (MAKING_S[task.spec.robot] + TIMES[task.mode] * ASKING_S[task.spec.robot])
+
+
+def _row(what: str, bar: str, value: dict[str, Any]) -> tuple[str, str, str, str]:
+    if not value["n"]:
+        return what, bar, "not tried", ""
+    return what, bar, f"**{_percent(value['share'])}**", f"{_interval(value)}, {_of(value)}"
+
+
+def _percent(value: float | None) -> str:
+    return "–" if value is None else f"{100 * value:.1f} %"
+
+
+def _interval(value: dict[str, Any]) -> str:
+    return f"{100 * value['low']:.1f}–{100 * value['high']:.1f}"
+
+
+def _of(value: dict[str, Any]) -> str:
+    return f"{value['right']}/{value['n']}" if value["n"] else "–"
+
+
+def _long(value: dict[str, Any]) -> str:
+    return f"{_percent(value['share'])} ({_of(value)}; {_interval(value)})" if value["n"] else "–"
+
+
+def _words(answer: str) -> str:
+    return (
+        answer.replace("_", " ")
+        if answer.endswith(("missing", "effect", "data", "repeatable"))
+        else f"`{answer}`"
+    )
+
+
+def _improved(data: dict[str, Any]) -> str:
+    value = data["improve"]
+    return (
+        f"**{number_text(value['end_over_floor']['median'])}** of {value['n']}" if value["n"] else "not tried"
+    )

@@ -1,0 +1,122 @@
+"""Pictures of the bench's results: confusion matrix, stated against true, share that is right by strength."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+
+matplotlib.use("Agg")
+import matplotlib.pyplot as plt
+import numpy as np
+from benchmarks.evidence.tables import SEVERAL, SHORT
+from benchmarks.evidence.truths import CLEAN, KINDS, UNKNOWN
+
+INK, GREY, BLUE, ORANGE = "#222222", "#9a9a9a", "#1f77b4", "#d95f02"
+VERDICTS = ("nothing_missing", "ambiguous", "unknown_effect", "not_repeatable", "insufficient_data")
+
+
+def draw_all(data: dict[str, Any], folder: Path) -> list[Path]:
+    """Three PNG files."""
+    folder.mkdir(parents=True, exist_ok=True)
+    made = []
+    for name, draw in (("confusion", confusion), ("reliability", reliability), ("strength", strength)):
+        path = folder / f"bench_{name}.png"
+        figure = draw(data)
+        figure.savefig(path, dpi=90)
+        plt.close(figure)
+        made.append(path)
+    return made
+
+
+def matrix(data: dict[str, Any]) -> tuple[list[str], list[str], np.ndarray]:
+    """Rows (hidden), columns (answered), shares of each row in %."""
+    rows = {
+        k: row
+        for group in ("effect", "clean", "unknown")
+        for k, row in data["confusion"].get(group, {}).items()
+    }
+    hidden = [kind for kind in (*KINDS, CLEAN, *UNKNOWN) if kind in rows]
+    columns = [*KINDS, SEVERAL, *VERDICTS]
+    shares = np.zeros((len(hidden), len(columns)))
+    for i, kind in enumerate(hidden):
+        total = sum(rows[kind].values())
+        for answer, n in rows[kind].items():
+            column = SEVERAL if " + " in answer else answer
+            if column in columns:
+                shares[i, columns.index(column)] += 100 * n / total
+    return hidden, columns, shares
+
+
+def confusion(data: dict[str, Any]) -> Any:
+    """A heat map, in % of each row."""
+    hidden, columns, shares = matrix(data)
+    figure, axis = plt.subplots(
+        figsize=(2.5 + 0.33 * len(columns), 2.2 + 0.27 * max(1, len(hidden))), layout="constrained"
+    )
+    axis.imshow(np.where(shares > 0, shares, np.nan), cmap="Blues", vmin=0, vmax=115, aspect="auto")
+    for (i, j), value in np.ndenumerate(shares):
+        if value > 0:
+            axis.text(
+                j, i, f"{value:.0f}", ha="center", va="center", fontsize=7, color="w" if value > 60 else INK
+            )
+    axis.set_xticks(range(len(columns)), [_named(c) for c in columns], rotation=90, fontsize=8)
+    axis.set_yticks(range(len(hidden)), [_named(h) for h in hidden], fontsize=8)
+    axis.set_xticks(np.arange(-0.5, len(columns)), minor=True)
+    axis.set_yticks(np.arange(-0.5, len(hidden)), minor=True)
+    axis.grid(which="minor", color="#eeeeee", lw=0.6)
+    axis.tick_params(which="both", length=0)
+    axis.axvline(len(KINDS) - 0.5, color=GREY, lw=1)
+    axis.set(xlabel="answered", ylabel="hidden")
+    figure.suptitle("Rich protocol, 1.5 to 3 σ: answers in % of what was hidden", fontsize=10)
+    return figure
+
+
+def reliability(data: dict[str, Any]) -> Any:
+    """Stated probability of the first hypothesis against the share that is true."""
+    found = data["calibration"]
+    figure, axis = plt.subplots(figsize=(5, 4.6), layout="constrained")
+    axis.plot([0, 1], [0, 1], color=GREY, lw=1)
+    for row in found["bins"]:
+        spread = [[row["share"] - row["low"]], [row["high"] - row["share"]]]
+        axis.errorbar(row["stated"], row["share"], yerr=spread, color=BLUE, marker="o", ms=5, capsize=3)
+        axis.annotate(
+            f"{row['n']}",
+            (row["stated"], row["share"]),
+            xytext=(7, -10),
+            textcoords="offset points",
+            fontsize=8,
+        )
+    words = "" if found["error"] is None else f"error {found['error']:.3f}, Brier score {found['brier']:.3f}"
+    axis.set(
+        xlabel="stated probability of the first hypothesis",
+        ylabel="share that is true",
+        xlim=(0, 1.03),
+        ylim=(0, 1.03),
+    )
+    axis.set_title(f"{found['n']} cases in bins of equal mass; {words}", fontsize=10)
+    return figure
+
+
+def strength(data: dict[str, Any]) -> Any:
+    """Share that is right by the RMS change of the readings."""
+    bands = [band for band in data["by_snr"] if band["n"]]
+    figure, axis = plt.subplots(figsize=(6, 4), layout="constrained")
+    places = np.arange(len(bands))
+    shown = ((-0.1, ORANGE, "strictly", bands), (0.1, BLUE, "by class", [b["by_class"] for b in bands]))
+    for offset, colour, label, values in shown:
+        low = [v["share"] - v["low"] for v in values]
+        high = [v["high"] - v["share"] for v in values]
+        shares = [v["share"] for v in values]
+        axis.errorbar(
+            places + offset, shares, yerr=[low, high], fmt="o", color=colour, capsize=3, label=label
+        )
+    axis.set_xticks(places, [f"{b['above']:g} to {b['below']:g}\n{b['n']} sets" for b in bands])
+    axis.set(xlabel="change of the readings, RMS in σ", ylabel="right effect named", ylim=(0, 1.03))
+    axis.legend(loc="lower right", frameon=False)
+    return figure
+
+
+def _named(answer: str) -> str:
+    return SHORT.get(answer, "nothing hidden" if answer == CLEAN else answer).replace("_", " ")

@@ -1,0 +1,110 @@
+"""What the bench's child processes do: make sets and further runs, with the key; or ask, without it."""
+
+from __future__ import annotations
+
+import hashlib
+import tempfile
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from benchmarks.evidence import diagnosers, seal
+from benchmarks.evidence.tasks import Task
+
+KEPT = (
+    "verdict",
+    "selected",
+    "hypotheses",
+    "credible_set",
+    "classes",
+    "not_excited",
+    "indistinguishable",
+    "n_effective",
+    "n_samples",
+    "next_experiment",
+    "steps",
+)
+# Of a hypothesis the judge needs no more.
+HYPOTHESIS = ("kinds", "probability", "rmse_over_floor")
+# Its sets are also given to the scorer that knows the true forms.
+ORACLE_GROUP = "poor"
+# Any run of the menu, drawn at random.
+ANY = "*"
+
+
+def make(task: Task, name: str, folder: Path, key: bytes) -> str:
+    """In a maker's process: write NAME.csv, NAME_study.yaml and NAME.sealed; the set's name."""
+    from benchmarks.evidence.sets import make_set
+
+    sealed = folder / f"{name}{seal.SUFFIX}"
+    if sealed.exists():  # written last, so the set is complete
+        return name
+    folder.mkdir(parents=True, exist_ok=True)
+    made = make_set(task.spec, name=f"set-{name}")
+    label = dict(made.label)
+    if task.group == ORACLE_GROUP:
+        from benchmarks.evidence.oracle import mean_squares
+
+        label["mean_squares"] = mean_squares(task.spec, made)
+    write(folder / f"{name}.csv", made.csv)
+    write(folder / f"{name}_study.yaml", made.study)
+    write(sealed, seal.seal(label, key))
+    return name
+
+
+def add_runs(task: Task, name: str, folder: Path, chosen: Sequence[str]) -> list[str]:
+    """In a maker's process: the runs of these names (`ANY`: drawn), done by the set's own truth, as NAME_added.csv.
+
+    Returns their names. Runs that are drawn differ from each other.
+    """
+    from benchmarks.evidence.added_runs import added_csv
+    from benchmarks.evidence.sets import make_set
+
+    runs = _menu_of(folder / f"{name}_study.yaml", folder / f"{name}.csv")
+    rng = np.random.default_rng(_seed(name))
+    order = iter(rng.permutation(len(runs)))
+    named = {run.name: run for run in runs}
+    taken = [runs[next(order)] if one == ANY else named[one] for one in chosen]
+    write(folder / f"{name}_added.csv", added_csv(task.spec, make_set(task.spec), taken))
+    return [run.name for run in taken]
+
+
+def _menu_of(study: Path, csv: Path) -> Sequence[Any]:
+    from pliant import api
+    from pliant.experiments.runs import menu
+    from pliant.experiments.scale import BenchScale
+
+    with tempfile.TemporaryDirectory() as store:
+        model = api.predictor(api.open_study(study, store=Path(store)), csv)
+        return menu(BenchScale.of_measurement(model.chain, model.measurement))
+
+
+def ask(verb: str, module: str, name: str, folder: Path, added: bool = False) -> dict[str, Any]:
+    """In a diagnoser's process: the line of results of one set. It knows paths of a study and of CSVs, no more."""
+    data = [str(folder / f"{name}.csv"), *([str(folder / f"{name}_added.csv")] if added else [])]
+    start, cpu = time.perf_counter(), time.process_time()
+    line: dict[str, Any] = {"id": name, "verb": verb}
+    try:
+        result = diagnosers.load(module, verb)(str(folder / f"{name}_study.yaml"), data, _seed(name))
+        line["result"] = {key: _kept(key, result[key]) for key in KEPT if key in result}
+    except Exception as error:  # one set that fails must not end the bench
+        line["error"] = f"{type(error).__name__}: {error}"[:2000]
+    return line | {"wall_s": time.perf_counter() - start, "cpu_s": time.process_time() - cpu}
+
+
+def _kept(key: str, value: Any) -> Any:
+    if key != "hypotheses":
+        return value
+    return [{name: one[name] for name in HYPOTHESIS if name in one} for one in value]
+
+
+def _seed(name: str) -> int:
+    return int.from_bytes(hashlib.sha256(name.encode()).digest()[:4])
+
+
+def write(path: Path, text: str) -> None:
+    temporary = path.with_suffix(path.suffix + ".part")
+    temporary.write_text(text)
+    temporary.replace(path)
