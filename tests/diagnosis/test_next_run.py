@@ -9,6 +9,7 @@ import pytest
 from tests.diagnosis.quick import (
     REGISTRY,
     SIGMA,
+    blank,
     effect,
     fitter_of,
     joint,
@@ -23,6 +24,7 @@ from pliant.diagnosis.candidates import Candidate
 from pliant.diagnosis.next_run import (
     Belief,
     NextRun,
+    done_before,
     next_run,
     next_run_json,
     next_runs,
@@ -76,6 +78,20 @@ def test_a_run_that_was_done_has_nothing_to_tell_twice() -> None:
     assert len({run.name for run in two}) == len(two)
     if len(two) == 2:
         assert two[1].ranked[0].gain_per_minute < two[0].ranked[0].gain_per_minute
+
+
+def test_runs_that_were_done_are_the_last_to_be_proposed() -> None:
+    predictor, belief = belief_of(NARROW, "stiffness", "stiffness", "actuation_gain")
+    view = view_of(predictor, SCALES, N)
+    first = next_run(view, belief)
+    assert first is not None and first.planned is not None
+    histories = [*NARROW, first.planned.history.with_(run="done")]
+    done = done_before(view, blank(histories))
+    assert [view.runs[k].name for k in done] == [first.name]
+    assert done_before(view, predictor.measurement) == ()
+    second = next_run(view, belief, done)
+    assert second is not None and second.name != first.name
+    assert second.ranked[-1].name == first.name
 
 
 def test_runs_that_do_not_fit_into_the_minutes_are_left_out() -> None:

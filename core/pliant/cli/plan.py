@@ -18,7 +18,15 @@ from pliant.cli.session import Session, check_writable, session
 from pliant.config.study import Study
 from pliant.diagnosis.design import RunDesign, design_runs, unread
 from pliant.diagnosis.diagnosis import Diagnosis, diagnose
-from pliant.diagnosis.next_run import Belief, NextRun, next_run_json, next_runs, undecidable, view_of
+from pliant.diagnosis.next_run import (
+    Belief,
+    NextRun,
+    done_before,
+    next_run_json,
+    next_runs,
+    undecidable,
+    view_of,
+)
 from pliant.diagnosis.words import headline, named
 from pliant.errors import UserError
 from pliant.evidence.measured import measurement_of_study
@@ -136,7 +144,8 @@ def _chosen(
         return (found.next_run,), ""
     belief = Belief.of(found.fits, found.judgement.probability, found.readings, found.noise)
     view = view_of(predictor, found.scales, found.noise.n_effective, own)
-    chosen = next_runs(view, belief, runs, minutes)
+    done = done_before(view, predictor.measurement)
+    chosen = next_runs(view, belief, runs, minutes, done)
     if chosen:
         return chosen, ""
     shortest = min(run.minutes for run in view.runs)

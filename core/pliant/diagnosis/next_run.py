@@ -8,8 +8,8 @@ those that were measured.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -26,8 +26,9 @@ from pliant.experiments.menu import SET_UP, MenuRun
 from pliant.experiments.runs import menu
 from pliant.experiments.scale import BenchScale
 from pliant.interfaces.effect import EffectConfig
+from pliant.measurements.repeats import repeat_groups
 from pliant.records.design import Array
-from pliant.records.measurement import Measurement
+from pliant.records.measurement import MeasuredRun, Measurement
 
 # Contenders below this probability are not asked.
 SMALL = 0.01
@@ -139,14 +140,23 @@ def view_of(
     return MenuView.of(predictor, menu_of(predictor, own), scales, slow)
 
 
-def next_run(view: MenuView, belief: Belief) -> NextRun | None:
+def next_run(view: MenuView, belief: Belief, done: Collection[int] = ()) -> NextRun | None:
     """The best run; None with fewer than two contenders, or where no run would help."""
-    runs = next_runs(view, belief, 1)
+    runs = next_runs(view, belief, 1, done=done)
     return runs[0] if runs else None
 
 
-def next_runs(view: MenuView, belief: Belief, count: int, minutes: float = math.inf) -> tuple[NextRun, ...]:
-    """Up to `count` runs that fit into the minutes, each the best beside those before it."""
+def next_runs(
+    view: MenuView,
+    belief: Belief,
+    count: int,
+    minutes: float = math.inf,
+    done: Collection[int] = (),
+) -> tuple[NextRun, ...]:
+    """Up to `count` runs that fit into the minutes, each the best beside those before it.
+
+    `done` are places of runs that were measured (`done_before`); they are the last to be chosen.
+    """
     contenders = belief.contenders
     if len(contenders) < 2:
         return ()
@@ -161,7 +171,7 @@ def next_runs(view: MenuView, belief: Belief, count: int, minutes: float = math.
             if run.minutes <= minutes
             and (outcome := _outcome(view, belief, looks, [*chosen, index])) is not None
         }
-        ranked = _ranked(view, outcomes, told)
+        ranked = _ranked(view, outcomes, told, {*done, *chosen})
         helpful = [index for index in ranked if _helps(outcomes[index], told, belief)]
         if not helpful:
             break
@@ -181,7 +191,7 @@ def what_next(
     """
     if verdict == "not_repeatable":
         return repeating(measurement), ""
-    found = next_run(view, belief)
+    found = next_run(view, belief, done_before(view, measurement))
     return found, "" if found is not None else undecidable(belief)
 
 
@@ -255,16 +265,27 @@ def _outcome(
     return expected(contenders, belief.prices.temper, belief.prices.believed)
 
 
-def _ranked(view: MenuView, outcomes: Mapping[int, Outcome], told: float) -> list[int]:
-    """Runs by what they tell per minute; those that tell less than a share of what the best one tells come last.
+def _ranked(view: MenuView, outcomes: Mapping[int, Outcome], told: float, done: Collection[int]) -> list[int]:
+    """Runs by what they tell per minute; those that tell less than a share of what the best one tells come later.
 
-    A short run that hardly tells anything is no bargain: what it tells again is no news.
+    A short run that hardly tells anything is no bargain. Runs that were done come last: a model that is slightly off
+    is off there in the same way again.
     """
     told_now = {index: outcome.information - told for index, outcome in outcomes.items()}
-    enough = TELLING * max(told_now.values(), default=0.0)
+    enough = TELLING * max((told_now[k] for k in told_now if k not in done), default=0.0)
     return sorted(
-        outcomes, key=lambda k: (told_now[k] >= enough, told_now[k] / view.runs[k].minutes), reverse=True
+        outcomes,
+        key=lambda k: (k not in done, told_now[k] >= enough, told_now[k] / view.runs[k].minutes),
+        reverse=True,
     )
+
+
+def done_before(view: MenuView, measurement: Measurement) -> tuple[int, ...]:
+    """Places of the menu's runs whose inputs are those of a run that was measured."""
+    planned = [MeasuredRun(run.history, {}, {}, np.ones(len(run.history)), np.zeros(0)) for run in view.runs]
+    n = len(measurement.runs)
+    groups = repeat_groups(replace(measurement, runs=(*measurement.runs, *planned)))
+    return tuple(sorted(k - n for group in groups if min(group.runs) < n for k in group.runs if k >= n))
 
 
 def _helps(outcome: Outcome, told: float, belief: Belief) -> bool:

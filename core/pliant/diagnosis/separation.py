@@ -11,10 +11,10 @@ a: the expected log Bayes factor is the Kullback–Leibler divergence
     E_a ln p(y | a) / p(y | b) = ½ [tr(V_b⁻¹ V_a) − r + ln det V_b / det V_a + (m_a − m_b)ᵀ V_b⁻¹ (m_a − m_b)]
 
 (Hunter and Reiner, Technometrics 7, 1965; Box and Hill, Technometrics 9, 1967). f is what a model that is slightly
-off may do to the readings by itself: its square sum, spread evenly over the r directions in which the hypotheses
-differ. Outside these directions all hypotheses are the same, so that everything happens within. Draws of y under each
-hypothesis give the probability that the verdict would be right and the expected information (Lindley, Ann. Math.
-Statist. 27, 1956; Chaloner and Verdinelli, Statist. Sci. 10, 1995).
+off may do to the readings by itself: its square sum, along three of the r directions in which the hypotheses differ,
+whichever they are. Outside these r directions all hypotheses are the same, so that everything happens within. Draws of
+y under each hypothesis give the probability that the verdict would be right and the expected information (Lindley,
+Ann. Math. Statist. 27, 1956; Chaloner and Verdinelli, Statist. Sci. 10, 1995).
 """
 
 from __future__ import annotations
@@ -29,6 +29,8 @@ from pliant.records.design import Array
 # Directions whose size is below this share of the largest are rounding.
 FLAT = 1e-9
 DRAWS = 256
+# Errors of a form are smooth: they lie along few directions.
+FORM_DIRECTIONS = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,7 +113,7 @@ def _reduced(contenders: Sequence[Contender]) -> tuple[Array, list[Array]]:
     columns = [np.column_stack([one.mean - middle, one.slopes]) for one in contenders]
     left, sizes, _ = np.linalg.svd(np.column_stack(columns), full_matrices=False)
     basis = left[:, sizes > FLAT * max(float(sizes[0]), 1e-12)]
-    r = max(basis.shape[1], 1)
+    r = min(max(basis.shape[1], 1), FORM_DIRECTIONS)
     spreads = []
     for one in contenders:
         slopes = basis.T @ one.slopes
