@@ -5,7 +5,7 @@
 One file per number of modules, all with the same four runs (a pressure sweep without a force, forces of both signs
 without pressure, and three pressures under each force) and, in `<name>_unseen.csv`, forces twice as large.
 
-The training file gets noise, Gaussian with the standard deviations that its notes state, its seed the number of
+The training file gets noise, Gaussian with the standard deviations in its `sigma_` columns, its seed the number of
 modules: those of a camera that sees a point to 0.1 mm and therefore the turn of a module of 11 mm to about 0.01 rad.
 The other files are the FEM's own numbers, since they are what predictions are judged by.
 """
@@ -26,9 +26,6 @@ from pliant.records.design import Array
 TRAINING = 4
 NAMES = {2: "two", 3: "three", 4: "four", 6: "six", 8: "eight"}
 SIGMA_ANGLE_RAD, SIGMA_TIP_M = 1e-2, 1e-4
-NOTES = """# The noise that `benchmarks/evidence_structure/series.py` added to the FEM's numbers: a camera's.
-sigma: {{{sigmas}}}
-"""
 
 
 def main() -> None:
@@ -77,31 +74,19 @@ def unseen_runs(states: Sequence[dict[str, Any]]) -> dict[str, list[dict[str, An
 def write(
     path: Path, runs: dict[str, list[dict[str, Any]]], modules: int, random: np.random.Generator | None
 ) -> None:
-    """The CSV and its notes."""
-    joints = [f"joint_{k}_angle_rad" for k in range(1, modules + 1)]
-    header = ["run", "pressure_pa", "tip_force_x_n", *joints, "tip_x_m", "tip_z_m"]
-    lines = [
-        f"# {modules} modules by direct FEM, clamped at the base, closed by a cap; no weight.",
-        ",".join(header),
-    ]
+    """The CSV; with noise it states its standard deviations."""
+    outputs = [*(f"joint_{k}_angle_rad" for k in range(1, modules + 1)), "tip_x_m", "tip_z_m"]
+    sigma = np.array([*[SIGMA_ANGLE_RAD] * modules, SIGMA_TIP_M, SIGMA_TIP_M])
+    noise = [] if random is None else [f"sigma_{name}" for name in outputs]
+    made = "direct FEM" if random is None else "direct FEM, with the noise of a camera added"
+    lines = [f"# {modules} modules by {made}; clamped at the base, closed by a cap, no weight."]
+    lines.append(",".join(["run", "pressure_pa", "tip_force_x_n", *outputs, *noise]))
     for name, readings in rows(runs):
-        sigma = np.array([*[SIGMA_ANGLE_RAD] * modules, SIGMA_TIP_M, SIGMA_TIP_M])
         seen = readings[2:] if random is None else readings[2:] + sigma * random.standard_normal(len(sigma))
-        angles, tip = seen[:modules], seen[modules:]
-        numbers = [
-            f"{readings[0]:g}",
-            f"{readings[1]:g}",
-            *(f"{a:.5f}" for a in angles),
-            *(f"{t:.6f}" for t in tip),
-        ]
-        lines.append(",".join([name, *numbers]))
+        numbers = [f"{value:g}" for value in readings[:2]]
+        numbers += [f"{value:.5f}" for value in seen[:modules]] + [f"{value:.6f}" for value in seen[modules:]]
+        lines.append(",".join([name, *numbers, *(f"{value:g}" for value in (sigma if noise else ()))]))
     path.write_text("\n".join(lines) + "\n")
-    if random is not None:
-        sigmas = [
-            *(f"{name}: {SIGMA_ANGLE_RAD:g} rad" for name in joints),
-            *(f"tip_{a}_m: 0.1 mm" for a in "xz"),
-        ]
-        path.with_suffix(".yaml").write_text(NOTES.format(sigmas=", ".join(sigmas)))
 
 
 def rows(runs: dict[str, list[dict[str, Any]]]) -> Iterator[tuple[str, Array]]:
