@@ -46,7 +46,11 @@ TRIALS, SCAN_TRIALS = 8, 4
 CERTAIN = (("egg", "15", "6"), ("egg", "15", "5"), ("cylinder", "15", "4"), ("cylinder", "13", "4"))
 # The published set-up: friction 0.8, inclination 30°, bases at 14 mm, noise as stated; what it leaves open stays open.
 PUBLISHED = ("noise={friction: 5 %, pressure: 0.5 kPa, placement: 5 %}", "task.seed=20260")
-EFFECTS = ("actuation_gain", "pressure_offset", "stiffness")  # stiffness last: its law is followed in Python
+EFFECTS = (
+    "actuation_gain",
+    "pressure_offset",
+    "stiffness",
+)  # stiffness last: a law with a term takes five times as long
 CYLINDER = {"task.object": "cylinder"}
 # Ranges that would surprise nobody who builds such a gripper; the reasons stand in docs/what_real_data_taught_us.md.
 RANGES: tuple[dict[str, Any], ...] = (
