@@ -28,10 +28,10 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from benchmarks.evidence import diagnosers
 from benchmarks.evidence.bench import Bench, judged, run
+from benchmarks.evidence.counting import summary
 from benchmarks.evidence.judge import ERROR
 from benchmarks.evidence.protocols import NAMES
 from benchmarks.evidence.publish import expected_time, publish
-from benchmarks.evidence.statistics import summary
 from benchmarks.evidence.tables import tables
 from benchmarks.evidence.tasks import Plan, small_plan
 from benchmarks.evidence.truths import CLEAN, KINDS, UNKNOWN

@@ -18,12 +18,12 @@ import numpy as np
 import pytest
 from benchmarks.evidence import results, seal
 from benchmarks.evidence.bench import Bench, Job
+from benchmarks.evidence.counting import reliability, summary, wilson
 from benchmarks.evidence.judge import judge
 from benchmarks.evidence.oracle import best, choice, mean_squares
 from benchmarks.evidence.publish import PAGE, TABLES, expected_time, publish
 from benchmarks.evidence.result_pictures import matrix
 from benchmarks.evidence.sets import SetSpec, make_set
-from benchmarks.evidence.statistics import reliability, summary, wilson
 from benchmarks.evidence.tables import tables
 from benchmarks.evidence.tasks import Plan, Task, small_plan
 from benchmarks.evidence.truths import CLEAN, KINDS, UNKNOWN, right_verdicts, robots_of
@@ -277,12 +277,14 @@ def test_the_page_is_written_from_numbers_alone(tmp_path: Path) -> None:
     items += [judge("clean", label_of(CLEAN), answer("nothing_missing"))]
     data = json.loads(json.dumps(summary(items)))
     page = tmp_path / "page.md"
-    marks = "".join(f"<!-- bench: {name} -->\nold\n<!-- end -->\n\n" for name in TABLES)
+    marks = "".join(f"<!-- bench: {name} -->\nSTALE\n<!-- end -->\n\n" for name in TABLES)
     page.write_text(f"# Title\n\nwords stay\n\n{marks}")
     publish(data, page, tmp_path)
     text = page.read_text()
     assert (
-        "words stay" in text and "old" not in text and "| `mullins` | 19/20 | 19/20 | `stiffness` 1 |" in text
+        "words stay" in text
+        and "STALE" not in text
+        and "| `mullins` | 19/20 | 19/20 | `stiffness` 1 |" in text
     )
     assert all((tmp_path / f"bench_{name}.png").exists() for name in ("confusion", "reliability", "strength"))
     publish(data, page, tmp_path)
