@@ -16,6 +16,7 @@ def row(kinds: Kinds, square: float, n_parameters: int | None = None, heldout: f
         "kinds": kinds,
         "n_parameters": len(kinds) if n_parameters is None else n_parameters,
         "mean_square": square,
+        "squares": (square,),
         "heldout_square": left,
         "unseen_square": left,
         "unseen": (left,),
@@ -36,4 +37,6 @@ def table(
 ) -> EvidenceTable:
     """A table of mean squares by hypothesis."""
     noise = NoiseView({}, n, floor, judged, slip)
-    return EvidenceTable({kinds: row(kinds, square) for kinds, square in squares.items()}, noise, readings)
+    return EvidenceTable(
+        {kinds: row(kinds, square) for kinds, square in squares.items()}, noise, readings, (1.0,)
+    )

@@ -15,9 +15,9 @@ from pliant.registry.discovery import Registry
 
 # Strength, in σ, at which two effects are asked whether they can be told apart.
 TYPICAL_SNR = 2.0
-# Below this many units of n_eff · SNR² · unexplained share two effects look the same. Log-odds of two effects are about
-# normal with mean m and variance 2 m, m = n_eff · SNR² · share / 2 / (1 + 0.3²); so much lets 19 of 20 samples reach the
-# odds of 9 : 1, halved twice over by the temper, that a verdict needs.
+# Below this many units of n_eff · SNR² · unexplained share two effects look the same. Log-odds of two effects are
+# about normal with mean m and variance 2 m, m = n_eff · SNR² · share / 2 / (1 + 0.3²); so much lets 19 of 20 samples
+# reach the odds of 9 : 1, halved by the temper, that a verdict needs.
 SEPARABLE = 28.0
 
 

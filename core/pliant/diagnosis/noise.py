@@ -16,6 +16,8 @@ from pliant.records.measurement import Measurement
 Residuals = Sequence[Mapping[str, Array]]
 # Sources of a floor that show slow noise and offsets between runs too.
 WHOLE = ("repeats", "stated sigma")
+# The lower end of a central 90 % interval, in standard errors.
+NINETY_BELOW = 1.6449
 
 
 @dataclass(frozen=True)
@@ -27,8 +29,8 @@ class NoiseView:
         n_effective: independent readings over all outputs, coloured noise counted.
         floor_square: mean squared noise over all outputs, in units of the scales; nan if nothing tells it.
         judged: the floors hold slow noise and run offsets, so that an error above them is the model's.
-        slip: how much more readings scatter between repeats than within a run: the largest over outputs of
-            between / within; 1 without repeats.
+        slip: how much more, at least, readings scatter between repeats than within a run: the largest over outputs
+            of between / within at the lower end of its 90 % interval; 1 without repeats.
     """
 
     floors: Mapping[str, Floor]
@@ -58,7 +60,7 @@ def noise_view(
     counted = effective_samples(deviations, measurement)
     squares = [(floors[name].value / scale) ** 2 for name, scale in scales.items()]
     shares = [sum(int(np.isfinite(run[name]).sum()) for run in padded) for name in scales]
-    between = [f.between / f.within for f in floors.values() if f.between is not None and f.within > 0]
+    between = [_slip(floor) for floor in floors.values()]
     return NoiseView(
         floors=floors,
         n_effective=float(
@@ -92,6 +94,14 @@ def _of_all_runs(
     if seconds <= 0.0:
         return counted * (1.0 + sum(n for n, _ in rests) / used)
     return counted + sum(min(float(n), counted * span / seconds) for n, span in rests)
+
+
+def _slip(floor: Floor) -> float:
+    """Scatter between repeats over that within a run, less what few repeats may show by chance."""
+    if floor.between is None or not floor.within > 0 or not floor.value > 0:
+        return 1.0
+    doubt = NINETY_BELOW * floor.se / floor.value
+    return floor.between * max(1.0 - doubt, 0.0) / floor.within
 
 
 def _deviations(
