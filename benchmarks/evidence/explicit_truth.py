@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 from benchmarks.evidence.forms import Drive, Forms, arriving, effort, healed, virgin, wraps
-from benchmarks.evidence.functional_truth import AIR_DAMPING, Bones, Inputs, bones_of, inputs_of, weights
+from benchmarks.evidence.functional_truth import Bones, Inputs, bones_of, inputs_of, weights
 from benchmarks.evidence.protocols import Protocol
 from benchmarks.evidence.robots import PRESSURE_MAX_PA, Array, Robot
 from benchmarks.evidence.skeleton import skeleton
@@ -52,7 +52,7 @@ def _advance(
         wraps(at, bones.module, f)[0],
     )
     total = effort(state[0], step, dt, seen, memory[0], new[0], f)
-    total += weight * moments[0] - drive.moment_n_m * bones.load_share[0] - AIR_DAMPING * state[1]
+    total += weight * moments[0] - drive.moment_n_m * bones.load_share[0] - bones.damping * state[1]
     memory[0, :] = new[0]
     state[2] = total / bones.inertia[0]
     state[1] += 0.5 * dt * state[2]
@@ -103,7 +103,7 @@ def follow(robot: Robot, protocol: Protocol, truth: Any) -> list[Array]:
         ValueError: a chain; its modes are too fast for explicit steps.
         RuntimeError: the motion is not finite.
     """
-    bones = bones_of(skeleton(robot, truth.body), swings=True)
+    bones = bones_of(skeleton(robot, truth.body), truth.body, swings=True)
     if len(bones.masses) != 1:
         raise ValueError(f"the explicit engine follows one joint, and '{robot.name}' has {len(bones.masses)}")
     memories: dict[str, tuple[Array, float]] = {}

@@ -43,6 +43,7 @@ class Bones(NamedTuple):
     springs: Array
     load_share: Array
     inertia: Array
+    damping: float
 
 
 class Inputs(NamedTuple):
@@ -57,13 +58,13 @@ class Inputs(NamedTuple):
     clock: float
 
 
-def bones_of(found: Skeleton, swings: bool) -> Bones:
+def bones_of(found: Skeleton, body: Any, swings: bool) -> Bones:
     """The skeleton for compiled code."""
     share = found.axes @ np.array([0.0, -1.0, 0.0])
     about = found.inertias_kg_m2 + found.masses_kg * np.sum(found.centres_m**2, axis=1)
     inertia = about if swings else np.zeros(len(share))
     linear = (found.axes, found.offsets_m, found.masses_kg, found.centres_m)
-    return Bones(*linear, found.module, found.spring_n_m, share, inertia)
+    return Bones(*linear, found.module, found.spring_n_m, share, inertia, AIR_DAMPING + body.drag)
 
 
 def inputs_of(run: Run, body: Any, clock_s: float) -> Inputs:
@@ -192,8 +193,8 @@ def _solve(
             if bones.inertia[j] > 0.0:
                 swing = 4.0 / dt * ((y - before[j]) / dt - rates[0, j]) - rates[1, j]
                 residual[j] -= bones.inertia[j] * swing
-                residual[j] -= AIR_DAMPING * (2.0 * (y - before[j]) / dt - rates[0, j])
-                matrix[j, j] += 4.0 * bones.inertia[j] / dt**2 + 2.0 * AIR_DAMPING / dt
+                residual[j] -= bones.damping * (2.0 * (y - before[j]) / dt - rates[0, j])
+                matrix[j, j] += 4.0 * bones.inertia[j] / dt**2 + 2.0 * bones.damping / dt
         move = np.linalg.solve(matrix, residual)
         largest = np.abs(move).max()
         share = 1.0 if iteration < PATIENCE else SHORTER
@@ -280,7 +281,7 @@ def follow(robot: Robot, protocol: Protocol, truth: Any) -> list[Array]:
         RuntimeError: a state did not converge.
     """
     swings = truth.body.crossbar_kg_m2 > 0.0
-    bones = bones_of(skeleton(robot, truth.body), swings)
+    bones = bones_of(skeleton(robot, truth.body), truth.body, swings)
     longest = LONGEST_DYNAMIC_S if swings else LONGEST_S
     memories: dict[str, tuple[Array, float]] = {}
     angles, clock = [], 0.0

@@ -48,7 +48,7 @@ def mjcf(bones: Skeleton, body: Any) -> str:
         own_damping, own_friction = body.joint_damping, body.joint_friction
         if bones.module[j] < 0:
             own_damping, own_friction = 0.0, 0.0
-        joint.set("damping", f"{AIR_DAMPING + own_damping:.9e}")
+        joint.set("damping", f"{AIR_DAMPING + body.drag + own_damping:.9e}")
         joint.set("solreffriction", f"{2 * STEP_S} 1")
         joint.set("solimpfriction", "0.9999 0.9999 0.001 0.5 2")
         joint.set("frictionloss", f"{own_friction:.9e}")
@@ -159,7 +159,7 @@ def follow(robot: Robot, protocol: Protocol, truth: Any) -> list[Array]:
         RuntimeError: MuJoCo's motion is not finite.
     """
     found = skeleton(robot, truth.body)
-    bones = bones_of(found, swings=False)
+    bones = bones_of(found, truth.body, swings=False)
     model = mujoco.MjModel.from_xml_string(mjcf(found, truth.body))
     data = mujoco.MjData(model)
     handles = (model._address, data._address)

@@ -112,14 +112,19 @@ def _closed_valve(specimen: str) -> Run:
 
 
 def _step_response(specimen: str) -> Run:
-    """Steps along half a cosine of 0.5 s, sampled densely: a bare joint's own 8 Hz hardly ring."""
-    n, rising = round(1.0 / DENSE_S), round(0.5 / DENSE_S)
-    ramp = 0.5 - 0.5 * np.cos(np.pi * np.minimum(1.0, np.arange(1, n + 1) / rising))
-    levels = (0.6, 0.0, 1.0, 0.2)
-    shape = [a + (b - a) * ramp for a, b in zip((0.0, *levels[:-1]), levels, strict=True)]
-    pressure = PRESSURE_MAX_PA * np.concatenate(shape)
-    clock = np.arange(len(pressure)) * DENSE_S
-    return Run(DENSE, specimen, pressure, np.zeros(len(pressure)), time_s=clock)
+    """A step of pressure, three of load, and back, along half a cosine of 0.5 s, sampled densely at first.
+
+    A bare joint's own 8 Hz hardly ring. A supply is late in the steps of pressure only, a sensor in all.
+    """
+    hold_s, rise_s, dense_s = 4.0, 0.5, 0.8
+    local = np.concatenate(
+        [np.arange(DENSE_S, dense_s, DENSE_S), np.arange(dense_s, hold_s + 1e-9, SAMPLE_S)]
+    )
+    up, rest = 0.5 - 0.5 * np.cos(np.pi * np.minimum(1.0, local / rise_s)), np.ones(len(local))
+    pressure = 0.8 * PRESSURE_MAX_PA * np.concatenate([up, rest, rest, rest, 1 - up])
+    load = LOAD_N_M * np.concatenate([0 * rest, up, 1 - 2 * up, up - 1, 0 * rest])
+    clock = np.concatenate([k * hold_s + local for k in range(5)])
+    return Run(DENSE, specimen, pressure, load, time_s=clock)
 
 
 def _medium(specimen: str, cycles: int = 2) -> Run:

@@ -11,6 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from benchmarks.evidence.robots import B_E, Array, Robot
 
+# About a tenth of the critical damping of a joint with the largest bars.
+BARS_DRAG_1_S = 2.6
 GRAVITY = np.array([0.0, 0.0, -9.81])
 
 
@@ -41,6 +43,11 @@ class Body:
     tilt_x_rad: float = 0.0
     tilt_y_rad: float = 0.0
     tilt_z_rad: float = 0.0
+
+    @property
+    def drag(self) -> float:
+        """Damping of what swings, N·m·s: it ends what the bars begin within a second or two."""
+        return BARS_DRAG_1_S * self.crossbar_kg_m2
 
     @property
     def tilt(self) -> Array:
