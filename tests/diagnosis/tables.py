@@ -16,7 +16,6 @@ def row(kinds: Kinds, square: float, n_parameters: int | None = None, heldout: f
         "kinds": kinds,
         "n_parameters": len(kinds) if n_parameters is None else n_parameters,
         "mean_square": square,
-        "squares": (square,),
         "heldout_square": left,
         "unseen_square": left,
         "unseen": (left,),
@@ -37,6 +36,4 @@ def table(
 ) -> EvidenceTable:
     """A table of mean squares by hypothesis."""
     noise = NoiseView({}, n, floor, judged, slip)
-    return EvidenceTable(
-        {kinds: row(kinds, square) for kinds, square in squares.items()}, noise, readings, (1.0,)
-    )
+    return EvidenceTable({kinds: row(kinds, square) for kinds, square in squares.items()}, noise, readings)

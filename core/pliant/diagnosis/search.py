@@ -76,13 +76,7 @@ class Search:
     def table(self) -> EvidenceTable:
         """The rows so far, against the noise that the best of them leaves."""
         best = min(self.rows.values(), key=lambda row: row.mean_square)
-        return EvidenceTable(
-            dict(self.rows), self.noise(self.fits[best.kinds]), len(self.readings), self._shares()
-        )
-
-    def _shares(self) -> tuple[float, ...]:
-        counts = np.bincount(self.condition[self.readings.run])
-        return tuple((counts[counts > 0] / counts.sum()).tolist())
+        return EvidenceTable(dict(self.rows), self.noise(self.fits[best.kinds]), len(self.readings))
 
     def noise(self, fit: Fit) -> NoiseView:
         """Noise as the residuals of a fit show it."""
@@ -173,13 +167,10 @@ def _row(kinds: Kinds, fit: Fit, plain: Array, readings: ReadingVector, conditio
     unseen = heldout_residual(fit, of_reading, np.full_like(plain, np.nan))
     several = len(np.unique(of_reading)) > 1
     known = np.where(np.isnan(unseen), plain, unseen) if several else left
-    counts = np.bincount(of_reading)
-    squares = np.bincount(of_reading, weights=fit.residual**2)[counts > 0] / counts[counts > 0]
     return Row(
         kinds=kinds,
         n_parameters=len(fit.x),
         mean_square=fit.mean_square() if np.isfinite(fit.mean_square()) else np.inf,
-        squares=tuple(np.where(np.isfinite(squares), squares, np.inf).tolist()),
         heldout_square=float(np.mean(left**2)),
         unseen_square=float(np.mean(known**2)),
         unseen=tuple(np.bincount(of_reading, weights=unseen**2)) if several else (),

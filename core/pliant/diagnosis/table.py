@@ -9,7 +9,6 @@ import numpy as np
 
 from pliant.diagnosis.fitting import Fit
 from pliant.diagnosis.noise import NoiseView
-from pliant.records.design import Array
 
 Kinds = tuple[str, ...]
 NOTHING: Kinds = ()
@@ -26,7 +25,6 @@ class Row:
         kinds: its effects, sorted by name; empty for "nothing is missing".
         n_parameters: fitted numbers.
         mean_square: S, the mean squared residual in units of the floor's square.
-        squares: the same by condition, repeats together.
         heldout_square: the same with each run left out of its own fit.
         unseen_square: the same with each condition left out, all its repeats together.
         unseen: sums of squares of each condition left out; nan where a parameter is not known without it.
@@ -36,7 +34,6 @@ class Row:
     kinds: Kinds
     n_parameters: int
     mean_square: float
-    squares: tuple[float, ...]
     heldout_square: float
     unseen_square: float
     unseen: tuple[float, ...]
@@ -45,12 +42,11 @@ class Row:
 
 @dataclass(frozen=True)
 class EvidenceTable:
-    """All rows, the noise that they are weighed against, and the conditions' shares of the readings: 1 in all."""
+    """All rows, and the noise that they are weighed against."""
 
     rows: Mapping[Kinds, Row]
     noise: NoiseView
     n_readings: int
-    shares: tuple[float, ...]
 
     @property
     def nothing(self) -> Row:
@@ -105,23 +101,21 @@ LEAST_SQUARE = 1e-6
 def log_evidence(table: EvidenceTable, prices: Prices) -> dict[Kinds, float]:
     """ln P(data | hypothesis) + ln prior of each row, up to a constant, and of `UNKNOWN` where it can be judged.
 
-    −½ n_eff Σ_c w_c ln S*_c − ½ k ln n_eff − price · effects over the conditions c, which hold the shares w_c of the
-    readings. S*_c is the mean squared residual of the condition and an allowance that is the same for all hypotheses
-    with as many effects: what a law that is slightly off may explain by itself, and what equations that are slightly
-    off leave where they explain most, of these hypotheses and of the simpler ones. Errors of form are alike within a
-    condition: weighed condition by condition, one in which they are large does not drown the others.
+    −½ n_eff ln S* − ½ k ln n_eff − price · effects, with S* the mean squared residual plus, for every hypothesis
+    but "nothing", what a law that is slightly off may explain by itself, and what the slightly wrong equations of
+    the best simpler hypothesis may have left over.
     """
     n = max(table.noise.n_effective, 2.0)
     found = {}
     for kinds, row in table.rows.items():
-        squares = np.maximum(row.squares, LEAST_SQUARE) + _allowance(table, len(kinds), prices)
+        square = max(row.mean_square, LEAST_SQUARE) + _allowance(table, kinds, prices)
         found[kinds] = (
-            _log_likelihood(table, squares) - 0.5 * row.n_parameters * np.log(n) - prices.effect * len(kinds)
+            -0.5 * n * np.log(square) - 0.5 * row.n_parameters * np.log(n) - prices.effect * len(kinds)
         )
     if table.noise.judged:
         best = max(found, key=lambda kinds: found[kinds])
-        reach = table.noise.floor_square + prices.excited**2 + prices.form_unknown * _explained(table, best)
-        found[UNKNOWN] = _log_likelihood(table, reach) - prices.unknown
+        square = table.noise.floor_square + _left_over(table, best, prices, prices.form_unknown)
+        found[UNKNOWN] = -0.5 * n * np.log(square) - prices.unknown
     return found
 
 
@@ -164,11 +158,12 @@ def _no_worse_unseen(row: Row, other: Row) -> bool:
 
 def room_above_floor(table: EvidenceTable, kinds: Kinds, prices: Prices) -> bool:
     """Whether a further effect could pay its price if it reached the noise floor."""
-    now = np.maximum(table.rows[kinds].squares, LEAST_SQUARE) + _allowance(table, len(kinds), prices)
+    n = max(table.noise.n_effective, 2.0)
+    now = table.rows[kinds].mean_square + _allowance(table, kinds, prices)
     floor = table.noise.floor_square if np.isfinite(table.noise.floor_square) else 0.0
-    left = prices.excited**2 + prices.form * (_explained(table, kinds) + _explained_by(table, len(kinds)))
-    gain = _log_likelihood(table, np.maximum(floor + left, 1e-12)) - _log_likelihood(table, now)
-    return bool(gain > prices.effect + 0.5 * np.log(max(table.noise.n_effective, 2.0)))
+    reach = max(floor + _left_over(table, kinds, prices), 1e-12)
+    gain = 0.5 * n * np.log(max(now, 1e-12) / reach)
+    return bool(gain > prices.effect + 0.5 * np.log(n))
 
 
 def sorted_kinds(kinds: Sequence[str]) -> Kinds:
@@ -181,29 +176,17 @@ def at_limit(fit: Fit) -> tuple[str, ...]:
     return tuple(knob.name for knob, there in zip(fit.candidate.knobs, fit.at_limit, strict=True) if there)
 
 
-def _log_likelihood(table: EvidenceTable, squares: Array) -> float:
-    """−½ n_eff Σ_c w_c ln S_c; minus infinity where one is infinite."""
-    return float(
-        -0.5 * max(table.noise.n_effective, 2.0) * np.sum(np.asarray(table.shares) * np.log(squares))
-    )
+def _left_over(table: EvidenceTable, kinds: Kinds, prices: Prices, form: float | None = None) -> float:
+    """What a slightly wrong law and the slightly wrong equations of a hypothesis may leave above the noise."""
+    explained = table.nothing.mean_square - table.rows[kinds].mean_square
+    return prices.excited**2 + (prices.form if form is None else form) * max(explained, 0.0)
 
 
-def _explained(table: EvidenceTable, kinds: Kinds) -> Array:
-    """(c,) mean squares that a hypothesis takes off the model as it is, by condition."""
-    taken = np.asarray(table.nothing.squares) - np.asarray(table.rows[kinds].squares)
-    return np.maximum(np.nan_to_num(taken, neginf=0.0), 0.0)
-
-
-def _explained_by(table: EvidenceTable, size: int) -> Array:
-    """(c,) the same, of the best hypothesis with so many effects; 0 where there is none."""
-    of_size = [kinds for kinds in table.rows if len(kinds) == size]
-    if not size or not of_size:
-        return np.zeros(len(table.shares))
-    return _explained(table, min(of_size, key=lambda kinds: table.rows[kinds].mean_square))
-
-
-def _allowance(table: EvidenceTable, size: int, prices: Prices) -> Array:
-    """(c,) what a law and equations that are slightly off may leave: no merit of any effect."""
-    if not size:
-        return np.zeros(len(table.shares))
-    return prices.excited**2 + prices.form * (_explained_by(table, size) + _explained_by(table, size - 1))
+def _allowance(table: EvidenceTable, kinds: Kinds, prices: Prices) -> float:
+    """What the best of all hypotheses with one effect less may leave: no merit of any further effect."""
+    if not kinds:
+        return 0.0
+    smaller = [key for key in table.rows if len(key) == len(kinds) - 1]
+    if not smaller:
+        return prices.excited**2
+    return _left_over(table, min(smaller, key=lambda key: table.rows[key].mean_square), prices)
