@@ -2,11 +2,11 @@
 
 | protocol | runs | samples | minutes of motion | what it can tell |
 |---|---|---|---|---|
-| `rich` | 28 | 3746 | 22 | two specimens, each all of the runs below |
-| `rich_noload` | 24 | 3194 | 18 | the same without the load steps |
+| `rich` | 30 | 3974 | 24 | two specimens, each all of the runs below |
+| `rich_noload` | 26 | 3422 | 20 | the same without the load steps |
 | `rates` | 9 | 1118 | 7 | one specimen, three rates, no load |
 | `poor` | 5 | 750 | 5 | one specimen, one rate |
-| `example` | 14 | 2354 | 16 | two specimens: virgin, slow, fast, holds, load, load steps, repeat |
+| `example` | 16 | 2354 | 16 | two specimens: virgin, slow, fast, holds, load, load steps, repeat |
 
 `rich` has, of each specimen: virgin, slow, fast, holds, ± load, horizontal, sideways, hot, load steps without pressure
 and with it, closed valve, steps at 50 Hz, second sensor, and a repeat. Chains leave out the steps at 50 Hz:
@@ -112,11 +112,11 @@ def _closed_valve(specimen: str) -> Run:
 
 
 def _step_response(specimen: str) -> Run:
-    """A step of pressure, three of load, and back, along half a cosine of 0.5 s, sampled densely at first.
+    """A step of pressure, three of load, and back, along half a cosine of 0.4 s, sampled densely at first.
 
     A bare joint's own 8 Hz hardly ring. A supply is late in the steps of pressure only, a sensor in all.
     """
-    hold_s, rise_s, dense_s = 4.0, 0.5, 0.8
+    hold_s, rise_s, dense_s = 4.0, 0.4, 0.8
     local = np.concatenate(
         [np.arange(DENSE_S, dense_s, DENSE_S), np.arange(dense_s, hold_s + 1e-9, SAMPLE_S)]
     )

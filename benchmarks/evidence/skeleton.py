@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from benchmarks.evidence.robots import B_E, Array, Robot
 
-# About a tenth of the critical damping of a joint with the largest bars.
-BARS_DRAG_1_S = 2.6
+# About a twentieth of the critical damping of a joint with the largest bars.
+BARS_DRAG_1_S = 1.3
 GRAVITY = np.array([0.0, 0.0, -9.81])
 
 
