@@ -215,7 +215,7 @@ class Quasistatic(PhysicsBackend):
 
         if is_compiled() if followed else is_cached("equilibrium", "settle"):
             return None
-        return "compiling the simulation, about half a minute; this happens once after an installation."
+        return "compiling the simulation, about twenty seconds; this happens once after an installation."
 
     def follow(
         self, chain: ChainModel, histories: Sequence[History], towards: Sequence[Variation] = ()

@@ -72,7 +72,6 @@ class HingeFollower:
         clock: Clock,
         towards: Sequence[ChainModel],
         changes: Sequence[Drive],
-        near: Array | None = None,
     ) -> tuple[Array, Array, Any]:
         body, terms = Body.of(chain), Terms.of(chain.terms, chain.n_joints, self.compiled)
         tables = [self._table(law, drive.pressure) for law in chain.laws]
@@ -121,7 +120,6 @@ class HingeFollower:
                 stack([d.payload for d in changes], n),
                 stack([d.temperature for d in changes], n),
             ),
-            np.zeros((0, chain.n_joints)) if near is None else near,
             (self.config.tolerance, self.config.max_iterations, self.config.max_turn),
         )
         return result

@@ -25,7 +25,7 @@ from numba.extending import intrinsic
 from numba.np.arrayobj import make_array, populate_array
 
 from pliant_plugins.physics.compiled.freshness import discard_stale
-from pliant_plugins.physics.quasistatic.dense import is_positive, solve, substitute
+from pliant_plugins.physics.quasistatic.dense import copy, copy_rows, is_positive, solve, substitute
 from pliant_plugins.physics.quasistatic.joint_effort import combine, effort, net_input, slope
 from pliant_plugins.physics.quasistatic.loads import pose, weigh
 
@@ -104,11 +104,11 @@ def _step(stiffness, residual, step, work, max_turn):  # type: ignore[no-untyped
         stiff = stiffness[0, 0]
         step[0] = residual[0] / (stiff if stiff > 1e-12 else abs(stiff) + 1e-9)
     else:
-        step[:] = residual
+        copy(residual, step)
         if is_positive(stiffness, 0.0, work):
             substitute(work, step)
         else:
-            work[:] = stiffness
+            copy_rows(stiffness, work)
             solve(work, step)
     longest = 0.0
     for i in range(n):
@@ -132,13 +132,13 @@ def _equilibrium(chain, now, q, memory, frame, square, lines, options, guessed):
         if least == 0:
             break
         least = 0
-        q[:] = before
-    q[:] = before
+        copy(before, q)
+    copy(before, q)
     if _relax(chain, now, q, memory, frame, square, lines, options):
         return True
-    q[:] = before
+    copy(before, q)
     _balance(chain, now, q, memory, frame)
-    new[:] = old
+    copy(old, new)
     return False
 
 
@@ -204,7 +204,7 @@ def _newton(chain, now, q, memory, frame, square, lines, options, least):  # typ
             if reached < size or reached <= tolerance:
                 break
             scale *= 0.5
-        q[:] = trial
+        copy(trial, q)
         size = reached
     return size <= tolerance
 
@@ -224,7 +224,7 @@ def _differentiate(chain, then, now, q, memory, past, frame, square, lines, spar
     load, right = lines
     moved, scratch, turned = spare
     laws, masses, dt = chain[1], chain[2][6], now[6]
-    load[:] = plain_load
+    copy(plain_load, load)
     if hung != now[4] or not _same(f, now[2]) or not _same(gravity, chain[3]):
         weigh(axes, origins, points, masses, hung, gravity, f, load, turned)
     for i in range(len(q)):
@@ -235,7 +235,7 @@ def _differentiate(chain, then, now, q, memory, past, frame, square, lines, spar
     if positive:
         substitute(work, right)
     else:
-        work[:] = stiffness
+        copy_rows(stiffness, work)
         solve(work, right)
     net = net_input(model, p)
     for i in range(len(q)):
@@ -292,7 +292,7 @@ def _distance(a, b):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def _walk(model, keeps, laws, body, gravity, drive, clock, others, near, options, space):  # type: ignore[no-untyped-def]
+def _walk(model, keeps, laws, body, gravity, drive, clock, others, options, space):  # type: ignore[no-untyped-def]
     """The loop of `follow`, over arrays that its caller owns."""
     addresses, terms, numbers, cells, grid, size, signs, split = model
     addresses, terms, numbers, cells = _lent(addresses), _lent(terms), _lent(numbers), _lent(cells)
@@ -300,7 +300,7 @@ def _walk(model, keeps, laws, body, gravity, drive, clock, others, near, options
     model = (addresses, terms, numbers, cells, grid, size, signs, split)
     duration, start, specimen, _, substeps = clock
     duration, start, specimen, substeps = _lent(duration), _lent(start), _lent(specimen), _lent(substeps)
-    keeps, laws, gravity, near = _lent(keeps), _lent(laws), _lent(gravity), _lent(near)
+    keeps, laws, gravity = _lent(keeps), _lent(laws), _lent(gravity)
     position, bases, offsets, rests, straight, arms, masses = body
     bases = _lent(bases)
     body = (_lent(position), bases, _lent(offsets), _lent(rests), _lent(straight), _lent(arms), _lent(masses))
@@ -332,7 +332,8 @@ def _walk(model, keeps, laws, body, gravity, drive, clock, others, near, options
         begins, owner = start[sample], specimen[sample]
         if begins:
             q[:], before[:], earlier[:], before_v[:] = 0.0, 0.0, 0.0, 0.0
-            old[:], old_v[:] = kept[owner], kept_v[owner]
+            copy(kept[owner], old)
+            copy_rows(kept_v[owner], old_v)
             trusted = False
             for i in range(n):
                 for s in range(states):
@@ -346,11 +347,9 @@ def _walk(model, keeps, laws, body, gravity, drive, clock, others, near, options
             now = (bases[sample], p, f, opposed, hung, t, dt)
             stretch = dt / last_dt if last_dt > 0.0 and np.isfinite(last_dt) and np.isfinite(dt) else 1.0
             _extrapolate(q, before, earlier, stretch, guess)
-            if part == parts and len(near):
-                guess[:], trusted = near[sample], True
             guessed = trusted and _distance(guess, before) > 0.0
             if guessed:
-                q[:] = guess
+                copy(guess, q)
             if not _equilibrium(chain, now, q, memory, frame, square, lines, options, guessed):
                 converged[sample] = False
             trusted = _distance(q, guess) < _distance(q, before)
@@ -364,16 +363,18 @@ def _walk(model, keeps, laws, body, gravity, drive, clock, others, near, options
                     then = (other, gravity_v[k], p_v, f_v, opposed_v, hung_v, t_v)
                     past = (before_v[k], old_v[k])
                     _differentiate(chain, then, now, q, memory, past, frame, square, lines, spare, positive)
-            earlier[:] = before
-            before[:], old[:] = q, new
+            copy(before, earlier)
+            copy(q, before)
+            copy(new, old)
             last_dt = dt
-        q_all[sample] = q
-        dq_all[:, sample] = before_v
-        kept[owner], kept_v[owner] = old, old_v
+        copy(q, q_all[sample])
+        copy_rows(before_v, dq_all[:, sample])
+        copy(old, kept[owner])
+        copy_rows(old_v, kept_v[owner])
 
 
 @njit(cache=True, error_model="numpy")
-def follow(model, keeps, laws, body, gravity, drive, clock, others, near, options):  # type: ignore[no-untyped-def]
+def follow(model, keeps, laws, body, gravity, drive, clock, others, options):  # type: ignore[no-untyped-def]
     """A chain of n hinges through N samples of all runs, one after another.
 
     Newton's method begins on the straight line through the last two steps where that was nearer last time, else where
@@ -390,7 +391,6 @@ def follow(model, keeps, laws, body, gravity, drive, clock, others, near, option
         drive: pressure (N, m), force (N, 3), moment (N,), payload (N,), temperature (N,).
         clock: duration (N,), start (N,), specimen (N,), number of specimens, substeps (N,).
         others: numbers, gravity and the five arrays of `drive` of K variations, stacked.
-        near: (N, n) path of a chain that is nearly the same, where Newton's method begins; (0, n) without.
         options: tolerance, iterations, longest turn of a joint in one of them.
 
     Returns:
@@ -413,7 +413,7 @@ def follow(model, keeps, laws, body, gravity, drive, clock, others, near, option
     spare = (np.zeros(states), np.zeros(states), np.zeros((n, 3)))
     inputs = (np.zeros(m), np.zeros(m), np.zeros(3), np.zeros(3))
     space = (results, angles, memories, changes, places, scratch, square, rows, spare, inputs)
-    _walk(model, keeps, laws, body, gravity, drive, clock, others, near, options, space)
+    _walk(model, keeps, laws, body, gravity, drive, clock, others, options, space)
     return results
 
 

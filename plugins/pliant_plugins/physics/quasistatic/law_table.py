@@ -51,5 +51,6 @@ def tabulate(law: JointLaw, actuation: tuple[float, float]) -> LawTable:
                 columns = slice(side, len(u) - 1 + side)
                 corners[:, :, 2 * row + end, side] = by_value[rows, columns]
                 corners[:, :, 2 * row + end, 2 + side] = by_u[rows, columns]
-    cells = np.einsum("ab,ijbc,dc->ijad", HERMITE, corners, HERMITE)
-    return LawTable(np.ascontiguousarray(cells), np.array([p[0], dp, u[0], du]))
+    # HERMITE @ corners @ HERMITE.T of every cell, as one product of two matrices: much faster.
+    cells = corners.reshape(-1, 16) @ np.kron(HERMITE, HERMITE).T
+    return LawTable(cells.reshape(corners.shape), np.array([p[0], dp, u[0], du]))
