@@ -1,28 +1,41 @@
 """Weights that differ from the model's.
 
-    g' = f g
+    g' = f g,      c_i' = c_i + a L n
 
-for the pieces of the chain and its payload: masses are known worse than gravity (fittings, hoses, a density
-from a data sheet), and in statics a mass and gravity enter only as their product, the weight.
+for the pieces of the chain and its payload: masses are known worse than gravity (fittings, hoses, a density from a
+data sheet), and in statics a mass and gravity enter only as their product, the weight. What was forgotten seldom lies
+on the axis: the centres of mass c_i of all pieces move by the share a of the chain's length L along n, across the
+chain in the plane in which it bends.
 """
 
 from __future__ import annotations
 
 from typing import ClassVar, Literal
 
+import numpy as np
 from pydantic import Field
 
 from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, EffectParameter, Model, Place
 from pliant.units import Ratio
+from pliant_plugins.effects.scale import main_axis
 
 BOUNDS = (0.0, 10.0)
+ASIDE = (-0.5, 0.5)
+# Across the chain, in the plane of bending about the main axis, in a piece's frame.
+ACROSS = {"x": 1, "y": 2, "z": 1}
 
 
 class GravityScaleConfig(EffectConfig):
-    """f, true weight / model's."""
+    """f, true weight / model's, and a."""
 
     kind: Literal["gravity_scale"] = "gravity_scale"
     factor: Ratio = Field(default=1.0, ge=BOUNDS[0], le=BOUNDS[1], description="true weight / model's")
+    aside: Ratio = Field(
+        default=0.0,
+        ge=ASIDE[0],
+        le=ASIDE[1],
+        description="centres of mass beside the axis / length of the chain",
+    )
 
 
 class GravityScale(Effect):
@@ -31,11 +44,13 @@ class GravityScale(Effect):
     place: ClassVar[Place] = "chain"
     parameters: ClassVar[tuple[EffectParameter, ...]] = (
         EffectParameter("factor", "1", neutral=1.0, bounds=BOUNDS, plausible=(0.8, 1.3)),
+        EffectParameter("aside", "1", neutral=0.0, bounds=ASIDE, plausible=(-0.03, 0.03)),
     )
     notes: ClassVar[EffectNotes] = EffectNotes(
         signature=(
             "the error changes with the orientation of the base, is largest with the chain held level, "
-            "grows toward the base, and is gone where the chain lies on a table."
+            "grows toward the base, and is gone where the chain lies on a table; weights beside the axis "
+            "show where it hangs straight down, too."
         ),
         look_alike="stiffness",
         told_apart=(
@@ -48,6 +63,10 @@ class GravityScale(Effect):
     config: GravityScaleConfig
 
     def apply(self, model: Model) -> Model:
-        """The model with its chain's gravity scaled."""
-        gravity = self.config.factor * model.chain.gravity_m_s2
-        return model.with_(chain=model.chain.with_(gravity_m_s2=gravity))
+        """The model with its chain's gravity scaled and its centres of mass moved."""
+        chain = model.chain.with_(gravity_m_s2=self.config.factor * model.chain.gravity_m_s2)
+        if self.config.aside:
+            move = np.zeros(3)
+            move[ACROSS[chain.axes[main_axis(chain)]]] = self.config.aside * chain.length_m
+            chain = chain.with_(bodies=tuple(body.shifted(move) for body in chain.bodies))
+        return model.with_(chain=chain)
