@@ -8,6 +8,7 @@ from tests.diagnosis.quick import (
     REGISTRY,
     SIGMA,
     blank,
+    effect,
     fitter_of,
     joint,
     measured,
@@ -17,10 +18,13 @@ from tests.diagnosis.quick import (
 )
 
 from pliant.diagnosis.candidates import Candidate
-from pliant.diagnosis.classes import classes_of, connected, split_classes
+from pliant.diagnosis.classes import EffectClass, classes_of, connected, split_classes
 from pliant.diagnosis.design import design_runs, unread
+from pliant.diagnosis.diagnosis import diagnose
+from pliant.diagnosis.diagnosis_json import diagnosis_json
 from pliant.diagnosis.excitation import LookAlike, excitations
 from pliant.diagnosis.next_run import view_of
+from pliant.diagnosis.words import why
 from pliant.experiments.menu import named_run
 from pliant.experiments.runs import menu
 from pliant.experiments.scale import BenchScale
@@ -53,6 +57,24 @@ def test_a_stiffness_and_a_gain_are_one_until_a_load_parts_them() -> None:
     assert len(split.parts) > 1 and split.minutes > 0.0 and split.words
     _, loaded = shown([*NARROW, pushes("p", 0.0), pushes("q", 6e3)])
     assert not any({"stiffness", "actuation_gain"} <= set(part) for part in classes_of(loaded, N))
+
+
+def test_only_classes_with_an_explanation_that_is_left_look_into_the_menu() -> None:
+    predictor, found = shown(NARROW)
+    view = view_of(predictor, {"angle_rad": SIGMA}, N)
+    (split,) = split_classes(REGISTRY, view, found, N, left=[("viscous_damping",), ()])
+    assert split == EffectClass(classes_of(found, N)[0], parts=classes_of(found, N))
+
+
+def test_a_diagnosis_says_which_run_splits_its_class() -> None:
+    found = diagnose(predictor_of(FLAT, measured(FLAT, NARROW, effect("stiffness"), seed=3)), kinds=KINDS)
+    assert found.verdict == "ambiguous"
+    (one,) = (one for one in found.classes if "stiffness" in one.kinds)
+    (written,) = (entry for entry in diagnosis_json(found)["classes"] if "stiffness" in entry["kinds"])
+    assert written["run"] == one.run and written["words"] and written["minutes"] > 0.0
+    assert sorted(kind for part in written["parts"] for kind in part) == written["kinds"]
+    (sentence,) = (line for line in why(found, REGISTRY) if "cannot tell" in line)
+    assert "stiffness" in sentence and f"'{one.run}'" in sentence
 
 
 def test_a_class_does_not_depend_on_what_was_read() -> None:

@@ -47,6 +47,7 @@ class Rise(Effect):
 
     place = "law"
     parameters = (EffectParameter("rise", "rad^-2", 0.0, (0.0, 50.0), (0.5, 5.0)),)
+    exciting = ("slow_cycles", "passive_load_steps")
     config: RiseConfig
 
     def apply(self, model: Model) -> Model:
@@ -233,7 +234,7 @@ def test_the_config_may_be_named_by_init_or_be_the_only_one(folder: Path) -> Non
 @pytest.mark.parametrize(
     ("old", "new", "says"),
     [
-        ("def factor(", "def factor((", r"rise.py, line 29: this is not Python"),
+        ("def factor(", "def factor((", r"rise.py, line 30: this is not Python"),
         ("import LawTerm", "import LawTrem", r"rise.py, line 8: the file fails when it is loaded .*LawTrem"),
         ("    parameters = (Eff", "    parameters = 1 / 0, (Eff", r"rise.py, line 22: .*ZeroDivisionError"),
         ("class Rise(Effect)", "class Rise", "rise.py: it holds no effect; define a subclass of"),
@@ -263,8 +264,8 @@ def test_mistakes_in_the_file_are_told_with_their_line(folder: Path, old: str, n
 @pytest.mark.parametrize(
     ("old", "new", "says"),
     [
-        ("angle * angle", "new[0]", "rise.py, line 30: 'factor' fails (IndexError: "),
-        ("LawTerm(", "LawTrem(", "rise.py, line 26: 'apply' fails (NameError: name 'LawTrem'"),
+        ("angle * angle", "new[0]", "rise.py, line 31: 'factor' fails (IndexError: "),
+        ("LawTerm(", "LawTrem(", "rise.py, line 27: 'apply' fails (NameError: name 'LawTrem'"),
     ],
 )
 def test_what_fails_while_it_runs_is_told_with_its_line(folder: Path, old: str, new: str, says: str) -> None:
@@ -298,7 +299,7 @@ def test_a_term_that_cannot_be_compiled_is_told_by_the_check(folder: Path) -> No
     write(folder, EFFECT.replace("angle * angle", "float(str(angle)) ** 2"))
     checked = call("check", "effect", "rise", "--file", "rise.py")
     assert checked.exit_code == 3
-    assert "rise.py, line 29: the law term 'factor' cannot be compiled" in " ".join(checked.output.split())
+    assert "rise.py, line 30: the law term 'factor' cannot be compiled" in " ".join(checked.output.split())
 
 
 @pytest.mark.parametrize(

@@ -29,8 +29,9 @@ class EffectClass:
 
     Attributes:
         kinds: sorted by name, two or more.
-        run, words, minutes: the run that splits it best, by name and as an order; empty where none does.
-        parts: what it would be split into.
+        run, words, minutes: the run that splits it best, by name and as an order; empty where none does or none was
+            asked for.
+        parts: what it would be split into; the class itself without such a run.
     """
 
     kinds: Kinds
@@ -113,11 +114,12 @@ class Overlaps:
         """
         whole = self.measured + sum((self.of_run[k] for k in chosen), np.zeros_like(self.measured))
         n = self.readings[0] + sum(self.readings[1][k] for k in chosen)
+        apart = self._apart(whole, n, kinds)
         alike = [
             LookAlike(a, b, 0.0)
-            for a in kinds
-            for b in kinds
-            if a != b and self._apart(whole, n, a, b) < SEPARABLE
+            for i, a in enumerate(kinds)
+            for j, b in enumerate(kinds)
+            if i != j and apart[i, j] < SEPARABLE
         ]
         joined = connected(kinds, alike)
         alone = [(kind,) for kind in sorted(kinds) if not any(kind in part for part in joined)]
@@ -128,22 +130,24 @@ class Overlaps:
         change = self.columns[kind][0]
         return float(np.sqrt(self.of_run[run][change, change] / max(self.readings[1][run], 1e-12)))
 
-    def _apart(self, whole: Array, n: float, a: str, b: str) -> float:
-        """n · SNR² · unexplained share: squares of a's change, at a typical strength, that b cannot imitate."""
-        change = self.columns[a][0]
-        square = float(whole[change, change])
-        snr = np.sqrt(square / max(n, 1e-12))
-        if snr <= 0.0:
-            return 0.0
-        basis = [k for k in self.columns[b] if whole[k, k] > 0.0]
-        left = square
-        if basis:
+    def _apart(self, whole: Array, n: float, kinds: Sequence[str]) -> Array:
+        """(k, k) n · SNR² · unexplained share: squares of a's change, at a typical strength, that b cannot imitate."""
+        changes = [self.columns[kind][0] for kind in kinds]
+        squares = np.diag(whole)[changes]
+        left = np.repeat(squares[:, None], len(kinds), axis=1)
+        for j, kind in enumerate(kinds):
+            basis = [k for k in self.columns[kind] if whole[k, k] > 0.0]
+            if not basis:
+                continue
             size = np.sqrt(np.diag(whole)[basis])
             values, vectors = np.linalg.eigh(whole[np.ix_(basis, basis)] / np.outer(size, size))
-            along = vectors.T @ (whole[change, basis] / size)
+            along = vectors.T @ (whole[np.ix_(basis, changes)] / size[:, None])
             felt = values > FLAT * values.max()
-            left = max(square - float(np.sum(along[felt] ** 2 / values[felt])), 0.0)
-        return left * float(min(snr, TYPICAL_SNR) / snr) ** 2
+            left[:, j] -= np.sum(along[felt] ** 2 / values[felt, None], axis=0)
+        snr = np.sqrt(squares / max(n, 1e-12))
+        typical = np.minimum(snr, TYPICAL_SNR) / np.where(snr > 0.0, snr, 1.0)
+        apart: Array = np.maximum(left, 0.0) * typical[:, None] ** 2
+        return apart
 
 
 def split_classes(
@@ -151,7 +155,7 @@ def split_classes(
     view: MenuView,
     found: Mapping[str, Excitation],
     n_effective: float,
-    classes: Sequence[Kinds] | None = None,
+    left: Sequence[Kinds] | None = None,
 ) -> tuple[EffectClass, ...]:
     """Each class with the run of the menu that splits it into the most parts; the shortest of equals.
 
@@ -159,15 +163,20 @@ def split_classes(
         registry: the installed effects.
         view: the model in the menu.
         found, n_effective: as for `classes_of`.
-        classes: those of `classes_of` by default.
+        left: explanations that are left; a class that has no effect of them is stated without a run, for the menu
+            takes time. All classes get theirs by default.
     """
-    classes = classes_of(found, n_effective) if classes is None else classes
-    kinds = sorted({kind for one in classes for kind in one})
+    classes = classes_of(found, n_effective)
+    open_kinds = {kind for explanation in left for kind in explanation} if left is not None else set(found)
+    asked = [one for one in classes if open_kinds & set(one)]
+    kinds = sorted({kind for one in asked for kind in one})
     if not kinds:
-        return ()
+        return tuple(EffectClass(one, parts=(one,)) for one in classes)
     changes = menu_changes(registry, view, {kind: found[kind] for kind in kinds})
     overlaps = Overlaps.of(view, changes, found, n_effective)
-    return tuple(_split(one, view, overlaps) for one in classes)
+    return tuple(
+        _split(one, view, overlaps) if one in asked else EffectClass(one, parts=(one,)) for one in classes
+    )
 
 
 def menu_changes(registry: Registry, view: MenuView, found: Mapping[str, Excitation]) -> dict[str, Look]:

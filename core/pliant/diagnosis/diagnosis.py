@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pliant.diagnosis.candidates import Candidate
-from pliant.diagnosis.classes import classes_of
+from pliant.diagnosis.classes import EffectClass, split_classes
 from pliant.diagnosis.excitation import (
     Detectable,
     Excitation,
@@ -55,7 +55,8 @@ class Diagnosis:
         noise: as the residuals of the best hypothesis show it.
         not_excited: kinds that these runs could not show, each with the run that would.
         indistinguishable: pairs that these runs cannot separate.
-        classes: excited effects that none of these runs tells apart, by inputs and model alone.
+        classes: excited effects that none of these runs tells apart, by inputs and model alone, those that hold
+            an explanation that is left with the run that would split them.
         detectable: smallest strengths that would be found.
         depends_on: what the unexplained residual depends on, the most important first.
         next_run: what to do next, where something is open.
@@ -73,7 +74,7 @@ class Diagnosis:
     noise: NoiseView
     not_excited: Mapping[str, str]
     indistinguishable: tuple[LookAlike, ...]
-    classes: tuple[Kinds, ...]
+    classes: tuple[EffectClass, ...]
     detectable: tuple[Detectable, ...]
     depends_on: Mapping[str, float]
     circumstances: Mapping[str, str]
@@ -145,6 +146,7 @@ def diagnose(
     view = view_of(predictor, scales, n, runs)
     belief = Belief.of(search.fits, judgement.probability, readings, table.noise, prices)
     ahead, undecided = what_next(view, belief, judgement.verdict, measurement)
+    excited = {kind: one for kind, one in shown.items() if kind not in silent}
     return Diagnosis(
         judgement=judgement,
         table=table,
@@ -153,7 +155,7 @@ def diagnose(
         noise=table.noise,
         not_excited=_ways_to_excite(view, registry, shown, silent),
         indistinguishable=look_alikes(shown, search.fits, n),
-        classes=classes_of({kind: one for kind, one in shown.items() if kind not in silent}, n),
+        classes=split_classes(registry, view, excited, n, judgement.credible),
         detectable=detectable(shown, n, prices),
         depends_on=importance(residuals, found, dict(scales)),
         circumstances={item.name: item.shown.label for item in found.items},

@@ -31,7 +31,16 @@ def diagnosis_json(found: Diagnosis) -> dict[str, Any]:
             {"a": pair.a, "b": pair.b, "unexplained_share": pair.unexplained_share}
             for pair in found.indistinguishable
         ],
-        "classes": [{"kinds": list(kinds)} for kinds in found.classes],
+        "classes": [
+            {
+                "kinds": list(one.kinds),
+                "run": one.run,
+                "words": one.words,
+                "minutes": one.minutes,
+                "parts": [list(part) for part in one.parts],
+            }
+            for one in found.classes
+        ],
         "covariates": [
             {"name": name, "importance": value} for name, value in found.depends_on.items() if value > 0.0
         ],

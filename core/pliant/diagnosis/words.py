@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
+from pliant.diagnosis.classes import EffectClass
 from pliant.diagnosis.diagnosis import Diagnosis
 from pliant.diagnosis.table import NOTHING, UNKNOWN, Kinds
-from pliant.evidence.words import percent
+from pliant.evidence.words import listed, percent
 from pliant.measurements.plausible import TO_CHECK
 from pliant.registry.discovery import Registry
 
@@ -54,9 +57,29 @@ def why(found: Diagnosis, registry: Registry) -> list[str]:
         if notes.signature:
             lines.append(f"{kind}: {notes.signature}")
         lines += _confused(found, kind)
+    first = [kind for kinds in (found.selected, *found.judgement.credible) for kind in kinds]
+    lines += [class_words(one, first) for one in classes_at_issue(found)]
     if found.verdict in ("unknown_effect", "nothing_missing", "insufficient_data"):
         lines += _dependence(found)
     return lines
+
+
+def classes_at_issue(found: Diagnosis) -> list[EffectClass]:
+    """Classes with an effect that is selected, or in an explanation that is left."""
+    left = {kind for kinds in (found.selected, *found.judgement.credible) for kind in kinds}
+    return [one for one in found.classes if left & set(one.kinds)]
+
+
+def class_words(one: EffectClass, first: Sequence[str] = ()) -> str:
+    """Which effects look the same, those of `first` named first, and the run that parts them."""
+    kinds = sorted(one.kinds, key=lambda kind: (kind not in first, kind))
+    more = len(kinds) - MOST_NAMED
+    names = kinds if more <= 1 else [*kinds[:MOST_NAMED], f"{more} more"]
+    alike = f"At twice the noise these runs cannot tell {listed(names)} apart"
+    if not one.run:
+        return f"{alike}, and no run of the menu would."
+    would = "would" if len(one.parts) == len(kinds) else f"would split them into {len(one.parts)} groups"
+    return f"{alike}; the run '{one.run}' {would} ({one.words}, {one.minutes:g} min)."
 
 
 def _confused(found: Diagnosis, kind: str) -> list[str]:

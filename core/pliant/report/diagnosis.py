@@ -16,6 +16,7 @@ from pliant.registry.discovery import Registry
 from pliant.report.diagnosis_reading import Diagnosed
 from pliant.report.diagnosis_tables import (
     Notes,
+    classes_table,
     dependence_table,
     detectable_table,
     hypotheses_table,
@@ -187,7 +188,12 @@ def _repeating(slip: float) -> str:
 
 
 def _limits(found: Diagnosis, notes: Notes) -> Section:
-    made = (not_excited_table(found), look_alikes_table(found, notes), detectable_table(found))
+    made = (
+        not_excited_table(found),
+        classes_table(found),
+        look_alikes_table(found, notes),
+        detectable_table(found),
+    )
     asked, silent = len(found.excitations), len(found.not_excited)
     text = [f"These runs excite {asked - silent} of the {asked} effects that were asked."]
     if not found.indistinguishable:

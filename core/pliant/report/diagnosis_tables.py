@@ -83,6 +83,23 @@ def look_alikes_table(found: Diagnosis, notes: Notes) -> Table | None:
     )
 
 
+def classes_table(found: Diagnosis) -> Table | None:
+    """Effects that these runs leave together, and the run that parts them."""
+    rows = []
+    for one in found.classes:
+        parts = "; ".join(", ".join(part) for part in one.parts) if one.run else ""
+        run = f"{one.run} ({one.minutes:g} min): {one.words}" if one.run else "–"
+        rows.append([", ".join(one.kinds), run, parts])
+    if not rows:
+        return None
+    note = (
+        "From the inputs, the noise and the model alone, at a strength of 2 noise floors: the readings have no part in "
+        "it. A run is sought where an effect of the class is among the explanations that are left."
+    )
+    head = ["cannot be told apart", "run that would split them", "into"]
+    return Table("Classes under these runs", head, rows, note, 3)
+
+
 def detectable_table(found: Diagnosis) -> Table | None:
     """How strong each effect would have to be to be found."""
     silent = set(found.not_excited)

@@ -1,6 +1,6 @@
 """Checks of an `Effect`: it vanishes where it says so, acts where it says so, and leaves the model alone.
 
-Law terms in `effect_terms`.
+Law terms in `effect_terms`; that a diagnosis finds it in `effect_found`.
 """
 
 from __future__ import annotations
@@ -33,6 +33,7 @@ from pliant.testing.effect_bench import (
     sample_model,
     strong,
 )
+from pliant.testing.effect_found import suite as found_again
 from pliant.testing.effect_terms import suite as terms
 from pliant.testing.samples import PRESSURE_PA
 from pliant.testing.stand_ins import StandIn, StandInConfig
@@ -40,7 +41,7 @@ from pliant.testing.suite import Subject, Suite, require, require_close
 from pliant.units import UnitError, parse_quantity
 
 suite = Suite("effect")
-suite.checks.extend(terms.checks)
+suite.checks.extend((*terms.checks, *found_again.checks))
 PLACES = get_args(Place)
 PRIORS = ("normal", "log_normal")
 

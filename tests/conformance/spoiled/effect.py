@@ -53,6 +53,7 @@ class Gain(Effect):
 
     place: ClassVar[Place] = "law"
     parameters: ClassVar[tuple[EffectParameter, ...]] = (PARAMETER,)
+    exciting: ClassVar[tuple[str, ...]] = ("slow_cycles", "passive_load_steps")
     config: GainConfig
     law: ClassVar[type[GainedLaw]] = GainedLaw
 

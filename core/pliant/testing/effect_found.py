@@ -1,0 +1,182 @@
+"""The check that an effect is found again: hidden in readings of its exciting runs, the diagnosis names it.
+
+The bench is a chain of three modules and two specimens of it, with coloured noise on every sensor. Beside the effect
+stand its look-alike and a few general kinds that are installed.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from pliant.diagnosis.diagnosis import Diagnosis, diagnose
+from pliant.diagnosis.words import headline, named
+from pliant.errors import closest
+from pliant.evidence.prediction import POSITION, Predictor
+from pliant.evidence.words import listed
+from pliant.experiments.menu import MenuRun
+from pliant.experiments.runs import BUILDERS, menu
+from pliant.experiments.scale import BenchScale
+from pliant.interfaces.effect import EffectConfig, EffectParameter
+from pliant.pipeline.workbench import Workbench
+from pliant.records.chain import ChainModel
+from pliant.records.design import Array
+from pliant.records.measurement import MeasuredRun, Measurement
+from pliant.registry.discovery import Registry, discover
+from pliant.store.store import ArtifactStore
+from pliant.testing.effect_bench import follower, parameters, sample_model
+from pliant.testing.samples import PRESSURE_PA
+from pliant.testing.suite import CheckSkipped, Subject, Suite, require
+
+suite = Suite("effect")
+PLAIN_RUNS = ("slow_cycles", "fast_cycles", "passive_load_steps")
+GENERAL = ("stiffness", "actuation_gain", "viscoelastic", "friction_hysteresis", "sensor_bias")
+SPECIMENS = ("A", "B")
+PAYLOAD_KG = 0.01
+# Noise of an angle in rad and of a position as a share of the chain's length; correlation of neighbouring samples.
+ANGLE_RAD, POSITION_SHARE, CORRELATION = 2e-3, 2e-3, 0.6
+SEED = 3
+
+
+@suite.check(
+    "hidden in its `exciting` runs and a few plain ones, it is named, or a class of look-alikes that holds it."
+)
+def is_found_when_injected(subject: Subject) -> None:
+    kind, runs = subject.component.kind, exciting_runs(subject)
+    measurement = injected(subject, runs)
+    predictor = _predictor(subject, measurement)
+    found = diagnose(predictor, kinds=candidates(subject), runs=runs[:1])
+    if found.verdict == "missing_effect" and found.selected == (kind,):
+        return
+    require(found.verdict == "ambiguous" and _within_its_class(found, kind), _told(subject, found))
+    twin = type(subject.build()).notes.look_alike
+    require(
+        (twin,) not in found.judgement.credible,
+        f"its exciting runs cannot tell it from {twin}, its look-alike: name runs that do, or drop it for {twin}",
+    )
+
+
+def exciting_runs(subject: Subject) -> tuple[MenuRun, ...]:
+    """The effect's `exciting` runs and the plain ones, at the scale of the sample chain; new specimens first."""
+    names = type(subject.build()).exciting
+    known = list(BUILDERS)
+    require(
+        names,
+        "it says by no run how to show it: declare exciting = (…), names of runs of the menu that show the effect and "
+        f"tell it from its look-alike ({', '.join(known)})",
+    )
+    for name in names:
+        require(name in known, f"exciting names '{name}', which is no run of the menu{closest(name, known)}")
+    possible = {run.name: run for run in menu(BenchScale.of_chain(_chain(subject), PRESSURE_PA))}
+    require(
+        any(name in possible for name in names),
+        f"none of its exciting runs ({', '.join(names)}) can be done on a chain driven by its input",
+    )
+    chosen = [possible[name] for name in dict.fromkeys((*names, *PLAIN_RUNS)) if name in possible]
+    return tuple(sorted(chosen, key=lambda run: not run.new_specimen))
+
+
+def injected(subject: Subject, runs: Sequence[MenuRun]) -> Measurement:
+    """Readings of two specimens that have the effect at its typical strength."""
+    outputs = tuple(dict.fromkeys(("angle_rad", *(name for run in runs for name in run.adds))))
+    blank = []
+    for specimen in SPECIMENS:
+        for run in runs:
+            history = run.history.with_(run=f"{run.name} {specimen}", specimen=specimen)
+            read = ("angle_rad", *run.adds)
+            values = {name: np.full(len(history), 0.0 if name in read else np.nan) for name in outputs}
+            weights, rows = np.ones(len(history)), np.arange(len(history)) + 2.0
+            blank.append(MeasuredRun(history, values, {}, weights, rows))
+    unread = Measurement(tuple(blank), outputs, source="sample bench")
+    truth = _predictor(subject, unread)
+    effect = subject.configured(typical(parameters(subject)))
+    assert isinstance(effect, EffectConfig)
+    readings = truth.predict((effect,))
+    rng = np.random.default_rng(SEED)
+    length_m = truth.chain.length_m
+    filled = [
+        run.with_outputs({name: run.outputs[name] + _noisy(rng, name, seen[name], length_m) for name in seen})
+        for run, seen in zip(blank, readings, strict=True)
+    ]
+    return replace(unread, runs=tuple(filled))
+
+
+def typical(declared: Sequence[EffectParameter]) -> dict[str, float]:
+    """Strengths halfway from neutral to the far end of the plausible range, the rest in the middle of it.
+
+    The middle is geometric where the prior is log-normal.
+    """
+    values = {}
+    for p in declared:
+        low, high = p.plausible
+        far = max(p.plausible, key=lambda value: abs(value - p.neutral))
+        middle = (p.neutral + far) / 2 if p.role == "strength" else (low + high) / 2
+        values[p.name] = math.sqrt(low * high) if p.prior == "log_normal" else middle
+    return values
+
+
+def candidates(subject: Subject) -> tuple[str, ...]:
+    """The effect, its look-alike and the general kinds, where they are installed."""
+    kind, notes = subject.component.kind, type(subject.build()).notes
+    installed = set(_registry(subject).kinds("effect"))
+    asked = dict.fromkeys((kind, notes.look_alike, *GENERAL))
+    found = tuple(one for one in asked if one in installed)
+    if len(found) < 2:
+        raise CheckSkipped("no other effect is installed for which it could be taken")
+    return found
+
+
+def _chain(subject: Subject) -> ChainModel:
+    return sample_model(subject, payload=PAYLOAD_KG).chain
+
+
+def _predictor(subject: Subject, measurement: Measurement) -> Predictor:
+    bench = Workbench(_registry(subject), ArtifactStore(Path(".pliant/store")))
+    return Predictor(bench, follower(subject), _chain(subject), measurement)
+
+
+def _registry(subject: Subject) -> Registry:
+    """What is installed, with the component under test in place of its namesake."""
+    mine = subject.component
+
+    def made() -> Registry:
+        others = (c for c in discover().components if (c.interface, c.kind) != (mine.interface, mine.kind))
+        return Registry((*others, mine))
+
+    return subject.once("registry", made)
+
+
+def _noisy(rng: np.random.Generator, name: str, values: Array, length_m: float) -> Array:
+    """Values (t,) with stationary first-order autoregressive noise."""
+    sigma = POSITION_SHARE * length_m if POSITION.fullmatch(name) else ANGLE_RAD
+    noise = rng.normal(0.0, sigma, len(values))
+    for k in range(1, len(noise)):
+        noise[k] = CORRELATION * noise[k - 1] + math.sqrt(1.0 - CORRELATION**2) * noise[k]
+    return values + noise
+
+
+def _within_its_class(found: Diagnosis, kind: str) -> bool:
+    """All explanations that are left are single effects of one class, stated without readings, that has the kind."""
+    left = found.judgement.credible
+    classes = [set(one.kinds) for one in found.classes if kind in one.kinds]
+    single = {kinds[0] for kinds in left if len(kinds) == 1}
+    return (kind,) in left and len(single) == len(left) and any(single <= one for one in classes)
+
+
+def _told(subject: Subject, found: Diagnosis) -> str:
+    kind, names = subject.component.kind, type(subject.build()).exciting
+    values = ", ".join(f"{name} {value:g}" for name, value in typical(parameters(subject)).items())
+    shares = [f"{named(kinds)} {p:.0%}" for kinds, p in list(found.judgement.probability.items())[:3]]
+    seen = (
+        f"with {values} hidden in {listed(list(dict.fromkeys((*names, *PLAIN_RUNS))))} the diagnosis says: "
+    )
+    seen += f"{headline(found)} ({', '.join(shares)}). "
+    if kind in found.not_excited:
+        return seen + "These runs do not show it: name others in exciting, or widen the plausible range"
+    return (
+        seen + "Name runs in exciting that tell it from these, or ask whether it is one of them in disguise"
+    )
