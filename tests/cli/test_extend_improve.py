@@ -3,6 +3,7 @@
 import pytest
 from tests.diagnosis.bench_files import STUDY, bench, csv, histories
 from tests.diagnosis.quick import effect
+from tests.diagnosis.test_improve import LAGS, one_slow_noisy_run
 
 MEASURED = STUDY + "measurements: {file: data/bench.csv}  # in spring\n"
 FEW = ("--effect", "stiffness", "--effect", "viscoelastic", "--effect", "sensor_bias")
@@ -144,6 +145,20 @@ def test_improve_with_one_run_says_what_it_cannot(pliant, joint, workplace, tabl
     assert call.code == 0, call.err
     assert read("r.json")["stop"] == "insufficient_data"
     assert "too few runs" in call.out
+
+
+def test_a_stand_in_is_said_everywhere(pliant, joint, workplace, read):
+    """On the console, in the JSON, on the page and in the new study."""
+    (workplace / "open.csv").write_text(csv(one_slow_noisy_run(workplace, effect("supply_lag"))))
+    lags = [word for kind in LAGS for word in ("--effect", kind)]
+    call = pliant("improve", joint, "--data", "open.csv", *lags, "--json", "r.json", "--out", "new.yaml")
+    assert call.code == 0, call.err
+    step = read("r.json")["steps"][1]
+    assert len(step["stands_for"]) > 1 and step["added"][0] in step["stands_for"]
+    words = f"stands for one of {', '.join(step['stands_for'])}"
+    page = (workplace / "runs" / "joint-improve" / "report.html").read_text()
+    assert words in page and words in (workplace / "new.yaml").read_text()
+    assert " (or " in call.out and read("r.json")["steps"][0]["stands_for"] == []
 
 
 def test_wrong_input_to_improve(pliant, joint):

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from tests.diagnosis.bench_files import bench, histories, study
-from tests.diagnosis.quick import BENCH, effect
+from tests.diagnosis.bench_files import PRESSURE, bench, histories, study
+from tests.diagnosis.quick import BENCH, colour, effect, measurement_of, ramp
 
 from pliant.diagnosis.improvement import improve, summary
 
@@ -106,3 +106,33 @@ def test_an_error_that_only_the_locked_runs_show_is_said(tmp_path):
     found = improve(BENCH, study(tmp_path), drifted, kinds=FEW)
     assert found.stop == "nothing_missing"
     assert any("still" in remark and "in no other run" in remark for remark in found.remarks)
+
+
+LAGS = ("sensor_lag", "supply_lag", "viscous_damping")
+
+
+def one_slow_noisy_run(folder, *hidden):
+    """A run without any load: delays of the supply, the body and the camera look alike."""
+    levels = (0.4 * PRESSURE, 0.0, 0.7 * PRESSURE, 0.0, PRESSURE, 0.0, PRESSURE, 0.0)
+    clean = bench(folder, *hidden, runs=[ramp("only", 6e3, 0.25, levels)]).runs[0]
+    noise = colour(np.random.default_rng(1), len(clean), 0.03, 0.9)
+    return measurement_of([clean.history], [{"angle_rad": clean.outputs["angle_rad"] + noise}])
+
+
+def test_one_of_several_look_alikes_stands_for_all(tmp_path):
+    measurement = one_slow_noisy_run(tmp_path, effect("supply_lag"))
+    found = improve(BENCH, study(tmp_path), measurement, kinds=[*LAGS, "stiffness", "sensor_bias"])
+    step = found.steps[1]
+    assert len(found.steps) == 2 and step.added[0] in LAGS
+    assert {"supply_lag", *step.added} <= set(step.stands_for) <= set(LAGS)
+    assert "stands for one of" in step.why and "the run that would is" in step.why
+    assert step.training.over_floor < 0.6 * found.steps[0].training.over_floor  # blocks of the run left out
+    assert " (or " in step.named and step.named in summary(found)
+    assert found.scored_on == "blocks left out"
+    assert found.final.effects == step.effects  # stays what was scored, and what it stands for
+
+
+def test_noise_alone_has_no_stand_in(tmp_path):
+    """`nothing` is too probable for the look-alikes to share anything."""
+    found = improve(BENCH, study(tmp_path), one_slow_noisy_run(tmp_path), kinds=[*LAGS, "sensor_bias"])
+    assert added(found) == []

@@ -7,6 +7,7 @@ from tests.diagnosis.quick import blank, measurement_of
 from pliant.diagnosis.locked import lock
 from pliant.measurements.floors import noise_floors
 from pliant.measurements.repeats import repeat_groups
+from pliant.records.history import History
 
 
 def zeros(repeats=2):
@@ -76,3 +77,13 @@ def test_runs_without_readings_are_not_put_aside():
     silent = lock(measurement).runs
     again = lock(lock(measurement).training)
     assert not set(silent) & set(again.runs)
+
+
+def test_where_every_run_is_needed_none_is_put_aside_and_a_sentence_says_so():
+    """Four runs of a table, each under a load of its own."""
+    drive = {"pressure_pa": np.linspace(0, 15e3, 7)}
+    runs = [History.of(drive, run=f"force {k}", tip_force_n=[0.1 * k, 0, 0]) for k in range(4)]
+    found = lock(blank(runs))
+    assert found.runs == ()
+    assert found.why.startswith("None of the 4 runs could be put aside")
+    assert "()" not in found.why

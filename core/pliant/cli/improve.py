@@ -75,7 +75,8 @@ def improve(
         here.result["final_study"] = str(study)
         if found.final is not None:
             note = f"fitted to {cited(measurement)} by 'pliant improve', {_put_aside(found)}"
-            write_study(study, target, loaded, overrides or (), found.final, note, installed)
+            beside = {kind: _stands_for(step) for step in found.steps for kind in step.added}
+            write_study(study, target, loaded, overrides or (), found.final, note, installed, beside)
             here.result["final_study"] = str(target)
         _say(here, found)
         from pliant.report.improvement import improvement_page  # matplotlib takes a second to import
@@ -134,6 +135,7 @@ def improvement_json(found: Improvement, measurement: Measurement) -> dict[str, 
 def _step_json(step: Step) -> dict[str, Any]:
     return {
         "added": list(step.added),
+        "stands_for": list(step.stands_for),
         "why": step.why,
         "heldout": score_json(step.locked),
         "rmse_over_floor": step.locked.over_floor,
@@ -144,13 +146,20 @@ def _step_json(step: Step) -> dict[str, Any]:
     }
 
 
+def _stands_for(step: Step) -> str:
+    """What the comment beside an effect says more."""
+    if not step.stands_for:
+        return ""
+    return f"; stands for one of {', '.join(step.stands_for)}, which these data cannot tell apart"
+
+
 def _put_aside(found: Improvement) -> str:
     return f"{len(found.locked.runs)} runs put aside" if found.locked.runs else "no run put aside"
 
 
 def _say(here: Session, found: Improvement) -> None:
     for place, step in enumerate(found.steps, start=1):
-        here.say(f"{place}  {'+ ' + ' + '.join(step.added) + ': ' if step.added else ''}{step.why}")
+        here.say(f"{place}  {'+ ' + step.named + ': ' if step.added else ''}{step.why}")
     here.say(_table(found))
     if found.final is not None:
         say_parameters(here, found.final.uncertainty)
@@ -168,7 +177,7 @@ def _table(found: Improvement) -> Table:
         table.add_column(name, justify="right", no_wrap=True)
     for place, step in enumerate(found.steps, start=1):
         table.add_row(
-            f"{place}  {'+ ' + ' + '.join(step.added) if step.added else 'as it was'}",
+            f"{place}  {'+ ' + step.named if step.added else 'as it was'}",
             *(shown(name).text(step.locked.rmse[name]) for name in names),
             f"{step.locked.over_floor:.2f} ± {step.locked_se:.2f}",
         )

@@ -42,6 +42,7 @@ def write_study(
     found: Extension,
     note: str,
     registry: Registry,
+    beside: Mapping[str, str] | None = None,
 ) -> None:
     """Write the study with the effects of an extension.
 
@@ -52,12 +53,13 @@ def write_study(
         found: the fitted effects.
         note: where they come from, one line.
         registry: as it was before the study's own plugin files were read.
+        beside: more words behind the note, by kind of effect.
 
     Raises:
         UserError: the file cannot be written, or what was written does not read back as the same study.
     """
     present = [effect.canonical() for effect in study.effects]
-    text = study_with_effects(source, target, _entries(study, found, note), present, overrides)
+    text = study_with_effects(source, target, _entries(study, found, note, beside or {}), present, overrides)
     meant = {**study.canonical(), "effects": [effect.canonical() for effect in found.effects]}
     write_checked(target, text, meant, registry)
 
@@ -86,7 +88,7 @@ def write_checked(target: Path, text: str, meant: Mapping[str, Any], registry: R
         raise
 
 
-def _entries(study: Study, found: Extension, note: str) -> list[EffectEntry]:
+def _entries(study: Study, found: Extension, note: str, beside: Mapping[str, str]) -> list[EffectEntry]:
     entries = []
     for slot, kind in sorted(zip(found.candidate.slots, found.kinds, strict=True)):
         config = found.effects[slot]
@@ -96,7 +98,7 @@ def _entries(study: Study, found: Extension, note: str) -> list[EffectEntry]:
                 key, values[key] = _written(config, estimate, found.values[estimate.name])
                 comments[key] = estimate.words
         at = slot if slot < len(study.effects) else None
-        entries.append(EffectEntry(kind, values, comments, note, at))
+        entries.append(EffectEntry(kind, values, comments, note + beside.get(kind, ""), at))
     return entries
 
 

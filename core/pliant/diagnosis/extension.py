@@ -28,6 +28,8 @@ from pliant.records.measurement import Measurement
 # Rounding may change the mean squared error by this share.
 ROUNDING = 5e-4
 DIGITS, MOST_DIGITS = 2, 8
+# A single run is left out in blocks: so many, dealt out to so many folds.
+BLOCKS, FOLDS = 24, 6
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +47,8 @@ class Extension:
         residuals: (t,) per run by output, of the fitted model.
         left_out: the same with the readings of each condition left out of the fit that predicts them, and those of
             the model as it was where a parameter would then not be known at all; None with one condition only.
-        left_out_runs: the same run by run; repeats of the run that is left out are then fitted.
+        left_out_runs: the same run by run; repeats of the run that is left out are then fitted. Of a single run,
+            blocks are left out (`blocks_of`).
     """
 
     kinds: tuple[str, ...]
@@ -59,7 +62,7 @@ class Extension:
     after: Score
     residuals: Residuals
     left_out: Residuals | None
-    left_out_runs: Residuals | None
+    left_out_runs: Residuals
 
     @property
     def heldout(self) -> Score | None:
@@ -163,7 +166,8 @@ def extend(
         after=score(after, noise.floors),
         residuals=after,
         left_out=_left_out(readings, fit, plain, condition),
-        left_out_runs=_left_out(readings, fit, plain, np.arange(readings.n_runs)),
+        left_out_runs=_left_out(readings, fit, plain, np.arange(readings.n_runs))
+        or readings.unpack(heldout_residual(fit, blocks_of(readings), plain)),
     )
 
 
@@ -184,6 +188,16 @@ def _left_out(readings: ReadingVector, fit: Fit, plain: Array, number: NDArray[n
     if len(np.unique(groups)) < 2:
         return None
     return readings.unpack(heldout_residual(fit, groups, plain))
+
+
+def blocks_of(readings: ReadingVector) -> NDArray[np.intp]:
+    """(N,) fold of each reading: each run and output in `BLOCKS` equal parts, dealt out in turn."""
+    block = np.empty(len(readings), np.intp)
+    for run in range(readings.n_runs):
+        for output in range(len(readings.outputs)):
+            mine = np.flatnonzero((readings.run == run) & (readings.output == output))
+            block[mine] = BLOCKS * np.arange(len(mine)) // max(len(mine), 1) % FOLDS
+    return block
 
 
 def _rounded(fitter: Fitter, fit: Fit, candidate: InPlace, found: Uncertainty) -> dict[str, float]:

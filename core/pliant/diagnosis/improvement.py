@@ -15,6 +15,7 @@ from itertools import pairwise
 import numpy as np
 
 from pliant.config.study import Study
+from pliant.diagnosis.common_core import CommonCore, common_core, pairs_alike, shapes_at_bound
 from pliant.diagnosis.diagnosis import Diagnosis, diagnose
 from pliant.diagnosis.extension import Extension, Ground, extend
 from pliant.diagnosis.locked import Locked, lock
@@ -22,7 +23,7 @@ from pliant.diagnosis.next_run import NextRun
 from pliant.diagnosis.noise import noise_view
 from pliant.diagnosis.scores import Residuals, Score, score
 from pliant.diagnosis.search import Tick
-from pliant.diagnosis.table import sorted_kinds
+from pliant.diagnosis.table import PRICES, Kinds, sorted_kinds
 from pliant.diagnosis.words import explanation, headline
 from pliant.evidence.comparison import compare
 from pliant.evidence.interpretation import interpret
@@ -54,7 +55,9 @@ class Step:
         locked: error on the runs put aside.
         locked_se: standard error of its ratio to the floor, from the floor's and from how few runs there are.
         unseen: that of those of them whose condition is in no training run; None without such.
-        training: error on training runs, each left out of the fit that predicts it.
+        training: error on training runs, each left out of the fit that predicts it; blocks of a single run.
+        stands_for: look-alikes of which the added effect is one, itself included, where the data could not tell
+            which; empty where the verdict was the effect itself.
     """
 
     added: tuple[str, ...]
@@ -64,6 +67,13 @@ class Step:
     locked_se: float
     unseen: Score | None
     training: Score
+    stands_for: Kinds = ()
+
+    @property
+    def named(self) -> str:
+        """What was added, with the look-alikes that it stands for; empty for the model as it was."""
+        others = [kind for kind in self.stands_for if kind not in self.added]
+        return " + ".join(self.added) + (f" (or {', '.join(others)})" if others else "")
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,7 +106,7 @@ class Improvement:
         """Which readings the errors of the steps are of."""
         if self.locked.runs:
             return "runs put aside"
-        return "runs left out" if len(self.locked.training.runs) > 1 else "the run fitted"
+        return "runs left out" if len(self.locked.training.runs) > 1 else "blocks left out"
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,6 +118,7 @@ class _Draft:
     why: str
     residuals: Residuals
     left_out: Residuals
+    stands_for: Kinds = ()
 
 
 def improve(
@@ -164,15 +175,16 @@ class _Walk:
         registry = self.bench.registry
         while True:
             found = self._diagnose()
-            if found.verdict != "missing_effect":
+            core = _core(found)
+            if found.verdict != "missing_effect" and core is None:
                 return found.verdict, _stop_words(found, registry, bool(self.added))
-            again = [kind for kind in found.selected if kind in self.added]
+            order = _by_gain(found) if core is None else [core.chosen]
+            again = self._again(order if core is None else core.stands_for)
             if again:
                 return "same_effect", (
                     f"What is left looks like more of {again[0]}, which is in the model already: its equation is an "
                     "idealisation that these readings see through. A form of your own may fit better."
                 )
-            order = _by_gain(found)
             if len(self.added) + len(order) > most_steps:
                 return "most_steps", f"{most_steps} effects are the most that are added in one go."
             whole = extend(self.ground, self.effects, [*self.added, *order], profiles=False)
@@ -182,7 +194,7 @@ class _Walk:
                     "runs and conditions left out of the fit: it was not added."
                 )
             for kind in order:
-                self._take(kind)
+                self._take(kind, found, core)
 
     def final(self) -> Extension | None:
         """The last fit once more, with profile intervals; the last step has its values."""
@@ -190,8 +202,9 @@ class _Walk:
             return None
         found = extend(self.ground, self.effects, self.added)
         last = self.drafts.pop()
-        left = found.left_out_runs or found.residuals
-        self.drafts.append(_Draft(last.added, found.effects, last.why, self._everywhere(found.effects), left))
+        left = found.left_out_runs
+        residuals = self._everywhere(found.effects)
+        self.drafts.append(_Draft(last.added, found.effects, last.why, residuals, left, last.stands_for))
         self.effects = found.effects
         return found
 
@@ -207,28 +220,45 @@ class _Walk:
     def _gains(self, whole: Extension) -> bool:
         """Better on runs left out, and no worse on conditions left out: where one alone shows an effect, they stay."""
         floors = whole.noise.floors
-        now = score(whole.left_out_runs or whole.residuals, floors).over_floor
+        now = score(whole.left_out_runs, floors).over_floor
         before = score(self.drafts[-1].left_out, floors).over_floor
         conditions = score(whole.left_out or whole.residuals, floors).over_floor
         return now < (1.0 - LEAST_GAIN) * before and conditions < (1.0 + LEAST_GAIN) * before
 
-    def _take(self, kind: str) -> None:
+    def _again(self, kinds: Sequence[str]) -> list[str]:
+        """Effects of the model that are among these, or that stand for one of them."""
+        return [
+            had
+            for draft in self.drafts
+            for had in draft.added
+            if not {had, *draft.stands_for}.isdisjoint(kinds)
+        ]
+
+    def _take(self, kind: str, named: Diagnosis, core: CommonCore | None) -> None:
         found = extend(self.ground, self.effects, [*self.added, kind], profiles=False)
         self.effects = found.effects
         self.added.append(kind)
-        left = found.left_out_runs or found.residuals
+        left = found.left_out_runs
         before = score(self.drafts[-1].left_out, found.noise.floors)
-        why = (
-            f"{self._why(kind, before.over_floor, score(left, found.noise.floors).over_floor)} {self._seen()}"
-        )
-        self.drafts.append(_Draft((kind,), self.effects, why, self._everywhere(self.effects), left))
+        why = [
+            self._why(kind, before.over_floor, score(left, found.noise.floors).over_floor),
+            *([] if core is None else _standing_in(core, named)),
+            self._seen(),
+        ]
+        group = core.stands_for if core is not None and len(core.stands_for) > 1 else ()
+        residuals = self._everywhere(self.effects)
+        self.drafts.append(_Draft((kind,), self.effects, " ".join(why), residuals, left, group))
 
     def _why(self, kind: str, before: float, after: float) -> str:
         """What the effect is known by, and what it does to training conditions left out."""
         notes = self.bench.registry.get("effect", kind).implementation_class().notes
         known = f" It is known by this: {notes.signature}" if notes.signature else ""
         alone = len(self.locked.training.runs) == 1
-        on = "the run that it is fitted to" if alone else "training runs that are left out of the fit"
+        on = (
+            "blocks of the run that are left out of the fit"
+            if alone
+            else "training runs that are left out of the fit"
+        )
         return (
             f"The training runs speak for {kind}.{known} It takes the error of {on} "
             f"from {before:.2f} to {after:.2f} times the noise."
@@ -240,6 +270,31 @@ class _Walk:
 
     def _everywhere(self, effects: Sequence[EffectConfig]) -> Residuals:
         return self.ground.residuals(effects, self.measurement)
+
+
+def _core(found: Diagnosis) -> CommonCore | None:
+    """What the credible explanations agree on, where none of them is believed by itself."""
+    if found.verdict != "ambiguous":
+        return None
+    alike = pairs_alike(found.indistinguishable)
+    return common_core(found.judgement.probability, alike, shapes_at_bound(found.fits), PRICES)
+
+
+def _standing_in(core: CommonCore, found: Diagnosis) -> list[str]:
+    """That an effect is taken although the verdict is open, and which run would settle it."""
+    if len(core.stands_for) == 1:
+        return [
+            f"The explanations that are left differ in what else is missing: {core.chosen} is in nearly all."
+        ]
+    told = f"It stands for one of {', '.join(core.stands_for)}: these data cannot tell which"
+    group = set(core.stands_for)
+    splits = [one for one in found.classes if one.run and len(group.intersection(one.kinds)) > 1]
+    if splits:
+        best = max(splits, key=lambda one: len(group.intersection(one.kinds)))
+        return [f"{told}; the run that would is: {best.words} ({best.minutes:g} min)."]
+    if found.next_run is not None:
+        return [f"{told}; the next run to do is: {found.next_run.run} ({found.next_run.minutes:g} min)."]
+    return [f"{told}."]
 
 
 def _by_gain(found: Diagnosis) -> list[str]:
@@ -277,11 +332,15 @@ def _told(walk: _Walk, stop: str, reason: str, final: Extension | None) -> Impro
         share = locked.n / max(score(draft.residuals, noise.floors).n, 1)
         se = _standard_error(locked, noise.floors, noise.n_effective * share)
         unseen = score(draft.residuals, noise.floors, walk.locked.unseen) if walk.locked.unseen else None
-        steps.append(Step(draft.added, draft.effects, draft.why, locked, se, unseen, training))
+        steps.append(
+            Step(draft.added, draft.effects, draft.why, locked, se, unseen, training, draft.stands_for)
+        )
     seen = [*walk.measurement.remarks, *walk.ground.predictor.remarks, *walk.not_tried]
     remarks = [*seen, walk.locked.why, *_rises(steps), *_still_wrong(steps[-1], stop)]
     if len(walk.locked.training.runs) == 1:
-        remarks.append("Errors are those of the run that was fitted, not of one that nothing has seen.")
+        remarks.append(
+            "Errors are those of blocks of the one run, left out one after another, not of a run that nothing has seen."
+        )
     elif not runs:
         remarks.append(
             "Errors are those of runs left out one after another, not of runs that nothing has seen."
@@ -344,7 +403,7 @@ def summary(found: Improvement) -> str:
     on = "runs that were put aside" if found.locked.runs else found.scored_on
     if len(found.steps) == 1:
         return f"No effect was added: the error on {on} is {number(first.over_floor)} times the noise."
-    kinds = listed([kind for step in found.steps for kind in step.added])
+    kinds = listed([step.named for step in found.steps if step.added])
     now = f"{last.over_floor:.2f} ± {found.steps[-1].locked_se:.2f}"
     verb = "falls" if last.over_floor < first.over_floor else "goes"
     return f"With {kinds} the error on {on} {verb} from {first.over_floor:.2f} to {now} times the noise."

@@ -166,6 +166,11 @@ def _hidden(measurement: Measurement, locked: Sequence[int]) -> Measurement:
 
 
 def _why(measurement: Measurement, locked: Sequence[int], unseen: Sequence[int], n_read: int) -> str:
+    if not locked:
+        return (
+            f"None of the {n_read} runs could be put aside: each is needed to span what was done, and none is a repeat "
+            "to spare. All were fitted."
+        )
     names = ", ".join(measurement.runs[k].name for k in locked)
     kinds = []
     if unseen:

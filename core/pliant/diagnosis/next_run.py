@@ -25,6 +25,7 @@ from pliant.evidence.prediction import Predictor
 from pliant.experiments.menu import SET_UP, MenuRun
 from pliant.experiments.runs import menu
 from pliant.experiments.scale import BenchScale
+from pliant.experiments.static_runs import static_menu
 from pliant.interfaces.effect import EffectConfig
 from pliant.measurements.repeats import repeat_groups
 from pliant.records.design import Array
@@ -128,8 +129,12 @@ class Belief:
 
 
 def menu_of(predictor: Predictor, own: Sequence[MenuRun] = ()) -> tuple[MenuRun, ...]:
-    """A study's own runs, or the default menu at the measurement's scale."""
-    return tuple(own) or menu(BenchScale.of_measurement(predictor.chain, predictor.measurement))
+    """A study's own runs, or the default menu at the measurement's scale; without a clock, one without time."""
+    if own:
+        return tuple(own)
+    scale = BenchScale.of_measurement(predictor.chain, predictor.measurement)
+    timed = any(run.history.time_s is not None for run in predictor.measurement.runs)
+    return menu(scale) if timed else static_menu(scale)
 
 
 def view_of(

@@ -12,7 +12,7 @@ from pliant.evidence.bins import PAIRS, Bins, binned, crossed
 from pliant.evidence.covariates import Covariates
 from pliant.evidence.noise import Noise
 from pliant.evidence.significance import LARGEST_Z, BinMeans, bin_means, significant
-from pliant.evidence.words import Shown
+from pliant.evidence.words import Shown, listed, shown
 from pliant.records.design import Array
 
 Residuals = Sequence[
@@ -126,10 +126,19 @@ def _along_chain(
     for k in sorted(set(numbers.values()), key=lambda k: (k is None, k)):
         part = {output: one for output, one in noise.items() if numbers[output] == k}
         first = next(iter(part))
-        words = f"{first.split('_')[0]} {k}" if k is not None else "outputs without a number"
+        words = f"{first.split('_')[0]} {k}" if k is not None else _beyond_joints(list(part))
         codes = tuple(np.zeros(len(run[first]), np.int64) for run in residuals)
         centre = np.nan if k is None else float(k)
         yield Bins("position", Shown("position along the chain"), (words,), codes, (centre,)), part
+
+
+def _beyond_joints(outputs: list[str]) -> str:
+    """Outputs that belong to no joint or marker: the tip, mostly."""
+    return (
+        "the tip"
+        if all(name.startswith("tip_") for name in outputs)
+        else listed([shown(o).label for o in outputs])
+    )
 
 
 def worst_places(places: Sequence[Place], count: int = LISTED) -> tuple[Place, ...]:

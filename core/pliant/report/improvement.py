@@ -53,7 +53,7 @@ def _steps(found: Improvement) -> Table:
     for place, step in enumerate(found.steps, start=1):
         rows.append(
             [
-                f"{place}  {'+ ' + ' + '.join(step.added) if step.added else 'as it was'}",
+                f"{place}  {'+ ' + step.named if step.added else 'as it was'}",
                 step.why,
                 *(number(step.locked.rmse[name] * shown(name).factor) for name in names),
                 f"{step.locked.over_floor:.2f} ± {step.locked_se:.2f}",

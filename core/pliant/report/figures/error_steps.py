@@ -21,7 +21,7 @@ SMALLEST_PX = 620
 def error_steps(found: Improvement, reasons: Sequence[str]) -> style.Png:
     """A panel per output, the farthest above its floor first; beside them `reasons`, one per step."""
     outputs = outputs_by_error(found)[:MOST_OUTPUTS]
-    heads = [_head(place, step.added) for place, step in enumerate(found.steps, start=1)]
+    heads = [_head(place, step.named) for place, step in enumerate(found.steps, start=1)]
     texts = [[head, *textwrap.wrap(text, CHARACTERS)] for head, text in zip(heads, reasons, strict=True)]
     texts.append(["Why it stops here", *textwrap.wrap(found.reason, CHARACTERS)])
     lines = sum(len(text) + 1 for text in texts)
@@ -88,8 +88,8 @@ def _label(place: int, added: Sequence[str]) -> str:
     return f"{place}\n+ {textwrap.fill(name, 14)}" if added else f"{place}\nas it was"
 
 
-def _head(place: int, added: Sequence[str]) -> str:
-    return f"{place}  + {' + '.join(added)}" if added else f"{place}  as it was"
+def _head(place: int, added: str) -> str:
+    return f"{place}  + {added}" if added else f"{place}  as it was"
 
 
 def _reasons(figure: Any, texts: Sequence[Sequence[str]], height: int) -> None:
