@@ -2,8 +2,8 @@
 
 | protocol | runs | samples | minutes of motion | what it can tell |
 |---|---|---|---|---|
-| `rich` | 30 | 3974 | 24 | two specimens, each all of the runs below |
-| `rich_noload` | 26 | 3422 | 20 | the same without the load steps |
+| `rich` | 30 | 4250 | 24 | two specimens, each all of the runs below |
+| `rich_noload` | 26 | 3698 | 20 | the same without the load steps |
 | `rates` | 9 | 1118 | 7 | one specimen, three rates, no load |
 | `poor` | 5 | 750 | 5 | one specimen, one rate |
 | `example` | 16 | 2354 | 16 | two specimens: virgin, slow, fast, holds, load, load steps, repeat |
@@ -112,19 +112,28 @@ def _closed_valve(specimen: str) -> Run:
 
 
 def _step_response(specimen: str) -> Run:
-    """A step of pressure, three of load, and back, along half a cosine of 0.4 s, sampled densely at first.
+    """Steps of pressure up and down, two of two sizes, then three of load, sampled densely at first.
 
-    A bare joint's own 8 Hz hardly ring. A supply is late in the steps of pressure only, a sensor in all.
+    Each follows a cycloid of 0.37 s: it makes a heavy joint swing at 1 to 4 Hz and leaves the bare one's own 8 Hz
+    alone. A supply is late in the steps of pressure only, a sensor in all.
     """
-    hold_s, rise_s, dense_s = 4.0, 0.4, 0.8
+    hold_s, rise_s, dense_s = 2.6, 0.37, 1.0
     local = np.concatenate(
         [np.arange(DENSE_S, dense_s, DENSE_S), np.arange(dense_s, hold_s + 1e-9, SAMPLE_S)]
     )
-    up, rest = 0.5 - 0.5 * np.cos(np.pi * np.minimum(1.0, local / rise_s)), np.ones(len(local))
-    pressure = 0.8 * PRESSURE_MAX_PA * np.concatenate([up, rest, rest, rest, 1 - up])
-    load = LOAD_N_M * np.concatenate([0 * rest, up, 1 - 2 * up, up - 1, 0 * rest])
-    clock = np.concatenate([k * hold_s + local for k in range(5)])
-    return Run(DENSE, specimen, pressure, load, time_s=clock)
+    share = np.minimum(1.0, local / rise_s)
+    up, rest = share - np.sin(2 * np.pi * share) / (2 * np.pi), np.ones(len(local))
+    none = 0 * rest
+    pressure = [0.8 * up, 0.8 * (1 - up), 0.5 * up, 0.5 * (1 - up), none, none, none]
+    load = [none, none, none, none, up, 1 - 2 * up, up - 1]
+    clock = np.concatenate([k * hold_s + local for k in range(len(load))])
+    return Run(
+        DENSE,
+        specimen,
+        PRESSURE_MAX_PA * np.concatenate(pressure),
+        LOAD_N_M * np.concatenate(load),
+        time_s=clock,
+    )
 
 
 def _medium(specimen: str, cycles: int = 2) -> Run:

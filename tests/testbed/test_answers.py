@@ -15,7 +15,7 @@ HANDFUL = [
     SetSpec("mullins", 305, "functional"),
     SetSpec("actuation_gain", 306, "mujoco"),
     SetSpec("dead_zone", 307, "functional", robot="chain"),
-    SetSpec("bimodulus", 308, "functional"),
+    SetSpec("wall_buckling", 308, "functional"),
     SetSpec("run_slip", 309, "functional"),
 ]
 
