@@ -251,3 +251,18 @@ def test_awkward_measurements_are_compared(case):
     assert np.isfinite([error.rmse, error.bias, error.n_effective]).all()
     assert len(interpret(comparison)) > 20
     assert comparison_json(comparison)["n_samples"] == comparison.n_samples > 0
+
+
+def test_outputs_of_no_joint_are_named():
+    """The tip of a chain whose joints are read too."""
+    rng = np.random.default_rng(0)
+    names = ("joint_1_angle_rad", "joint_2_angle_rad", "tip_x_m", "tip_z_m")
+    histories = [History.of({"pressure_pa": np.linspace(0, 15e3, 40)}, run=f"r{k}") for k in range(3)]
+    predicted = [{name: np.zeros(40) for name in names} for _ in histories]
+    runs = [
+        measured_run(h, {n: rng.normal(0.05 * n.startswith("tip"), 1e-3, 40) for n in names})
+        for h in histories
+    ]
+    comparison = compare(Measurement(tuple(runs), names), predicted)
+    place(comparison, "the tip")
+    assert "squared error is at the tip" in interpret(comparison)
