@@ -149,10 +149,12 @@ def stated(data: dict[str, Any]) -> Iterator[str]:
 
 def times(data: dict[str, Any]) -> Iterator[str]:
     """What it cost."""
-    yield "| group | sets | one, median, s of CPU | all, min of CPU |"
-    yield "|---|---|---|---|"
+    wanted = data.get("planned", {})
+    yield "| group | sets | planned | one, median, s of CPU | all, min of CPU |"
+    yield "|---|---|---|---|---|"
     for name, value in data["time"].items():
-        yield f"| {name} | {value['n']} | {number_text(value['median'])} | {value['cpu_s'] / 60:.1f} |"
+        cells = value["n"], wanted.get(name, "–"), number_text(value["median"]), f"{value['cpu_s'] / 60:.1f}"
+        yield f"| {name} | {' | '.join(str(cell) for cell in cells)} |"
 
 
 TABLES: dict[str, Callable[[dict[str, Any]], Iterator[str]]] = {

@@ -3,6 +3,7 @@
     python benchmarks/evidence/run_bench.py                    the whole bench, resumed where it stopped
     python benchmarks/evidence/run_bench.py --small            a handful, for CI
     python benchmarks/evidence/run_bench.py --seeds 3 --kinds mullins none
+    python benchmarks/evidence/run_bench.py --share 0.5        half of every group; without it later, the other half
     python benchmarks/evidence/run_bench.py --summarise        the tables of what is there
     python benchmarks/evidence/run_bench.py --summarise --publish   and docs/how_often_it_is_right.md with its pictures
     python benchmarks/evidence/run_bench.py --shard 2/4        every fourth set from the second on, beside other shards
@@ -33,7 +34,7 @@ from benchmarks.evidence.judge import ERROR
 from benchmarks.evidence.protocols import NAMES
 from benchmarks.evidence.publish import expected_time, publish
 from benchmarks.evidence.tables import tables
-from benchmarks.evidence.tasks import Plan, small_plan
+from benchmarks.evidence.tasks import Plan, planned, small_plan
 from benchmarks.evidence.truths import CLEAN, KINDS, UNKNOWN
 from benchmarks.evidence.workers import write
 
@@ -56,7 +57,7 @@ COUNTS = {
 
 def _plan(given: argparse.Namespace) -> Plan:
     plan = small_plan() if given.small else Plan()
-    names = (*COUNTS, "protocol", "split")
+    names = (*COUNTS, "protocol", "split", "share")
     changes = {name: getattr(given, name) for name in names if getattr(given, name) is not None}
     if given.kinds:
         changes["kinds"] = tuple(given.kinds)
@@ -77,6 +78,12 @@ def _arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument("--kinds", nargs="+", choices=(*KINDS, CLEAN, *UNKNOWN), metavar="KIND")
     for name, words in COUNTS.items():
         parser.add_argument(f"--{name.replace('_', '-')}", type=int, help=words)
+    parser.add_argument(
+        "--share",
+        type=_share,
+        metavar="0..1",
+        help="this part of every group, the first seeds; all by default",
+    )
     parser.add_argument("--protocol", choices=NAMES)
     parser.add_argument("--split", choices=("judged", "calibration"))
     parser.add_argument("--workers", type=int, default=2, help="diagnosers at a time")
@@ -86,6 +93,13 @@ def _arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument("--out", type=Path, default=OUT, help="folder of evidence.json and evidence/")
     parser.add_argument("--fresh", action="store_true", help="forget the results that are there")
     return parser.parse_args(arguments)
+
+
+def _share(text: str) -> float:
+    share = float(text)
+    if not 0.0 < share <= 1.0:
+        raise ValueError(text)
+    return share
 
 
 def _shard(text: str) -> tuple[int, int]:
@@ -119,7 +133,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     if not given.summarise:
         _run(bench, plan, given.scheduler)
     items = judged(bench, plan)
-    data = summary(items)
+    data = {**summary(items), "planned": planned(plan)}
     print(tables(data))
     target = given.out / ("evidence.json" if name == "full" else f"evidence_{name}.json")
     write(target, json.dumps(data, indent=1))

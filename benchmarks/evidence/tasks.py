@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import hashlib
 import itertools
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from typing import Literal
@@ -34,6 +34,7 @@ SHOWN = tuple(
     for kind in KINDS
     if robots_of(kind)[0] == "joint" and kind not in ("thermal_softening", "leak", "inertia")
 )
+NAMED = (*KINDS, CLEAN, *UNKNOWN)
 # Unknown forms are judged on one joint: what they are for a chain depends on where along it they act.
 UNKNOWN_ROBOT = "joint"
 
@@ -95,6 +96,7 @@ class Plan:
             protocols.
         plan: sets for each way of adding runs to a poor set; `improve`: sets per effect that go through `improve`.
         other_every: every this many-th set of a kind is made of its other robot.
+        share: part of every group that is done, from the first seeds on.
     """
 
     kinds: tuple[str, ...] = ()
@@ -110,9 +112,10 @@ class Plan:
     plan: int = 50
     improve: int = 2
     other_every: int = OTHER_EVERY
+    share: float = 1.0
 
     def tasks(self) -> list[Task]:
-        """All tasks, kinds interleaved, so that a bench that is stopped has seen a bit of everything."""
+        """All tasks, or the first `share` of them, in an order in which any beginning is a fair part of every group."""
         every = [
             *self._effects(),
             *self._clean(),
@@ -125,10 +128,8 @@ class Plan:
             *self._pairs(),
         ]
         kept = [task for task in every if not self.kinds or task.spec.kind in self.kinds]
-        last: dict[tuple[str, str], int] = {}
-        for task in kept:
-            last[task.group, task.mode] = max(task.spec.seed, last.get((task.group, task.mode), 0))
-        return sorted(kept, key=lambda task: task.spec.seed / (1 + last[task.group, task.mode]))
+        mixed = _interleaved(kept)
+        return mixed[: max(1, round(self.share * len(mixed)))]
 
     def _set(
         self,
@@ -192,6 +193,38 @@ class Plan:
     def _pairs(self) -> Iterator[Task]:
         for seed, kind in enumerate(pairs_of(self.split, self.pairs)):
             yield Task("pair", self._set(kind, seed, "joint"))
+
+
+def _interleaved(tasks: Sequence[Task]) -> list[Task]:
+    """Groups evenly mixed: after a share of the whole, each group has had that share of its sets, kinds in turn.
+
+    Within a seed the kinds come in an order of the seed's own; both ways of adding runs to a set stand side by side.
+    """
+    ranks: dict[int, dict[str, int]] = {}
+    for seed in {task.spec.seed for task in tasks}:
+        order = np.random.default_rng(seed).permutation(len(NAMED))
+        ranks[seed] = {kind: int(order[i]) for i, kind in enumerate(NAMED)}
+
+    def within(task: Task) -> tuple[int, int]:
+        return task.spec.seed, ranks[task.spec.seed].get(task.spec.kind, 0)
+
+    groups: dict[tuple[str, str], list[Task]] = {}
+    for task in tasks:
+        groups.setdefault((task.group, task.mode), []).append(task)
+    placed = [
+        ((rank + 0.5) / len(mine), task)
+        for mine in groups.values()
+        for rank, task in enumerate(sorted(mine, key=within))
+    ]
+    return [task for _, task in sorted(placed, key=lambda pair: pair[0])]
+
+
+def planned(plan: Plan) -> dict[str, int]:
+    """Sets of each group in the whole plan, whatever share of it is done."""
+    counts: dict[str, int] = {}
+    for task in replace(plan, share=1.0).tasks():
+        counts[task.group] = counts.get(task.group, 0) + 1
+    return counts
 
 
 def pairs_of(split: Split, count: int) -> list[str]:

@@ -11,6 +11,8 @@ import stat
 import subprocess
 import sys
 import time
+from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -25,9 +27,9 @@ from benchmarks.evidence.publish import PAGE, TABLES, expected_time, publish
 from benchmarks.evidence.result_pictures import matrix
 from benchmarks.evidence.sets import SetSpec, make_set
 from benchmarks.evidence.tables import tables
-from benchmarks.evidence.tasks import Plan, Task, small_plan
+from benchmarks.evidence.tasks import Plan, Task, planned, small_plan
 from benchmarks.evidence.truths import CLEAN, KINDS, UNKNOWN, right_verdicts, robots_of
-from benchmarks.evidence.workers import ANY
+from benchmarks.evidence.workers import ANY, make
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -238,6 +240,21 @@ def test_the_plan_is_what_the_issue_asks_for() -> None:
     assert expected_time(small_plan()).splitlines()[-1].split()[1] == str(len(small))
 
 
+def test_any_beginning_of_the_plan_is_a_fair_part_of_every_group() -> None:
+    tasks = Plan().tasks()
+    whole = Counter((task.group, task.mode) for task in tasks)
+    for part in (0.2, 0.4, 0.75):
+        first = tasks[: round(part * len(tasks))]
+        assert Plan(share=part).tasks() == first
+        for group, count in Counter((task.group, task.mode) for task in first).items():
+            assert count == pytest.approx(part * whole[group], abs=1.0)
+        of_kind = Counter(task.spec.kind for task in first if task.group == "effect")
+        assert max(of_kind.values()) - min(of_kind[kind] for kind in KINDS) <= 1
+    assert planned(Plan(share=0.1)) == planned(Plan()) == Counter(task.group for task in tasks)
+    shown = {task.spec.kind for task in tasks[: len(tasks) // 4] if task.group == "weak"}
+    assert len(shown) > 5 and shown != set(KINDS[: len(shown)])  # not the first kinds of the list alone
+
+
 def test_shards_share_the_tasks_and_their_results_are_read_as_one(tmp_path: Path) -> None:
     tasks = Plan(seeds=2).tasks()
     shards = [Bench(tmp_path, "full", shard=(part, 3)) for part in (1, 2, 3)]
@@ -352,3 +369,24 @@ def test_a_killed_bench_goes_on_where_it_was(tmp_path: Path) -> None:
     assert (data["effects"]["right"], data["effects"]["n"]) == (3, 3)
     third = bench(tmp_path, "--summarise")
     assert "stiffness 3" in third.communicate()[0] and third.returncode == 0
+
+
+def test_shards_run_apart_and_are_summarised_as_one(tmp_path: Path) -> None:
+    apart = {"clean": 0, "unknown": 0, "pairs": 0, "weak": 0, "poor": 0, "noload": 0, "plan": 0, "improve": 0}
+    plan = replace(Plan(kinds=("stiffness",), seeds=3, other_every=0), **apart)  # type: ignore[arg-type]
+    whole = Bench(tmp_path / "evidence", "full")
+    for task in plan.tasks():  # made here, so that no process compiles truths again
+        make(task, task.secret_id(whole.key()), whole.sets, whole.key())
+    said = {}
+    for part in ("1/2", "2/2"):
+        one = bench(tmp_path, "--shard", part)
+        said[part] = one.communicate()[0]
+        assert one.returncode == 0, said[part]
+    assert "2 sets, 0 done before" in said["1/2"] and "1 sets, 0 done before" in said["2/2"]
+    files = sorted((tmp_path / "evidence").glob("full.*-of-2.jsonl"))
+    assert [len(results.read(file)) for file in files] == [2, 1]
+    (tmp_path / "evidence.json").unlink()
+    merged = bench(tmp_path, "--summarise")
+    assert "stiffness 3" in merged.communicate()[0] and merged.returncode == 0
+    data = json.loads((tmp_path / "evidence.json").read_text())
+    assert (data["effects"]["right"], data["effects"]["n"]) == (3, 3) and data["planned"] == {"effect": 3}
