@@ -240,29 +240,24 @@ class _Walk:
         self.added.append(kind)
         left = found.left_out_runs
         before = score(self.drafts[-1].left_out, found.noise.floors)
-        why = [
-            self._why(kind, before.over_floor, score(left, found.noise.floors).over_floor),
-            *([] if core is None else _standing_in(core, named)),
-            self._seen(),
-        ]
+        after = score(left, found.noise.floors)
+        known = self._known_by(kind) if core is None else _standing_in(core, named)
+        why = f"{known} {self._fall(before.over_floor, after.over_floor)} {self._seen()}"
         group = core.stands_for if core is not None and len(core.stands_for) > 1 else ()
         residuals = self._everywhere(self.effects)
-        self.drafts.append(_Draft((kind,), self.effects, " ".join(why), residuals, left, group))
+        self.drafts.append(_Draft((kind,), self.effects, why, residuals, left, group))
 
-    def _why(self, kind: str, before: float, after: float) -> str:
-        """What the effect is known by, and what it does to training conditions left out."""
+    def _known_by(self, kind: str) -> str:
+        """What the verdict named, and what it is known by."""
         notes = self.bench.registry.get("effect", kind).implementation_class().notes
         known = f" It is known by this: {notes.signature}" if notes.signature else ""
+        return f"The training runs speak for {kind}.{known}"
+
+    def _fall(self, before: float, after: float) -> str:
+        """What a step does to training runs left out."""
         alone = len(self.locked.training.runs) == 1
-        on = (
-            "blocks of the run that are left out of the fit"
-            if alone
-            else "training runs that are left out of the fit"
-        )
-        return (
-            f"The training runs speak for {kind}.{known} It takes the error of {on} "
-            f"from {before:.2f} to {after:.2f} times the noise."
-        )
+        on = "blocks of the run that are" if alone else "training runs that are"
+        return f"It takes the error of {on} left out of the fit from {before:.2f} to {after:.2f} times the noise."
 
     def _seen(self) -> str:
         """Where the model fails on the training runs now."""
@@ -280,21 +275,22 @@ def _core(found: Diagnosis) -> CommonCore | None:
     return common_core(found.judgement.probability, alike, shapes_at_bound(found.fits), PRICES)
 
 
-def _standing_in(core: CommonCore, found: Diagnosis) -> list[str]:
+def _standing_in(core: CommonCore, found: Diagnosis) -> str:
     """That an effect is taken although the verdict is open, and which run would settle it."""
     if len(core.stands_for) == 1:
-        return [
-            f"The explanations that are left differ in what else is missing: {core.chosen} is in nearly all."
-        ]
-    told = f"It stands for one of {', '.join(core.stands_for)}: these data cannot tell which"
+        return (
+            f"The explanations that are left differ in what else is missing; {core.chosen} is in nearly all of them "
+            f"({core.probability:.0%})."
+        )
+    told = f"{core.chosen} stands for one of {', '.join(core.stands_for)}: these data cannot tell which"
     group = set(core.stands_for)
     splits = [one for one in found.classes if one.run and len(group.intersection(one.kinds)) > 1]
     if splits:
         best = max(splits, key=lambda one: len(group.intersection(one.kinds)))
-        return [f"{told}; the run that would is: {best.words} ({best.minutes:g} min)."]
+        return f"{told}; the run that would is: {best.words} ({best.minutes:g} min)."
     if found.next_run is not None:
-        return [f"{told}; the next run to do is: {found.next_run.run} ({found.next_run.minutes:g} min)."]
-    return [f"{told}."]
+        return f"{told}; the next run to do is: {found.next_run.run} ({found.next_run.minutes:g} min)."
+    return f"{told}."
 
 
 def _by_gain(found: Diagnosis) -> list[str]:
