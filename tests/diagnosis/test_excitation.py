@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from tests.diagnosis.quick import (
@@ -45,6 +47,19 @@ def test_the_change_is_that_of_the_plausible_end() -> None:
     one = shown(rich(), kinds=["sensor_bias"])["sensor_bias"]
     assert one.snr == pytest.approx(0.05 / SIGMA, rel=1e-6)
     assert one.change == pytest.approx(np.full(len(one.change), np.sign(one.x[0]) * 0.05 / SIGMA))
+
+
+def test_samples_without_equilibrium_have_no_part_in_the_change() -> None:
+    fitter = fitter_of(predictor_of(CHAIN, measured(CHAIN, poor())))
+    nothing = fitter.fit(Candidate.of(REGISTRY, ()))
+    lost = np.arange(len(nothing.residual)) % 3 == 0
+    whole = excitations(REGISTRY, fitter, nothing, ["sensor_bias"])["sensor_bias"]
+    part = replace(nothing, residual=np.where(lost, np.nan, nothing.residual))
+    one = excitations(REGISTRY, fitter, part, ["sensor_bias"])["sensor_bias"]
+    assert one.snr == pytest.approx(whole.snr)  # a bias is the same everywhere
+    np.testing.assert_allclose(one.change, np.where(lost, 0.0, whole.change))
+    nearly_none = replace(nothing, residual=np.where(np.arange(len(lost)) > 9, np.nan, nothing.residual))
+    assert excitations(REGISTRY, fitter, nearly_none, ["sensor_bias"])["sensor_bias"].snr == 0.0
 
 
 def test_look_alikes_are_so_in_both_directions_and_loads_part_them() -> None:

@@ -12,6 +12,7 @@ from rich.table import Table
 from pliant.cli.counts import compare_counts_verb
 from pliant.cli.options import DEFAULT_STORE, JsonFile, Overrides, Quiet, StoreFolder, StudyFile
 from pliant.cli.session import Session, check_writable, session
+from pliant.errors import UserError
 from pliant.evidence.comparison import Comparison
 from pliant.evidence.comparison import compare as compare_with
 from pliant.evidence.comparison_json import comparison_json
@@ -19,7 +20,7 @@ from pliant.evidence.counted_study import is_counted
 from pliant.evidence.interpretation import interpret
 from pliant.evidence.measured import measurement_of_study
 from pliant.evidence.prediction import Predictor
-from pliant.evidence.words import number, percent, shown
+from pliant.evidence.words import listed, number, percent, shown
 from pliant.report.stage import write_page
 
 DataFile = Annotated[
@@ -60,6 +61,7 @@ def compare(
         bench = here.bench(store)
         alone = one_file(data)
         if is_counted(loaded, alone):
+            refuse_more_counts(data)
             compare_counts_verb(here, bench, loaded, alone, folder, workers)
             return
         measurement = measurement_of_study(bench, loaded, data)
@@ -88,6 +90,15 @@ def compare(
 def one_file(data: list[Path] | None) -> Path | None:
     """The first of `--data`, which alone says what kind of file it is."""
     return data[0] if data else None
+
+
+def refuse_more_counts(data: list[Path] | None) -> None:
+    """Raise `UserError` for files beside a file of counts, which would not be read."""
+    if data and len(data) > 1:
+        raise UserError(
+            f"{data[0]} is a file of counts, and {listed([str(file) for file in data[1:]])} would not be read; counts "
+            "come in one file: put the rows together, or give one --data."
+        )
 
 
 def _say(here: Session, comparison: Comparison) -> None:

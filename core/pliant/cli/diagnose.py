@@ -9,7 +9,7 @@ import numpy as np
 import typer
 from rich.table import Table
 
-from pliant.cli.compare import DataFile, Workers, one_file
+from pliant.cli.compare import DataFile, Workers, one_file, refuse_more_counts
 from pliant.cli.diagnose_counts import diagnose_counts_verb
 from pliant.cli.options import DEFAULT_STORE, JsonFile, Overrides, Quiet, StoreFolder, StudyFile
 from pliant.cli.protocol_files import NEXT_RUN, write_runs
@@ -57,6 +57,7 @@ def diagnose(
         bench = here.bench(store)
         alone = one_file(data)
         if is_counted(loaded, alone):
+            refuse_more_counts(data)
             diagnose_counts_verb(here, bench, loaded, alone, effect, folder, workers)
             return
         measurement = measurement_of_study(bench, loaded, data)

@@ -51,6 +51,9 @@ Folder = Annotated[
     Path | None,
     typer.Option("--out", metavar="DIR", help="Folder of the protocol files; runs/<name>-plan by default."),
 ]
+ONE_LEFT = "One explanation is left: no further run is needed to decide."
+NO_LISTED = "No listed effect explains the error, so that no run can decide between them; "
+    "'pliant diagnose' tells what it depends on."
 AFTER_DATA = 2
 MOST_COLUMNS = 6
 
@@ -133,7 +136,7 @@ def _after(
             )
         here.say(f"  file   {file}")
     if not chosen:
-        here.say(remark or "One explanation is left: no further run is needed to decide.")
+        here.say(remark or (NO_LISTED if found.verdict == "unknown_effect" else ONE_LEFT))
 
 
 def _chosen(
@@ -186,11 +189,17 @@ def _before(
     ]
     files = write_runs(folder, planned, outputs, study, loaded)
     here.result |= design_json(found, [str(file) for file in files])
-    here.say(_signals(found))
+    if found.chosen:
+        here.say(_signals(found))
     for number, (k, count, file) in enumerate(zip(found.chosen, found.parts[1:], files, strict=True), 1):
         run = found.runs[k]
         here.say(f"run {number}: {run.name} ({run.minutes:g} min): {run.words}")
         here.say(f"  {count} groups of effects told apart so far; file   {file}")
+    if not found.chosen:
+        here.say(
+            "No run of the menu shows any of these effects; list other runs under 'protocols:' in the study."
+        )
+        return
     here.say(
         f"{len(found.chosen)} runs, {found.minutes:g} min: {found.parts[-1]} groups of {len(found.snr)} effects."
     )

@@ -37,6 +37,8 @@ OPTIONS: Mapping[str, tuple[str, ...]] = {
 _ALWAYS = ("run", "name", "words", "minutes")
 # Units of what may drive a chain.
 DRIVES = ("Pa", "N", "m")
+# A larger number is no share of the largest drive but a pressure whose unit was left out.
+LARGEST_SHARE = 3.0
 Level = float | str
 
 
@@ -85,6 +87,11 @@ class ProtocolConfig(FrozenModel):
     def _levels(cls, levels: tuple[Level, ...]) -> tuple[Level, ...]:
         for level in levels:
             _check(level)
+            if not isinstance(level, str) and abs(level) > LARGEST_SHARE:
+                raise ValueError(
+                    f"{level:g} would be a share of the largest drive; write a unit, such as '{level:g} Pa', or a "
+                    "share such as 0.5"
+                )
         return levels
 
     @model_validator(mode="after")

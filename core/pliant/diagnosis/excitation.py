@@ -31,7 +31,7 @@ class Excitation:
         place: that knob's index.
         x: the knobs there.
         snr: RMS change of the readings over the noise floor.
-        change: (N,) that change.
+        change: (N,) that change; 0 where there is no equilibrium.
         slopes: (N, k) d prediction / dx there.
     """
 
@@ -73,12 +73,21 @@ def excitations(
         options = []
         for end in _ends(candidate):
             fit = fitter.look(candidate, end)
-            change = nothing.residual - fit.residual
-            snr = float(np.sqrt(np.mean(change**2))) if np.all(np.isfinite(change)) else 0.0
+            change, slopes, snr = _seen(nothing.residual - fit.residual, fit.slopes)
             place = _strength(candidate)
-            options.append(Excitation(kind, candidate.knobs[place], place, end, snr, change, fit.slopes))
+            options.append(Excitation(kind, candidate.knobs[place], place, end, snr, change, slopes))
         found[kind] = max(options, key=lambda option: option.snr)
     return found
+
+
+def _seen(change: Array, slopes: Array) -> tuple[Array, Array, float]:
+    """Change (N,) and slopes (N, k), 0 where there is no equilibrium, and the RMS change where there is.
+
+    It is 0 where more than half of the readings have none.
+    """
+    there = np.isfinite(change) & np.isfinite(slopes).all(axis=1)
+    snr = float(np.sqrt(np.mean(change[there] ** 2))) if 2 * there.sum() > len(there) else 0.0
+    return np.where(there, change, 0.0), np.where(there[:, None], slopes, 0.0), snr
 
 
 def not_excited(found: Mapping[str, Excitation], prices: Prices) -> tuple[str, ...]:

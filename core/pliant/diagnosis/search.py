@@ -91,6 +91,8 @@ class Search:
             sets = directions.promising(plain, size, SCREENED)
             beside = [key for key in self.fits if len(key) == size - 1]
             sets += self._larger(self._best(beside), directions)
+            if not sets:
+                return
             for larger in dict.fromkeys(sets):
                 self._fit(larger)
             best = self._exchanged(self._best(sets), directions)

@@ -52,7 +52,8 @@ def interval(
     if m < 3:
         return NONE
     weights = np.random.default_rng(seed).multinomial(m, np.full(m, 1 / m), size=REPLICATES)
-    values = statistic(weights @ sums)
+    with np.errstate(invalid="ignore", divide="ignore"):  # a draw may leave out all that was read
+        values = statistic(weights @ sums)
     values = values[np.isfinite(values)]
     if len(values) < REPLICATES // 2:
         return NONE

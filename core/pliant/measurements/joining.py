@@ -21,7 +21,7 @@ def together(measurements: Sequence[Measurement]) -> Measurement:
     file gets its file's name before its own.
 
     Raises:
-        UserError: files that are driven by different inputs, or whose markers sit at different places.
+        UserError: files that are the same, or that have different inputs or places of their markers.
     """
     if len(measurements) == 1:
         return measurements[0]
@@ -34,6 +34,13 @@ def together(measurements: Sequence[Measurement]) -> Measurement:
             raise UserError(
                 f"{other.source} is driven by {', '.join(sorted(theirs))}, and {first.source} by "
                 f"{', '.join(sorted(inputs))}; files that are read together need the same inputs."
+            )
+    digests = [m.sha256 for m in measurements]
+    for number, other in enumerate(measurements):
+        if other.sha256 and other.sha256 in digests[:number]:
+            twin = measurements[digests.index(other.sha256)].source
+            raise UserError(
+                f"{other.source} holds the same as {twin}: its runs would pass for repeats without noise; give it once."
             )
     if len(arms) > 1:
         raise UserError(

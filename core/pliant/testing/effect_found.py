@@ -89,7 +89,7 @@ def injected(subject: Subject, runs: Sequence[MenuRun]) -> Measurement:
             history = run.history.with_(run=f"{run.name} {specimen}", specimen=specimen)
             read = ("angle_rad", *run.adds)
             values = {name: np.full(len(history), 0.0 if name in read else np.nan) for name in outputs}
-            weights, rows = np.ones(len(history)), np.arange(len(history)) + 2.0
+            weights, rows = np.ones(len(history)), np.arange(2, len(history) + 2, dtype=float)
             blank.append(MeasuredRun(history, values, {}, weights, rows))
     unread = Measurement(tuple(blank), outputs, source="sample bench")
     truth = _predictor(subject, unread)
