@@ -52,8 +52,10 @@ Folder = Annotated[
     typer.Option("--out", metavar="DIR", help="Folder of the protocol files; runs/<name>-plan by default."),
 ]
 ONE_LEFT = "One explanation is left: no further run is needed to decide."
-NO_LISTED = "No listed effect explains the error, so that no run can decide between them; "
-    "'pliant diagnose' tells what it depends on."
+NO_LISTED = (
+    "No listed effect explains the error, so that no run can decide between them; 'pliant diagnose' tells what it "
+    "depends on."
+)
 AFTER_DATA = 2
 MOST_COLUMNS = 6
 
