@@ -57,16 +57,17 @@ def why(found: Diagnosis, registry: Registry) -> list[str]:
         if notes.signature:
             lines.append(f"{kind}: {notes.signature}")
         lines += _confused(found, kind)
-    first = [kind for kinds in (found.selected, *found.judgement.credible) for kind in kinds]
-    lines += [class_words(one, first) for one in classes_at_issue(found)]
+    if found.verdict != "missing_effect":  # a selected effect stands out of its class
+        first = [kind for kinds in found.judgement.credible for kind in kinds]
+        lines += [class_words(one, first) for one in classes_at_issue(found)]
     if found.verdict in ("unknown_effect", "nothing_missing", "insufficient_data"):
         lines += _dependence(found)
     return lines
 
 
 def classes_at_issue(found: Diagnosis) -> list[EffectClass]:
-    """Classes with an effect that is selected, or in an explanation that is left."""
-    left = {kind for kinds in (found.selected, *found.judgement.credible) for kind in kinds}
+    """Classes with an effect of an explanation that is left."""
+    left = {kind for kinds in found.judgement.credible for kind in kinds}
     return [one for one in found.classes if left & set(one.kinds)]
 
 
