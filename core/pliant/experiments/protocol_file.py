@@ -72,6 +72,7 @@ def order(
     """The order in words, one sentence a line."""
     history = run.history
     temperature, angles = float(history.temperature_c[0]), np.rad2deg(history.base_angles_rad[0])
+    there = "in these states" if history.time_s is None else "at these times"
     lines = [
         f"Run '{run.name}': {run.words}.",
         f"About {run.minutes:g} min with setting up{f'; needs {run.needs}' if run.needs else ''}.",
@@ -79,7 +80,7 @@ def order(
         if run.new_specimen
         else "Specimen: the one that was measured.",
         f"Temperature {temperature:g} °C; base roll {angles[0]:g}°, pitch {angles[1]:g}°, yaw {angles[2]:g}°.",
-        f"Read {', '.join(dict.fromkeys((*outputs, *run.adds)))} at these times and fill in the blank columns; write "
+        f"Read {', '.join(dict.fromkeys((*outputs, *run.adds)))} {there} and fill in the blank columns; write "
         "down the drive, the load and the temperature as they were, where they differ.",
     ]
     if np.any(history.moment_n_m):
