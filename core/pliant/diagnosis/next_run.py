@@ -222,8 +222,9 @@ def run_that_excites(view: MenuView, configs: Mapping[str, Sequence[EffectConfig
     found = {}
     for kind, effects in configs.items():
         change = (view.readings.pack(view.predictor.evaluate(effects).runs) - plain) ** 2
-        sizes = [float(np.nanmean(change[view.rows([k])])) for k in range(len(view.runs))]
-        best = int(np.nanargmax(sizes))
+        felt = [change[view.rows([k]) & np.isfinite(change)] for k in range(len(view.runs))]
+        sizes = [float(np.mean(values)) if len(values) else 0.0 for values in felt]
+        best = int(np.argmax(sizes))
         if sizes[best] > 0.0:
             found[kind] = view.runs[best].words
     return found
