@@ -18,8 +18,8 @@ class Sensor:
         bias_rad, scale: reading − angle at zero, and its slope − 1.
         curvature: by how much the scale grows over `TYPICAL_RAD`, over the scale.
         play_rad, play_knee: lost motion before the sensor, and how far its three parts differ in width.
-        lag_s, lag_second: the first stage's time constant, and the second stage's over it.
-        lag_falling: the first stage's time constant for falling readings over that for rising ones.
+        late_s, late_second: the first stage's time constant, and the second stage's over it.
+        late_falling: the first stage's time constant for falling readings over that for rising ones.
         slip_rad: standard deviation of where it was put, per run.
         wave_rad, wave_period_rad, wave_phase: an eccentric encoder.
     """
@@ -29,9 +29,9 @@ class Sensor:
     curvature: float = 0.0
     play_rad: float = 0.0
     play_knee: float = 0.4
-    lag_s: float = 0.0
-    lag_second: float = 0.4
-    lag_falling: float = 1.0
+    late_s: float = 0.0
+    late_second: float = 0.4
+    late_falling: float = 1.0
     slip_rad: float = 0.0
     wave_rad: float = 0.0
     wave_period_rad: float = 0.1
@@ -44,9 +44,9 @@ def sensed(angle: Array, time_s: Array, sensor: Sensor, slip: float) -> Array:
     if sensor.play_rad:
         widths = sensor.play_rad * (1 + sensor.play_knee * np.array([-1.0, 0.0, 1.0]))
         seen = np.mean([play(angle, width) for width in widths], axis=0)
-    if sensor.lag_s:
-        seen = late(seen, time_s, sensor.lag_s, sensor.lag_falling)
-        seen = late(seen, time_s, sensor.lag_second * sensor.lag_s, 1.0)
+    if sensor.late_s:
+        seen = late(seen, time_s, sensor.late_s, sensor.late_falling)
+        seen = late(seen, time_s, sensor.late_second * sensor.late_s, 1.0)
     if sensor.wave_rad:
         seen = seen + sensor.wave_rad * np.sin(2 * np.pi * seen / sensor.wave_period_rad + sensor.wave_phase)
     scaled = seen * (1 + sensor.scale * (1 + sensor.curvature * seen / TYPICAL_RAD))
@@ -69,8 +69,10 @@ def late(angle: Array, time_s: Array, constant_s: float, falling: float, parts: 
     for i in range(1, len(angle)):
         dt = (time_s[i] - time_s[i - 1]) / parts
         for k in range(parts):
-            target = angle[i - 1] + (k + 0.5) / parts * (angle[i] - angle[i - 1])
-            time = constant_s * (falling if target < state else 1.0)
-            state = target + (state - target) * np.exp(-dt / time)
+            start = angle[i - 1] + k / parts * (angle[i] - angle[i - 1])
+            rise = (angle[i] - angle[i - 1]) / parts
+            time = constant_s * (falling if start + 0.5 * rise < state else 1.0)
+            behind = rise * time / dt
+            state = start + rise - behind + (state - start + behind) * np.exp(-dt / time)
         out[i] = state
     return out

@@ -242,7 +242,7 @@ def _sensor_lag(d: Dice) -> tuple[Change, float]:
         d.uniform("second", (0.2, 0.4), (0.05, 0.2)),
         d.uniform("falling", (1.0, 1.0), (1.1, 1.3)),
     )
-    return lambda s: {"lag_s": 0.4 * s, "lag_second": second, "lag_falling": falling}, 10.0
+    return lambda s: {"late_s": 0.4 * s, "late_second": second, "late_falling": falling}, 10.0
 
 
 def _inertia(d: Dice) -> tuple[Change, float]:

@@ -191,7 +191,7 @@ def draw_part(kind: str, dice: Dice) -> Part:
 
 
 def _assembled(error: Mapping[str, float], changes: Mapping[str, float]) -> Truth:
-    """Fields by the record that has them."""
+    """Fields by the record that has them; no two records have one of the same name."""
 
     def of(record: Any) -> dict[str, float]:
         names = getattr(record, "_fields", None) or record.__dataclass_fields__

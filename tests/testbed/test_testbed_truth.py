@@ -439,10 +439,15 @@ def test_walls_and_bimodulus_change_what_their_names_say() -> None:
     assert abs(uneven[15]) > abs(plain[15]) and abs(uneven[35]) < abs(plain[35])  # loads oppose the actuation
 
 
+def test_every_field_of_a_truth_changes_one_record_only() -> None:
+    names = [*Forms._fields, *Body.__dataclass_fields__, *Sensor.__dataclass_fields__]
+    assert len(names) == len(set(names))
+
+
 def test_sensors_are_late_dragged_and_scaled() -> None:
     clock = 0.02 * np.arange(500)
     ramp = 0.1 * clock
-    lagging = sensed(ramp, clock, Sensor(lag_s=0.5, lag_second=0.4), 0.0)
+    lagging = sensed(ramp, clock, Sensor(late_s=0.5, late_second=0.4), 0.0)
     assert lagging[-1] == pytest.approx(ramp[-1] - 0.1 * 0.5 * 1.4, rel=1e-3)
     step = np.concatenate([[0.0], np.ones(len(clock) - 1)])
     assert late(step, clock, 1.0, 1.0)[51] == pytest.approx(1 - np.exp(-1.01), abs=0.01)
