@@ -89,7 +89,9 @@ def test_each_parameter_costs_half_the_logarithm_of_n() -> None:
 def test_room_above_the_floor() -> None:
     assert room_above_floor(table({(): 10.0}), (), PRICES)
     assert not room_above_floor(table({(): 1.05}), (), PRICES)
-    assert not room_above_floor(table({(): 10.0}, n=3.0), (), PRICES)
+    several = {(): 10.0, **{(kind,): 9.9 for kind in "abc"}}
+    assert room_above_floor(table(several, n=30.0), (), PRICES)
+    assert not room_above_floor(table(several, n=3.0), (), PRICES)
     assert room_above_floor(table({(): 10.0}, floor=np.nan), (), PRICES)
 
 
@@ -114,3 +116,11 @@ def test_what_right_equations_leave_over_is_no_proof_of_the_unknown() -> None:
         single = 1.0 + left * explained
         t = table({(): single + explained, ("a",): single}, n=n)
         assert bool(odds(t, ("a",), UNKNOWN) > 0) is believed
+
+
+def test_an_effect_of_a_longer_list_costs_more() -> None:
+    few = {(): 1.2, ("a",): 1.0}
+    many = few | {(kind,): 1.2 for kind in "bcdefghijk"}
+    assert odds(table(few), ("a",), ()) - odds(table(many), ("a",), ()) == pytest.approx(
+        PRICES.effect * np.log(12 / 2)
+    )

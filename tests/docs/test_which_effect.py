@@ -63,7 +63,7 @@ def test_the_table_of_verdicts_is_complete():
 def test_the_numbers_are_those_of_the_code():
     text = " ".join(PAGE.split())
     for said in (
-        f"− {PRICES.effect:g} m: Schwarz",
+        f"− {PRICES.effect:g} m ln(1 + c): Schwarz",
         f"any form, and pays {PRICES.unknown:g}",
         f"the evidences over {PRICES.temper:g}",
         f"{PRICES.excited:g} noise floors, because the joint law",

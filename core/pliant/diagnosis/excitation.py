@@ -122,7 +122,7 @@ def detectable(found: Mapping[str, Excitation], n: float, prices: Prices) -> tup
     It pays its price, what a slightly wrong law explains by itself, and the odds that a verdict needs.
     """
     odds = prices.temper * np.log(prices.believed / (1.0 - prices.believed))
-    price = 2.0 * (prices.effect + 0.5 * np.log(max(n, 2.0)) + odds)
+    price = 2.0 * (prices.per_effect(len(found)) + 0.5 * np.log(max(n, 2.0)) + odds)
     smallest = float(np.sqrt((1.0 + prices.excited**2) * np.exp(price / max(n, 2.0)) - 1.0))
     results = []
     for one in found.values():

@@ -69,7 +69,9 @@ class Prices:
     """What a hypothesis must pay before it is believed; calibrated on simulated nulls with model error.
 
     Attributes:
-        effect: log-odds that each further effect costs, beside the ½ ln n_eff of each parameter (Schwarz 1978).
+        effect: log-odds that each further effect costs, times ln(1 + candidates), beside the ½ ln n_eff of each
+            parameter (Schwarz 1978): the longer the list, the likelier one of it fits by chance (Scott & Berger, Ann.
+            Statist. 38, 2010).
         unknown: log-odds of "an effect outside the list", which may reach the noise floor with any form.
         form: share of what a hypothesis explains that may be left over because its equation is an idealisation:
             a further effect must explain more than that.
@@ -82,7 +84,7 @@ class Prices:
             that an effect is paid only for what it explains beyond that.
     """
 
-    effect: float = 4.5
+    effect: float = 2.1
     unknown: float = 30.0
     form: float = 0.03
     form_unknown: float = 0.08
@@ -91,6 +93,10 @@ class Prices:
     slip: float = 1.5
     fewest: float = 12.0
     excited: float = 0.3
+
+    def per_effect(self, n_candidates: int) -> float:
+        """What one further effect costs when so many are tried."""
+        return self.effect * float(np.log1p(n_candidates))
 
 
 PRICES = Prices()
@@ -101,17 +107,15 @@ LEAST_SQUARE = 1e-6
 def log_evidence(table: EvidenceTable, prices: Prices) -> dict[Kinds, float]:
     """ln P(data | hypothesis) + ln prior of each row, up to a constant, and of `UNKNOWN` where it can be judged.
 
-    −½ n_eff ln S* − ½ k ln n_eff − price · effects, with S* the mean squared residual plus, for every hypothesis
-    but "nothing", what a law that is slightly off may explain by itself, and what the slightly wrong equations of
-    the best simpler hypothesis may have left over.
+    −½ n_eff ln S* − ½ k ln n_eff − price · ln(1 + candidates) · effects, S* the mean squared residual plus, for every
+    hypothesis but "nothing", what a law that is slightly off may explain by itself, and what the slightly wrong
+    equations of the best simpler hypothesis may have left over.
     """
-    n = max(table.noise.n_effective, 2.0)
+    n, price = max(table.noise.n_effective, 2.0), prices.per_effect(table.n_candidates)
     found = {}
     for kinds, row in table.rows.items():
         square = max(row.mean_square, LEAST_SQUARE) + _allowance(table, kinds, prices)
-        found[kinds] = (
-            -0.5 * n * np.log(square) - 0.5 * row.n_parameters * np.log(n) - prices.effect * len(kinds)
-        )
+        found[kinds] = -0.5 * n * np.log(square) - 0.5 * row.n_parameters * np.log(n) - price * len(kinds)
     if table.noise.judged:
         best = max(found, key=lambda kinds: found[kinds])
         square = table.noise.floor_square + _left_over(table, best, prices, prices.form_unknown)
@@ -163,7 +167,7 @@ def room_above_floor(table: EvidenceTable, kinds: Kinds, prices: Prices) -> bool
     floor = table.noise.floor_square if np.isfinite(table.noise.floor_square) else 0.0
     reach = max(floor + _left_over(table, kinds, prices), 1e-12)
     gain = 0.5 * n * np.log(max(now, 1e-12) / reach)
-    return bool(gain > prices.effect + 0.5 * np.log(n))
+    return bool(gain > prices.per_effect(table.n_candidates) + 0.5 * np.log(n))
 
 
 def sorted_kinds(kinds: Sequence[str]) -> Kinds:
