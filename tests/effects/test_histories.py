@@ -109,7 +109,7 @@ def test_viscoelastic_creep_and_recovery(modules: int) -> None:
 @both
 def test_a_lagging_supply_is_behind_on_a_ramp_and_even_on_a_hold(modules: int) -> None:
     history = ramps((P, 0.0), 3e3, 0.1, holds_s=8.0)
-    (u,) = followed(modules, [history], ("supply_lag", {"time_s": 0.5}))
+    (u,) = followed(modules, [history], ("supply_lag", {"time_s": 0.4, "second_ratio": 0.25}))
     (plain,) = followed(modules, [history])
     on_the_way_up, end_of_hold, on_the_way_down = 45, 129, 175
     late = GAIN * 3e3 * 0.5 / K

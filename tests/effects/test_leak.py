@@ -78,10 +78,14 @@ def test_a_lagging_chamber_keeps_what_had_arrived() -> None:
     run = History.of(
         {"pressure_pa": np.where(t > 0, P, 0.0)}, t, valve_open=np.array([1.0, 1.0, 1.0, 0.0, 0.0, 1.0])
     )
-    late = reached(SupplyLag(SupplyLagConfig(time_s=1.0)).apply(PLAIN), run)
-    assert late[2] == pytest.approx(P * (1 - np.exp(-1.0)), rel=1e-3)
+    late = reached(SupplyLag(SupplyLagConfig(time_s=1.0, second_ratio=1.0)).apply(PLAIN), run)
+    assert late[2] == pytest.approx(
+        P * (1 - 2 * np.exp(-1.0)), rel=1e-3
+    )  # 1 − (1 + t/T) e^(−t/T) of two stages
     assert late[3] == late[4] == late[2]
-    assert P - late[5] == pytest.approx((P - late[2]) * np.exp(-1.0))
+    assert late[5] == pytest.approx(
+        P * (1 - 3 * np.exp(-2.0)), rel=1e-3
+    )  # as if the closed time had not been
 
 
 # -- closed forms ----------------------------------------------------------------------------------

@@ -34,15 +34,23 @@ def lagged(
     `falling_s` > 0 is the time constant while what has arrived is above the values, by default the same. `flows`
     (t − 1,) says in which steps anything does; by default in all.
     """
-    change, steps = np.diff(values), np.diff(time_s)
-    rising = _shares(change, steps, constant_s, flows)
-    if falling_s is None or falling_s == constant_s:
-        distances = _distances(*rising)
-    else:
-        falling = _shares(change, steps, falling_s, flows)
-        distances = _distances_of_two(change, steps, rising, falling, (constant_s, falling_s))
+    distances, _ = distances_of(
+        values, time_s, constant_s, flows, constant_s if falling_s is None else falling_s
+    )
     late: Array = values + np.array(distances)
     return late
+
+
+def distances_of(
+    values: Array, time_s: Array, constant_s: float, flows: NDArray[np.bool_] | None, falling_s: float
+) -> tuple[list[float], list[tuple[int, float]]]:
+    """d at every sample, and where y met u: the step and the time since its start, s."""
+    change, steps = np.diff(values), np.diff(time_s)
+    rising = _shares(change, steps, constant_s, flows)
+    if falling_s == constant_s:
+        return accumulated(*rising), []
+    falling = _shares(change, steps, falling_s, flows)
+    return _distances_of_two(change, steps, rising, falling, (constant_s, falling_s))
 
 
 def _shares(
@@ -57,8 +65,8 @@ def _shares(
     return (1.0 - arrived).tolist(), (-mean * change).tolist()
 
 
-def _distances(kept: list[float], added: list[float]) -> list[float]:
-    """d at every sample, with one time."""
+def accumulated(kept: list[float], added: list[float]) -> list[float]:
+    """d at every sample, from 0: each step keeps a share of it and adds to it."""
     d, distances = 0.0, [0.0]
     for share, more in zip(kept, added, strict=True):
         d = share * d + more
@@ -72,17 +80,19 @@ def _distances_of_two(
     rising: tuple[list[float], list[float]],
     falling: tuple[list[float], list[float]],
     times_s: tuple[float, float],
-) -> list[float]:
-    """d at every sample, with one time below the values and another above them."""
-    d, distances = 0.0, [0.0]
+) -> tuple[list[float], list[tuple[int, float]]]:
+    """d at every sample, with one time below the values and another above them, and where they met."""
+    d, distances, met = 0.0, [0.0], []
     rows = zip(*rising, *falling, change.tolist(), steps.tolist(), strict=True)
-    for kept, added, kept_above, added_above, moved, step in rows:
+    for k, (kept, added, kept_above, added_above, moved, step) in enumerate(rows):
         above = d > 0.0 or (d == 0.0 and moved < 0.0)
         after = kept_above * d + added_above if above else kept * d + added
         if d * after < 0.0 and kept < 1.0:
             before_s, after_s = (times_s[1], times_s[0]) if above else times_s
-            rest = max(step - before_s * math.log1p(d * step / (before_s * moved)), 0.0)
+            reached = min(before_s * math.log1p(d * step / (before_s * moved)), step)
+            met.append((k, reached))
+            rest = step - reached
             after = moved * (after_s / step) * math.expm1(-rest / after_s)
         d = after
         distances.append(d)
-    return distances
+    return distances, met

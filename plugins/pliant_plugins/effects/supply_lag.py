@@ -1,17 +1,21 @@
-"""Actuation that reaches the chamber late.
+"""Actuation that reaches the chamber late, through two volumes.
 
-    T p' + p = p_c  while p ≤ p_c (filling),      r T p' + p = p_c  while p > p_c (venting)
+    T y' + y = p_c  while y ≤ p_c (filling),      r T y' + y = p_c  while y > p_c (venting)
+    q T p' + p = y
 
-for every input of the chain: a hose and a chamber filled through a throttle, or a regulator's own loop, to first
-order, as a resistor charges a capacitor. Air leaves by another way than it comes, with less pressure behind it, so
-venting has its own time, r = `vent_ratio` times that of filling (Beater, Pneumatic Drives, 2007: charging and
-discharging a volume through a resistance). The commanded p_c is a straight line between samples, for which the
-solution over a step h is exact at any step, a change from venting to filling within it included (`lag.py`):
+for every input of the chain: y is the pressure behind the regulator, p that of the chamber behind its hose. Either
+volume is filled through a resistance and lags to first order, as a resistor charges a capacitor (Beater, Pneumatic
+Drives, 2007: charging and discharging a volume through a resistance). Air leaves the regulator by another way than it
+comes, with less pressure behind it, so venting has its own time, r = `vent_ratio` times that of filling. A hose is the
+same both ways: the second stage has one time, q = `second_ratio` times that of the first one's filling.
 
-    p(t + h) = p_c(t + h) − T s + (p(t) − p_c(t) + T s) e^(−h/T),      s = (p_c(t + h) − p_c(t)) / h
+The commanded p_c is a straight line of slope s between samples, for which the solution over a step h is exact at any
+step. Of the first stage, with a change from venting to filling within the step (`lag.py`),
 
-A run starts in balance, p = p_c; a chamber that a valve closes off keeps its p. Data without times are states reached
-slowly, and have no lag.
+    y(t + h) = p_c(t + h) − T s + (y(t) − p_c(t) + T s) e^(−h/T),      s = (p_c(t + h) − p_c(t)) / h
+
+and of the second in `second_lag.py`. A run starts in balance, p = y = p_c; behind a closed valve both volumes keep
+what they have. Data without times are states reached slowly, and have no lag.
 """
 
 from __future__ import annotations
@@ -25,18 +29,23 @@ from pydantic import Field
 from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, EffectParameter, Model, Place
 from pliant.records.history import PRESSURE, History
 from pliant.units import Ratio, Time
-from pliant_plugins.effects.lag import lagged
+from pliant_plugins.effects.second_lag import lagged_twice
 
 BOUNDS = (0.0, 60.0)
 RATIO_BOUNDS = (0.2, 5.0)
+SECOND_BOUNDS = (0.01, 1.0)
+SECOND_RATIO = 0.15
 
 
 class SupplyLagConfig(EffectConfig):
-    """T, the time in which two thirds of a step up have arrived, and r, how much longer a step down takes."""
+    """T, in which the regulator has brought two thirds of a step up, and in shares of it: venting, the hose."""
 
     kind: Literal["supply_lag"] = "supply_lag"
     time_s: Time = Field(
-        default=0.0, ge=BOUNDS[0], le=BOUNDS[1], description="time constant of the supply's first-order lag"
+        default=0.0,
+        ge=BOUNDS[0],
+        le=BOUNDS[1],
+        description="time constant of the supply's first stage, filling",
     )
     vent_ratio: Ratio = Field(
         default=1.0,
@@ -44,10 +53,16 @@ class SupplyLagConfig(EffectConfig):
         le=RATIO_BOUNDS[1],
         description="time constant of venting over that of filling",
     )
+    second_ratio: Ratio = Field(
+        default=SECOND_RATIO,
+        ge=SECOND_BOUNDS[0],
+        le=SECOND_BOUNDS[1],
+        description="time constant of the second stage over that of the first, filling",
+    )
 
 
 class SupplyLag(Effect):
-    """Delays every actuation by a first-order lag."""
+    """Delays every actuation by two first-order lags in a row."""
 
     place: ClassVar[Place] = "input"
     parameters: ClassVar[tuple[EffectParameter, ...]] = (
@@ -61,11 +76,21 @@ class SupplyLag(Effect):
             role="shape",
             prior="log_normal",
         ),
+        EffectParameter(
+            "second_ratio",
+            "1",
+            neutral=SECOND_RATIO,
+            bounds=SECOND_BOUNDS,
+            plausible=(0.05, 0.5),
+            role="shape",
+            prior="log_normal",
+        ),
     )
     notes: ClassVar[EffectNotes] = EffectNotes(
         signature=(
             "while the pressure rises the angle is behind, while it falls it is ahead, the more the "
-            "faster; a few time constants into a hold nothing is left. Venting may take longer than filling. Loads "
+            "faster; a few time constants into a hold nothing is left. What follows a step sets in softly, for "
+            "there are two volumes, and venting may take longer than filling. Loads "
             "that change at constant pressure are followed at once."
         ),
         look_alike="viscous_damping",
@@ -84,22 +109,17 @@ class SupplyLag(Effect):
 
     def apply(self, model: Model) -> Model:
         """The model with one more map of its inputs."""
-        return model.with_input(partial(_delayed, self.config.time_s, self.config.vent_ratio))
+        return model.with_input(partial(_delayed, self.config))
 
 
-def _delayed(filling_s: float, vent_ratio: float, history: History) -> History:
-    if history.time_s is None or filling_s == 0.0:
+def _delayed(config: SupplyLagConfig, history: History) -> History:
+    time_s, filling_s = history.time_s, config.time_s
+    if time_s is None or filling_s == 0.0:
         return history
-    steps = len(history) - 1
-    open_ = np.ones(steps, bool) if history.valve_open is None else history.valve_open[1:] != 0.0
+    times_s, second_s = (filling_s, config.vent_ratio * filling_s), config.second_ratio * filling_s
+    open_ = np.ones(len(history) - 1, bool) if history.valve_open is None else history.valve_open[1:] != 0.0
     late = {
-        name: lagged(
-            values,
-            history.time_s,
-            filling_s,
-            open_ if PRESSURE.fullmatch(name) else None,
-            falling_s=vent_ratio * filling_s,
-        )
+        name: lagged_twice(values, time_s, times_s, second_s, open_ if PRESSURE.fullmatch(name) else None)
         for name, values in history.actuation.items()
     }
     return history.with_actuation(**late)
