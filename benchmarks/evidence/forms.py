@@ -8,7 +8,7 @@ The candidates (plugins/pliant_plugins/effects) have another form for every one 
 | actuation_gain | a gain that fades with pressure |
 | pressure_offset | an offset that fades with pressure |
 | dead_zone | softplus |
-| supply_lag | two first-order stages in a row, venting slower than filling |
+| supply_lag | through an orifice: dp/dt as the root of the difference, venting through a smaller one; then a hose |
 | viscous_damping | shear thinning, |rate|^n with n < 1 (MuJoCo: its own joint damping) |
 | viscoelastic | three Maxwell branches over a decade, exponential steps |
 | friction_hysteresis | Bouc-Wen or three Prandtl-Ishlinskii stops (MuJoCo: its own frictionloss) |
@@ -83,7 +83,8 @@ class Forms(NamedTuple):
     dead_width: float = 0.25
     lag_s: float = 0.0
     lag_vent: float = 1.5
-    lag_second: float = 0.3
+    lag_linear: float = 0.04
+    lag_second: float = 0.15
     viscous: float = 0.0
     viscous_power: float = 1.0
     branch_1: float = 0.0
@@ -144,7 +145,8 @@ def arriving(supply: Array, middle: float, end: float, valve: float, dt: float, 
     """The pressure in the chamber after dt; `supply` (2,), both stages, is advanced.
 
     `middle` and `end` are the commanded pressure half way and at the end of the step. A closed valve keeps what there
-    is, but for the leak.
+    is, but for the leak. The first stage is filled through an orifice and vented through a smaller one, the second
+    is a hose, linear and short.
     """
     if valve < 0.5:
         supply[0] = supply[1] = max(0.0, supply[1] - dt * outflow(supply[1], f))
@@ -153,9 +155,26 @@ def arriving(supply: Array, middle: float, end: float, valve: float, dt: float, 
         supply[0] = supply[1] = end
     else:
         time = f.lag_s * (f.lag_vent if middle < supply[0] else 1.0)
-        supply[0] = middle + (supply[0] - middle) * math.exp(-dt / time)
-        supply[1] = supply[0] + (supply[1] - supply[0]) * math.exp(-dt / (f.lag_second * time))
+        supply[0] = middle + through_orifice(supply[0] - middle, dt, time, f.lag_linear * PRESSURE_MAX_PA)
+        supply[1] = supply[0] + (supply[1] - supply[0]) * math.exp(-dt / (f.lag_second * f.lag_s))
     return supply[1] - f.leak_filling_s * outflow(supply[1], f)
+
+
+@njit
+def through_orifice(gap: float, dt: float, time: float, linear: float) -> float:
+    """What is left after dt of a difference of pressures, Pa: the exact solution of
+
+    d(gap)/dt = −sign(gap) √(|gap| p_s) / time,     below `linear` −gap √(p_s / linear) / time,
+
+    turbulent through a hole and laminar where little flows. Without the laminar range p_s is gone after 2 time.
+    """
+    left, rate = abs(gap), math.sqrt(PRESSURE_MAX_PA) / time
+    if left > linear:
+        until = 2.0 * (math.sqrt(left) - math.sqrt(linear)) / rate
+        if dt <= until:
+            return math.copysign((math.sqrt(left) - 0.5 * rate * dt) ** 2, gap)
+        left, dt = linear, dt - until
+    return math.copysign(left * math.exp(-dt * rate / math.sqrt(linear)), gap)
 
 
 @njit

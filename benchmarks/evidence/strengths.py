@@ -53,8 +53,10 @@ def _dead_zone(d: Dice) -> tuple[Change, float]:
 
 
 def _supply_lag(d: Dice) -> tuple[Change, float]:
-    vent, second = d.uniform("vent", (1.2, 1.6), (1.0, 1.3)), d.uniform("second", (0.15, 0.35), (0.3, 0.5))
-    return lambda s: {"lag_s": 0.5 * s, "lag_vent": vent, "lag_second": second}, 8.0
+    vent, second = d.uniform("vent", (1.3, 1.8), (1.0, 1.4)), d.uniform("second", (0.08, 0.15), (0.12, 0.25))
+    linear = d.uniform("linear", (0.02, 0.06), (0.08, 0.16))
+    shape = {"lag_vent": vent, "lag_second": second, "lag_linear": linear}
+    return lambda s: {"lag_s": 0.5 * s, **shape}, 8.0
 
 
 def _viscous(d: Dice) -> tuple[Change, float]:

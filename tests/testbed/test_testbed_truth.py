@@ -9,7 +9,7 @@ from functools import cache
 import numpy as np
 import pytest
 from benchmarks.evidence import mujoco_truth, noise
-from benchmarks.evidence.forms import Forms
+from benchmarks.evidence.forms import Forms, arriving
 from benchmarks.evidence.protocols import LOAD_N_M, NAMES, Run, protocol, steps, triangles
 from benchmarks.evidence.robots import (
     B_E,
@@ -214,6 +214,38 @@ def test_a_supply_lag_is_gone_in_holds_and_vents_slower(engine: str) -> None:
     assert all(np.abs(lag[end]).max() < 0.02 * SIGMA_RAD for end in ends)
     loads = run_of(np.full(50, 1e4), LOAD_N_M * np.minimum(1, np.arange(50) / 3))
     assert np.abs(change(engine, Truth(Forms(lag_s=0.6)), loads)[0]).max() < 1e-6
+
+
+def chamber_after_steps(levels: Array, dt: float, f: Forms) -> Array:
+    """(t,) the pressure in the chamber, Pa, from none, with the levels commanded at steps of dt."""
+    supply = np.zeros(2)
+    return np.array([arriving(supply, level, level, 1.0, dt, f) for level in levels])
+
+
+def test_an_orifice_fills_along_a_parabola_and_vents_through_a_smaller_one() -> None:
+    """√Δ falls along a straight line, √p_s (1 − t / 2T); 4 % below it the flow is linear."""
+    f, dt = Forms(lag_s=0.5, lag_vent=1.6, lag_linear=0.04, lag_second=1e-6), 0.01
+    p = chamber_after_steps(PRESSURE_MAX_PA * np.repeat([1.0, 0.0], 300), dt, f)
+    t = dt * np.arange(1, 301)
+    turbulent = t < 0.79  # √Δ comes to √0.04 after 2 T (1 − 0.2)
+    wanted = PRESSURE_MAX_PA * (1 - t / 1.0) ** 2
+    assert PRESSURE_MAX_PA - p[:300][turbulent] == pytest.approx(wanted[turbulent], rel=1e-9)
+    laminar = t > 0.81
+    slow = 0.04 * PRESSURE_MAX_PA * np.exp(-(t - 0.8) / (0.5 * 0.2))
+    assert PRESSURE_MAX_PA - p[:300][laminar] == pytest.approx(slow[laminar], abs=1e-6)
+    venting = t < 1.6 * 0.79
+    assert p[300:][venting] == pytest.approx(PRESSURE_MAX_PA * (1 - t[venting] / 1.6) ** 2, rel=1e-6)
+
+
+def test_a_hose_behind_the_orifice_is_late_by_its_time_and_parts_of_a_step_change_little() -> None:
+    f = Forms(lag_s=0.5, lag_second=0.2)
+    ramp = PRESSURE_MAX_PA * np.linspace(0.0, 1.0, 2001)[1:]
+    behind = [chamber_after_steps(ramp, 0.01, one)[-1] for one in (f, f._replace(lag_second=1e-6))]
+    assert behind[1] - behind[0] == pytest.approx(ramp[0] / 0.01 * 0.1, rel=0.06)  # half a step of 0.01 s
+    jump = np.full(200, PRESSURE_MAX_PA)
+    coarse, fine = chamber_after_steps(jump, 0.01, f), chamber_after_steps(np.repeat(jump, 10), 0.001, f)
+    assert coarse == pytest.approx(fine[9::10], abs=0.02 * PRESSURE_MAX_PA)
+    assert fine[0] < 0.01 * (fine[-1]) and np.all(np.diff(fine) >= 0)
 
 
 def test_a_viscoelastic_joint_drifts_in_holds_and_comes_back() -> None:
