@@ -229,7 +229,7 @@ def test_a_menu_that_shows_nothing_says_so(call) -> None:
             "{run: custom, name: x, times: [0 s, 0 s], inputs: {pressure_pa: [0, 1 kPa]}}",
             ["'times' must increase"],
         ),
-        ("{run: custom, name: x, times: [0 s, 1 s], inputs: {pressure_pa: [0]}}", ["1 values for 2 times"]),
+        ("{run: custom, name: x, times: [0 s, 1 s], inputs: {pressure_pa: [0]}}", ["1 value for 2 times"]),
         (
             "{run: custom, name: x, times: [0 s, 1 s], inputs: {pressur_pa: [0, 1]}}",
             ["did you mean 'pressure_pa'?"],

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import shlex
 from dataclasses import replace
 
 import numpy as np
@@ -64,7 +65,21 @@ def test_the_order_stands_above_the_table(tmp_path, old) -> None:
     write_protocol(tmp_path / "n.csv", run, old.outputs, measurement=old, study="finger.yaml")
     text = (tmp_path / "n.csv").read_text()
     assert "15 K warmer" in text and "Temperature 37 °C" in text and "needs a warm chamber" in text
-    assert "pliant diagnose finger.yaml --data old.csv --data n.csv" in text
+    assert f"pliant diagnose finger.yaml --data old.csv --data {tmp_path / 'n.csv'}" in text
+
+
+def test_the_way_on_names_every_file_as_it_is_typed(tmp_path, old) -> None:
+    run = named_run(menu(BenchScale.of_measurement(CHAIN, old)), "warm")
+    data = ("bench/a.csv", "bench/two words.csv")
+    write_protocol(tmp_path / "n.csv", run, old.outputs, measurement=old, study="finger.yaml", data=data)
+    said = next(line for line in (tmp_path / "n.csv").read_text().splitlines() if "Then:" in line)
+    words = shlex.split(said.partition("Then: ")[2])
+    assert words == [
+        "pliant",
+        "diagnose",
+        "finger.yaml",
+        *(w for d in (*data, tmp_path / "n.csv") for w in ("--data", str(d))),
+    ]
 
 
 def test_names_that_are_taken_are_not_given_again(tmp_path, old) -> None:

@@ -52,7 +52,7 @@ def compare_counts_verb(
 
 def _table(found: CountComparison) -> Table:
     table = Table(box=None, pad_edge=False, header_style="bold")
-    table.add_column("condition", no_wrap=True, overflow="ellipsis")
+    table.add_column("condition")
     for name in ("measured", "model", "log-lik.", "dev.", "z", "sets"):
         table.add_column(name, justify="right", no_wrap=True)
     for one in found.conditions[:MOST_SHOWN]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -80,7 +81,7 @@ def diagnose(
             }
         )
         _say(here, found)
-        _next_file(here, found, folder, study, loaded, measurement)
+        _next_file(here, found, folder, study, loaded, measurement, data)
         from pliant.report.diagnosis import diagnosis_page  # matplotlib takes a second to import
 
         made = diagnosis_page(loaded.name, measurement, found, here.registry)
@@ -90,14 +91,20 @@ def diagnose(
 
 
 def _next_file(
-    here: Session, found: Diagnosis, folder: Path, study: Path, loaded: Study, measurement: Measurement
+    here: Session,
+    found: Diagnosis,
+    folder: Path,
+    study: Path,
+    loaded: Study,
+    measurement: Measurement,
+    data: Sequence[Path] | None,
 ) -> None:
     """The proposed run, ready for the bench; one of an earlier diagnosis is taken away."""
     (folder / NEXT_RUN).unlink(missing_ok=True)
     if found.next_run is None or found.next_run.planned is None:
         return
     planned = [(NEXT_RUN, found.next_run.planned)]
-    (path,) = write_runs(folder, planned, measurement.outputs, study, loaded, measurement)
+    (path,) = write_runs(folder, planned, measurement.outputs, study, loaded, measurement, data)
     here.result["next_experiment"]["file"] = str(path)
     here.say(f"next run {path}")
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -37,6 +38,8 @@ Candidates = Annotated[
     typer.Option("--effect", metavar="KIND", help="Candidate, may be repeated; all effects by default."),
 ]
 Force = Annotated[bool, typer.Option("--force", help="Overwrite the new study's file if it is there.")]
+# Outputs that stand beside each other in eighty characters.
+MOST_IN_A_ROW = 3
 
 
 def improve(
@@ -169,18 +172,31 @@ def _say(here: Session, found: Improvement) -> None:
 
 
 def _table(found: Improvement) -> Table:
-    """Errors on the runs put aside, after each step."""
-    table = Table(box=None, pad_edge=False, header_style="bold")
-    table.add_column(f"error on {found.scored_on}")
+    """Errors on the runs put aside, a step a row; where more is read than fits into a row, a step a column."""
     names = list(found.steps[0].locked.rmse)
-    for name in (*(shown(name).label for name in names), "over the noise"):
-        table.add_column(name, justify="right", no_wrap=True)
-    for place, step in enumerate(found.steps, start=1):
-        table.add_row(
+    labels = [*(shown(name).label for name in names), "over the noise"]
+    rows = [
+        [
             f"{place}  {'+ ' + step.named if step.added else 'as it was'}",
             *(shown(name).text(step.locked.rmse[name]) for name in names),
             f"{step.locked.over_floor:.2f} ± {step.locked_se:.2f}",
-        )
-    floors = (shown(name).text(found.floors[name].value) for name in names)
-    table.add_row("noise floor", *floors, "1")
+        ]
+        for place, step in enumerate(found.steps, start=1)
+    ]
+    rows.append(["noise floor", *(shown(name).text(found.floors[name].value) for name in names), "1"])
+    first = f"error on {found.scored_on}"
+    if len(names) <= MOST_IN_A_ROW:
+        return _filled([first, *labels], rows)
+    heads = [*(str(place) for place in range(1, len(rows))), "noise floor"]
+    turned = zip(*(row[1:] for row in rows), strict=True)
+    return _filled([first, *heads], [[label, *cells] for label, cells in zip(labels, turned, strict=True)])
+
+
+def _filled(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> Table:
+    table = Table(box=None, pad_edge=False, header_style="bold")
+    table.add_column(heads[0])
+    for name in heads[1:]:
+        table.add_column(name, justify="right", no_wrap=True)
+    for row in rows:
+        table.add_row(*row)
     return table

@@ -34,6 +34,7 @@ from pliant.evidence.prediction import Predictor
 from pliant.evidence.words import listed
 from pliant.experiments.protocols import own_runs, runs_of
 from pliant.experiments.scale import BenchScale
+from pliant.measurements.sheet import plural
 from pliant.pipeline.study import chain_of_study
 from pliant.pipeline.workbench import Workbench
 from pliant.records.measurement import Measurement
@@ -88,7 +89,7 @@ def plan(
         here.result |= {"study": loaded.name, "out": str(folder)}
         if data or loaded.measurements is not None:
             measurement = measurement_of_study(bench, loaded, data)
-            _after(here, bench, loaded, study, measurement, kinds, runs or AFTER_DATA, most, folder)
+            _after(here, bench, loaded, study, measurement, data, kinds, runs or AFTER_DATA, most, folder)
         else:
             _before(here, bench, loaded, study, kinds, runs, most, folder)
 
@@ -99,6 +100,7 @@ def _after(
     loaded: Study,
     study: Path,
     measurement: Measurement,
+    data: Sequence[Path] | None,
     kinds: Sequence[str],
     runs: int,
     minutes: float,
@@ -116,7 +118,7 @@ def _after(
         for k, one in enumerate(chosen, 1)
         if one.planned is not None
     ]
-    files = write_runs(folder, planned, measurement.outputs, study, loaded, measurement)
+    files = write_runs(folder, planned, measurement.outputs, study, loaded, measurement, data)
     here.result |= {
         "data": measurement.source,
         "data_sha256": measurement.sha256,
@@ -196,14 +198,15 @@ def _before(
     for number, (k, count, file) in enumerate(zip(found.chosen, found.parts[1:], files, strict=True), 1):
         run = found.runs[k]
         here.say(f"run {number}: {run.name} ({run.minutes:g} min): {run.words}")
-        here.say(f"  {count} groups of effects told apart so far; file   {file}")
+        here.say(f"  {plural(count, 'group')} of effects told apart so far; file   {file}")
     if not found.chosen:
         here.say(
             "No run of the menu shows any of these effects; list other runs under 'protocols:' in the study."
         )
         return
     here.say(
-        f"{len(found.chosen)} runs, {found.minutes:g} min: {found.parts[-1]} groups of {len(found.snr)} effects."
+        f"{plural(len(found.chosen), 'run')}, {found.minutes:g} min: "
+        f"{plural(found.parts[-1], 'group')} of {plural(len(found.snr), 'effect')}."
     )
     for part in found.together:
         here.say(f"not told apart: {listed(list(part))}")

@@ -20,13 +20,19 @@ def write_runs(
     study: Path,
     loaded: Study,
     measurement: Measurement | None = None,
+    data: Sequence[Path] | None = None,
 ) -> list[Path]:
-    """Write each run under its file's name; returns the paths."""
-    paths = []
+    """Write each run under its file's name; returns the paths. `data`: the measurement's files, if not the study's."""
+    notes, paths = loaded.measurements, []
+    old = [_from_here(file) for file in data or ([Path(notes.file)] if notes is not None else [])]
     for file, run in runs:
         path = folder / file
-        write_protocol(
-            path, run, outputs, measurement=measurement, notes=loaded.measurements, study=str(study)
-        )
+        write_protocol(path, run, outputs, measurement=measurement, notes=notes, study=str(study), data=old)
         paths.append(path)
     return paths
+
+
+def _from_here(file: Path) -> str:
+    """The file as one would type it in this folder."""
+    here = Path.cwd()
+    return str(file.relative_to(here) if file.is_relative_to(here) else file)

@@ -123,7 +123,9 @@ class ProtocolConfig(FrozenModel):
             rows["moments"] = self.moments_n_m
         for name, values in rows.items():
             if len(values) != len(self.times_s):
-                raise ValueError(f"'{name}' has {len(values)} values for {len(self.times_s)} times")
+                raise ValueError(
+                    f"'{name}' has {len(values)} value{'s' * (len(values) != 1)} for {len(self.times_s)} times"
+                )
         for values in self.inputs.values():
             for value in values:
                 _check(value)

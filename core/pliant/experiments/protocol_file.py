@@ -6,6 +6,7 @@ Filled in, it is a measurement file like any other; with the old file it is one 
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -32,6 +33,7 @@ def write_protocol(
     measurement: Measurement | None = None,
     notes: MeasurementNotes | None = None,
     study: str = "STUDY.yaml",
+    data: Sequence[str] = (),
 ) -> None:
     """Write the run as a CSV whose comments are the order in words.
 
@@ -42,6 +44,7 @@ def write_protocol(
         measurement: the old one, so that the run and a new specimen get names of their own.
         notes: the study's renames and units, in which the file is written, because it will be read by them.
         study: its file, for the sentence on how to go on.
+        data: the old one's files, for the same sentence; the names that it was read under by default.
 
     Raises:
         UserError: the file cannot be written.
@@ -55,7 +58,7 @@ def write_protocol(
     blank = [name for name in (*notes.rename, *notes.units) if name not in header]
     blank = [name for name in dict.fromkeys(blank) if notes.rename.get(name, name) not in (*texts, *columns)]
     start = ",".join(_quoted(text) for text in texts.values())
-    lines = [f"# {line}" for line in order(run, outputs, measurement, path.name, study)]
+    lines = [f"# {line}" for line in order(run, outputs, measurement, str(path), study, data)]
     lines.append(",".join([*header, *blank]))
     for row in zip(*(column.tolist() for column in values), strict=True):
         cells = ("" if value != value else repr(float(f"{value:.{DIGITS}g}")) for value in row)
@@ -67,7 +70,12 @@ def write_protocol(
 
 
 def order(
-    run: MenuRun, outputs: Sequence[str], measurement: Measurement | None, file: str, study: str
+    run: MenuRun,
+    outputs: Sequence[str],
+    measurement: Measurement | None,
+    file: str,
+    study: str,
+    data: Sequence[str] = (),
 ) -> list[str]:
     """The order in words, one sentence a line."""
     history = run.history
@@ -87,9 +95,9 @@ def order(
         lines.append("moment_n_m opposes the drive's torque; negative pushes along with it.")
     if history.valve_open is not None:
         lines.append("valve_open is 0 where the valve at the specimen is closed.")
-    old = "OLD.csv" if measurement is None or not measurement.source else measurement.source.split(" + ")[0]
-    before = f" --data {old}" if measurement is not None else ""
-    return [*lines, f"Then: pliant diagnose {study}{before} --data {file}"]
+    read = (data or (measurement.source or "OLD.csv").split(" + ")) if measurement is not None else ()
+    given = " ".join(f"--data {shlex.quote(name)}" for name in (*read, file))
+    return [*lines, f"Then: pliant diagnose {shlex.quote(study)} {given}"]
 
 
 def _columns(run: MenuRun, outputs: Sequence[str]) -> dict[str, Array]:

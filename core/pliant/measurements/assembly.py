@@ -57,7 +57,7 @@ def assembled(
     said += spoken
     read = [name for name in outputs if any(np.isfinite(run.outputs[name]).any() for run in runs)]
     if not read:
-        raise UserError(f"{path}: no reading is left of {', '.join(outputs)}.")
+        raise UserError(f"{path}: no reading is left of {', '.join(outputs)}: all are blank, or left out.")
     said += [f"Output '{name}' has no reading and is ignored." for name in outputs if name not in read]
     runs = [_only(run, read) for run in runs]
     measurement = Measurement(tuple(runs), tuple(read), path.name, tuple(said), notes.markers_m)

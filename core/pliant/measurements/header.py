@@ -151,8 +151,8 @@ def _used(
     roles = {column.role for column in columns}
     if "count" in roles and "output" not in roles:
         raise UserError(
-            f"{path}: the file holds counts (successes, trials) and no readings; `pliant compare` and "
-            "`pliant diagnose` take counts, this needs readings such as angle_rad or tip_x_m."
+            f"{path}: the file holds counts (successes, trials) and no readings such as angle_rad or tip_x_m, which "
+            "are needed here; `pliant compare` and `pliant diagnose` take counts as their only file."
         )
     have = [column.name for column in columns if column.role == "input"]
     for name in actuation or ():
