@@ -8,8 +8,9 @@ from statistics import NormalDist
 import numpy as np
 from numpy.polynomial import chebyshev
 
+from pliant.mechanics.law_around import LawAround
 from pliant.records.design import Array
-from pliant.records.law import Domain, Effort, JointKind, JointLaw, LawRecord
+from pliant.records.law import Effort, JointLaw
 
 # Errors of a law vary slowly over its box: so many Chebyshev terms in p and in u, each half as large as the last.
 TERMS = (3, 4)
@@ -76,7 +77,7 @@ def _unit_function(random: np.random.Generator, nodes: Array) -> Array:
 
 
 @dataclass(frozen=True, eq=False)
-class DrawnLaw(JointLaw):
+class DrawnLaw(LawAround):
     """A law plus an error e_a(p, u_a) on each axis; outside the box the error stays as at its border.
 
     Attributes:
@@ -84,24 +85,7 @@ class DrawnLaw(JointLaw):
         tables: (a, NODES, NODES) of `error_tables`.
     """
 
-    law: JointLaw
     tables: Array
-
-    @property
-    def joint(self) -> JointKind:  # type: ignore[override]
-        return self.law.joint
-
-    @property
-    def axes(self) -> tuple[str, ...]:  # type: ignore[override]
-        return self.law.axes
-
-    @property
-    def actuation_name(self) -> str:  # type: ignore[override]
-        return self.law.actuation_name
-
-    @property
-    def domain(self) -> Domain:  # type: ignore[override]
-        return self.law.domain
 
     def evaluate(self, actuation: Array, deformation: Array) -> Effort:
         """As the law's, shapes (n, a), (n, a), (n, a, a)."""
@@ -116,10 +100,6 @@ class DrawnLaw(JointLaw):
             gain[:, a] += x_rate * chebyshev.chebval2d(x, v, chebyshev.chebder(table, axis=0))
             slope[:, a, a] += v_rate * chebyshev.chebval2d(x, v, chebyshev.chebder(table, axis=1))
         return Effort(tau, gain, slope)
-
-    def record(self) -> LawRecord:
-        """Draws are made anew from the law, not stored: the law's own record."""
-        return self.law.record()
 
 
 def _map(limits: Array) -> tuple[float, float]:

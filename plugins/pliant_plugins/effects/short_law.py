@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from pliant.mechanics.law_around import LawAround
 from pliant.records.design import Array
-from pliant.records.law import Domain, Effort, JointKind, JointLaw, LawRecord
+from pliant.records.law import Domain, Effort, JointLaw
 
 
 @dataclass(frozen=True, eq=False)
-class ShortLaw(JointLaw):
+class ShortLaw(LawAround):
     """τ'(p, u) = τ(p, u/s), Π'(p, u) = s Π(p, u/s): the share s of a module bends as the whole of it would.
 
     Attributes:
@@ -17,20 +18,7 @@ class ShortLaw(JointLaw):
         share: s > 0.
     """
 
-    law: JointLaw
     share: float
-
-    @property
-    def joint(self) -> JointKind:  # type: ignore[override]
-        return self.law.joint
-
-    @property
-    def axes(self) -> tuple[str, ...]:  # type: ignore[override]
-        return self.law.axes
-
-    @property
-    def actuation_name(self) -> str:  # type: ignore[override]
-        return self.law.actuation_name
 
     @property
     def domain(self) -> Domain:  # type: ignore[override]
@@ -52,7 +40,3 @@ class ShortLaw(JointLaw):
     def draws(self, count: int, seed: int) -> tuple[JointLaw, ...]:
         """The law's draws, shortened."""
         return tuple(ShortLaw(law, self.share) for law in self.law.draws(count, seed))
-
-    def record(self) -> LawRecord:
-        """The whole module's: effects are put on anew, never stored with a law."""
-        return self.law.record()

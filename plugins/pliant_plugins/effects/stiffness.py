@@ -14,9 +14,9 @@ from typing import ClassVar, Literal
 from pydantic import Field
 
 from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, EffectParameter, Model, Place
-from pliant.records.design import Array
 from pliant.records.term import LawTerm
 from pliant.units import Ratio
+from pliant_plugins.effects.factors import constant_factor
 
 BOUNDS = (0.05, 20.0)
 
@@ -58,17 +58,4 @@ class Stiffness(Effect):
 
     def apply(self, model: Model) -> Model:
         """The model with one more factor on the elastic part."""
-        return model.with_term(LawTerm("elastic", _factor, (self.config.factor,)))
-
-
-def _factor(
-    angle: float,
-    rate: float,
-    dt_s: float,
-    actuation: float,
-    temperature_c: float,
-    old: Array,
-    new: Array,
-    parameters: Array,
-) -> float:
-    return parameters[0]
+        return model.with_term(LawTerm("elastic", constant_factor, (self.config.factor,)))

@@ -18,9 +18,9 @@ from typing import ClassVar, Literal
 from pydantic import Field
 
 from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, EffectParameter, Model, Place
-from pliant.records.design import Array
 from pliant.records.term import LawTerm
 from pliant.units import Ratio
+from pliant_plugins.effects.factors import constant_factor
 
 BOUNDS = (0.5, 2.0)
 
@@ -69,19 +69,6 @@ class WallThickness(Effect):
     def apply(self, model: Model) -> Model:
         """The model with a factor on the elastic part and one on the actuation part."""
         config = self.config
-        elastic = LawTerm("elastic", _factor, (config.ratio**config.elastic_exponent,))
-        actuation = LawTerm("actuation", _factor, (config.ratio**config.actuation_exponent,))
+        elastic = LawTerm("elastic", constant_factor, (config.ratio**config.elastic_exponent,))
+        actuation = LawTerm("actuation", constant_factor, (config.ratio**config.actuation_exponent,))
         return model.with_term(elastic).with_term(actuation)
-
-
-def _factor(
-    angle: float,
-    rate: float,
-    dt_s: float,
-    actuation: float,
-    temperature_c: float,
-    old: Array,
-    new: Array,
-    parameters: Array,
-) -> float:
-    return parameters[0]
