@@ -86,7 +86,8 @@ PAIRS = [
 
 @pytest.mark.parametrize("pair", PAIRS, ids=lambda pair: "+".join(one.kind for one in pair))
 def test_two_hidden_effects_are_both_named(pair: tuple[EffectConfig, EffectConfig]) -> None:
-    kinds = [kind for kind in REGISTRY.kinds("effect") if kind != "wall_thickness"]  # it is a stiffness, very nearly
+    # a wall's thickness is a stiffness, very nearly
+    kinds = [kind for kind in REGISTRY.kinds("effect") if kind != "wall_thickness"]
     found = judged(measured(CHAIN, warm_twice(), *pair, seed=12), kinds=kinds)
     assert found.selected == tuple(sorted(one.kind for one in pair))
 
