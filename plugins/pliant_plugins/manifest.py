@@ -347,7 +347,11 @@ def _effects() -> list[Component]:
             "of the modules at the clamp and at the cap only a share bends",
             {"base_share": 0.97, "cap_share": 0.65},
         ),
-        "link_stretch": ("LinkStretch", "pressure lengthens the pieces of the chain", {"strain_per_mpa": 0.83}),
+        "link_stretch": (
+            "LinkStretch",
+            "pressure lengthens the pieces of the chain",
+            {"strain_per_mpa": 0.83},
+        ),
     }
     return [
         Component(
