@@ -258,11 +258,6 @@ def to_csv(runs: Protocol, outputs: Outputs, robot: Robot) -> str:
     return "\n".join(lines) + "\n"
 
 
-def expected_samples(name: str) -> int:
-    """Samples of a protocol."""
-    return sum(len(run) for run in protocol(name))
-
-
 def minutes(name: str) -> float:
     """Bench time of a protocol's motion, without rests."""
     return math.fsum(run.seconds for run in protocol(name)) / 60

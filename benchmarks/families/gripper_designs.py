@@ -30,7 +30,6 @@ from pliant_plugins.materials.neo_hookean import NeoHookean, NeoHookeanConfig
 TABLE = Path(__file__).parents[3] / "shared/data/reference/gripper_poly_coefficients.csv"
 PRESSURE_KPA = 10.0
 MU_PA = 249e3  # the states are solved with this one
-QUANTILES = {"median": 0.5, "p95": 0.95, "worst": 1.0}
 LEVELS = (0.25, 0.5, 0.75, 0.9, 1.0, 1.12)  # of the pressure
 CURVE_MU_PA = (
     249.3e3  # fitted on the published free curve of one design (tests/fem/test_reference_bending.py)

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from pliant.interfaces.fem import ModuleSolver
 from pliant.records.design import Array
-from pliant.records.fem import FemState, ModuleProblem
+from pliant.records.fem import FemState
 
 MOMENTS = (3e-3, 6e-3)
 AXES = ("x", "y", "z")
@@ -40,11 +40,6 @@ def condensed(stiffness: Array, kept: tuple[int, ...]) -> Array:
     cross = stiffness[np.ix_(kept, out)]
     reduced: Array = K - cross @ np.linalg.solve(stiffness[np.ix_(out, out)], cross.T)
     return reduced
-
-
-def without_constraint_width(problem: ModuleProblem) -> ModuleProblem:
-    """The same module with a thread in place of its ribbon."""
-    return replace(problem, ribbons=tuple(replace(r, width_m=0.0) for r in problem.ribbons))
 
 
 def free_states(solver: ModuleSolver, pressures: tuple[float, ...]) -> list[FemState]:
