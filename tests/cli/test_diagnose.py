@@ -3,21 +3,11 @@
 from __future__ import annotations
 
 import pytest
+from tests.cli.joint_study import JOINT as STUDY
 from tests.diagnosis.quick import effect, joint, measured, rich
 
 from pliant.measurements.writing import write_measurement
 
-STUDY = """\
-pliant: 1
-name: joint
-surrogate:
-  kind: polynomial
-  form: study
-  odd: true
-  coefficients: {k_n: 1.637e-6, m_a: -1.704e-6, b_a: 0, m_e: 0.1012, b_e: 0.0245}
-chain: {modules: 1, module_length: 11 mm, module_mass: 1.6 g, payload: 30 g}
-physics: quasistatic
-"""
 FEW = ("--effect", "stiffness", "--effect", "sensor_bias", "--effect", "supply_lag")
 
 

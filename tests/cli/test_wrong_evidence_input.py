@@ -4,21 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from tests.cli.joint_study import JOINT
 from tests.diagnosis.quick import effect, joint, measured, ramp
 
 from pliant.measurements.writing import write_measurement
 
-JOINT = """\
-pliant: 1
-name: joint
-surrogate:
-  kind: polynomial
-  form: study
-  odd: true
-  coefficients: {k_n: 1.637e-6, m_a: -1.704e-6, b_a: 0, m_e: 0.1012, b_e: 0.0245}
-chain: {modules: 1, module_length: 11 mm, module_mass: 1.6 g, payload: 30 g}
-physics: quasistatic
-"""
 TASK = "task: {kind: free_bending, pressure: 15 kPa}\n"
 CHAIN = JOINT.replace("modules: 1", "modules: 4").replace("30 g", "5 g")
 BOTH = "payload: 30 g, actuators: [{input: pressure_1_pa, sign: 1}, {input: pressure_2_pa, sign: -1}]"
