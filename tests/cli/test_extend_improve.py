@@ -143,8 +143,7 @@ def test_improve_with_one_run_says_what_it_cannot(pliant, joint, workplace, tabl
     (workplace / "short.csv").write_text(tables["short"])
     call = pliant("improve", joint, "--data", "short.csv", *FEW, "--json", "r.json")
     assert call.code == 0, call.err
-    found = read("r.json")
-    assert found["stop"] in ("insufficient_data", "ambiguous") and len(found["steps"]) == 1
+    assert read("r.json")["stop"] in ("insufficient_data", "ambiguous")
     assert "too few runs" in call.out
 
 
