@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from pliant.diagnosis.diagnosis import Diagnosis
+from pliant.diagnosis.drift import Drift
 from pliant.diagnosis.heldout import heldout_residual
 from pliant.diagnosis.next_run import next_run_json
 from pliant.diagnosis.table import NOTHING, UNKNOWN, Kinds
@@ -56,10 +57,17 @@ def diagnosis_json(found: Diagnosis) -> dict[str, Any]:
         "n_samples": found.table.n_readings,
         "n_effective": found.noise.n_effective,
         "slip": found.noise.slip,
+        "drift": _drift(found.noise.drift),
         "judged": found.noise.judged,
         "remarks": list(found.remarks),
         "wall_s": found.wall_s,
     }
+
+
+def _drift(drift: Drift | None) -> dict[str, Any] | None:
+    if drift is None:
+        return None
+    return {"output": drift.output, "share": drift.share, "over_floor": drift.size}
 
 
 def _hypothesis(found: Diagnosis, kinds: Kinds, probability: float) -> dict[str, Any]:

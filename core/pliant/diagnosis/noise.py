@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pliant.diagnosis.drift import Drift, drift_between
 from pliant.measurements.effective import clock_of, effective_samples
 from pliant.measurements.floors import Floor, noise_floors
 from pliant.measurements.repeats import RepeatGroup
@@ -31,6 +32,7 @@ class NoiseView:
         judged: the floors hold slow noise and run offsets, so that an error above them is the model's.
         slip: how much more, at least, readings scatter between repeats than within a run: the largest over outputs
             of between / within at the lower end of its 90 % interval; 1 without repeats.
+        drift: by how much later repeats read more than earlier ones, where that is beyond doubt.
     """
 
     floors: Mapping[str, Floor]
@@ -38,6 +40,7 @@ class NoiseView:
     floor_square: float
     judged: bool
     slip: float
+    drift: Drift | None = None
 
 
 def noise_view(
@@ -69,6 +72,7 @@ def noise_view(
         floor_square=float(np.average(squares, weights=shares)) if any(shares) else np.nan,
         judged=all(floor.source in WHOLE for floor in floors.values()),
         slip=max([1.0, *between]),
+        drift=drift_between(measurement, padded, scales, groups),
     )
 
 

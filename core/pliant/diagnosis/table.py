@@ -79,6 +79,7 @@ class Prices:
         temper: log-evidence is divided by this: forms and noise models are never quite right.
         believed: probability above which the first hypothesis is the verdict.
         slip: between / within scatter from which runs do not repeat.
+        drift: change of scale between repeats, in floors (which it swells), from which they do not.
         fewest: n_eff below which no verdict is given.
         excited: change in σ below which an effect cannot be judged: the model's own law may be off by as much, so
             that an effect is paid only for what it explains beyond that.
@@ -91,6 +92,7 @@ class Prices:
     temper: float = 2.0
     believed: float = 0.9
     slip: float = 1.5
+    drift: float = 0.3
     fewest: float = 12.0
     excited: float = 0.3
 

@@ -70,6 +70,12 @@ def _verdict(
             f"Runs with the same inputs scatter {noise.slip:.1f} times as much as readings within a run. "
             "Find what moves between runs first: it can hide any effect.",
         )
+    if noise.drift is not None and noise.drift.size > prices.drift:
+        way = "more" if noise.drift.share > 0 else "less"
+        return "not_repeatable", (
+            f"Later runs read {abs(noise.drift.share):.1%} {way} {noise.drift.output} than earlier ones with the same "
+            "inputs, and no effect that was tried says why. Find what changes over the session, or with the specimen.",
+        )
     if noise.n_effective < prices.fewest:
         return "insufficient_data", (
             f"The readings are worth only {noise.n_effective:.0f} independent ones; "
