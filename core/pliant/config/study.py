@@ -12,6 +12,7 @@ from pliant.config.chain import ChainConfig, SegmentConfig
 from pliant.config.measurements import MeasurementsConfig
 from pliant.config.noise import NoiseConfig
 from pliant.config.protocols import ProtocolConfig
+from pliant.config.search import SearchConfig
 from pliant.config.sweep import SweepConfig
 from pliant.config.uncertainty import UncertaintyConfig
 from pliant.errors import UserError
@@ -71,7 +72,7 @@ class Study(FrozenModel):
         default=(), description="physical effects, applied in this order"
     )
     optimizer: OptimizerConfig | None = Field(
-        default=None, description="for design; not used by this version"
+        default=None, description="proposes designs; cmaes by default"
     )
     measurements: MeasurementsConfig | None = Field(
         default=None, description="what the bench recorded (docs/measurement_files.md)"
@@ -80,8 +81,8 @@ class Study(FrozenModel):
     meta_model: MetaModelConfig | None = Field(
         default=None, description="one model over the designs of a sweep, which gives the law of any other"
     )
-    search: dict[str, Any] | None = Field(
-        default=None, description="what to optimise; not used by this version"
+    search: SearchConfig | None = Field(
+        default=None, description="what `pliant optimize` varies and wants (docs/design_for_a_task.md)"
     )
     uncertainty: UncertaintyConfig | None = Field(
         default=None, description="carries the error bars of the laws to the tip"

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any, Literal
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, ClassVar, Literal
 
 from pliant.interfaces.base import ComponentConfig
 
@@ -28,38 +29,97 @@ class Variable:
 
 
 @dataclass(frozen=True)
+class Context:
+    """A condition that an optimizer with contexts answers with a design of its own: features (k,) of order one."""
+
+    name: str
+    features: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True)
+class Space:
+    """What is searched.
+
+    Attributes:
+        variables: the axes.
+        objectives: how many numbers a candidate is scored by, all minimised; more than one only for optimizers
+            that can.
+        contexts: conditions, each candidate being tried in one of them; empty unless the optimizer knows contexts.
+        start: a value for each variable, where the search may begin; empty where nobody knows better.
+    """
+
+    variables: tuple[Variable, ...]
+    objectives: int = 1
+    contexts: tuple[Context, ...] = ()
+    start: Mapping[str, Value] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class OptimizerCapabilities:
+    """What an optimizer can do; the search asks before it starts.
+
+    Attributes:
+        several_objectives: a front of best compromises instead of one best candidate.
+        contexts: it learns from candidates tried in different conditions which design suits which.
+    """
+
+    several_objectives: bool = False
+    contexts: bool = False
+
+
+@dataclass(frozen=True)
 class Candidate:
-    """A proposal: `number` identifies it in `tell`, `values` holds one value per variable."""
+    """A proposal: `number` identifies it in `tell`, `values` holds one value per variable.
+
+    `context` is the index of the condition that it is meant for, 0 where there are none.
+    """
 
     number: int
     values: Mapping[str, Value]
+    context: int = 0
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of a candidate. `objective` is minimised; NaN says that the evaluation failed."""
+    """What became of a candidate.
+
+    Attributes:
+        number: of the candidate.
+        objective: is minimised; NaN says that the evaluation failed, or that there was none.
+        further: the objectives after the first, where the space has several.
+        violation: how far the candidate breaks constraints, 0 where it breaks none. Above 0 it was not evaluated.
+    """
 
     number: int
     objective: float
+    further: tuple[float, ...] = ()
+    violation: float = 0.0
 
 
 class Optimizer(ABC):
-    """Ask and tell. The optimize stage asks for a batch, evaluates it in any order, tells the outcomes.
+    """Ask and tell. The search asks for a batch, evaluates it in any order, tells the outcomes.
 
-    Same seed, same variables and same outcomes give the same proposals. `state` and `restore` carry a search
+    Same seed, same space and same outcomes give the same proposals. `state` and `restore` carry a search
     over an interruption.
     """
+
+    capabilities: ClassVar[OptimizerCapabilities] = OptimizerCapabilities()
 
     def __init__(self, config: OptimizerConfig) -> None:
         self.config = config
 
+    @property
+    def batch(self) -> int:
+        """How many candidates a started search should be asked for at a time: a generation."""
+        return 8
+
     @abstractmethod
-    def start(self, variables: Sequence[Variable], seed: int) -> None:
+    def start(self, space: Space, seed: int) -> None:
         """Begin a search."""
 
     @abstractmethod
     def ask(self, count: int) -> Sequence[Candidate]:
-        """Up to `count` new candidates, every value within its variable's bounds."""
+        """One to `count` new candidates, every value within its variable's bounds."""
 
     @abstractmethod
     def tell(self, outcomes: Sequence[Outcome]) -> None:
@@ -72,3 +132,11 @@ class Optimizer(ABC):
     @abstractmethod
     def restore(self, state: Mapping[str, Any]) -> None:
         """Continue a search exactly where `state` was taken; replaces `start`."""
+
+    def recommend(self) -> Sequence[Candidate]:
+        """What has been learned, one candidate per context: the mean of a policy. Empty: the best that was tried."""
+        return ()
+
+    def export(self, folder: Path) -> Sequence[Path]:
+        """Write what other programs can use (a policy, a database of trials, logs); the files that were written."""
+        return ()

@@ -13,6 +13,15 @@ from pliant.records.fem import FemDataset, FemState, ModuleData, ModuleShape
 from pliant.records.law import FitReport, LawRecord
 from pliant.records.rollout import Equilibrium, OutsideDomain, Rollout, TaskResult
 from pliant.records.scene import SceneFrames, SceneStill
+from pliant.records.search import (
+    FoundDesign,
+    Robustness,
+    SearchHistory,
+    SearchResult,
+    Slope,
+    VariableRecord,
+    Verification,
+)
 from pliant.records.shape import Shape, TriangleMesh
 
 RECORDS: dict[str, type[Any]] = {
@@ -33,6 +42,13 @@ RECORDS: dict[str, type[Any]] = {
         SceneStill,
         Shape,
         TriangleMesh,
+        FoundDesign,
+        Robustness,
+        SearchHistory,
+        SearchResult,
+        Slope,
+        VariableRecord,
+        Verification,
     )
 }
 

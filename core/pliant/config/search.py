@@ -1,0 +1,152 @@
+"""The `search` block: what is varied, what is wanted, how long."""
+
+from __future__ import annotations
+
+import re
+from typing import Any, Literal
+
+from pydantic import Field, field_validator, model_validator
+
+from pliant.config.chain import Count
+from pliant.interfaces.base import FrozenModel
+from pliant.units import Ratio
+
+NAME = r"^[A-Za-z_][A-Za-z0-9_]*(\.[A-Za-z_][A-Za-z0-9_]*)*$"
+
+
+class SearchVariableConfig(FrozenModel):
+    """One variable: a range or choices of one key of the study, or of several keys that get the same value.
+
+    Its name is the key with dots (`family.average_radius`), or any name where `key` gives the key: names such as
+    `n1` are short in constraints, and keys with numbers (`chain.segments.0.modules`) need one.
+    """
+
+    key: str | tuple[str, ...] | None = Field(
+        default=None, description="key or keys that it sets; by default its name"
+    )
+    low: Any = Field(default=None, description="lowest value, as the study writes the key: 6 mm")
+    high: Any = Field(default=None, description="highest value")
+    choices: tuple[Any, ...] = Field(default=(), description="instead of a range: the values of the key")
+    each: bool = Field(
+        default=False, description="a search of its own for each value (whole numbers and choices only)"
+    )
+    only: str | tuple[str, ...] = Field(
+        default=(), description="names of the conditions that it sets its key in (egg-*); by default all"
+    )
+
+    @model_validator(mode="after")
+    def _range_or_choices(self) -> SearchVariableConfig:
+        ranged = [value is not None for value in (self.low, self.high)]
+        if any(ranged) == bool(self.choices) or any(ranged) != all(ranged):
+            raise ValueError("give either 'low' and 'high', or 'choices'")
+        return self
+
+
+class ObjectiveConfig(FrozenModel):
+    """`{minimize: rmse}` or `{maximize: z_max - 0.01 * pressure}`: a metric of the task, or an expression of metrics
+    and variables.
+    """
+
+    minimize: str | None = Field(default=None, min_length=1, description="expression to be small")
+    maximize: str | None = Field(default=None, min_length=1, description="expression to be large")
+
+    @model_validator(mode="after")
+    def _one_way(self) -> ObjectiveConfig:
+        if (self.minimize is None) == (self.maximize is None):
+            raise ValueError("give either 'minimize' or 'maximize'")
+        return self
+
+    @property
+    def expression(self) -> str:
+        """What is computed."""
+        return self.minimize or self.maximize or ""
+
+
+class RobustConfig(FrozenModel):
+    """Designs for what is uncertain: every candidate is tried in the same scenarios, which are drawn once.
+
+    `vary` holds keys of the study: `task.friction: 5 %` is a half width relative to the value, `family.wall: 0.1 mm`
+    an absolute one, and `effects.0.factor: {sd: 0.03}` a normal deviation, as the evidence loop states it.
+    """
+
+    samples: Count = Field(default=16, ge=2, le=1000, description="scenarios")
+    measure: Literal["mean", "worst", "cvar"] = Field(
+        default="mean", description="of the objective over the scenarios"
+    )
+    level: Ratio = Field(
+        default=0.8, ge=0, lt=1, description="of cvar: the mean of the worst 1 − level of the scenarios"
+    )
+    laws: bool = Field(default=True, description="whether laws are drawn from their error bars")
+    vary: dict[str, Any] = Field(
+        default_factory=dict, description="keys of the study and how far they are off"
+    )
+    seed: int = Field(default=0, ge=0, description="of the scenarios")
+    compare: bool = Field(
+        default=True, description="whether a nominal search of the same budget shows what robustness costs"
+    )
+
+
+class VerifyConfig(FrozenModel):
+    """How the best design is checked: direct FEM of its modules, laws fitted to that, the task in the study's engine
+    and in those of `cross_check`.
+    """
+
+    fem: bool = Field(default=True, description="whether its laws are fitted to FEM of the design itself")
+    change: dict[str, Any] = Field(
+        default_factory=dict, description="keys that are different in the check: {task.trials: 10}"
+    )
+
+
+class SearchConfig(FrozenModel):
+    """What `pliant optimize` searches."""
+
+    variables: dict[str, SearchVariableConfig] = Field(
+        min_length=1, description="name → range or choices of a key"
+    )
+    objective: str | ObjectiveConfig | tuple[str | ObjectiveConfig, ...] = Field(
+        description="what is minimised: a metric of the task, an expression, or a list of them"
+    )
+    constraints: tuple[str, ...] = Field(
+        default=(), description="inequalities of variables or metrics, such as n1 + n2 <= 12"
+    )
+    budget: Count = Field(
+        default=200, ge=1, le=10_000_000, description="candidates that are simulated, of each search"
+    )
+    generations: Count | None = Field(
+        default=None, ge=1, le=1_000_000, description="instead of a budget: batches of the optimizer's own size"
+    )
+    until: str | None = Field(
+        default=None, description="a search ends early where this holds: rmse <= 5 mm and e_max <= 5 mm"
+    )
+    seed: int = Field(default=0, ge=0, description="of the optimizer")
+    start: Literal["study", "anywhere"] = Field(
+        default="study", description="whether the search begins at the study's own values, where they are in range"
+    )
+    conditions: dict[str, dict[str, Any]] = Field(
+        default_factory=dict, description="name → keys of the study: every candidate is tried in all of them"
+    )
+    over_conditions: Literal["mean", "worst"] = Field(
+        default="mean", description="of the objective over the conditions"
+    )
+    robust: RobustConfig | None = Field(default=None, description="designs for what is uncertain")
+    verify: VerifyConfig | None = Field(
+        default=VerifyConfig(), description="the check of the best design; null for none"
+    )
+
+    @field_validator("variables")
+    @classmethod
+    def _names(cls, variables: dict[str, SearchVariableConfig]) -> dict[str, SearchVariableConfig]:
+        for name, variable in variables.items():
+            if not re.fullmatch(NAME, name):
+                raise ValueError(
+                    f"'{name}' cannot stand in a formula; give it a name such as n1, with 'key: {name}'"
+                    if variable.key is None
+                    else f"'{name}' is no name: letters, digits and _, parted by dots"
+                )
+        return variables
+
+    @property
+    def objectives(self) -> tuple[ObjectiveConfig, ...]:
+        """The objectives, plain texts as minimised ones."""
+        listed = self.objective if isinstance(self.objective, tuple) else (self.objective,)
+        return tuple(o if isinstance(o, ObjectiveConfig) else ObjectiveConfig(minimize=o) for o in listed)
