@@ -6,6 +6,7 @@ import pytest
 from tests.cli.joint_study import JOINT as STUDY
 from tests.diagnosis.quick import effect, joint, measured, rich
 
+from pliant.cli.fitting_bar import fitting_bar
 from pliant.measurements.writing import write_measurement
 
 FEW = ("--effect", "stiffness", "--effect", "sensor_bias", "--effect", "supply_lag")
@@ -132,3 +133,44 @@ def test_a_mistake_in_an_effect_of_ones_own_is_told_and_the_others_are_judged(
     assert says in call.out
     assert "Missing: sensor_bias." in call.out
     assert "Traceback" not in call.err
+
+
+def test_effects_that_one_joint_cannot_have_take_one_line(pliant, bench, read) -> None:
+    call = pliant(
+        "diagnose",
+        bench,
+        "--data",
+        "bench.csv",
+        "--json",
+        "out.json",
+        *FEW,
+        "--effect",
+        "inter_module_compliance",
+    )
+    asked = " ".join(call.out.split())
+    assert "'inter_module_compliance' was left out:" in asked
+    call = pliant("diagnose", bench, "--data", "bench.csv", "--json", "out.json")
+    assert "was left out:" not in call.out
+    line = next(line for line in call.out.splitlines() if "cannot have" in line)
+    assert "inter_module_compliance" in line and "sensor_bias" not in line
+
+
+@pytest.mark.parametrize("kinds", [3, 9])
+def test_the_bar_ends_with_what_was_fitted(kinds) -> None:
+    said: list[tuple[str, int]] = []
+
+    class Bar:
+        def __getattr__(self, name):
+            return lambda value=1: said.append((name, value))
+
+    class Here:
+        class progress:  # noqa: N801 - stands for a property
+            begin = staticmethod(lambda title, total: said.append((title, total)) or Bar())
+
+    with fitting_bar(Here(), kinds) as bar:
+        for name in ("nothing", "a", "b", "a + b", "nothing", "a"):
+            bar.tick(name)
+    titles = [entry for entry in said if entry[0].startswith("fitting")]
+    assert titles == [("fitting effects", 1 + kinds), ("fitting effects again", 1 + kinds)]
+    assert [value for name, value in said if name == "expect"] == [4, 4, 2]
+    assert sum(name == "advance" for name, _ in said) == 6

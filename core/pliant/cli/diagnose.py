@@ -12,6 +12,7 @@ from rich.table import Table
 
 from pliant.cli.compare import DataFile, Workers, one_file, refuse_more_counts
 from pliant.cli.diagnose_counts import diagnose_counts_verb
+from pliant.cli.fitting_bar import fitting_bar
 from pliant.cli.options import DEFAULT_STORE, JsonFile, Overrides, Quiet, StoreFolder, StudyFile
 from pliant.cli.protocol_files import NEXT_RUN, write_runs
 from pliant.cli.session import Session, check_writable, session
@@ -26,6 +27,7 @@ from pliant.evidence.measured import measurement_of_study
 from pliant.evidence.prediction import Predictor
 from pliant.experiments.protocols import own_runs
 from pliant.records.measurement import Measurement
+from pliant.registry.component import Component
 from pliant.report.diagnosis_words import parameter_texts, probability_text
 from pliant.report.stage import write_page
 
@@ -65,12 +67,9 @@ def diagnose(
         predictor = Predictor.of_study(bench, loaded, measurement)
         check_writable(folder)
         kinds = effect or here.registry.kinds("effect")
-        task = here.progress.begin("fitting effects", 1 + len(kinds))
         own = own_runs(loaded, predictor.chain, measurement)
-        found = diagnose_with(
-            predictor, kinds=kinds, runs=own, tick=lambda name: task.advance(" + " not in name)
-        )
-        task.finish()
+        with fitting_bar(here, len(kinds)) as bar:
+            found = diagnose_with(predictor, kinds=kinds, runs=own, tick=bar.tick)
         here.result.update(
             {
                 "study": loaded.name,
@@ -80,7 +79,7 @@ def diagnose(
                 "out": str(folder),
             }
         )
-        _say(here, found)
+        _say(here, found, effect or ())
         _next_file(here, found, folder, study, loaded, measurement, data)
         from pliant.report.diagnosis import diagnosis_page  # matplotlib takes a second to import
 
@@ -109,7 +108,7 @@ def _next_file(
     here.say(f"next run {path}")
 
 
-def _say(here: Session, found: Diagnosis) -> None:
+def _say(here: Session, found: Diagnosis, asked: Sequence[str]) -> None:
     here.say(_hypotheses(found))
     for kinds in _leading(found):
         here.say(f"{named(kinds)}: {', '.join(parameter_texts(found, kinds))}")
@@ -117,11 +116,26 @@ def _say(here: Session, found: Diagnosis) -> None:
         here.say("not shown by these runs, and the run that would show it:")
         for kind, run in found.not_excited.items():
             here.say(f"  {kind}: {run}" if run else f"  {kind}")
-    for remark in found.remarks:
+    for remark in _remarks(here, found, asked):
         here.say(f"note: {remark}")
     here.say(headline(found))
     for line in explanation(found, here.registry):
         here.say(line)
+
+
+def _remarks(here: Session, found: Diagnosis, asked: Sequence[str]) -> list[str]:
+    """What limits the verdict. Why an effect is impossible here is told of the user's own and of those asked for."""
+    shipped = {c.kind for c in here.registry.components if c.interface == "effect" and _ships(c)}
+    unasked = [kind for kind in found.impossible if kind in shipped and kind not in asked]
+    silent = [text for text in found.not_tried if any(text.startswith(f"'{kind}' ") for kind in unasked)]
+    told = [remark for remark in found.remarks if remark not in silent]
+    if unasked:
+        told.append(f"effects that this chain cannot have (the report says why): {', '.join(unasked)}.")
+    return told
+
+
+def _ships(component: Component) -> bool:
+    return component.implementation.partition(".")[0] == "pliant_plugins"
 
 
 def _hypotheses(found: Diagnosis) -> Table:

@@ -11,6 +11,7 @@ from rich.table import Table
 
 from pliant.cli.compare import DataFile
 from pliant.cli.extend import cited, parameters_json, say_parameters
+from pliant.cli.fitting_bar import fitting_bar
 from pliant.cli.new_study import check_target, write_study
 from pliant.cli.options import DEFAULT_STORE, JsonFile, Overrides, Quiet, StoreFolder, StudyFile
 from pliant.cli.session import Session, check_writable, session
@@ -66,9 +67,8 @@ def improve(
         bench = here.bench(store)
         measurement = measurement_of_study(bench, loaded, data)
         check_writable(folder)
-        rounds = _Rounds(here, 1 + len(effect or here.registry.kinds("effect")))
-        found = improve_with(bench, loaded, measurement, kinds=effect, tick=rounds.tick)
-        rounds.finish()
+        with fitting_bar(here, len(effect or here.registry.kinds("effect"))) as bar:
+            found = improve_with(bench, loaded, measurement, kinds=effect, tick=bar.tick)
         here.result |= {
             "study": loaded.name,
             "data": measurement.source,
@@ -89,28 +89,6 @@ def improve(
         here.result["report"] = str(page)
         here.say(f"study    {target}" if found.final is not None else "No study was written.")
         here.say(f"report   {page}")
-
-
-class _Rounds:
-    """One bar per diagnosis: how many there will be, and how many sets each tries, nobody knows before."""
-
-    def __init__(self, here: Session, singles: int) -> None:
-        self._here, self._singles, self._done = here, singles, 0
-        self._task = here.progress.begin("fitting effects", singles)
-
-    def tick(self, hypothesis: str) -> None:
-        """Count a fit; sets of several effects are not counted."""
-        if " + " in hypothesis:
-            return
-        if self._done == self._singles:
-            self.finish()
-            self._task, self._done = self._here.progress.begin("fitting effects again", self._singles), 0
-        self._task.advance()
-        self._done += 1
-
-    def finish(self) -> None:
-        """End the last bar."""
-        self._task.finish()
 
 
 def improvement_json(found: Improvement, measurement: Measurement) -> dict[str, Any]:

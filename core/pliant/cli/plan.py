@@ -12,6 +12,7 @@ from rich.table import Table
 
 from pliant.cli.compare import DataFile
 from pliant.cli.diagnose import Candidates
+from pliant.cli.fitting_bar import fitting_bar
 from pliant.cli.options import DEFAULT_STORE, JsonFile, Overrides, Quiet, StoreFolder, StudyFile
 from pliant.cli.protocol_files import write_runs
 from pliant.cli.session import Session, check_writable, session
@@ -22,6 +23,7 @@ from pliant.diagnosis.next_run import (
     Belief,
     NextRun,
     done_before,
+    menu_of,
     next_run_json,
     next_runs,
     undecidable,
@@ -109,9 +111,11 @@ def _after(
     """Runs that decide between what a diagnosis leaves."""
     predictor = Predictor.of_study(bench, loaded, measurement)
     own = own_runs(loaded, predictor.chain, measurement)
-    task = here.progress.begin("fitting effects", 1 + len(kinds))
-    found = diagnose(predictor, kinds=kinds, runs=own, tick=lambda name: task.advance(" + " not in name))
-    task.finish()
+    shortest = min(run.minutes for run in menu_of(predictor, own))
+    if minutes < shortest:
+        raise UserError(f"--minutes {minutes:g}: the shortest run takes {shortest:g} min with setting up.")
+    with fitting_bar(here, len(kinds)) as bar:
+        found = diagnose(predictor, kinds=kinds, runs=own, tick=bar.tick)
     chosen, remark = _chosen(predictor, found, own, runs, minutes)
     planned = [
         (f"run_{k}_{one.name}.csv".replace(" ", "_").replace("/", "_"), one.planned)
@@ -155,9 +159,6 @@ def _chosen(
     chosen = next_runs(view, belief, runs, minutes, done)
     if chosen:
         return chosen, ""
-    shortest = min(run.minutes for run in view.runs)
-    if minutes < shortest:
-        raise UserError(f"--minutes {minutes:g}: the shortest run takes {shortest:g} min with setting up.")
     return (), undecidable(belief)
 
 
