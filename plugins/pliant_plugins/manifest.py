@@ -51,7 +51,7 @@ NO_PYBULLET_WHEEL = (
 @hookimpl
 def pliant_components() -> Iterable[Component]:
     """All built-in components."""
-    return [*_modules(), *_meta_models(), *_engines(), *_effects(), *_viewers()]
+    return [*_modules(), *_meta_models(), *_engines(), *_effects(), *_viewers(), *_optimizers()]
 
 
 def _modules() -> list[Component]:
@@ -292,6 +292,38 @@ def _viewers() -> list[Component]:
             requires=("mujoco",),
             install="pip install mujoco",
         )
+    ]
+
+
+def _optimizers() -> list[Component]:
+    return [
+        Component(
+            interface="optimizer",
+            kind="cmaes",
+            config=f"{HERE}.optimizers.cmaes.config:CmaesConfig",
+            implementation=f"{HERE}.optimizers.cmaes.optimizer:Cmaes",
+            summary="CMA-ES by pycma: one objective, some hundreds of candidates or more",
+            requires=("cma",),
+            install="pip install 'pliant[search]'",
+        ),
+        Component(
+            interface="optimizer",
+            kind="optuna",
+            config=f"{HERE}.optimizers.optuna.config:OptunaConfig",
+            implementation=f"{HERE}.optimizers.optuna.optimizer:Optuna",
+            summary="Optuna's samplers (TPE, NSGA-II, Gaussian process, …), with its dashboard; several objectives",
+            requires=("optuna",),
+            install="pip install 'pliant[search]'",
+        ),
+        Component(
+            interface="optimizer",
+            kind="ppo",
+            config=f"{HERE}.optimizers.ppo.config:PpoConfig",
+            implementation=f"{HERE}.optimizers.ppo.optimizer:Ppo",
+            summary="PPO by stable-baselines3: learns which design suits which condition, from thousands of candidates",
+            requires=("stable_baselines3", "torch", "tensorboard"),
+            install="pip install 'pliant[ppo]'",
+        ),
     ]
 
 

@@ -1,0 +1,1 @@
+"""Proximal policy optimization: a policy that answers a condition with a design, learned by stable-baselines3."""

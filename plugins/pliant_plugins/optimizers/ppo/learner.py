@@ -1,0 +1,187 @@
+"""stable-baselines3's PPO with the control turned round: it samples and learns, and steps no environment."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import gymnasium
+import numpy as np
+import stable_baselines3
+import torch
+from stable_baselines3.common.logger import Logger
+from stable_baselines3.common.vec_env import VecEnv
+
+from pliant.records.design import Array
+from pliant_plugins.optimizers.ppo.actions import Numbers
+from pliant_plugins.optimizers.ppo.config import PpoConfig
+from pliant_plugins.optimizers.ppo.encoding import packed, unpacked
+from pliant_plugins.optimizers.ppo.randomness import CANDIDATE, START, UPDATE, drawn_from
+
+
+@dataclass(frozen=True, eq=False)
+class Sample:
+    """One draw of the policy.
+
+    Attributes:
+        observation: (k,).
+        action: (n,) as drawn; beyond ±1 it means ±1.
+        value: what the value function expected.
+        log_prob: logarithm of the density of the action.
+    """
+
+    observation: Numbers
+    action: Numbers
+    value: float
+    log_prob: float
+
+
+class Learner:
+    """A PPO model: policy, value function and Adam are its own, the buffer is filled from outside.
+
+    Args:
+        config: its settings.
+        observations: k.
+        actions: n.
+        seed: decides the network's start, every draw and the order of the updates' mini-batches.
+        start: (n,) mean of the untrained policy.
+    """
+
+    def __init__(
+        self, config: PpoConfig, observations: int, actions: int, seed: int, start: Numbers | None = None
+    ) -> None:
+        self.seed, self.updates = seed, 0
+        with drawn_from(torch, seed, START, 0):
+            self.model = stable_baselines3.PPO(
+                "MlpPolicy",
+                _Spaces(config.environments, observations, actions),
+                learning_rate=config.learning_rate,
+                n_steps=config.n_steps,
+                batch_size=min(config.batch_size, config.environments * config.n_steps),
+                n_epochs=config.epochs,
+                gamma=config.gamma,
+                gae_lambda=config.gae_lambda,
+                clip_range=config.clip_range,
+                ent_coef=config.entropy,
+                vf_coef=config.value_weight,
+                policy_kwargs={"net_arch": list(config.net)},
+                device="cpu",
+            )
+        self.model.set_logger(Logger(None, []))
+        if start is not None:
+            with torch.no_grad():
+                self.model.policy.action_net.bias.copy_(torch.from_numpy(start))
+
+    def sample(self, observation: Numbers, number: int) -> Sample:
+        """The draw of a candidate; its number decides it, and no draw before it."""
+        policy = self.model.policy
+        policy.set_training_mode(False)
+        with drawn_from(torch, self.seed, CANDIDATE, number), torch.no_grad():
+            action, value, log_prob = policy(torch.from_numpy(observation[None]))
+        return Sample(observation, action.numpy()[0], float(value), float(log_prob))
+
+    def mean(self, observation: Numbers) -> Numbers:
+        """(n,) the policy's mean action, in [−1, 1]."""
+        with drawn_from(torch, self.seed, CANDIDATE, 0):
+            action, _ = self.model.predict(observation, deterministic=True)
+        return np.asarray(action, np.float32)
+
+    def learn(self, samples: Sequence[Sample], rewards: Array) -> dict[str, float]:
+        """One update from a batch of environments × n_steps episodes, in the order of their draw.
+
+        Returns:
+            what stable-baselines3 logs of an update, by its names, and the mean reward.
+        """
+        model, logger = self.model, self.model.logger
+        with drawn_from(torch, self.seed, UPDATE, self.updates):
+            self._fill(samples, rewards)
+            model.train()
+        self.updates += 1
+        model.num_timesteps += len(samples)
+        logger.record("rollout/ep_rew_mean", float(np.mean(rewards)))
+        logged = {name: float(value) for name, value in logger.name_to_value.items()}
+        logger.dump(model.num_timesteps)
+        return logged
+
+    def _fill(self, samples: Sequence[Sample], rewards: Array) -> None:
+        """Every step ends its episode, so that the return is the reward."""
+        side = self.model.n_envs
+        buffer = self.model.rollout_buffer
+        buffer.reset()
+        for first in range(0, len(samples), side):
+            row = samples[first : first + side]
+            buffer.add(
+                np.stack([s.observation for s in row]),
+                np.stack([s.action for s in row]),
+                rewards[first : first + side],
+                np.ones(side),
+                torch.tensor([s.value for s in row]),
+                torch.tensor([s.log_prob for s in row]),
+            )
+        buffer.compute_returns_and_advantage(torch.zeros(side), np.ones(side, bool))
+
+    def state(self) -> dict[str, Any]:
+        """Networks, Adam and counters as JSON values."""
+        adam = self.model.policy.optimizer.state_dict()["state"]
+        return {
+            "policy": {k: packed(v.numpy()) for k, v in self.model.policy.state_dict().items()},
+            "adam": {str(i): {k: packed(v.numpy()) for k, v in slot.items()} for i, slot in adam.items()},
+            "updates": self.updates,
+            "steps": self.model.num_timesteps,
+            "gradient_steps": self.model._n_updates,
+        }
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """As `state` left them."""
+        policy = self.model.policy
+        policy.load_state_dict({k: torch.from_numpy(unpacked(v)) for k, v in state["policy"].items()})
+        slots = {
+            int(i): {k: torch.from_numpy(unpacked(v)) for k, v in slot.items()}
+            for i, slot in state["adam"].items()
+        }
+        policy.optimizer.load_state_dict({**policy.optimizer.state_dict(), "state": slots})
+        self.updates = state["updates"]
+        self.model.num_timesteps, self.model._n_updates = state["steps"], state["gradient_steps"]
+
+
+class _Spaces(VecEnv):  # type: ignore[misc]
+    """Carries the spaces and the number of environments, which is all that PPO asks of it here."""
+
+    def __init__(self, side: int, observations: int, actions: int) -> None:
+        super().__init__(
+            side,
+            gymnasium.spaces.Box(-np.inf, np.inf, (observations,), np.float32),
+            gymnasium.spaces.Box(-1.0, 1.0, (actions,), np.float32),
+        )
+
+    def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
+        """No attribute has a value: `render_mode` is asked for."""
+        return [None] * self.num_envs
+
+    def env_is_wrapped(self, wrapper_class: Any, indices: Any = None) -> list[bool]:
+        """None is."""
+        return [False] * self.num_envs
+
+    def close(self) -> None:
+        """Nothing is open."""
+
+    def reset(self) -> Any:
+        """Refused: episodes come through `Learner.sample` and `Learner.learn`."""
+        raise NotImplementedError("this environment only carries spaces")
+
+    def step_async(self, actions: Any) -> None:
+        """Refused."""
+        self.reset()
+
+    def step_wait(self) -> Any:
+        """Refused."""
+        self.reset()
+
+    def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
+        """Refused."""
+        self.reset()
+
+    def env_method(self, method_name: str, *args: Any, indices: Any = None, **kwargs: Any) -> Any:
+        """Refused."""
+        self.reset()

@@ -1,0 +1,141 @@
+"""PPO as ask and tell: an episode is one candidate, an update follows each full batch."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+
+from pliant.errors import UserError
+from pliant.interfaces.optimizer import Candidate, Optimizer, OptimizerCapabilities, Outcome, Space
+from pliant_plugins.native import load_torch
+from pliant_plugins.optimizers.ppo.actions import action_of, values_of
+from pliant_plugins.optimizers.ppo.config import PpoConfig
+from pliant_plugins.optimizers.ppo.encoding import packed, unpacked
+from pliant_plugins.optimizers.ppo.observations import context_of, observations_of
+from pliant_plugins.optimizers.ppo.policy import write_policy
+from pliant_plugins.optimizers.ppo.rewards import Rewards
+from pliant_plugins.optimizers.spaces import space_as_json, space_from_json
+
+load_torch("optimizer 'ppo' needs torch")  # before stable-baselines3, which would load it after ngsolve
+
+from pliant_plugins.optimizers.ppo.learner import Learner, Sample  # noqa: E402
+from pliant_plugins.optimizers.ppo.logs import LiveLog, UpdateLog  # noqa: E402
+
+
+class Ppo(Optimizer):
+    """See `PpoConfig`.
+
+    Candidates fill batches in the order of their numbers; a batch whose outcomes are all told is learned from. When
+    candidates of the next batch are asked for before that, the policy of that moment draws them, and PPO weighs them
+    by the density which they were drawn with.
+    """
+
+    capabilities: ClassVar[OptimizerCapabilities] = OptimizerCapabilities(contexts=True)
+
+    def __init__(self, config: PpoConfig) -> None:
+        super().__init__(config)
+        self.ppo = config
+        self._live: LiveLog | None = None
+
+    @property
+    def batch(self) -> int:
+        """The candidates of one update."""
+        return self.ppo.environments * self.ppo.n_steps
+
+    def start(self, space: Space, seed: int) -> None:
+        """Begin with a policy whose mean is the space's start, or the middle of every range."""
+        if space.objectives != 1:
+            raise UserError(
+                f"optimizer 'ppo' has one objective and the search has {space.objectives}; "
+                "write them as one expression, or take optimizer 'optuna'."
+            )
+        self._space, self._seed = space, seed
+        self._seen = observations_of(space.contexts)
+        self._learner = Learner(
+            self.ppo,
+            self._seen.shape[1],
+            len(space.variables),
+            seed,
+            action_of(space.start, space.variables),
+        )
+        self._rewards, self._log = Rewards(self.ppo.normalize), UpdateLog()
+        self._asked = 0
+        self._waiting: dict[int, Sample] = {}  # drawn and not learned from
+        self._told: dict[int, float] = {}  # objective of those that are told, NaN for failed ones
+
+    def ask(self, count: int) -> Sequence[Candidate]:
+        """Up to `count` draws, no more than the batch has room for."""
+        room = self.batch - self._asked % self.batch
+        numbers = range(self._asked, self._asked + min(count, room))
+        self._asked = numbers.stop
+        return [self._drawn(number) for number in numbers]
+
+    def _drawn(self, number: int) -> Candidate:
+        context = context_of(number, len(self._space.contexts), self._seed)
+        sample = self._learner.sample(self._seen[context], number)
+        self._waiting[number] = sample
+        return Candidate(number, values_of(sample.action, self._space.variables), context)
+
+    def tell(self, outcomes: Sequence[Outcome]) -> None:
+        """Take outcomes in; learn from each batch that they complete."""
+        for outcome in outcomes:
+            if outcome.number not in self._waiting or outcome.number in self._told:
+                raise UserError(f"candidate {outcome.number} is not waiting for an outcome.")
+            good = outcome.violation <= 0 and np.isfinite(outcome.objective)
+            self._told[outcome.number] = float(outcome.objective) if good else float("nan")
+        while all(number in self._told for number in self._next_batch):
+            self._learn()
+
+    @property
+    def _next_batch(self) -> range:
+        first = self._learner.updates * self.batch
+        return range(first, first + self.batch)
+
+    def _learn(self) -> None:
+        numbers = self._next_batch
+        rewards = self._rewards.of(np.array([self._told.pop(number) for number in numbers]))
+        logged = self._learner.learn([self._waiting.pop(number) for number in numbers], rewards)
+        self._log.add(numbers.stop, logged)
+        if isinstance(self.ppo.tensorboard, str):
+            self._live = self._live or LiveLog(Path(self.ppo.tensorboard))
+            self._live.add(numbers.stop, logged)
+
+    def recommend(self) -> Sequence[Candidate]:
+        """The policy's mean design in each context; their numbers are −1."""
+        means = [values_of(self._learner.mean(seen), self._space.variables) for seen in self._seen]
+        return [Candidate(-1, values, context) for context, values in enumerate(means)]
+
+    def export(self, folder: Path) -> Sequence[Path]:
+        """`policy.zip` (stable-baselines3's), `policy.json` (what its numbers mean), `tensorboard/`."""
+        files = write_policy(folder, self._learner.model, self._space, self._seen)
+        if self.ppo.tensorboard is not False and len(self._log):
+            files += self._log.write(folder / "tensorboard")
+        return files
+
+    def state(self) -> Mapping[str, Any]:
+        """Networks, Adam, what is waiting and told, statistics and log."""
+        return {
+            "space": space_as_json(self._space),
+            "seed": self._seed,
+            "asked": self._asked,
+            "learner": self._learner.state(),
+            "waiting": [[n, packed(s.action), s.value, s.log_prob] for n, s in self._waiting.items()],
+            "told": [[n, None if np.isnan(told) else told] for n, told in self._told.items()],
+            "rewards": self._rewards.state(),
+            "log": self._log.state(),
+        }
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Continue with the same draws, to the last bit on the same machine."""
+        self.start(space_from_json(state["space"]), state["seed"])
+        self._asked = state["asked"]
+        self._learner.restore(state["learner"])
+        for number, action, value, log_prob in state["waiting"]:
+            seen = self._seen[context_of(number, len(self._space.contexts), self._seed)]
+            self._waiting[number] = Sample(seen, unpacked(action), value, log_prob)
+        self._told = {n: float("nan") if told is None else told for n, told in state["told"]}
+        self._rewards.restore(state["rewards"])
+        self._log.restore(state["log"])

@@ -1,0 +1,116 @@
+"""A learned policy as files, and designs from them.
+
+    from pliant_plugins.optimizers.ppo.policy import SavedPolicy
+
+    policy = SavedPolicy.of("folder of the search/policy")
+    policy.design("egg-5")        # {"family.average_radius": 0.0071, ...}, SI
+    policy.design((0.0, 0.4))     # of a condition that has these features
+
+`policy.zip` is stable-baselines3's own format (`PPO.load` reads it) and holds pickles: open only files that you trust.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pliant.errors import UserError, closest
+from pliant.interfaces.optimizer import Space, Value, Variable
+from pliant_plugins.native import load_torch
+from pliant_plugins.optimizers.ppo.actions import Numbers, values_of
+from pliant_plugins.optimizers.spaces import space_as_json, space_from_json
+
+ZIP, MEANING = "policy.zip", "policy.json"
+HOW = (
+    "action: one number per variable in this order, clipped to [-1, 1]; real: low at -1, high at 1; integer: the same "
+    "rounded, halves up; categorical: equal bins of [-1, 1] in the order of choices; "
+    "observation: the context's row of 'observations'"
+)
+
+
+def write_policy(folder: Path, model: Any, space: Space, observations: Numbers) -> list[Path]:
+    """`policy.zip` by stable-baselines3's `save`, and beside it the contexts, variables and bounds as JSON."""
+    folder.mkdir(parents=True, exist_ok=True)
+    model.save(folder / ZIP)
+    described = space_as_json(space)
+    meaning = {
+        "format": 1,
+        "action": HOW,
+        "variables": described["variables"],
+        "contexts": described["contexts"],
+        "observations": observations.astype(float).tolist(),
+    }
+    (folder / MEANING).write_text(json.dumps(meaning, indent=1) + "\n", encoding="utf-8")
+    return [folder / ZIP, folder / MEANING]
+
+
+@dataclass(frozen=True, eq=False)
+class SavedPolicy:
+    """A policy that a search has left.
+
+    Attributes:
+        model: stable-baselines3's PPO.
+        variables: what an action sets.
+        contexts: names of the conditions that it was trained in.
+        observations: (c, k) what it sees in each.
+    """
+
+    model: Any
+    variables: tuple[Variable, ...]
+    contexts: tuple[str, ...]
+    observations: Numbers
+
+    @staticmethod
+    def of(folder: str | Path) -> SavedPolicy:
+        """The policy in a folder.
+
+        Raises:
+            UserError: a file is missing.
+            MissingDependencyError: torch is not installed.
+        """
+        for name in (ZIP, MEANING):
+            if not (Path(folder) / name).is_file():
+                raise UserError(
+                    f"'{folder}' has no {name}; name the folder that a search with 'ppo' has written."
+                )
+        load_torch("a saved policy needs torch")
+        from stable_baselines3 import PPO
+
+        meaning = json.loads((Path(folder) / MEANING).read_text(encoding="utf-8"))
+        space = space_from_json({**meaning, "objectives": 1, "start": {}})
+        return SavedPolicy(
+            PPO.load(Path(folder) / ZIP, device="cpu"),
+            space.variables,
+            tuple(context.name for context in space.contexts),
+            np.array(meaning["observations"], np.float32),
+        )
+
+    def design(self, condition: str | Sequence[float] | None = None) -> dict[str, Value]:
+        """The policy's mean design.
+
+        Args:
+            condition: name of a condition, or features (k,) of one that it was not trained in; None where it was
+                trained without conditions.
+
+        Raises:
+            UserError: an unknown name, or another number of features.
+        """
+        action, _ = self.model.predict(self._seen(condition), deterministic=True)
+        return values_of(action, self.variables)
+
+    def _seen(self, condition: str | Sequence[float] | None) -> Numbers:
+        if isinstance(condition, str):
+            if condition not in self.contexts:
+                raise UserError(f"unknown condition '{condition}'{closest(condition, self.contexts)}")
+            return self.observations[self.contexts.index(condition)]
+        if condition is None and len(self.observations) > 1:
+            raise UserError(f"name a condition: {', '.join(self.contexts)}.")
+        seen = self.observations[0] if condition is None else np.asarray(condition, np.float32)
+        if seen.shape != self.observations[0].shape:
+            raise UserError(f"{len(seen)} features are given; this policy sees {self.observations.shape[1]}.")
+        return seen
