@@ -33,7 +33,7 @@ class Crew(Protocol):
 
     size: int | None
 
-    def submit(self, job: Job) -> Future[Answer]:
+    def submit(self, job: Any) -> Future[Any]:
         """Begin a job."""
 
     def renew(self) -> bool:
@@ -94,15 +94,15 @@ class Processes:
 class Given:
     """An executor of the caller's: threads, processes, a cluster's. It is not shut down."""
 
-    def __init__(self, executor: Executor) -> None:
+    def __init__(self, executor: Executor, work: Callable[[Any], Any] = solve) -> None:
         self.size: int | None = None
-        self._executor = executor
+        self._executor, self._work = executor, work
 
-    def submit(self, job: Job) -> Future[Answer]:
+    def submit(self, job: Any) -> Future[Any]:
         try:
-            return self._executor.submit(solve, job)
+            return self._executor.submit(self._work, job)
         except BrokenExecutor as error:
-            future: Future[Answer] = Future()
+            future: Future[Any] = Future()
             future.set_exception(error)
             return future
 

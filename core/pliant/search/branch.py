@@ -1,0 +1,224 @@
+"""One search under way: its optimizer is asked and told, its journal follows, until it stops."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+
+from pliant.errors import ContractError
+from pliant.interfaces.optimizer import Candidate, Optimizer, Space, Value
+from pliant.search.journal import Batch, Journal, Snapshot
+from pliant.search.outcome import Task, Told
+
+SNAPSHOT_EVERY_S = 30.0
+REFUSED_PER_EVALUATION = 50
+BUDGET, UNTIL, EXHAUSTED = "budget", "until", "exhausted"
+
+
+class Judges(Protocol):
+    """What a branch asks of the problem."""
+
+    def violated(self, values: Mapping[str, Value]) -> dict[str, float]:
+        """Constraint → amount, of those that name variables only."""
+        ...
+
+    def reached(self, values: Mapping[str, Value], metrics: Mapping[str, float]) -> bool:
+        """Whether `until` holds."""
+        ...
+
+
+@dataclass(frozen=True)
+class Asked:
+    """A batch that waits for its evaluations.
+
+    Attributes:
+        asked, size: see `Batch`.
+        refused: turned away already.
+        tasks: to evaluate.
+    """
+
+    asked: int
+    size: int
+    refused: tuple[Told, ...]
+    tasks: tuple[Task, ...]
+
+
+class _MismatchError(Exception):
+    """The optimizer proposes something else than the journal holds."""
+
+
+class Branch:
+    """The search of one combination of the `each` variables.
+
+    Args:
+        index: its place among the branches; with the seed it decides all proposals.
+        values: of the `each` variables.
+        make: builds its optimizer.
+        problem: knows constraints and `until`.
+        space: what is searched.
+        journal: of this branch.
+        seed: of the study.
+        budget: candidates that are simulated; None: `generations` times the optimizer's batch.
+        generations: see `budget`.
+    """
+
+    def __init__(
+        self,
+        index: int,
+        values: Mapping[str, Value],
+        make: Callable[[], Optimizer],
+        problem: Judges,
+        space: Space,
+        journal: Journal,
+        seed: int,
+        budget: int,
+        generations: int | None = None,
+    ) -> None:
+        self.index, self.values, self._make = index, values, make
+        self.optimizer = make()
+        self._problem, self._space, self._journal = problem, space, journal
+        self._seed = seed_of(seed, index)
+        self._budget, self._generations = budget, generations
+        self.rows: list[Told] = []
+        self.evaluated = self.refused = self.batches = 0
+        self.stopped = ""
+        self.wall_s = 0.0
+        self.note = ""
+        self._saved = time.monotonic()
+
+    @property
+    def budget(self) -> int:
+        """Candidates that are simulated at most; known once the optimizer is started."""
+        return self._budget
+
+    def start(self) -> None:
+        """Begin, or go on from the journal; `note` says where that was not possible."""
+        recorded = self._journal.read()
+        self.optimizer.start(self._space, self._seed)
+        if self._generations is not None:
+            self._budget = self._generations * max(1, self.optimizer.batch)
+        try:
+            self._resume(recorded)
+        except Exception as error:  # a state of another version may break a plugin in any way
+            if not recorded:
+                raise
+            self._journal.clear()
+            self.rows, self.evaluated, self.refused, self.batches = [], 0, 0, 0
+            self.stopped, self.wall_s = "", 0.0
+            cause = str(error) if isinstance(error, _MismatchError) else f"{type(error).__name__}: {error}"
+            self.note = f"search {self.index} begins anew: its journal cannot be followed ({cause})."
+            self.optimizer = self._make()
+            self.optimizer.start(self._space, self._seed)
+
+    def ask(self) -> Asked | None:
+        """The next batch with something to evaluate; None when the search has stopped."""
+        while not self.stopped:
+            size = max(1, self.optimizer.batch)
+            asked = min(size, self._budget - self.evaluated)
+            proposed = self._proposed(asked)
+            if not proposed:
+                self.stopped = EXHAUSTED
+                break
+            refused, tasks = [], []
+            for candidate in proposed:
+                values, context = self._full(candidate)
+                broken = self._problem.violated(values)
+                if broken:
+                    refused.append(Told.refused(candidate, context, values, broken))
+                else:
+                    tasks.append(Task(candidate.number, values, context))
+            batch = Asked(asked, size, tuple(refused), tuple(tasks))
+            if tasks:
+                return batch
+            self.tell(batch, (), self.wall_s)
+        return None
+
+    def tell(self, batch: Asked, rows: Sequence[Told], wall_s: float) -> None:
+        """Record the outcomes of a batch, then tell the optimizer."""
+        told = tuple(sorted((*batch.refused, *rows), key=lambda row: row.number))
+        record = Batch(batch.asked, batch.size, wall_s, told)
+        self._journal.append(record)
+        self._learn(record)
+        self._count(record)
+        due = time.monotonic() - self._saved >= SNAPSHOT_EVERY_S
+        # A last batch cut short by the budget would stand in the way of a larger budget.
+        if (self.stopped or due) and batch.asked == batch.size:
+            self._journal.save(Snapshot(self.batches, self.optimizer.state()))
+            self._saved = time.monotonic()
+
+    def recommended(self) -> list[Task]:
+        """What the optimizer recommends beyond what was tried, without what breaks constraints."""
+        tasks = []
+        for candidate in self.optimizer.recommend():
+            values, context = self._full(candidate)
+            if not self._problem.violated(values):
+                tasks.append(Task(-1, values, context))
+        return tasks
+
+    def _full(self, candidate: Candidate) -> tuple[dict[str, Value], int]:
+        """All values of a candidate, those of the branch too, and its condition."""
+        if set(candidate.values) != {variable.name for variable in self._space.variables}:
+            raise ContractError(
+                f"the optimizer proposes values for {', '.join(sorted(candidate.values)) or 'nothing'}; the search is "
+                f"over {', '.join(variable.name for variable in self._space.variables)}."
+            )
+        return {**self.values, **candidate.values}, candidate.context if self._space.contexts else -1
+
+    def _proposed(self, count: int) -> list[Candidate]:
+        proposed = sorted(self.optimizer.ask(count), key=lambda candidate: candidate.number)
+        if len(proposed) > count:
+            raise ContractError(
+                f"the optimizer was asked for {count} candidates and proposes {len(proposed)}."
+            )
+        return proposed
+
+    def _learn(self, batch: Batch) -> None:
+        self.optimizer.tell([row.outcome(self._space.objectives) for row in batch.rows])
+
+    def _count(self, batch: Batch) -> None:
+        """Take a batch into the account and see whether the search stops."""
+        self.rows += batch.rows
+        self.batches += 1
+        self.evaluated += batch.evaluated
+        self.refused += len(batch.rows) - batch.evaluated
+        self.wall_s = batch.wall_s
+        if any(row.feasible and self._problem.reached(row.values, row.metrics) for row in batch.rows):
+            self.stopped = UNTIL
+        elif self.evaluated >= self._budget:
+            self.stopped = BUDGET
+        elif self.refused >= REFUSED_PER_EVALUATION * self._budget:
+            self.stopped = EXHAUSTED
+
+    def _resume(self, recorded: Sequence[Batch]) -> None:
+        """Go through the journal as far as it fits the budget, telling what was told."""
+        followed: list[Batch] = []
+        for batch in recorded:
+            if self.stopped or batch.asked != min(batch.size, self._budget - self.evaluated):
+                break
+            self._count(batch)
+            followed.append(batch)
+        if len(followed) < len(recorded):
+            self._journal.keep(len(followed))
+        begin, snapshot = 0, self._journal.snapshot()
+        if snapshot is not None and snapshot.batches <= len(followed):
+            self.optimizer = self._make()
+            self.optimizer.restore(snapshot.state)
+            begin = snapshot.batches
+        for batch in followed[begin:]:
+            proposed = [self._recorded(candidate) for candidate in self._proposed(batch.asked)]
+            if proposed != [(row.number, row.context, dict(row.values)) for row in batch.rows]:
+                raise _MismatchError("the optimizer proposes other candidates now")
+            self._learn(batch)
+
+    def _recorded(self, candidate: Candidate) -> tuple[int, int, dict[str, Any]]:
+        values, context = self._full(candidate)
+        return candidate.number, context, values
+
+
+def seed_of(seed: int, branch: int) -> int:
+    """The optimizer's seed in a branch, below 2³¹."""
+    return int(np.random.SeedSequence((seed, branch)).generate_state(1)[0]) % 2**31

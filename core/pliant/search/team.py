@@ -1,0 +1,157 @@
+"""Candidates out, outcomes back, dead workers replaced.
+
+A worker that dies takes its candidates with it: who ran then is suspect and runs again, one candidate at a time
+with nobody beside it. Who kills a worker twice, the second time alone, has failed.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Sequence
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, wait
+from dataclasses import dataclass
+from typing import Any
+
+from pliant.errors import NotReachedError, PliantError, UserError
+from pliant.pipeline.crews import Crew
+from pliant.search.outcome import Task, Told
+from pliant.search.workers import Job, Setup
+
+KILLED = "its worker was killed twice, the second time alone (out of memory, or a crash of the engine)"
+MOST_TRIES = 2
+GREETINGS = 2
+
+
+@dataclass(frozen=True)
+class Chunk:
+    """Candidates of one branch that travel together; `tries` counts how often they came back without outcome."""
+
+    branch: int
+    tasks: tuple[Task, ...]
+    tries: int = 0
+
+    def singles(self) -> list[Chunk]:
+        """Each candidate by itself, once more."""
+        return [Chunk(self.branch, (task,), self.tries + 1) for task in self.tasks]
+
+
+class Team:
+    """A crew with a queue before it."""
+
+    def __init__(self, crew: Crew, setup: Setup) -> None:
+        self.crew, self._setup = crew, setup
+        self._queue: deque[Chunk] = deque()
+        self._suspects: deque[Chunk] = deque()
+        self._running: dict[Future[Any], Chunk] = {}
+        self._alone = self._greeted = False
+
+    @property
+    def waiting(self) -> int:
+        """Chunks that have not come back."""
+        return len(self._queue) + len(self._suspects) + len(self._running)
+
+    def submit(self, chunk: Chunk) -> None:
+        """Hand in candidates."""
+        self._queue.append(chunk)
+        self._fill()
+
+    def collect(self) -> list[tuple[int, tuple[Told, ...]]]:
+        """Branch and outcomes of chunks that have come back; waits for the first.
+
+        Raises:
+            UserError: what every candidate would meet.
+            NotReachedError: the executor broke, or processes cannot be started.
+        """
+        back: list[tuple[int, tuple[Told, ...]]] = []
+        while not back and self.waiting:
+            self._fill()
+            ended, _ = wait(self._running, return_when=FIRST_COMPLETED)
+            broken = []
+            for future in ended:
+                chunk = self._running.pop(future)
+                error = future.exception()
+                if error is None:
+                    self._alone = False
+                    back.append((chunk.branch, tuple(future.result())))
+                elif isinstance(error, BrokenExecutor):
+                    broken.append(chunk)
+                else:
+                    self._alone = False
+                    back += self._faulty(chunk, error)
+            if broken:
+                back += self._broken(broken)
+        return back
+
+    def close(self, at_once: bool) -> None:
+        """Let the workers go."""
+        for future in self._running:
+            future.cancel()
+        self.crew.stop(at_once)
+
+    def _fill(self) -> None:
+        """A suspect has the crew for itself."""
+        if self._alone:
+            return
+        if self._suspects:
+            if not self._running:
+                self._alone = True
+                self._begin(self._suspects.popleft())
+            return
+        while self._queue and (self.crew.size is None or len(self._running) <= self.crew.size):
+            self._begin(self._queue.popleft())
+
+    def _begin(self, chunk: Chunk) -> None:
+        self._greet()
+        future = self._submitted(chunk.tasks)
+        self._running[future] = chunk
+
+    def _submitted(self, tasks: Sequence[Task]) -> Future[Any]:
+        try:
+            return self.crew.submit(Job(self._setup, tuple(tasks)))
+        except BrokenExecutor as error:
+            future: Future[Any] = Future()
+            future.set_exception(error)
+            return future
+
+    def _greet(self) -> None:
+        """See once that workers begin at all: in a script without its guard they do not."""
+        for left in range(0 if self._greeted or self.crew.size in (None, 1) else GREETINGS, 0, -1):
+            try:
+                self._submitted(()).result()
+                break
+            except BrokenExecutor:
+                if left == 1 or not self.crew.renew():
+                    raise NotReachedError(
+                        "worker processes end before they begin; in a script, put the call under "
+                        "\"if __name__ == '__main__':\", or take workers=1."
+                    ) from None
+        self._greeted = True
+
+    def _faulty(self, chunk: Chunk, error: BaseException) -> list[tuple[int, tuple[Told, ...]]]:
+        """A job that ended in an error: of every candidate's, or of the cluster's."""
+        if isinstance(error, PliantError):
+            raise error
+        if isinstance(error, ImportError):
+            raise UserError(f"the workers cannot import what the study needs ({error}); install it there.")
+        if chunk.tries + 1 >= MOST_TRIES:
+            text = " ".join(str(error).split())
+            return [
+                (chunk.branch, tuple(task.failed(f"{type(error).__name__}: {text}") for task in chunk.tasks))
+            ]
+        self._queue.extendleft(reversed(chunk.singles()))
+        return []
+
+    def _broken(self, chunks: list[Chunk]) -> list[tuple[int, tuple[Told, ...]]]:
+        """A worker died. Who ran then is suspect; who dies alone is the one."""
+        chunks += self._running.values()
+        self._running.clear()
+        if not self.crew.renew():
+            raise NotReachedError(
+                "the executor broke: a worker died. What was evaluated is kept; run again to go on."
+            )
+        was_alone, self._alone = self._alone, False
+        if was_alone:
+            (chunk,) = chunks
+            return [(chunk.branch, tuple(task.failed(KILLED) for task in chunk.tasks))]
+        self._suspects.extend(single for chunk in chunks for single in chunk.singles())
+        return []
