@@ -27,9 +27,15 @@ Vector = tuple[Ratio, Ratio, Ratio]
 
 
 class RigidConfig(FrozenModel):
-    """A rigid piece: a uniform cylinder along the chain axis, or the section of a module, as an end cap has it."""
+    """A rigid piece: a uniform cylinder along the chain axis, or the section of a module, as an end cap has it.
 
-    length_m: Length = Field(gt=0, description="along the chain")
+    A closed end of l + 2t follows its module where a search changes l: ``{module_lengths: 1, length: 3 mm}``.
+    """
+
+    length_m: Length = Field(default=0.0, ge=0, description="along the chain")
+    module_lengths: Ratio = Field(
+        default=0.0, ge=0, description="added to the length: so many of the module before it, or of the first"
+    )
     section: Literal["rod", "module"] = Field(
         default="rod", description="a cylinder about the chain axis, or the shape of the study's module"
     )
@@ -44,9 +50,15 @@ class RigidConfig(FrozenModel):
 
     @model_validator(mode="after")
     def _radius_of_rods(self) -> RigidConfig:
+        if self.length_m == 0.0 and self.module_lengths == 0.0:
+            raise ValueError("a rigid piece needs a 'length' above 0, or 'module_lengths'")
         if self.section == "module" and self.radius_m is not None:
             raise ValueError("a piece with the section of a module has no 'radius'")
         return self
+
+    def along_m(self, module_length_m: float) -> float:
+        """Its length, where the module that it follows has this length."""
+        return self.length_m + self.module_lengths * module_length_m
 
 
 class SegmentConfig(FrozenModel):
@@ -59,6 +71,15 @@ class SegmentConfig(FrozenModel):
     modules: Count | None = Field(default=None, ge=1, le=4096, description="number of equal modules")
     rigid: RigidConfig | None = Field(default=None, description="instead of `modules`: a rigid piece")
     rotation_rad: Angle = Field(default=0.0, description="about the chain axis, relative to the base")
+    turn_rad: Angle | None = Field(
+        default=None,
+        description="about the chain axis, relative to the modules before it; instead of `rotation`",
+    )
+    actuation_share: Ratio = Field(
+        default=1.0,
+        gt=0,
+        description="share of the chain's pressure or force that its supply gets, as behind a regulator of its own",
+    )
     family: dict[str, Any] = Field(
         default_factory=dict, description="parameters that differ, e.g. {wall: 2 mm}"
     )
@@ -74,6 +95,10 @@ class SegmentConfig(FrozenModel):
     def _modules_or_rigid(self) -> SegmentConfig:
         if (self.modules is None) == (self.rigid is None):
             raise ValueError("give either 'modules' or 'rigid'")
+        if self.turn_rad is not None and self.rotation_rad != 0.0:
+            raise ValueError(
+                "give either 'rotation' (relative to the base) or 'turn' (to the modules before)"
+            )
         # A study that was read and written has all keys: what counts is their values.
         plain = SegmentConfig.model_construct(rigid=self.rigid)
         if self.rigid is not None and dict(self) != dict(plain):
@@ -147,5 +172,13 @@ class ChainConfig(FrozenModel):
         return self
 
     def as_segments(self) -> tuple[SegmentConfig, ...]:
-        """The chain as segments, also when only `modules` is given."""
-        return self.segments or (SegmentConfig(modules=self.modules or 1),)
+        """The chain as segments, also when only `modules` is given; every turn told as a rotation."""
+        told, rotation = [], 0.0
+        for segment in self.segments or (SegmentConfig(modules=self.modules or 1),):
+            if segment.turn_rad is not None:
+                rotation += segment.turn_rad
+                segment = segment.model_copy(update={"rotation_rad": rotation, "turn_rad": None})
+            elif segment.rigid is None:
+                rotation = segment.rotation_rad
+            told.append(segment)
+        return tuple(told)

@@ -12,6 +12,7 @@ from pliant.config.chain import BaseConfig, ChainConfig
 from pliant.errors import UserError
 from pliant.interfaces.family import ActuatorFamily
 from pliant.mechanics.rotations import exp_map, matrix_of_quaternion
+from pliant.mechanics.shared_actuation import SharedActuation
 from pliant.meshing.surfaces import merged, stretched
 from pliant.records.chain import Actuator, ChainModel, Joint, Ring, default_base_rotation
 from pliant.records.design import Array, MassProperties, ModuleMass
@@ -47,11 +48,15 @@ class RigidPiece:
 
 @dataclass(frozen=True, eq=False)
 class Segment:
-    """Equal modules in a row, turned by `rotation_rad` about the chain axis relative to the base; or a rigid piece."""
+    """Equal modules in a row, turned by `rotation_rad` about the chain axis relative to the base; or a rigid piece.
+
+    Their supply gets `actuation_share` of what the chain's inputs say.
+    """
 
     piece: Module | RigidPiece
     count: int = 1
     rotation_rad: float = 0.0
+    actuation_share: float = 1.0
 
 
 def rod_module(
@@ -121,7 +126,8 @@ def build_chain(config: ChainConfig, segments: Sequence[Segment]) -> ChainModel:
     Raises:
         UserError: laws of different joints, or actuators and laws that take different inputs.
     """
-    laws = list(dict.fromkeys(s.piece.law for s in segments if isinstance(s.piece, Module)))
+    law_of = _laws(segments)
+    laws, places = list(law_of.values()), {key: place for place, key in enumerate(law_of)}
     _one_kind(laws)
     joints: list[Joint] = []
     bodies = [MassProperties.none()]
@@ -146,7 +152,7 @@ def build_chain(config: ChainConfig, segments: Sequence[Segment]) -> ChainModel:
             bodies[-1] = bodies[-1].joined(piece.mass.start.rotated(turn).shifted(offset))
             shapes[-1] += tuple(shape.placed(turn, offset) for shape in piece.shapes.start)
             line += [Ring(len(joints), reach + half), Ring(len(joints) + 1, beside)]
-            joints.append(Joint(laws.index(piece.law), offset, turn))
+            joints.append(Joint(places[piece.law, segment.actuation_share], offset, turn))
             bodies.append(piece.mass.end)
             shapes.append(piece.shapes.end)
             reach, rotation = half + beside, segment.rotation_rad
@@ -165,6 +171,16 @@ def build_chain(config: ChainConfig, segments: Sequence[Segment]) -> ChainModel:
         rings=tuple(rings),
         centre_line=(*line, rings[-1]),
     )
+
+
+def _laws(segments: Sequence[Segment]) -> dict[tuple[JointLaw, float], JointLaw]:
+    """The chain's law of each law and share of the actuation; a law that gets all of it is left as it is."""
+    found: dict[tuple[JointLaw, float], JointLaw] = {}
+    for segment in segments:
+        if isinstance(segment.piece, Module):
+            law, share = segment.piece.law, segment.actuation_share
+            found.setdefault((law, share), law if share == 1.0 else SharedActuation(law, share))
+    return found
 
 
 def _one_kind(laws: Sequence[JointLaw]) -> None:

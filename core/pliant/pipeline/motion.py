@@ -184,7 +184,7 @@ def _rigid_look(config: RigidConfig | None, piece: Module | RigidPiece, like: Mo
         return piece
     look = piece
     if config.section == "module":
-        look = module_like(like, config.length_m)
+        look = module_like(like, piece.length_m)
     elif not piece.shapes:
-        look = rigid_rod(config.length_m, 0.0, 0.5 * config.length_m)
+        look = rigid_rod(piece.length_m, 0.0, 0.5 * piece.length_m)
     return replace(piece, shapes=look.shapes)

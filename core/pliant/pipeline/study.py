@@ -248,15 +248,16 @@ def chain_segments(bench: Workbench, study: Study, stages: Sequence[DesignStages
         like = module or like
         piece = module if segment.rigid is None else _rigid(segment.rigid, like)
         assert piece is not None
-        segments.append(Segment(piece, segment.modules or 1, segment.rotation_rad))
+        segments.append(Segment(piece, segment.modules or 1, segment.rotation_rad, segment.actuation_share))
     return segments
 
 
 def _rigid(config: RigidConfig, like: Module) -> RigidPiece:
     """A rigid piece; `like` is the module before it, or the first."""
+    length = config.along_m(like.length_m)
     if config.section == "module":
-        return module_like(like, config.length_m, config.mass_kg)
-    return rigid_rod(config.length_m, config.mass_kg or 0.0, config.radius_m)
+        return module_like(like, length, config.mass_kg)
+    return rigid_rod(length, config.mass_kg or 0.0, config.radius_m)
 
 
 def _fem(bench: Workbench, study: Study, family: FamilyConfig) -> Artifact:

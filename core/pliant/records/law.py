@@ -62,10 +62,16 @@ class ScalarLaw:
 
     The function stands at the top of its file and uses arithmetic, `if`, loops, functions of `math` and other
     functions of the same file; it allocates nothing. All laws of one form share the function.
+
+    Attributes:
+        function, parameters: see above.
+        shared: parameters (P,) and a number s → the parameters of the law τ(s p, u) in the same function; None where
+            the form has no such parameters.
     """
 
     function: ScalarFunction
     parameters: Array
+    shared: Callable[[Array, float], Array] | None = None
 
 
 class JointLaw(ABC):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 
@@ -11,7 +12,7 @@ from pliant.records.error_bar import ErrorBar
 from pliant.records.law import Domain, Effort, JointKind, JointLaw, LawRecord, ScalarLaw
 from pliant_plugins.surrogates.neural.continuation import Continuation, continue_
 from pliant_plugins.surrogates.neural.network import Network
-from pliant_plugins.surrogates.neural.scalar import network_effort, pack
+from pliant_plugins.surrogates.neural.scalar import network_effort, pack, shared
 
 KIND = "neural"
 
@@ -74,7 +75,9 @@ class NeuralLaw(JointLaw):
 
     def scalar(self) -> ScalarLaw:
         """The same law for compiled engines."""
-        return ScalarLaw(network_effort, pack(self.network, self.outside))
+        return ScalarLaw(
+            network_effort, pack(self.network, self.outside), partial(shared, axes=len(self.axes))
+        )
 
     def record(self) -> LawRecord:
         """Network, domain and error bar; the continuation follows from them."""

@@ -124,6 +124,17 @@ def _border(i: int, k: int, p: float, border: float, parameters: Array) -> tuple
     return effort, gain
 
 
+def shared(parameters: Array, share: float, axes: int) -> Array:
+    """Parameters of the law of so many axes whose actuation is `share` times what it is told."""
+    told = np.array(parameters, float)
+    told[1 : 1 + COORDINATE] /= share
+    first = 1 + COORDINATE * (1 + axes)
+    by_axis = told[first : first + (AXIS + axes) * axes].reshape(axes, AXIS + axes)
+    by_axis[:, [5, 6, 8]] *= share
+    told[first + (AXIS + axes) * axes :].reshape(-1, 3 + axes)[:, 2] *= share
+    return told
+
+
 def pack(network: Network, how: Continuation) -> Array:
     """The numbers that `network_effort` reads: units, coordinates, axes, then b, c and w of each unit."""
     coordinates = np.column_stack([how.box, how.reach])

@@ -80,7 +80,8 @@ class AxesLaw(JointLaw):
     def scalar(self) -> ScalarLaw:
         """The same law for compiled engines."""
         each = [scalar for law in self.laws if (scalar := law.scalar()) is not None]
-        return ScalarLaw(each[0].function, np.concatenate([scalar.parameters for scalar in each]))
+        parameters = np.concatenate([scalar.parameters for scalar in each])
+        return ScalarLaw(each[0].function, parameters, each[0].shared)
 
     def record(self) -> LawRecord:
         """The records of the axes, their names led by the axis."""

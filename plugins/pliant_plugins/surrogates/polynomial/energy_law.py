@@ -14,7 +14,7 @@ from pliant.records.law import Domain, Effort, JointKind, JointLaw, LawRecord, S
 from pliant_plugins.surrogates.polynomial.energy import EnergyBasis, unit
 from pliant_plugins.surrogates.polynomial.energy_continuation import UPPER, continuation, packed
 from pliant_plugins.surrogates.polynomial.energy_kernel import evaluate
-from pliant_plugins.surrogates.polynomial.energy_scalar import energy_effort
+from pliant_plugins.surrogates.polynomial.energy_scalar import energy_effort, shared
 from pliant_plugins.surrogates.polynomial.law import KIND
 
 # Of the efforts' ranges: smaller changes of τ are no loss.
@@ -97,7 +97,7 @@ class EnergyLaw(JointLaw):
 
     def scalar(self) -> ScalarLaw:
         """The same law for compiled engines."""
-        return ScalarLaw(energy_effort, self._parameters)
+        return ScalarLaw(energy_effort, self._parameters, shared)
 
     @cached_property
     def _parameters(self) -> Array:

@@ -178,6 +178,15 @@ def one_by_one(at: Array, parameters: Array, out: Array) -> None:
             out[n, k] = found[k]
 
 
+def shared(parameters: Array, share: float) -> Array:
+    """Parameters of the law whose actuation is `share` times what it is told."""
+    told = np.array(parameters, float)
+    acting = told[2:AXES]  # p₀, p₁, the box and the reaches in p
+    told[2:AXES] = np.where(np.abs(acting) >= UNBOUNDED, acting, acting / share)
+    told[GAINS:HEADER] *= share
+    return told
+
+
 def pack(
     exponents: NDArray[np.int64],
     coefficients: Array,

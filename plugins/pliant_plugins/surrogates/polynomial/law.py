@@ -12,7 +12,7 @@ from pliant.records.error_bar import ErrorBar
 from pliant.records.law import Domain, Effort, JointKind, JointLaw, LawRecord, ScalarLaw
 from pliant_plugins.surrogates.continued import ContinuedLaw
 from pliant_plugins.surrogates.polynomial.batch import effort
-from pliant_plugins.surrogates.polynomial.scalar import axes_effort, block
+from pliant_plugins.surrogates.polynomial.scalar import axes_effort, block, shared
 
 KIND = "polynomial"
 
@@ -64,7 +64,7 @@ class PolynomialLaw(ContinuedLaw):
         box = np.concatenate([self.domain.actuation[None], self.domain.deformation])
         maps = (self.actuation_map, self.deformation_map)
         parameters = block(self.coefficients, maps, box, self._reach, self._reference_gain, self.odd)
-        return ScalarLaw(axes_effort, parameters)
+        return ScalarLaw(axes_effort, parameters, shared)
 
     def draws(self, count: int, seed: int) -> tuple[JointLaw, ...]:
         """Laws with drawn errors as further coefficients; empty where the law states no error."""

@@ -11,7 +11,7 @@ from pliant.records.error_bar import ErrorBar
 from pliant.records.law import Domain, JointKind, LawRecord, ScalarLaw
 from pliant_plugins.surrogates.continued import ContinuedLaw
 from pliant_plugins.surrogates.table import spline
-from pliant_plugins.surrogates.table.scalar import axes_effort, block
+from pliant_plugins.surrogates.table.scalar import axes_effort, block, shared
 
 KIND = "table"
 
@@ -45,7 +45,8 @@ class TableLaw(ContinuedLaw):
     def scalar(self) -> ScalarLaw:
         """The same law for compiled engines; the continuation's reaches are held parameters there."""
         box = np.concatenate([self.domain.actuation[None], self.domain.deformation])
-        return ScalarLaw(axes_effort, block(self.coefficients, box, self._reach, self._reference_gain))
+        parameters = block(self.coefficients, box, self._reach, self._reference_gain)
+        return ScalarLaw(axes_effort, parameters, shared)
 
     def record(self) -> LawRecord:
         """Coefficients, box and error bar; `Table.load` makes the same law of them."""

@@ -1,0 +1,90 @@
+"""A law behind a share of the actuation is τ(s p, u), in numpy and in the scalar form of every shipped law."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from tests.surrogates.test_drawn_laws import BOX, BOX3, bar, one_axis, three_axes
+from tests.surrogates.test_neural_law import network_law
+from tests.surrogates.test_scalar_law import LAWS, one_by_one
+
+from pliant.mechanics.law_draws import draws
+from pliant.mechanics.shared_actuation import SharedActuation
+from pliant.records.law import JointLaw
+from pliant.testing.samples import softening_law, table_of
+from pliant_plugins.surrogates.polynomial.axes_law import AxesLaw
+from pliant_plugins.surrogates.table.config import TableConfig
+from pliant_plugins.surrogates.table.surrogate import Table
+
+SHARES = (0.6, 1.7)
+
+
+def shipped() -> dict[str, JointLaw]:
+    """A law of each scalar form, with and without limits."""
+    polynomials = {name: LAWS[name] for name in ("wavy", "unbounded", "plain square")}
+    table = Table(TableConfig(kind="table")).fit(table_of(softening_law())).law
+    return {
+        **polynomials,
+        "axes": AxesLaw((LAWS["wavy"], LAWS["unbounded"], LAWS["even"])),
+        "energy": three_axes(bar(BOX3, 1e-4)),
+        "neural": network_law(3),
+        "table": table,
+    }
+
+
+NAMES = ("wavy", "unbounded", "plain square", "axes", "energy", "neural", "table")
+
+
+def states(law: JointLaw) -> tuple[np.ndarray, np.ndarray]:
+    """Inside the box of a shared law and around it."""
+    random = np.random.default_rng(3)
+    return random.uniform(-5e3, 30e3, 80), random.uniform(-0.6, 0.9, (80, len(law.axes)))
+
+
+@pytest.mark.parametrize("share", SHARES)
+@pytest.mark.parametrize("name", NAMES)
+def test_the_scalar_form_is_the_law_at_the_share(name: str, share: float) -> None:
+    law = shipped()[name]
+    p, u = states(law)
+    wanted, found = law.evaluate(share * p, u), one_by_one(SharedActuation(law, share), p, u)
+    for part, gain in (("tau", 1.0), ("dtau_dp", share), ("dtau_du", 1.0)):
+        values = gain * getattr(wanted, part)
+        np.testing.assert_allclose(
+            getattr(found, part), values, rtol=1e-9, atol=1e-11 * np.abs(values).max(), err_msg=part
+        )
+    assert SharedActuation(law, share).scalar().function is law.scalar().function
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_slopes_are_those_of_the_effort_and_the_effort_that_of_the_energy(name: str) -> None:
+    law = SharedActuation(shipped()[name], 0.6)
+    p = np.linspace(1e3, 20e3, 15)
+    u = np.random.default_rng(4).uniform(-0.15, 0.35, (15, len(law.axes)))
+    effort = law.evaluate(p, u)
+    in_p = (law.evaluate(p + 1, u).tau - law.evaluate(p - 1, u).tau) / 2
+    np.testing.assert_allclose(effort.dtau_dp, in_p, rtol=1e-5, atol=1e-11)
+    for k in range(len(law.axes)):
+        h = 1e-5 * np.eye(len(law.axes))[k]
+        fall = -(law.potential(p, u + h) - law.potential(p, u - h)) / 2e-5
+        np.testing.assert_allclose(effort.tau[:, k], fall, rtol=1e-5, atol=1e-8)
+
+
+def test_domain_and_error_are_told_in_the_chains_actuation() -> None:
+    inside = one_axis(bar(BOX, 1e-4))
+    law = SharedActuation(inside, 0.5)
+    np.testing.assert_allclose(law.domain.actuation, 2 * inside.domain.actuation)
+    p, u = np.array([4e3, 20e3]), np.array([[0.1], [0.5]])
+    np.testing.assert_allclose(law.band(p, u), inside.band(p / 2, u))
+    np.testing.assert_allclose(law.error.half_width(p, u), inside.error.half_width(p / 2, u))
+
+
+def test_draws_are_those_of_the_law_inside() -> None:
+    inside = one_axis(bar(BOX, 1e-4))
+    p, u = np.array([4e3, 20e3]), np.array([[0.1], [0.5]])
+    for found, wanted in zip(draws(SharedActuation(inside, 0.5), 3, 7), draws(inside, 3, 7), strict=True):
+        np.testing.assert_allclose(found.evaluate(p, u).tau, wanted.evaluate(p / 2, u).tau)
+        assert found.scalar() is not None
+
+
+def test_a_law_without_scalar_form_has_none_behind_a_share() -> None:
+    assert SharedActuation(softening_law(), 0.5).scalar() is None
