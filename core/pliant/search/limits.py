@@ -1,0 +1,147 @@
+"""What keeps the best design from being better, in sentences; each rule says nothing where it does not apply."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from pliant.records.search import FoundDesign, SearchHistory, Slope, VariableRecord
+from pliant.search import limits_of_the_run as run
+from pliant.search.sensitivity import STEP, sides
+from pliant.search.spoken import quantity, unit_of
+
+NOTHING = 1e-5  # of the objective
+NEARLY = 0.01  # of its scale: a constraint that so small a step breaks is active
+FREE = "No bound and no constraint holds it: the best design lies inside everything that was searched."
+
+
+def limits(
+    problem: Any,
+    best: FoundDesign,
+    slopes: Sequence[Slope],
+    history: SearchHistory,
+    causes: Mapping[str, int] | None = None,
+) -> tuple[str, ...]:
+    """What limits the best design.
+
+    Args:
+        problem: the `SearchProblem`.
+        best: the design.
+        slopes: the objective about it; without them no bound is said to hold it.
+        history: every candidate.
+        causes: why candidates were refused or failed, and how often.
+    """
+    held = [*at_bounds(problem, best, slopes), *at_constraints(problem, best, slopes)]
+    if slopes and not held:
+        held = [FREE]
+    return (
+        *held,
+        *at_metrics(problem, best),
+        *run.outside_data(best),
+        *run.conditions(problem, best),
+        *run.branches(problem, best, history),
+        *run.budget(problem, best, history),
+        *run.turned_away(history, causes or {}),
+    )
+
+
+def at_bounds(problem: Any, best: FoundDesign, slopes: Sequence[Slope]) -> list[str]:
+    """Variables on a bound beyond which the objective would still get better."""
+    found = []
+    for slope in slopes:
+        variable = _variable(problem, best, slope.name)
+        side_to = -1 if slope.at_bound == "low" else 1
+        gain = _gain(slope, _share(variable, best), side_to) if slope.at_bound else 0.0
+        if not gain > 0.0:
+            continue
+        bound = variable.low if slope.at_bound == "low" else variable.high
+        side = "lower" if slope.at_bound == "low" else "upper"
+        found.append(
+            f"{slope.name} stands at its {side} bound of {quantity(bound, variable.unit, 4)}, and the objective still "
+            f"improves toward it, by {_amount(problem, best, variable, gain)}: a wider range would help."
+        )
+    return found
+
+
+def at_constraints(problem: Any, best: FoundDesign, slopes: Sequence[Slope]) -> list[str]:
+    """Constraints that a step of 1 % of a variable's range breaks, and what they cost."""
+    before = problem.violated(best.values)
+    active: dict[str, tuple[float, VariableRecord]] = {}
+    for slope in slopes:
+        variable = _variable(problem, best, slope.name)
+        if variable.type == "categorical":
+            continue
+        for side in (-1, 1):
+            moved = float(best.values[slope.name]) + side * _step(variable)
+            stepped = int(round(moved)) if variable.type == "integer" else moved
+            for text in problem.violated({**best.values, slope.name: stepped}):
+                gain = _gain(slope, _share(variable, best), side)
+                if text not in before and (text not in active or gain > active[text][0]):
+                    active[text] = (gain, variable)
+    return [_constraint(problem, best, text, gain, variable) for text, (gain, variable) in active.items()]
+
+
+def _constraint(problem: Any, best: FoundDesign, text: str, gain: float, variable: VariableRecord) -> str:
+    if gain > 0.0:
+        amount = _amount(problem, best, variable, gain)
+        return f"The constraint '{text}' holds it: across it the objective would improve by {amount}."
+    if np.isfinite(gain):
+        return f"The constraint '{text}' is touched, and nothing is to be had across it."
+    return f"The constraint '{text}' is active; what lies across it cannot be told."
+
+
+def at_metrics(problem: Any, best: FoundDesign) -> list[str]:
+    """Constraints on metrics that a change of 1 % of a metric would break."""
+    before = problem.metric_violations(best.values, best.metrics)
+    active: dict[str, str] = {}
+    for name, value in best.metrics.items():
+        for factor in (1.0 - NEARLY, 1.0 + NEARLY):
+            for text in problem.metric_violations(best.values, {**best.metrics, name: factor * value}):
+                if text not in before:
+                    active.setdefault(text, name)
+    sentences = [
+        f"The constraint '{text}' is active: 1 % of {quantity(best.metrics[name], unit_of(name, best.metrics))} "
+        "more or less would break it."
+        for text, name in active.items()
+    ]
+    return [*(f"The constraint '{text}' is broken, by {amount:.3g}." for text, amount in before.items()), *sentences]
+
+
+def _gain(slope: Slope, share: float, side: int) -> float:
+    """By how much the objective falls with 1 % of the range to a side, 0 where it is nothing; NaN if unknown.
+
+    Taken from the other side, where the design can go: what lies across is not evaluated.
+    """
+    other = sides(slope.shares, slope.objective, share)[0 if side > 0 else 1]
+    gain = float(-side * other * STEP)
+    scale = float(np.nanmax(np.abs(slope.objective), initial=0.0))
+    return gain if not abs(gain) <= NOTHING * scale else 0.0
+
+
+def _share(variable: VariableRecord, best: FoundDesign) -> float:
+    """Where the best design stands in the range."""
+    return (float(best.values[variable.name]) - variable.low) / ((variable.high - variable.low) or 1.0)
+
+
+def _variable(problem: Any, best: FoundDesign, name: str) -> VariableRecord:
+    """The variable's record; one that stands for several of a contextual search has no unit."""
+    for record in problem.records():
+        if record.name == name:
+            return record  # type: ignore[no-any-return]
+    merged = next(v for v in problem.space(best.context >= 0).variables if v.name == name)
+    return VariableRecord(name, (), merged.type, merged.low, merged.high, merged.choices)
+
+
+def _step(variable: VariableRecord) -> float:
+    return 1.0 if variable.type == "integer" else STEP * (variable.high - variable.low)
+
+
+def _amount(problem: Any, best: FoundDesign, variable: VariableRecord, gain: float) -> str:
+    """What a step is worth: ``0.12 mm per 1 % of its range``."""
+    unit = unit_of(problem.objective_names[0], best.metrics)
+    if variable.type == "integer":
+        steps = gain / STEP / max(variable.high - variable.low, 1.0)
+        return f"{quantity(steps, unit)} for one more step of {variable.name}"
+    return f"{quantity(gain, unit)} per 1 % of the range of {variable.name}"

@@ -1,0 +1,132 @@
+"""What the history and the conditions of a search say about its best design, in sentences."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pliant.records.search import STATUSES, FoundDesign, SearchHistory
+from pliant.search.spoken import quantity, settings, unit_of
+
+OUTSIDE = "outside_domain"  # metric: how many joints left the data of their law
+HALF = 0.5
+LAST = 0.2  # of a search's candidates
+LATE = 0.05
+STILL = 0.01  # of the objective: a fall that is worth more candidates
+
+
+def outside_data(best: FoundDesign) -> list[str]:
+    """Conditions in which joints leave the data of their laws."""
+    left = [name for name, metrics in best.conditions.items() if metrics.get(OUTSIDE, 0.0) > 0]
+    if not left and not best.metrics.get(OUTSIDE, 0.0) > 0:
+        return []
+    where = f"In {_listed(left)} joints" if len(best.conditions) > 1 and left else "Joints"
+    return [
+        f"{where} leave the data of their laws, where the laws are extrapolated: give them data there, or constrain "
+        f"'{OUTSIDE}'."
+    ]
+
+
+def conditions(problem: Any, best: FoundDesign) -> list[str]:
+    """The worst condition, and how far it is from the best."""
+    if len(best.conditions) < 2:
+        return []
+    unit = unit_of(problem.objective_names[0], best.metrics)
+    sign = -1.0 if problem.maximised[0] else 1.0
+    found = {
+        name: problem.objective_values(best.values, metrics)[0] for name, metrics in best.conditions.items()
+    }
+    found = {name: value for name, value in found.items() if np.isfinite(value)}
+    if len(found) < 2 or np.ptp(list(found.values())) == 0.0:
+        return []
+    worst, easiest = max(found, key=lambda name: found[name]), min(found, key=lambda name: found[name])
+    return [
+        f"The hardest condition is {worst} ({problem.objective_names[0]} "
+        f"{quantity(sign * found[worst], unit)}), the easiest {easiest} ({quantity(sign * found[easiest], unit)})."
+    ]
+
+
+def branches(problem: Any, best: FoundDesign, history: SearchHistory) -> list[str]:
+    """By how much the best structure leads."""
+    listed = problem.branches()
+    if len(listed) < 2:
+        return []
+    found = {k: _lowest(problem, history, np.asarray(history.branch == k)) for k in range(len(listed))}
+    order = sorted((k for k in found if np.isfinite(found[k])), key=lambda k: found[k])
+    without = len(listed) - len(order)
+    empty = f" {without} of {len(listed)} structures gave no design at all." if without else ""
+    if len(order) < 2:
+        return [empty.strip()] if empty else []
+    units = {record.name: record.unit for record in problem.records()}
+    first, second = (settings(listed[k], units) for k in order[:2])
+    margin = quantity(found[order[1]] - found[order[0]], unit_of(problem.objective_names[0], best.metrics))
+    return [f"The best structure ({first}) leads the next one ({second}) by {margin}.{empty}"]
+
+
+def budget(problem: Any, best: FoundDesign, history: SearchHistory) -> list[str]:
+    """Whether the best design's search was still getting better when it ended."""
+    if problem.reached(best.values, best.metrics):
+        return ["The search ended at its goal ('until'), not where nothing better is found."]
+    rows = (history.branch == best.branch) & (history.context == best.context)
+    lowest = _lowest(problem, history, rows)
+    objective = history.objectives[rows, 0]
+    objective = np.where(objective < lowest, np.nan, objective)
+    if len(objective) < 2 or not np.isfinite(lowest):
+        return []
+    so_far = np.fmin.accumulate(objective)
+    at, count = int(np.nanargmin(objective)) + 1, len(objective)
+    before = so_far[max(int((1.0 - LAST) * count), 1) - 1]
+    fell = float(before - so_far[-1])
+    late = at > (1.0 - LATE) * count
+    if not (np.isnan(before) or fell > STILL * abs(so_far[-1])):
+        return []
+    unit = unit_of(problem.objective_names[0], best.metrics)
+    much = f"improved by {quantity(fell, unit)} in" if np.isfinite(fell) else "was first found in"
+    found = f"; the best is candidate {at} of {count}" if late else ""
+    return [f"The objective {much} the last fifth of the candidates{found}: more of them would help."]
+
+
+def turned_away(history: SearchHistory, causes: Mapping[str, int]) -> list[str]:
+    """Whether most candidates were refused or failed, and why."""
+    status = np.asarray(history.status)
+    if not len(status):
+        return []
+    refused = float(np.mean(status == STATUSES.index("refused")))
+    failed = float(np.mean((status != STATUSES.index("ok")) & (status != STATUSES.index("refused"))))
+    if refused + failed <= HALF:
+        return []
+    most = max(causes, key=lambda cause: causes[cause]) if causes else ""
+    why = f", most often because of: {most} ({causes[most]} times)" if most else ""
+    return [
+        f"{100 * (refused + failed):.0f} % of the candidates gave nothing ({100 * refused:.0f} % refused, "
+        f"{100 * failed:.0f} % failed){why}. A narrower range or a constraint on the variables would leave more of the "
+        "budget for designs."
+    ]
+
+
+def _lowest(problem: Any, history: SearchHistory, rows: NDArray[np.bool_]) -> float:
+    """The lowest objective of some candidates that break no constraint on metrics; NaN without one."""
+    places = np.flatnonzero(rows & np.isfinite(history.objectives[:, 0]))
+    for k in places[np.argsort(history.objectives[places, 0], kind="stable")]:
+        metrics = {name: float(values[k]) for name, values in history.metrics.items()}
+        if not problem.metric_violations(values_at(problem, history, int(k)), metrics):
+            return float(history.objectives[k, 0])
+    return float("nan")
+
+
+def values_at(problem: Any, history: SearchHistory, k: int) -> dict[str, Any]:
+    """The values of a candidate, choices written out."""
+    choices = {record.name: record.choices for record in problem.records() if record.choices}
+    return {
+        name: choices[name][int(values[k])] if name in choices else float(values[k])
+        for name, values in history.values.items()
+        if np.isfinite(values[k])
+    }
+
+
+def _listed(names: list[str], most: int = 4) -> str:
+    more = f" and {len(names) - most} more" if len(names) > most else ""
+    return f"{', '.join(names[:most])}{more}"

@@ -1,0 +1,40 @@
+"""SI numbers of a search as people read them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from pliant.units import UNIT_SUFFIXES
+
+SHOWN = {
+    "m": (1e3, "mm"),
+    "Pa": (1e-3, "kPa"),
+    "kg": (1e3, "g"),
+    "rad": (180 / math.pi, "°"),
+    "N*m": (1e3, "mN·m"),
+}
+
+
+def quantity(value: Any, unit: str = "", digits: int = 3) -> str:
+    """A value with its unit: ``7 mm``, ``0.12 mm``, ``egg``."""
+    if isinstance(value, str) or isinstance(value, bool) or value is None:
+        return str(value)
+    factor, name = SHOWN.get(unit, (1.0, unit))
+    text = f"{factor * float(value):.{digits}g}"
+    return text + (name if name == "°" else f" {name}" if name else "")
+
+
+def unit_of(name: str, metrics: Iterable[str]) -> str:
+    """The unit of a metric, written with or without its suffix; "" for a pure number or an expression."""
+    known = set(metrics)
+    full = next((name + suffix for suffix in UNIT_SUFFIXES if name + suffix in known), name)
+    if full not in known:
+        return ""
+    return next((unit for suffix, unit in UNIT_SUFFIXES.items() if full.endswith(suffix)), "")
+
+
+def settings(values: Mapping[str, Any], units: Mapping[str, str]) -> str:
+    """Variables with their values: ``n1 4, side 90°``."""
+    return ", ".join(f"{name} {quantity(value, units.get(name, ''), 4)}" for name, value in values.items())

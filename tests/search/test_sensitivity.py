@@ -1,0 +1,120 @@
+"""The objective about a design: steps of the range, bounds, integers, choices, what is refused."""
+
+import numpy as np
+import pytest
+from tests.search.found_stand_ins import COUNT, SIDE, WIDTH, Evaluator, Problem, found
+
+from pliant.interfaces.optimizer import Variable
+from pliant.records.search import VariableRecord
+from pliant.search.sensitivity import probes_of, sides, slopes
+
+REAL = Variable("width", "real", 2e-3, 4e-3)
+
+
+def of(problem, formula, best):
+    return {slope.name: slope for slope in slopes(Evaluator(problem, formula), problem, best)}
+
+
+def test_a_plane_has_its_own_slope_everywhere():
+    best = found({"width": 3e-3, "count": 4, "side": "left"})
+    slope = of(Problem(), lambda v: 5.0 * v["width"] + 0.1 * v["count"], best)
+    assert slope["width"].change == pytest.approx(0.01 * 5.0 * 2e-3)
+    assert slope["count"].change == pytest.approx(0.01 * 0.1 * 6)
+    assert np.isnan(slope["side"].change)
+    assert slope["side"].objective[0] == slope["side"].objective[1]
+    np.testing.assert_allclose(slope["width"].objective, 5 * (2e-3 + slope["width"].shares * 2e-3) + 0.4)
+
+
+def test_a_parabola_is_even_about_its_lowest_point():
+    best = found({"width": 3e-3, "count": 4, "side": "left"})
+    slope = of(Problem((WIDTH,)), lambda v: ((v["width"] - 3e-3) / 2e-3) ** 2, best)["width"]
+    assert slope.change == pytest.approx(1e-4)
+    assert slope.objective.min() == 0.0
+    assert list(slope.shares) == sorted(slope.shares)
+    for step in (0.01, 0.05, 0.5):
+        pair = [slope.objective[np.isclose(slope.shares, 0.5 + side * step)] for side in (-1, 1)]
+        np.testing.assert_allclose(pair[0], pair[1])
+        assert len(pair[0]) == 1
+
+
+@pytest.mark.parametrize(("width", "bound"), [(2e-3, "low"), (4e-3, "high"), (3e-3, ""), (3.99e-3, "high")])
+def test_a_design_on_a_bound_has_one_side(width, bound):
+    slope = of(Problem((WIDTH,)), lambda v: v["width"], found({"width": width}))["width"]
+    assert slope.at_bound == bound
+    assert slope.change == pytest.approx(0.01 * 2e-3)
+    assert np.all((slope.shares >= 0) & (slope.shares <= 1))
+
+
+def test_what_is_refused_or_no_number_is_no_number():
+    problem = Problem((WIDTH,), rules={"width <= 3": lambda v: v["width"] - 3e-3})
+    slope = of(problem, lambda v: np.nan if v["width"] < 2.6e-3 else v["width"], found({"width": 3e-3}))["width"]
+    assert np.isnan(slope.objective[slope.shares > 0.5]).all()
+    assert np.isnan(slope.objective[slope.shares < 0.3]).all()
+    assert slope.change == pytest.approx(0.01 * 2e-3)
+    below, above = sides(slope.shares, slope.objective, 0.5)
+    assert below == pytest.approx(2e-3)
+    assert np.isnan(above)
+
+
+def test_integers_are_whole_and_all_of_few_are_tried():
+    values = [probe.value for probe in probes_of(Variable("count", "integer", 2, 8), 4)]
+    assert values == [2, 3, 5, 6, 7, 8]
+    many = [probe.value for probe in probes_of(Variable("count", "integer", 0, 1000), 317)]
+    assert {316, 318, 0, 1000} <= set(many)
+    assert len(many) <= 14
+    assert all(isinstance(value, int) for value in values + many)
+
+
+def test_values_stay_within_their_bounds():
+    rng = np.random.default_rng(0)
+    for at in rng.uniform(REAL.low, REAL.high, 50):
+        for probe in probes_of(REAL, float(at)):
+            assert REAL.low <= probe.value <= REAL.high
+            assert abs(probe.value - at) >= 0.0099 * 2e-3
+
+
+def test_everything_else_is_held_and_the_context_kept():
+    problem = Problem()
+    best = found({"width": 3.1e-3, "count": 4, "side": "left"}, context=2)
+    evaluator = Evaluator(problem, lambda v: 1.0)
+    slopes(evaluator, problem, best)
+    for values, context in evaluator.asked:
+        assert context == 2
+        assert sum(values[name] != best.values[name] for name in values) <= 1
+
+
+def test_variables_of_other_conditions_are_not_tried():
+    class Conditional(Problem):
+        @property
+        def variables(self):
+            width, count, side = super().variables
+            count.conditions, side.conditions = (0,), (1,)
+            return width, count, side
+
+    best = found({"width": 3e-3, "count": 4, "side": "left"}, context=1)
+    problem = Conditional()
+    tried = [slope.name for slope in slopes(Evaluator(problem, lambda v: 1.0), problem, best)]
+    assert tried == ["width", "side"]
+
+
+def test_many_evaluates_in_order():
+    problem, formula = Problem((WIDTH, COUNT, SIDE)), lambda v: v["width"] + v["count"] ** 2
+    best = found({"width": 3e-3, "count": 4, "side": "left"})
+    evaluator, batches = Evaluator(problem, formula), []
+
+    def many(candidates, context):
+        batches.append(len(candidates))
+        return [evaluator.evaluate(values, context) for values in candidates]
+
+    one = slopes(Evaluator(problem, formula), problem, best)
+    other = slopes(evaluator, problem, best, many)
+    assert len(batches) == 1
+    for a, b in zip(one, other, strict=True):
+        np.testing.assert_array_equal(a.objective, b.objective)
+
+
+def test_a_range_without_width_has_no_slope():
+    still = VariableRecord("still", ("family.still",), "real", 1.0, 1.0)
+    slope = of(Problem((still,)), lambda v: v["still"], found({"still": 1.0}))["still"]
+    assert np.isnan(slope.change)
+    assert len(slope.shares) == 1
