@@ -1,0 +1,196 @@
+"""The check of a found design: laws by direct FEM of itself, the task in every engine, notes where it cannot be."""
+
+import math
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from tests.pipeline import meta_bench
+from tests.search.found_stand_ins import found
+
+from pliant import api
+from pliant.errors import UserError
+from pliant.search.changes import changed
+from pliant.search.direct_fem import check_verifiable, default_fem, direct_studies, solvable
+from pliant.search.law_check import law_misses
+from pliant.search.verification import verify
+
+SPRINGS = "fem: {kind: springs_fem, pressure_max: 15 kPa, sampling: grid, pressures: 3, angles: 5, check_states: 2}"
+SEARCH = "search: {variables: {family.radius: {low: 4 mm, high: 5.5 mm}}, objective: tip_x, verify: VERIFY}\n"
+
+
+class Problem:
+    """Applies values of dotted keys, and conditions, to a study."""
+
+    def __init__(self, opened, conditions=None):
+        self.study, self.registry = opened.study, opened.bench.registry
+        self.config = opened.study.search
+        self.changes = conditions or {"": {}}
+        self.conditions = tuple(SimpleNamespace(name=name) for name in self.changes)
+
+    def apply(self, values, condition):
+        change = list(self.changes.values())[condition]
+        return changed(self.registry, self.study, {**change, **values})
+
+
+def springs(folder, *changes, verify_block="{}", fem=SPRINGS):
+    """Springs with the stand-in meta-model, a search block, and FEM that costs nothing."""
+    old = "physics: quasistatic"
+    more = SEARCH.replace("VERIFY", verify_block) + (f"{fem}\n" if fem else "")
+    return meta_bench.opened(folder, (old, f"{more}{old}"), *changes)
+
+
+def test_the_verified_metrics_are_those_of_the_design_s_own_fem(tmp_path):
+    opened = springs(tmp_path)
+    check = verify(opened.bench, Problem(opened), found({"family.radius": 4.7e-3}))
+    truth = meta_bench.free_angle(4.7e-3, 8.6e-3, 10e3)
+    verified, predicted = check.verified["quasistatic"], check.predicted["quasistatic"]
+    assert verified["max_joint_angle_rad"] == pytest.approx(truth, rel=1e-6)
+    assert predicted["max_joint_angle_rad"] == pytest.approx(truth, rel=1e-2)
+    assert predicted["max_joint_angle_rad"] != verified["max_joint_angle_rad"]
+    assert check.conditions["quasistatic"][""] == verified
+    assert check.fem_wall_s > 0
+    assert check.notes == ()
+    (law,) = check.laws
+    assert law["name"] == "radius 4.7 mm"
+    assert law["n_states"] == 3 + 3 * 5 + 2
+    assert 0 < law["rmse_of_largest"] < law["worst_of_largest"] < 0.02
+    assert law["fit_worst_of_range"] < law["worst_of_range"]
+
+
+def test_the_second_check_solves_nothing(tmp_path, monkeypatch):
+    from tests.pipeline.sweep_bench import solved
+
+    monkeypatch.setenv("SPRINGS_LOG", str(tmp_path / "log"))
+    opened = springs(tmp_path)
+    first = verify(opened.bench, Problem(opened), found({"family.radius": 4.7e-3}))
+    once = sum(solved(tmp_path / "log").values())
+    again = verify(opened.bench, Problem(opened), found({"family.radius": 4.7e-3}))
+    assert once > 0
+    assert sum(solved(tmp_path / "log").values()) == once
+    assert again.verified == first.verified
+    assert again.fem_wall_s == first.fem_wall_s
+
+
+def test_metrics_are_means_over_the_conditions(tmp_path):
+    opened = springs(tmp_path)
+    conditions = {"soft": {"task.pressure": "5 kPa"}, "hard": {"task.pressure": "10 kPa"}}
+    problem = Problem(opened, conditions)
+    check = verify(opened.bench, problem, found({"family.radius": 4.7e-3}))
+    each = check.conditions["quasistatic"]
+    assert list(each) == ["soft", "hard"]
+    truth = [meta_bench.free_angle(4.7e-3, 8.6e-3, p) for p in (5e3, 10e3)]
+    found_angles = [each[name]["max_joint_angle_rad"] for name in each]
+    np.testing.assert_allclose(found_angles, truth, rtol=1e-6)
+    assert check.verified["quasistatic"]["max_joint_angle_rad"] == pytest.approx(np.mean(truth), rel=1e-6)
+    assert len(check.laws) == 1
+    own = verify(opened.bench, problem, found({"family.radius": 4.7e-3}, context=1))
+    assert list(own.conditions["quasistatic"]) == ["hard"]
+
+
+def test_change_is_on_top_of_the_design(tmp_path):
+    opened = springs(tmp_path, verify_block="{change: {task.pressure: 5 kPa}}")
+    check = verify(opened.bench, Problem(opened), found({"family.radius": 4.7e-3}))
+    truth = meta_bench.free_angle(4.7e-3, 8.6e-3, 5e3)
+    assert check.verified["quasistatic"]["max_joint_angle_rad"] == pytest.approx(truth, rel=1e-6)
+    assert check.predicted["quasistatic"]["max_joint_angle_rad"] == pytest.approx(truth, rel=1e-2)
+
+
+def test_every_distinct_design_is_solved_and_named_by_what_differs(tmp_path):
+    chain = "chain: {segments: [{modules: 1}, {modules: 1, family: {radius: 5.2 mm}}, {modules: 1}], gravity: [0, 0, 0]}"
+    opened = springs(tmp_path, ("chain: {modules: 2, gravity: [0, 0, 0]}", chain))
+    check = verify(opened.bench, Problem(opened), found({"family.length": 8.7e-3}))
+    assert [law["name"] for law in check.laws] == ["radius 4.7 mm", "radius 5.2 mm"]
+    assert check.fem_wall_s == pytest.approx(sum(law["fem_wall_s"] for law in check.laws))
+
+
+def test_fem_that_fails_is_a_note(tmp_path):
+    opened = springs(tmp_path)
+    check = verify(opened.bench, Problem(opened), found({"family.radius": 4.7e-3, "family.defect": "stuck"}))
+    assert check.verified == {}
+    assert any("Direct FEM of the design failed" in note for note in check.notes)
+
+
+def test_an_engine_that_cannot_is_a_note_and_the_others_answer(tmp_path):
+    opened = springs(tmp_path, ("physics: quasistatic", "physics: quasistatic\ncross_check: [mujoco]"))
+    bench, problem = opened.bench, Problem(opened)
+    components = tuple(c for c in bench.registry.components if c.kind != "mujoco")
+    import dataclasses
+
+    broken = [dataclasses.replace(c, requires=("no_such_package",)) for c in bench.registry.components if c.kind == "mujoco"]
+    registry = dataclasses.replace(bench.registry, components=(*components, *broken))
+    check = verify(dataclasses.replace(bench, registry=registry), problem, found({"family.radius": 4.7e-3}))
+    assert list(check.verified) == ["quasistatic"]
+    assert any(note.startswith("mujoco") and "no_such_package" in note for note in check.notes)
+
+
+def test_the_search_block_may_leave_fem_out(tmp_path):
+    opened = springs(tmp_path, verify_block="{fem: false}")
+    check = verify(opened.bench, Problem(opened), found({"family.radius": 4.7e-3}))
+    assert check.verified == {}
+    assert check.laws == ()
+    assert list(check.predicted) == ["quasistatic"]
+    assert "verify.fem is false" in check.notes[0]
+
+
+def test_a_study_without_fem_gets_one_that_covers_table_and_task(tmp_path):
+    opened = springs(tmp_path, fem="")
+    task = ("task.pressure", 20e3)
+    studies = [opened.study, changed(opened.bench.registry, opened.study, dict([task]))]
+    assert default_fem(opened.bench, studies[:1]).pressure_max_pa == 15e3
+    fem = default_fem(opened.bench, studies)
+    assert fem.pressure_max_pa == pytest.approx(21e3)
+    assert fem.self_contact == "stop"
+    direct, said = direct_studies(opened.bench, studies)
+    assert [study.meta_model for study in direct] == [None, None]
+    assert [study.fem.pressure_max_pa for study in direct] == [fem.pressure_max_pa] * 2
+    assert "no 'fem' block" in said[0]
+
+
+def test_a_missing_material_shows_before_the_search(tmp_path):
+    material = ("material: {kind: neo_hookean, shear_modulus: 240 kPa}\n", "")
+    with pytest.raises(UserError, match="no 'material' block"):
+        check_verifiable(springs(tmp_path, material).study)
+    check_verifiable(springs(tmp_path, material, verify_block="null").study)
+    check_verifiable(springs(tmp_path, material, verify_block="{fem: false}").study)
+    assert solvable(springs(tmp_path).study)
+
+
+@pytest.mark.parametrize(
+    ("change", "sentence"),
+    [
+        ({"task.trails": 3}, "no key 'trails'"),
+        ({"task.pressure": "fast"}, "search.verify.change: .*pressure"),
+        ({"chain.segments.3.modules": 2}, "no item '3'"),
+    ],
+)
+def test_a_wrong_change(tmp_path, change, sentence):
+    opened = springs(tmp_path)
+    with pytest.raises(UserError, match=sentence):
+        changed(opened.bench.registry, opened.study, change)
+
+
+def test_misses_of_a_law_that_is_off_by_a_known_share(tmp_path):
+    opened = springs(tmp_path)
+    direct, _ = direct_studies(opened.bench, [opened.study])
+    from pliant.pipeline.study import laws_of_study
+
+    (stages,) = laws_of_study(opened.bench, direct[0])
+    data = stages.fem.value
+
+    class Off:
+        axes, domain = stages.law.law.axes, stages.law.law.domain
+
+        def evaluate(self, p, u):
+            true = data.tau[:, :1]
+            return SimpleNamespace(tau=true + 0.01 * np.abs(data.tau).max())
+
+        def band(self, p, u, level):
+            return None
+
+    found_misses = law_misses(Off(), data, "off")
+    assert found_misses["rmse_of_largest"] == pytest.approx(0.01)
+    assert found_misses["worst_of_largest"] == pytest.approx(0.01)
+    assert found_misses["largest_effort"] == pytest.approx(np.abs(data.tau).max())
+    assert found_misses["rmse_of_range"] == pytest.approx(0.01 * np.abs(data.tau).max() / np.ptp(data.tau))
+    assert math.isnan(found_misses["in_band"])
