@@ -1,0 +1,1 @@
+"""CMA-ES by pycma: a normal distribution that learns where the objective is low."""

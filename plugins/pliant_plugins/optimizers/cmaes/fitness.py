@@ -1,0 +1,49 @@
+"""Outcomes as the numbers that pycma ranks: evaluated ones, then failed ones, then refused ones by their amount."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from pliant.interfaces.optimizer import Outcome
+
+
+@dataclass(frozen=True)
+class Result:
+    """What became of a sample: an objective, or None where its evaluation failed, or a violation above 0."""
+
+    objective: float | None
+    violation: float = 0.0
+
+    @classmethod
+    def of(cls, outcome: Outcome) -> Result:
+        """Infinite objectives count as failed, NaN violations as the largest."""
+        violation = float(outcome.violation)
+        if not violation <= 0:
+            return cls(None, violation if math.isfinite(violation) else 1e300)
+        return cls(float(outcome.objective) if math.isfinite(outcome.objective) else None)
+
+
+FAILED = Result(None)
+
+
+def fitness(results: Sequence[Result], worst: float | None) -> list[float]:
+    """One finite number each, as an array that pycma may rank.
+
+    Args:
+        results: of a generation.
+        worst: the highest objective that any generation has had, this one included; None where there was none.
+    """
+    base = 0.0 if worst is None else worst
+    step = max(abs(base), 1.0)
+    amounts = sorted({r.violation for r in results if r.violation > 0})
+    place = {amount: k for k, amount in enumerate(amounts, start=1)}
+    return [
+        base + step * place[r.violation]
+        if r.violation > 0
+        else base + 0.5 * step
+        if r.objective is None
+        else r.objective
+        for r in results
+    ]
