@@ -113,14 +113,18 @@ class SearchConfig(FrozenModel):
         default=200, ge=1, le=10_000_000, description="candidates that are simulated, of each search"
     )
     generations: Count | None = Field(
-        default=None, ge=1, le=1_000_000, description="instead of a budget: batches of the optimizer's own size"
+        default=None,
+        ge=1,
+        le=1_000_000,
+        description="instead of a budget: batches of the optimizer's own size",
     )
     until: str | None = Field(
         default=None, description="a search ends early where this holds: rmse <= 5 mm and e_max <= 5 mm"
     )
     seed: int = Field(default=0, ge=0, description="of the optimizer")
     start: Literal["study", "anywhere"] = Field(
-        default="study", description="whether the search begins at the study's own values, where they are in range"
+        default="study",
+        description="whether the search begins at the study's own values, where they are in range",
     )
     conditions: dict[str, dict[str, Any]] = Field(
         default_factory=dict, description="name → keys of the study: every candidate is tried in all of them"

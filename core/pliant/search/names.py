@@ -1,0 +1,87 @@
+"""What the names in a search's formulas mean: variables, keys of the study, else metrics of the task."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from pliant.config.searched import Condition, SearchedVariable
+from pliant.config.study import Study
+from pliant.config.study_keys import KeyPath, StudyKey, study_key
+from pliant.errors import UserError
+from pliant.registry.discovery import Registry
+from pliant.search.formula import NAMED, Symbol
+
+RESERVED = (*NAMED, "and")
+
+
+class Names:
+    """Looks names up, and remembers the numbers of the study that formulas name."""
+
+    def __init__(
+        self,
+        study: Study,
+        registry: Registry,
+        variables: Sequence[SearchedVariable],
+        conditions: Sequence[Condition],
+    ) -> None:
+        self._study, self._registry = study, registry
+        self._variables = {variable.name: variable for variable in variables}
+        taken = next((name for name in self._variables if name in RESERVED), None)
+        if taken is not None:
+            raise UserError(
+                f"variable '{taken}' of the search has the name of a function; call it otherwise."
+            )
+        self._everywhere: dict[KeyPath, SearchedVariable] = {}
+        self._sometimes: dict[KeyPath, str] = {
+            path: "condition to condition" for c in conditions for path in c.changes
+        }
+        for variable in variables:
+            for path in variable.keys:
+                if len(variable.conditions) == len(conditions):
+                    self._everywhere[path] = variable
+                else:
+                    self._sometimes[path] = "condition to condition"
+        self._constants: dict[str, Any] = {}
+
+    def symbol(self, name: str) -> Symbol:
+        """What a name means.
+
+        Raises:
+            UserError: a key that the study lacks, that is no number, or that differs between conditions.
+        """
+        if name in self._variables:
+            return _of_variable(self._variables[name])
+        if "." not in name or name.partition(".")[0] not in Study.model_fields:
+            return Symbol(name, "metric")
+        key = study_key(self._study, self._registry, name)
+        if key.path in self._everywhere:
+            return _of_variable(self._everywhere[key.path])
+        if key.path in self._sometimes:
+            own = [v.name for v in self._variables.values() if key.path in v.keys]
+            hint = f"; name the variables that set it: {', '.join(own)}" if own else ""
+            raise UserError(
+                f"'{name}' differs from condition to condition, so a formula cannot name it{hint}."
+            )
+        return self._constant(name, key)
+
+    def _constant(self, name: str, key: StudyKey) -> Symbol:
+        if key.value is None:
+            raise UserError(f"'{name}' is not given in the study, so a formula cannot name it.")
+        if isinstance(key.value, bool) or not isinstance(key.value, int | float | str):
+            raise UserError(f"'{name}' is neither a number nor a text, so a formula cannot name it.")
+        self._constants[key.written] = key.value
+        if isinstance(key.value, str):
+            return Symbol(key.written, "key", "text")
+        return Symbol(key.written, "key", "number", key.sort == "integer", key.unit)
+
+    def resolved(self, values: Mapping[str, Any]) -> dict[str, Any]:
+        """Symbol's name → value, of variables and of the study's own numbers."""
+        return {**self._constants, **values}
+
+
+def _of_variable(one: SearchedVariable) -> Symbol:
+    exact = one.variable.type != "real"
+    return Symbol(
+        one.name, "variable", "number" if one.numeric else "text", exact, one.unit if one.numeric else None
+    )
