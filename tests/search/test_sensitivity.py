@@ -47,7 +47,9 @@ def test_a_design_on_a_bound_has_one_side(width, bound):
 
 def test_what_is_refused_or_no_number_is_no_number():
     problem = Problem((WIDTH,), rules={"width <= 3": lambda v: v["width"] - 3e-3})
-    slope = of(problem, lambda v: np.nan if v["width"] < 2.6e-3 else v["width"], found({"width": 3e-3}))["width"]
+    slope = of(problem, lambda v: np.nan if v["width"] < 2.6e-3 else v["width"], found({"width": 3e-3}))[
+        "width"
+    ]
     assert np.isnan(slope.objective[slope.shares > 0.5]).all()
     assert np.isnan(slope.objective[slope.shares < 0.3]).all()
     assert slope.change == pytest.approx(0.01 * 2e-3)

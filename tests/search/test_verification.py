@@ -1,5 +1,6 @@
 """The check of a found design: laws by direct FEM of itself, the task in every engine, notes where it cannot be."""
 
+import dataclasses
 import math
 from types import SimpleNamespace
 
@@ -9,13 +10,16 @@ from tests.pipeline import meta_bench
 from tests.search.found_stand_ins import found
 
 from pliant import api
+from pliant.config.search import VerifyConfig
 from pliant.errors import UserError
 from pliant.search.changes import changed
 from pliant.search.direct_fem import check_verifiable, default_fem, direct_studies, solvable
 from pliant.search.law_check import law_misses
 from pliant.search.verification import verify
 
-SPRINGS = "fem: {kind: springs_fem, pressure_max: 15 kPa, sampling: grid, pressures: 3, angles: 5, check_states: 2}"
+SPRINGS = (
+    "fem: {kind: springs_fem, pressure_max: 15 kPa, sampling: grid, pressures: 3, angles: 5, check_states: 2}"
+)
 SEARCH = "search: {variables: {family.radius: {low: 4 mm, high: 5.5 mm}}, objective: tip_x, verify: VERIFY}\n"
 
 
@@ -97,7 +101,8 @@ def test_change_is_on_top_of_the_design(tmp_path):
 
 
 def test_every_distinct_design_is_solved_and_named_by_what_differs(tmp_path):
-    chain = "chain: {segments: [{modules: 1}, {modules: 1, family: {radius: 5.2 mm}}, {modules: 1}], gravity: [0, 0, 0]}"
+    segments = "[{modules: 1}, {modules: 1, family: {radius: 5.2 mm}}, {modules: 1}]"
+    chain = f"chain: {{segments: {segments}, gravity: [0, 0, 0]}}"
     opened = springs(tmp_path, ("chain: {modules: 2, gravity: [0, 0, 0]}", chain))
     check = verify(opened.bench, Problem(opened), found({"family.length": 8.7e-3}))
     assert [law["name"] for law in check.laws] == ["radius 4.7 mm", "radius 5.2 mm"]
@@ -115,9 +120,11 @@ def test_an_engine_that_cannot_is_a_note_and_the_others_answer(tmp_path):
     opened = springs(tmp_path, ("physics: quasistatic", "physics: quasistatic\ncross_check: [mujoco]"))
     bench, problem = opened.bench, Problem(opened)
     components = tuple(c for c in bench.registry.components if c.kind != "mujoco")
-    import dataclasses
-
-    broken = [dataclasses.replace(c, requires=("no_such_package",)) for c in bench.registry.components if c.kind == "mujoco"]
+    broken = [
+        dataclasses.replace(c, requires=("no_such_package",))
+        for c in bench.registry.components
+        if c.kind == "mujoco"
+    ]
     registry = dataclasses.replace(bench.registry, components=(*components, *broken))
     check = verify(dataclasses.replace(bench, registry=registry), problem, found({"family.radius": 4.7e-3}))
     assert list(check.verified) == ["quasistatic"]
@@ -159,15 +166,19 @@ def test_a_missing_material_shows_before_the_search(tmp_path):
 @pytest.mark.parametrize(
     ("change", "sentence"),
     [
-        ({"task.trails": 3}, "no key 'trails'"),
-        ({"task.pressure": "fast"}, "search.verify.change: .*pressure"),
-        ({"chain.segments.3.modules": 2}, "no item '3'"),
+        ({"task.trails": 3}, "search.verify.change: 'task.trails' is no key of this study"),
+        ({"task.pressure": "fast"}, "task.pressure.* is not a quantity"),
+        ({"chain.segments.3.modules": 2}, "'chain.segments' has no item"),
+        ({"name": "other"}, "'name' cannot be set"),
     ],
 )
 def test_a_wrong_change(tmp_path, change, sentence):
     opened = springs(tmp_path)
     with pytest.raises(UserError, match=sentence):
         changed(opened.bench.registry, opened.study, change)
+    search = opened.study.search.model_copy(update={"verify": VerifyConfig(change=change)})
+    with pytest.raises(UserError, match=sentence):
+        check_verifiable(opened.study.model_copy(update={"search": search}), opened.bench.registry)
 
 
 def test_misses_of_a_law_that_is_off_by_a_known_share(tmp_path):
@@ -194,3 +205,39 @@ def test_misses_of_a_law_that_is_off_by_a_known_share(tmp_path):
     assert found_misses["largest_effort"] == pytest.approx(np.abs(data.tau).max())
     assert found_misses["rmse_of_range"] == pytest.approx(0.01 * np.abs(data.tau).max() / np.ptp(data.tau))
     assert math.isnan(found_misses["in_band"])
+
+
+FINGER = """\
+pliant: 1
+name: finger
+family: {kind: bellow_bending, inner_radius: 2 mm, average_radius: 6 mm, wall: 1.5 mm, module_length: 11 mm}
+material: {kind: neo_hookean, shear_modulus: 240 kPa, density: 1150 kg/m^3}
+fem: {kind: skfem, pressure_max: 12 kPa, sampling: grid, pressures: 3, angles: 4, check_states: 1}
+surrogate:
+  kind: polynomial
+  form: study
+  odd: true
+  coefficients: {k_n: 1.637e-6, m_a: -1.704e-6, b_a: 0, m_e: 0.1012, b_e: 0.0245}
+chain: {modules: 4}
+physics: quasistatic
+cross_check: [mujoco]
+task: {kind: free_bending, pressure: 10 kPa}
+search: {variables: {chain.modules: {low: 3, high: 5}}, objective: tip_z}
+"""
+
+
+def test_the_published_law_of_a_bellow_against_its_own_fem(tmp_path):
+    pytest.importorskip("mujoco")
+    (tmp_path / "finger.yaml").write_text(FINGER)
+    opened = api.open_study(tmp_path / "finger.yaml", store=tmp_path / "store")
+    check = verify(opened.bench, Problem(opened), found({"chain.modules": 5}))
+    assert "states a law" in check.notes[0]
+    assert list(check.verified) == ["quasistatic", "mujoco"]
+    one, other = (check.verified[engine]["tip_x_m"] for engine in check.verified)
+    assert one == pytest.approx(other, abs=1e-5)
+    assert check.predicted["quasistatic"]["tip_x_m"] == pytest.approx(one, rel=0.15)
+    assert check.predicted["quasistatic"]["tip_x_m"] != pytest.approx(one, rel=1e-4)
+    (law,) = check.laws
+    assert law["fit_worst_of_range"] < 0.02
+    assert law["rmse_of_largest"] > law["fit_worst_of_range"]
+    assert math.isnan(law["in_band"])

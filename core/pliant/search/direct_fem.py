@@ -15,18 +15,27 @@ from pliant.pipeline.meta_model.designs import solved_designs
 from pliant.pipeline.study import DEFAULT_SURROGATE
 from pliant.pipeline.workbench import Workbench
 from pliant.records.fem import PASSED, ModuleData
+from pliant.registry.discovery import Registry
+from pliant.search.changes import changed
 
 DEFAULT_FEM = "skfem"
 MARGIN = 1.05  # of the task's own actuation: a law is not used at the very end of its data
 LIMITS = {"pressure_pa": "pressure_max_pa", "tendon_force_n": "tendon_force_max_n"}
 
 
-def check_verifiable(study: Study) -> None:
-    """Raise `UserError` where the check of the winner would lack a block, before hours of search.
+def check_verifiable(study: Study, registry: Registry | None = None) -> None:
+    """Raise `UserError` where the check of the winner would fail for the study's sake, before hours of search.
+
+    Args:
+        study: has `search`.
+        registry: with it `verify.change` is tried too.
 
     Raises:
-        UserError: direct FEM is wanted and the study has no material.
+        UserError: direct FEM is wanted and the study has no material; or `verify.change` names no key of the study.
     """
+    config = study.search.verify if study.search is not None else None
+    if config is not None and registry is not None:
+        changed(registry, study, config.change)
     if solvable(study) and study.material is None:
         raise UserError(
             f"study '{study.name}' has no 'material' block, which the check of the best design by FEM needs; give the "
@@ -80,11 +89,16 @@ def default_fem(bench: Workbench, studies: Sequence[Study]) -> FemConfig:
     most = max(*(float(one.actuation.max()) for one in data), *tasks)
     keys = {LIMITS[family.actuation]: most, "lateral_angle_rad": _lateral(data)}
     passed = any(np.any(one.status == PASSED) for one in data)
-    config: FemConfig = bench.registry.get("fem", DEFAULT_FEM).config_model().model_validate(
-        {"kind": DEFAULT_FEM, "self_contact": "pass" if passed else "stop"}
-        | {key: value for key, value in keys.items() if value is not None}
-    )  # type: ignore[assignment]
-    return config
+    config: Any = (
+        bench.registry.get("fem", DEFAULT_FEM)
+        .config_model()
+        .model_validate(
+            {"kind": DEFAULT_FEM, "self_contact": "pass" if passed else "stop"}
+            | {key: value for key, value in keys.items() if value is not None}
+        )
+    )
+    found: FemConfig = config
+    return found
 
 
 def _driven(study: Study, actuation: str) -> float:

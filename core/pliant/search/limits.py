@@ -75,7 +75,7 @@ def at_constraints(problem: Any, best: FoundDesign, slopes: Sequence[Slope]) -> 
             continue
         for side in (-1, 1):
             moved = float(best.values[slope.name]) + side * _step(variable)
-            stepped = int(round(moved)) if variable.type == "integer" else moved
+            stepped = round(moved) if variable.type == "integer" else moved
             for text in problem.violated({**best.values, slope.name: stepped}):
                 gain = _gain(slope, _share(variable, best), side)
                 if text not in before and (text not in active or gain > active[text][0]):
@@ -106,7 +106,10 @@ def at_metrics(problem: Any, best: FoundDesign) -> list[str]:
         "more or less would break it."
         for text, name in active.items()
     ]
-    return [*(f"The constraint '{text}' is broken, by {amount:.3g}." for text, amount in before.items()), *sentences]
+    return [
+        *(f"The constraint '{text}' is broken, by {amount:.3g}." for text, amount in before.items()),
+        *sentences,
+    ]
 
 
 def _gain(slope: Slope, share: float, side: int) -> float:
@@ -127,9 +130,9 @@ def _share(variable: VariableRecord, best: FoundDesign) -> float:
 
 def _variable(problem: Any, best: FoundDesign, name: str) -> VariableRecord:
     """The variable's record; one that stands for several of a contextual search has no unit."""
-    for record in problem.records():
-        if record.name == name:
-            return record  # type: ignore[no-any-return]
+    records: dict[str, VariableRecord] = {record.name: record for record in problem.records()}
+    if name in records:
+        return records[name]
     merged = next(v for v in problem.space(best.context >= 0).variables if v.name == name)
     return VariableRecord(name, (), merged.type, merged.low, merged.high, merged.choices)
 

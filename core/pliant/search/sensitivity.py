@@ -45,7 +45,9 @@ class Probe:
     value: Value
 
 
-def slopes(evaluator: Evaluates, problem: Any, best: FoundDesign, many: Many | None = None) -> tuple[Slope, ...]:
+def slopes(
+    evaluator: Evaluates, problem: Any, best: FoundDesign, many: Many | None = None
+) -> tuple[Slope, ...]:
     """The objective along each variable of the best design, everything else held.
 
     Objectives are as they are minimised, of several the first. A real variable is tried at nine places over its

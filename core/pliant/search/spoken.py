@@ -19,7 +19,7 @@ SHOWN = {
 
 def quantity(value: Any, unit: str = "", digits: int = 3) -> str:
     """A value with its unit: ``7 mm``, ``0.12 mm``, ``egg``."""
-    if isinstance(value, str) or isinstance(value, bool) or value is None:
+    if value is None or isinstance(value, str | bool):
         return str(value)
     factor, name = SHOWN.get(unit, (1.0, unit))
     text = f"{factor * float(value):.{digits}g}"

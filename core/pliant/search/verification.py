@@ -1,4 +1,4 @@
-"""The best design once more: its laws fitted to direct FEM, the task in the study's engine and those of `cross_check`."""
+"""The best design once more: its laws fitted to direct FEM, the task in every engine."""
 
 from __future__ import annotations
 
