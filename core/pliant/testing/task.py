@@ -25,7 +25,7 @@ from pliant.testing.suite import CheckSkipped, Subject, Suite, require, require_
 suite = Suite("task")
 UNITS = r"m|rad|n|n_m|pa|s|j|kg|w|c|hz|k|m_s|rad_s|m_s2|n_m_rad|n_per_m"
 # Numbers that have no unit say what they are instead.
-DIMENSIONLESS = "ratio|share|count|score|strain"
+DIMENSIONLESS = "ratio|share|count|score|strain|reward"
 NAME = re.compile(rf"([a-z][a-z0-9_]*_)?({UNITS}|{DIMENSIONLESS})")
 
 

@@ -16,6 +16,7 @@ from pliant_plugins.tasks.grasp.episode import Episode
 
 Mode = Literal["miss", "touch", "slip", "stable"]
 MODES: tuple[Mode, ...] = ("miss", "touch", "slip", "stable")
+SCORES: dict[Mode, float] = {"miss": -1.0, "touch": 0.5, "slip": 1.0, "stable": 2.0}
 LIFTED_M = 0.005  # a smaller rise is a tilt or a push, no lifting
 HELD_SHARE = 0.5  # of the lift: an object that ends lower was not carried
 SINKING_M_S = 0.002  # an object that sinks faster in the final hold is on its way out
@@ -67,6 +68,11 @@ class TrialMetrics:
     def friction_to_normal(self) -> float:
         """Σ|friction| / Σ normal; 0 where nothing is held."""
         return self.friction_n / self.normal_n if self.normal_n > 0 else 0.0
+
+    @property
+    def mode_score(self) -> float:
+        """The mode as a number: −1, 0.5, 1 or 2, as the published study counts it."""
+        return SCORES[self.mode]
 
 
 def trial_metrics(episode: Episode, scene: Scene, config: GraspConfig) -> TrialMetrics:
@@ -128,6 +134,7 @@ def trial_lists(trials: Sequence[TrialMetrics]) -> dict[str, list[float]]:
         "contact_efficiency_share": [trial.efficiency for trial in trials],
         "slip_ratio": [trial.slip for trial in trials],
         "creep_m_s": [trial.creep_m_s for trial in trials],
+        "mode_score": [trial.mode_score for trial in trials],
     }
 
 

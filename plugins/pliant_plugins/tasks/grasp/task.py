@@ -21,6 +21,7 @@ from pliant_plugins.tasks.grasp.episode import Episode, play
 from pliant_plugins.tasks.grasp.metrics import TrialMetrics, summary, trial_lists, trial_metrics
 from pliant_plugins.tasks.grasp.objects import GraspObject, grasp_object
 from pliant_plugins.tasks.grasp.placement import Draw, grasp_scene
+from pliant_plugins.tasks.grasp.reward import reward
 
 STILLS = {"lower": "lowered", "hold": "actuated", "final": "lifted"}
 
@@ -41,18 +42,21 @@ class Grasp(SceneTask):
     def run(self, chain: ChainModel, engine: SceneEngine) -> TaskResult:
         started = time.perf_counter()
         trials: list[TrialMetrics] = []
+        rewards: list[float] = []
         draws = [Draw.of(self.config, k, self.target.radius_m) for k in range(self.config.trials)]
         for number, draw in enumerate(draws):
             scene = grasp_scene(chain, self.config, self.target, draw)
             with engine(scene) as simulation:
                 episode = play(simulation, self.config, self.actuation(chain, draw))
                 trials.append(trial_metrics(episode, scene, self.config))
+                rewards.append(reward(trials[-1], scene, self.config))
                 if number == 0:
                     final = _final(simulation, episode)
                     frames = SceneFrames.of(episode.states)
                     stills = _stills(scene, episode)
         metrics: dict[str, Any] = {
             **summary(trials),
+            "reward": float(np.mean(rewards)),
             "object_mass_kg": self.target.body.mass.mass_kg,
         }
         if self.target.note:
@@ -61,6 +65,7 @@ class Grasp(SceneTask):
             metrics["trials"] = {
                 "mode": [trial.mode for trial in trials],
                 **trial_lists(trials),
+                "reward": rewards,
                 "friction_ratio": [draw.friction * self.config.friction for draw in draws],
                 "actuation_offset_pa": [draw.pressure_pa for draw in draws],
                 "placement_m": [float(np.linalg.norm(draw.offset_m)) for draw in draws],
