@@ -18,6 +18,7 @@ from ruamel.yaml.error import MarkedYAMLError, YAMLError
 
 from pliant.config.designs import sweep_designs
 from pliant.config.problems import sentences
+from pliant.config.searched import search_variables
 from pliant.config.study import BLOCKS, Study, normalised, study_model, varied
 from pliant.errors import UserError, closest
 from pliant.interfaces.base import FrozenModel
@@ -82,6 +83,8 @@ def load_study(path: Path, registry: Registry, overrides: Sequence[str] = ()) ->
     _check_segments(study, sources)
     if study.sweep is not None:
         sweep_designs(study, sources.where)  # so that its mistakes have their lines
+    if study.search is not None:
+        search_variables(study, registry, sources.where)
     return study
 
 
@@ -260,8 +263,37 @@ def _absolute_paths(study: dict[str, Any], folder: Path) -> None:
         if isinstance(segment, dict):
             _absolute(segment.get("surrogate"), "data", folder)
             _absolute(segment.get("family"), "visual", folder)
+    _absolute_in_search(study.get("search"), folder)
     if isinstance(study.get("plugins"), list):
         study["plugins"] = [str(folder / f) if isinstance(f, str) else f for f in study["plugins"]]
+
+
+def _absolute_in_search(search: Any, folder: Path) -> None:
+    """Paths that a search sets: `task.target.points: a.csv` in a condition or a check, choices of a variable."""
+
+    def settle(key: Any, value: Any) -> Any:
+        parts = str(key).split(".")
+        if isinstance(value, list):
+            return [settle(key, item) for item in value]
+        if (parts[0], parts[-1]) in PATH_KEYS and isinstance(value, str):
+            return str(folder / value)
+        for block, name in PATH_KEYS:
+            if block == parts[0]:
+                _absolute(value, name, folder)
+        return value
+
+    def inside(block: Any, *names: str) -> dict[str, Any]:
+        for name in names:
+            block = block.get(name) if isinstance(block, dict) else None
+        return block if isinstance(block, dict) else {}
+
+    settings = [inside(block) for block in inside(search, "conditions").values()]
+    for block in (*settings, inside(search, "verify", "change")):
+        block.update({key: settle(key, value) for key, value in block.items()})
+    for name, variable in inside(search, "variables").items():
+        if isinstance(variable, dict) and "choices" in variable:
+            key = variable.get("key") or name
+            variable["choices"] = settle(key[0] if isinstance(key, list) else key, variable["choices"])
 
 
 def _absolute(block: Any, key: str, folder: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable, Mapping
 from typing import Any, Literal
 
 from pydantic import Field, field_validator, model_validator
@@ -97,6 +98,31 @@ class VerifyConfig(FrozenModel):
     )
 
 
+def _is_variable(value: Any) -> bool:
+    fields = set(SearchVariableConfig.model_fields)
+    return not isinstance(value, Mapping) or not value or bool(fields & set(value))
+
+
+def _joined(raw: Mapping[Any, Any], done: Callable[[Any], bool], above: str = "") -> dict[str, Any]:
+    """Nested blocks as dotted names, down to where a value is `done`; the same name twice is merged."""
+    flat: dict[str, Any] = {}
+    for name, value in raw.items():
+        inner = {f"{above}{name}": value} if done(value) else _joined(value, done, f"{above}{name}.")
+        for key, item in inner.items():
+            both = isinstance(item, Mapping) and isinstance(flat.get(key), Mapping)
+            flat[key] = {**flat[key], **item} if both else item
+    return flat
+
+
+def _joined_keys(condition: Mapping[Any, Any]) -> dict[str, Any]:
+    """`{task: {trials: 10}}` as `{task.trials: 10}`; a value with dots in its key stays as it is."""
+    flat: dict[str, Any] = {}
+    for name, value in condition.items():
+        whole = isinstance(value, Mapping) and "." not in str(name)
+        flat.update({f"{name}.{key}": item for key, item in value.items()} if whole else {name: value})
+    return flat
+
+
 class SearchConfig(FrozenModel):
     """What `pliant optimize` searches."""
 
@@ -136,6 +162,20 @@ class SearchConfig(FrozenModel):
     verify: VerifyConfig | None = Field(
         default=VerifyConfig(), description="the check of the best design; null for none"
     )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _flat(cls, raw: Any) -> Any:
+        """`variables: {family: {wall: {low: …}}}`, as overrides write it, is `variables: {family.wall: {low: …}}`."""
+        if not isinstance(raw, Mapping):
+            return raw
+        flat = dict(raw)
+        if isinstance(raw.get("variables"), Mapping):
+            flat["variables"] = _joined(raw["variables"], _is_variable)
+        if isinstance(raw.get("conditions"), Mapping):
+            conditions = raw["conditions"].items()
+            flat["conditions"] = {n: _joined_keys(c) if isinstance(c, Mapping) else c for n, c in conditions}
+        return flat
 
     @field_validator("variables")
     @classmethod

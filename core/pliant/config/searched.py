@@ -197,7 +197,7 @@ def _range(
             f"{_at(place)}'{keys[0].written}' is no number, so '{label}' has no range; give 'choices'."
         )
     low, high = (
-        [key.parsed(value, f"{label}.{end}", place) for key in keys][0]
+        _parsed(keys, value, f"{label}.{end}", place)
         for end, value in (("low", config.low), ("high", config.high))
     )
     if low > high:
@@ -217,7 +217,7 @@ def _choices(
 ) -> tuple[Variable, dict[Value, Any]]:
     settings: dict[Value, Any] = {}
     for number, written in enumerate(config.choices):
-        value = [key.parsed(written, f"{label}.choices.{number}", place) for key in keys][0]
+        value = _parsed(keys, written, f"{label}.choices.{number}", place)
         plain = isinstance(value, int | float) and not isinstance(value, bool)
         choice: Value = value if plain or isinstance(value, str) else _label(written)
         if choice in settings:
@@ -231,6 +231,14 @@ def _choices(
             f"'{keys[0].written}' into the study instead."
         )
     return Variable(name, "categorical", choices=tuple(settings)), settings
+
+
+def _parsed(keys: Sequence[StudyKey], value: Any, label: str, place: str) -> Any:
+    """The value as the first key takes it; each of them must."""
+    first, *others = [key.parsed(value, label, place) for key in keys]
+    if any(other != first for other in others):
+        raise UserError(f"{_at(place)}'{label}' is {value}, which its keys read in different ways.")
+    return first
 
 
 def _label(written: Any) -> str:

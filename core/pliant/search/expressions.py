@@ -15,8 +15,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 
@@ -124,7 +125,7 @@ class _Reader:
             at = match.end()
         return [*tokens, _Token("end", "", len(self.text))]
 
-    def fail(self, what: str, at: int) -> Any:
+    def fail(self, what: str, at: int) -> NoReturn:
         """Raise with the expression and the place."""
         raise UserError(f"{self.label} '{self.text}': {what} (at character {at + 1}).")
 
@@ -149,7 +150,7 @@ class _Reader:
             self.fail("'and' joins comparisons", 0)
         return parts[0] if len(parts) == 1 else All(tuple(parts))
 
-    def unexpected(self) -> Any:
+    def unexpected(self) -> NoReturn:
         token = self.token
         if token.text in ("or", "not", "if", "in", "is", "lambda"):
             self.fail(
@@ -282,14 +283,10 @@ class _Reader:
         if not token.unit:
             return Number(number)
         for unit in (*EXAMPLES, *FURTHER_UNITS):
-            try:
+            with suppress(UnitError):
                 return Number(parse_quantity(f"{token.text} {token.unit}", unit), unit)
-            except UnitError:
-                continue
-        return self.fail(
-            f"'{token.unit}' is no unit; put spaces around operators, and an operator between a number and a name",
-            token.at,
-        )
+        what = f"'{token.unit}' is no unit"
+        self.fail(f"{what}; put spaces around operators, and one between a number and a name", token.at)
 
 
 def unit_of(node: Node) -> str | None:

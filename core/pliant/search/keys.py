@@ -30,6 +30,7 @@ class StudySetter:
         self._study = study
         self._registry = registry
         self._types: dict[tuple[str, str], type[FrozenModel]] = {}
+        self._adapters: dict[str, TypeAdapter[Any]] = {}
         self._raw: dict[str, Any] = {}
 
     def study(self, changes: Mapping[KeyPath, Any]) -> Study:
@@ -58,19 +59,36 @@ class StudySetter:
             held = None
         else:
             if head not in self._raw:
-                self._raw[head] = _dumped(held)
+                self._raw[head] = self._dumped(head)
             raw = self._raw[head]
         for path in sorted(changes, key=len):
             raw = _with(raw, held, path, changes[path])
         try:
             if isinstance(held, tuple):
-                adapter: Any = TypeAdapter(tuple[tuple(type(item) for item in held)])  # type: ignore[misc]
-                return adapter.validate_python(raw)
+                return self._items(head, held).validate_python(raw)
             model = type(held) if held is not None else self._type(head, raw["kind"])
             return model.model_validate(raw)
         except ValidationError as error:
             model = type(held) if isinstance(held, FrozenModel) else FrozenModel
             raise UserError(sentences(error, model, lambda path: "", (head,))) from None
+
+    def _items(self, head: str, held: tuple[Any, ...]) -> TypeAdapter[Any]:
+        """What validates a list of blocks, each by its own type."""
+        if head not in self._adapters:
+            types: Any = tuple[tuple(type(item) for item in held)]  # type: ignore[misc]
+            self._adapters[head] = TypeAdapter(types)
+        return self._adapters[head]
+
+    def _dumped(self, head: str) -> Any:
+        """A block's raw values; families of segments in SI, so that no text is parsed for every candidate."""
+        raw = _dumped(getattr(self._study, head))
+        for segment in raw.get("segments", ()) if head == "chain" and self._study.family else ():
+            if segment.get("family"):
+                family = varied(self._study.family, segment["family"])  # type: ignore[arg-type]
+                stated = {strip_unit_suffix(key) for key in segment["family"]}
+                values = family.model_dump(mode="json")
+                segment["family"] = {k: v for k, v in values.items() if strip_unit_suffix(k) in stated}
+        return raw
 
     def _type(self, head: str, kind: str) -> type[FrozenModel]:
         if (head, kind) not in self._types:

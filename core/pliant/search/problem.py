@@ -144,12 +144,12 @@ class SearchProblem:
                     "the study does not give it" if axis.type != "categorical" else "the study's is no choice"
                 )
                 notes.append(f"'{one.name}' begins elsewhere: {why}.")
-            elif isinstance(one.stated, int | float) and axis.type != "categorical":
-                if not axis.low <= one.stated <= axis.high:
-                    notes.append(
-                        f"'{one.name}' begins in the middle: the study's {one.stated:.6g} lies outside "
-                        f"{axis.low:.6g} to {axis.high:.6g}{' ' + one.unit if one.unit else ''}."
-                    )
+            elif axis.type != "categorical" and not axis.low <= float(one.stated) <= axis.high:
+                unit = f" {one.unit}" if one.unit else ""
+                notes.append(
+                    f"'{one.name}' begins in the middle of its range: the study's {one.stated:.6g} lies outside "
+                    f"{axis.low:.6g} to {axis.high:.6g}{unit}."
+                )
         return tuple(notes)
 
     def full(self, values: Mapping[str, Value]) -> Mapping[str, Value]:
