@@ -1,16 +1,30 @@
-"""A good random search, and searches that break one rule each."""
+"""A good small search, and searches that break one rule each."""
 
 import json
+import math
 import random
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, replace
+from dataclasses import replace
+from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 
-from pliant.interfaces.optimizer import Candidate, Optimizer, OptimizerConfig, Outcome, Value, Variable
+from pliant.interfaces.optimizer import (
+    Candidate,
+    Context,
+    Optimizer,
+    OptimizerCapabilities,
+    OptimizerConfig,
+    Outcome,
+    Space,
+    Value,
+    Variable,
+)
 from pliant.registry.component import Component
 from spoiled import Spoils
+
+Scored = tuple[int, dict[str, Value], list[float]]
 
 
 class SearchConfig(OptimizerConfig):
@@ -20,51 +34,105 @@ class SearchConfig(OptimizerConfig):
 
 
 class Search(Optimizer):
-    """Uniform random proposals; candidate k is drawn from (seed, k)."""
+    """Draws uniformly or near one of the best so far, of the same context; candidate k is drawn from (seed, k)."""
 
-    def start(self, variables: Sequence[Variable], seed: int) -> None:
-        self.variables, self.seed, self.asked, self.sum = tuple(variables), seed, 0, 0.0
+    capabilities = OptimizerCapabilities(several_objectives=True, contexts=True)
+
+    def start(self, space: Space, seed: int) -> None:
+        self.space, self.seed, self.asked = space, seed, 0
+        self.open: dict[int, Candidate] = {}
+        self.best: list[list[Scored]] = [[] for _ in space.contexts or (None,)]
 
     def ask(self, count: int) -> Sequence[Candidate]:
+        asked = [self.candidate(k) for k in range(self.asked, self.asked + count)]
         self.asked += count
-        return [self.candidate(k) for k in range(self.asked - count, self.asked)]
+        self.open.update({c.number: c for c in asked})
+        return asked
 
     def candidate(self, number: int) -> Candidate:
         generator = np.random.default_rng([self.seed, number])
-        return Candidate(number, {v.name: self.value(v, generator) for v in self.variables})
+        context = number % len(self.best)
+        near = self.best[context]
+        centre: Mapping[str, Value] = self.space.start
+        if near and generator.random() < 0.8:
+            centre = near[int(generator.integers(len(near)))][1]
+        values = {v.name: self.value(v, generator, centre.get(v.name)) for v in self.space.variables}
+        return Candidate(number, values, context)
 
-    def value(self, variable: Variable, generator: np.random.Generator) -> Value:
+    def value(self, variable: Variable, generator: np.random.Generator, centre: Value | None) -> Value:
         if variable.type == "categorical":
             return variable.choices[int(generator.integers(len(variable.choices)))]
-        if variable.type == "integer":
-            return int(generator.integers(int(variable.low), int(variable.high) + 1))
-        return float(generator.uniform(variable.low, variable.high))
+        low, high = variable.low, variable.high
+        drawn = generator.uniform(low, high)
+        if isinstance(centre, int | float):
+            drawn = generator.normal(centre, (high - low) * 10 ** generator.uniform(-2.0, -0.5))
+        drawn = min(max(float(drawn), low), high)
+        return round(drawn) if variable.type == "integer" else drawn
 
     def tell(self, outcomes: Sequence[Outcome]) -> None:
-        """A random search learns nothing."""
+        for outcome in sorted(outcomes, key=lambda o: o.number):
+            candidate = self.open.pop(outcome.number)
+            scores = self.scores(outcome)
+            if all(map(math.isfinite, scores)):
+                self.keep(candidate, scores)
+
+    def scores(self, outcome: Outcome) -> list[float]:
+        return [outcome.objective, *outcome.further]
+
+    def keep(self, candidate: Candidate, scores: list[float]) -> None:
+        """Into the front of its context, if nothing there is as good in every objective."""
+        front = self.best[candidate.context]
+        if not any(all(a <= b for a, b in zip(kept[2], scores, strict=True)) for kept in front):
+            front[:] = [k for k in front if not all(a >= b for a, b in zip(k[2], scores, strict=True))]
+            front.append((candidate.number, dict(candidate.values), scores))
+
+    def recommend(self) -> Sequence[Candidate]:
+        return [Candidate(-1, f[-1][1], context) for context, f in enumerate(self.best) if f]
+
+    def export(self, folder: Path) -> Sequence[Path]:
+        (folder / "best.json").write_text(json.dumps(self.best))
+        return (folder / "best.json",)
 
     def state(self) -> Mapping[str, Any]:
-        return {"variables": [asdict(v) for v in self.variables], "seed": self.seed, "asked": self.asked}
+        return {
+            "variables": [[v.name, v.type, v.low, v.high, v.choices] for v in self.space.variables],
+            "objectives": self.space.objectives,
+            "contexts": [[c.name, c.features] for c in self.space.contexts],
+            "start": dict(self.space.start),
+            "seed": self.seed,
+            "asked": self.asked,
+            "open": [[c.number, dict(c.values), c.context] for c in self.open.values()],
+            "best": self.best,
+        }
 
     def restore(self, state: Mapping[str, Any]) -> None:
-        variables = [Variable(**{**v, "choices": tuple(v["choices"])}) for v in state["variables"]]
-        self.start(variables, state["seed"])
-        self.asked = state["asked"]
+        variables = tuple(Variable(*v[:4], choices=tuple(v[4])) for v in state["variables"])
+        contexts = tuple(Context(name, tuple(features)) for name, features in state["contexts"])
+        self.start(Space(variables, state["objectives"], contexts, state["start"]), state["seed"])
+        self.asked, self.best = state["asked"], state["best"]
+        self.open = {number: Candidate(number, *rest) for number, *rest in state["open"]}
 
 
 spoils = Spoils(
     Component(
-        "optimizer", "small", "spoiled.optimizer:SearchConfig", "spoiled.optimizer:Search", "random search"
+        "optimizer", "small", "spoiled.optimizer:SearchConfig", "spoiled.optimizer:Search", "small search"
     )
 )
+
+
+@spoils.by("declares_its_capabilities", "capabilities is")
+class Boastful(Search):
+    """Capabilities in words."""
+
+    capabilities = "everything"  # type: ignore[assignment]
 
 
 @spoils.by("proposals_are_within_bounds", r"not in \[5, 10\]")
 class OffByOne(Search):
     """Integers up to and beyond the highest."""
 
-    def value(self, variable: Variable, generator: np.random.Generator) -> Value:
-        value = super().value(variable, generator)
+    def value(self, variable: Variable, generator: np.random.Generator, centre: Value | None) -> Value:
+        value = super().value(variable, generator, centre)
         return value + 1 if variable.type == "integer" else value  # type: ignore[operator]
 
 
@@ -72,9 +140,16 @@ class OffByOne(Search):
 class NumpyValues(Search):
     """numpy's numbers."""
 
-    def value(self, variable: Variable, generator: np.random.Generator) -> Value:
-        value = super().value(variable, generator)
+    def value(self, variable: Variable, generator: np.random.Generator, centre: Value | None) -> Value:
+        value = super().value(variable, generator, centre)
         return np.float64(value) if variable.type == "real" else value
+
+
+@spoils.by("batch_is_a_number", "batch is 0")
+class NoBatch(Search):
+    """Its batch is empty."""
+
+    batch = 0  # type: ignore[assignment]
 
 
 @spoils.by("candidates_have_their_own_numbers", "given twice")
@@ -82,57 +157,62 @@ class NumbersByBatch(Search):
     """Numbers start anew in each batch."""
 
     def ask(self, count: int) -> Sequence[Candidate]:
-        return [replace(c, number=i) for i, c in enumerate(super().ask(count))]
+        asked = [replace(c, number=i) for i, c in enumerate(super().ask(count))]
+        self.open = {c.number: c for c in asked}
+        return asked
+
+
+@spoils.by("answers_before_all_is_told", "RuntimeError")
+class InStep(Search):
+    """Waits for every outcome."""
+
+    def ask(self, count: int) -> Sequence[Candidate]:
+        if self.open:
+            raise RuntimeError(f"{len(self.open)} outcomes are missing")
+        return super().ask(count)
 
 
 @spoils.by("seed_decides_everything", "two searches with one seed differ")
 class Unseeded(Search):
     """Uses the clock."""
 
-    def value(self, variable: Variable, generator: np.random.Generator) -> Value:
-        return super().value(variable, np.random.default_rng())
+    def value(self, variable: Variable, generator: np.random.Generator, centre: Value | None) -> Value:
+        return super().value(variable, np.random.default_rng(), centre)
 
 
 @spoils.by("seeds_differ", "the seed is not used")
 class OneSeed(Search):
     """Always seed 0."""
 
-    def start(self, variables: Sequence[Variable], seed: int) -> None:
-        super().start(variables, 0)
+    def start(self, space: Space, seed: int) -> None:
+        super().start(space, 0)
 
 
 @spoils.by("leaves_global_random_state_alone", "global generator")
 class GlobalSeed(Search):
     """Seeds numpy for everybody."""
 
-    def start(self, variables: Sequence[Variable], seed: int) -> None:
-        super().start(variables, seed)
+    def start(self, space: Space, seed: int) -> None:
+        super().start(space, seed)
         np.random.seed(seed + random.Random(seed).randrange(9))
 
 
-class Learning(Search):
-    """Shifts its draws by what it was told, last outcome first."""
+@spoils.by("order_of_outcomes_does_not_matter", "depend on the order")
+class LastOneCounts(Search):
+    """Goes on from the outcome that came last."""
 
     def tell(self, outcomes: Sequence[Outcome]) -> None:
         for outcome in outcomes:
-            self.sum = 0.5 * self.sum + outcome.objective
-
-    def candidate(self, number: int) -> Candidate:
-        drawn = np.random.default_rng([self.seed, number, int(1e6 * self.sum) if self.sum == self.sum else 0])
-        return Candidate(number, {v.name: self.value(v, drawn) for v in self.variables})
-
-
-spoils.add(
-    "order_of_outcomes_does_not_matter", "depend on the order", implementation="spoiled.optimizer:Learning"
-)
+            candidate = self.open.pop(outcome.number)
+            self.best[candidate.context] = [(outcome.number, dict(candidate.values), [outcome.objective])]
 
 
 @spoils.by("continues_after_an_interruption", "the state leaves something out")
 class Forgets(Search):
-    """Its state leaves out how far it was."""
+    """Its state leaves out what was learned."""
 
     def state(self) -> Mapping[str, Any]:
-        return json.loads(json.dumps({**super().state(), "asked": 0}))
+        return json.loads(json.dumps({**super().state(), "best": [[]]}))
 
 
 @spoils.by("survives_failed_evaluations", "ValueError")
@@ -143,9 +223,70 @@ class Fragile(Search):
         self.ranked = sorted(int(outcome.objective) for outcome in outcomes)
 
 
+@spoils.by("begins_at_a_guess", "KeyError")
+class WholeGuess(Search):
+    """Wants a guess for every variable."""
+
+    def start(self, space: Space, seed: int) -> None:
+        super().start(space, seed)
+        self.first = [space.start[v.name] for v in space.variables]
+
+
+@spoils.by("recommends_within_bounds", r"not in \[5, 10\]")
+class FarRecommendation(Search):
+    """Recommends what it extrapolates."""
+
+    def recommend(self) -> Sequence[Candidate]:
+        found = super().recommend()
+        return [replace(c, values={**c.values, "modules": 99}) for c in found]
+
+
+@spoils.by("exports_into_its_folder", "beside the folder")
+class ExportsBeside(Search):
+    """Writes a log where it was not asked to."""
+
+    def export(self, folder: Path) -> Sequence[Path]:
+        (folder.parent / "search.log").write_text("")
+        return super().export(folder)
+
+
 @spoils.by("improves_on_a_sphere", "not searching")
 class Stubborn(Search):
     """Proposes the first candidate for ever."""
 
     def candidate(self, number: int) -> Candidate:
+        self.best = [[]]
         return replace(super().candidate(0), number=number)
+
+
+@spoils.by("avoids_what_is_refused", "taken for a good one")
+class ZeroForNothing(Search):
+    """Fills in zero where there is no objective."""
+
+    def scores(self, outcome: Outcome) -> list[float]:
+        return [0.0 if math.isnan(score) else score for score in super().scores(outcome)]
+
+
+@spoils.by("finds_a_front", "`further` too")
+class OneSided(Search):
+    """Claims several objectives and looks at the first."""
+
+    def scores(self, outcome: Outcome) -> list[float]:
+        return [outcome.objective]
+
+
+@spoils.by("contexts_are_in_range", "were tried")
+class OneContext(Search):
+    """Never tries the second context."""
+
+    def candidate(self, number: int) -> Candidate:
+        return replace(super().candidate(number), context=0)
+
+
+@spoils.by("learns_an_answer_for_each_context", "one answer for both")
+class OneAnswer(Search):
+    """Learns from all contexts as if they were one."""
+
+    def keep(self, candidate: Candidate, scores: list[float]) -> None:
+        super().keep(replace(candidate, context=0), scores)
+        self.best = [self.best[0]] * len(self.best)
