@@ -164,11 +164,11 @@ class _Step:
         names = {
             written: name for name in model.model_fields for written in (written_name(model, name), name)
         }
-        if part not in names:
+        if not isinstance(part, str) or part not in names:
             known = list(dict.fromkeys(written_name(model, name) for name in model.model_fields))
             owner = f"'{above}'" if above else "it"
             raise UserError(f"{start}{owner} has {', '.join(known)}{closest(str(part), known)}")
-        name = names[part]  # type: ignore[index]
+        name = names[part]
         info = model.model_fields[name]
         annotation = Annotated[(info.annotation, *info.metadata)] if info.metadata else info.annotation
         value = getattr(self.value, name, None)

@@ -126,8 +126,12 @@ class _Reader:
         return [*tokens, _Token("end", "", len(self.text))]
 
     def fail(self, what: str, at: int) -> NoReturn:
-        """Raise with the expression and the place."""
-        raise UserError(f"{self.label} '{self.text}': {what} (at character {at + 1}).")
+        """Raise `mistake`."""
+        raise self.mistake(what, at)
+
+    def mistake(self, what: str, at: int) -> UserError:
+        """An error with the expression and the place."""
+        return UserError(f"{self.label} '{self.text}': {what} (at character {at + 1}).")
 
     @property
     def token(self) -> _Token:
@@ -286,7 +290,9 @@ class _Reader:
             with suppress(UnitError):
                 return Number(parse_quantity(f"{token.text} {token.unit}", unit), unit)
         what = f"'{token.unit}' is no unit"
-        self.fail(f"{what}; put spaces around operators, and one between a number and a name", token.at)
+        raise self.mistake(
+            f"{what}; put spaces around operators, and one between a number and a name", token.at
+        )
 
 
 def unit_of(node: Node) -> str | None:

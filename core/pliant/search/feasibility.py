@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -38,7 +38,6 @@ class Feasibility:
     refused: Mapping[str, int]
     built: int
 
-    @property
     def note(self) -> str:
         """What to say of a space of which little can be used; empty where all is well."""
         if self.share >= 0.01:
@@ -161,9 +160,7 @@ def _written(value: Any) -> str:
     return value if isinstance(value, str) else f"{float(value):.4g}"
 
 
-def _refused(
-    problem: SearchProblem, samples: Mapping[str, Array], rows: Sequence[int] | Array
-) -> tuple[dict[str, int], int]:
+def _refused(problem: SearchProblem, samples: Mapping[str, Array], rows: Any) -> tuple[dict[str, int], int]:
     """Causes for which designs are refused, in the conditions in turn; and how many were built."""
     chosen = rows[:: max(1, len(rows) // BUILT)][:BUILT]
     causes: Counter[str] = Counter()

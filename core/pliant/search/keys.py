@@ -16,7 +16,12 @@ from pliant.interfaces.family import FamilyConfig
 from pliant.registry.discovery import Registry
 from pliant.units import strip_unit_suffix
 
-__all__ = ["KeyPath", "StudyKey", "StudySetter", "study_key"]
+__all__ = ["KeyPath", "StudyKey", "StudySetter", "study_key", "written_path"]
+
+
+def written_path(path: KeyPath) -> str:
+    """A path as messages write it: `family.average_radius`."""
+    return ".".join(strip_unit_suffix(part) if isinstance(part, str) else str(part) for part in path)
 
 
 class StudySetter:
