@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -130,7 +130,7 @@ def check_study(bench: Workbench, study: Study) -> None:
 
     Engines of `cross_check` may be missing: they are skipped later.
     """
-    for design in _distinct_designs(study):
+    for design in distinct_designs(study):
         if design.family is not None:
             built: ActuatorFamily = bench.build("family", design.family)
             if design.family.visual is not None:
@@ -154,9 +154,7 @@ def fem_of_study(bench: Workbench, study: Study) -> tuple[Artifact, ...]:
 
 def families_of_study(study: Study) -> tuple[FamilyConfig, ...]:
     """The family of each distinct design, in the order of `fem_of_study`."""
-    return tuple(
-        {repr(d.family.canonical()): d.family for d in _distinct_designs(study) if d.family}.values()
-    )
+    return tuple({repr(d.family.canonical()): d.family for d in distinct_designs(study) if d.family}.values())
 
 
 def laws_of_study(bench: Workbench, study: Study) -> tuple[DesignStages, ...]:
@@ -166,20 +164,31 @@ def laws_of_study(bench: Workbench, study: Study) -> tuple[DesignStages, ...]:
         UserError: among others, a design for which the meta-model does not hold.
     """
     stages: list[DesignStages] = []
-    designs = _distinct_designs(study)
+    designs = distinct_designs(study)
     meta = _meta_model(bench, study, designs)
     for design in designs:
         if meta is not None and design.meta_model is not None and design.family is not None:
             law = law_of_design(bench, meta, design.family, study.material)
             stages.append(DesignStages(design, None, law))
-            continue
-        if study.meta_model is not None and design.family is None and design.surrogate is None:
-            study.need("family", "a meta-model")
-        surrogate = design.surrogate or _default(bench, "surrogate", DEFAULT_SURROGATE)
-        needs_fem = bench.build("surrogate", surrogate).needs_fem()
-        fem = _fem(bench, study, design.family) if needs_fem and design.family is not None else None
-        stages.append(DesignStages(design, fem, law_stage(bench, surrogate, fem)))
+        else:
+            stages.append(own_law(bench, study, design))
     return tuple(stages)
+
+
+def own_law(bench: Workbench, study: Study, design: Design) -> DesignStages:
+    """Data and law of a design that takes none from a meta-model."""
+    if study.meta_model is not None and design.family is None and design.surrogate is None:
+        study.need("family", "a meta-model")
+    surrogate = design.surrogate or _default(bench, "surrogate", DEFAULT_SURROGATE)
+    fem = _fem(bench, study, design.family) if design.family and needs_fem(bench, design) else None
+    return DesignStages(design, fem, law_stage(bench, surrogate, fem))
+
+
+def needs_fem(bench: Workbench, design: Design) -> bool:
+    """Whether the law of a design is fitted to FEM of its own."""
+    surrogate = design.surrogate or _default(bench, "surrogate", DEFAULT_SURROGATE)
+    wanted: bool = design.meta_model is None and bench.build("surrogate", surrogate).needs_fem()
+    return wanted and design.family is not None
 
 
 def _meta_model(bench: Workbench, study: Study, designs: Sequence[Design]) -> MetaModelStage | None:
@@ -232,11 +241,19 @@ def simulate_study(bench: Workbench, study: Study) -> StudyRun:
     return StudyRun(study, designs, source.chain, tuple(engines), wall_s, tuple(study.unused()), spread)
 
 
-def chain_segments(bench: Workbench, study: Study, stages: Sequence[DesignStages]) -> list[Segment]:
-    """The segments of the study's chain, for `build_chain`."""
+def chain_segments(
+    bench: Workbench,
+    study: Study,
+    stages: Sequence[DesignStages],
+    module_of: Callable[[ActuatorFamily, float | None, JointLaw], Module] | None = None,
+) -> list[Segment]:
+    """The segments of the study's chain, for `build_chain`.
+
+    `module_of` makes a module of a family, a density and a law; `family_module` by default.
+    """
     chain: ChainConfig = study.need("chain", "a simulation")
     made = {s.design.name: s for s in stages}
-    families = {name: _family_module(bench, study, s) for name, s in made.items()}
+    families = {name: _family_module(bench, study, s, module_of) for name, s in made.items()}
     configs, designs = chain.as_segments(), segment_designs(study)
     modules = [
         (families[design.name] or _rod(segment, chain, made[design.name].law.law)) if design else None
@@ -250,6 +267,36 @@ def chain_segments(bench: Workbench, study: Study, stages: Sequence[DesignStages
         assert piece is not None
         segments.append(Segment(piece, segment.modules or 1, segment.rotation_rad, segment.actuation_share))
     return segments
+
+
+def chain_length_m(bench: Workbench, study: Study) -> float:
+    """Length of the study's straight chain, from its families or rods alone: no law is made.
+
+    Raises:
+        UserError: no chain, or a module without a length.
+        InvalidDesignError: a family that cannot be built.
+    """
+    chain: ChainConfig = study.need("chain", "a chain's length")
+    lengths: list[float | None] = []
+    for segment, design in zip(chain.as_segments(), segment_designs(study), strict=True):
+        if design is None:
+            lengths.append(None)
+        elif design.family is not None:
+            lengths.append(float(bench.build("family", design.family).module_length_m))
+        else:
+            lengths.append(_rod_length_m(segment, chain))
+    total, like = 0.0, next(length for length in lengths if length is not None)
+    for segment, length in zip(chain.as_segments(), lengths, strict=True):
+        like = length or like
+        total += like * (segment.modules or 0) if segment.rigid is None else segment.rigid.along_m(like)
+    return total
+
+
+def _rod_length_m(segment: SegmentConfig, chain: ChainConfig) -> float:
+    length = _first(segment.module_length_m, chain.module_length_m)
+    if length is None:
+        raise UserError("a chain without a 'family' block needs 'chain.module_length', for example '11 mm'.")
+    return float(length)
 
 
 def _rigid(config: RigidConfig, like: Module) -> RigidPiece:
@@ -300,7 +347,8 @@ def _family(study: Study, number: int, segment: SegmentConfig) -> FamilyConfig |
         raise UserError(f"chain.segments.{number}.family: {error}") from None
 
 
-def _distinct_designs(study: Study) -> list[Design]:
+def distinct_designs(study: Study) -> list[Design]:
+    """What the chain's modules are made of, each design once."""
     distinct: dict[str, Design] = {}
     for design in segment_designs(study):
         if design is not None:
@@ -336,11 +384,8 @@ def _rod(segment: SegmentConfig, chain: ChainConfig, law: JointLaw) -> Module:
     Raises:
         UserError: neither has a length.
     """
-    given = [_first(getattr(segment, name), getattr(chain, name)) for name in OF_RODS]
-    if given[0] is None:
-        raise UserError("a chain without a 'family' block needs 'chain.module_length', for example '11 mm'.")
-    length, mass, radius, offset = given
-    return rod_module(law, length, mass, radius, offset)
+    mass, radius, offset = (_first(getattr(segment, name), getattr(chain, name)) for name in OF_RODS[1:])
+    return rod_module(law, _rod_length_m(segment, chain), mass, radius, offset)
 
 
 def _first(own: float | None, other: float | None) -> Any:
@@ -351,7 +396,12 @@ def _density(study: Study) -> float | None:
     return float(study.material.density_kg_m3) if study.material else None
 
 
-def _family_module(bench: Workbench, study: Study, stages: DesignStages) -> Module | None:
+def _family_module(
+    bench: Workbench,
+    study: Study,
+    stages: DesignStages,
+    module_of: Callable[[ActuatorFamily, float | None, JointLaw], Module] | None,
+) -> Module | None:
     """A module of the design's family, or None without one."""
     chain = study.need("chain", "a simulation")
     if stages.design.family is None:
@@ -367,4 +417,6 @@ def _family_module(bench: Workbench, study: Study, stages: DesignStages) -> Modu
         raise UserError(
             "the modules' weight needs a 'material' block with a density (or set chain.gravity to [0, 0, 0])."
         )
+    if module_of is not None:
+        return module_of(family, density, stages.law.law)
     return family_module(stages.law.law, family, density)

@@ -1,0 +1,291 @@
+"""What a candidate of a search comes to: its study simulated in every condition, and in every scenario."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, Literal
+
+import numpy as np
+
+from pliant.config.study import Study
+from pliant.errors import InvalidDesignError, MissingDependencyError, NotReachedError, UserError
+from pliant.interfaces.optimizer import Value
+from pliant.pipeline.workbench import Workbench
+from pliant.records.rollout import TaskResult
+from pliant.search.keys import StudySetter
+from pliant.search.problem import SearchProblem
+from pliant.search.quick_path import QuickPath, Timer, untimed
+from pliant.search.scenarios import Scenario, measure
+
+Status = Literal["ok", "refused", "failed", "not_a_number"]
+Metrics = Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """What became of a candidate.
+
+    Attributes:
+        status: `refused` breaks a constraint of variables or is no possible design, and was not simulated; `failed`
+            ended in an error or did not settle; `not_a_number` has an objective that is none.
+        objectives: as they are minimised, over conditions and scenarios; empty unless the status is `ok`.
+        metrics: numbers that the task measured, with `converged` and `outside_domain` (how often a law was used
+            outside its data); mean over the conditions, without scenarios.
+        conditions: condition → its metrics.
+        cause: why the status is not `ok`; which metrics break constraints where it is.
+        violation: sum of the amounts by which constraints are broken; 0 where none is.
+        simulations: runs of the task.
+        wall_s: time of the evaluation.
+        scenarios: first objective in each scenario.
+    """
+
+    status: Status
+    objectives: tuple[float, ...] = ()
+    metrics: Metrics = field(default_factory=dict)
+    conditions: Mapping[str, Metrics] = field(default_factory=dict)
+    cause: str = ""
+    violation: float = 0.0
+    simulations: int = 0
+    wall_s: float = 0.0
+    scenarios: tuple[float, ...] = ()
+
+
+class _EndedError(Exception):
+    """A candidate is done before its end."""
+
+    def __init__(self, status: Status, cause: str, violation: float = 0.0) -> None:
+        super().__init__(cause)
+        self.status: Status = status
+        self.violation = violation
+
+
+class Evaluator:
+    """Evaluates candidates one after another; what they share is made once and kept.
+
+    Objectives are computed in each condition from that condition's metrics, then their mean or worst is taken as the
+    study says; in a robust search that is done in every scenario, and its measure is the candidate's objective.
+    Metrics, and constraints on them, are those without scenarios.
+
+    Args:
+        bench: plugins and store.
+        problem: what is searched.
+        scenarios: of a robust search.
+        timed: measures parts of the work; see `pliant.search.quick_path`.
+
+    Raises:
+        UserError: the study lacks a block, or a scenario varies what the meta-model cannot follow.
+    """
+
+    def __init__(
+        self,
+        bench: Workbench,
+        problem: SearchProblem,
+        scenarios: Sequence[Scenario] = (),
+        timed: Timer[Any] = untimed,
+    ) -> None:
+        for block in ("chain", "task"):
+            problem.study.need(block, "a search")
+        self.bench, self.problem, self.scenarios = bench, problem, tuple(scenarios)
+        self.path = QuickPath(bench, problem.study, timed)
+        self._setter = StudySetter(problem.study, bench.registry)
+        self._timed = timed
+        self.path.laws.check_varied(_law_parameters(self.scenarios))
+
+    def result(self, study: Study) -> TaskResult:
+        """The task of a study, in its own engine; raises as `simulate_study`."""
+        return self.path.result(study)
+
+    def evaluate(self, values: Mapping[str, Value], context: int = -1) -> Evaluation:
+        """What a candidate comes to; a bad one has a status that says so, and raises nothing.
+
+        Args:
+            values: one per variable.
+            context: index of the one condition to try it in; −1: all of them.
+
+        Raises:
+            UserError: what every candidate would meet: a metric that the task does not have, a missing package.
+        """
+        started = time.perf_counter()
+        run = _Run(self, values, context)
+        try:
+            found = run.evaluation()
+        except _EndedError as end:
+            found = Evaluation(end.status, cause=str(end), violation=end.violation)
+        return replace(
+            found,
+            metrics=_mean(list(run.measured.values())) if found.status == "ok" else {},
+            conditions=run.measured,
+            simulations=run.simulations,
+            wall_s=time.perf_counter() - started,
+        )
+
+
+class _Run:
+    """One candidate under way."""
+
+    def __init__(self, evaluator: Evaluator, values: Mapping[str, Value], context: int) -> None:
+        self.evaluator, self.values, self.context = evaluator, values, context
+        self.problem = evaluator.problem
+        self.measured: dict[str, Metrics] = {}
+        self.simulations = 0
+
+    def evaluation(self) -> Evaluation:
+        """Conditions first, then scenarios; raises `_EndedError` where it goes no further."""
+        broken = self.problem.violated(self.values, self.context)
+        if broken:
+            raise _EndedError("refused", "; ".join(broken), float(sum(broken.values())))
+        everywhere = range(len(self.problem.conditions))
+        conditions = list(everywhere) if self.context < 0 else [self.context]
+        studies = {c: self._study(c) for c in conditions}
+        nominal = []
+        for c, study in studies.items():
+            name = self.problem.conditions[c].name
+            self.measured[name] = self._metrics(study, None, self._said(c))
+            nominal.append(self._objectives(self.measured[name], self._said(c)))
+        violations = self._violations()
+        if not self.evaluator.scenarios:
+            return self._done(self._over_conditions(nominal), violations)
+        rows = [self._in_scenario(scenario, studies) for scenario in self.evaluator.scenarios]
+        robust = self.problem.config.robust
+        assert robust is not None
+        objectives = tuple(measure(column, robust) for column in zip(*rows, strict=True))
+        return self._done(objectives, violations, tuple(row[0] for row in rows))
+
+    def _done(
+        self,
+        objectives: tuple[float, ...],
+        violations: Mapping[str, float],
+        scenarios: tuple[float, ...] = (),
+    ) -> Evaluation:
+        violation = float(sum(violations.values()))
+        return Evaluation(
+            "ok", objectives, cause="; ".join(violations), violation=violation, scenarios=scenarios
+        )
+
+    def _study(self, condition: int) -> Study:
+        """The candidate in one condition; one that is not possible is refused."""
+        try:
+            return self.evaluator._timed("apply", lambda: self.problem.apply(self.values, condition))
+        except MissingDependencyError:
+            raise
+        except UserError as error:
+            raise _EndedError("refused", str(error)) from None
+
+    def _in_scenario(self, scenario: Scenario, studies: Mapping[int, Study]) -> tuple[float, ...]:
+        """Objectives over the conditions in one scenario."""
+        rows = []
+        for c, study in studies.items():
+            said = f"{scenario.name}{f', {name}' if (name := self._said(c)) else ''}"
+            metrics = self._metrics(self._changed(scenario, study, c, said), scenario, said)
+            rows.append(self._objectives(metrics, said))
+        if not scenario.deviations and not self.evaluator.path.laws.drawn:
+            raise UserError(
+                "search.robust varies nothing: no law of this chain states an error (laws of given coefficients have "
+                "none); name keys in 'vary'."
+            )
+        return self._over_conditions(rows)
+
+    def _changed(self, scenario: Scenario, study: Study, condition: int, said: str) -> Study:
+        """The candidate's study in a scenario."""
+        if not scenario.deviations:
+            return study
+        try:
+            changes = {**self.problem.changes(self.values, condition), **scenario.changes(study)}
+            return self.evaluator._setter.study(changes)
+        except UserError as error:
+            raise _EndedError("failed", f"{said}: {error}") from None
+
+    def _metrics(self, study: Study, scenario: Scenario | None, said: str) -> Metrics:
+        """What the task measures; `said` names condition and scenario in the cause of a failure."""
+        at = f"{said}: " if said else ""
+        self.simulations += 1
+        try:
+            result = self.evaluator.path.result(study, scenario.law if scenario else None)
+        except MissingDependencyError:
+            raise
+        except (UserError, NotReachedError) as error:
+            status: Status = "refused" if isinstance(error, InvalidDesignError) and not scenario else "failed"
+            self.simulations -= status == "refused"
+            raise _EndedError(status, at + str(error)) from None
+        except Exception as error:  # an engine may fail in any way
+            if _interrupted(error):
+                raise KeyboardInterrupt from None
+            text = " ".join(str(error).split())
+            raise _EndedError("failed", f"{at}{type(error).__name__}{f': {text}' if text else ''}") from error
+        if result.not_reached:
+            raise _EndedError("failed", at + result.not_reached)
+        if not result.final.converged:
+            raise _EndedError(
+                "failed", f"{at}the chain did not settle (residual {result.final.residual:.2g})."
+            )
+        return numbers(result)
+
+    def _objectives(self, metrics: Metrics, said: str) -> tuple[float, ...]:
+        found = tuple(float(one) for one in self.problem.objective_values(self.values, metrics))
+        for name, value in zip(self.problem.objective_names, found, strict=True):
+            if not math.isfinite(value):
+                raise _EndedError(
+                    "not_a_number", f"{f'{said}: ' if said else ''}the objective '{name}' is {value}."
+                )
+        return found
+
+    def _over_conditions(self, rows: Sequence[tuple[float, ...]]) -> tuple[float, ...]:
+        table = np.array(rows, float)
+        worst = self.problem.config.over_conditions == "worst"
+        return tuple(float(one) for one in (table.max(axis=0) if worst else table.mean(axis=0)))
+
+    def _violations(self) -> dict[str, float]:
+        """Constraints on metrics that a condition breaks, by the most that any of them does."""
+        found: dict[str, float] = {}
+        for metrics in self.measured.values():
+            for text, amount in self.problem.metric_violations(self.values, metrics).items():
+                found[text] = max(amount, found.get(text, 0.0))
+        return found
+
+    def _said(self, condition: int) -> str:
+        """How messages name a condition; one alone has no name in the study."""
+        return self.problem.conditions[condition].name if self.problem.config.conditions else ""
+
+
+def numbers(result: TaskResult) -> dict[str, float]:
+    """What a task measured as numbers: truths as 0 and 1; texts and lists are left out."""
+    found = {
+        str(name): float(value)
+        for name, value in result.metrics.items()
+        if isinstance(value, bool | int | float | np.bool_ | np.integer | np.floating)
+    }
+    found.setdefault("converged", float(result.final.converged))
+    found.setdefault("outside_domain", float(len(result.final.outside_domain)))
+    return found
+
+
+def _mean(measured: Sequence[Metrics]) -> dict[str, float]:
+    """Means of what every condition measures."""
+    if not measured:
+        return {}
+    names = [name for name in measured[0] if all(name in one for one in measured)]
+    return {name: float(np.mean([one[name] for one in measured])) for name in names}
+
+
+def _law_parameters(scenarios: Sequence[Scenario]) -> dict[str, str]:
+    """Parameters of a meta-model that scenarios vary → the key as the study writes it."""
+    found = {}
+    for deviation, _ in scenarios[0].deviations if scenarios else ():
+        head, *rest = deviation.path
+        if head == "family":
+            found[str(rest[0])] = deviation.key
+        elif head == "material":
+            found[f"material.{rest[0]}"] = deviation.key
+        elif deviation.path[:2] == ("chain", "segments") and deviation.path[3:4] == ("family",):
+            found[str(rest[-1])] = deviation.key
+    return found
+
+
+def _interrupted(error: BaseException | None) -> bool:
+    """Whether Ctrl-C is behind it: compiled code turns a KeyboardInterrupt into a SystemError."""
+    while error is not None and not isinstance(error, KeyboardInterrupt):
+        error = error.__cause__ or error.__context__
+    return error is not None
