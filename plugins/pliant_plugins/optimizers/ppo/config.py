@@ -44,10 +44,6 @@ class PpoConfig(OptimizerConfig):
     net: tuple[int, ...] = Field(
         default=(64, 64), max_length=8, description="hidden units of the policy and of the value function"
     )
-    normalize: bool = Field(
-        default=False,
-        description="rewards shifted and scaled by their running mean and deviation; for objectives far from order one",
-    )
     tensorboard: bool | str = Field(
         default=True,
         description="event files with the result; a folder: there too, while it learns; false: none",

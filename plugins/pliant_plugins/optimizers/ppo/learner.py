@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-import gymnasium
 import numpy as np
 import stable_baselines3
 import torch
@@ -17,6 +16,7 @@ from pliant.records.design import Array
 from pliant_plugins.optimizers.ppo.actions import Numbers
 from pliant_plugins.optimizers.ppo.config import PpoConfig
 from pliant_plugins.optimizers.ppo.encoding import packed, unpacked
+from pliant_plugins.optimizers.ppo.episode import episode_spaces
 from pliant_plugins.optimizers.ppo.randomness import CANDIDATE, START, UPDATE, drawn_from
 
 
@@ -149,11 +149,7 @@ class _Spaces(VecEnv):  # type: ignore[misc]
     """Carries the spaces and the number of environments, which is all that PPO asks of it here."""
 
     def __init__(self, side: int, observations: int, actions: int) -> None:
-        super().__init__(
-            side,
-            gymnasium.spaces.Box(-np.inf, np.inf, (observations,), np.float32),
-            gymnasium.spaces.Box(-1.0, 1.0, (actions,), np.float32),
-        )
+        super().__init__(side, *episode_spaces(observations, actions))
 
     def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
         """No attribute has a value: `render_mode` is asked for."""

@@ -10,11 +10,14 @@ from pliant.errors import UserError
 from pliant.interfaces.optimizer import Context
 from pliant_plugins.optimizers.ppo.actions import Numbers
 
+LIMIT = 10.0  # features are of order one and clipped here
+
 
 def observations_of(contexts: Sequence[Context]) -> Numbers:
-    """(c, k) one row per context: its features, or where no context has any which one it is (1 in its own column).
+    """(c, k) one row per context: its features, up to ±10.
 
-    Without contexts there is one row with the constant 1.
+    Where no context has features, a row says which one it is (1 in its own column); without contexts there is one row
+    with the constant 1.
 
     Raises:
         UserError: contexts have different numbers of features.
@@ -27,7 +30,7 @@ def observations_of(contexts: Sequence[Context]) -> Numbers:
             f"the contexts have {' and '.join(map(str, sorted(lengths)))} features; "
             "a policy needs the same number from each."
         )
-    return np.array([context.features for context in contexts], np.float32)
+    return np.clip([context.features for context in contexts], -LIMIT, LIMIT).astype(np.float32)
 
 
 def context_of(number: int, contexts: int, seed: int) -> int:

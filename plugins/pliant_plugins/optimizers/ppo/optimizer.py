@@ -61,10 +61,10 @@ class Ppo(Optimizer):
             seed,
             action_of(space.start, space.variables),
         )
-        self._rewards, self._log = Rewards(self.ppo.normalize), UpdateLog()
+        self._rewards, self._log = Rewards(), UpdateLog()
         self._asked = 0
         self._waiting: dict[int, Sample] = {}  # drawn and not learned from
-        self._told: dict[int, float] = {}  # objective of those that are told, NaN for failed ones
+        self._told: dict[int, tuple[float, float]] = {}  # objective, NaN for failed ones, and violation
 
     def ask(self, count: int) -> Sequence[Candidate]:
         """Up to `count` draws, no more than the batch has room for."""
@@ -85,7 +85,8 @@ class Ppo(Optimizer):
             if outcome.number not in self._waiting or outcome.number in self._told:
                 raise UserError(f"candidate {outcome.number} is not waiting for an outcome.")
             good = outcome.violation <= 0 and np.isfinite(outcome.objective)
-            self._told[outcome.number] = float(outcome.objective) if good else float("nan")
+            objective = float(outcome.objective) if good else float("nan")
+            self._told[outcome.number] = objective, float(outcome.violation)
         while all(number in self._told for number in self._next_batch):
             self._learn()
 
@@ -96,7 +97,7 @@ class Ppo(Optimizer):
 
     def _learn(self) -> None:
         numbers = self._next_batch
-        rewards = self._rewards.of(np.array([self._told.pop(number) for number in numbers]))
+        rewards = self._rewards.of(*np.array([self._told.pop(number) for number in numbers]).T)
         logged = self._learner.learn([self._waiting.pop(number) for number in numbers], rewards)
         self._log.add(numbers.stop, logged)
         if isinstance(self.ppo.tensorboard, str):
@@ -123,7 +124,9 @@ class Ppo(Optimizer):
             "asked": self._asked,
             "learner": self._learner.state(),
             "waiting": [[n, packed(s.action), s.value, s.log_prob] for n, s in self._waiting.items()],
-            "told": [[n, None if np.isnan(told) else told] for n, told in self._told.items()],
+            "told": [
+                [n, None if np.isnan(objective) else objective, v] for n, (objective, v) in self._told.items()
+            ],
             "rewards": self._rewards.state(),
             "log": self._log.state(),
         }
@@ -136,6 +139,6 @@ class Ppo(Optimizer):
         for number, action, value, log_prob in state["waiting"]:
             seen = self._seen[context_of(number, len(self._space.contexts), self._seed)]
             self._waiting[number] = Sample(seen, unpacked(action), value, log_prob)
-        self._told = {n: float("nan") if told is None else told for n, told in state["told"]}
+        self._told = {n: (float("nan") if value is None else value, v) for n, value, v in state["told"]}
         self._rewards.restore(state["rewards"])
         self._log.restore(state["log"])

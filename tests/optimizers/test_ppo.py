@@ -1,0 +1,333 @@
+"""PPO as ask and tell: it learns which design suits which condition, continues exactly, and its policy can be used."""
+
+from __future__ import annotations
+
+import json
+import random
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from pydantic import ValidationError
+
+torch = pytest.importorskip("torch")
+pytest.importorskip("stable_baselines3")
+pytest.importorskip("tensorboard")
+
+from pliant.errors import MissingDependencyError, UserError  # noqa: E402
+from pliant.interfaces.optimizer import Context, Outcome, Space, Variable  # noqa: E402
+from pliant.registry.discovery import discover  # noqa: E402
+from pliant_plugins.optimizers.ppo.actions import action_of, values_of  # noqa: E402
+from pliant_plugins.optimizers.ppo.config import PpoConfig  # noqa: E402
+from pliant_plugins.optimizers.ppo.encoding import packed, unpacked  # noqa: E402
+from pliant_plugins.optimizers.ppo.observations import context_of, observations_of  # noqa: E402
+from pliant_plugins.optimizers.ppo.optimizer import Ppo  # noqa: E402
+from pliant_plugins.optimizers.ppo.policy import SavedPolicy  # noqa: E402
+from pliant_plugins.optimizers.ppo.rewards import Rewards  # noqa: E402
+
+MIXED = (
+    Variable("length", "real", -0.02, 0.05),
+    Variable("modules", "integer", 5, 10),
+    Variable("side", "categorical", choices=("left", "right", "both")),
+)
+TWO = (Context("light", (0.0,)), Context("heavy", (1.0,)))
+PLANE = (Variable("a", "real", 0.0, 1.0), Variable("b", "real", -2.0, 2.0))
+BEST = ((0.2, 1.0), (0.8, -1.0))  # of the plane, in each of the two
+
+
+def started(space=Space(MIXED, contexts=TWO), seed=3, **config):
+    optimizer = Ppo(PpoConfig(**config))
+    optimizer.start(space, seed)
+    return optimizer
+
+
+def distance(candidate):
+    """From the context's best point, in shares of the ranges, squared."""
+    a, b = BEST[candidate.context]
+    return (candidate.values["a"] - a) ** 2 + ((candidate.values["b"] - b) / 4) ** 2
+
+
+def mixed_score(candidate):
+    failed = candidate.values["side"] == "both"
+    return float("nan") if failed else candidate.values["modules"] + 100 * candidate.values["length"]
+
+
+def played(optimizer, candidates, score=mixed_score, count=32):
+    """What is proposed while that many candidates are tried."""
+    proposed = []
+    while len(proposed) < candidates:
+        asked = optimizer.ask(min(count, candidates - len(proposed)))
+        optimizer.tell([Outcome(c.number, score(c)) for c in asked])
+        proposed += [(c.number, c.context, dict(c.values)) for c in asked]
+    return proposed
+
+
+def learned(**config):
+    """Mean distance of the recommended designs after 3000 candidates, and of the first and the last 256."""
+    optimizer = started(Space(PLANE, contexts=TWO), 0, **config)
+    seen = []
+
+    def score(candidate):
+        seen.append(distance(candidate))
+        return seen[-1]
+
+    played(optimizer, 3008, score)
+    end = float(np.mean([distance(c) for c in optimizer.recommend()]))
+    print(f"recommended {end:.4f}, first {np.mean(seen[:256]):.3f}, last {np.mean(seen[-256:]):.3f}")
+    return end, float(np.mean(seen[:256])), float(np.mean(seen[-256:]))
+
+
+def test_it_learns_a_design_for_each_condition():
+    """Uniform random designs lie at 0.32 in the mean; the same design for both conditions at 0.15 or more."""
+    end, first, last = learned(learning_rate=3e-3)
+    assert end < 0.02
+    assert last < 0.25 * first
+
+
+def test_the_policy_starts_where_the_space_says():
+    start = {"length": 0.04, "modules": 9, "side": "right"}
+    for candidate in started(Space(MIXED, start=start)).recommend():
+        assert candidate.values["length"] == pytest.approx(0.04, abs=2e-3)  # the untrained net adds a little
+        assert candidate.values["modules"] == 9
+        assert candidate.values["side"] == "right"
+
+
+def test_a_restored_search_goes_on_exactly():
+    """State taken in the middle of a batch, some of it told; networks, Adam, the worst reward and the log included."""
+    first = started()
+    played(first, 72, count=11)
+    waiting = first.ask(7)
+    first.tell([Outcome(c.number, mixed_score(c)) for c in waiting[:3]])
+    text = json.dumps(first.state(), allow_nan=False)
+    print(f"{len(text)} bytes")
+    second = Ppo(PpoConfig())
+    second.restore(json.loads(text))
+    for optimizer in (first, second):
+        optimizer.tell([Outcome(c.number, mixed_score(c)) for c in waiting[3:]])
+    assert played(first, 96) == played(second, 96)
+    assert json.dumps(first.state()) == json.dumps(second.state())
+    assert first.recommend() == second.recommend()
+
+
+def test_neither_the_order_of_outcomes_nor_the_size_of_asks_matters():
+    together, apart = started(), started()
+    for _ in range(3):
+        asked = together.ask(32)
+        together.tell([Outcome(c.number, mixed_score(c)) for c in asked])
+        piecewise = [c for n in (1, 20, 11) for c in apart.ask(n)]
+        assert asked == piecewise
+        for candidate in reversed(piecewise):
+            apart.tell([Outcome(candidate.number, mixed_score(candidate))])
+    assert together.ask(32) == apart.ask(32)
+
+
+def test_candidates_may_be_asked_for_before_the_batch_is_told():
+    optimizer = started()
+    asked = [c for _ in range(3) for c in optimizer.ask(20)]
+    assert [c.number for c in asked] == list(range(20 + 12 + 20))
+    optimizer.tell([Outcome(c.number, mixed_score(c)) for c in asked[40:]])
+    before = optimizer.recommend()
+    optimizer.tell([Outcome(c.number, mixed_score(c)) for c in asked[1:40]])
+    assert optimizer.recommend() == before  # the first batch still lacks one
+    optimizer.tell([Outcome(0, 1.0)])
+    assert optimizer.recommend() != before
+
+
+def test_an_outcome_that_nobody_waits_for_is_an_error():
+    optimizer = started()
+    (candidate,) = optimizer.ask(1)
+    optimizer.tell([Outcome(candidate.number, 1.0)])
+    for number in (candidate.number, 77):
+        with pytest.raises(UserError, match=f"candidate {number} is not waiting"):
+            optimizer.tell([Outcome(number, 1.0)])
+
+
+def test_global_generators_and_threads_are_left_alone():
+    before = repr(np.random.get_state()), random.getstate(), torch.get_rng_state().tolist()
+    threads = torch.get_num_threads()
+    torch.set_num_threads(2)
+    try:
+        optimizer = started()
+        played(optimizer, 64)
+        optimizer.recommend()
+        assert torch.get_num_threads() == 2
+    finally:
+        torch.set_num_threads(threads)
+    assert (repr(np.random.get_state()), random.getstate(), torch.get_rng_state().tolist()) == before
+
+
+def test_global_generators_decide_nothing():
+    proposals = []
+    for seed in (1, 2):
+        np.random.seed(seed)
+        torch.manual_seed(seed)
+        proposals.append(played(started(), 64))
+    assert proposals[0] == proposals[1]
+    assert played(started(seed=4), 32) != proposals[0][:32]
+
+
+def test_contexts_take_turns_in_a_drawn_order():
+    drawn = [context_of(number, 6, 5) for number in range(60)]
+    rounds = [tuple(drawn[i : i + 6]) for i in range(0, 60, 6)]
+    assert all(sorted(r) == list(range(6)) for r in rounds)
+    assert len(set(rounds)) > 5
+    assert [context_of(number, 6, 6) for number in range(60)] != drawn
+
+
+def test_what_the_policy_sees():
+    assert observations_of(()).tolist() == [[1.0]]
+    assert observations_of((Context("a"), Context("b"))).tolist() == [[1.0, 0.0], [0.0, 1.0]]
+    assert observations_of(TWO).tolist() == [[0.0], [1.0]]
+    with pytest.raises(UserError, match="1 and 2 features"):
+        observations_of((Context("a", (1.0,)), Context("b", (1.0, 2.0))))
+
+
+def test_actions_and_designs():
+    assert values_of(np.array([-1.0, -1.0, -1.0]), MIXED) == {"length": -0.02, "modules": 5, "side": "left"}
+    assert values_of(np.array([3.0, 1.0, 1.0]), MIXED) == {"length": 0.05, "modules": 10, "side": "both"}
+    assert values_of(np.zeros(3), MIXED) == {"length": pytest.approx(0.015), "modules": 8, "side": "right"}
+    for number in np.linspace(-1, 1, 41):
+        values = values_of(np.full(3, number), MIXED)
+        assert values_of(action_of(values, MIXED), MIXED) == pytest.approx(values)
+    shares = np.linspace(-1, 1, 3001)
+    sides = [values_of(np.array([0, 0, s]), MIXED)["side"] for s in shares]
+    assert [sides.count(side) for side in MIXED[2].choices] == pytest.approx([1000] * 3, abs=2)
+
+
+def test_candidates_without_an_objective_are_worse_than_the_worst():
+    rewards, fine = Rewards(), np.zeros(3)
+    assert rewards.of(np.full(3, np.nan), fine).tolist() == [-1.0, -1.0, -1.0]
+    assert rewards.of(np.array([2.0, np.nan, 12.0]), fine).tolist() == [-2.0, -13.0, -12.0]
+    # The worst is remembered; constraints cost up to another margin.
+    found = rewards.of(np.full(4, np.nan), np.array([0.0, 0.5, 1.0, 70.0]))
+    assert found.tolist() == [-13.0, -13.5, -14.0, -14.0]
+
+
+def test_refused_candidates_count_as_failed():
+    """A violation decides, whatever the objective says."""
+    searches = [started(), started()]
+    for optimizer, refused in zip(searches, (-100.0, float("nan")), strict=True):
+        for candidate in (asked := optimizer.ask(32)):
+            bad = candidate.number % 2
+            optimizer.tell([Outcome(candidate.number, refused if bad else 1.0, violation=float(bad))])
+        assert len(asked) == 32
+    assert searches[0].ask(5) == searches[1].ask(5)
+
+
+@pytest.mark.parametrize("shape", [(), (3,), (2, 3)])
+def test_packed_arrays_are_exact(shape):
+    array = np.random.default_rng(1).normal(size=shape).astype(np.float32)
+    back = unpacked(json.loads(json.dumps(packed(array))))
+    assert back.dtype == array.dtype
+    assert back.tobytes() == array.tobytes()
+    assert back.shape == shape
+
+
+def test_the_saved_policy_gives_the_same_designs(tmp_path):
+    from stable_baselines3 import PPO
+
+    optimizer = started()
+    played(optimizer, 64)
+    files = optimizer.export(tmp_path)
+    assert {f.name for f in files[:2]} == {"policy.zip", "policy.json"}
+    assert all(f.is_file() for f in files)
+    policy = SavedPolicy.of(tmp_path)
+    for candidate in optimizer.recommend():
+        assert policy.design(TWO[candidate.context].name) == candidate.values
+        assert policy.design(TWO[candidate.context].features) == candidate.values
+    assert PPO.load(tmp_path / "policy.zip").gamma == 0.9
+    with pytest.raises(UserError, match="unknown condition 'hevy'; did you mean 'heavy'"):
+        policy.design("hevy")
+    with pytest.raises(UserError, match="2 features are given; this policy sees 1"):
+        policy.design((0.0, 1.0))
+    with pytest.raises(UserError, match="name a condition: light, heavy"):
+        policy.design()
+    with pytest.raises(UserError, match=r"has no policy.zip"):
+        SavedPolicy.of(tmp_path / "elsewhere")
+
+
+def scalars(folder):
+    from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
+
+    events = EventAccumulator(str(folder))
+    events.Reload()
+    return {tag: [(e.step, e.value) for e in events.Scalars(tag)] for tag in events.Tags()["scalars"]}
+
+
+def test_tensorboard_reads_every_update(tmp_path):
+    """The mean rewards are those of the batches; a log that grew while it learned says the same."""
+    optimizer = started(Space(PLANE, contexts=TWO), tensorboard=str(tmp_path / "live"))
+    means, batch = [], []
+
+    def score(candidate):
+        batch.append(distance(candidate))
+        return batch[-1]
+
+    for _ in range(3):
+        batch.clear()
+        played(optimizer, 32, score)
+        means.append(-float(np.mean(batch)))
+    optimizer.export(tmp_path / "once")
+    files = optimizer.export(tmp_path / "once")  # in place of the first
+    assert len([f for f in files if "tfevents" in f.name]) == 1
+    read = scalars(tmp_path / "once" / "tensorboard")
+    steps, values = zip(*read["rollout/ep_rew_mean"], strict=True)
+    assert steps == (32, 64, 96)
+    assert values == pytest.approx(means, rel=1e-5)
+    assert {"train/loss", "train/value_loss", "train/entropy_loss", "train/approx_kl", "train/std"} <= set(
+        read
+    )
+    optimizer._live.close()
+    assert scalars(tmp_path / "live") == read
+
+
+def test_no_event_files_where_none_are_wanted(tmp_path):
+    optimizer = started(tensorboard=False)
+    played(optimizer, 32)
+    assert {f.name for f in optimizer.export(tmp_path)} == {"policy.zip", "policy.json"}
+
+
+def test_the_defaults_are_the_studys():
+    config = PpoConfig()
+    assert (config.environments * config.n_steps, config.batch_size) == (32, 32)
+    assert (config.learning_rate, config.gamma, config.gae_lambda) == (1e-4, 0.9, 0.9)
+    assert (config.clip_range, config.entropy, config.value_weight) == (0.3, 0.03, 0.3)
+    model = started()._learner.model
+    assert (model.n_steps, model.n_envs, model.batch_size, model.n_epochs) == (8, 4, 32, 10)
+    assert (model.learning_rate, model.ent_coef, model.vf_coef) == (1e-4, 0.03, 0.3)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "says"),
+    [
+        ({"environments": 1, "n_steps": 1}, "needs at least 2 candidates"),
+        ({"net": (64, 0)}, "1 to 4096 units"),
+        ({"learning_rate": 0}, "learning_rate"),
+        ({"steps": 8}, "steps"),
+    ],
+)
+def test_wrong_settings(wrong, says):
+    with pytest.raises(ValidationError, match=says):
+        PpoConfig(**wrong)
+
+
+def test_several_objectives_are_refused():
+    with pytest.raises(UserError, match="has one objective and the search has 2"):
+        started(Space(PLANE, objectives=2))
+
+
+def test_a_missing_library_names_the_command(monkeypatch):
+    component = discover().get("optimizer", "ppo")
+    monkeypatch.setitem(sys.modules, "stable_baselines3", None)
+    with pytest.raises(MissingDependencyError, match=r"needs stable_baselines3: pip install 'pliant\[ppo\]'"):
+        component.build(PpoConfig())
+
+
+def test_the_config_imports_nothing_heavy():
+    code = (
+        "import sys, pliant_plugins.optimizers.ppo.config; "
+        "print([m for m in ('torch', 'stable_baselines3', 'gymnasium') if m in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
