@@ -36,6 +36,16 @@ class Task(ABC):
         """The chain with the task's own gravity, payload or base; loads of the task win over the chain's."""
         return chain
 
+    def check_reach(self, length_m: float) -> None:
+        """Refuse, before a search begins, what no chain of this straight length can do; nothing by default.
+
+        A search gives the longest chain that its bounds allow. A simulation does not ask.
+
+        Raises:
+            UserError: the task is out of reach, with both lengths.
+        """
+        return
+
     @abstractmethod
     def run(self, simulation: Simulation) -> TaskResult:
         """Drive the simulation and measure it. Metrics are SI with the unit in the name."""
@@ -50,6 +60,10 @@ class SceneTask(ABC):
     def prepare(self, chain: ChainModel) -> ChainModel:
         """The chain with the task's own loads, before effects are applied."""
         return chain
+
+    def check_reach(self, length_m: float) -> None:
+        """As that of `Task`."""
+        return
 
     @abstractmethod
     def scene(self, chain: ChainModel) -> Scene:

@@ -269,36 +269,6 @@ def chain_segments(
     return segments
 
 
-def chain_length_m(bench: Workbench, study: Study) -> float:
-    """Length of the study's straight chain, from its families or rods alone: no law is made.
-
-    Raises:
-        UserError: no chain, or a module without a length.
-        InvalidDesignError: a family that cannot be built.
-    """
-    chain: ChainConfig = study.need("chain", "a chain's length")
-    lengths: list[float | None] = []
-    for segment, design in zip(chain.as_segments(), segment_designs(study), strict=True):
-        if design is None:
-            lengths.append(None)
-        elif design.family is not None:
-            lengths.append(float(bench.build("family", design.family).module_length_m))
-        else:
-            lengths.append(_rod_length_m(segment, chain))
-    total, like = 0.0, next(length for length in lengths if length is not None)
-    for segment, length in zip(chain.as_segments(), lengths, strict=True):
-        like = length or like
-        total += like * (segment.modules or 0) if segment.rigid is None else segment.rigid.along_m(like)
-    return total
-
-
-def _rod_length_m(segment: SegmentConfig, chain: ChainConfig) -> float:
-    length = _first(segment.module_length_m, chain.module_length_m)
-    if length is None:
-        raise UserError("a chain without a 'family' block needs 'chain.module_length', for example '11 mm'.")
-    return float(length)
-
-
 def _rigid(config: RigidConfig, like: Module) -> RigidPiece:
     """A rigid piece; `like` is the module before it, or the first."""
     length = config.along_m(like.length_m)
@@ -384,8 +354,11 @@ def _rod(segment: SegmentConfig, chain: ChainConfig, law: JointLaw) -> Module:
     Raises:
         UserError: neither has a length.
     """
-    mass, radius, offset = (_first(getattr(segment, name), getattr(chain, name)) for name in OF_RODS[1:])
-    return rod_module(law, _rod_length_m(segment, chain), mass, radius, offset)
+    given = [_first(getattr(segment, name), getattr(chain, name)) for name in OF_RODS]
+    if given[0] is None:
+        raise UserError("a chain without a 'family' block needs 'chain.module_length', for example '11 mm'.")
+    length, mass, radius, offset = given
+    return rod_module(law, length, mass, radius, offset)
 
 
 def _first(own: float | None, other: float | None) -> Any:

@@ -9,6 +9,7 @@ from typing import Literal
 import numpy as np
 from pydantic import Field, model_validator
 
+from pliant.errors import UserError
 from pliant.interfaces.base import FrozenModel
 from pliant.interfaces.physics import Simulation
 from pliant.interfaces.task import Task
@@ -19,6 +20,10 @@ from pliant_plugins.tasks import curves
 from pliant_plugins.tasks.levels import as_list
 from pliant_plugins.tasks.measures import backbone
 from pliant_plugins.tasks.ramp import DriveConfig, ramp
+
+# A bent centre line is longer than the straight chain where its joints stand beside it: a helical module of 5 mm whose
+# hinge is 3 mm away gains a third at 0.5 rad. Links stretch by 1 or 2 %, translational bellows by more.
+LONGER = 1.5
 
 
 class TargetConfig(FrozenModel):
@@ -73,6 +78,20 @@ class FollowShape(Task):
     def __init__(self, config: FollowShapeConfig) -> None:
         super().__init__(config)
         self.target = curves.resampled(config.target.curve(), config.samples)
+
+    def check_reach(self, length_m: float) -> None:
+        """Refuse a target that is more than half as long again as the longest straight chain.
+
+        Raises:
+            UserError: with both lengths.
+        """
+        wanted = curves.length_m(self.config.target.curve())
+        if wanted > LONGER * length_m:
+            raise UserError(
+                f"task.target is {1e3 * wanted:.4g} mm long, and the longest chain that the search can build "
+                f"{1e3 * length_m:.4g} mm: bent it is at most half as long again. Make the target smaller, or allow "
+                "more or longer modules."
+            )
 
     def run(self, simulation: Simulation) -> TaskResult:
         chain = simulation.chain
