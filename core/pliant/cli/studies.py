@@ -23,6 +23,7 @@ from pliant.pipeline.study import (
 )
 from pliant.pipeline.tables import write_table
 from pliant.report.folder import read_folder, table_name, write_folder
+from pliant.report.search_folder import is_search
 from pliant.report.stage import fem_report_stage, report_stage, write_page
 
 OutFolder = Annotated[
@@ -129,13 +130,22 @@ def simulate(
 
 
 def report(
-    folder: Annotated[Path, typer.Argument(metavar="DIR", help="The --out folder of 'pliant run'.")],
+    folder: Annotated[
+        Path, typer.Argument(metavar="DIR", help="The --out folder of 'pliant run' or 'pliant optimize'.")
+    ],
     json: JsonFile = None,
     quiet: Quiet = False,
 ) -> None:
-    """A self-contained HTML report of a finished run."""
+    """A self-contained HTML report of a finished run or search."""
     with session("report", json, quiet) as here:
-        from pliant.report.page import render  # matplotlib takes a second to import
+        if is_search(folder):
+            from pliant.report.search_page import rebuild_search_page  # matplotlib takes a second to import
+
+            check_writable(folder)
+            here.result["report"] = rebuild_search_page(folder)
+            here.say(f"report   {here.result['report']}")
+            return
+        from pliant.report.page import render
 
         run_read = read_folder(folder, here.registry)
         check_writable(folder)

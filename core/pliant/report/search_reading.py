@@ -1,0 +1,203 @@
+"""What the page of a search reads out of its record: variables and objectives as people write them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pliant.records.design import Array
+from pliant.records.search import STATUSES, FoundDesign, SearchResult, VariableRecord
+from pliant.report import units
+from pliant.report.search_axes import Axis, Objective, choice_text, short_labels, shown_unit
+from pliant.units import strip_unit_suffix
+
+OK = STATUSES.index("ok")
+LONGEST = 40  # characters of an objective in a label
+
+Shape = Literal["one", "contextual", "front", "none"]
+
+
+@dataclass(frozen=True, eq=False)
+class SearchRead:
+    """A search's record with the study that asked for it (all defaults, SI)."""
+
+    result: SearchResult
+    study: Mapping[str, Any]
+
+    @cached_property
+    def shape(self) -> Shape:
+        """What came out: one best design, one per condition, a front, or nothing."""
+        if not self.result.best:
+            return "none"
+        if len(self.result.objectives) > 1:
+            return "front"
+        return "contextual" if self.contextual else "one"
+
+    @property
+    def contextual(self) -> bool:
+        """Whether each candidate was tried in one of the conditions."""
+        return bool((np.asarray(self.result.history.context) >= 0).any()) and len(self.result.conditions) > 1
+
+    @cached_property
+    def ok(self) -> NDArray[np.bool_]:
+        """(n,) candidates with a number for each objective."""
+        history = self.result.history
+        objectives = np.asarray(history.objectives, float).reshape(len(history), -1)
+        found: NDArray[np.bool_] = (np.asarray(history.status) == OK) & np.isfinite(objectives).all(axis=1)
+        return found
+
+    @property
+    def broken(self) -> NDArray[np.bool_]:
+        """(n,) candidates that were evaluated and break a constraint on metrics."""
+        found: NDArray[np.bool_] = (np.asarray(self.result.history.status) == OK) & ~self.ok
+        return found
+
+    @property
+    def best(self) -> FoundDesign | None:
+        """The design that the page speaks of first."""
+        return self.result.best[0] if self.result.best else None
+
+    @cached_property
+    def objectives(self) -> tuple[Objective, ...]:
+        """In the study's order."""
+        metrics = {strip_unit_suffix(name): name for name in self._metrics()}
+        found = []
+        for column, (name, maximised) in enumerate(
+            zip(self.result.objectives, self.result.maximised, strict=True)
+        ):
+            metric = metrics.get(strip_unit_suffix(name))
+            label, unit = units.of_field(metric) if metric else (name, units.Unit(""))
+            label = label.replace("_", " ") if metric else label
+            short = label if len(label) <= LONGEST else f"{label[: LONGEST - 1]}…"
+            found.append(Objective(name, short, unit, maximised, column))
+        return tuple(found)
+
+    @property
+    def objective(self) -> Objective:
+        """The first."""
+        return self.objectives[0]
+
+    def scores(self, column: int = 0) -> Array:
+        """(n,) an objective of every candidate as stated, in its unit; NaN where there is none."""
+        history = self.result.history
+        column_of = np.asarray(history.objectives, float).reshape(len(history), -1)[:, column]
+        return np.where(self.ok, self.objectives[column].stated(column_of), np.nan)
+
+    def order(self) -> NDArray[np.int64]:
+        """Rows of the evaluated candidates, best first by the first objective."""
+        rows = np.flatnonzero(self.ok)
+        minimised = np.asarray(self.result.history.objectives, float).reshape(len(self.ok), -1)[rows, 0]
+        found: NDArray[np.int64] = rows[np.argsort(minimised, kind="stable")]
+        return found
+
+    @cached_property
+    def axes(self) -> tuple[Axis, ...]:
+        """The variables; what an optimizer with contexts merged comes last, as shares of its range."""
+        history, variables = self.result.history, self.result.variables
+        labels = short_labels([v.name for v in variables])
+        found = [self._axis(v, label) for v, label in zip(variables, labels, strict=True)]
+        known = {v.name for v in variables}
+        for name in history.values:
+            if name not in known:
+                values = np.asarray(history.values[name], float)
+                found.append(Axis(name, short_labels([name])[0], units.Unit(""), "real", 0, 1, (), values))
+        return tuple(found)
+
+    def varied(self) -> list[Axis]:
+        """Axes that at least one candidate has a value on."""
+        return [axis for axis in self.axes if np.isfinite(axis.values).any()]
+
+    def branch_names(self) -> list[str]:
+        """Every branch by its values: ``5 · 6 · 7``."""
+        axes = {axis.name: axis for axis in self.axes}
+        return [
+            " · ".join(
+                axes[name].text(value) if name in axes else str(value) for name, value in branch.items()
+            )
+            for branch in self.result.branches
+        ]
+
+    def branch_title(self) -> str:
+        """What the parts of a branch's name are."""
+        axes = {axis.name: axis.label for axis in self.axes}
+        return " · ".join(
+            axes.get(name, name) for name in (self.result.branches[0] if self.result.branches else ())
+        )
+
+    def best_of_branches(self) -> list[tuple[int, int]]:
+        """(branch, row of its best candidate), best first; branches without one are left out."""
+        found: dict[int, int] = {}
+        for row in self.order().tolist():
+            found.setdefault(int(self.result.history.branch[row]), row)
+        return list(found.items())
+
+    def design_names(self) -> list[str]:
+        """What the best designs are called."""
+        best = self.result.best
+        if self.shape == "contextual":
+            return [self.condition(design.context) for design in best]
+        if len(best) == 1:
+            return ["best design"]
+        return [f"design {number + 1}" for number in range(len(best))]
+
+    def condition(self, context: int) -> str:
+        """Name of a condition."""
+        names = self.result.conditions
+        return names[context] if 0 <= context < len(names) else "all conditions"
+
+    def metric(self, name: str) -> tuple[str, units.Unit]:
+        """A metric as people read it, and its unit."""
+        label, unit = units.of_field(name)
+        return label.replace("_", " "), unit
+
+    @property
+    def objective_metric(self) -> str:
+        """The metric that is the first objective; empty where that is an expression."""
+        wanted = strip_unit_suffix(self.objective.name)
+        return next((name for name in self._metrics() if strip_unit_suffix(name) == wanted), "")
+
+    def trials(self, metrics: Mapping[str, float]) -> int | None:
+        """Trials behind these metrics of the check: their own count, else the study's; None without any."""
+        if metrics.get("trials"):
+            return round(metrics["trials"])
+        check = (self.study.get("search") or {}).get("verify") or {}
+        changed = (check.get("change") or {}).get("task.trials")
+        stated = changed if changed is not None else (self.study.get("task") or {}).get("trials")
+        return int(stated) if stated is not None else None
+
+    def _metrics(self) -> list[str]:
+        names = dict.fromkeys(self.result.history.metrics)
+        for design in self.result.best:
+            names.update(dict.fromkeys(design.metrics))
+        return list(names)
+
+    def _axis(self, variable: VariableRecord, label: str) -> Axis:
+        history = self.result.history
+        unit = shown_unit(variable.unit)
+        raw = variable.choices
+        texts = tuple(choice_text(choice, unit) for choice in raw)
+        if variable.name in history.values:
+            values = np.asarray(history.values[variable.name], float) * (1.0 if raw else unit.factor)
+        else:
+            values = np.full(len(history), np.nan)
+        ends = (
+            (0.0, float(len(raw) - 1)) if raw else (variable.low * unit.factor, variable.high * unit.factor)
+        )
+        axis = Axis(variable.name, label, unit, variable.type, *ends, texts, values, raw, variable.each)
+        if variable.name not in history.values and variable.each and len(history):
+            placed = np.array([axis.place(b.get(variable.name)) for b in self.result.branches])
+            values[:] = placed[np.asarray(history.branch, int)]
+        return axis
+
+
+def log_suits(values: Array) -> bool:
+    """Whether positive values spread over so much that a log axis shows more."""
+    finite = values[np.isfinite(values)]
+    if not len(finite) or finite.min() <= 0:
+        return False
+    return bool(np.percentile(finite, 90) > 8 * finite.min())
