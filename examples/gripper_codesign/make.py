@@ -1,7 +1,9 @@
-"""Solve the designs behind the gripper's meta-model: python examples/gripper_codesign/make.py [--store DIR] [--workers N]
+"""Solve the designs behind the gripper's meta-model:
 
-Writes gripper_grid.csv, the table that gripper.yaml reads. Designs in the store are not solved again. With --designs only
-fem/gripper_grid_designs.csv is written anew: which designs there are.
+    python examples/gripper_codesign/make.py [--store DIR] [--workers N]
+
+writes gripper_grid.csv, the table that gripper.yaml reads. Designs in the store are not solved again. With --designs
+only fem/gripper_grid_designs.csv is written anew: which designs there are.
 """
 
 from __future__ import annotations

@@ -1,0 +1,119 @@
+"""The studies of examples/shape_matching and examples/gripper_codesign: what they search is what the docs say."""
+
+from __future__ import annotations
+
+import importlib.util
+import itertools
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import pytest
+
+from pliant import api
+from pliant.pipeline.chain_length import chain_length_m
+from pliant.search.problem import SearchProblem
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+GRASPS = 14_400
+TASKS = ("egg-5", "egg-6", "egg-7", "cylinder-2", "cylinder-3", "cylinder-4")
+
+
+def problem_of(name: str) -> tuple[api.OpenStudy, SearchProblem]:
+    opened = api.open_study(EXAMPLES / name)
+    return opened, SearchProblem.of(opened.study, opened.bench.registry)
+
+
+def structures() -> set[tuple[int, ...]]:
+    """25 to 29 modules in four segments, none with more than two above another."""
+    splits = itertools.product(range(1, 20), repeat=4)
+    return {s for s in splits if 25 <= sum(s) <= 29 and max(s) - min(s) <= 2}
+
+
+@pytest.mark.parametrize("name", ["helix", "fixed_roll", "per_segment_pressure"])
+def test_the_structures_are_the_81_of_the_study(name: str) -> None:
+    _, problem = problem_of(f"shape_matching/{name}.yaml")
+    found = [tuple(branch[f"n{k}"] for k in (1, 2, 3, 4)) for branch in problem.branches()]
+    assert len(found) == len(structures()) == 81
+    assert set(found) == structures()
+
+
+def test_integers_are_searched_in_one_search_of_as_many_candidates() -> None:
+    _, separate = problem_of("shape_matching/helix.yaml")
+    _, joint = problem_of("shape_matching/integers.yaml")
+    assert joint.branches() == ({},)
+    assert joint.config.budget == 81 * separate.config.budget
+    assert len(joint.space().variables) == len(separate.space().variables) + 4
+    values = dict.fromkeys([v.name for v in joint.variables], 0.0)
+    inside, outside = ((7, 7, 7, 6), (8, 8, 5, 5))
+    assert not joint.violated({**values, **dict(zip(("n1", "n2", "n3", "n4"), inside, strict=True))})
+    assert joint.violated({**values, **dict(zip(("n1", "n2", "n3", "n4"), outside, strict=True))})
+
+
+def test_the_small_study_has_three_structures_and_thirty_candidates() -> None:
+    _, problem = problem_of("shape_matching/small.yaml")
+    assert len(problem.branches()) == 3
+    assert len(problem.branches()) * problem.config.budget == 30
+
+
+def test_a_candidate_sets_every_segment() -> None:
+    opened, problem = problem_of("shape_matching/per_segment_pressure.yaml")
+    values: dict[str, Any] = {v.name: v.variable.high for v in problem.variables}
+    values |= {"n1": 8, "n2": 8, "n3": 7, "n4": 6, "share2": 0.5}
+    study = problem.apply(values, 0)
+    segments = study.chain.as_segments()
+    assert [s.modules for s in segments] == [8, 8, 7, 6]
+    assert [s.actuation_share for s in segments] == [1.0, 0.5, 1.0, 1.0]
+    assert [round(s.rotation_rad, 4) for s in segments] == [0.0, 1.5708, 3.1416, 4.7124]
+    assert chain_length_m(opened.bench, study) == pytest.approx(29 * 6e-3)
+    opened.bench.build("task", study.task).check_reach(29 * 6e-3)
+
+
+@pytest.mark.parametrize("name", ["gripper", "cmaes", "optuna"])
+def test_optimizers_get_as_many_grasps(name: str) -> None:
+    opened, problem = problem_of(f"gripper_codesign/{name}.yaml")
+    assert [condition.name for condition in problem.conditions] == list(TASKS)
+    contextual = opened.study.optimizer.kind == "ppo"
+    assert problem.config.budget * (1 if contextual else len(TASKS)) == GRASPS
+    assert problem.maximised == (True,)
+
+
+def test_a_design_and_its_use_reach_the_study() -> None:
+    _, problem = problem_of("gripper_codesign/gripper.yaml")
+    values = {v.name: v.variable.low for v in problem.variables}
+    egg, cylinder = problem.apply(values, 2), problem.apply(values, 5)
+    assert (egg.task.object.shape, egg.task.extra_weights, egg.task.base_inset_m) == ("egg", 7, 0.0)
+    assert (cylinder.task.object.shape, cylinder.task.extra_weights) == ("cylinder", 4)
+    assert cylinder.task.base_inset_m == pytest.approx(-4e-3)
+    assert (egg.task.fingers, egg.chain.segments[1].modules) == (2, 5)
+    assert egg.chain.segments[2].rigid.along_m(egg.family.module_length_m) == pytest.approx(8e-3 + 3e-3)
+    assert len({condition.changes["task", "seed"] for condition in problem.conditions}) == len(TASKS)
+
+
+def test_bellows_without_room_for_their_arcs_are_turned_away() -> None:
+    _, problem = problem_of("gripper_codesign/gripper.yaml")
+    values = {v.name: v.variable.low for v in problem.variables}
+    assert not problem.violated(values)
+    assert problem.violated({**values, "r": 4e-3, "R": 6e-3, "l": 12e-3})
+
+
+def make() -> ModuleType:
+    spec = importlib.util.spec_from_file_location("make_gripper", EXAMPLES / "gripper_codesign/make.py")
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_the_grippers_designs_are_those_of_the_script_and_can_be_built() -> None:
+    script = make()
+    assert script.DESIGNS.read_text(encoding="utf-8") == script.designs_text()
+    rows = script.designs()
+    assert len(rows) == len(set(rows)) == 90
+    for k in range(4):
+        values = [row[k] for row in rows]
+        assert (min(values), max(values)) == (script.LOW[k], script.HIGH[k])
+    opened = api.open_study(EXAMPLES / "gripper_codesign/fem/gripper_grid.yaml")
+    for row in rows:
+        sizes = {f"{name}_m": 1e-3 * value for name, value in zip(script.NAMES, row, strict=True)}
+        opened.bench.build("family", opened.study.family.model_copy(update=sizes))
