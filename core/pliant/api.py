@@ -50,8 +50,10 @@ from pliant.pipeline.sweep_records import SweepRun
 from pliant.pipeline.workbench import Workbench
 from pliant.records.law import JointLaw
 from pliant.records.measurement import Measurement
+from pliant.records.search import SearchResult
 from pliant.registry.discovery import discover
 from pliant.registry.files import with_files
+from pliant.search.stage import search_study
 from pliant.store.store import ArtifactStore
 
 DEFAULT_STORE = Path(".pliant/store")
@@ -153,6 +155,22 @@ def meta_model(opened: OpenStudy) -> UnseenDesigns:
 def simulate(opened: OpenStudy) -> StudyRun:
     """All stages up to the study's task: `pliant simulate`."""
     return simulate_study(opened.bench, opened.study)
+
+
+def optimize(opened: OpenStudy, executor: Executor | None = None, workers: int | None = None) -> SearchResult:
+    """The study's search and the check of its winner: `pliant optimize`.
+
+    Args:
+        opened: the study; it has `search`.
+        executor: any `concurrent.futures.Executor`, a dask client's `get_executor()` among them.
+        workers: processes of our own instead, one for each CPU by default; 1 evaluates in this process.
+
+    Raises:
+        UserError: the study cannot be searched.
+        NotReachedError: the executor broke. A search without a feasible candidate has an empty `best`.
+    """
+    result: SearchResult = search_study(opened.bench, opened.study, executor=executor, workers=workers).value
+    return result
 
 
 def read_measurement(opened: OpenStudy, data: Data = None) -> Measurement:

@@ -201,10 +201,6 @@ def test_a_law_without_data(pliant, write, stated):
     assert_refused(pliant("fit", write(text)), "needs data")
 
 
-def test_a_verb_that_is_not_built_yet_says_so(pliant, write, stated):
-    assert_refused(pliant("optimize", write(stated), "--effect", "x"), "is not built yet")
-
-
 def test_report_of_a_folder_that_holds_no_run(pliant, workplace):
     assert_refused(pliant("report", "nowhere"), "holds no finished run")
 

@@ -52,7 +52,7 @@ class Session:
             self.out.print(text, markup=markup)
 
     def study(self, path: Path, overrides: Sequence[str] | None, uses: Sequence[str] = ()) -> Study:
-        """Read the study, know the plugins that it lists, and say which of its keys no stage of this version reads.
+        """Read the study, know the plugins that it lists, and say which of its keys this verb does not read.
 
         `uses` names keys that this verb alone reads.
         """
@@ -60,7 +60,12 @@ class Session:
         self.registry = with_files(self.registry, study.plugins)
         unused = [key for key in study.unused() if key not in uses]
         if unused:
-            self.progress.note(f"{', '.join(unused)}: read, but not used by '{self.command}' yet.")
+            self.progress.note(f"{', '.join(unused)}: read, but not used by '{self.command}'.")
+        searched = [key for key in study.searched() if key not in uses]
+        if searched:
+            self.progress.note(
+                f"{', '.join(searched)}: for 'pliant optimize'; '{self.command}' takes the study as it is."
+            )
         return study
 
     @property

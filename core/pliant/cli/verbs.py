@@ -15,7 +15,7 @@ from pliant.cli import (
     extend,
     fit,
     improve,
-    later,
+    optimize,
     plan,
     plugins,
     render,
@@ -45,7 +45,7 @@ app.command("improve")(improve.improve)
 app.command("export")(export.export)
 app.command("render")(render.render)
 app.command("view")(view.view)
-later.add_to(app)
+app.command("optimize")(optimize.optimize)
 
 
 def _version(show: bool) -> None:

@@ -42,8 +42,9 @@ BLOCKS = {
 }
 BLOCK_LISTS = {"effects": "effect", "cross_check": "physics"}
 NAME_PATTERN = r"^[A-Za-z0-9][A-Za-z0-9._-]*$"
-# Keys of the study format whose stages are not built yet: read, kept, and reported as unused.
-NOT_USED_YET = ("sweep", "search", "optimizer")
+# Keys that one verb alone reads: `pliant fem` solves a sweep, `pliant optimize` searches.
+OF_FEM = ("sweep",)
+OF_OPTIMIZE = ("search", "optimizer")
 
 
 class Study(FrozenModel):
@@ -71,9 +72,7 @@ class Study(FrozenModel):
     effects: tuple[EffectConfig, ...] = Field(
         default=(), description="physical effects, applied in this order"
     )
-    optimizer: OptimizerConfig | None = Field(
-        default=None, description="proposes designs; cmaes by default"
-    )
+    optimizer: OptimizerConfig | None = Field(default=None, description="proposes designs; cmaes by default")
     measurements: MeasurementsConfig | None = Field(
         default=None, description="what the bench recorded (docs/measurement_files.md)"
     )
@@ -103,8 +102,8 @@ class Study(FrozenModel):
         return block
 
     def unused(self) -> list[str]:
-        """Keys that are set but that no stage of this version reads."""
-        keys = [key for key in NOT_USED_YET if getattr(self, key) is not None]
+        """Keys that are set but that no stage of a run reads; those of a search are no part of one: `searched`."""
+        keys = [key for key in OF_FEM if getattr(self, key) is not None]
         if self.meta_model is not None and self.meta_model.data is None:
             keys = [key for key in keys if key != "sweep"]  # its designs are what the meta-model is fitted to
         if self.meta_model is not None and self.surrogate is not None:
@@ -112,6 +111,10 @@ class Study(FrozenModel):
         if self.noise is not None and self.task is not None and not self._task_has_noise():
             keys.append("noise")
         return keys
+
+    def searched(self) -> list[str]:
+        """Keys that are set and that `pliant optimize` alone reads."""
+        return [key for key in OF_OPTIMIZE if getattr(self, key) is not None]
 
     def noisy_task(self) -> TaskConfig:
         """The task's config with the study's noise, where the task knows noise.

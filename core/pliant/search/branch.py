@@ -22,8 +22,8 @@ BUDGET, UNTIL, EXHAUSTED = "budget", "until", "exhausted"
 class Judges(Protocol):
     """What a branch asks of the problem."""
 
-    def violated(self, values: Mapping[str, Value]) -> dict[str, float]:
-        """Constraint → amount, of those that name variables only."""
+    def violated(self, values: Mapping[str, Value], condition: int = -1) -> dict[str, float]:
+        """Constraint → amount, of those that name variables only; −1: for all conditions."""
         ...
 
     def reached(self, values: Mapping[str, Value], metrics: Mapping[str, float]) -> bool:
@@ -126,7 +126,7 @@ class Branch:
             refused, tasks = [], []
             for candidate in proposed:
                 values, context = self._full(candidate)
-                broken = self._problem.violated(values)
+                broken = self._problem.violated(values, context)
                 if broken:
                     refused.append(Told.refused(candidate, context, values, broken))
                 else:
@@ -155,7 +155,7 @@ class Branch:
         tasks = []
         for candidate in self.optimizer.recommend():
             values, context = self._full(candidate)
-            if not self._problem.violated(values):
+            if not self._problem.violated(values, context):
                 tasks.append(Task(-1, values, context))
         return tasks
 

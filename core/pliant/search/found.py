@@ -103,7 +103,7 @@ def settings_of(problem: Any, values: Mapping[str, Value], context: int) -> dict
                 by_key.setdefault(".".join(map(str, key)), {})[number] = value
     settings: dict[str, Any] = {}
     for name, found in by_key.items():
-        if len(found) == len(numbers) and len(set(found.values())) == 1:
+        if len(found) == len(numbers) and len({repr(value) for value in found.values()}) == 1:
             settings[name] = next(iter(found.values()))
         else:
             settings |= {f"{name} [{conditions[n].name}]": value for n, value in found.items()}

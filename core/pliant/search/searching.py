@@ -11,7 +11,7 @@ from typing import Any
 
 from pliant.config.study import Study
 from pliant.errors import NotReachedError
-from pliant.interfaces.optimizer import Value, Variable
+from pliant.interfaces.optimizer import Variable
 from pliant.pipeline.crews import Crew, Given, Processes, checked_workers, cpus
 from pliant.pipeline.workbench import Workbench
 from pliant.records.search import FoundDesign, Robustness, SearchResult, Slope
@@ -225,7 +225,7 @@ def _about_the_best(search: Search, result: SearchResult) -> SearchResult:
 
     best = result.best[0]
     found: tuple[Slope, ...] = tuple(slopes(search.evaluator, search.problem, best))
-    told = tuple(limits(search.problem, best, found, result.history))
+    told = tuple(limits(search.problem, best, found, result.history, {**result.refused, **result.failed}))
     return replace(result, slopes=found, limits=told, robustness=_robustness(search, best))
 
 

@@ -10,26 +10,21 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from pliant.config.study import BLOCK_LISTS, BLOCKS, Study
-from pliant.errors import MissingDependencyError, PliantError, UserError
+from pliant.config.study import Study
+from pliant.errors import PliantError, UserError
 from pliant.pipeline.meta_model.stage import meta_model_stage
 from pliant.pipeline.progress import Once
-from pliant.pipeline.study import DEFAULT_PHYSICS, DEFAULT_SURROGATE
-from pliant.pipeline.workbench import Workbench, content
-from pliant.records.search import FoundDesign, SearchResult, Verification
+from pliant.pipeline.workbench import Workbench
+from pliant.records.search import SearchResult
 from pliant.registry.component import Component
+from pliant.search.checking import checked
 from pliant.search.searching import MODULES, Hands, Search, evaluator_of_study, problem_of
+from pliant.search.stage_keys import ENDS, components_of, content_of
 from pliant.store.fingerprint import code_fingerprint
 from pliant.store.store import Artifact
 
 DEFAULT_OPTIMIZER = "cmaes"
-STAGE, CHECK, JOURNALS, FILES = "search", "verify", "search_journals", "search_files"
-# What does not change what a search finds.
-APART = ("pliant", "name", "cross_check", "measurements", "uncertainty", "protocols", "plugins")
-# What a search may be continued beyond.
-ENDS = ("budget", "generations", "until", "verify")
+STAGE, JOURNALS, FILES = "search", "search_journals", "search_files"
 
 
 def search_study(
@@ -57,12 +52,15 @@ def search_study(
     bench = replace(bench, progress=Once(bench.progress))
     study = with_optimizer(bench, study)
     problem = _checked(bench, study)
-    require_feasible(problem, study.need("search", "a search").seed)
+    space = require_feasible(problem, study.need("search", "a search").seed)
+    for note in (*problem.start_notes(), space.note()):
+        if note:
+            bench.progress.note(note)
     made = _searched(bench, study, Hands(executor, workers))
     result: SearchResult = made.value
     if study.need("search", "a search").verify is None or not result.best:
         return made
-    verification = _verified(bench, study, problem, result, made.key)
+    verification = checked(bench, study, problem, result, made.key)
     return replace(made, value=replace(result, verification=verification))
 
 
@@ -78,18 +76,6 @@ def with_optimizer(bench: Workbench, study: Study) -> Study:
 def files_folder(bench: Workbench, artifact: Artifact) -> Path:
     """Where the files lie that the optimizer exported (`SearchResult.files`)."""
     return bench.store.root / FILES / artifact.key
-
-
-def converged(result: SearchResult) -> bool:
-    """Whether the check of the winner, where there was one, came to numbers in every engine."""
-    check = result.verification
-    if check is None:
-        return True
-    numbers = [v for metrics in check.verified.values() for v in metrics.values()]
-    return bool(numbers) and all(
-        metrics and any(np.isfinite(value) for value in metrics.values())
-        for metrics in check.verified.values()
-    )
 
 
 def _checked(bench: Workbench, study: Study) -> Any:
@@ -143,7 +129,7 @@ def _searched(bench: Workbench, study: Study, hands: Hands) -> Artifact:
         inputs["nominal"] = nominal.key
     problem = problem_of(bench, study)
     components = components_of(bench, study)
-    kept = bench.store.root / JOURNALS / _digest(_content(study, ENDS), inputs, components)
+    kept = bench.store.root / JOURNALS / _digest(content_of(study, ENDS), inputs, components)
 
     def compute(partial: Path) -> SearchResult:
         optimizer = bench.build("optimizer", study.optimizer)  # type: ignore[arg-type]
@@ -164,16 +150,9 @@ def _searched(bench: Workbench, study: Study, hands: Hands) -> Artifact:
         compute,
         components=components,
         modules=[*MODULES, "pliant.search.sensitivity", "pliant.search.limits"],
-        config=_content(study, ("verify",)),
+        config=content_of(study, ("verify",)),
         inputs=inputs,
     )
-
-
-def _content(study: Study, without: Sequence[str]) -> dict[str, Any]:
-    """What a search depends on, without some keys of `search`."""
-    plain = {key: value for key, value in content(study).items() if key not in APART}
-    plain["search"] = {key: value for key, value in plain["search"].items() if key not in without}
-    return plain
 
 
 def _digest(config: Mapping[str, Any], inputs: Mapping[str, str], components: Sequence[Component]) -> str:
@@ -187,97 +166,3 @@ def _digest(config: Mapping[str, Any], inputs: Mapping[str, str], components: Se
 
 def _places(components: Sequence[Component]) -> list[str]:
     return [place.partition(":")[0] for c in components for place in (c.config, c.implementation)]
-
-
-def components_of(bench: Workbench, study: Study, also: Sequence[str] = ()) -> list[Component]:
-    """The plugins whose code the search depends on; `also` are engines beside the study's own."""
-    wanted = {
-        (interface, block.kind)
-        for key, interface in BLOCKS.items()
-        if (block := getattr(study, key)) is not None
-    }
-    wanted |= {("effect", effect.kind) for effect in study.effects}
-    segments = study.chain.segments if study.chain is not None else ()
-    wanted |= {("surrogate", s.surrogate.kind) for s in segments if s.surrogate is not None}
-    wanted |= {("physics", kind) for kind in also}
-    if study.physics is None:
-        wanted.add(("physics", DEFAULT_PHYSICS))
-    if study.surrogate is None and study.family is not None:
-        wanted.add(("surrogate", DEFAULT_SURROGATE))
-    return [bench.registry.get(interface, kind) for interface, kind in sorted(wanted)]
-
-
-def _verified(
-    bench: Workbench, study: Study, problem: Any, result: SearchResult, key: str
-) -> Verification | None:
-    """The check of the best design, or of the best design of each condition; a failed check is one with a note."""
-    contextual = len(result.best) > 1 and all(design.context >= 0 for design in result.best)
-    checks = []
-    for design in result.best if contextual else result.best[:1]:
-        try:
-            checks.append(_check(bench, study, problem, design, key))
-        except MissingDependencyError:
-            raise
-        except PliantError as error:
-            bench.progress.note(f"the check of the best design failed: {error}")
-            checks.append(Verification({}, {}, {}, (), 0.0, 0.0, (str(error),)))
-    return merged(checks)
-
-
-def _check(bench: Workbench, study: Study, problem: Any, design: FoundDesign, key: str) -> Verification:
-    """The check of one design as a stage of its own, so that it can be repeated without the search."""
-
-    def compute(partial: Path) -> Verification:
-        from pliant.search.verification import verify
-
-        return verify(bench, problem, design)
-
-    config = study.need("search", "a search")
-    made = bench.make(
-        CHECK,
-        compute,
-        components=components_of(bench, study, [engine.kind for engine in study.cross_check]),
-        modules=["pliant.search.verification"],
-        config={
-            "study": _content(study, ()),
-            "cross_check": [content(engine) for engine in study.cross_check],
-            "verify": content(config.verify),
-            "values": dict(design.values),
-            "context": design.context,
-        },
-        inputs={"search": key},
-    )
-    value: Verification = made.value
-    return value
-
-
-def merged(checks: Sequence[Verification]) -> Verification | None:
-    """The checks of the best designs of several conditions as one: metrics are means over conditions."""
-    if len(checks) < 2:
-        return checks[0] if checks else None
-    by_engine: dict[str, dict[str, Mapping[str, float]]] = {}
-    for check in checks:
-        for engine, conditions in check.conditions.items():
-            by_engine.setdefault(engine, {}).update(conditions)
-    return Verification(
-        _mean([check.predicted for check in checks]),
-        _mean([check.verified for check in checks]),
-        by_engine,
-        tuple(law for check in checks for law in check.laws),
-        sum(check.fem_wall_s for check in checks),
-        sum(check.wall_s for check in checks),
-        tuple(dict.fromkeys(note for check in checks for note in check.notes)),
-    )
-
-
-def _mean(checks: Sequence[Mapping[str, Mapping[str, float]]]) -> dict[str, dict[str, float]]:
-    """Engine → metric → mean over those that have it."""
-    engines = dict.fromkeys(engine for check in checks for engine in check)
-    found: dict[str, dict[str, float]] = {}
-    for engine in engines:
-        metrics = [check[engine] for check in checks if engine in check]
-        names = dict.fromkeys(name for one in metrics for name in one)
-        found[engine] = {
-            name: float(np.mean([one[name] for one in metrics if name in one])) for name in names
-        }
-    return found

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, wait
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from pliant.errors import NotReachedError, PliantError, UserError
@@ -24,7 +24,8 @@ GREETINGS = 2
 
 @dataclass(frozen=True)
 class Chunk:
-    """Candidates of one branch that travel together; `tries` counts how often they came back without outcome."""
+    """Candidates of one branch that travel together; `tries` counts how often they came back without an
+    outcome, 1 standing for a journey with others."""
 
     branch: int
     tasks: tuple[Task, ...]
@@ -32,7 +33,8 @@ class Chunk:
 
     def singles(self) -> list[Chunk]:
         """Each candidate by itself, once more."""
-        return [Chunk(self.branch, (task,), self.tries + 1) for task in self.tasks]
+        tries = self.tries + (2 if len(self.tasks) == 1 else 1)  # of several, it may not have been this one
+        return [Chunk(self.branch, (task,), tries) for task in self.tasks]
 
 
 class Team:
@@ -152,6 +154,9 @@ class Team:
         was_alone, self._alone = self._alone, False
         if was_alone:
             (chunk,) = chunks
+            if chunk.tries < MOST_TRIES:
+                self._suspects.appendleft(replace(chunk, tries=chunk.tries + 1))
+                return []
             return [(chunk.branch, tuple(task.failed(KILLED) for task in chunk.tasks))]
         self._suspects.extend(single for chunk in chunks for single in chunk.singles())
         return []

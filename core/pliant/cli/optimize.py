@@ -1,0 +1,155 @@
+"""`pliant optimize`: the study's search, then the check of its winner by direct FEM."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import nullcontext
+from json import dumps
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from pliant.cli.best_study import write_best
+from pliant.cli.options import DEFAULT_STORE, JsonFile, Overrides, Quiet, StoreFolder, StudyFile
+from pliant.cli.search_files import BEST, HISTORY, JSON, copy_exported, search_json, write_history
+from pliant.cli.search_words import best_said, lines
+from pliant.cli.session import Session, check_writable, plain, session
+from pliant.cli.studies import OutFolder
+from pliant.config.study import OF_OPTIMIZE, Study
+from pliant.errors import NotReachedError, PliantError, UserError
+from pliant.pipeline.crews import checked_workers, cluster
+from pliant.pipeline.study import DEFAULT_PHYSICS, simulate_study
+from pliant.pipeline.workbench import Workbench
+from pliant.records.search import FoundDesign, SearchResult
+from pliant.registry.discovery import Registry
+from pliant.report.search_folder import DrawnDesign
+from pliant.search.checking import converged
+from pliant.search.searching import nothing_found, problem_of
+from pliant.search.stage import files_folder, search_study
+from pliant.store.store import write_atomically
+
+MOST_DRAWN = 6
+Workers = Annotated[
+    int | None,
+    typer.Option("--workers", metavar="N", help="Processes that evaluate; by default one for each CPU."),
+]
+Scheduler = Annotated[
+    str | None,
+    typer.Option(
+        "--scheduler",
+        metavar="ADDRESS",
+        help="Evaluate on a dask cluster: tcp://host:8786, or the scheduler's file.",
+    ),
+]
+
+
+def optimize(
+    study: StudyFile,
+    overrides: Overrides = None,
+    out: OutFolder = None,
+    workers: Workers = None,
+    scheduler: Scheduler = None,
+    store: StoreFolder = DEFAULT_STORE,
+    json: JsonFile = None,
+    quiet: Quiet = False,
+) -> None:
+    """The study's search, then the check of the winner by direct FEM; goes on where it was interrupted."""
+    with session("optimize", json, quiet) as here:
+        installed = here.registry
+        loaded = here.study(study, overrides, uses=OF_OPTIMIZE)
+        loaded.need("search", "'pliant optimize'")
+        if workers is not None and scheduler is not None:
+            raise UserError("give --workers or --scheduler, not both; a cluster's workers are its own.")
+        if workers is not None:
+            checked_workers(workers)
+        folder = out or Path("runs") / loaded.name
+        check_writable(folder)
+        bench = here.bench(store)
+        with nullcontext() if scheduler is None else cluster(scheduler) as executor:
+            made = search_study(bench, loaded, executor=executor, workers=workers)
+        result: SearchResult = made.value
+        engine = loaded.physics.kind if loaded.physics is not None else DEFAULT_PHYSICS
+        here.result.update({"study": loaded.name, "out": str(folder), **search_json(result, engine)})
+        here.result["stages"] = [{"stage": "search", "key": made.key, "cached": made.cached}]
+        write_history(result, folder / HISTORY)
+        exported = copy_exported(result.files, files_folder(bench, made), folder)
+        here.result["files"] = [str(file) for file in exported]
+        if result.best:
+            problem = problem_of(bench, loaded)
+            best = _write_designs(study, folder, loaded, problem, result, overrides or (), installed)
+            here.result["best_study"] = str(best)
+        _write_json(folder, here)
+        if not result.best:
+            raise nothing_found(result)
+        for line in lines(result, engine):
+            here.say(line)
+        here.say(f"study    {folder / BEST}, every candidate in {folder / HISTORY}")
+        _write_page(here, bench, folder, loaded, result)
+        if not converged(loaded, result):
+            here.exit_code = NotReachedError.exit_code
+
+
+def _write_json(folder: Path, here: Session) -> None:
+    write_atomically(folder / JSON, dumps(plain(here.result), indent=1, allow_nan=False))
+
+
+def _write_designs(
+    source: Path,
+    folder: Path,
+    study: Study,
+    problem: Any,
+    result: SearchResult,
+    overrides: Sequence[str],
+    registry: Registry,
+) -> Path:
+    """best.yaml, and where there are conditions one study for each of them."""
+    named = len(problem.conditions) > 1
+    for old in folder.glob("best-*.yaml"):
+        old.unlink()
+    for design, condition in reversed(_each(problem, result)):
+        name = problem.conditions[condition].name
+        winner = problem.apply(design.values, condition)
+        keys = list(problem.changes(design.values, condition))
+        said = (
+            f"Found by 'pliant optimize' ({result.optimizer}, seed {result.seed}, {result.evaluations} evaluations) in "
+            f"study '{study.name}': {best_said(result, design)}{f'; condition {name}' if named else ''}."
+        )
+        targets = [folder / f"best-{name}.yaml"] if named else []
+        targets += [folder / BEST] if condition == 0 or design.context >= 0 else []
+        for target in targets:
+            write_best(source, target, winner, keys, said, overrides, registry)
+    return folder / BEST
+
+
+def _each(problem: Any, result: SearchResult) -> list[tuple[FoundDesign, int]]:
+    """The designs with the conditions that they are written in; of a front its first."""
+    if result.best[0].context >= 0:
+        return [(design, design.context) for design in result.best]
+    return [(result.best[0], condition) for condition in range(len(problem.conditions))]
+
+
+def _write_page(here: Session, bench: Workbench, folder: Path, study: Study, result: SearchResult) -> None:
+    from pliant.report.search_page import write_search_page  # matplotlib takes a second to import
+
+    page = write_search_page(folder, study, result, _drawn(bench, study, result))
+    here.result["report"] = str(page)
+    here.say(f"report   {page}")
+
+
+def _drawn(bench: Workbench, study: Study, result: SearchResult) -> list[DrawnDesign]:
+    """The best designs under their task; one that cannot be run again is left out."""
+    problem, drawn = problem_of(bench, study), []
+    for design, condition in _each(problem, result)[:MOST_DRAWN]:
+        winner = problem.apply(design.values, condition)
+        plain = winner.model_copy(update={"cross_check": (), "uncertainty": None})
+        try:
+            run = simulate_study(bench, plain)
+        except PliantError as error:
+            bench.progress.note(f"a picture of the best design is missing: {error}")
+            continue
+        answer = run.engines[0].result
+        if answer is not None:
+            label = problem.conditions[condition].name or "best"
+            drawn.append(DrawnDesign(label, run.chain, answer))
+    return drawn

@@ -1,0 +1,145 @@
+"""What a search found, in lines for people."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from pliant.records.search import FoundDesign, SearchResult, Slope, VariableRecord
+from pliant.search.spoken import quantity, unit_of
+from pliant.units import strip_unit_suffix
+
+STEEPEST = 3
+MOST_DESIGNS = 6
+MOST_CAUSES = 4
+MOST_METRICS = 6
+
+
+def lines(result: SearchResult, engine: str) -> list[str]:
+    """Everything worth a line; `engine` is the study's own."""
+    found = []
+    for design in result.best[:MOST_DESIGNS]:
+        found += _design(result, design)
+    if len(result.best) > MOST_DESIGNS:
+        found.append(f"         and {len(result.best) - MOST_DESIGNS} more")
+    found.append(f"search   {_effort(result)}")
+    found += [f"refused  {count} × {cause}" for cause, count in list(result.refused.items())[:MOST_CAUSES]]
+    found += [f"failed   {count} × {cause}" for cause, count in list(result.failed.items())[:MOST_CAUSES]]
+    found += [f"slope    {_slope(result, slope)}" for slope in steepest(result.slopes)]
+    found += [f"limit    {sentence}" for sentence in result.limits]
+    return found + _robust(result) + _checked(result, engine)
+
+
+def best_said(result: SearchResult, design: FoundDesign) -> str:
+    """Objectives in words: rmse 1.2 mm."""
+    return ", ".join(
+        f"{name} {quantity(value, unit_of(name, design.metrics), 4)}"
+        for name, value in design.objectives.items()
+    )
+
+
+def steepest(slopes: tuple[Slope, ...]) -> list[Slope]:
+    """The variables that matter most."""
+    known = [slope for slope in slopes if math.isfinite(slope.change)]
+    return sorted(known, key=lambda slope: -abs(slope.change))[:STEEPEST]
+
+
+def _design(result: SearchResult, design: FoundDesign) -> list[str]:
+    known = {variable.name: variable for variable in result.variables}
+    where = f" for {result.conditions[design.context]}" if design.context >= 0 and result.conditions else ""
+    recommended = ", as the optimizer recommends" if design.number < 0 else ""
+    found = [f"best     {best_said(result, design)}{where}{recommended}"]
+    found += [
+        f"         {name:<32} {_value(known.get(name), value)}" for name, value in design.values.items()
+    ]
+    stated = {name.rpartition(".")[2] for name in design.objectives}
+    numbers = [
+        f"{name} {quantity(value, unit_of(name, design.metrics), 3)}"
+        for name, value in design.metrics.items()
+        if math.isfinite(value) and name not in stated
+    ]
+    return [*found, f"         {', '.join(numbers[:MOST_METRICS])}"] if numbers else found
+
+
+def _value(variable: VariableRecord | None, value: Any) -> str:
+    unit = variable.unit if variable is not None else ""
+    if isinstance(value, int) and not unit:
+        return str(value)
+    return quantity(value, unit, 4)
+
+
+def _effort(result: SearchResult) -> str:
+    rate = result.evaluations / result.wall_s if result.wall_s > 0 else 0.0
+    speed = f"{rate:.1f}/s" if rate >= 1 else f"{1 / rate:.1f} s each" if rate else ""
+    of_many = f" in {len(result.branches)} searches" if len(result.branches) > 1 else ""
+    ends = {
+        "budget": "the budget is used up",
+        "until": "'until' is reached",
+        "exhausted": "ended early: nothing more to try",
+    }
+    return (
+        f"{result.optimizer}, {result.evaluations} evaluations{of_many} with {result.simulations} simulations in "
+        f"{_time(result.wall_s)} ({speed}); {ends.get(result.stopped, result.stopped)}"
+    )
+
+
+def _time(wall_s: float) -> str:
+    return f"{wall_s:.1f} s" if wall_s < 120 else f"{wall_s / 60:.1f} min"
+
+
+def _slope(result: SearchResult, slope: Slope) -> str:
+    unit = unit_of(result.objectives[0], result.best[0].metrics if result.best else {})
+    bound = f", at its {slope.at_bound} bound" if slope.at_bound else ""
+    return f"{slope.name}: {quantity(slope.change, unit, 2)} for 1 % of its range{bound}"
+
+
+def _robust(result: SearchResult) -> list[str]:
+    found = result.robustness
+    if found is None:
+        return []
+    unit = unit_of(result.objectives[0], result.best[0].metrics if result.best else {})
+    measure = f"{found.measure} {found.level:g}" if found.measure == "cvar" else found.measure
+    return [
+        f"robust   {measure} over {found.samples} scenarios {quantity(found.robust_of_robust, unit)} (nominal design "
+        f"{quantity(found.robust_of_nominal, unit)}); undisturbed {quantity(found.nominal_of_robust, unit)} (nominal "
+        f"design {quantity(found.nominal_of_nominal, unit)})"
+    ]
+
+
+def _checked(result: SearchResult, engine: str) -> list[str]:
+    check = result.verification
+    if check is None:
+        return []
+    found = []
+    for name in dict.fromkeys((engine, *check.verified, *check.predicted)):
+        verified, predicted = check.verified.get(name, {}), check.predicted.get(name, {})
+        if not (verified or predicted):
+            continue
+        found.append(f"checked  {name}: {_beside(result, verified, predicted)}")
+    found += [
+        f"law      {law.get('name') or 'of the design'}: misses FEM by {100 * law['rmse_of_range']:.2g} % of the range "
+        f"(rms), {100 * law['worst_of_range']:.2g} % at worst, {law['n_states']} states"
+        for law in check.laws
+        if "rmse_of_range" in law
+    ]
+    return found + [f"note: {note}" for note in check.notes]
+
+
+def _beside(result: SearchResult, verified: Mapping[str, float], predicted: Mapping[str, float]) -> str:
+    """Metrics of the objectives first: verified against predicted."""
+    names = list(dict.fromkeys((*verified, *predicted)))
+    wanted = [
+        name for name in names if any(_stem(name, unit_of(name, names)) in text for text in result.objectives)
+    ]
+    parts = []
+    for name in (wanted or names)[:MOST_METRICS]:
+        unit = unit_of(name, names)
+        told = [quantity(verified[name], unit) + " verified"] if name in verified else []
+        told += [quantity(predicted[name], unit) + " predicted"] if name in predicted else []
+        parts.append(f"{_stem(name, unit)} {', '.join(told)}")
+    return "; ".join(parts)
+
+
+def _stem(name: str, unit: str) -> str:
+    return strip_unit_suffix(name) if unit else name

@@ -1,0 +1,41 @@
+"""What a search depends on, for the keys of its artifacts."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from pliant.config.study import BLOCKS, Study
+from pliant.pipeline.study import DEFAULT_PHYSICS, DEFAULT_SURROGATE
+from pliant.pipeline.workbench import Workbench, content
+from pliant.registry.component import Component
+
+# What does not change what a search finds.
+APART = ("pliant", "name", "cross_check", "measurements", "uncertainty", "protocols", "plugins")
+# What a search may be continued beyond.
+ENDS = ("budget", "generations", "until", "verify")
+
+
+def content_of(study: Study, without: Sequence[str]) -> dict[str, Any]:
+    """What a search depends on, without some keys of `search`."""
+    plain = {key: value for key, value in content(study).items() if key not in APART}
+    plain["search"] = {key: value for key, value in plain["search"].items() if key not in without}
+    return plain
+
+
+def components_of(bench: Workbench, study: Study, also: Sequence[str] = ()) -> list[Component]:
+    """The plugins whose code the search depends on; `also` are engines beside the study's own."""
+    wanted = {
+        (interface, block.kind)
+        for key, interface in BLOCKS.items()
+        if (block := getattr(study, key)) is not None
+    }
+    wanted |= {("effect", effect.kind) for effect in study.effects}
+    segments = study.chain.segments if study.chain is not None else ()
+    wanted |= {("surrogate", s.surrogate.kind) for s in segments if s.surrogate is not None}
+    wanted |= {("physics", kind) for kind in also}
+    if study.physics is None:
+        wanted.add(("physics", DEFAULT_PHYSICS))
+    if study.surrogate is None and study.family is not None:
+        wanted.add(("surrogate", DEFAULT_SURROGATE))
+    return [bench.registry.get(interface, kind) for interface, kind in sorted(wanted)]

@@ -1,0 +1,186 @@
+"""The loop: what is found depends on the seed alone; constraints, `until`, budgets and failures are kept apart."""
+
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+from tests.search.toy_search import PLANE, Narrowing, ToyProblem, searched, told
+
+from pliant.errors import ContractError
+from pliant.interfaces.optimizer import Candidate, Context, Space
+from pliant.pipeline.crews import Given
+from pliant.search.found import best_of, counts_of, front_of, history_of
+from pliant.search.outcome import Told
+from pliant.search.workers import work
+
+EACH = tuple({"s": s} for s in range(5))
+
+
+def rows(branches):
+    return [(branch.index, row) for branch in branches for row in branch.rows]
+
+
+def test_a_search_spends_its_budget_and_finds_the_optimum(tmp_path):
+    (branch,) = searched(tmp_path, budget=300)
+    assert (branch.evaluated, branch.stopped, len(branch.rows)) == (300, "budget", 300)
+    best = best_of(rows([branch]))[1]
+    assert best.objectives[0] < 2e-3
+    assert best.values["n"] == 2
+
+
+def test_the_last_batch_is_cut_to_the_budget(tmp_path):
+    (branch,) = searched(tmp_path, budget=20)
+    assert branch.evaluated == 20
+    assert branch.batches == 4
+
+
+def test_generations_are_batches_of_the_optimizers_own_size(tmp_path):
+    (branch,) = searched(tmp_path, budget=1, generations=7)
+    assert (branch.budget, branch.evaluated, branch.batches) == (42, 42, 7)
+
+
+def test_the_seed_decides_and_branches_differ(tmp_path):
+    first, again = searched(tmp_path / "a", branches=EACH), searched(tmp_path / "b", branches=EACH)
+    assert told(first) == told(again)
+    assert told(searched(tmp_path / "c", branches=EACH, seed=4)) != told(first)
+    starts = {branch.rows[0].values["a"] for branch in first}
+    assert len(starts) == len(EACH)
+    assert [{row.values["s"] for row in branch.rows} for branch in first] == [{s} for s in range(5)]
+
+
+def test_workers_and_their_timing_change_nothing(tmp_path):
+    alone = searched(tmp_path / "alone", branches=EACH[:3], budget=20)
+    with ThreadPoolExecutor(4) as pool:
+        crew = Given(pool, work)
+        threads = searched(tmp_path / "threads", branches=EACH[:3], budget=20, crew=crew, delay_s=0.003)
+        one = searched(tmp_path / "one", budget=20, crew=crew, delay_s=0.003)
+    assert told(threads) == told(alone)
+    assert told(one) == told(searched(tmp_path / "other", budget=20))
+
+
+def test_until_ends_its_own_branch_only(tmp_path):
+    problem = ToyProblem(good=0.02)
+    branches = searched(tmp_path, branches=({"s": 0}, {"s": 100}), budget=200, problem=problem)
+    assert [branch.stopped for branch in branches] == ["until", "budget"]
+    assert min(row.objectives[0] for row in branches[0].rows) <= 0.02
+    assert branches[0].evaluated < 200 == branches[1].evaluated
+
+
+def test_what_breaks_constraints_is_told_but_not_simulated(tmp_path):
+    (branch,) = searched(tmp_path, budget=60, problem=ToyProblem(most=-0.2))
+    assert branch.evaluated == 60
+    assert branch.refused > 0
+    for row in branch.rows:
+        over = row.values["a"] + row.values["b"] + 0.2
+        assert (row.status == "refused") == (over > 0)
+        if over > 0:
+            assert row.violation == pytest.approx(over)
+            outcome = row.outcome(1)
+            assert np.isnan(outcome.objective)
+            assert outcome.violation > 0
+    refused, failed = counts_of(rows([branch]))
+    assert refused == {"a + b <= -0.2": branch.refused}
+    assert failed == {}
+
+
+def test_designs_that_the_evaluator_refuses_do_not_count_either(tmp_path):
+    (branch,) = searched(tmp_path, budget=30, refused_above=-0.5)
+    assert branch.evaluated == 30
+    assert counts_of(rows([branch]))[0] == {"too high": branch.refused}
+    assert branch.refused > 0
+
+
+def test_a_space_where_nothing_is_allowed_ends(tmp_path):
+    (branch,) = searched(tmp_path, budget=4, problem=ToyProblem(most=-9.0))
+    assert (branch.stopped, branch.evaluated) == ("exhausted", 0)
+    assert 200 <= branch.refused <= 206
+
+
+def test_nan_and_errors_count_and_are_survived(tmp_path):
+    (branch,) = searched(tmp_path, budget=80, nan_below=-0.2, raises_below=-0.8)
+    assert branch.evaluated == 80
+    failed = counts_of(rows([branch]))[1]
+    assert set(failed) == {"rmse is not a number", "ZeroDivisionError: b"}
+    history = history_of(PLANE, rows([branch]), 1)
+    assert np.isnan(history.objectives[history.status > 1]).all()
+    assert np.isfinite(history.objectives[history.status == 0]).all()
+    assert history.best_so_far()[-1] == np.nanmin(history.objectives)
+
+
+def test_contexts_are_tried_in_their_one_condition(tmp_path):
+    space = Space(PLANE, contexts=(Context("x"), Context("y")))
+    (branch,) = searched(tmp_path, budget=60, space=space)
+    assert [row.context for row in branch.rows[:4]] == [0, 1, 0, 1]
+    best = [best_of(r for r in rows([branch]) if r[1].context == c)[1] for c in (0, 1)]
+    assert [row.values["n"] for row in best] == [2, 3]
+
+
+class Unruly(Narrowing):
+    """Proposes a variable that nobody asked for."""
+
+    def ask(self, count):
+        return [Candidate(c.number, {**c.values, "x": 1.0}) for c in super().ask(count)]
+
+
+class Many(Narrowing):
+    """Proposes more than it is asked for."""
+
+    def ask(self, count):
+        return super().ask(count + 1)
+
+
+@pytest.mark.parametrize(("make", "words"), [(Unruly, "over a, b, n"), (Many, "proposes 7")])
+def test_an_optimizer_that_breaks_its_contract_is_named(tmp_path, make, words):
+    with pytest.raises(ContractError, match=words):
+        searched(tmp_path, make=make)
+
+
+class Mute(Narrowing):
+    """Has nothing to propose after the first batch."""
+
+    def ask(self, count):
+        return super().ask(count) if self.asked < 6 else []
+
+
+def test_an_optimizer_with_nothing_left_ends_the_search(tmp_path):
+    (branch,) = searched(tmp_path, make=Mute)
+    assert (branch.stopped, branch.evaluated) == ("exhausted", 6)
+
+
+def test_the_bar_tells_totals_and_the_best(tmp_path):
+    class Bar:
+        def begin(self, title, total, done=0):
+            self.total, self.steps, self.texts = total, done, []
+            return self
+
+        def advance(self, steps=1):
+            self.steps += steps
+
+        def describe(self, text):
+            self.texts.append(text)
+
+        def expect(self, total):
+            self.total = total
+
+        def finish(self):
+            self.ended = True
+
+        def note(self, text):
+            raise AssertionError(text)
+
+    bar = Bar()
+    problem = ToyProblem(most=0.5, good=0.02)
+    branches = searched(tmp_path, branches=({"s": 0}, {"s": 100}), problem=problem, budget=100, progress=bar)
+    assert bar.total == bar.steps == sum(branch.evaluated for branch in branches)
+    assert bar.ended
+    lowest = min(row.objectives[0] for branch in branches for row in branch.rows if row.feasible)
+    assert bar.texts[-1].startswith(f"best {lowest:.4g}")
+    assert "refused" in bar.texts[-1]
+
+
+def test_the_front_holds_what_nothing_beats():
+    scores = [(1.0, 5.0), (2.0, 3.0), (2.0, 4.0), (3.0, 3.0), (4.0, 1.0), (4.0, 1.0), (5.0, 0.5)]
+    told_rows = [(0, Told(k, -1, {}, "ok", one)) for k, one in enumerate(scores)]
+    broken = (0, Told(9, -1, {}, "ok", (0.0, 0.0), violation=1.0))
+    front = front_of([*reversed(told_rows), broken])
+    assert [row.objectives for _, row in front] == [(1.0, 5.0), (2.0, 3.0), (4.0, 1.0), (5.0, 0.5)]

@@ -1,0 +1,209 @@
+"""A search of a formula: problem, evaluator and optimizer small enough to know every answer."""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pliant.interfaces.optimizer import (
+    Candidate,
+    Context,
+    Optimizer,
+    OptimizerConfig,
+    Outcome,
+    Space,
+    Value,
+    Variable,
+)
+from pliant.pipeline.crews import Processes
+from pliant.pipeline.progress import Silent
+from pliant.search.branch import Branch
+from pliant.search.journal import Journal
+from pliant.search.loop import Loop
+from pliant.search.team import Team
+from pliant.search.workers import Inline, Setup, work
+
+PLANE = (Variable("a", "real", -1.0, 2.0), Variable("b", "real", -2.0, 1.0), Variable("n", "integer", 0, 4))
+
+
+@dataclass(frozen=True)
+class ToyEvaluation:
+    """As `pliant.search.evaluation.Evaluation`."""
+
+    status: str
+    objectives: tuple[float, ...]
+    metrics: Mapping[str, float] = field(default_factory=dict)
+    conditions: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    cause: str = ""
+    violation: float = 0.0
+    simulations: int = 1
+    wall_s: float = 0.001
+    scenarios: tuple[float, ...] = ()
+
+
+class ToyEvaluator:
+    """A bowl about (0.3, −0.4, 2); settings make it slow, deadly or wrong in places."""
+
+    def __init__(
+        self, delay_s: float = 0.0, log: str = "", deadly: float = 9.0, killed: str = "", **wrong: float
+    ) -> None:
+        self.delay_s, self.log, self.deadly, self.killed, self.wrong = delay_s, log, deadly, killed, wrong
+
+    def evaluate(self, values: Mapping[str, Value], context: int = -1) -> ToyEvaluation:
+        if self.log:
+            with Path(self.log).open("a") as file:
+                file.write(f"{values['a']!r}\n")
+        a, b, n = (float(values[name]) for name in ("a", "b", "n"))
+        time.sleep(self.delay_s * (1.5 + np.sin(1e3 * a)))
+        if a > self.deadly:
+            with Path(self.killed).open("a") as file:
+                file.write(f"{a!r}\n")
+            os._exit(9)
+        if a < self.wrong.get("nan_below", -9.0):
+            return ToyEvaluation("not_a_number", (np.nan,), cause="rmse is not a number")
+        if b < self.wrong.get("raises_below", -9.0):
+            raise ZeroDivisionError("b")
+        if b > self.wrong.get("refused_above", 9.0):
+            return ToyEvaluation("refused", (), cause="too high", violation=b, simulations=0)
+        bowl = (
+            (a - 0.3) ** 2
+            + (b + 0.4) ** 2
+            + 0.1 * (n - 2 - max(context, 0)) ** 2
+            + 0.01 * float(values.get("s", 0))
+        )
+        metrics = {"rmse_m": bowl, "a_m": a}
+        return ToyEvaluation("ok", (bowl,), metrics, {"": metrics})
+
+
+class ToyProblem:
+    """a + b may not exceed `most`; `until` is rmse below `good`."""
+
+    def __init__(self, most: float = 9.0, good: float = -1.0) -> None:
+        self.most, self.good = most, good
+
+    def violated(self, values: Mapping[str, Value], condition: int = -1) -> dict[str, float]:
+        over = float(values["a"]) + float(values["b"]) - self.most
+        return {f"a + b <= {self.most:g}": over} if over > 0 else {}
+
+    def reached(self, values: Mapping[str, Value], metrics: Mapping[str, float]) -> bool:
+        return metrics["rmse_m"] <= self.good
+
+
+class Narrowing(Optimizer):
+    """Draws about the best that it was told, ever nearer; what it does hangs on all that it was told."""
+
+    def __init__(self, config: OptimizerConfig | None = None, batch: int = 6, shift: float = 0.0) -> None:
+        super().__init__(config or OptimizerConfig(kind="narrowing"))
+        self._size, self.shift = batch, shift
+
+    @property
+    def batch(self) -> int:
+        return self._size
+
+    def start(self, space: Space, seed: int) -> None:
+        self.space, self.seed, self.asked, self.told = space, seed, 0, 0.0
+        self.best: tuple[float, dict[str, Value]] | None = None
+        self.open: dict[int, dict[str, Value]] = {}
+
+    def ask(self, count: int) -> Sequence[Candidate]:
+        made = [self._candidate(number) for number in range(self.asked, self.asked + count)]
+        self.asked += count
+        self.open = {candidate.number: dict(candidate.values) for candidate in made}
+        return made
+
+    def _candidate(self, number: int) -> Candidate:
+        drawn = np.random.default_rng([self.seed, number, int(1e6 * abs(self.told))])
+        width = 1.0 if self.best is None else 0.97**number
+        values = {v.name: self._value(v, drawn, width) for v in self.space.variables}
+        return Candidate(number, values, number % len(self.space.contexts) if self.space.contexts else 0)
+
+    def _value(self, variable: Variable, drawn: np.random.Generator, width: float) -> Value:
+        if variable.type == "integer":
+            return int(drawn.integers(int(variable.low), int(variable.high) + 1))
+        at = float(drawn.uniform(variable.low, variable.high)) + self.shift
+        if self.best is not None:
+            at = float(self.best[1][variable.name]) * (1 - width) + width * at
+        return float(min(max(at, variable.low), variable.high))
+
+    def tell(self, outcomes: Sequence[Outcome]) -> None:
+        for outcome in sorted(outcomes, key=lambda one: one.number):
+            if outcome.violation > 0 or not np.isfinite(outcome.objective):
+                continue
+            self.told = 0.5 * self.told + outcome.objective
+            if self.best is None or outcome.objective < self.best[0]:
+                self.best = (outcome.objective, self.open[outcome.number])
+
+    def state(self) -> Mapping[str, Any]:
+        return {
+            "variables": [[v.name, v.type, v.low, v.high] for v in self.space.variables],
+            "contexts": [c.name for c in self.space.contexts],
+            "seed": self.seed, "asked": self.asked, "told": self.told, "best": self.best,
+        }  # fmt: skip
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        contexts = tuple(Context(name) for name in state["contexts"])
+        self.start(Space(tuple(Variable(*v) for v in state["variables"]), contexts=contexts), state["seed"])
+        self.asked, self.told = state["asked"], state["told"]
+        self.best = None if state["best"] is None else (state["best"][0], dict(state["best"][1]))
+
+    def export(self, folder: Path) -> Sequence[Path]:
+        (folder / "best.txt").write_text(repr(self.best))
+        return [folder / "best.txt"]
+
+
+def evaluator_of(setup: Setup) -> ToyEvaluator:
+    """For workers: the setup's study is the evaluator's settings."""
+    return ToyEvaluator(**json.loads(setup.study))
+
+
+def setup_of(**settings: Any) -> Setup:
+    """What `evaluator_of` reads."""
+    return Setup(json.dumps(settings), (), "", make="tests.search.toy_search:evaluator_of")
+
+
+def searched(
+    folder: Path,
+    *,
+    workers: int = 1,
+    budget: int = 40,
+    branches: Sequence[Mapping[str, Value]] = ({},),
+    problem: ToyProblem | None = None,
+    make: Any = Narrowing,
+    seed: int = 3,
+    generations: int | None = None,
+    progress: Any = None,
+    crew: Any = None,
+    space: Space | None = None,
+    **settings: Any,
+) -> list[Branch]:
+    """Run searches; the branches as they ended."""
+    folder.mkdir(exist_ok=True)
+    rules, axes = problem or ToyProblem(), space or Space(PLANE)
+    made = [
+        Branch(k, values, make, rules, axes, Journal(folder, f"branch-{k}"), seed, budget, generations)
+        for k, values in enumerate(branches)
+    ]
+    if crew is None:
+        crew = Processes(workers, work) if workers > 1 else Inline(ToyEvaluator(**settings))
+    loop = Loop(
+        made, Team(crew, setup_of(**settings)), progress or Silent(), "searching", lambda branch: None
+    )
+    loop.run()
+    return made
+
+
+def told(branches: Sequence[Branch]) -> list[list[Any]]:
+    """Everything but the time, branch by branch."""
+    return [[row.as_list()[:-1] for row in branch.rows] for branch in branches]
+
+
+if __name__ == "__main__":  # a process to kill: folder, workers, settings
+    searched(Path(sys.argv[1]), workers=int(sys.argv[2]), **json.loads(sys.argv[3]))
