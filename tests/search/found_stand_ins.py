@@ -44,7 +44,7 @@ class Problem:
     def branches(self):
         return self.structures
 
-    def violated(self, values):
+    def violated(self, values, condition=-1):
         return {text: amount for text, rule in self.rules.items() if (amount := rule(values)) > 0}
 
     def metric_violations(self, values, metrics):

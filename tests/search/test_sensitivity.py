@@ -1,11 +1,17 @@
 """The objective about a design: steps of the range, bounds, integers, choices, what is refused."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from tests.search.found_stand_ins import COUNT, SIDE, WIDTH, Evaluator, Problem, found
 
+from pliant import api
 from pliant.interfaces.optimizer import Variable
 from pliant.records.search import VariableRecord
+from pliant.search.evaluation import Evaluator as RealEvaluator
+from pliant.search.limits import limits
+from pliant.search.problem import SearchProblem
 from pliant.search.sensitivity import probes_of, sides, slopes
 
 REAL = Variable("width", "real", 2e-3, 4e-3)
@@ -120,3 +126,52 @@ def test_a_range_without_width_has_no_slope():
     slope = of(Problem((still,)), lambda v: v["still"], found({"still": 1.0}))["still"]
     assert np.isnan(slope.change)
     assert len(slope.shares) == 1
+
+
+REACH = """\
+pliant: 1
+name: reach
+surrogate:
+  kind: polynomial
+  form: study
+  odd: true
+  coefficients: {k_n: 1.637e-6, m_a: -1.704e-6, b_a: 0, m_e: 0.1012, b_e: 0.0245}
+chain: {modules: 6, module_length: 11 mm, gravity: [0, 0, 0]}
+task: {kind: free_bending, pressure: 5 kPa}
+search:
+  variables: {n: {key: chain.modules, low: 4, high: 8}, task.pressure: {low: 2 kPa, high: 6 kPa}}
+  constraints: [n <= 7]
+  objective: {maximize: tip_x}
+"""
+
+
+def test_the_real_evaluator_about_a_real_design(tmp_path):
+    (tmp_path / "reach.yaml").write_text(REACH)
+    opened = api.open_study(tmp_path / "reach.yaml", store=tmp_path / "store")
+    problem = SearchProblem.of(opened.study, opened.bench.registry)
+    evaluator = RealEvaluator(opened.bench, problem)
+    values = {"n": 7, "task.pressure": 6e3}
+    at_best = evaluator.evaluate(values)
+    best = found(values, conditions=at_best.conditions)
+    best = SimpleNamespace(**{**vars(best), "metrics": at_best.metrics})
+    about = slopes(evaluator, problem, best)
+    count, pressure = about
+    reach = {}
+    for n, p in ((6, 6e3), (7, 5.96e3)):
+        changed = api.open_study(
+            tmp_path / "reach.yaml", [f"chain.modules={n}", f"task.pressure={p}"], store=tmp_path / "store"
+        )
+        reach[n, p] = api.simulate(changed).engines[0].result.metrics["tip_x_m"]
+    np.testing.assert_allclose(count.objective[count.shares == 0.5], -reach[6, 6e3], rtol=1e-9)
+    assert np.isnan(count.objective[-1])
+    assert pressure.at_bound == "high"
+    assert pressure.change == pytest.approx(at_best.metrics["tip_x_m"] - reach[7, 5.96e3], rel=1e-6)
+    said = limits(
+        problem,
+        best,
+        about,
+        SimpleNamespace(branch=np.zeros(0), context=np.zeros(0), status=[], objectives=np.zeros((0, 1))),
+    )
+    assert "task.pressure stands at its upper bound of 6 kPa" in said[0]
+    assert "'n <= 7' holds it" in said[1]
+    assert len(said) == 2

@@ -15,6 +15,7 @@ from pliant.errors import UserError
 from pliant.search.changes import changed
 from pliant.search.direct_fem import check_verifiable, default_fem, direct_studies, solvable
 from pliant.search.law_check import law_misses
+from pliant.search.problem import SearchProblem
 from pliant.search.verification import verify
 
 SPRINGS = (
@@ -241,3 +242,16 @@ def test_the_published_law_of_a_bellow_against_its_own_fem(tmp_path):
     assert law["fit_worst_of_range"] < 0.02
     assert law["rmse_of_largest"] > law["fit_worst_of_range"]
     assert math.isnan(law["in_band"])
+
+
+def test_a_real_problem_in_its_conditions(tmp_path):
+    conditions = "conditions: {soft: {task.pressure: 5 kPa}, hard: {task.pressure: 10 kPa}}"
+    opened = springs(tmp_path, ("objective: tip_x,", f"objective: tip_x, {conditions},"))
+    problem = SearchProblem.of(opened.study, opened.bench.registry)
+    check = verify(opened.bench, problem, found({"family.radius": 5.1e-3}))
+    each = check.conditions["quasistatic"]
+    assert {name: each[name]["max_joint_angle_rad"] for name in each} == {
+        name: pytest.approx(meta_bench.free_angle(5.1e-3, 8.6e-3, p), rel=1e-6)
+        for name, p in (("soft", 5e3), ("hard", 10e3))
+    }
+    assert check.laws[0]["name"] == "radius 5.1 mm"

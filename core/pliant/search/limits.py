@@ -67,7 +67,7 @@ def at_bounds(problem: Any, best: FoundDesign, slopes: Sequence[Slope]) -> list[
 
 def at_constraints(problem: Any, best: FoundDesign, slopes: Sequence[Slope]) -> list[str]:
     """Constraints that a step of 1 % of a variable's range breaks, and what they cost."""
-    before = problem.violated(best.values)
+    before = problem.violated(best.values, best.context)
     active: dict[str, tuple[float, VariableRecord]] = {}
     for slope in slopes:
         variable = _variable(problem, best, slope.name)
@@ -76,7 +76,7 @@ def at_constraints(problem: Any, best: FoundDesign, slopes: Sequence[Slope]) -> 
         for side in (-1, 1):
             moved = float(best.values[slope.name]) + side * _step(variable)
             stepped = round(moved) if variable.type == "integer" else moved
-            for text in problem.violated({**best.values, slope.name: stepped}):
+            for text in problem.violated({**best.values, slope.name: stepped}, best.context):
                 gain = _gain(slope, _share(variable, best), side)
                 if text not in before and (text not in active or gain > active[text][0]):
                     active[text] = (gain, variable)

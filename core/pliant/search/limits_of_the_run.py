@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pliant.records.design import Array
 from pliant.records.search import STATUSES, FoundDesign, SearchHistory
 from pliant.search.spoken import quantity, settings, unit_of
 
@@ -54,7 +54,7 @@ def branches(problem: Any, best: FoundDesign, history: SearchHistory) -> list[st
     listed = problem.branches()
     if len(listed) < 2:
         return []
-    found = {k: _lowest(problem, history, np.asarray(history.branch == k)) for k in range(len(listed))}
+    found = {k: _lowest(history.objectives[history.branch == k, 0]) for k in range(len(listed))}
     order = sorted((k for k in found if np.isfinite(found[k])), key=lambda k: found[k])
     without = len(listed) - len(order)
     empty = f" {without} of {len(listed)} structures gave no design at all." if without else ""
@@ -71,10 +71,8 @@ def budget(problem: Any, best: FoundDesign, history: SearchHistory) -> list[str]
     if problem.reached(best.values, best.metrics):
         return ["The search ended at its goal ('until'), not where nothing better is found."]
     rows = (history.branch == best.branch) & (history.context == best.context)
-    lowest = _lowest(problem, history, rows)
     objective = history.objectives[rows, 0]
-    objective = np.where(objective < lowest, np.nan, objective)
-    if len(objective) < 2 or not np.isfinite(lowest):
+    if len(objective) < 2 or not np.isfinite(objective).any():
         return []
     so_far = np.fmin.accumulate(objective)
     at, count = int(np.nanargmin(objective)) + 1, len(objective)
@@ -107,24 +105,8 @@ def turned_away(history: SearchHistory, causes: Mapping[str, int]) -> list[str]:
     ]
 
 
-def _lowest(problem: Any, history: SearchHistory, rows: NDArray[np.bool_]) -> float:
-    """The lowest objective of some candidates that break no constraint on metrics; NaN without one."""
-    places = np.flatnonzero(rows & np.isfinite(history.objectives[:, 0]))
-    for k in places[np.argsort(history.objectives[places, 0], kind="stable")]:
-        metrics = {name: float(values[k]) for name, values in history.metrics.items()}
-        if not problem.metric_violations(values_at(problem, history, int(k)), metrics):
-            return float(history.objectives[k, 0])
-    return float("nan")
-
-
-def values_at(problem: Any, history: SearchHistory, k: int) -> dict[str, Any]:
-    """The values of a candidate, choices written out."""
-    choices = {record.name: record.choices for record in problem.records() if record.choices}
-    return {
-        name: choices[name][int(values[k])] if name in choices else float(values[k])
-        for name, values in history.values.items()
-        if np.isfinite(values[k])
-    }
+def _lowest(values: Array) -> float:
+    return float(np.nanmin(values)) if np.isfinite(values).any() else float("nan")
 
 
 def _listed(names: list[str], most: int = 4) -> str:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
+from pliant.search.metrics import metric_name
 from pliant.units import UNIT_SUFFIXES
 
 SHOWN = {
@@ -26,12 +27,9 @@ def quantity(value: Any, unit: str = "", digits: int = 3) -> str:
     return text + (name if name == "°" else f" {name}" if name else "")
 
 
-def unit_of(name: str, metrics: Iterable[str]) -> str:
+def unit_of(name: str, metrics: Mapping[str, Any]) -> str:
     """The unit of a metric, written with or without its suffix; "" for a pure number or an expression."""
-    known = set(metrics)
-    full = next((name + suffix for suffix in UNIT_SUFFIXES if name + suffix in known), name)
-    if full not in known:
-        return ""
+    full = metric_name(name, metrics) or ""
     return next((unit for suffix, unit in UNIT_SUFFIXES.items() if full.endswith(suffix)), "")
 
 

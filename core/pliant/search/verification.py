@@ -21,6 +21,7 @@ from pliant.records.rollout import TaskResult
 from pliant.records.search import FoundDesign, Verification
 from pliant.search.changes import changed
 from pliant.search.direct_fem import check_verifiable, direct_studies, solvable
+from pliant.search.evaluation import numbers
 from pliant.search.law_check import law_misses
 from pliant.store.store import Artifact
 from pliant.units import strip_unit_suffix
@@ -94,16 +95,10 @@ def cases_of(bench: Workbench, problem: Any, best: FoundDesign) -> list[Case]:
     ]
 
 
-def numbers(study: Study, result: TaskResult) -> dict[str, float]:
-    """The metrics that are one number, how many entries `outside_domain` has, and the task's `trials`."""
-    found = {
-        name: float(value)
-        for name, value in result.metrics.items()
-        if isinstance(value, int | float | np.number) and not isinstance(value, bool)
-    }
-    found["outside_domain"] = float(len(result.final.outside_domain))
+def _measured(study: Study, result: TaskResult) -> dict[str, float]:
+    """The numbers that the task measured, and its `trials` where it has such."""
     trials = getattr(study.task, "trials", None)
-    return found | ({"trials": float(trials)} if trials is not None else {})
+    return numbers(result) | ({"trials": float(trials)} if trials is not None else {})
 
 
 def _simulated(
@@ -120,6 +115,8 @@ def _simulated(
                 bar.describe(place)
                 try:
                     metrics, sentence = _run(bench, case.study, engine)
+                except SystemError:  # Ctrl-C in compiled code
+                    raise
                 except Exception as error:  # one engine's failure is no reason to lose the others' answers
                     name = "" if isinstance(error, PliantError) else f"{type(error).__name__}: "
                     notes.append(f"{place}: {name}{error}")
@@ -139,7 +136,7 @@ def _run(bench: Workbench, study: Study, engine: PhysicsConfig) -> tuple[Numbers
     sentence = result.not_reached
     if not sentence and not result.final.converged:
         sentence = "the chain did not settle."
-    return numbers(study, result), sentence
+    return _measured(study, result), sentence
 
 
 def _laws(
