@@ -13,7 +13,6 @@ Texts stand in quotes, beside `==`.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
@@ -25,19 +24,11 @@ from pliant.errors import UserError, closest
 from pliant.records.design import Array
 from pliant.search import formula
 from pliant.search.formula import All, Call, Comparison, Node, Number, Symbol, Text
+from pliant.search.tokens import Token, tokens
 from pliant.units import EXAMPLES, NAMES, UnitError, parse_quantity
 
 LONGEST = 2000
 DEEPEST = 40
-TOKENS = re.compile(
-    r"""(?P<space>\s+)
-    |(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)
-     (?:[ ]*(?P<unit>(?!and\b)(?:%|[^\W\d_]+(?:\^-?\d+)?(?:[*/][^\W\d_]+(?:\^-?\d+)?)*)(?![\w.(])))?
-    |(?P<name>[^\W\d]\w*(?:\.\w+)*)
-    |(?P<text>'[^']*'|"[^"]*")
-    |(?P<operator>\*\*|<=|>=|==|[-+*/()<>,])""",
-    re.VERBOSE,
-)
 COMPARISONS = ("<", "<=", ">", ">=", "==")
 # Units beside those of keys that a quantity may have.
 FURTHER_UNITS = ("m^2", "m^3", "1/s", "m/s", "W", "N/m", "Pa/s", "rad/s")
@@ -95,14 +86,6 @@ def parse(text: str, symbol: Callable[[str], Symbol], label: str, truth: bool | 
     return Expression(text, tree, tuple(dict.fromkeys(formula.symbols(tree))), found)
 
 
-@dataclass(frozen=True)
-class _Token:
-    kind: str
-    text: str
-    at: int
-    unit: str = ""
-
-
 class _Reader:
     """Reads tokens from left to right; one method per level of precedence, as Python has them."""
 
@@ -110,20 +93,8 @@ class _Reader:
         self.text, self.symbol, self.label = text, symbol, label
         if len(text) > LONGEST:
             raise UserError(f"{label} has {len(text)} characters; an expression has at most {LONGEST}.")
-        self.tokens = self._tokens()
+        self.tokens = tokens(text, self.mistake)
         self.next, self.depth = 0, 0
-
-    def _tokens(self) -> list[_Token]:
-        tokens, at = [], 0
-        while at < len(self.text):
-            match = TOKENS.match(self.text, at)
-            if match is None:
-                self.fail(f"'{self.text[at]}' is not understood", at)
-            kind = "number" if match["number"] is not None else str(match.lastgroup)
-            if kind != "space":
-                tokens.append(_Token(kind, match["number"] or match.group(), at, match["unit"] or ""))
-            at = match.end()
-        return [*tokens, _Token("end", "", len(self.text))]
 
     def fail(self, what: str, at: int) -> NoReturn:
         """Raise `mistake`."""
@@ -134,10 +105,10 @@ class _Reader:
         return UserError(f"{self.label} '{self.text}': {what} (at character {at + 1}).")
 
     @property
-    def token(self) -> _Token:
+    def token(self) -> Token:
         return self.tokens[self.next]
 
-    def take(self, *texts: str) -> _Token | None:
+    def take(self, *texts: str) -> Token | None:
         """The next token where it is one of these."""
         if self.token.kind in ("operator", "name") and self.token.text in texts:
             self.next += 1
@@ -175,7 +146,7 @@ class _Reader:
             self.fail("a text stands beside '==' only", at)
         return found or [left]
 
-    def comparable(self, operator: _Token, left: Node, right: Node) -> None:
+    def comparable(self, operator: Token, left: Node, right: Node) -> None:
         texts = [formula.is_text(side) for side in (left, right)]
         if any(texts) and (operator.text != "==" or not all(texts)):
             self.fail("a text is compared with a text, by '=='", operator.at)
@@ -189,7 +160,7 @@ class _Reader:
                     )
         self.same_unit(left, right, operator)
 
-    def same_unit(self, left: Node, right: Node, operator: _Token) -> None:
+    def same_unit(self, left: Node, right: Node, operator: Token) -> None:
         units = [unit_of(side) for side in (left, right)]
         if None in units or units[0] == units[1] or all(unit in PURE for unit in units):
             return
@@ -237,7 +208,7 @@ class _Reader:
         self.numbers(operator, base, exponent)
         return Call("**", (base, exponent))
 
-    def numbers(self, operator: _Token, *sides: Node) -> None:
+    def numbers(self, operator: Token, *sides: Node) -> None:
         for side in sides:
             if formula.is_text(side):
                 self.fail(f"'{operator.text}' needs numbers, not texts", operator.at)
@@ -266,7 +237,7 @@ class _Reader:
         if self.take(")") is None:
             self.unexpected() if self.token.kind != "end" else self.fail("a ')' is missing", self.token.at)
 
-    def call(self, name: _Token) -> Node:
+    def call(self, name: Token) -> Node:
         if name.text not in formula.NAMED:
             known = ", ".join(formula.NAMED)
             hint = closest(name.text, formula.NAMED)
@@ -280,7 +251,7 @@ class _Reader:
             self.fail(f"'{name.text}' takes one number, not {len(of)}", name.at)
         return Call(name.text, tuple(of))
 
-    def quantity(self, token: _Token) -> Number:
+    def quantity(self, token: Token) -> Number:
         number = float(token.text)
         if not np.isfinite(number):
             self.fail(f"'{token.text}' is too large", token.at)
