@@ -1,0 +1,1 @@
+"""Third-party Pliant optimizers: differential evolution and NSGA-II of pymoo."""

@@ -1,0 +1,31 @@
+"""What this package brings to Pliant. Imported at every start of Pliant, so nothing heavy is imported here."""
+
+from collections.abc import Iterable
+
+from pliant.registry.component import Component
+from pliant.registry.hookspecs import hookimpl
+
+
+@hookimpl
+def pliant_components() -> Iterable[Component]:
+    """The two optimizers."""
+    return [
+        Component(
+            interface="optimizer",
+            kind="de",
+            config="pliant_pymoo.config:DeConfig",
+            implementation="pliant_pymoo.evolution:De",
+            summary="differential evolution (pymoo): one objective, rugged landscapes, thousands of candidates",
+            requires=("pymoo",),
+            install="pip install pliant-pymoo",
+        ),
+        Component(
+            interface="optimizer",
+            kind="nsga2",
+            config="pliant_pymoo.config:Nsga2Config",
+            implementation="pliant_pymoo.evolution:Nsga2",
+            summary="NSGA-II (pymoo): a front of best compromises between several objectives",
+            requires=("pymoo",),
+            install="pip install pliant-pymoo",
+        ),
+    ]
