@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pliant.interfaces.optimizer import Optimizer, OptimizerCapabilities, Outcome
+from pliant.interfaces.optimizer import Optimizer, OptimizerCapabilities, Outcome, Value
 from pliant.testing.optimizer_bench import (
     BATCH,
     MIXED,
@@ -145,8 +145,8 @@ def survives_failed_evaluations(subject: Subject) -> None:
 
 @suite.check("a guess is where a search may begin: it may hold some variables only, and is no fence.")
 def begins_at_a_guess(subject: Subject) -> None:
-    whole = {"length": 0.05, "modules": 5, "side": "both"}
-    for guess in (whole, {"modules": 10}):
+    guesses: tuple[dict[str, Value], ...] = ({"length": 0.05, "modules": 5, "side": "both"}, {"modules": 10})
+    for guess in guesses:
         optimizer = started(subject, replace(MIXED, start=guess))
         seen = [dict(c.values) for _ in range(3) for c in generation(optimizer)]
         for values in seen:

@@ -38,7 +38,8 @@ CORNER, IDEAL = (
 @suite.check("objectives are minimised: a search gets better than its first generation.")
 def improves_on_a_sphere(subject: Subject) -> None:
     optimizer = started(subject, PLANE)
-    scores = [[squares(c) for c in generation(optimizer)] for _ in range(15)]
+    count = max(BATCH, optimizer.batch)
+    scores = [[squares(c) for c in generation(optimizer, count=count)] for _ in range(15)]
     later = min(s for generation in scores[1:] for s in generation)
     median = float(np.median(scores[0]))
     require(

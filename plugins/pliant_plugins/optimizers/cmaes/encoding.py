@@ -93,6 +93,12 @@ class Encoding:
                     x[axis.first + index] = CHOSEN
         return x
 
+    def rounded(self, x: Array) -> Array:
+        """(n,) coordinates of the very values that x stands for."""
+        rounded = x.copy()
+        rounded[list(self.whole)] = np.round(x[list(self.whole)])
+        return rounded
+
     def decoded(self, x: Array) -> dict[str, Value]:
         """Variable → value, within its bounds."""
         return {axis.variable.name: _value(axis, x) for axis in self.axes}

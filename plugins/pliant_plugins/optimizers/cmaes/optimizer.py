@@ -35,6 +35,8 @@ class Cmaes(Optimizer):
     """
 
     config: CmaesConfig
+    _worst: float | None
+    _results: dict[int, Result]
 
     @property
     def batch(self) -> int:
@@ -106,7 +108,7 @@ class Cmaes(Optimizer):
         rule = 4 + math.floor(3 * math.log(len(self._encoding.high)))
         self._first_population = self.config.population or rule
         self._asked = 0
-        self._worst: float | None = None
+        self._worst = None
 
     def _begin_run(self, index: int) -> None:
         self._runs = index
@@ -114,8 +116,8 @@ class Cmaes(Optimizer):
         self._run = Run(self._encoding, guess, self.config.sigma, self.batch, (self._seed, index))
         self._history: list[tuple[int, tuple[float, ...]]] = []
         self._surplus: list[Member] = []
-        self._results: dict[int, Result] = {}
-        first = [Member(guess)] if guess is not None and self._space.start else []
+        self._results = {}
+        first = [Member(self._encoding.rounded(guess))] if guess is not None and self._space.start else []
         self._next_generation(first)
 
     def _next_generation(self, members: list[Member]) -> None:

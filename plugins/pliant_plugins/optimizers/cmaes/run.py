@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Sequence
 
 import cma
@@ -42,7 +43,8 @@ class Run:
         Samples that were drawn before the last update count as injected ones (Hansen 2011, Injecting external
         solutions into CMA-ES), whose step pycma limits.
         """
-        with self._random.lent():
+        with self._random.lent(), warnings.catch_warnings():
+            warnings.filterwarnings("ignore", category=UserWarning, module="cma")  # about the injected ones
             self._pycma.tell(list(samples), list(values))
             return bool(self._pycma.stop())
 

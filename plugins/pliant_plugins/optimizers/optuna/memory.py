@@ -41,7 +41,7 @@ class Memory:
         kept = {
             v.name: v.choices[v.choices.index(values[v.name])]
             if v.type == "categorical"
-            else min(max(values[v.name], v.low), v.high)  # type: ignore[type-var]
+            else min(max(values[v.name], v.low), v.high)
             for v in self._space.variables
             if v.name in values and (v.type != "categorical" or values[v.name] in v.choices)
         }

@@ -17,7 +17,8 @@ from pliant_plugins.optimizers.optuna.memory import Memory
 from pliant_plugins.optimizers.optuna.samplers import DEFAULT_POPULATION, require_usable, sampler_for
 from pliant_plugins.optimizers.spaces import space_as_json, space_from_json
 
-DATABASE = "optuna.db"
+EXPORT = "optuna.log"
+Told = tuple[int, tuple[float, ...] | None, float]  # number, objectives, violation
 
 
 class Optuna(Optimizer):
@@ -25,6 +26,9 @@ class Optuna(Optimizer):
 
     capabilities = OptimizerCapabilities(several_objectives=True)
     config: OptunaConfig
+    _memory: Memory
+    _told: list[Told]
+    _board: Board | None
 
     @property
     def batch(self) -> int:
@@ -98,12 +102,15 @@ class Optuna(Optimizer):
             self._board.write(self._shown(*told) for told in self._told)
 
     def export(self, folder: Path) -> Sequence[Path]:
-        """`optuna.db`, an SQLite database of the study; nothing where the config names a storage, which has it."""
+        """`optuna.log`, a journal that `optuna-dashboard` opens; nothing where the config names a storage.
+
+        A journal takes a thousand trials a second or so, an SQLite file some dozens.
+        """
         if self.config.storage is not None:
             return ()
-        path = folder / DATABASE
+        path = folder / EXPORT
         path.unlink(missing_ok=True)
-        board = Board.new(f"sqlite:///{path}", self.config.study, self._owner, self._space.objectives)
+        board = Board.new(f"journal:{path}", self.config.study, self._owner, self._space.objectives)
         board.write(self._shown(*told) for told in self._told)
         return (path,)
 
@@ -111,8 +118,8 @@ class Optuna(Optimizer):
         self._space, self._seed, self._asked = space, seed, 0
         self._ranges = trials.distributions(space)
         self._memory = Memory(space)
-        self._told: list[tuple[int, tuple[float, ...] | None, float]] = []
-        self._board: Board | None = None
+        self._told = []
+        self._board = None
 
     def _shown(self, number: int, objectives: tuple[float, ...] | None, violation: float) -> FrozenTrial:
         return trials.shown(number, self._memory.values(number), self._ranges, objectives, violation)
