@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pliant.errors import MissingDependencyError
-
 HERE = "pliant_plugins.envs"
 ENVIRONMENTS = {
     "pliant/FreeBending-v0": f"{HERE}.free_bending:FreeBendingEnv",
@@ -13,6 +11,8 @@ ENVIRONMENTS = {
     "pliant/FollowShape-v0": f"{HERE}.follow_shape:FollowShapeEnv",
     "pliant/Grasp-v0": f"{HERE}.grasp:GraspEnv",
 }
+# Needs a study, and is no robot that moves.
+DESIGN = {"pliant/Design-v0": f"{HERE}.design:DesignEnv"}
 
 
 def register() -> None:
@@ -24,7 +24,10 @@ def register() -> None:
     try:
         import gymnasium
     except ImportError:
+        # At the top it would import `pliant`, which imports this module again before its end.
+        from pliant.errors import MissingDependencyError
+
         raise MissingDependencyError("the environments need gymnasium: pip install 'pliant[gym]'.") from None
-    for name, place in ENVIRONMENTS.items():
+    for name, place in {**ENVIRONMENTS, **DESIGN}.items():
         if name not in gymnasium.registry:
             gymnasium.register(id=name, entry_point=place)

@@ -145,7 +145,7 @@ class Learner:
         self.model.num_timesteps, self.model._n_updates = state["steps"], state["gradient_steps"]
 
 
-class _Spaces(VecEnv):  # type: ignore[misc]
+class _Spaces(VecEnv):
     """Carries the spaces and the number of environments, which is all that PPO asks of it here."""
 
     def __init__(self, side: int, observations: int, actions: int) -> None:
