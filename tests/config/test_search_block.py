@@ -97,6 +97,14 @@ def test_variables_of_different_conditions_may_share_a_key(tmp_path):
     assert len(search_study(tmp_path, one(both, CONDITIONS)).search.variables) == 2
 
 
+@pytest.mark.parametrize(
+    "block", ["robust: {vary: {task.frction: 5 %}}", "verify: {change: {task.frction: 1}}"]
+)
+def test_keys_of_scenarios_and_of_the_check_are_looked_up(tmp_path, block):
+    text = refused(tmp_path, one("family.wall: {low: 1 mm, high: 2 mm}", block))
+    assert "did you mean 'friction'?" in text and f"line {BASE.count(chr(10)) + 5}: " in text
+
+
 def test_overrides_reach_into_the_block(tmp_path):
     search_study(tmp_path, one("family.wall: {low: 1 mm, high: 2 mm}", CONDITIONS))
     file = tmp_path / "searched.yaml"
@@ -107,12 +115,14 @@ def test_overrides_reach_into_the_block(tmp_path):
             "search.variables.family.wall.high=1.8 mm",
             "search.conditions.rod.task.extra_weights=4",
             "search.budget=7",
+            "search.verify.change.task.trials=9",
         ],
     )
     assert study.search.variables["family.wall"].high == "1.8 mm"
     assert study.search.variables["family.wall"].low == "1 mm"
     assert study.search.conditions["rod"] == {"task.extra_weights": 4}
     assert study.search.budget == 7
+    assert study.search.verify.change == {"task.trials": 9}
     with pytest.raises(UserError, match="has low 1 mm above high 0.1 mm"):
         load_study(file, REGISTRY, ["search.variables.family.wall.high=0.1 mm"])
 

@@ -17,24 +17,17 @@ from ruamel.yaml.constructor import DuplicateKeyError
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
 
 from pliant.config.designs import sweep_designs
+from pliant.config.paths import PATH_KEYS as PATH_KEYS  # for those who write paths
+from pliant.config.paths import absolute_paths
 from pliant.config.problems import sentences
 from pliant.config.searched import search_variables
 from pliant.config.study import BLOCKS, Study, normalised, study_model, varied
+from pliant.config.study_keys import study_key
 from pliant.errors import UserError, closest
 from pliant.interfaces.base import FrozenModel
 from pliant.registry.discovery import Registry
 from pliant.registry.files import shown, with_files
 
-# Paths inside a study are relative to the file that states them.
-PATH_KEYS = (
-    ("surrogate", "data"),
-    ("meta_model", "data"),
-    ("measurements", "file"),
-    ("task", "mesh"),
-    ("task", "points"),
-    ("sweep", "designs"),
-    ("family", "visual"),
-)
 KeyPath = tuple[Any, ...]
 Notes = TypeVar("Notes", bound=FrozenModel)
 DEEPEST = 64
@@ -85,7 +78,18 @@ def load_study(path: Path, registry: Registry, overrides: Sequence[str] = ()) ->
         sweep_designs(study, sources.where)  # so that its mistakes have their lines
     if study.search is not None:
         search_variables(study, registry, sources.where)
+        _check_changes(study, registry, sources)
     return study
+
+
+def _check_changes(study: Study, registry: Registry, sources: _Sources) -> None:
+    """Keys that a search's scenarios and its check change."""
+    search = study.search
+    vary = search.robust.vary if search and search.robust else {}
+    change = search.verify.change if search and search.verify else {}
+    for at, keys in ((("robust", "vary"), vary), (("verify", "change"), change)):
+        for key in keys:
+            study_key(study, registry, key, sources.where(("search", *at, key)))
 
 
 def _plugin_files(raw: Mapping[str, Any], sources: _Sources) -> list[Path]:
@@ -213,7 +217,7 @@ def _read_with_bases(path: Path, sources: _Sources, chain: tuple[Path, ...]) -> 
         raise UserError(f"{path}: 'extends' runs in a circle ({names}).")
     here = _Sources()
     own = _plain(data, path, here, ())
-    _absolute_paths(own, resolved.parent)
+    absolute_paths(own, resolved.parent)
     base_name = own.pop("extends", None)
     if base_name is None:
         base: dict[str, Any] = {}
@@ -252,57 +256,6 @@ def _plain(node: Any, path: Path, sources: _Sources, at: KeyPath) -> Any:
         if isinstance(node, kind):
             return kind(node)
     return str(node)
-
-
-def _absolute_paths(study: dict[str, Any], folder: Path) -> None:
-    for block, key in PATH_KEYS:
-        _absolute(study.get(block), key, folder)
-    chain = study.get("chain")
-    segments = chain.get("segments") if isinstance(chain, dict) else None
-    for segment in segments if isinstance(segments, list) else []:
-        if isinstance(segment, dict):
-            _absolute(segment.get("surrogate"), "data", folder)
-            _absolute(segment.get("family"), "visual", folder)
-    _absolute_in_search(study.get("search"), folder)
-    if isinstance(study.get("plugins"), list):
-        study["plugins"] = [str(folder / f) if isinstance(f, str) else f for f in study["plugins"]]
-
-
-def _absolute_in_search(search: Any, folder: Path) -> None:
-    """Paths that a search sets: `task.target.points: a.csv` in a condition or a check, choices of a variable."""
-
-    def settle(key: Any, value: Any) -> Any:
-        parts = str(key).split(".")
-        if isinstance(value, list):
-            return [settle(key, item) for item in value]
-        if (parts[0], parts[-1]) in PATH_KEYS and isinstance(value, str):
-            return str(folder / value)
-        for block, name in PATH_KEYS:
-            if block == parts[0]:
-                _absolute(value, name, folder)
-        return value
-
-    def inside(block: Any, *names: str) -> dict[str, Any]:
-        for name in names:
-            block = block.get(name) if isinstance(block, dict) else None
-        return block if isinstance(block, dict) else {}
-
-    settings = [inside(block) for block in inside(search, "conditions").values()]
-    for block in (*settings, inside(search, "verify", "change")):
-        block.update({key: settle(key, value) for key, value in block.items()})
-    for name, variable in inside(search, "variables").items():
-        if isinstance(variable, dict) and "choices" in variable:
-            key = variable.get("key") or name
-            variable["choices"] = settle(key[0] if isinstance(key, list) else key, variable["choices"])
-
-
-def _absolute(block: Any, key: str, folder: Path) -> None:
-    """Make a block's path absolute, and those of blocks inside it, such as the axes of a law."""
-    for name, value in block.items() if isinstance(block, dict) else ():
-        if name == key and isinstance(value, str):
-            block[name] = str(folder / value)
-        else:
-            _absolute(value, key, folder)
 
 
 def merge(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import Field, field_validator, model_validator
+from pydantic import BeforeValidator, Field, field_validator, model_validator
 
 from pliant.config.chain import Count
 from pliant.interfaces.base import FrozenModel
@@ -63,6 +63,20 @@ class ObjectiveConfig(FrozenModel):
         return self.minimize or self.maximize or ""
 
 
+def _joined_keys(changes: Any) -> Any:
+    """`{task: {trials: 10}}`, as overrides write it, is `{task.trials: 10}`; what has dots in its key stays."""
+    if not isinstance(changes, Mapping):
+        return changes
+    flat: dict[str, Any] = {}
+    for name, value in changes.items():
+        whole = isinstance(value, Mapping) and "." not in str(name)
+        flat.update({f"{name}.{key}": item for key, item in value.items()} if whole else {name: value})
+    return flat
+
+
+Changes = Annotated[dict[str, Any], BeforeValidator(_joined_keys)]
+
+
 class RobustConfig(FrozenModel):
     """Designs for what is uncertain: every candidate is tried in the same scenarios, which are drawn once.
 
@@ -78,9 +92,7 @@ class RobustConfig(FrozenModel):
         default=0.8, ge=0, lt=1, description="of cvar: the mean of the worst 1 − level of the scenarios"
     )
     laws: bool = Field(default=True, description="whether laws are drawn from their error bars")
-    vary: dict[str, Any] = Field(
-        default_factory=dict, description="keys of the study and how far they are off"
-    )
+    vary: Changes = Field(default_factory=dict, description="keys of the study and how far they are off")
     seed: int = Field(default=0, ge=0, description="of the scenarios")
     compare: bool = Field(
         default=True, description="whether a nominal search of the same budget shows what robustness costs"
@@ -93,7 +105,7 @@ class VerifyConfig(FrozenModel):
     """
 
     fem: bool = Field(default=True, description="whether its laws are fitted to FEM of the design itself")
-    change: dict[str, Any] = Field(
+    change: Changes = Field(
         default_factory=dict, description="keys that are different in the check: {task.trials: 10}"
     )
 
@@ -111,15 +123,6 @@ def _joined(raw: Mapping[Any, Any], done: Callable[[Any], bool], above: str = ""
         for key, item in inner.items():
             both = isinstance(item, Mapping) and isinstance(flat.get(key), Mapping)
             flat[key] = {**flat[key], **item} if both else item
-    return flat
-
-
-def _joined_keys(condition: Mapping[Any, Any]) -> dict[str, Any]:
-    """`{task: {trials: 10}}` as `{task.trials: 10}`; a value with dots in its key stays as it is."""
-    flat: dict[str, Any] = {}
-    for name, value in condition.items():
-        whole = isinstance(value, Mapping) and "." not in str(name)
-        flat.update({f"{name}.{key}": item for key, item in value.items()} if whole else {name: value})
     return flat
 
 
@@ -152,7 +155,7 @@ class SearchConfig(FrozenModel):
         default="study",
         description="whether the search begins at the study's own values, where they are in range",
     )
-    conditions: dict[str, dict[str, Any]] = Field(
+    conditions: dict[str, Changes] = Field(
         default_factory=dict, description="name → keys of the study: every candidate is tried in all of them"
     )
     over_conditions: Literal["mean", "worst"] = Field(
@@ -167,15 +170,9 @@ class SearchConfig(FrozenModel):
     @classmethod
     def _flat(cls, raw: Any) -> Any:
         """`variables: {family: {wall: {low: …}}}`, as overrides write it, is `variables: {family.wall: {low: …}}`."""
-        if not isinstance(raw, Mapping):
+        if not isinstance(raw, Mapping) or not isinstance(raw.get("variables"), Mapping):
             return raw
-        flat = dict(raw)
-        if isinstance(raw.get("variables"), Mapping):
-            flat["variables"] = _joined(raw["variables"], _is_variable)
-        if isinstance(raw.get("conditions"), Mapping):
-            conditions = raw["conditions"].items()
-            flat["conditions"] = {n: _joined_keys(c) if isinstance(c, Mapping) else c for n, c in conditions}
-        return flat
+        return {**raw, "variables": _joined(raw["variables"], _is_variable)}
 
     @field_validator("variables")
     @classmethod
