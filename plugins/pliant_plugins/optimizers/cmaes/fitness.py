@@ -29,7 +29,8 @@ FAILED = Result(None)
 
 
 def fitness(results: Sequence[Result], worst: float | None) -> list[float]:
-    """One finite number each, as an array that pycma may rank.
+    """One finite number each. Ranks would do for pycma's update, but it takes a run whose lowest values do not
+    change for one that has converged, which a search that is still outside of its constraints has not.
 
     Args:
         results: of a generation.
@@ -37,10 +38,8 @@ def fitness(results: Sequence[Result], worst: float | None) -> list[float]:
     """
     base = 0.0 if worst is None else worst
     step = max(abs(base), 1.0)
-    amounts = sorted({r.violation for r in results if r.violation > 0})
-    place = {amount: k for k, amount in enumerate(amounts, start=1)}
     return [
-        base + step * place[r.violation]
+        base + step * (1 + math.log1p(r.violation))
         if r.violation > 0
         else base + 0.5 * step
         if r.objective is None

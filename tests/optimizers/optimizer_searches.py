@@ -1,0 +1,83 @@
+"""Spaces, objectives and loops that the tests of optimizers share."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+
+from pliant.interfaces.optimizer import Candidate, Optimizer, Outcome, Space, Value, Variable
+
+NAN = float("nan")
+MIXED = Space(
+    (
+        Variable("a", "real", -1.0, 1.0),
+        Variable("n", "integer", 4, 40),
+        Variable("c", "categorical", choices=("u", "v", "w", "z")),
+        Variable("d", "categorical", choices=(0, 1)),
+    )
+)
+
+
+def box(n: int, low: float = -2.0, high: float = 3.0) -> Space:
+    """n real variables."""
+    return Space(tuple(Variable(f"x{i}", "real", low, high) for i in range(n)))
+
+
+def sphere(values: Mapping[str, Any]) -> float:
+    """Minimum 0 at 0.7 in every variable."""
+    return float(sum((v - 0.7) ** 2 for v in values.values()))
+
+
+def rosenbrock(values: Mapping[str, Any]) -> float:
+    """Minimum 0 at 1 in every variable."""
+    x = np.array(list(values.values()))
+    return float(np.sum(100 * (x[1:] - x[:-1] ** 2) ** 2 + (1 - x[:-1]) ** 2))
+
+
+def mixed(values: Mapping[str, Any]) -> float:
+    """Minimum 0 at a = 0.3, n = 31, c = v, d = 0."""
+    by_choice = {"u": 1.0, "v": 0.0, "w": 2.0, "z": 1.5}[values["c"]]
+    return float((values["a"] - 0.3) ** 2 + 0.01 * (values["n"] - 31) ** 2 + by_choice + values["d"])
+
+
+def line(values: Mapping[str, Any]) -> tuple[float, float]:
+    """x₀ + x₁ is small where x₀² + x₁² ≤ 1: minimum −√2; objective and violation."""
+    x = np.array(list(values.values()))
+    excess = float(x @ x - 1)
+    return (float(x.sum()), 0.0) if excess <= 0 else (NAN, excess)
+
+
+def scored(candidate: Candidate, objective: Callable[[Mapping[str, Value]], Any]) -> Outcome:
+    """Its outcome; the objective may give a number, or a number and a violation."""
+    given = objective(candidate.values)
+    value, violation = given if isinstance(given, tuple) else (given, 0.0)
+    return Outcome(candidate.number, value, violation=violation)
+
+
+def search(
+    optimizer: Optimizer, objective: Callable[[Mapping[str, Value]], Any], candidates: int
+) -> list[tuple[Candidate, Outcome]]:
+    """Ask and tell, in batches, until at least so many candidates are told."""
+    done: list[tuple[Candidate, Outcome]] = []
+    while len(done) < candidates:
+        asked = optimizer.ask(optimizer.batch)
+        outcomes = [scored(c, objective) for c in asked]
+        optimizer.tell(outcomes[::-1])
+        done += zip(asked, outcomes, strict=True)
+    return done
+
+
+def best(done: list[tuple[Candidate, Outcome]]) -> tuple[Candidate, Outcome]:
+    """The lowest objective."""
+    return min(
+        (pair for pair in done if pair[1].objective == pair[1].objective), key=lambda p: p[1].objective
+    )
+
+
+def random_best(space: Space, objective: Callable[[Mapping[str, Value]], Any], candidates: int) -> float:
+    """What as many uniform draws of a space of real variables find."""
+    generator = np.random.default_rng(0)
+    draws = ({v.name: generator.uniform(v.low, v.high) for v in space.variables} for _ in range(candidates))
+    return min(objective(values) for values in draws)

@@ -1,0 +1,196 @@
+"""CMA-ES: known optima, generations in pieces, failures, restarts, exact resumption."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import tests.optimizers.optimizer_searches as searches
+from tests.optimizers.optimizer_searches import MIXED, NAN, best, box, scored, search
+
+from pliant.interfaces.optimizer import Outcome, Space, Variable
+from pliant_plugins.optimizers.cmaes.config import CmaesConfig
+
+pytest.importorskip("cma")
+from pliant_plugins.optimizers.cmaes.encoding import Encoding
+from pliant_plugins.optimizers.cmaes.fitness import Result, fitness
+from pliant_plugins.optimizers.cmaes.optimizer import Cmaes
+
+
+def cmaes(space: Space, seed: int = 1, **config: Any) -> Cmaes:
+    optimizer = Cmaes(CmaesConfig(**config))
+    optimizer.start(space, seed)
+    return optimizer
+
+
+def resumed(optimizer: Cmaes) -> Cmaes:
+    again = Cmaes(optimizer.config)
+    again.restore(json.loads(json.dumps(optimizer.state(), allow_nan=False)))
+    return again
+
+
+def test_finds_the_bottom_of_rosenbrocks_valley() -> None:
+    candidate, outcome = best(search(cmaes(box(5)), searches.rosenbrock, 2400))
+    assert outcome.objective < 1e-8
+    assert np.allclose(list(candidate.values.values()), 1.0, atol=1e-3)
+
+
+def test_beats_random_search_at_the_same_count() -> None:
+    found = best(search(cmaes(box(6)), searches.sphere, 300))[1].objective
+    assert found < 0.02 * searches.random_best(box(6), searches.sphere, 300)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_finds_a_mixed_optimum(seed: int) -> None:
+    candidate, _ = best(search(cmaes(MIXED, seed), searches.mixed, 400))
+    assert (candidate.values["n"], candidate.values["c"], candidate.values["d"]) == (31, "v", 0)
+    assert candidate.values["a"] == pytest.approx(0.3, abs=0.01)
+
+
+def test_finds_an_optimum_on_a_constraint() -> None:
+    done = search(cmaes(box(2)), searches.line, 500)
+    assert best(done)[1].objective == pytest.approx(-np.sqrt(2), abs=1e-3)
+
+
+def test_finds_an_optimum_in_a_corner_of_the_box() -> None:
+    candidate, _ = best(search(cmaes(box(3)), lambda v: sum(v.values()), 600))  # type: ignore[arg-type]
+    assert np.allclose(list(candidate.values.values()), -2.0, atol=1e-3)
+
+
+def test_searches_one_variable() -> None:
+    one = Space((Variable("a", "real", -1.0, 1.0),))
+    candidate, _ = best(search(cmaes(one), lambda v: (v["a"] - 0.9) ** 2, 150))  # type: ignore[operator]
+    assert candidate.values["a"] == pytest.approx(0.9, abs=1e-3)
+
+
+def test_a_space_without_freedom_is_searched_all_the_same() -> None:
+    fixed = Space((Variable("a", "real", 2.0, 2.0), Variable("c", "categorical", choices=("only",))))
+    assert {tuple(c.values.values()) for c, _ in search(cmaes(fixed), lambda v: 0.0, 40)} == {(2.0, "only")}
+
+
+def test_a_third_of_failures_is_survived() -> None:
+    generator = np.random.default_rng(5)
+    done = search(cmaes(box(4)), lambda v: NAN if generator.random() < 0.3 else searches.sphere(v), 900)
+    assert best(done)[1].objective < 1e-3
+
+
+def test_goes_on_when_nothing_can_be_evaluated_at_first() -> None:
+    optimizer = cmaes(box(3))
+    search(optimizer, lambda v: NAN, 60)
+    assert best(search(optimizer, searches.sphere, 600))[1].objective < 1e-2
+
+
+def test_smaller_violations_lead_into_the_feasible_part() -> None:
+    """1 in 10⁵ of the box is feasible: random draws do not meet it."""
+
+    def far(values: Any) -> tuple[float, float]:
+        distance = float(np.linalg.norm(np.array(list(values.values())) - 0.9))
+        return (distance, 0.0) if distance < 0.2 else (NAN, distance)
+
+    done = search(cmaes(box(5)), far, 600)
+    assert sum(o.violation == 0 for _, o in done) > 100
+
+
+@pytest.mark.parametrize("at", [0, 3, 20])
+def test_goes_on_after_an_interruption_as_if_there_was_none(at: int) -> None:
+    """Within a generation, with outcomes missing; several hundred candidates are compared."""
+    optimizer = cmaes(MIXED)
+    search(optimizer, searches.mixed, at * optimizer.batch)
+    waiting = optimizer.ask(3)
+    optimizer.tell([scored(waiting[1], searches.mixed)])
+    again = resumed(optimizer)
+    late = [scored(waiting[0], searches.mixed), Outcome(waiting[2].number, NAN)]
+    traces = []
+    for one in (optimizer, again):
+        one.tell(late)
+        traces.append([(c.number, dict(c.values)) for c, _ in search(one, searches.mixed, 300)])
+    assert traces[0] == traces[1]
+
+
+def test_goes_on_exactly_with_surplus_candidates_and_after_restarts() -> None:
+    optimizer = cmaes(box(2), restarts=1)
+    search(optimizer, searches.sphere, 1200)
+    assert optimizer.state()["run"] > 0
+    asked = [c for _ in range(3) for c in optimizer.ask(optimizer.batch)]
+    again = resumed(optimizer)
+    traces = []
+    for one in (optimizer, again):
+        one.tell([scored(c, searches.sphere) for c in asked])
+        traces.append([(c.number, dict(c.values)) for c, _ in search(one, searches.sphere, 300)])
+    assert traces[0] == traces[1]
+
+
+def test_pieces_of_a_generation_are_the_generation() -> None:
+    """Asked one by one, the candidates are those of one call."""
+    whole, pieces = cmaes(box(4)), cmaes(box(4))
+    for _ in range(5):
+        together = whole.ask(whole.batch)
+        single = [pieces.ask(1)[0] for _ in together]
+        assert [c.values for c in together] == [c.values for c in single]
+        for one, asked in ((whole, together), (pieces, single[::-1])):
+            for candidate in asked:
+                one.tell([scored(candidate, searches.sphere)])
+
+
+def test_outcomes_that_never_come_do_not_stop_the_search() -> None:
+    optimizer = cmaes(box(3))
+    done = []
+    for _ in range(60):
+        asked = optimizer.ask(optimizer.batch)
+        pairs = [(c, scored(c, searches.sphere)) for c in asked[1:]]  # the first one's worker has died
+        optimizer.tell([o for _, o in pairs])
+        done += pairs
+    assert best(done)[1].objective < 0.1 * best(done[:20])[1].objective
+
+
+def test_a_run_that_has_converged_is_followed_by_another() -> None:
+    plain, ipop = cmaes(box(2), population=6), cmaes(box(2), population=6, restarts=2)
+    for optimizer in (plain, ipop):
+        search(optimizer, searches.sphere, 2000)
+        assert optimizer.state()["run"] >= 2
+    assert plain.batch == 6
+    assert ipop.batch == 24
+
+
+def test_begins_with_the_guess_itself() -> None:
+    guess = {"a": 0.25, "n": 12, "c": "w", "d": 1}
+    first = cmaes(replace(MIXED, start=guess)).ask(1)[0]
+    assert {**first.values, "a": pytest.approx(0.25)} == guess
+
+
+def test_sigma_is_the_spread_of_the_first_generation() -> None:
+    """About the middle of a wide box nearly nothing is folded back at the bounds."""
+    for sigma in (0.02, 0.1):
+        asked = cmaes(box(10, 0.0, 4.0), sigma=sigma, population=400).ask(400)
+        spread = np.std([list(c.values.values()) for c in asked])
+        assert spread == pytest.approx(4.0 * sigma, rel=0.06)
+
+
+def test_population_follows_pycmas_rule() -> None:
+    assert cmaes(box(13)).batch == 4 + int(3 * np.log(13))
+    assert cmaes(box(13), population=31).batch == 31
+
+
+def test_failed_ones_rank_behind_evaluated_ones_and_before_refused_ones() -> None:
+    results = [Result(3.0), Result(None), Result(None, 2.0), Result(None, 0.1), Result(-1.0)]
+    values = fitness(results, worst=7.0)
+    assert np.argsort(values).tolist() == [4, 0, 1, 3, 2]
+    assert values[1] > 7.0
+    assert np.all(np.isfinite(fitness([Result(None, 1e300), Result(None)], None)))
+
+
+def test_every_choice_and_number_can_be_reached() -> None:
+    encoding = Encoding.of(MIXED.variables)
+    for guess in ({"n": n, "c": c, "d": d} for n in (4, 17, 40) for c in "uvwz" for d in (0, 1)):
+        assert {k: encoding.decoded(encoding.encoded(guess))[k] for k in guess} == guess
+
+
+def test_leaves_no_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "cma_signals.in").write_text("{'maxiter': 0}")
+    search(cmaes(box(2)), searches.sphere, 50)
+    assert [p.name for p in tmp_path.iterdir()] == ["cma_signals.in"]
