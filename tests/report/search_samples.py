@@ -9,6 +9,9 @@ from typing import Any
 
 import numpy as np
 
+from pliant.mechanics.kinematics import ChainGeometry
+from pliant.records.rollout import Equilibrium, TaskResult
+from pliant.records.scene import SceneStill
 from pliant.records.search import (
     FoundDesign,
     Robustness,
@@ -18,6 +21,9 @@ from pliant.records.search import (
     VariableRecord,
     Verification,
 )
+from pliant.records.shape import Shape
+from pliant.report.search_folder import DrawnDesign
+from pliant.testing.samples import sample_chain
 
 RADIUS = VariableRecord("family.average_radius", ("family.average_radius",), "real", 6e-3, 8e-3, (), "m")
 PRESSURE = VariableRecord("task.pressure", ("task.pressure",), "real", 2e3, 15e3, (), "Pa")
@@ -266,3 +272,26 @@ STUDY: dict[str, Any] = {
     "optimizer": {"kind": "cmaes", "sigma": 0.3},
     "task": {"kind": "grasp", "trials": 1},
 }
+
+
+def curved(label: str, bend: float = 0.2, off: float = 1e-3) -> DrawnDesign:
+    """A chain that settled beside its target."""
+    chain = sample_chain(modules=6)
+    angles = np.full((6, 1), bend)
+    markers = ChainGeometry.of(chain).markers(angles)
+    target = ChainGeometry.of(chain).markers(angles * 1.1) + off
+    metrics = {"rmse_m": off, "backbone_points_m": markers.tolist(), "target_points_m": target.tolist()}
+    return DrawnDesign(
+        label, chain, TaskResult(Equilibrium(angles, markers, 1e-9, True, True, 5, 0.1), metrics)
+    )
+
+
+def grasped(label: str, radius_m: float = 0.02) -> DrawnDesign:
+    """A ball between two rods, above a floor."""
+    rods = tuple(
+        (Shape("capsule", (4e-3, 2e-2), np.array([x, 0.0, 0.06]), np.eye(3)),) for x in (-0.03, 0.03)
+    )
+    ball = (Shape("sphere", (radius_m,), np.array([0.0, 0.0, 0.05]), np.eye(3)),)
+    stills = tuple(SceneStill(name, t, rods, (ball,), 0.0) for t, name in enumerate(("lowered", "lifted")))
+    final = Equilibrium(np.zeros((1, 1)), np.zeros((3, 3)), 0.0, True, None, 1, 0.0)
+    return DrawnDesign(label, None, TaskResult(final, {"success_share": 1.0}, stills=stills))

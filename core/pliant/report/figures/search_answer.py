@@ -74,7 +74,7 @@ def _design(
     axes.plot(
         places, rows, ls="", marker=MARKS[number % len(MARKS)] if own else "o",
         ms=(7 if own else 4.5) if several else 10,
-        color=colour, mec="white", mew=0.8, alpha=1 if own else 0.5, zorder=4,
+        color=colour, mec="white", mew=0.8 if own else 0, alpha=1 if own else 0.5, zorder=4,
         label=read.design_names()[number],
     )  # fmt: skip
     if several:

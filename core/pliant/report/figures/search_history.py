@@ -5,6 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from matplotlib.colors import to_rgba
+from numpy.typing import NDArray
 
 from pliant.records.design import Array
 from pliant.records.search import STATUSES
@@ -16,6 +18,7 @@ WIDTH_PX, HEIGHT_PX = 1560, 620
 NAMED = 24  # branches that stand with their names; of more, the first few are named
 FIRST_NAMED = 5
 SHOWN_SHARE = 97.0  # percent of the candidates that a linear axis shows; the rest stands at its edge
+MOST_TICKS, BINS = 400, 240  # failures drawn one by one; beyond that, parts of the search
 WINDOW = 0.05  # of the search, over which a moving median is taken
 CAUSES = (("refused", style.SERIES[4]), ("failed", style.SERIES[1]), ("not_a_number", style.SERIES[3]))
 
@@ -27,13 +30,10 @@ def search_history(read: SearchRead) -> style.Png:
     with style.canvas(WIDTH_PX, HEIGHT_PX) as figure:
         axes = figure.subplots()
         _limits(axes, read, scores)
-        _candidates(axes, read, x, scores)
-        if branches > 1:
-            _branch_lines(axes, read, x, scores)
-        elif read.contextual:
-            _medians(axes, read, x, scores)
-        else:
-            _best_so_far(axes, read, x, scores)
+        if read.ok.any():
+            _candidates(axes, read, x, scores)
+            lines = _branch_lines if branches > 1 else _medians if read.contextual else _best_so_far
+            lines(axes, read, x, scores)
         _rim(axes, read, x)
         axes.set_xlim(0, max(float(x.max(initial=1)), 1) * 1.01)
         each = " of its search" if branches > 1 else ""
@@ -192,11 +192,28 @@ def _rim(axes: Any, read: SearchRead, x: Array) -> None:
     for name, colour, mine in kinds:
         if not mine.any():
             continue
-        axes.plot(
-            x[mine], np.full(mine.sum(), 0.985 - 0.035 * row), "|", ms=6, mew=0.9, color=colour, clip_on=False,
-            zorder=5, transform=axes.get_xaxis_transform(), label=f"{name.replace('_', ' ')} ({int(mine.sum())})",
-        )  # fmt: skip
+        label, top = f"{name.replace('_', ' ')} ({int(mine.sum())})", 0.985 - 0.035 * row
+        if mine.sum() > MOST_TICKS:
+            _shaded(axes, x, mine, top, colour, label)
+        else:
+            axes.plot(
+                x[mine], np.full(mine.sum(), top), "|", ms=6, mew=0.9, color=colour, clip_on=False, zorder=5,
+                transform=axes.get_xaxis_transform(), label=label,
+            )  # fmt: skip
         row += 1
+
+
+def _shaded(axes: Any, x: Array, mine: NDArray[np.bool_], top: float, colour: str, label: str) -> None:
+    """Too many for ticks: a strip as dark as their share among the candidates there."""
+    edges = np.linspace(float(x.min()), float(x.max()) + 1, BINS + 1)
+    every, own = (np.histogram(values, edges)[0] for values in (x, x[mine]))
+    shares = own / np.maximum(every, 1)
+    shades = [to_rgba(colour, float(share)) for share in shares]
+    axes.bar(
+        edges[:-1], 0.026, np.diff(edges), top - 0.013, align="edge", color=shades, lw=0, zorder=5, clip_on=False,
+        transform=axes.get_xaxis_transform(),
+    )  # fmt: skip
+    axes.plot([], [], "s", ms=4, color=colour, label=label)
 
 
 def _within(read: SearchRead) -> Array:

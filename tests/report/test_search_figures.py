@@ -1,0 +1,141 @@
+"""Figures of a search: what they leave out and keep, and that what they show changes with the record."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from tests.report import search_samples as samples
+
+from pliant.records.search import SearchResult
+from pliant.report.figures.search_answer import search_answer
+from pliant.report.figures.search_designs import search_designs
+from pliant.report.figures.search_front import search_front
+from pliant.report.figures.search_history import branch_strip, moving_median, search_history, shown_range
+from pliant.report.figures.search_parallel import MOST_LINES, search_parallel, thinned
+from pliant.report.figures.search_policy import last_rows, search_policy
+from pliant.report.figures.search_robust import search_robust
+from pliant.report.figures.search_slopes import by_influence, influence, search_slopes
+from pliant.report.figures.search_verified import search_successes, search_verified, success_counts
+from pliant.report.search_axes import short_labels
+from pliant.report.search_folder import Drawing
+from pliant.report.search_reading import SearchRead, log_suits
+
+
+def read(result: SearchResult) -> SearchRead:
+    return SearchRead(result, samples.STUDY)
+
+
+def test_thinning_keeps_the_best_tenth_and_spreads_the_rest_by_rank() -> None:
+    order = np.arange(1000)[::-1]
+    kept = thinned(order)
+    assert len(kept) == MOST_LINES and len(set(kept.tolist())) == MOST_LINES
+    assert kept[:100].tolist() == order[:100].tolist()
+    assert kept[-1] == order[-1]
+    assert np.diff([int(np.flatnonzero(order == k)[0]) for k in kept]).min() > 0
+    many = thinned(np.arange(50_000))
+    assert len(many) <= MOST_LINES and many[:200].tolist() == list(range(200))
+    assert thinned(np.arange(7)).tolist() == list(range(7))
+
+
+def test_labels_are_as_short_as_tells_them_apart() -> None:
+    names = ["family.average_radius_m", "chain.segments.0.modules", "chain.segments.1.modules", "n1"]
+    assert short_labels(names) == ["average radius", "0 modules", "1 modules", "n1"]
+
+
+def test_axes_are_in_human_units_and_hold_every_kind_of_value() -> None:
+    one = read(samples.one_branch())
+    axes = {axis.label: axis for axis in one.axes}
+    assert (axes["average radius"].low, axes["average radius"].high) == pytest.approx((6.0, 8.0))
+    assert axes["pressure"].title == "pressure (kPa)"
+    assert axes["roll"].text(np.pi / 2) == "90°"
+    assert axes["side"].choices == ("0°", "90°") and axes["side"].place(np.pi / 2) == 1.0
+    assert np.isnan(axes["side"].place(1.0))
+    raw = one.result.history.values[samples.RADIUS.name]
+    assert axes["average radius"].values == pytest.approx(1e3 * raw)
+
+
+def test_a_maximised_objective_reads_as_stated() -> None:
+    one = read(samples.contextual())
+    assert one.scores()[one.ok] == pytest.approx(-one.result.history.objectives[one.ok, 0])
+    assert one.scores()[one.order()[0]] == np.nanmax(one.scores())
+
+
+def test_branches_are_read_from_the_history_or_from_the_branches() -> None:
+    result = samples.many_branches(81 * 4)
+    values = {name: column for name, column in result.history.values.items() if not name.startswith("n")}
+    bare = replace(result, history=replace(result.history, values=values))
+    for whole, fewer in zip(read(result).axes, read(bare).axes, strict=True):
+        assert whole.values == pytest.approx(fewer.values)
+    found = read(result).best_of_branches()
+    assert len(found) == 81 and found[0][1] == read(result).order()[0]
+
+
+def test_ranges_leave_out_what_would_flatten_the_rest() -> None:
+    values = np.concatenate([np.linspace(1, 2, 99), [1e4]])
+    assert shown_range(values, maximised=False)[1] < 3
+    assert shown_range(-values, maximised=True)[0] > -3
+    assert shown_range(np.array([1.0, 2.0]), maximised=False) == (1.0, 2.0)
+    assert log_suits(np.geomspace(1, 100, 20)) and not log_suits(np.linspace(-1, 100, 20))
+
+
+def test_a_moving_median_is_not_moved_by_one_outlier() -> None:
+    values = np.ones(200)
+    values[50] = 1e6
+    assert np.all(moving_median(np.arange(200.0), values)[1] == 1.0)
+
+
+def test_the_last_quarter_is_that_of_the_condition() -> None:
+    one = read(samples.contextual(240))
+    rows = last_rows(one, 2)
+    assert len(rows) and rows.min() >= 180
+    assert set(one.result.history.context[rows].tolist()) == {2} and one.ok[rows].all()
+
+
+def test_slopes_stand_by_influence() -> None:
+    found = [influence(slope) for slope in by_influence(read(samples.one_branch()))]
+    assert found == sorted(found, reverse=True) and len(found) == 5
+
+
+def test_successes_are_counted_by_the_checks_own_trials() -> None:
+    checked = replace(samples.one_branch(), verification=samples.verification())
+    assert success_counts(read(checked))["mujoco"]["egg-5"] == (7, 10)
+    own = samples.verification()
+    twenty = {e: {c: {**m, "trials": 20.0} for c, m in one.items()} for e, one in own.conditions.items()}
+    more = replace(checked, verification=replace(own, conditions=twenty))
+    assert success_counts(read(more))["pybullet"]["egg-5"] == (14, 20)
+    odd = {"mujoco": {"egg-0": {"success_share": 0.333}}}
+    assert success_counts(read(replace(checked, verification=replace(own, conditions=odd)))) == {}
+
+
+def test_figures_exist_for_what_the_record_has() -> None:
+    plain, nothing = read(samples.one_branch(40)), read(samples.everything_failed())
+    for make in (branch_strip, search_front, search_policy, search_robust, search_verified, search_successes):
+        assert make(plain) is None
+    for made in (search_answer, search_parallel, search_slopes):
+        assert made(nothing) is None
+    assert bytes(search_history(nothing)[:4]) == b"\x89PNG"
+    assert search_designs(()) is None
+
+
+def test_the_same_record_gives_the_same_picture_and_another_best_does_not() -> None:
+    one = samples.one_branch(40)
+    other = replace(
+        one, best=(replace(one.best[0], values={**one.best[0].values, samples.RADIUS.name: 7.9e-3}),)
+    )
+    first, again, moved = (search_answer(read(r)) for r in (one, samples.one_branch(40), other))
+    assert first is not None and again is not None and moved is not None
+    assert first.tobytes() == again.tobytes() != moved.tobytes()
+
+
+@pytest.mark.parametrize("make", [samples.curved, samples.grasped])
+def test_designs_are_drawn_side_by_side(make) -> None:  # type: ignore[no-untyped-def]
+    shown = [Drawing.of(make(f"design {k}", *values)) for k, values in enumerate(VALUES[make.__name__])]
+    alone, both = search_designs(shown[:1]), search_designs(shown)
+    assert alone is not None and both is not None
+    assert len(both) > len(alone)
+    assert (shown[0].rest_m is None) == (make is samples.grasped)
+
+
+VALUES = {"curved": [(0.2, 1e-3), (0.3, 4e-3)], "grasped": [(0.02,), (0.025,)]}
