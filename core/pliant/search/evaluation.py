@@ -92,6 +92,7 @@ class Evaluator:
         self.path = QuickPath(bench, problem.study, timed)
         self._setter = StudySetter(problem.study, bench.registry)
         self._timed = timed
+        self.scored = False  # whether any candidate has had objectives
         self.path.laws.check_varied(_law_parameters(self.scenarios))
 
     def result(self, study: Study) -> TaskResult:
@@ -114,10 +115,11 @@ class Evaluator:
             found = run.evaluation()
         except _EndedError as end:
             found = Evaluation(end.status, cause=str(end), violation=end.violation)
+        conditions = {name: numbers(metrics) for name, metrics in run.measured.items()}
         return replace(
             found,
-            metrics=_mean(list(run.measured.values())) if found.status == "ok" else {},
-            conditions=run.measured,
+            metrics=_mean(list(conditions.values())) if found.status == "ok" else {},
+            conditions=conditions,
             simulations=run.simulations,
             wall_s=time.perf_counter() - started,
         )
@@ -129,7 +131,7 @@ class _Run:
     def __init__(self, evaluator: Evaluator, values: Mapping[str, Value], context: int) -> None:
         self.evaluator, self.values, self.context = evaluator, values, context
         self.problem = evaluator.problem
-        self.measured: dict[str, Metrics] = {}
+        self.measured: dict[str, Mapping[str, Any]] = {}
         self.simulations = 0
 
     def evaluation(self) -> Evaluation:
@@ -198,7 +200,7 @@ class _Run:
         except UserError as error:
             raise _EndedError("failed", f"{said}: {error}") from None
 
-    def _metrics(self, study: Study, scenario: Scenario | None, said: str) -> Metrics:
+    def _metrics(self, study: Study, scenario: Scenario | None, said: str) -> Mapping[str, Any]:
         """What the task measures; `said` names condition and scenario in the cause of a failure."""
         at = f"{said}: " if said else ""
         self.simulations += 1
@@ -221,15 +223,20 @@ class _Run:
             raise _EndedError(
                 "failed", f"{at}the chain did not settle (residual {result.final.residual:.2g})."
             )
-        return numbers(result)
+        return measured(result)
 
-    def _objectives(self, metrics: Metrics, said: str) -> tuple[float, ...]:
-        found = tuple(float(one) for one in self.problem.objective_values(self.values, metrics))
+    def _objectives(self, metrics: Mapping[str, Any], said: str) -> tuple[float, ...]:
+        at = f"{said}: " if said else ""
+        try:
+            found = tuple(float(one) for one in self.problem.objective_values(self.values, metrics))
+        except UserError as error:
+            if not self.evaluator.scored:  # the search asks for what its task does not measure
+                raise
+            raise _EndedError("not_a_number", at + str(error)) from None
+        self.evaluator.scored = True
         for name, value in zip(self.problem.objective_names, found, strict=True):
             if not math.isfinite(value):
-                raise _EndedError(
-                    "not_a_number", f"{f'{said}: ' if said else ''}the objective '{name}' is {value}."
-                )
+                raise _EndedError("not_a_number", f"{at}the objective '{name}' is {value}.")
         return found
 
     def _over_conditions(self, rows: Sequence[tuple[float, ...]]) -> tuple[float, ...]:
@@ -250,16 +257,16 @@ class _Run:
         return self.problem.conditions[condition].name if self.problem.config.conditions else ""
 
 
-def numbers(result: TaskResult) -> dict[str, float]:
-    """What a task measured as numbers: truths as 0 and 1; texts and lists are left out."""
-    found = {
-        str(name): float(value)
-        for name, value in result.metrics.items()
-        if isinstance(value, bool | int | float | np.bool_ | np.integer | np.floating)
-    }
-    found.setdefault("converged", float(result.final.converged))
-    found.setdefault("outside_domain", float(len(result.final.outside_domain)))
-    return found
+def measured(result: TaskResult) -> dict[str, Any]:
+    """What a task measured, and whether it settled and how often a law was used outside its data."""
+    own = {"converged": result.final.converged, "outside_domain": len(result.final.outside_domain)}
+    return {**own, **result.metrics}
+
+
+def numbers(metrics: Mapping[str, Any]) -> dict[str, float]:
+    """Metrics that are one number, truths as 0 and 1; texts and lists are left out."""
+    kinds = (bool, int, float, np.bool_, np.integer, np.floating)
+    return {str(name): float(value) for name, value in metrics.items() if isinstance(value, kinds)}
 
 
 def _mean(measured: Sequence[Metrics]) -> dict[str, float]:

@@ -1,0 +1,261 @@
+"""What a candidate comes to: the same as `pliant simulate` says, every way to fail, conditions, reproducibility."""
+
+import numpy as np
+import pytest
+from tests.search import evaluation_bench as bench
+
+from pliant.errors import UserError
+from pliant.pipeline.study import simulate_study
+from pliant.search.evaluation import Evaluator
+
+ANGLE = """\
+variables:
+  pressure: {key: task.pressure, low: 1 kPa, high: 20 kPa}
+objective: {maximize: bend_angle}
+"""
+SPATIAL = """\
+variables:
+  n: {key: chain.segments.0.modules, low: 1, high: 5}
+  turn: {key: chain.segments.1.rotation, low: 0, high: 3}
+  length: {key: chain.segments.1.module_length, low: 4 mm, high: 6 mm}
+  pressure: {key: task.pressure, low: 5 kPa, high: 15 kPa}
+  steps: {key: task.steps, choices: [1, 4]}
+objective: rmse
+"""
+HELICAL = """\
+variables:
+  R1: {key: chain.segments.0.family.average_radius, low: 5 mm, high: 7 mm}
+  l2: {key: chain.segments.1.family.module_length, low: 4 mm, high: 6 mm}
+  turn: {key: chain.segments.1.rotation, low: 0, high: 3}
+  pressure: {key: task.pressure, low: 10 kPa, high: 15 kPa}
+objective: rmse
+"""
+SPRINGS = """\
+variables:
+  family.radius: {low: 4 mm, high: 5.5 mm}
+  family.length: {low: 8 mm, high: 10 mm}
+  chain.modules: {low: 1, high: 5}
+objective: {maximize: bend_angle}
+"""
+
+
+def same_as_simulated(one, problem, seeds):
+    """Evaluations of random candidates, each held against the stages of `pliant simulate`."""
+    evaluator = Evaluator(one.bench, problem)
+    for seed in seeds:
+        values = bench.drawn(problem, seed)
+        found = evaluator.evaluate(values)
+        stages = simulate_study(one.bench, problem.apply(values, 0)).engines[0].result
+        assert found.status == "ok", found.cause
+        assert found.simulations == 1
+        told = {n: v for n, v in stages.metrics.items() if isinstance(v, int | float)}
+        assert set(told) <= set(found.metrics)
+        for name, value in told.items():
+            assert found.metrics[name] == pytest.approx(value, rel=1e-12, abs=1e-14), name
+        assert found.metrics["outside_domain"] == len(stages.final.outside_domain)
+    assert evaluator.evaluate(values).metrics == found.metrics  # what is kept changes nothing
+
+
+def test_stated_laws_give_what_the_stages_give(tmp_path):
+    same_as_simulated(*bench.opened(tmp_path, bench.SPATIAL, SPATIAL), range(6))
+
+
+def test_a_meta_models_laws_give_what_the_stages_give(tmp_path):
+    same_as_simulated(*bench.springs(tmp_path, SPRINGS), range(6))
+
+
+def test_helical_bellows_follow_a_shape_as_in_the_stages(tmp_path):
+    same_as_simulated(*bench.helical(tmp_path, HELICAL), range(3))
+
+
+def test_the_closed_form_of_a_hinge_and_the_sign_of_a_maximised_objective(tmp_path):
+    one, problem = bench.hinge(tmp_path, ANGLE)
+    found = Evaluator(one.bench, problem).evaluate({"pressure": 8e3})
+    assert found.objectives == (pytest.approx(-bench.GAIN * 8e3 / bench.STIFFNESS, rel=1e-9),)
+    assert found.metrics["converged"] == 1.0
+    assert found.wall_s > 0
+
+
+def test_nothing_is_written_to_the_store_by_candidates(tmp_path):
+    one, problem = bench.springs(tmp_path, SPRINGS)
+    evaluator = Evaluator(one.bench, problem)
+    evaluator.evaluate(bench.drawn(problem, 0))
+    before = sorted(one.bench.store.root.rglob("*"))
+    for seed in (1, 2, 3):
+        evaluator.evaluate(bench.drawn(problem, seed))
+    assert sorted(one.bench.store.root.rglob("*")) == before
+
+
+def test_two_evaluators_agree_to_the_bit(tmp_path):
+    one, problem = bench.opened(tmp_path, bench.SPATIAL, SPATIAL)
+    first, second = Evaluator(one.bench, problem), Evaluator(one.bench, problem)
+    candidates = [bench.drawn(problem, seed) for seed in range(4)]
+    there = [first.evaluate(values).metrics for values in candidates]
+    back = [second.evaluate(values).metrics for values in reversed(candidates)]
+    assert there == back[::-1]
+
+
+def test_a_broken_constraint_is_refused_without_simulation(tmp_path):
+    one, problem = bench.hinge(tmp_path, f"{ANGLE}constraints: [pressure <= 12 kPa]\n")
+    evaluator = Evaluator(one.bench, problem)
+    found = evaluator.evaluate({"pressure": 15e3})
+    assert (found.status, found.simulations, found.objectives) == ("refused", 0, ())
+    assert found.violation == pytest.approx(sum(problem.violated({"pressure": 15e3}).values()))
+    assert "pressure <= 12 kPa" in found.cause
+    assert evaluator.evaluate({"pressure": 11e3}).status == "ok"
+
+
+def test_an_impossible_design_is_refused(tmp_path):
+    search = SPRINGS.replace("low: 8 mm", "low: 3 mm")
+    one, problem = bench.springs(tmp_path, search)
+    values = {"family.radius": 5e-3, "family.length": 4e-3, "chain.modules": 2}
+    found = Evaluator(one.bench, problem).evaluate(values)
+    assert (found.status, found.simulations) == ("refused", 0)
+    assert "springs needs length ≥ radius" in found.cause
+
+
+def test_a_design_outside_the_meta_model_fails_with_its_sentence(tmp_path):
+    search = SPRINGS.replace("high: 10 mm", "high: 20 mm")
+    one, problem = bench.springs(tmp_path, search)
+    values = {"family.radius": 5e-3, "family.length": 15e-3, "chain.modules": 2}
+    found = Evaluator(one.bench, problem).evaluate(values)
+    assert found.status == "failed"
+    assert "outside the meta-model's range" in found.cause
+
+
+def test_a_chain_that_folds_fails_with_what_was_not_reached(tmp_path):
+    one, problem = bench.hinge(tmp_path, ANGLE.replace("20 kPa", "200 kPa"))
+    found = Evaluator(one.bench, problem).evaluate({"pressure": 180e3})
+    assert found.status == "failed"
+    assert "folds" in found.cause
+
+
+def test_an_engine_that_raises_is_survived_and_named(tmp_path, monkeypatch):
+    one, problem = bench.hinge(tmp_path, ANGLE)
+    evaluator = Evaluator(one.bench, problem)
+
+    def breaks(study, draw=None):
+        raise FloatingPointError("overflow in a joint")
+
+    monkeypatch.setattr(evaluator.path, "result", breaks)
+    found = evaluator.evaluate({"pressure": 8e3})
+    assert (found.status, found.cause) == ("failed", "FloatingPointError: overflow in a joint")
+
+
+def test_ctrl_c_inside_compiled_code_stops_the_search(tmp_path, monkeypatch):
+    one, problem = bench.hinge(tmp_path, ANGLE)
+    evaluator = Evaluator(one.bench, problem)
+
+    def interrupted(study, draw=None):
+        raise SystemError("returned a result with an exception set") from KeyboardInterrupt()
+
+    monkeypatch.setattr(evaluator.path, "result", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        evaluator.evaluate({"pressure": 8e3})
+
+
+def test_an_objective_that_is_no_number_is_counted_as_such(tmp_path):
+    one, problem = bench.hinge(tmp_path, ANGLE.replace("{maximize: bend_angle}", "log(tip_y - 1)"))
+    found = Evaluator(one.bench, problem).evaluate({"pressure": 8e3})
+    assert found.status == "not_a_number"
+    assert "log(tip_y - 1)" in found.cause
+    assert found.simulations == 1
+    assert found.metrics == {}
+
+
+def test_a_metric_that_the_task_does_not_have_is_an_error_of_the_study(tmp_path):
+    one, problem = bench.hinge(tmp_path, ANGLE.replace("{maximize: bend_angle}", "reward"))
+    with pytest.raises(UserError, match="reward"):
+        Evaluator(one.bench, problem).evaluate({"pressure": 8e3})
+
+
+CONDITIONS = """\
+variables:
+  pressure: {key: task.pressure, low: 1 kPa, high: 20 kPa}
+objective: bend_angle
+conditions:
+  soft: {surrogate.coefficients.b_e: 0.02}
+  stiff: {surrogate.coefficients.b_e: 0.04}
+"""
+
+
+@pytest.mark.parametrize(("over", "expected"), [("mean", 0.75), ("worst", 1.0)])
+def test_conditions_are_measured_one_by_one_then_their_mean_or_worst_counts(tmp_path, over, expected):
+    one, problem = bench.hinge(tmp_path, f"{CONDITIONS}over_conditions: {over}\n")
+    found = Evaluator(one.bench, problem).evaluate({"pressure": 10e3})
+    assert found.conditions["soft"]["bend_angle_rad"] == pytest.approx(1.0, rel=1e-9)
+    assert found.conditions["stiff"]["bend_angle_rad"] == pytest.approx(0.5, rel=1e-9)
+    assert found.metrics["bend_angle_rad"] == pytest.approx(0.75, rel=1e-9)
+    assert found.objectives == (pytest.approx(expected, rel=1e-9),)
+    assert found.simulations == 2
+
+
+def test_a_context_is_one_condition(tmp_path):
+    one, problem = bench.hinge(tmp_path, CONDITIONS)
+    found = Evaluator(one.bench, problem).evaluate({"pressure": 10e3}, 1)
+    assert list(found.conditions) == ["stiff"]
+    assert found.objectives == (pytest.approx(0.5, rel=1e-9),)
+
+
+def test_a_metric_constraint_counts_by_the_condition_that_breaks_it_most(tmp_path):
+    one, problem = bench.hinge(tmp_path, f"{CONDITIONS}constraints: [bend_angle <= 0.4]\n")
+    evaluator = Evaluator(one.bench, problem)
+    both = evaluator.evaluate({"pressure": 10e3})
+    soft, stiff = (evaluator.evaluate({"pressure": 10e3}, context).violation for context in (0, 1))
+    assert both.status == "ok"
+    assert soft > stiff > 0
+    assert both.violation == pytest.approx(soft)
+    assert evaluator.evaluate({"pressure": 3e3}).violation == 0.0
+
+
+def test_a_failing_condition_is_named(tmp_path):
+    search = CONDITIONS.replace("20 kPa", "200 kPa").replace("0.02", "0.001")
+    one, problem = bench.hinge(tmp_path, search)
+    found = Evaluator(one.bench, problem).evaluate({"pressure": 60e3})
+    assert found.status == "failed"
+    assert found.cause.startswith("soft: ")
+
+
+def test_use_outside_the_data_is_a_metric(tmp_path):
+    domain = ("b_e: 0.04}}", "b_e: 0.04}, domain: {actuation: [0, 15 kPa], deformation: [-0.5, 0.6]}}")
+    one, problem = bench.hinge(tmp_path, f"{ANGLE}constraints: [outside_domain <= 0]\n", domain)
+    evaluator = Evaluator(one.bench, problem)
+    assert evaluator.evaluate({"pressure": 11e3}).violation == 0.0
+    beyond = evaluator.evaluate({"pressure": 14e3})
+    assert (beyond.status, beyond.metrics["outside_domain"]) == ("ok", 1.0)
+    assert beyond.violation > 0
+
+
+def test_fem_for_each_candidate_is_said_once(tmp_path):
+    notes = []
+    search = "variables:\n  family.radius: {low: 4 mm, high: 5 mm}\nobjective: {maximize: bend_angle}\n"
+    text = bench.BENDING.replace(
+        "meta_model: {kind: stand_in, data: TABLE}", "fem: {kind: springs_fem, pressure_max: 10 kPa}"
+    )
+    one, problem = bench.opened(
+        tmp_path, text.replace("TASK", "task: {kind: free_bending, pressure: 10 kPa}"), search
+    )
+    object.__setattr__(one.bench, "progress", Noted(notes))
+    evaluator = Evaluator(one.bench, problem)
+    found = [evaluator.evaluate({"family.radius": radius}) for radius in (4.2e-3, 4.5e-3, 4.8e-3)]
+    assert [one.status for one in found] == ["ok"] * 3, found
+    assert np.all(np.diff([one.metrics["bend_angle_rad"] for one in found]) < 0)  # thicker is stiffer
+    assert len([note for note in notes if "FEM of its own" in note]) == 1
+
+
+class Noted:
+    """Progress that keeps what it is told."""
+
+    def __init__(self, notes):
+        self.note = notes.append
+
+    def begin(self, title, total, done=0):
+        return self
+
+    def advance(self, steps=1): ...
+
+    def describe(self, text): ...
+
+    def expect(self, total): ...
+
+    def finish(self): ...
