@@ -8,8 +8,11 @@ from tests.surrogates.test_drawn_laws import BOX, BOX3, bar, one_axis, three_axe
 from tests.surrogates.test_neural_law import network_law
 from tests.surrogates.test_scalar_law import LAWS, one_by_one
 
+from pliant.config.chain import ChainConfig
 from pliant.mechanics.law_draws import draws
 from pliant.mechanics.shared_actuation import SharedActuation
+from pliant.pipeline.chain import Segment, build_chain, rod_module
+from pliant.pipeline.uncertainty import drawn_chains
 from pliant.records.law import JointLaw
 from pliant.testing.samples import softening_law, table_of
 from pliant_plugins.surrogates.polynomial.axes_law import AxesLaw
@@ -87,6 +90,19 @@ def test_draws_are_those_of_the_law_inside() -> None:
     for found, wanted in zip(draws(SharedActuation(inside, 0.5), 3, 7), draws(inside, 3, 7), strict=True):
         np.testing.assert_allclose(found.evaluate(p, u).tau, wanted.evaluate(p / 2, u).tau)
         assert found.scalar() is not None
+
+
+def test_segments_of_one_law_share_its_drawn_error() -> None:
+    module = rod_module(one_axis(bar(BOX, 1e-4)), 0.01, 0.002)
+    config = ChainConfig.model_validate(
+        {"segments": [{"modules": 1}, {"modules": 1, "actuation_share": 0.5}]}
+    )
+    chain = build_chain(config, [Segment(module, 1), Segment(module, 1, 0.0, 0.5)])
+    p, u = np.array([4e3, 12e3]), np.array([[0.1], [0.5]])
+    for drawn in drawn_chains(chain, 3, 7):
+        plain, half = drawn.laws
+        np.testing.assert_allclose(half.evaluate(2 * p, u).tau, plain.evaluate(p, u).tau)
+        assert np.abs(plain.evaluate(p, u).tau - chain.laws[0].evaluate(p, u).tau).max() > 1e-6
 
 
 def test_a_law_without_scalar_form_has_none_behind_a_share() -> None:

@@ -61,6 +61,16 @@ class SharedActuation(LawAround):
         return self.share * np.asarray(actuation, float)
 
 
+def shared(law: JointLaw, share: float) -> JointLaw:
+    """The law behind a share of the actuation; the law itself where it gets all of it."""
+    return law if share == 1.0 else SharedActuation(law, share)
+
+
+def unshared(law: JointLaw) -> tuple[JointLaw, float]:
+    """The law inside and its share; a law without one gets all."""
+    return (law.law, law.share) if isinstance(law, SharedActuation) else (law, 1.0)
+
+
 def _scaled(bar: ErrorBar, share: float) -> ErrorBar:
     """The bar with its box in the chain's actuation; its places are shares of the box and stay."""
     if isinstance(bar, BarsOfAxes):

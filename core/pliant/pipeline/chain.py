@@ -12,7 +12,7 @@ from pliant.config.chain import BaseConfig, ChainConfig
 from pliant.errors import UserError
 from pliant.interfaces.family import ActuatorFamily
 from pliant.mechanics.rotations import exp_map, matrix_of_quaternion
-from pliant.mechanics.shared_actuation import SharedActuation
+from pliant.mechanics.shared_actuation import shared
 from pliant.meshing.surfaces import merged, stretched
 from pliant.records.chain import Actuator, ChainModel, Joint, Ring, default_base_rotation
 from pliant.records.design import Array, MassProperties, ModuleMass
@@ -179,7 +179,7 @@ def _laws(segments: Sequence[Segment]) -> dict[tuple[JointLaw, float], JointLaw]
     for segment in segments:
         if isinstance(segment.piece, Module):
             law, share = segment.piece.law, segment.actuation_share
-            found.setdefault((law, share), law if share == 1.0 else SharedActuation(law, share))
+            found.setdefault((law, share), shared(law, share))
     return found
 
 

@@ -18,6 +18,7 @@ from pliant.interfaces.effect import EffectConfig
 from pliant.interfaces.physics import PhysicsConfig
 from pliant.interfaces.task import TaskConfig
 from pliant.mechanics.law_draws import draws
+from pliant.mechanics.shared_actuation import shared, unshared
 from pliant.pipeline.simulate import ChainSource, check_capabilities, run_task
 from pliant.pipeline.workbench import Workbench, content
 from pliant.records.chain import ChainModel
@@ -92,9 +93,16 @@ def drawn_chains(chain: ChainModel, count: int, seed: int) -> list[ChainModel]:
             "coefficients have none); fit the law to data or leave the block out."
         )
     # a stream for each law, so that no seed's laws share the draws of another's
-    seeds = np.random.SeedSequence(seed).generate_state(len(chain.laws))
-    by_law = [_draws(law, count, int(own)) for law, own in zip(chain.laws, seeds, strict=True)]
-    return [chain.with_(laws=tuple(laws[i] for laws in by_law)) for i in range(count)]
+    inside = list(dict.fromkeys(unshared(law)[0] for law in chain.laws))
+    seeds = np.random.SeedSequence(seed).generate_state(len(inside))
+    drawn = {law: _draws(law, count, int(own)) for law, own in zip(inside, seeds, strict=True)}
+    return [chain.with_(laws=tuple(_as(law, drawn, i) for law in chain.laws)) for i in range(count)]
+
+
+def _as(law: JointLaw, drawn: Mapping[JointLaw, Sequence[JointLaw]], number: int) -> JointLaw:
+    """A draw in the place of a law; segments that get different shares of the actuation have one law, and one error."""
+    inside, share = unshared(law)
+    return shared(drawn[inside][number], share)
 
 
 def _draws(law: JointLaw, count: int, seed: int) -> tuple[JointLaw, ...]:

@@ -44,6 +44,9 @@ class Evolution(Optimizer):
     Asked for more while a generation waits, it gives random candidates, which keep workers busy and teach nothing.
     """
 
+    _numbers: dict[int, int]  # candidate → member of the generation
+    _told: dict[int, Told]  # member → what became of it
+
     def start(self, space: Space, seed: int) -> None:
         """Begin with a Latin hypercube, its first member at the guess."""
         self._space, self._seed = space, seed
@@ -122,8 +125,7 @@ class Evolution(Optimizer):
 
     def _next_generation(self) -> None:
         self._population = self._algorithm.ask()
-        self._numbers: dict[int, int] = {}
-        self._told: dict[int, Told] = {}
+        self._numbers, self._told = {}, {}
 
     def _learn(self, told: list[Told]) -> None:
         self._history.append(told)
