@@ -15,6 +15,7 @@ from pliant.cli.diagnose_counts import diagnose_counts_verb
 from pliant.cli.fitting_bar import fitting_bar
 from pliant.cli.options import DEFAULT_STORE, JsonFile, Overrides, Quiet, StoreFolder, StudyFile
 from pliant.cli.protocol_files import NEXT_RUN, write_runs
+from pliant.cli.remarks import say_remarks
 from pliant.cli.session import Session, check_writable, session
 from pliant.config.study import Study
 from pliant.diagnosis.diagnosis import Diagnosis
@@ -27,7 +28,6 @@ from pliant.evidence.measured import measurement_of_study
 from pliant.evidence.prediction import Predictor
 from pliant.experiments.protocols import own_runs
 from pliant.records.measurement import Measurement
-from pliant.registry.component import Component
 from pliant.report.diagnosis_words import parameter_texts, probability_text
 from pliant.report.stage import write_page
 
@@ -116,26 +116,10 @@ def _say(here: Session, found: Diagnosis, asked: Sequence[str]) -> None:
         here.say("not shown by these runs, and the run that would show it:")
         for kind, run in found.not_excited.items():
             here.say(f"  {kind}: {run}" if run else f"  {kind}")
-    for remark in _remarks(here, found, asked):
-        here.say(f"note: {remark}")
+    say_remarks(here, found.remarks, asked)
     here.say(headline(found))
     for line in explanation(found, here.registry):
         here.say(line)
-
-
-def _remarks(here: Session, found: Diagnosis, asked: Sequence[str]) -> list[str]:
-    """What limits the verdict. Why an effect is impossible here is told of the user's own and of those asked for."""
-    shipped = {c.kind for c in here.registry.components if c.interface == "effect" and _ships(c)}
-    unasked = [kind for kind in found.impossible if kind in shipped and kind not in asked]
-    silent = [text for text in found.not_tried if any(text.startswith(f"'{kind}' ") for kind in unasked)]
-    told = [remark for remark in found.remarks if remark not in silent]
-    if unasked:
-        told.append(f"effects that this chain cannot have (the report says why): {', '.join(unasked)}.")
-    return told
-
-
-def _ships(component: Component) -> bool:
-    return component.implementation.partition(".")[0] == "pliant_plugins"
 
 
 def _hypotheses(found: Diagnosis) -> Table:

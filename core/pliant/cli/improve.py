@@ -14,6 +14,7 @@ from pliant.cli.extend import cited, parameters_json, say_parameters
 from pliant.cli.fitting_bar import fitting_bar
 from pliant.cli.new_study import check_target, write_study
 from pliant.cli.options import DEFAULT_STORE, JsonFile, Overrides, Quiet, StoreFolder, StudyFile
+from pliant.cli.remarks import say_remarks
 from pliant.cli.session import Session, check_writable, session
 from pliant.diagnosis.improvement import Improvement, Step, summary
 from pliant.diagnosis.improvement import improve as improve_with
@@ -81,7 +82,7 @@ def improve(
             beside = {kind: _stands_for(step) for step in found.steps for kind in step.added}
             write_study(study, target, loaded, overrides or (), found.final, note, installed, beside)
             here.result["final_study"] = str(target)
-        _say(here, found)
+        _say(here, found, effect or ())
         from pliant.report.improvement import improvement_page  # matplotlib takes a second to import
 
         made = improvement_page(loaded.name, measurement.source, found)
@@ -138,14 +139,13 @@ def _put_aside(found: Improvement) -> str:
     return f"{len(found.locked.runs)} runs put aside" if found.locked.runs else "no run put aside"
 
 
-def _say(here: Session, found: Improvement) -> None:
+def _say(here: Session, found: Improvement, asked: Sequence[str]) -> None:
     for place, step in enumerate(found.steps, start=1):
         here.say(f"{place}  {'+ ' + step.named + ': ' if step.added else ''}{step.why}")
     here.say(_table(found))
     if found.final is not None:
         say_parameters(here, found.final.uncertainty)
-    for remark in found.remarks:
-        here.say(f"note: {remark}")
+    say_remarks(here, found.remarks, asked)
     here.say(f"{summary(found)} {found.reason}")
 
 

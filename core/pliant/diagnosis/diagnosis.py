@@ -63,7 +63,6 @@ class Diagnosis:
         remarks: what limits the verdict, in sentences.
         circumstances: their names in words, as `compare` says them.
         not_tried: candidates that could not be judged, and why, in sentences; `remarks` holds them, too.
-        impossible: those of them that this chain or recording cannot have.
         explained: the hypothesis whose residual `depends_on` describes.
         estimates: parameters of every hypothesis with their uncertainty; profile intervals for the credible ones.
     """
@@ -82,7 +81,6 @@ class Diagnosis:
     next_run: NextRun | None
     remarks: tuple[str, ...]
     not_tried: tuple[str, ...]
-    impossible: tuple[str, ...]
     explained: Kinds
     estimates: Mapping[Kinds, Uncertainty]
     excitations: Mapping[str, Excitation]
@@ -171,7 +169,6 @@ def diagnose(
         ),
         explained=explained,
         not_tried=tuple(not_tried),
-        impossible=tuple(left_out),
         estimates=_estimates(fitter, search.fits, judgement, n),
         excitations=shown,
         wall_s=time.perf_counter() - started,
