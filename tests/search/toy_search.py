@@ -9,7 +9,7 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from pliant.interfaces.optimizer import (
     Candidate,
     Context,
     Optimizer,
+    OptimizerCapabilities,
     OptimizerConfig,
     Outcome,
     Space,
@@ -157,6 +158,53 @@ class Narrowing(Optimizer):
     def export(self, folder: Path) -> Sequence[Path]:
         (folder / "best.txt").write_text(repr(self.best))
         return [folder / "best.txt"]
+
+
+class NarrowingConfig(OptimizerConfig):
+    """No settings."""
+
+    kind: Literal["narrowing"] = "narrowing"
+
+
+class ContextualConfig(OptimizerConfig):
+    """No settings."""
+
+    kind: Literal["contextual"] = "contextual"
+
+
+class FrontConfig(OptimizerConfig):
+    """No settings."""
+
+    kind: Literal["front"] = "front"
+
+
+class KnowingConfig(OptimizerConfig):
+    """No settings."""
+
+    kind: Literal["knowing"] = "knowing"
+
+
+class Contextual(Narrowing):
+    """Tries candidates in turn in each condition, and recommends the best that it knows for all."""
+
+    capabilities = OptimizerCapabilities(contexts=True)
+
+    def recommend(self) -> Sequence[Candidate]:
+        values = dict(self.best[1]) if self.best else {}
+        return [Candidate(-1, values, k) for k, _ in enumerate(self.space.contexts)] if values else []
+
+
+class Front(Narrowing):
+    """Scores by the first of several objectives; a random search of the others."""
+
+    capabilities = OptimizerCapabilities(several_objectives=True)
+
+
+class Knowing(Narrowing):
+    """Knows what brings the tip of `search_study` to 10 mm, and recommends it."""
+
+    def recommend(self) -> Sequence[Candidate]:
+        return [Candidate(-1, {"task.pressure": 6.16245e3, "chain.module_length": 10.5e-3})]
 
 
 def evaluator_of(setup: Setup) -> ToyEvaluator:

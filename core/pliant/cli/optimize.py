@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from contextlib import nullcontext
 from json import dumps
@@ -30,6 +31,7 @@ from pliant.search.stage import files_folder, search_study
 from pliant.store.store import write_atomically
 
 MOST_DRAWN = 6
+UNFIT = r"[^\w.-]"  # in the name of a file
 Workers = Annotated[
     int | None,
     typer.Option("--workers", metavar="N", help="Processes that evaluate; by default one for each CPU."),
@@ -115,7 +117,7 @@ def _write_designs(
             f"Found by 'pliant optimize' ({result.optimizer}, seed {result.seed}, {result.evaluations} evaluations) in "
             f"study '{study.name}': {best_said(result, design)}{f'; condition {name}' if named else ''}."
         )
-        targets = [folder / f"best-{name}.yaml"] if named else []
+        targets = [folder / f"best-{re.sub(UNFIT, '_', name)}.yaml"] if named else []
         targets += [folder / BEST] if condition == 0 or design.context >= 0 else []
         for target in targets:
             write_best(source, target, winner, keys, said, overrides, registry)

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from pliant.config.search import RobustConfig
 from pliant.config.study import Study
 from pliant.errors import NotReachedError
 from pliant.interfaces.optimizer import Variable
@@ -223,23 +226,28 @@ def _about_the_best(search: Search, result: SearchResult) -> SearchResult:
     from pliant.search.limits import limits
     from pliant.search.sensitivity import slopes
 
-    best = result.best[0]
-    found: tuple[Slope, ...] = tuple(slopes(search.evaluator, search.problem, best))
-    told = tuple(limits(search.problem, best, found, result.history, {**result.refused, **result.failed}))
-    return replace(result, slopes=found, limits=told, robustness=_robustness(search, best))
+    best, plain = result.best[0], _nominal_evaluator(search)
+    found: tuple[Slope, ...] = tuple(slopes(plain, search.problem, best))
+    causes = {**result.refused, **result.failed}
+    told = tuple(limits(search.problem, best, found, result.history, causes))
+    return replace(result, slopes=found, limits=told, robustness=_robustness(search, plain, best))
 
 
-def _robustness(search: Search, best: FoundDesign) -> Robustness | None:
-    """Both best designs, nominal and robust, in the same scenarios."""
-    import numpy as np
+def _nominal_evaluator(search: Search) -> Any:
+    """Without the scenarios of a robust search."""
+    if search.study.need("search", "a search").robust is None:
+        return search.evaluator
+    from pliant.search.evaluation import Evaluator
 
+    return Evaluator(search.bench, search.problem, ())
+
+
+def _robustness(search: Search, plain: Evaluates, best: FoundDesign) -> Robustness | None:
+    """Both best designs, nominal and robust, undisturbed and in the same scenarios."""
     robust = search.study.need("search", "a search").robust
     if robust is None or search.nominal is None or not search.nominal.best:
         return None
-    from pliant.search.evaluation import Evaluator
-
     nominal = search.nominal.best[0]
-    plain = Evaluator(search.bench, search.problem, ())
     designs = {"nominal": nominal, "robust": best}
     alone = {name: _score(plain, design) for name, design in designs.items()}
     together = {name: _score(search.evaluator, design) for name, design in designs.items()}
@@ -248,7 +256,7 @@ def _robustness(search: Search, best: FoundDesign) -> Robustness | None:
         measure=robust.measure,
         level=robust.level,
         samples=robust.samples,
-        sources=_sources(search.evaluator, robust),
+        sources=_sources(robust),
         nominal_of_nominal=sign * _first(alone["nominal"]),
         robust_of_nominal=sign * _first(together["nominal"]),
         nominal_of_robust=sign * _first(alone["robust"]),
@@ -258,9 +266,12 @@ def _robustness(search: Search, best: FoundDesign) -> Robustness | None:
     )
 
 
-def _sources(evaluator: Any, robust: Any) -> tuple[str, ...]:
+def _sources(robust: RobustConfig) -> tuple[str, ...]:
     """What was varied, in words."""
-    varied = [f"{key} {value}" for key, value in robust.vary.items()]
+    varied = [
+        f"{key}, standard deviation {said.get('sd')}" if isinstance(said, Mapping) else f"{key} ± {said}"
+        for key, said in robust.vary.items()
+    ]
     return (*(["laws within their error bars"] if robust.laws else []), *varied)
 
 

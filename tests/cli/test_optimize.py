@@ -1,0 +1,252 @@
+"""`pliant optimize`: what it finds, writes and says; exit codes, interruption, wrong input."""
+
+import csv
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+from tests.cli.search_study import BUDGET, STUDY
+
+from pliant import api
+from pliant.config.loading import load_study
+from pliant.registry.discovery import discover
+
+pytest.importorskip("cma")
+
+
+@pytest.fixture
+def path(write):
+    return write(STUDY)
+
+
+@pytest.fixture
+def optimize(pliant, path):
+    """`pliant optimize` of the study, in this process."""
+
+    def call(*arguments, workers=1):
+        return pliant("optimize", path, *(["--workers", workers] if workers else []), *arguments)
+
+    return call
+
+
+def without_times(result):
+    rows = [{k: v for k, v in row.items() if k != "wall_s"} for row in result["history"]]
+    return rows, result["best"], result["evaluations"], result["slopes"]
+
+
+def test_the_result_has_the_contracts_keys_and_the_known_optimum(optimize, read, pliant):
+    call = optimize("--json", "out.json")
+    assert call.code == 0, call.err
+    result = read("out.json")
+    assert {"best", "objective", "history", "evaluations", "wall_s", "verified"} <= set(result)
+    assert result["evaluations"] == len(result["history"]) == BUDGET
+    assert result["objective"] == pytest.approx(0.0, abs=2e-4)
+    best = result["best"]
+    assert best["metrics"]["tip_x_m"] == pytest.approx(0.010, abs=2e-4)
+    assert list(best["design"]) == ["chain.module_length"]
+    assert list(best["controls"]) == ["task.pressure"]
+    assert 2e3 <= best["controls"]["task.pressure"] <= 14e3
+    assert set(result["verified"]["engines"]) == set()  # a stated law: nothing to check by FEM
+    assert result["history"][-1]["best"] == result["objective"]
+
+
+def test_lines_for_people_say_what_was_found_and_what_it_took(optimize):
+    call = optimize()
+    for words in (
+        "best     ",
+        "mm",
+        "kPa",
+        f"{BUDGET} evaluations with {BUDGET} simulations",
+        "slope    task.pressure",
+    ):
+        assert words in call.out
+    assert call.out.count("slope    ") <= 3
+    assert "predicted" in call.out
+
+
+def test_the_winner_is_a_study_that_runs_and_keeps_its_comments(optimize, read, pliant, workplace):
+    assert optimize("--json", "out.json").code == 0
+    text = (workplace / "runs/toy/best.yaml").read_text()
+    assert text.startswith("# Found by 'pliant optimize'")
+    assert "# a comment that stays" in text
+    assert "search" not in text.partition("\n")[2]
+    assert "optimizer" not in text.partition("\n")[2]
+    call = pliant("simulate", "runs/toy/best.yaml", "--json", "again.json")
+    assert call.code == 0
+    assert call.err == ""
+    assert read("again.json")["metrics"]["tip_x_m"] == pytest.approx(
+        read("out.json")["best"]["metrics"]["tip_x_m"], abs=1e-9
+    )
+
+
+def test_a_study_that_extends_another_gives_a_winner_of_its_own(pliant, write, read, workplace):
+    write(STUDY, "base.yaml")
+    write("extends: base.yaml\npliant: 1\nname: child\nsearch: {budget: 12}\n")
+    assert pliant("optimize", "study.yaml", "--workers", 1, "--json", "out.json").code == 0
+    study = load_study(workplace / "runs/child/best.yaml", discover())
+    assert "extends" not in (workplace / "runs/child/best.yaml").read_text()
+    assert study.search is None
+    assert study.task.pressure_pa == read("out.json")["best"]["controls"]["task.pressure"]
+
+
+def test_overrides_are_searched_and_written(optimize, read, workplace):
+    assert optimize("chain.modules=4", "search.budget=6", "--out", "there", "--json", "out.json").code == 0
+    assert read("out.json")["evaluations"] == 6
+    assert load_study(workplace / "there/best.yaml", discover()).chain.modules == 4
+
+
+def test_the_history_is_a_table_in_si_units(optimize, workplace, read):
+    optimize("--json", "out.json")
+    with (workplace / "runs/toy/history.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == BUDGET
+    assert {"task.pressure_pa", "chain.module_length_m", "tip_x_m", "status", "wall_s"} <= set(rows[0])
+    miss = [abs(float(row["tip_x_m"]) - 0.010) for row in rows]
+    assert [float(row["abs(tip_x - 10 mm)"]) for row in rows] == pytest.approx(miss)
+    assert min(miss) == pytest.approx(read("out.json")["objective"])
+    assert json.loads((workplace / "runs/toy/optimize.json").read_text())["objective"] == min(miss)
+
+
+def test_workers_and_the_interface_in_python_find_the_same(optimize, read, path):
+    optimize("--json", "one.json", "--store", "a")
+    optimize("--json", "two.json", "--store", "b", workers=2)
+    assert without_times(read("one.json")) == without_times(read("two.json"))
+    result = api.optimize(api.open_study(path, store="c"), workers=1)
+    assert result.best[0].values == read("one.json")["best"]["values"]
+
+
+def test_a_second_call_searches_nothing(optimize, read):
+    optimize()
+    call = optimize("--json", "out.json")
+    assert read("out.json")["stages"][0]["cached"]
+    assert "searching" not in call.err
+
+
+def test_a_larger_budget_goes_on(optimize, read, workplace):
+    optimize("search.budget=12", "--json", "first.json")
+    call = optimize("search.budget=30", "--json", "more.json")
+    assert "going on from" in call.err
+    optimize("search.budget=30", "--json", "fresh.json", "--store", "fresh")
+    assert without_times(read("more.json")) == without_times(read("fresh.json"))
+
+
+def test_another_check_does_not_search_again(optimize, read):
+    optimize()
+    call = optimize("search.verify.change={task.pressure: 5 kPa}", "--json", "out.json")
+    assert call.code == 0, call.err
+    assert read("out.json")["stages"][0]["cached"]
+    assert "check" in call.err
+
+
+def test_until_ends_it(optimize, read):
+    optimize("search.until=tip_x <= 10.5 mm and tip_x >= 9.5 mm", "--json", "out.json")
+    result = read("out.json")
+    assert result["stopped"] == "until"
+    assert result["evaluations"] < BUDGET
+
+
+def test_each_value_has_a_search_of_its_own(optimize, read):
+    modules = "search.variables.n={key: chain.modules, low: 2, high: 3, each: true}"
+    assert optimize(modules, "search.budget=8", "--json", "out.json").code == 0
+    result = read("out.json")
+    assert [branch["n"] for branch in result["branches"]] == [2, 3]
+    assert result["evaluations"] == 16
+    assert [row["branch"] for row in result["history"]] == [0] * 8 + [1] * 8
+    assert result["best"]["design"]["chain.modules"] in (2, 3)
+
+
+def test_conditions_are_all_tried_and_each_gets_a_study(optimize, read, workplace):
+    conditions = "search.conditions={light: {chain.payload: 0 g}, heavy: {chain.payload: 5 g}}"
+    gravity = "chain.gravity=[0, 0, -9.81]"
+    assert optimize(conditions, gravity, "search.budget=8", "--json", "out.json").code == 0
+    result = read("out.json")
+    assert set(result["best"]["conditions"]) == {"light", "heavy"}
+    assert result["simulations"] == 16
+    heavy = load_study(workplace / "runs/toy/best-heavy.yaml", discover())
+    light = load_study(workplace / "runs/toy/best-light.yaml", discover())
+    assert (light.chain.payload_kg, heavy.chain.payload_kg) == (0.0, 0.005)
+    assert heavy.task.pressure_pa == light.task.pressure_pa
+
+
+def test_an_objective_that_is_no_number_is_counted_and_survived(optimize, read):
+    objective = "search.objective=abs(tip_x - 10 mm) + 0 * log(task.pressure - 4 kPa)"
+    assert optimize(objective, "--json", "out.json").code == 0
+    result = read("out.json")
+    (cause,) = result["failed"]
+    assert "nan" in cause
+    lost = [row for row in result["history"] if row["status"] == "not_a_number"]
+    assert len(lost) == result["failed"][cause] > 0
+    assert all(row["values"]["task.pressure"] < 4e3 for row in lost)
+    assert result["evaluations"] == BUDGET
+
+
+def test_nothing_feasible_exits_with_3(optimize, read, workplace):
+    call = optimize("search.constraints=[tip_x >= 1 m]", "search.budget=6")
+    assert call.code == 3
+    assert "nothing feasible was found in 6 evaluations" in call.err
+    assert json.loads((workplace / "runs/toy/optimize.json").read_text())["best"] is None
+    assert not (workplace / "runs/toy/best.yaml").exists()
+
+
+def test_the_other_verbs_say_whose_keys_these_are(pliant, path):
+    call = pliant("simulate", path)
+    assert call.code == 0
+    assert "search, optimizer: for 'pliant optimize'; 'simulate' takes the study as it is" in call.err
+
+
+WRONG = {
+    "no search": (("search=null",), "has no 'search' block; 'pliant optimize' needs one"),
+    "no chain": (("chain=null",), "has no 'chain' block"),
+    "no task": (("task=null",), "has no 'task' block"),
+    "unknown optimizer": (("optimizer=cmeas",), "unknown optimizer kind 'cmeas'; did you mean 'cmaes'?"),
+    "bounds reversed": (("search.variables.task.pressure={low: 9 kPa, high: 2 kPa}",), "low"),
+    "two objectives": (("search.objective=[tip_x, tip_z]",), "minimises one objective"),
+    "unknown metric": (("search.objective=rmse",), "rmse"),
+    "both": (("--scheduler", "tcp://127.0.0.1:9"), "give --workers or --scheduler, not both"),
+    "infeasible": (("search.constraints=[task.pressure >= 1 MPa]",), "task.pressure >= 1 MPa"),
+    "out in a file": (("--out", "study.yaml/out"), "cannot be written"),
+}
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_wrong_input_is_one_sentence(optimize, name):
+    arguments, sentence = WRONG[name]
+    call = optimize(*arguments)
+    assert call.code == 2, call.err
+    assert sentence in call.err
+
+
+def test_no_workers(optimize):
+    call = optimize(workers="0")
+    assert call.code == 2
+    assert "workers is 0" in call.err
+
+
+def test_without_cma_the_message_says_what_to_install(optimize, monkeypatch):
+    monkeypatch.setitem(sys.modules, "cma", None)
+    call = optimize()
+    assert call.code == 2
+    assert "pip install 'pliant[search]'" in call.err
+
+
+@pytest.mark.skipif(not hasattr(os, "killpg"), reason="POSIX signals")
+def test_ctrl_c_ends_it_and_the_same_command_goes_on(path, workplace, read):
+    command = [sys.executable, "-m", "pliant", "optimize", str(path), "search.budget=4000", "--workers", "2"]
+    process = subprocess.Popen(command, start_new_session=True, stderr=subprocess.PIPE)
+    until = time.monotonic() + 90
+    while not list(workplace.glob(".pliant/store/search/*.partial/*.jsonl")):
+        assert time.monotonic() < until
+        time.sleep(0.05)
+    os.killpg(process.pid, signal.SIGINT)  # as a terminal does: to workers too
+    _, said = process.communicate(timeout=60)
+    assert process.returncode == 130, said.decode()
+    assert "run the same command to go on" in said.decode()
+    assert "Traceback" not in said.decode()
+    with pytest.raises(ProcessLookupError):
+        for _ in range(200):
+            os.killpg(process.pid, 0)
+            time.sleep(0.05)
