@@ -21,7 +21,7 @@ from pliant.records.rollout import TaskResult
 from pliant.records.search import FoundDesign, Verification
 from pliant.search.changes import changed
 from pliant.search.direct_fem import check_verifiable, direct_studies, solvable
-from pliant.search.evaluation import numbers
+from pliant.search.evaluation import measured, numbers
 from pliant.search.law_check import law_misses
 from pliant.store.store import Artifact
 from pliant.units import strip_unit_suffix
@@ -98,7 +98,7 @@ def cases_of(bench: Workbench, problem: Any, best: FoundDesign) -> list[Case]:
 def _measured(study: Study, result: TaskResult) -> dict[str, float]:
     """The numbers that the task measured, and its `trials` where it has such."""
     trials = getattr(study.task, "trials", None)
-    return numbers(result) | ({"trials": float(trials)} if trials is not None else {})
+    return numbers(measured(result)) | ({"trials": float(trials)} if trials is not None else {})
 
 
 def _simulated(
@@ -114,29 +114,27 @@ def _simulated(
                 place = f"{engine.kind}, {what}" + (f", {case.condition}" if len(cases) > 1 else "")
                 bar.describe(place)
                 try:
-                    metrics, sentence = _run(bench, case.study, engine)
+                    result = _run(bench, case.study, engine)
                 except SystemError:  # Ctrl-C in compiled code
                     raise
                 except Exception as error:  # one engine's failure is no reason to lose the others' answers
                     name = "" if isinstance(error, PliantError) else f"{type(error).__name__}: "
                     notes.append(f"{place}: {name}{error}")
                 else:
-                    found.setdefault(engine.kind, {})[case.condition] = metrics
-                    notes += [f"{place}: {sentence}"] if sentence else []
+                    found.setdefault(engine.kind, {})[case.condition] = _measured(case.study, result)
+                    settled = result.final.converged
+                    wrong = result.not_reached or ("" if settled else "the chain did not settle.")
+                    notes += [f"{place}: {wrong}"] if wrong else []
                 bar.advance()
     finally:
         bar.finish()
     return found
 
 
-def _run(bench: Workbench, study: Study, engine: PhysicsConfig) -> tuple[Numbers, str]:
-    """The metrics of one run, and what was wrong with it."""
+def _run(bench: Workbench, study: Study, engine: PhysicsConfig) -> TaskResult:
     source = chain_of_study(bench, study)
     result: TaskResult = simulate_stage(bench, source, engine, study.noisy_task(), study.effects).value
-    sentence = result.not_reached
-    if not sentence and not result.final.converged:
-        sentence = "the chain did not settle."
-    return _measured(study, result), sentence
+    return result
 
 
 def _laws(
