@@ -11,8 +11,10 @@ from typing import Any
 import pytest
 
 from pliant import api
+from pliant.errors import UserError
 from pliant.pipeline.chain_length import chain_length_m
 from pliant.search.problem import SearchProblem
+from pliant.search.reach import require_reach
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 GRASPS = 14_400
@@ -95,6 +97,24 @@ def test_bellows_without_room_for_their_arcs_are_turned_away() -> None:
     values = {v.name: v.variable.low for v in problem.variables}
     assert not problem.violated(values)
     assert problem.violated({**values, "r": 4e-3, "R": 6e-3, "l": 12e-3})
+
+
+def longer(tmp_path: Path, target: str) -> tuple[api.OpenStudy, SearchProblem]:
+    """The shape-matching study with another target."""
+    path = tmp_path / "longer.yaml"
+    extends = EXAMPLES / "shape_matching/helix.yaml"
+    path.write_text(f"pliant: 1\nextends: {extends}\nname: longer\ntask: {{target: {target}}}\n")
+    opened = api.open_study(path)
+    return opened, SearchProblem.of(opened.study, opened.bench.registry)
+
+
+def test_a_target_longer_than_any_chain_is_refused_before_the_search(tmp_path: Path) -> None:
+    # 8 · 4 · 6 mm = 192 mm straight; three turns of 30 mm radius are 568.7 mm long
+    opened, problem = longer(tmp_path, "{radius: 30 mm, turns: 3}")
+    with pytest.raises(UserError, match=r"568.* mm long, and the longest chain .* 192 mm"):
+        require_reach(problem, opened.bench)
+    opened, problem = longer(tmp_path, "{radius: 25 mm}")
+    require_reach(problem, opened.bench)
 
 
 def make() -> ModuleType:
