@@ -1,10 +1,12 @@
 """The plugin and the study of write_an_optimizer.md, typed in as they stand."""
 
+import json
 import math
 import re
 import shlex
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from pliant.interfaces.optimizer import Outcome, Space, Variable
@@ -100,3 +102,12 @@ def test_the_commands_of_the_page(tmp_path, monkeypatch):
         assert done.exit_code == 0, done.output
         said[command.split()[0]] = done.output
     assert list(said) == ["check", "optimize"]
+    told = json.loads(said["optimize"][said["optimize"].index("{") :])
+    best = told["best"]["values"]
+    assert f"tip_x {1e3 * told['objective']:.2f} mm" in TEXT
+    assert f"{1e-3 * best['task.pressure']:.4g} kPa" in TEXT
+    assert told["limits"][0] in TEXT
+    # tip_x of n equal joints is l Σ sin(k u), largest where the pressure's u makes it so
+    u = np.linspace(0.01, 0.36, 3501)
+    reach = 11e-3 * sum(np.sin(np.outer(u, np.arange(1, 10))).T) + 5.5e-3 * np.sin(10 * u)
+    assert told["objective"] == pytest.approx(reach.max(), rel=1e-5)
