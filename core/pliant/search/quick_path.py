@@ -37,7 +37,7 @@ class QuickPath:
         timed: see `Timer`.
     """
 
-    def __init__(self, bench: Workbench, study: Study, timed: Timer = untimed) -> None:  # type: ignore[type-arg]
+    def __init__(self, bench: Workbench, study: Study, timed: Timer = untimed) -> None:
         self.bench, self.laws, self.modules = bench, QuickLaws(bench, study), QuickModules()
         self._engines: Recent[PhysicsBackend] = Recent(MOST_ENGINES)
         self._timed = timed
