@@ -18,7 +18,12 @@ class PpoConfig(OptimizerConfig):
     """
 
     kind: Literal["ppo"] = "ppo"
-    learning_rate: float = Field(default=1e-4, gt=0, le=1, description="of Adam")
+    learning_rate: float = Field(
+        default=1e-4,
+        gt=0,
+        le=1,
+        description="of Adam; the study's is low: some thousands of candidates need 1e-3 or more",
+    )
     environments: int = Field(
         default=4,
         ge=1,
