@@ -64,7 +64,7 @@ def drawn_values(variables: Sequence[VariableRecord], n: int, seed: int = 0) -> 
 
 def rmse_of(variables: Sequence[VariableRecord], values: Mapping[str, np.ndarray]) -> np.ndarray:
     """A bowl in shares of the ranges, m."""
-    total = 0.0
+    total = np.zeros(len(next(iter(values.values()))))
     for k, v in enumerate(variables):
         high = len(v.choices) - 1 if v.choices else v.high - v.low
         share = (values[v.name] - (0 if v.choices else v.low)) / high

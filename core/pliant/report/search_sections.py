@@ -101,7 +101,8 @@ def _history_picture(read: SearchRead) -> Picture:
         lines = "The lines are moving medians of each condition"
     caption = (
         f"{read.objective.label} of every candidate in the order of evaluation, {read.objective.best_word}. {lines}; "
-        "ticks at the upper rim are candidates without an objective (many: shaded by their share), dots at the edges lie beyond them."
+        "ticks at the upper rim are candidates without an objective (many: shaded by their share), dots at "
+        "the edges lie beyond them."
     )
     return Picture("search_history", caption[0].upper() + caption[1:], search_history(read))
 

@@ -208,7 +208,7 @@ def _shaded(axes: Any, x: Array, mine: NDArray[np.bool_], top: float, colour: st
     edges = np.linspace(float(x.min()), float(x.max()) + 1, BINS + 1)
     every, own = (np.histogram(values, edges)[0] for values in (x, x[mine]))
     shares = own / np.maximum(every, 1)
-    shades = [to_rgba(colour, float(share)) for share in shares]
+    shades = [to_rgba(colour, float(np.sqrt(share))) for share in shares]
     axes.bar(
         edges[:-1], 0.026, np.diff(edges), top - 0.013, align="edge", color=shades, lw=0, zorder=5, clip_on=False,
         transform=axes.get_xaxis_transform(),
