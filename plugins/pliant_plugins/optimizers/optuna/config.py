@@ -15,7 +15,11 @@ HAS_STARTUP = ("tpe", "gp")
 
 
 class OptunaConfig(OptimizerConfig):
-    """Optuna: learns from few candidates, and knows several objectives."""
+    """Optuna: learns from few candidates, and knows several objectives.
+
+    What tpe and gp take to propose grows with the trials: with 13 variables tpe needs 14 ms of CPU for a candidate
+    after 500 trials and 44 ms after 2000. Beyond that `cmaes` is the better choice.
+    """
 
     kind: Literal["optuna"] = "optuna"
     sampler: Literal["tpe", "cmaes", "nsga2", "gp", "random", "qmc"] = Field(
