@@ -47,9 +47,9 @@ def test_the_result_has_the_contracts_keys_and_the_known_optimum(optimize, read,
     assert result["objective"] == pytest.approx(0.0, abs=2e-4)
     best = result["best"]
     assert best["metrics"]["tip_x_m"] == pytest.approx(0.010, abs=2e-4)
-    assert list(best["design"]) == ["chain.module_length"]
-    assert list(best["controls"]) == ["task.pressure"]
-    assert 2e3 <= best["controls"]["task.pressure"] <= 14e3
+    assert list(best["design"]) == ["chain.module_length_m"]
+    assert list(best["controls"]) == ["task.pressure_pa"]
+    assert 2e3 <= best["controls"]["task.pressure_pa"] <= 14e3
     assert set(result["verified"]["engines"]) == set()  # a stated law: nothing to check by FEM
     assert result["history"][-1]["best"] == result["objective"]
 
@@ -73,8 +73,8 @@ def test_the_winner_is_a_study_that_runs_and_keeps_its_comments(optimize, read, 
     text = (workplace / "runs/toy/best.yaml").read_text()
     assert text.startswith("# Found by 'pliant optimize'")
     assert "# a comment that stays" in text
-    assert "search" not in text.partition("\n")[2]
-    assert "optimizer" not in text.partition("\n")[2]
+    assert "search:" not in text.partition("\n")[2]
+    assert "optimizer:" not in text.partition("\n")[2]
     call = pliant("simulate", "runs/toy/best.yaml", "--json", "again.json")
     assert call.code == 0
     assert call.err == ""
@@ -90,7 +90,7 @@ def test_a_study_that_extends_another_gives_a_winner_of_its_own(pliant, write, r
     study = load_study(workplace / "runs/child/best.yaml", discover())
     assert "extends" not in (workplace / "runs/child/best.yaml").read_text()
     assert study.search is None
-    assert study.task.pressure_pa == read("out.json")["best"]["controls"]["task.pressure"]
+    assert study.task.pressure_pa == read("out.json")["best"]["controls"]["task.pressure_pa"]
 
 
 def test_overrides_are_searched_and_written(optimize, read, workplace):

@@ -128,12 +128,12 @@ def _checked(result: SearchResult, engine: str) -> list[str]:
 
 def _beside(result: SearchResult, verified: Mapping[str, float], predicted: Mapping[str, float]) -> str:
     """Metrics of the objectives first: verified against predicted."""
-    names = list(dict.fromkeys((*verified, *predicted)))
+    names = {**predicted, **verified}
     wanted = [
         name for name in names if any(_stem(name, unit_of(name, names)) in text for text in result.objectives)
     ]
     parts = []
-    for name in (wanted or names)[:MOST_METRICS]:
+    for name in (wanted or list(names))[:MOST_METRICS]:
         unit = unit_of(name, names)
         told = [quantity(verified[name], unit) + " verified"] if name in verified else []
         told += [quantity(predicted[name], unit) + " predicted"] if name in predicted else []

@@ -124,7 +124,7 @@ def study_with_values(
 def study_with_changes(
     source: Path,
     target: Path,
-    changes: Mapping[Sequence[str], str],
+    changes: Mapping[tuple[str, ...], str],
     without: Sequence[str],
     overrides: Sequence[str] = (),
 ) -> str:
