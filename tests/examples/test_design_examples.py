@@ -26,6 +26,11 @@ def problem_of(name: str) -> tuple[api.OpenStudy, SearchProblem]:
     return opened, SearchProblem.of(opened.study, opened.bench.registry)
 
 
+def applied(problem: SearchProblem, values: dict[str, Any], condition: int = 0) -> Any:
+    """The candidate's study; its blocks have the models of their kinds."""
+    return problem.apply(values, condition)
+
+
 def structures() -> set[tuple[int, ...]]:
     """25 to 29 modules in four segments, none with more than two above another."""
     splits = itertools.product(range(1, 20), repeat=4)
@@ -46,7 +51,7 @@ def test_integers_are_searched_in_one_search_of_as_many_candidates() -> None:
     assert joint.branches() == ({},)
     assert joint.config.budget == 81 * separate.config.budget
     assert len(joint.space().variables) == len(separate.space().variables) + 4
-    values = dict.fromkeys([v.name for v in joint.variables], 0.0)
+    values: dict[str, Any] = dict.fromkeys([v.name for v in joint.variables], 0.0)
     inside, outside = ((7, 7, 7, 6), (8, 8, 5, 5))
     assert not joint.violated({**values, **dict(zip(("n1", "n2", "n3", "n4"), inside, strict=True))})
     assert joint.violated({**values, **dict(zip(("n1", "n2", "n3", "n4"), outside, strict=True))})
@@ -62,7 +67,7 @@ def test_a_candidate_sets_every_segment() -> None:
     opened, problem = problem_of("shape_matching/per_segment_pressure.yaml")
     values: dict[str, Any] = {v.name: v.variable.high for v in problem.variables}
     values |= {"n1": 8, "n2": 8, "n3": 7, "n4": 6, "share2": 0.5}
-    study = problem.apply(values, 0)
+    study = applied(problem, values)
     segments = study.chain.as_segments()
     assert [s.modules for s in segments] == [8, 8, 7, 6]
     assert [s.actuation_share for s in segments] == [1.0, 0.5, 1.0, 1.0]
@@ -75,6 +80,7 @@ def test_a_candidate_sets_every_segment() -> None:
 def test_optimizers_get_as_many_grasps(name: str) -> None:
     opened, problem = problem_of(f"gripper_codesign/{name}.yaml")
     assert [condition.name for condition in problem.conditions] == list(TASKS)
+    assert opened.study.optimizer is not None
     contextual = opened.study.optimizer.kind == "ppo"
     assert problem.config.budget * (1 if contextual else len(TASKS)) == GRASPS
     assert problem.maximised == (True,)
@@ -82,8 +88,8 @@ def test_optimizers_get_as_many_grasps(name: str) -> None:
 
 def test_a_design_and_its_use_reach_the_study() -> None:
     _, problem = problem_of("gripper_codesign/gripper.yaml")
-    values = {v.name: v.variable.low for v in problem.variables}
-    egg, cylinder = problem.apply(values, 2), problem.apply(values, 5)
+    values: dict[str, Any] = {v.name: v.variable.low for v in problem.variables}
+    egg, cylinder = applied(problem, values, 2), applied(problem, values, 5)
     assert (egg.task.object.shape, egg.task.extra_weights, egg.task.base_inset_m) == ("egg", 7, 0.0)
     assert (cylinder.task.object.shape, cylinder.task.extra_weights) == ("cylinder", 4)
     assert cylinder.task.base_inset_m == pytest.approx(-4e-3)
@@ -94,7 +100,7 @@ def test_a_design_and_its_use_reach_the_study() -> None:
 
 def test_bellows_without_room_for_their_arcs_are_turned_away() -> None:
     _, problem = problem_of("gripper_codesign/gripper.yaml")
-    values = {v.name: v.variable.low for v in problem.variables}
+    values: dict[str, Any] = {v.name: v.variable.low for v in problem.variables}
     assert not problem.violated(values)
     assert problem.violated({**values, "r": 4e-3, "R": 6e-3, "l": 12e-3})
 
@@ -134,6 +140,8 @@ def test_the_grippers_designs_are_those_of_the_script_and_can_be_built() -> None
         values = [row[k] for row in rows]
         assert (min(values), max(values)) == (script.LOW[k], script.HIGH[k])
     opened = api.open_study(EXAMPLES / "gripper_codesign/fem/gripper_grid.yaml")
+    family = opened.study.family
+    assert family is not None
     for row in rows:
         sizes = {f"{name}_m": 1e-3 * value for name, value in zip(script.NAMES, row, strict=True)}
-        opened.bench.build("family", opened.study.family.model_copy(update=sizes))
+        opened.bench.build("family", family.model_copy(update=sizes))
