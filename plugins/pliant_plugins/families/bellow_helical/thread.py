@@ -24,7 +24,45 @@ def rod_chord(profile: BellowProfile, depth_m: float) -> float:
 
 
 def thread_points(profile: BellowProfile) -> tuple[Array, Array]:
-    """Quadrature of the rod's part inside the cavity, x ∈ [0, l/2]: points (n, 3) from the tube's axis, volumes (n,).
+    """Quadrature of the rod's part inside the cavity, x ∈ [0, l/2]: points (n, 3) from the tube's axis, volumes (n,)."""
+    x, dx, phi, low, high = _rays(profile)
+    node, weight = np.polynomial.legendre.leggauss(ACROSS)
+    thick = (high - low)[..., None]
+    rho = low[:, None] + thick * (node + 1) / 2
+    volume = dx[:, None, None] * (2 * np.pi / AROUND) * rho * thick * weight / 2
+    places = np.broadcast_arrays(x[:, None, None], rho * np.sin(phi)[:, None], -rho * np.cos(phi)[:, None])
+    points = np.stack(places, axis=-1)
+    return points.reshape(-1, 3), volume.ravel()
+
+
+def thread_mass(profile: BellowProfile, density_kg_m3: float, axis_height_m: float) -> ModuleMass:
+    """Masses of the rod's part inside the cavity, by halves, in the module frame.
+
+    The moments along each ray are in closed form: those of `thread_points`, whose rule is exact for them.
+    """
+    x, dx, phi, low, high = _rays(profile)
+    weight = density_kg_m3 * 2 * np.pi / AROUND * dx
+    # ∫ ρ dρ, ∫ ρ² dρ and ∫ ρ³ dρ of each ray, (x, φ); y = ρ sin φ, z = −ρ cos φ
+    whole, first, square = ((high**n - low**n) / n for n in (2, 3, 4))
+    along, sine, cosine = whole.sum(axis=1), np.sin(phi), -np.cos(phi)
+    mass = float(weight @ along)
+    com = np.array([(weight * x) @ along, weight @ (first @ sine), weight @ (first @ cosine)]) / mass
+    second = np.zeros((3, 3))
+    second[0, 0] = (weight * (x - com[0]) ** 2) @ along
+    second[1, 1] = weight @ (square @ sine**2)
+    second[2, 2] = weight @ (square @ cosine**2)
+    second[0, 1] = (weight * (x - com[0])) @ (first @ sine)
+    second[0, 2] = (weight * (x - com[0])) @ (first @ cosine)
+    second[1, 2] = weight @ (square @ (sine * cosine))
+    second += np.triu(second, 1).T
+    second[1:, 1:] -= mass * np.outer(com[1:], com[1:])
+    com = com + np.array([0.0, 0.0, axis_height_m])
+    end = MassProperties(mass, com, np.trace(second) * np.eye(3) - second)
+    return ModuleMass(start=mirrored(end, 0), end=end)
+
+
+def _rays(profile: BellowProfile) -> tuple[Array, Array, Array, Array, Array]:
+    """x (i,) with its weights dx (i,), φ (j,), and where the rod begins (j,) and ends (i, j) on each ray.
 
     On the ray at the angle φ from the axis' lower side the rod lies between the roots of
     ρ² − 2 ρ c cos φ + c² = q², c the depth of its centre and q its radius; the wall's inner radius cuts it off.
@@ -43,22 +81,4 @@ def thread_points(profile: BellowProfile) -> tuple[Array, Array]:
     low = np.maximum(middle - reach, 0.0)
     inner = profile.radius_at(x, -profile.wall_m / 2)
     high = np.maximum(np.minimum(inner[:, None], middle + reach), low)
-    node, weight = np.polynomial.legendre.leggauss(ACROSS)
-    thick = (high - low)[..., None]
-    rho = low[:, None] + thick * (node + 1) / 2
-    volume = dx[:, None, None] * (2 * np.pi / AROUND) * rho * thick * weight / 2
-    places = np.broadcast_arrays(x[:, None, None], rho * np.sin(phi)[:, None], -rho * np.cos(phi)[:, None])
-    points = np.stack(places, axis=-1)
-    return points.reshape(-1, 3), volume.ravel()
-
-
-def thread_mass(profile: BellowProfile, density_kg_m3: float, axis_height_m: float) -> ModuleMass:
-    """Masses of the rod's part inside the cavity, by halves, in the module frame."""
-    points, volume = thread_points(profile)
-    x, dm = points + np.array([0.0, 0.0, axis_height_m]), density_kg_m3 * volume
-    mass = float(dm.sum())
-    com = dm @ x / mass
-    arm = x - com
-    second = (dm * arm.T) @ arm  # ∫ r rᵀ dm
-    end = MassProperties(mass, com, np.trace(second) * np.eye(3) - second)
-    return ModuleMass(start=mirrored(end, 0), end=end)
+    return x, dx, phi, low, high
