@@ -13,7 +13,7 @@ class PpoConfig(OptimizerConfig):
     """A policy (condition → design) learned by PPO, each candidate being an episode of one step.
 
     Needs thousands of candidates; worth it where one policy shall answer many conditions. The defaults are those of
-    the gripper co-design by Cheng and others, Adv. Intell. Syst. 2026, doi 10.1002/aisy.70406, `epochs` and `net`
+    the gripper co-design by Yao, Howard, Maiolino, Adv. Intell. Syst. 2026, doi 10.1002/aisy.70406, `epochs` and `net`
     those of stable-baselines3, which the paper leaves open.
     """
 
