@@ -17,6 +17,13 @@ from pydantic_core import PydanticUndefined
 
 from pliant.config.chain import ActuatorConfig, BaseConfig, ChainConfig, SegmentConfig
 from pliant.config.measurements import ExcludedSpan, MeasurementsConfig
+from pliant.config.search import (
+    ObjectiveConfig,
+    RobustConfig,
+    SearchConfig,
+    SearchVariableConfig,
+    VerifyConfig,
+)
 from pliant.config.study import Study, nested_model, written_name
 from pliant.interfaces.base import FrozenModel
 from pliant.registry.component import INTERFACES, Component
@@ -35,6 +42,11 @@ STUDY_BLOCKS = {
     ActuatorConfig: "chain.actuators[]",
     MeasurementsConfig: "measurements",
     ExcludedSpan: "measurements.exclude[]",
+    SearchConfig: "search",
+    SearchVariableConfig: "search.variables.NAME",
+    ObjectiveConfig: "search.objective",
+    RobustConfig: "search.robust",
+    VerifyConfig: "search.verify",
 }
 STUDY_INTRODUCTION = [
     "YAML 1.2. A block with a `kind` belongs to that plugin: see its page. `physics: mujoco` is short for",
@@ -164,6 +176,7 @@ def _kind_page(component: Component) -> str:
         "",
         f"{component.summary[0].upper()}{component.summary[1:]}.",
         "",
+        *_when(component),
         *_requirement(component),
         *_usage(component),
         "## Keys",
@@ -179,6 +192,13 @@ def _kind_page(component: Component) -> str:
         f"Contract: [{INTERFACE_CLASS[component.interface]}](index.md).",
     ]
     return "\n".join(lines) + "\n"
+
+
+def _when(component: Component) -> list[str]:
+    """What an optimizer is good for, which stands with its config: the implementation may need a heavy library."""
+    if component.interface != "optimizer":
+        return []
+    return [_markdown(inspect.getdoc(component.config_model()) or ""), ""]
 
 
 def _usage(component: Component) -> list[str]:
