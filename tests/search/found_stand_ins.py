@@ -25,6 +25,7 @@ class Problem:
     objective_names: tuple = ("rmse",)
     maximised: tuple = (False,)
     conditions: tuple = (SimpleNamespace(name="all"),)
+    structural: frozenset = frozenset()
 
     @property
     def variables(self):

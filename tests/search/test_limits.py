@@ -130,3 +130,11 @@ def test_candidates_that_came_to_nothing(refused, said):
     if said:
         assert "67 % of the candidates" in sentences[0]
         assert "R - r >= l / 4 (30 times)" in sentences[0]
+
+
+def test_a_constraint_that_only_chooses_the_structures_holds_nothing_back():
+    problem = Problem((COUNT,), {"count == 5": lambda v: abs(v["count"] - 5)})
+    best = found({"count": 5})
+    assert at_constraints(problem, best, sloped(problem, lambda v: -v["count"], best)) != []
+    problem.structural = frozenset({"count == 5"})
+    assert at_constraints(problem, best, sloped(problem, lambda v: -v["count"], best)) == []

@@ -184,3 +184,18 @@ def test_the_front_holds_what_nothing_beats():
     broken = (0, Told(9, -1, {}, "ok", (0.0, 0.0), violation=1.0))
     front = front_of([*reversed(told_rows), broken])
     assert [row.objectives for _, row in front] == [(1.0, 5.0), (2.0, 3.0), (4.0, 1.0), (5.0, 0.5)]
+
+
+def test_causes_that_differ_in_numbers_are_counted_as_one():
+    def failed(cause, status="failed", violation=0.0):
+        return (0, Told(0, -1, {}, status, (), cause=cause, violation=violation))
+
+    rows_ = [failed(f"joint {k} stands {10 * k + 0.5} % outside.") for k in range(4)]
+    rows_ += [failed("the chain did not settle.")] * 2
+    rows_ += [failed(f"n{k} <= 12", "refused", 1.0) for k in (1, 2)] + [failed("n1 <= 7", "refused", 1.0)]
+    rows_ += [failed(f"a wall of {k} mm is too thin", "refused") for k in (1, 2)]
+    refused, causes = counts_of(rows_)
+    assert causes == {"joint 0 stands 0.5 % outside, or the like": 4, "the chain did not settle.": 2}
+    assert refused == {
+        "n1 <= 12": 1, "n2 <= 12": 1, "n1 <= 7": 1, "a wall of 1 mm is too thin, or the like": 2,
+    }  # fmt: skip

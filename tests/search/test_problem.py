@@ -161,7 +161,7 @@ def test_a_start_outside_the_range_is_ignored_and_said(tmp_path):
         tmp_path, "variables: {family.average_radius: {low: 7 mm, high: 9 mm}}\nobjective: a"
     )
     assert problem.space().start == {"family.average_radius": pytest.approx(0.008)}
-    assert "the study's 0.006 lies outside 0.007 to 0.009 m" in problem.start_notes()[0]
+    assert "the study's 6 mm lies outside 7 mm to 9 mm" in problem.start_notes()[0]
     anywhere = search_problem(
         tmp_path, "variables: {family.average_radius: {low: 7 mm, high: 9 mm}}\nobjective: a\nstart: anywhere"
     )

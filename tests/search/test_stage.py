@@ -127,12 +127,26 @@ def test_what_a_search_depends_on(opened, change, again):
 
 def test_checks_of_several_conditions_become_one():
     one = Verification(
-        {"a": {"m": 1.0}}, {"a": {"m": 2.0}, "b": {"m": 9.0}}, {"a": {"x": {"m": 2.0}}}, (), 1.0, 2.0, ("n",)
+        {"a": {"m": 1.0}},
+        {"a": {"m": 2.0}, "b": {"m": 9.0}},
+        {"a": {"x": {"m": 2.0}}},
+        (),
+        1.0,
+        2.0,
+        ("all", "n"),
     )
-    two = replace(one, verified={"a": {"m": 4.0}}, conditions={"a": {"y": {"m": 4.0}}})
-    both = merged([one, two])
+    two = replace(
+        one, verified={"a": {"m": 4.0}}, conditions={"a": {"y": {"m": 4.0}}}, notes=("all", "failed")
+    )
+    both = merged({"x": one, "y": two})
     assert both.verified == {"a": {"m": 3.0}}  # b did not answer for both
     assert both.conditions == {"a": {"x": {"m": 2.0}, "y": {"m": 4.0}}}
-    assert (both.fem_wall_s, both.wall_s, both.notes) == (2.0, 4.0, ("n",))
-    assert merged([one]) is one
-    assert merged([]) is None
+    assert (both.fem_wall_s, both.wall_s) == (2.0, 4.0)
+    assert both.notes == (
+        "all",
+        "x: n",
+        "y: failed",
+        "b, with laws from direct FEM: no answer for y, so no mean.",
+    )
+    assert merged({"": one}) is one
+    assert merged({}) is None

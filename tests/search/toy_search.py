@@ -241,10 +241,8 @@ def searched(
     ]
     if crew is None:
         crew = Processes(workers, work) if workers > 1 else Inline(ToyEvaluator(**settings))
-    loop = Loop(
-        made, Team(crew, setup_of(**settings)), progress or Silent(), "searching", lambda branch: None
-    )
-    loop.run()
+    with Team(crew, setup_of(**settings)) as team:
+        Loop(made, team, progress or Silent(), "searching", lambda branch: None).run()
     return made
 
 

@@ -10,9 +10,10 @@ from typing import Any
 from ruamel.yaml import YAML
 
 from pliant.cli.new_study import write_checked
+from pliant.config.found_writing import study_with_changes
 from pliant.config.loading import read_yaml
 from pliant.config.study import OF_OPTIMIZE, Study
-from pliant.config.writing import flow_text, study_with_changes
+from pliant.config.text_edits import flow_text
 from pliant.errors import PliantError, UserError
 from pliant.registry.discovery import Registry
 from pliant.units import UNIT_SUFFIXES, parse_quantity, strip_unit_suffix

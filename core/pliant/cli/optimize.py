@@ -7,30 +7,30 @@ from collections.abc import Sequence
 from contextlib import nullcontext
 from json import dumps
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
 from pliant.cli.best_study import write_best
+from pliant.cli.drawn_designs import drawn_designs
 from pliant.cli.options import DEFAULT_STORE, JsonFile, Overrides, Quiet, StoreFolder, StudyFile
 from pliant.cli.search_files import BEST, HISTORY, JSON, copy_exported, search_json, write_history
 from pliant.cli.search_words import best_said, lines
 from pliant.cli.session import Session, check_writable, plain, session
 from pliant.cli.studies import OutFolder
 from pliant.config.study import OF_OPTIMIZE, Study
-from pliant.errors import NotReachedError, PliantError, UserError
+from pliant.errors import NotReachedError, UserError
 from pliant.pipeline.crews import checked_workers, cluster
-from pliant.pipeline.study import DEFAULT_PHYSICS, simulate_study
+from pliant.pipeline.study import physics_of_study
 from pliant.pipeline.workbench import Workbench
 from pliant.records.search import FoundDesign, SearchResult
 from pliant.registry.discovery import Registry
-from pliant.report.search_folder import DrawnDesign
 from pliant.search.checking import converged
+from pliant.search.problem import SearchProblem
 from pliant.search.searching import nothing_found, problem_of
 from pliant.search.stage import files_folder, search_study
 from pliant.store.store import write_atomically
 
-MOST_DRAWN = 6
 UNFIT = r"[^\w.-]"  # in the name of a file
 Workers = Annotated[
     int | None,
@@ -71,14 +71,14 @@ def optimize(
         with nullcontext() if scheduler is None else cluster(scheduler) as executor:
             made = search_study(bench, loaded, executor=executor, workers=workers)
         result: SearchResult = made.value
-        engine = loaded.physics.kind if loaded.physics is not None else DEFAULT_PHYSICS
+        engine: str = physics_of_study(bench, loaded).kind
         here.result.update({"study": loaded.name, "out": str(folder), **search_json(result, engine)})
         here.result["stages"] = [{"stage": "search", "key": made.key, "cached": made.cached}]
         write_history(result, folder / HISTORY)
         exported = copy_exported(result.files, files_folder(bench, made), folder)
         here.result["files"] = [str(file) for file in exported]
+        problem = problem_of(bench, loaded)
         if result.best:
-            problem = problem_of(bench, loaded)
             best = _write_designs(study, folder, loaded, problem, result, overrides or (), installed)
             here.result["best_study"] = str(best)
         _write_json(folder, here)
@@ -87,8 +87,8 @@ def optimize(
         for line in lines(result, engine):
             here.say(line)
         here.say(f"study    {folder / BEST}, every candidate in {folder / HISTORY}")
-        _write_page(here, bench, folder, loaded, result)
-        if not converged(loaded, result):
+        _write_page(here, bench, folder, loaded, problem, result)
+        if not converged(result, loaded, engine):
             here.exit_code = NotReachedError.exit_code
 
 
@@ -100,7 +100,7 @@ def _write_designs(
     source: Path,
     folder: Path,
     study: Study,
-    problem: Any,
+    problem: SearchProblem,
     result: SearchResult,
     overrides: Sequence[str],
     registry: Registry,
@@ -124,34 +124,18 @@ def _write_designs(
     return folder / BEST
 
 
-def _each(problem: Any, result: SearchResult) -> list[tuple[FoundDesign, int]]:
+def _each(problem: SearchProblem, result: SearchResult) -> list[tuple[FoundDesign, int]]:
     """The designs with the conditions that they are written in; of a front its first."""
     if result.best[0].context >= 0:
         return [(design, design.context) for design in result.best]
     return [(result.best[0], condition) for condition in range(len(problem.conditions))]
 
 
-def _write_page(here: Session, bench: Workbench, folder: Path, study: Study, result: SearchResult) -> None:
+def _write_page(
+    here: Session, bench: Workbench, folder: Path, study: Study, problem: SearchProblem, result: SearchResult
+) -> None:
     from pliant.report.search_page import write_search_page  # matplotlib takes a second to import
 
-    page = write_search_page(folder, study, result, _drawn(bench, study, result))
+    page = write_search_page(folder, study, result, drawn_designs(bench, study, problem, result))
     here.result["report"] = str(page)
     here.say(f"report   {page}")
-
-
-def _drawn(bench: Workbench, study: Study, result: SearchResult) -> list[DrawnDesign]:
-    """The best designs under their task; one that cannot be run again is left out."""
-    problem, drawn = problem_of(bench, study), []
-    for design, condition in _each(problem, result)[:MOST_DRAWN]:
-        winner = problem.apply(design.values, condition)
-        plain = winner.model_copy(update={"cross_check": (), "uncertainty": None})
-        try:
-            run = simulate_study(bench, plain)
-        except PliantError as error:
-            bench.progress.note(f"a picture of the best design is missing: {error}")
-            continue
-        answer = run.engines[0].result
-        if answer is not None:
-            label = problem.conditions[condition].name or "best"
-            drawn.append(DrawnDesign(label, run.chain, answer))
-    return drawn

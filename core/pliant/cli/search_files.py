@@ -141,6 +141,8 @@ def column_name(name: str, variable: VariableRecord | None) -> str:
 
 
 def _cell(value: float, variable: VariableRecord | None) -> Any:
+    if math.isnan(value):
+        return value
     if variable is not None and variable.type == "categorical":
         return variable.choices[int(value)]
     if variable is not None and variable.type == "integer":

@@ -24,11 +24,20 @@ def lines(result: SearchResult, engine: str) -> list[str]:
     if len(result.best) > MOST_DESIGNS:
         found.append(f"         and {len(result.best) - MOST_DESIGNS} more")
     found.append(f"search   {_effort(result)}")
-    found += [f"refused  {count} × {cause}" for cause, count in list(result.refused.items())[:MOST_CAUSES]]
-    found += [f"failed   {count} × {cause}" for cause, count in list(result.failed.items())[:MOST_CAUSES]]
+    found += [*_causes("refused", result.refused), *_causes("failed", result.failed)]
     found += [f"slope    {_slope(result, slope)}" for slope in steepest(result.slopes)]
     found += [f"limit    {sentence}" for sentence in result.limits]
     return found + _robust(result) + _checked(result, engine)
+
+
+def _causes(word: str, causes: Mapping[str, int]) -> list[str]:
+    """The most frequent causes, and how many more there are."""
+    listed = list(causes.items())
+    found = [f"{word:<8} {count} × {cause}" for cause, count in listed[:MOST_CAUSES]]
+    left = listed[MOST_CAUSES:]
+    if left:
+        found.append(f"         {sum(count for _, count in left)} × {len(left)} other causes")
+    return found
 
 
 def best_said(result: SearchResult, design: FoundDesign) -> str:
@@ -51,7 +60,9 @@ def _design(result: SearchResult, design: FoundDesign) -> list[str]:
     recommended = ", as the optimizer recommends" if design.number < 0 else ""
     found = [f"best     {best_said(result, design)}{where}{recommended}"]
     found += [
-        f"         {name:<32} {_value(known.get(name), value)}" for name, value in design.values.items()
+        f"         {name:<32} {_value(known.get(name), value)}"
+        for name, value in design.values.items()
+        if name not in known or _acts(known[name], design)
     ]
     stated = {name.rpartition(".")[2] for name in design.objectives}
     numbers = [
@@ -60,6 +71,16 @@ def _design(result: SearchResult, design: FoundDesign) -> list[str]:
         if math.isfinite(value) and name not in stated
     ]
     return [*found, f"         {', '.join(numbers[:MOST_METRICS])}"] if numbers else found
+
+
+def _acts(variable: VariableRecord, design: FoundDesign) -> bool:
+    """Whether a variable sets its keys in the one condition of a design: in others, another one may."""
+    if design.context < 0:
+        return True
+    value = design.values[variable.name]
+    own = {strip_unit_suffix(key): held for key, held in design.settings.items()}
+    keys = [strip_unit_suffix(key) for key in variable.keys]
+    return all(key in own and (isinstance(value, str) or own[key] == value) for key in keys)
 
 
 def _value(variable: VariableRecord | None, value: Any) -> str:

@@ -100,8 +100,7 @@ class SegmentConfig(FrozenModel):
                 "give either 'rotation' (relative to the base) or 'turn' (to the modules before)"
             )
         # A study that was read and written has all keys: what counts is their values.
-        plain = SegmentConfig.model_construct(rigid=self.rigid)
-        if self.rigid is not None and dict(self) != dict(plain):
+        if self.rigid is not None and dict(self) != dict(SegmentConfig.model_construct(rigid=self.rigid)):
             raise ValueError("a rigid piece has a length, a mass and a radius, and nothing of modules")
         return self
 

@@ -204,7 +204,7 @@ def _range(
         raise UserError(
             f"{_at(place)}'{label}' has low {config.low} above high {config.high}; exchange them."
         )
-    if low == high:
+    if low == high and not config.each:  # one structure of a study that is fixed in one derived from it
         raise UserError(
             f"{_at(place)}'{label}' has low and high {config.low}, which leaves nothing to search; "
             f"write '{keys[0].written}' into the study instead."
@@ -225,7 +225,7 @@ def _choices(
         settings[choice] = value
     if len({isinstance(choice, str) for choice in settings}) > 1:
         raise UserError(f"{_at(place)}'{label}.choices' mixes numbers and texts.")
-    if len(settings) < 2:
+    if len(settings) < 2 and not config.each:
         raise UserError(
             f"{_at(place)}'{label}.choices' has one value, which leaves nothing to search; write "
             f"'{keys[0].written}' into the study instead."

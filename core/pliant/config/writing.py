@@ -5,26 +5,23 @@ The text is not dumped from its tree: changes are spliced in at the places that 
 
 from __future__ import annotations
 
-import json
-import os
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from ruamel.yaml import YAML
-from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
+from ruamel.yaml.nodes import MappingNode, Node, SequenceNode
 
-from pliant.config.loading import PATH_KEYS, read_yaml
-from pliant.config.splicing import Splicer, find, kind_of
-from pliant.errors import UserError
+from pliant.config.loading import read_yaml
+from pliant.config.splicing import Splicer, find
+from pliant.config.text_edits import flow_text, overridden, path_of, relocated, with_value
 from pliant.units import strip_unit_suffix
+
+__all__ = ["EffectEntry", "flow_text", "study_with_effects", "study_with_values"]
 
 # What `entry` writes behind a value; an older one gives way to it.
 GENERATED = re.compile(r"[ \t]*# (?:fitted to |[^#\n]* ± )[^#\n]*?(?=[ \t]*(?:#|$))", re.MULTILINE)
-SIMPLE = re.compile(r"[A-Za-z_./][\w./+-]*")
-WORDS_OF_YAML = {"true", "false", "null", "yes", "no", "on", "off"}
 FULL = re.compile(r"#[^\n]*")
 
 
@@ -82,11 +79,11 @@ def study_with_effects(
     """
     read_yaml(source)  # for its messages
     text = source.read_text(encoding="utf-8-sig")
-    text = _relocated(text, source.resolve().parent, target.resolve().parent)
-    own = not any(_path_of(override)[0] == "effects" for override in overrides)
+    text = relocated(text, source.resolve().parent, target.resolve().parent)
+    own = not any(path_of(override)[0] == "effects" for override in overrides)
     for override in overrides:
-        if _path_of(override)[0] != "effects":
-            text = _overridden(text, override, target.resolve().parent)
+        if path_of(override)[0] != "effects":
+            text = overridden(text, override, target.resolve().parent)
     return _with_effects(text, entries, present, own)
 
 
@@ -113,66 +110,12 @@ def study_with_values(
     """
     read_yaml(source)  # for its messages
     text = source.read_text(encoding="utf-8-sig")
-    text = _relocated(text, source.resolve().parent, target.resolve().parent)
+    text = relocated(text, source.resolve().parent, target.resolve().parent)
     for override in overrides:
-        text = _overridden(text, override, target.resolve().parent)
+        text = overridden(text, override, target.resolve().parent)
     for key, value in values.items():
-        text = _set(text, (block, _written_key(text, block, key)), value)
+        text = with_value(text, (block, _written_key(text, block, key)), value)
     return _remarked(text, block, remarks)
-
-
-def study_with_changes(
-    source: Path,
-    target: Path,
-    changes: Mapping[tuple[str, ...], str],
-    without: Sequence[str],
-    overrides: Sequence[str] = (),
-) -> str:
-    """The text of a study with keys anywhere set anew and some of its blocks left out.
-
-    Args:
-        source: the study that is read; one without `extends`.
-        target: where the text will be written: paths in it are relative to that place.
-        changes: path of keys and item numbers → text of the value; keys with or without their unit.
-        without: top-level keys to leave out.
-        overrides: changes "key=value" with which `source` was read; they are written into the text.
-
-    Raises:
-        UserError: a file that cannot be read, a key that has no place in the text.
-    """
-    read_yaml(source)  # for its messages
-    text = source.read_text(encoding="utf-8-sig")
-    text = _relocated(text, source.resolve().parent, target.resolve().parent)
-    for override in overrides:
-        if _path_of(override)[0] not in without:
-            text = _overridden(text, override, target.resolve().parent)
-    for path, value in changes.items():
-        text = _set(text, _written_path(text, path), value)
-    return _without(text, without)
-
-
-def _written_path(text: str, path: Sequence[str]) -> list[str]:
-    """The path as the text has it; what is not in the text is written without its unit."""
-    node: Node | None = Splicer(text).root
-    found = []
-    for key in path:
-        names = [str(name.value) for name, _ in node.value] if isinstance(node, MappingNode) else [key]
-        bare = strip_unit_suffix(key)
-        found.append(next((name for name in names if strip_unit_suffix(name) == bare), bare))
-        node = find(node, (found[-1],))
-    return found
-
-
-def _without(text: str, keys: Sequence[str]) -> str:
-    """The text without some blocks of a study in block style."""
-    splicer = Splicer(text)
-    if not isinstance(splicer.root, MappingNode) or splicer.root.flow_style:
-        raise UserError("a study on one line loses no block.")
-    for name, value in splicer.root.value:
-        if name.value in keys:
-            end = splicer.line_end(max(splicer.last(value), int(name.end_mark.index)))
-            splicer.replace(int(name.start_mark.index), end + 1, "")
-    return splicer.done()
 
 
 def _written_key(text: str, block: str, key: str) -> str:
@@ -201,87 +144,6 @@ def _remarked(text: str, block: str, remarks: Mapping[str, str]) -> str:
     return splicer.done()
 
 
-def flow_text(value: Any) -> str:
-    """A plain value as YAML on one line."""
-    if isinstance(value, Mapping):
-        return "{" + ", ".join(f"{flow_text(str(k))}: {flow_text(v)}" for k, v in value.items()) + "}"
-    if isinstance(value, list | tuple):
-        return "[" + ", ".join(flow_text(item) for item in value) + "]"
-    if isinstance(value, str) and SIMPLE.fullmatch(value) and value.lower() not in WORDS_OF_YAML:
-        return value
-    return json.dumps(value, ensure_ascii=False)
-
-
-def _relocated(text: str, old: Path, new: Path) -> str:
-    """Relative paths of the file as they read from another folder."""
-    if old == new:
-        return text
-    splicer = Splicer(text)
-    nodes = [find(splicer.root, path) for path in (("extends",), *PATH_KEYS)]
-    plugins = find(splicer.root, ("plugins",))
-    nodes += plugins.value if isinstance(plugins, SequenceNode) else []
-    for node in nodes:
-        if isinstance(node, ScalarNode) and node.value and not os.path.isabs(node.value):  # noqa: PTH117
-            moved = flow_text(os.path.relpath(old / node.value, new))
-            splicer.replace(node.start_mark.index, node.end_mark.index, moved)
-    return splicer.done()
-
-
-def _path_of(override: str) -> list[str]:
-    return override.partition("=")[0].strip().split(".")
-
-
-def _overridden(text: str, override: str, folder: Path) -> str:
-    path, written = _path_of(override), override.partition("=")[2].strip()
-    value = YAML(typ="safe", pure=True).load(written)
-    if (path[0], path[-1]) in PATH_KEYS and isinstance(value, str):
-        value = os.path.relpath(Path(value).absolute(), folder)
-        return _set(text, path, flow_text(value))
-    if path == ["plugins"] and isinstance(value, list):
-        value = [os.path.relpath(Path(file).absolute(), folder) for file in value]
-        return _set(text, path, flow_text(value))
-    if isinstance(value, Mapping):
-        for key, inner in value.items():
-            text = _overridden(text, f"{'.'.join(path)}.{key}={flow_text(inner)}", folder)
-        return text
-    return _set(text, path, written)
-
-
-def _set(text: str, path: Sequence[str], value: str) -> str:
-    """The text with one value set; a changed `kind` clears its block, as it does on loading."""
-    splicer = Splicer(text)
-    node = splicer.root
-    for depth, key in enumerate(path):
-        child = find(node, (key,))
-        rest = path[depth + 1 :]
-        if child is None:
-            if not isinstance(node, MappingNode):
-                raise UserError(
-                    f"'{'.'.join(path)}={value}' cannot be written into the study; write it there first."
-                )
-            splicer.insert_key(node, key, _nested(rest, value))
-            return splicer.done()
-        ends = child.start_mark.index, child.end_mark.index
-        if list(rest) == ["kind"] and kind_of(child) != value:
-            ends = ends[0], splicer.last(child)
-            splicer.replace(*ends, _nested(rest, value))
-            return splicer.done()
-        if rest and isinstance(child, ScalarNode):
-            splicer.replace(
-                *ends, f"{{kind: {child.value}, {'.'.join(rest[:1])}: {_nested(rest[1:], value)}}}"
-            )
-            return splicer.done()
-        if not rest:
-            splicer.replace(ends[0], splicer.last(child), value)
-            return splicer.done()
-        node = child
-    return text
-
-
-def _nested(path: Sequence[str], value: str) -> str:
-    return value if not path else "{" + f"{path[0]}: {_nested(path[1:], value)}" + "}"
-
-
 def _with_effects(
     text: str, entries: Sequence[EffectEntry], present: Sequence[Mapping[str, Any]], own: bool
 ) -> str:
@@ -291,7 +153,7 @@ def _with_effects(
         items = [flow_text(effect) for effect in present]
         _place(items, [entry.flow() for entry in entries], entries)
         whole = "[" + ", ".join(items) + "]"
-        return _set(text, ("effects",), whole) if node is not None else _added(splicer, root, whole)
+        return with_value(text, ("effects",), whole) if node is not None else _added(splicer, root, whole)
     listed = isinstance(node, SequenceNode) and bool(node.value) and own and len(node.value) == len(present)
     if listed and isinstance(node, SequenceNode) and not node.flow_style:
         return _in_block(splicer, node, entries)

@@ -87,7 +87,9 @@ class Outcome:
         number: of the candidate.
         objective: is minimised; NaN says that the evaluation failed, or that there was none.
         further: the objectives after the first, where the space has several.
-        violation: how far the candidate breaks constraints, 0 where it breaks none. Above 0 it was not evaluated.
+        violation: how far the candidate breaks constraints, 0 where it breaks none. One that breaks a constraint of
+            variables was not evaluated and its objective is NaN; one that breaks a constraint on metrics was evaluated
+            and has both.
     """
 
     number: int

@@ -29,11 +29,7 @@ def enumerate_branches(
     axes = [one for one in variables if one.each]
     if not axes:
         return ({},)
-    left = [
-        c
-        for c in constraints
-        if _names(c) and _names(c) <= {one.name for one in axes} and not c.uses("metric")
-    ]
+    left = of_structures(variables, constraints)
     columns: dict[str, Any] = {}
     count = 1
     for one in axes:
@@ -60,6 +56,14 @@ def enumerate_branches(
             "them jointly without 'each'."
         )
     return tuple(dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True))
+
+
+def of_structures(
+    variables: Sequence[SearchedVariable], constraints: Sequence[Expression]
+) -> list[Expression]:
+    """The constraints that name `each` variables only: they choose the searches, and hold no candidate back."""
+    each = {one.name for one in variables if one.each}
+    return [c for c in constraints if _names(c) and _names(c) <= each and not c.uses("metric")]
 
 
 def _names(constraint: Expression) -> set[str]:

@@ -16,6 +16,7 @@ from pliant.interfaces.optimizer import Value
 from pliant.pipeline.workbench import Workbench
 from pliant.records.rollout import TaskResult
 from pliant.search.keys import StudySetter
+from pliant.search.outcome import interrupted
 from pliant.search.problem import SearchProblem
 from pliant.search.quick_path import QuickPath, Timer, untimed
 from pliant.search.scenarios import Scenario, measure
@@ -213,7 +214,7 @@ class _Run:
             self.simulations -= status == "refused"
             raise _EndedError(status, at + str(error)) from None
         except Exception as error:  # an engine may fail in any way
-            if _interrupted(error):
+            if interrupted(error):
                 raise KeyboardInterrupt from None
             text = " ".join(str(error).split())
             raise _EndedError("failed", f"{at}{type(error).__name__}{f': {text}' if text else ''}") from error
@@ -289,10 +290,3 @@ def _law_parameters(scenarios: Sequence[Scenario]) -> dict[str, str]:
         elif deviation.path[:2] == ("chain", "segments") and deviation.path[3:4] == ("family",):
             found[str(rest[-1])] = deviation.key
     return found
-
-
-def _interrupted(error: BaseException | None) -> bool:
-    """Whether Ctrl-C is behind it: compiled code turns a KeyboardInterrupt into a SystemError."""
-    while error is not None and not isinstance(error, KeyboardInterrupt):
-        error = error.__cause__ or error.__context__
-    return error is not None

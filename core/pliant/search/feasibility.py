@@ -13,7 +13,7 @@ from scipy.stats import qmc
 from pliant.errors import UserError
 from pliant.interfaces.optimizer import Value, Variable
 from pliant.records.design import Array
-from pliant.search.problem import SearchProblem
+from pliant.search.problem import NO_NUMBER, SearchProblem
 
 SAMPLES = 4096
 BUILT = 64  # samples whose study is built, so that the families judge their designs
@@ -109,7 +109,9 @@ def _amounts(problem: SearchProblem, samples: Mapping[str, Array], count: int) -
     """Constraint of variables → (count,) by how much it is broken."""
     known: dict[str, Any] = problem.names.resolved(samples)
     return {
-        constraint.text: np.broadcast_to(constraint.amount(known), count)
+        constraint.text: np.nan_to_num(
+            np.broadcast_to(constraint.amount(known), count), nan=NO_NUMBER, posinf=NO_NUMBER
+        )
         for constraint in problem.constraints
         if not constraint.uses("metric")
     }

@@ -10,6 +10,7 @@ import numpy as np
 
 from pliant.interfaces.optimizer import Value, Variable
 from pliant.records.search import STATUSES, FoundDesign, SearchHistory
+from pliant.search.causes import counted
 from pliant.search.outcome import OK, REFUSED, Told
 
 NAN = float("nan")
@@ -40,7 +41,9 @@ def history_of(variables: Sequence[Variable], rows: Sequence[Row], objectives: i
 
 
 def _number(variable: Variable, value: Value) -> float:
-    return float(variable.choices.index(value) if variable.type == "categorical" else value)
+    if variable.type == "categorical":
+        return float(variable.choices.index(value)) if value in variable.choices else NAN
+    return float(value)
 
 
 def best_of(rows: Iterable[Row]) -> Row | None:
@@ -63,15 +66,22 @@ def front_of(rows: Iterable[Row]) -> list[Row]:
 
 
 def counts_of(rows: Iterable[Row]) -> tuple[dict[str, int], dict[str, int]]:
-    """Cause → how often, of what was refused and of what failed; the most frequent first."""
-    refused: Counter[str] = Counter()
-    failed: Counter[str] = Counter()
+    """Cause → how often, of what was refused and of what failed; the most frequent first.
+
+    Constraints are told apart by their numbers; other causes that differ in numbers only are one.
+    """
+    constraints: Counter[str] = Counter()
+    refused: list[str] = []
+    failed: list[str] = []
     for _, row in rows:
-        if row.status == REFUSED:
-            refused[row.cause or "refused"] += 1
+        if row.status == REFUSED and row.violation > 0:
+            constraints[row.cause or "refused"] += 1
+        elif row.status == REFUSED:
+            refused.append(row.cause or "refused")
         elif row.status != OK:
-            failed[row.cause or "the objective is not a number"] += 1
-    return dict(refused.most_common()), dict(failed.most_common())
+            failed.append(row.cause or "the objective is not a number")
+    constraints.update(counted(refused))
+    return dict(constraints.most_common()), counted(failed)
 
 
 def design_of(problem: Any, row: Row) -> FoundDesign:
@@ -80,7 +90,7 @@ def design_of(problem: Any, row: Row) -> FoundDesign:
     signs = [-1.0 if maximised else 1.0 for maximised in problem.maximised]
     stated = [sign * one for sign, one in zip(signs, told.objectives, strict=True)]
     return FoundDesign(
-        dict(told.values),
+        dict(problem.full(told.values)),
         settings_of(problem, told.values, told.context),
         dict(zip(problem.objective_names, stated, strict=True)),
         dict(told.metrics),

@@ -67,7 +67,7 @@ def at_bounds(problem: Any, best: FoundDesign, slopes: Sequence[Slope]) -> list[
 
 def at_constraints(problem: Any, best: FoundDesign, slopes: Sequence[Slope]) -> list[str]:
     """Constraints that a step of 1 % of a variable's range breaks, and what they cost."""
-    before = problem.violated(best.values, best.context)
+    before = {*problem.violated(best.values, best.context), *problem.structural}
     active: dict[str, tuple[float, VariableRecord]] = {}
     for slope in slopes:
         variable = _variable(problem, best, slope.name)

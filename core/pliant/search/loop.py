@@ -61,18 +61,15 @@ class Loop:
     def run(self) -> None:
         """Until no branch is left."""
         waiting = deque(self._branches)
-        whole = False
         try:
             while waiting or self._active:
                 while waiting and len(self._active) < self._side_by_side():
                     self._start(waiting.popleft())
                 for branch, rows in self._team.collect():
                     self._back(self._branches[branch], rows)
-            whole = True
         finally:
             if self._bar is not None:
                 self._bar.finish()
-            self._team.close(at_once=not whole)
 
     def _side_by_side(self) -> int:
         """Branches at a time: one more than workers, so that none waits for the optimizer."""

@@ -132,7 +132,7 @@ def evaluated(evaluator: Evaluates, task: Task) -> Told:
     except PliantError:
         raise
     except Exception as error:  # a plugin may fail in any way
-        if _interrupted(error):
+        if interrupted(error):
             raise KeyboardInterrupt from None
         text = " ".join(str(error).split())
         return task.failed(f"{type(error).__name__}: {text}" if text else type(error).__name__)
@@ -152,7 +152,7 @@ def evaluated(evaluator: Evaluates, task: Task) -> Told:
     )
 
 
-def _interrupted(error: BaseException | None) -> bool:
+def interrupted(error: BaseException | None) -> bool:
     """Whether Ctrl-C is behind it: compiled code turns a KeyboardInterrupt into a SystemError."""
     while error is not None and not isinstance(error, KeyboardInterrupt):
         error = error.__cause__ or error.__context__

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -21,8 +22,11 @@ from pliant.search.keys import KeyPath, StudySetter
 from pliant.search.metrics import with_metrics
 from pliant.search.names import Names
 from pliant.search.sharing import SharedVariable, expanded, shared_variables
+from pliant.search.spoken import quantity
 
 __all__ = ["Condition", "Objective", "SearchProblem", "SearchedVariable"]
+
+NO_NUMBER = 1.0  # by how much a constraint counts as broken that comes to no number
 
 
 @dataclass(frozen=True)
@@ -100,6 +104,11 @@ class SearchProblem:
     def _branches(self) -> tuple[Mapping[str, Value], ...]:
         return branches.enumerate_branches(self.variables, self.constraints, self.names.resolved({}))
 
+    @cached_property
+    def structural(self) -> frozenset[str]:
+        """Texts of the constraints that only choose which searches there are."""
+        return frozenset(c.text for c in branches.of_structures(self.variables, self.constraints))
+
     def space(self, contextual: bool = False) -> Space:
         """What an optimizer searches: all variables but the `each` ones.
 
@@ -145,10 +154,10 @@ class SearchProblem:
                 )
                 notes.append(f"'{one.name}' begins elsewhere: {why}.")
             elif axis.type != "categorical" and not axis.low <= float(one.stated) <= axis.high:
-                unit = f" {one.unit}" if one.unit else ""
+                stated, low, high = (quantity(v, one.unit, 6) for v in (one.stated, axis.low, axis.high))
                 notes.append(
-                    f"'{one.name}' begins in the middle of its range: the study's {one.stated:.6g} lies outside "
-                    f"{axis.low:.6g} to {axis.high:.6g}{unit}."
+                    f"'{one.name}' begins in the middle of its range: the study's {stated} lies outside {low} to "
+                    f"{high}."
                 )
         return tuple(notes)
 
@@ -214,21 +223,16 @@ class SearchProblem:
             return False
         return float(self.until.amount(self._with_metrics(values, metrics, [self.until]))) == 0.0
 
-    def records(self) -> tuple[VariableRecord, ...]:
-        """The variables as a result keeps them."""
-        return tuple(
-            VariableRecord(
-                v.name,
-                v.written,
-                v.variable.type,
-                float(v.variable.low),
-                float(v.variable.high),
-                v.variable.choices,
-                v.unit,
-                v.each,
-            )
-            for v in self.variables
-        )
+    def stated(self, values: Mapping[str, Value], condition: int) -> Mapping[str, Value]:
+        """One value per variable; of those that are one, under that one's name too, as they are in the condition."""
+        full = self.full(values)
+        return {**full, **{one.variable.name: one.value_in(full, condition) for one in self.shared}}
+
+    def records(self, contextual: bool = False) -> tuple[VariableRecord, ...]:
+        """The variables as a result keeps them; of a contextual search also what stands for several of them."""
+        found = {v.name: _record(v) for v in self.variables}
+        found.update({one.variable.name: one.record() for one in (self.shared if contextual else ())})
+        return tuple(found.values())
 
     def _counts(self, constraint: Expression, condition: int) -> bool:
         named = {symbol.name for symbol in constraint.names}
@@ -241,9 +245,19 @@ class SearchProblem:
         return with_metrics(known, metrics, expressions, [v.name for v in self.variables])
 
 
+def _record(one: SearchedVariable) -> VariableRecord:
+    axis = one.variable
+    ends = float(axis.low), float(axis.high)
+    return VariableRecord(one.name, one.written, axis.type, *ends, axis.choices, one.unit, one.each)
+
+
 def _broken(constraints: list[Expression], known: Mapping[str, Any]) -> dict[str, float]:
     amounts = {constraint.text: float(constraint.amount(known)) for constraint in constraints}
-    return {text: amount for text, amount in amounts.items() if amount > 0}
+    return {
+        text: amount if math.isfinite(amount) else NO_NUMBER
+        for text, amount in amounts.items()
+        if not amount <= 0
+    }
 
 
 def _plain(value: Value, axis: Variable) -> Value:

@@ -3,26 +3,24 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from pliant.config.search import RobustConfig
 from pliant.config.study import Study
 from pliant.errors import NotReachedError
 from pliant.interfaces.optimizer import Variable
 from pliant.pipeline.crews import Crew, Given, Processes, checked_workers, cpus
 from pliant.pipeline.workbench import Workbench
-from pliant.records.search import FoundDesign, Robustness, SearchResult, Slope
+from pliant.records.search import FoundDesign, SearchResult
+from pliant.search.about_the_best import Judges, about_the_best
 from pliant.search.branch import BUDGET, EXHAUSTED, REFUSED_PER_EVALUATION, UNTIL, Branch
 from pliant.search.found import best_of, counts_of, design_of, front_of, history_of
 from pliant.search.journal import Journal, keep_journals, take_journals
 from pliant.search.loop import Loop
-from pliant.search.outcome import Evaluates, Task, Told, evaluated
+from pliant.search.outcome import Evaluates, Told, evaluated
 from pliant.search.team import Team
 from pliant.search.workers import Inline, Setup, work
 from pliant.store.fingerprint import code_fingerprint
@@ -90,6 +88,23 @@ class Search:
     contextual: bool = False
     nominal: SearchResult | None = None
 
+    def setup(self) -> Setup:
+        """What workers get."""
+        return self.hands.setup(self.bench, self.study)
+
+    def judges(self, team: Team) -> Judges:
+        """Who looks about the best design: without the scenarios of a robust search."""
+        from pliant.search.evaluation import Evaluator
+
+        config = self.study.need("search", "a search")
+        plain, setup = self.evaluator, self.setup()
+        if config.robust is not None:
+            plain = Evaluator(self.bench, self.problem, ())
+            nominal = self.study.model_copy(update={"search": config.model_copy(update={"robust": None})})
+            setup = self.hands.setup(self.bench, nominal)
+        alone = team.crew.size == 1
+        return Judges(plain, self.evaluator, None if alone else Team(team.crew, setup))
+
     def run(self, partial: Path, kept: Path, files: Path) -> SearchResult:
         """Search.
 
@@ -136,35 +151,45 @@ class _Run:
     def result(self) -> SearchResult:
         """Run it, then look about the best design."""
         search = self.search
-        hands, bench = search.hands, search.bench
-        team = Team(hands.crew(search.evaluator), hands.setup(bench, search.study))
-        title = "searching" if self.config.robust is None else "searching, robust"
-        loop = Loop(self.branches, team, bench.progress, title, self._ended, self._shown)
-        loop.run()
+        with Team(search.hands.crew(search.evaluator), search.setup()) as team:
+            title = "searching" if self.config.robust is None else "searching, robust"
+            loop = Loop(self.branches, team, search.bench.progress, title, self._ended, self._shown)
+            loop.run()
+            result = self._found(loop.wall_s)
+            return about_the_best(self.problem, search.judges(team), result, search.nominal)
+
+    def _found(self, wall_s: float) -> SearchResult:
+        """What the branches come to."""
+        search = self.search
         rows = [(branch.index, row) for branch in self.branches for row in branch.rows]
         best = self._best(rows)
         refused, failed = counts_of(rows)
         self._say_exhausted(refused)
         designs = tuple(design_of(self.problem, row) for row in best)
         everything = [told for _, told in (*rows, *self.recommended)]
-        result = SearchResult(
+        return SearchResult(
             optimizer=search.study.optimizer.kind if search.study.optimizer else "",
             seed=self.config.seed,
-            variables=tuple(self.problem.records()),
+            variables=tuple(self.problem.records(search.contextual)),
             objectives=tuple(self.problem.objective_names),
             maximised=tuple(self.problem.maximised),
             conditions=tuple(c.name for c in self.problem.conditions if self.config.conditions),
             branches=tuple(dict(values) for values in self.values),
-            history=history_of(self._variables(), rows, self.space.objectives),
+            history=history_of(self._variables(), self._stated(rows), self.space.objectives),
             best=designs,
             evaluations=sum(told.simulated for told in everything),
             simulations=sum(told.simulations for told in everything),
             refused=refused,
             failed=failed,
             stopped=self._stopped(designs),
-            wall_s=loop.wall_s,
+            wall_s=wall_s,
         )
-        return _about_the_best(search, result)
+
+    def _stated(self, rows: Sequence[tuple[int, Told]]) -> Sequence[tuple[int, Told]]:
+        """Rows in which variables that are one have the value of the row's own condition instead of a share."""
+        if not (self.search.contextual and self.problem.shared):
+            return rows
+        return [(b, replace(r, values=self.problem.stated(r.values, r.context))) for b, r in rows]
 
     def _ended(self, branch: Branch) -> None:
         """What only a branch's optimizer knows: what it recommends, and its files where it is the best so far."""
@@ -217,70 +242,6 @@ class _Run:
 
     def _shown(self, value: float) -> str:
         return f"{-value if self.problem.maximised[0] else value:.4g}"
-
-
-def _about_the_best(search: Search, result: SearchResult) -> SearchResult:
-    """Slopes, limits, and what robustness costs."""
-    if not result.best:
-        return result
-    from pliant.search.limits import limits
-    from pliant.search.sensitivity import slopes
-
-    best, plain = result.best[0], _nominal_evaluator(search)
-    found: tuple[Slope, ...] = tuple(slopes(plain, search.problem, best))
-    causes = {**result.refused, **result.failed}
-    told = tuple(limits(search.problem, best, found, result.history, causes))
-    return replace(result, slopes=found, limits=told, robustness=_robustness(search, plain, best))
-
-
-def _nominal_evaluator(search: Search) -> Any:
-    """Without the scenarios of a robust search."""
-    if search.study.need("search", "a search").robust is None:
-        return search.evaluator
-    from pliant.search.evaluation import Evaluator
-
-    return Evaluator(search.bench, search.problem, ())
-
-
-def _robustness(search: Search, plain: Evaluates, best: FoundDesign) -> Robustness | None:
-    """Both best designs, nominal and robust, undisturbed and in the same scenarios."""
-    robust = search.study.need("search", "a search").robust
-    if robust is None or search.nominal is None or not search.nominal.best:
-        return None
-    nominal = search.nominal.best[0]
-    designs = {"nominal": nominal, "robust": best}
-    alone = {name: _score(plain, design) for name, design in designs.items()}
-    together = {name: _score(search.evaluator, design) for name, design in designs.items()}
-    sign = -1.0 if search.problem.maximised[0] else 1.0
-    return Robustness(
-        measure=robust.measure,
-        level=robust.level,
-        samples=robust.samples,
-        sources=_sources(robust),
-        nominal_of_nominal=sign * _first(alone["nominal"]),
-        robust_of_nominal=sign * _first(together["nominal"]),
-        nominal_of_robust=sign * _first(alone["robust"]),
-        robust_of_robust=sign * _first(together["robust"]),
-        spread={name: sign * np.array(told.scenarios, float) for name, told in together.items()},
-        nominal=nominal,
-    )
-
-
-def _sources(robust: RobustConfig) -> tuple[str, ...]:
-    """What was varied, in words."""
-    varied = [
-        f"{key}, standard deviation {said.get('sd')}" if isinstance(said, Mapping) else f"{key} ± {said}"
-        for key, said in robust.vary.items()
-    ]
-    return (*(["laws within their error bars"] if robust.laws else []), *varied)
-
-
-def _score(evaluator: Evaluates, design: FoundDesign) -> Told:
-    return evaluated(evaluator, Task(design.number, design.values, design.context))
-
-
-def _first(told: Told) -> float:
-    return told.objectives[0] if told.objectives else float("nan")
 
 
 def _moved(folder: Path, files: Path) -> tuple[str, ...]:

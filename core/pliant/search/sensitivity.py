@@ -76,12 +76,13 @@ def varied_at(problem: Any, best: FoundDesign) -> tuple[Variable, ...]:
     """The variables that act on a design: not those of other conditions than its own."""
     contextual = best.context >= 0
     searched = {one.name: one for one in problem.variables}
-    known = {name: one.variable for name, one in searched.items()}
-    known |= {variable.name: variable for variable in problem.space(contextual).variables}
+    known = {variable.name: variable for variable in problem.space(contextual).variables}
+    known |= {name: one.variable for name, one in searched.items()}
     return tuple(
         variable
         for name, variable in known.items()
         if name in best.values
+        and _can_vary(variable)
         and not (
             contextual
             and name in searched
@@ -89,6 +90,12 @@ def varied_at(problem: Any, best: FoundDesign) -> tuple[Variable, ...]:
             and best.context not in searched[name].conditions
         )
     )
+
+
+def _can_vary(variable: Variable) -> bool:
+    if variable.type == "categorical":
+        return len(variable.choices) > 1
+    return variable.high > variable.low
 
 
 def probes_of(variable: Variable, at: Value) -> tuple[Probe, ...]:

@@ -6,12 +6,14 @@ The merged variable is a share 0…1 of each one's own range, so that one policy
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from pliant.config.searched import SearchedVariable
 from pliant.config.study_keys import KeyPath
 from pliant.interfaces.optimizer import Value, Variable
+from pliant.records.search import VariableRecord
 
 
 @dataclass(frozen=True)
@@ -35,6 +37,19 @@ class SharedVariable:
     def middle(self) -> Value:
         """Where a search begins that knows nothing better."""
         return self.variable.choices[0] if self.variable.choices else 0.5
+
+    def value_in(self, full: Mapping[str, Value], condition: int) -> Value:
+        """The value that the key gets in a condition, from one per variable; NaN where none of them sets it."""
+        return next((full[one.name] for one in self.of if condition in one.conditions), math.nan)
+
+    def record(self) -> VariableRecord:
+        """Of the key's value, over the ranges of all: what people are shown instead of shares."""
+        first, ranges = self.of[0], [one.variable for one in self.of]
+        low, high = min(float(r.low) for r in ranges), max(float(r.high) for r in ranges)
+        axis = first.variable
+        return VariableRecord(
+            self.variable.name, first.written, axis.type, low, high, axis.choices, first.unit
+        )
 
 
 def shared_variables(variables: Sequence[SearchedVariable]) -> tuple[SharedVariable, ...]:

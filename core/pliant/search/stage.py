@@ -81,6 +81,7 @@ def files_folder(bench: Workbench, artifact: Artifact) -> Path:
 def _checked(bench: Workbench, study: Study) -> Any:
     """The problem, with everything tried that would fail only after hours."""
     from pliant.search.direct_fem import check_verifiable
+    from pliant.search.reach import require_reach
 
     study.need("chain", "a search")
     study.need("task", "a search")
@@ -90,7 +91,8 @@ def _checked(bench: Workbench, study: Study) -> Any:
     problem = problem_of(bench, study)
     if len(problem.objective_names) > 1:
         _require_several(bench, study)
-    check_verifiable(study)
+    check_verifiable(study, problem.registry)
+    require_reach(problem, bench)
     return problem
 
 

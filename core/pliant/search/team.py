@@ -7,7 +7,7 @@ with nobody beside it. Who kills a worker twice, the second time alone, has fail
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, wait
 from dataclasses import dataclass, replace
 from typing import Any
@@ -38,7 +38,7 @@ class Chunk:
 
 
 class Team:
-    """A crew with a queue before it."""
+    """A crew with a queue before it; as a context it lets the workers go at its end, at once where that is an error."""
 
     def __init__(self, crew: Crew, setup: Setup) -> None:
         self.crew, self._setup = crew, setup
@@ -46,6 +46,12 @@ class Team:
         self._suspects: deque[Chunk] = deque()
         self._running: dict[Future[Any], Chunk] = {}
         self._alone = self._greeted = False
+
+    def __enter__(self) -> Team:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, *error: object) -> None:
+        self.close(at_once=kind is not None)
 
     @property
     def waiting(self) -> int:
@@ -83,6 +89,16 @@ class Team:
             if broken:
                 back += self._broken(broken)
         return back
+
+    def each(self, tasks: Sequence[Task]) -> Iterator[Told]:
+        """The outcomes of candidates with numbers from 0, in their order; nothing else may be under way."""
+        for task in tasks:
+            self.submit(Chunk(0, (task,)))
+        found: dict[int, Told] = {}
+        for task in tasks:
+            while task.number not in found:
+                found |= {row.number: row for _, rows in self.collect() for row in rows}
+            yield found.pop(task.number)
 
     def close(self, at_once: bool) -> None:
         """Let the workers go."""

@@ -1,0 +1,47 @@
+"""What the page of a search draws: the best designs under their task, simulated once more."""
+
+from __future__ import annotations
+
+from pliant.config.study import Study
+from pliant.errors import PliantError
+from pliant.interfaces.task import SceneTask
+from pliant.pipeline.workbench import Workbench
+from pliant.records.search import FoundDesign, SearchResult
+from pliant.report.search_folder import DrawnDesign
+from pliant.search.problem import SearchProblem
+from pliant.search.quick_path import QuickPath
+
+OF_A_FRONT = 4
+OF_CONDITIONS = 6
+
+
+def drawn_designs(
+    bench: Workbench, study: Study, problem: SearchProblem, result: SearchResult
+) -> list[DrawnDesign]:
+    """The best design in each condition, the best of each condition, or the first of a front.
+
+    One that cannot be simulated again is left out, and a note says why.
+    """
+    path, found = QuickPath(bench, study), []
+    for label, design, condition in _chosen(problem, result):
+        winner = problem.apply(design.values, condition)
+        scene = isinstance(bench.build("task", winner.noisy_task()), SceneTask)
+        try:
+            answer = path.result(winner)
+            chain = None if scene else path.chain(winner, shapes=True)
+        except PliantError as error:
+            bench.progress.note(f"the picture of '{label}' is missing: {error}")
+            continue
+        found.append(DrawnDesign(label, chain, answer))
+    return found
+
+
+def _chosen(problem: SearchProblem, result: SearchResult) -> list[tuple[str, FoundDesign, int]]:
+    """Label, design and the condition in which it is drawn."""
+    names = [condition.name for condition in problem.conditions]
+    best = result.best
+    if best[0].context >= 0:
+        return [(names[design.context], design, design.context) for design in best[:OF_CONDITIONS]]
+    if len(best) > 1:
+        return [(f"design {k}", design, 0) for k, design in enumerate(best[:OF_A_FRONT], 1)]
+    return [(name or "best", best[0], condition) for condition, name in enumerate(names[:OF_CONDITIONS])]
