@@ -1,0 +1,100 @@
+"""What the co-design study is to reach, and its parts in lines."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+from benchmarks.studies.bars import Bar
+from benchmarks.studies.gripper_check import engines_of, rise_m, stable
+from benchmarks.studies.published import GRIPPER, GRIPPER_BARS
+from benchmarks.studies.spoken import clock, millimetres, number, percent
+
+MAIN = "ppo"
+ENGINES = 2
+
+
+def bars(result: Mapping[str, Any]) -> list[Bar]:
+    """Time, stable grasps in every engine, the law of the winner, seeds of the comparison."""
+    run = result["runs"].get(MAIN)
+    found = [
+        Bar(
+            f"{MAIN}: {run['simulations'] if run else GRIPPER['grasps']} grasps, wall time",
+            run["wall_s"] if run else None,
+            float(GRIPPER_BARS["wall_s"]),
+            "min",
+            1 / 60,
+            published=f"about {clock(GRIPPER['our_estimates']['wall_s'])} (our estimate)",
+        )
+    ]
+    checked = engines_of(run) if run else {}
+    shares = {engine: stable(tasks) for engine, tasks in checked.items()}
+    for engine, (held, trials) in shares.items():
+        found.append(_held(f"{MAIN}: stable grasps in {engine}, of {trials}, verified", held / trials))
+    missing = ENGINES - len(shares)
+    found += [_held(f"{MAIN}: stable grasps, verified, one more engine", None)] * missing
+    found.append(
+        Bar(
+            f"{MAIN}: law of the winner against direct FEM, RMS of the largest torque",
+            worst_law(run),
+            float(GRIPPER_BARS["law_rmse_of_largest"]),
+            "%",
+            100.0,
+            published=percent(GRIPPER["law_rmse_of_largest"], 3),
+        )
+    )
+    seeds = min((len(parts) for parts in result["seeds"].values()), default=0)
+    wanted = float(GRIPPER_BARS["seeds"])
+    found.append(
+        Bar("seeds of every optimizer at equal grasps", float(seeds) or None, wanted, "", at_most=False)
+    )
+    return found
+
+
+def _held(what: str, share: float | None) -> Bar:
+    words = f"{GRIPPER['stable']}/{GRIPPER['trials']} in one engine"
+    return Bar(what, share, float(GRIPPER_BARS["stable_share"]), "%", 100.0, at_most=False, published=words)
+
+
+def worst_law(run: Mapping[str, Any] | None) -> float | None:
+    """Of the laws of a winner's designs, the worst RMS as a share of the largest effort."""
+    laws = ((run or {}).get("verified") or {}).get("laws", ())
+    return max((law["rmse_of_largest"] for law in laws if "rmse_of_largest" in law), default=None)
+
+
+def of_seeds(parts: list[dict[str, Any]]) -> dict[str, float]:
+    """Mean, standard deviation, lowest and highest score over seeds."""
+    scores = np.array([one["score"] for one in parts], float)
+    spread = float(scores.std(ddof=1)) if len(scores) > 1 else float("nan")
+    return {
+        "mean": float(scores.mean()),
+        "sd": spread,
+        "low": float(scores.min()),
+        "high": float(scores.max()),
+    }
+
+
+def lines(result: Mapping[str, Any]) -> Iterator[str]:
+    """For people: searches, grasps of every gripper, seeds, bars."""
+    for name, run in result["runs"].items():
+        stored = "; searched before, kernel timed now" if run["from_store"] else ""
+        yield (
+            f"{name:<10} {run['simulations']} grasps in {clock(run['wall_s'])} ({run['wall_in_kernels']:.0f} "
+            f"kernels of {1e3 * run['reference_kernel_s']:.0f} ms{stored}): score {run['score']:.3f}, "
+            f"stable in {run['stable_tasks']} of {len(run['tasks'])} tasks"
+        )
+        yield from (f"{'':<10} note: {note}" for note in (run["verified"] or {}).get("notes", ()))
+    for name, part in {"baseline": result["baseline"], **result["runs"]}.items():
+        for engine, tasks in engines_of(part).items() if part else ():
+            held, trials = stable(tasks)
+            yield f"{name:<10} {engine}: {held}/{trials} stable, z_max {millimetres(rise_m(tasks), 1)}"
+    for name, parts in result["seeds"].items():
+        if parts:
+            found = of_seeds(parts)
+            yield (
+                f"{name:<10} {len(parts)} seeds of {parts[0]['simulations']} grasps: score {found['mean']:.3f} "
+                f"± {number(found['sd'])} ({found['low']:.3f} to {found['high']:.3f})"
+            )
+    for one in result["bars"]:
+        yield str(Bar(**{key: value for key, value in one.items() if key != "met"}))

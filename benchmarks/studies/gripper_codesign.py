@@ -1,0 +1,202 @@
+"""The published co-design study, repeated: a gripper and how it is used, found together for six tasks.
+
+    python -m benchmarks.studies.gripper_codesign                    every part that is not finished yet, and the bars
+    python -m benchmarks.studies.gripper_codesign --only ppo         one of them (may be repeated)
+    python -m benchmarks.studies.gripper_codesign --seeds 5 --seed-grasps 3600    seeds at a smaller budget
+    python -m benchmarks.studies.gripper_codesign --publish          and docs/studies/gripper_codesign.*
+    python -m benchmarks.studies.gripper_codesign --small            a taste of a minute, for CI; never touches docs
+
+The searches are the studies of examples/gripper_codesign (make.py there comes first: the table of its meta-model);
+`key=value` after the options changes them all. Finished parts stand in
+benchmarks/out/studies/gripper_codesign/NAME.json and are not repeated while their study says the same; one that was
+interrupted goes on from its journal in the store.
+"""
+
+from __future__ import annotations
+
+import os
+
+# Before numpy; workers inherit it.
+os.environ["OMP_NUM_THREADS"] = os.environ["OPENBLAS_NUM_THREADS"] = os.environ["MKL_NUM_THREADS"] = "1"
+os.environ["NUMBA_NUM_THREADS"] = "1"
+
+import argparse
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from benchmarks.studies.command import Given, arguments, given_of, run_command
+from benchmarks.studies.gripper_bars import bars, lines
+from benchmarks.studies.gripper_check import baseline
+from benchmarks.studies.gripper_policy import curve, policy, score, stable_tasks
+from benchmarks.studies.page import publish
+from benchmarks.studies.parts import Part, Parts, made_of
+from benchmarks.studies.published import GRIPPER
+from benchmarks.studies.searched import Asked, searched
+
+from pliant import api
+
+NAME = "gripper_codesign"
+EXAMPLES = Path(__file__).resolve().parents[2] / "examples" / NAME
+MAIN, BASELINE, SEEDS = "ppo", "baseline", "seeds"
+ASKED = (
+    Asked(MAIN, "a policy: a gripper for each task, by PPO", EXAMPLES / "gripper.yaml"),
+    Asked("cmaes", "one gripper for all tasks, by CMA-ES", EXAMPLES / "cmaes.yaml"),
+    Asked("optuna", "one gripper for all tasks, by Optuna's TPE", EXAMPLES / "optuna.yaml"),
+)
+FULL_SEEDS, SMALL_SEEDS = 5, 2
+SMALL_GRASPS, SMALL_SEED_GRASPS = 36, 12
+LEFT_OUT = ("history", "variables", "slopes", "branches", "made_of", "policy", "curve")
+
+
+def main(given: Sequence[str] | None = None) -> None:
+    """Run what is left, print the bars, publish where that is asked for."""
+    parser = arguments(argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    ), [*(one.name for one in ASKED), BASELINE, SEEDS])  # fmt: skip
+    parser.add_argument(
+        "--seeds", type=int, help=f"seeds of each optimizer in their table; {FULL_SEEDS}; 0: none"
+    )
+    parser.add_argument(
+        "--seed-grasps",
+        type=int,
+        help="grasps of each search of that table; by default as many as the main ones",
+    )
+    sys.exit(run_command(lambda: study(given_of(parser.parse_args(given), NAME))))
+
+
+def study(given: Given) -> dict[str, Any]:
+    """Run, print, publish; returns the result. Raises `UserError` and `NotReachedError`."""
+    parts = Parts(given.folder, given.fresh)
+    asked = small() if given.small else ASKED
+    runs = {one.name: _search(parts, one, given) for one in asked}
+    kept = {name: part for name, part in runs.items() if part is not None}
+    result = assembled(kept, _baseline(parts, asked[0], given), _seeds(parts, asked, given), given.stated())
+    for line in lines(result):
+        print(line)
+    given.write(result)
+    if given.publish:
+        from benchmarks.studies.gripper_page import PICTURES, TABLES  # matplotlib takes a second to import
+
+        for path in publish(NAME, TABLES, PICTURES, result, given.docs):
+            print(f"written  {path}")
+    return result
+
+
+def small() -> tuple[Asked, ...]:
+    """The three optimizers on the small study."""
+    return tuple(
+        replace(one, file=EXAMPLES / "small.yaml", overrides=(f"optimizer.kind={one.name}",)) for one in ASKED
+    )
+
+
+def candidates(opened: api.OpenStudy, grasps: int) -> int:
+    """The budget that makes so many grasps: an optimizer with contexts tries a candidate in one task only."""
+    config, optimizer = opened.study.need("search", "a study"), opened.study.optimizer
+    assert optimizer is not None
+    one_each = (
+        opened.bench.registry.get("optimizer", optimizer.kind).implementation_class().capabilities.contexts
+    )
+    return grasps if one_each else max(1, grasps // max(1, len(config.conditions)))
+
+
+def _opened(asked: Asked, given: Given, grasps: int | None, more: Sequence[str] = ()) -> api.OpenStudy:
+    """The study, with a budget of so many grasps; None: its own."""
+    opened = asked.opened(given.store, (*more, *given.overrides), given.quiet)
+    if grasps is None:
+        return opened
+    budget = f"search.budget={candidates(opened, grasps)}"
+    return asked.opened(given.store, (*more, budget, *given.overrides), given.quiet)
+
+
+def _kept(
+    parts: Parts, name: str, wanted: bool, of: str, make: Callable[[], Mapping[str, Any]]
+) -> Part | None:
+    return parts.get(name, of, make) if wanted else parts.find(name, of)
+
+
+def _search(parts: Parts, asked: Asked, given: Given) -> Part | None:
+    opened = _opened(asked, given, SMALL_GRASPS if given.small else None)
+
+    def make() -> dict[str, Any]:
+        part, record = searched(asked, opened, given.workers)
+        tasks = {
+            "tasks": list(record.conditions),
+            "score": score(record),
+            "stable_tasks": stable_tasks(record),
+        }
+        return {**part, **tasks, "policy": policy(record), "curve": curve(record)}
+
+    return _kept(parts, asked.name, given.wants(asked.name), made_of(opened.study), make)
+
+
+def _baseline(parts: Parts, asked: Asked, given: Given) -> Part | None:
+    """The gripper that the study starts from, in the same check as the winners."""
+    opened = asked.opened(given.store, given.overrides, given.quiet)
+    return _kept(
+        parts,
+        BASELINE,
+        given.wants(BASELINE),
+        made_of(opened.study),
+        lambda: baseline(opened.bench, opened.study),
+    )
+
+
+def _seeds(parts: Parts, asked: Sequence[Asked], given: Given) -> dict[str, list[Part]]:
+    """Every optimizer at every seed, without the check of its winner."""
+    count = given.seeds if given.seeds is not None else SMALL_SEEDS if given.small else FULL_SEEDS
+    grasps = given.seed_grasps or (SMALL_SEED_GRASPS if given.small else None)
+    found: dict[str, list[Part]] = {}
+    for seed in range(1, count + 1):
+        for one in asked:
+            more = (f"search.seed={seed}", "search.verify=null")
+            opened = _opened(one, given, grasps, more)
+
+            def make(one: Asked = one, opened: api.OpenStudy = opened) -> dict[str, Any]:
+                part, record = searched(one, opened, given.workers)
+                names = (
+                    "seed",
+                    "evaluations",
+                    "simulations",
+                    "failed",
+                    "wall_s",
+                    "reference_kernel_s",
+                    "from_store",
+                )
+                own = {name: part[name] for name in names}
+                return {
+                    **own,
+                    "score": score(record),
+                    "stable_tasks": stable_tasks(record),
+                    "curve": curve(record),
+                }
+
+            name = f"seed_{one.name}_{seed}_{grasps or 'full'}"
+            part = _kept(parts, name, given.wants(SEEDS), made_of(opened.study), make)
+            found.setdefault(one.name, []).extend([part] if part is not None else [])
+    return found
+
+
+def assembled(
+    runs: dict[str, Part], base: Part | None, seeds: dict[str, list[Part]], stated: Mapping[str, Any]
+) -> dict[str, Any]:
+    """The `optimize` result of the main search, with all parts, what was to be reached, the published figures."""
+    short = {name: {k: v for k, v in part.items() if k not in LEFT_OUT} for name, part in runs.items()}
+    whole: dict[str, Any] = {k: v for k, v in runs.get(MAIN, {}).items() if k != "made_of"}
+    found = {
+        **whole,
+        **stated,
+        "published": GRIPPER,
+        "runs": short,
+        "baseline": {k: v for k, v in base.items() if k != "made_of"} if base is not None else None,
+        "seeds": {
+            n: [{k: v for k, v in one.items() if k != "made_of"} for one in p] for n, p in seeds.items()
+        },
+    }
+    return {**found, "bars": [] if stated["small"] else [bar.json() for bar in bars(found)]}
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,55 @@
+"""Finished parts of a study, a JSON each, so that an interrupted study goes on with what is missing."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from pliant.cli.session import plain
+from pliant.config.study import Study
+from pliant.store.store import write_atomically
+
+Part = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Parts:
+    """The parts of a folder.
+
+    Attributes:
+        folder: of NAME.json.
+        fresh: whether parts that are there are made anew.
+    """
+
+    folder: Path
+    fresh: bool = False
+
+    def find(self, name: str, of: str) -> Part | None:
+        """A finished part, or None: it is missing, or was made of something else than `of`."""
+        try:
+            part: Part = json.loads((self.folder / f"{name}.json").read_text(encoding="utf-8"))
+        except (OSError, ValueError):
+            return None
+        return part if part.get("made_of") == of else None
+
+    def get(self, name: str, of: str, make: Callable[[], Mapping[str, Any]]) -> Part:
+        """A finished part, made where it is missing."""
+        found = None if self.fresh else self.find(name, of)
+        if found is not None:
+            return found
+        self.folder.mkdir(parents=True, exist_ok=True)
+        made = {"made_of": of, **plain(make())}
+        write_atomically(self.folder / f"{name}.json", json.dumps(made, indent=1, allow_nan=False) + "\n")
+        return self.find(name, of) or made
+
+
+def made_of(study: Study) -> str:
+    """Names what the study says and the table of its meta-model: a part made of something else is out of date."""
+    text = json.dumps(study.model_dump(mode="json"), sort_keys=True, default=str)
+    table = getattr(study.meta_model, "data", None)
+    data = Path(table).read_bytes() if table is not None and Path(table).is_file() else b""
+    return hashlib.sha256(text.encode() + data).hexdigest()[:32]

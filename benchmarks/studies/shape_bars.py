@@ -1,0 +1,94 @@
+"""What the shape-matching study is to reach, and its runs in lines and rows."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from benchmarks.studies.bars import Bar
+from benchmarks.studies.published import SHAPE, SHAPE_BARS
+from benchmarks.studies.spoken import clock, millimetres, percent
+
+Runs = Mapping[str, dict[str, Any]]
+METRICS = {"rmse_m": "RMSE", "e_max_m": "e_max"}
+TIMED = {"helix": "evaluations_wall_s", "helix_generations": "generations_wall_s"}
+# Beside the published verified figures stand the runs of the published problem: one supply, one structure at a time.
+JUDGED = ("helix", "helix_generations", "fixed_roll")
+
+
+def bars(runs: Runs) -> list[Bar]:
+    """Accuracy, agreement and time of the runs that the task names; those that are missing are not run."""
+    found = []
+    for name in JUDGED:
+        run = runs.get(name)
+        alignment = "base" if name == "fixed_roll" else "roll"
+        for metric, words in METRICS.items():
+            limit = SHAPE_BARS[alignment][metric]  # type: ignore[index]
+            published = millimetres(SHAPE["verified"][metric]) if alignment == "base" else ""
+            found.append(
+                Bar(
+                    f"{name}: {words}, verified", of_check(run, metric), limit, "mm", 1e3, published=published
+                )
+            )
+        found.append(
+            Bar(
+                f"{name}: RMSE, verified against predicted",
+                apart(run),
+                float(SHAPE_BARS["apart_m"]),  # type: ignore[arg-type]
+                "mm",
+                1e3,
+                published=millimetres(SHAPE["verified"]["rmse_m"] - SHAPE["rmse_m"]),
+            )
+        )
+    for name, key in TIMED.items():
+        wall_s = runs[name]["wall_s"] if name in runs else None
+        estimate = f"about {clock(SHAPE['our_estimates'][key])} (our estimate)"
+        limit_s = float(SHAPE_BARS[key])  # type: ignore[arg-type]
+        found.append(Bar(f"{name}: search, wall time", wall_s, limit_s, "min", 1 / 60, published=estimate))
+    return found
+
+
+def of_check(
+    run: Mapping[str, Any] | None, metric: str, engine: str = "", what: str = "engines"
+) -> float | None:
+    """A metric of the winner's check, in the study's engine by default; `what` may be `predicted`."""
+    check = (run or {}).get("verified") or {}
+    value = check.get(what, {}).get(engine or (run or {}).get("engine", ""), {}).get(metric)
+    return None if value is None else float(value)
+
+
+def apart(run: Mapping[str, Any] | None) -> float | None:
+    """How far the verified RMSE is from the predicted one."""
+    verified, predicted = of_check(run, "rmse_m"), of_check(run, "rmse_m", what="predicted")
+    return None if verified is None or predicted is None else abs(verified - predicted)
+
+
+def lines(result: Mapping[str, Any]) -> Iterator[str]:
+    """For people: every run, what its law missed, the bars."""
+    for name, run in result["runs"].items():
+        kernels = f"{run['wall_in_kernels']:.0f} kernels of {1e3 * run['reference_kernel_s']:.0f} ms"
+        stored = "; searched before, kernel timed now" if run["from_store"] else ""
+        yield (
+            f"{name:<22} {run['evaluations']} evaluations in {clock(run['wall_s'])} ({kernels}{stored}): "
+            f"{millimetres(run['objective'])}"
+        )
+        for engine in engines(run):
+            verified = _pair(run, engine, "engines")
+            yield f"{'':<22} {engine}: {_pair(run, engine, 'predicted')} predicted, {verified} verified"
+        for law in (run["verified"] or {}).get("laws", ()):
+            if "rmse_of_range" in law:
+                yield f"{'':<22} law {law['name']}: misses FEM by {percent(law['rmse_of_range'])} of the range (rms)"
+        for note in (run["verified"] or {}).get("notes", ()):
+            yield f"{'':<22} note: {note}"
+    for one in result["bars"]:
+        yield str(Bar(**{key: value for key, value in one.items() if key != "met"}))
+
+
+def engines(run: Mapping[str, Any]) -> list[str]:
+    """The engines of a run's check, the study's own first."""
+    check = run.get("verified") or {}
+    return list(dict.fromkeys((*check.get("predicted", {}), *check.get("engines", {}))))
+
+
+def _pair(run: Mapping[str, Any], engine: str, what: str) -> str:
+    return " / ".join(millimetres(of_check(run, metric, engine, what)) for metric in METRICS)

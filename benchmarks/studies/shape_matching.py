@@ -1,0 +1,108 @@
+"""The published shape-matching study, repeated: which actuator takes the shape of a helix?
+
+    python -m benchmarks.studies.shape_matching                    every search that is not finished yet, and the bars
+    python -m benchmarks.studies.shape_matching --only helix       one of them (may be repeated)
+    python -m benchmarks.studies.shape_matching --publish          and docs/studies/shape_matching.*
+    python -m benchmarks.studies.shape_matching --small            a taste of a minute, for CI; never touches docs
+
+The searches are the studies of examples/shape_matching; `key=value` after the options changes them all. Finished ones
+stand in benchmarks/out/studies/shape_matching/NAME.json and are not repeated while their study says the same; one that
+was interrupted goes on from its journal in the store.
+"""
+
+from __future__ import annotations
+
+import os
+
+# Before numpy; workers inherit it.
+os.environ["OMP_NUM_THREADS"] = os.environ["OPENBLAS_NUM_THREADS"] = os.environ["MKL_NUM_THREADS"] = "1"
+os.environ["NUMBA_NUM_THREADS"] = "1"
+
+import argparse
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from benchmarks.studies.command import Given, arguments, given_of, run_command
+from benchmarks.studies.page import publish
+from benchmarks.studies.parts import Part, Parts, made_of
+from benchmarks.studies.published import SHAPE
+from benchmarks.studies.searched import Asked, brief, searched
+from benchmarks.studies.shape_bars import bars, lines
+from benchmarks.studies.shape_lines import structures, winner_lines
+
+NAME = "shape_matching"
+EXAMPLES = Path(__file__).resolve().parents[2] / "examples" / NAME
+MAIN = "helix"
+ASKED = (
+    Asked(MAIN, "81 structures of 60 evaluations, roll free", EXAMPLES / "helix.yaml"),
+    Asked(
+        "helix_generations",
+        "81 structures of 60 generations, roll free",
+        EXAMPLES / "helix.yaml",
+        ("search.generations=60",),
+    ),
+    Asked("fixed_roll", "roll fixed, as published", EXAMPLES / "fixed_roll.yaml"),
+    Asked("integers", "one search, modules as integers, roll free", EXAMPLES / "integers.yaml"),
+    Asked(
+        "per_segment_pressure",
+        "a regulator for each segment, roll free",
+        EXAMPLES / "per_segment_pressure.yaml",
+    ),
+)
+SMALL = (Asked(MAIN, "three structures of ten evaluations, roll free", EXAMPLES / "small.yaml"),)
+# Of the result's runs: what the page does not show.
+LEFT_OUT = ("history", "variables", "slopes", "designs", "branches", "made_of", "structures", "conditions")
+
+
+def main(given: Sequence[str] | None = None) -> None:
+    """Run what is left, print the bars, publish where that is asked for."""
+    parser = arguments(argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    ), [one.name for one in ASKED])  # fmt: skip
+    sys.exit(run_command(lambda: study(given_of(parser.parse_args(given), NAME))))
+
+
+def study(given: Given) -> dict[str, Any]:
+    """Run, print, publish; returns the result. Raises `UserError` and `NotReachedError`."""
+    parts = Parts(given.folder, given.fresh)
+    found = {one.name: _part(parts, one, given) for one in (SMALL if given.small else ASKED)}
+    result = assembled({name: part for name, part in found.items() if part is not None}, given.stated())
+    for line in lines(result):
+        print(line)
+    given.write(result)
+    if given.publish:
+        from benchmarks.studies.shape_page import PICTURES, TABLES  # matplotlib takes a second to import
+
+        for path in publish(NAME, TABLES, PICTURES, result, given.docs):
+            print(f"written  {path}")
+    return result
+
+
+def _part(parts: Parts, asked: Asked, given: Given) -> Part | None:
+    """A search's part; of one that is not wanted only what is there."""
+    opened = asked.opened(given.store, given.overrides, given.quiet)
+    if not given.wants(asked.name):
+        return parts.find(asked.name, made_of(opened.study))
+
+    def make() -> dict[str, Any]:
+        part, record = searched(asked, opened, given.workers)
+        task: Any = opened.study.task
+        extra = {"alignment": task.alignment, "structures": structures(record)}
+        return {**part, **extra, "lines": brief(winner_lines(opened, record))}
+
+    return parts.get(asked.name, made_of(opened.study), make)
+
+
+def assembled(parts: Mapping[str, Part], stated: Mapping[str, Any]) -> dict[str, Any]:
+    """The `optimize` result of the main search, with all runs, what was to be reached, and the published figures."""
+    runs = {name: {k: v for k, v in part.items() if k not in LEFT_OUT} for name, part in parts.items()}
+    whole: dict[str, Any] = {k: v for k, v in parts.get(MAIN, {}).items() if k != "made_of"}
+    whole.pop("lines", None)
+    found = {**whole, **stated, "published": SHAPE, "runs": runs}
+    return {**found, "bars": [] if stated["small"] else [bar.json() for bar in bars(runs)]}
+
+
+if __name__ == "__main__":
+    main()

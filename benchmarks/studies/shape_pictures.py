@@ -1,0 +1,106 @@
+"""Pictures of the shape-matching study, from its JSON: backbones, histories, the best of every structure."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from pliant.report.figures import style
+from pliant.report.figures.search_small import small_png
+
+Result = dict[str, Any]
+PLANES = ((0, 1), (0, 2), (2, 1))
+TALL_PX, WIDE_PX = 430, 1560
+NAMED = 5
+
+
+def backbones(result: Result) -> bytes | None:
+    """A row per search, three projections in the base's frame, x along the chain."""
+    shown = [(name, run["lines"], run) for name, run in result["runs"].items() if run.get("lines")]
+    if not shown:
+        return None
+    with style.canvas(WIDE_PX, TALL_PX * len(shown) + 70) as figure:
+        grid = figure.subplots(len(shown), len(PLANES), squeeze=False)
+        for row, (name, lines, _) in zip(grid, shown, strict=True):
+            for axes, plane in zip(row, PLANES, strict=True):
+                _projection(axes, lines, plane)
+            row[0].set_title(f"{name}, laws of {lines['laws']}")
+        figure.legend(*grid[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
+        figure.set_layout_engine("constrained", w_pad=0.07, h_pad=0.07)
+        return small_png(figure).tobytes()
+
+
+def _projection(axes: Any, lines: dict[str, Any], plane: tuple[int, int]) -> None:
+    for key, colour, look, label in (
+        ("target_m", style.SERIES[1], "--", "target"),
+        ("backbone_m", style.SERIES[0], "-", "backbone"),
+    ):
+        points = 1e3 * np.array(lines[key], float)
+        axes.plot(points[:, plane[0]], points[:, plane[1]], look, color=colour, lw=2, label=label)
+    joints = 1e3 * np.array(lines["joints_m"], float)
+    axes.plot(joints[:, plane[0]], joints[:, plane[1]], "o", ms=3, color=style.SERIES[0], label="joints")
+    axes.plot([0], [0], "s", ms=6, color=style.INK)
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.set_xlabel(f"{'xyz'[plane[0]]} of the base (mm)")
+    axes.set_ylabel(f"{'xyz'[plane[1]]} of the base (mm)")
+
+
+def history(result: Result) -> bytes | None:
+    """Best so far of every structure of the main search; the winner's in front."""
+    found = result.get("structures", [])
+    if not found or not found[0]["values"]:
+        return None
+    with style.canvas(WIDE_PX, 640) as figure:
+        axes = figure.subplots()
+        for order, one in enumerate(reversed(found)):
+            first = order == len(found) - 1
+            values = [np.nan if value is None else 1e3 * value for value in one["best_so_far"]]
+            axes.plot(
+                one["at"], values, drawstyle="steps-post", color=style.WARN if first else style.SERIES[0],
+                lw=2.4 if first else 0.8, alpha=1 if first else 0.45, label=f"winner, {structure(one)}" if first else
+                ("another structure" if order == 0 else None),
+            )  # fmt: skip
+        axes.set_yscale("log")
+        style.log_labels(axes.yaxis)
+        axes.set_xlabel("candidate of its structure")
+        axes.set_ylabel("RMSE, best so far (mm)")
+        axes.set_title(f"Best so far of {len(found)} structures")
+        axes.legend(loc="upper right")
+        figure.set_layout_engine("constrained")
+        return small_png(figure).tobytes()
+
+
+def strip(result: Result) -> bytes | None:
+    """The best of every structure by its total number of modules; the first few are named."""
+    found = result.get("structures", [])
+    if not found or not found[0]["values"]:
+        return None
+    totals = sorted({total(one) for one in found})
+    with style.canvas(WIDE_PX, 620) as figure:
+        axes = figure.subplots()
+        for column, modules in enumerate(totals):
+            values = [1e3 * one["best"] for one in found if total(one) == modules]
+            places = column + np.random.default_rng(modules).uniform(-0.16, 0.16, len(values))
+            axes.plot(places, values, "o", ms=5, alpha=0.7, color=style.SERIES[0], mew=0)
+            axes.plot([column - 0.25, column + 0.25], [np.median(values)] * 2, color=style.INK, lw=1.5)
+        names = "\n".join(f"{structure(one)}   {1e3 * one['best']:.2f} mm" for one in found[:NAMED])
+        axes.annotate(f"best:\n{names}", (1.01, 0.98), xycoords="axes fraction", va="top", linespacing=1.5)
+        axes.set_xticks(range(len(totals)), [str(modules) for modules in totals])
+        axes.set_xlim(-0.5, len(totals) - 0.5)
+        axes.set_ylim(bottom=0)
+        axes.set_xlabel("modules in all")
+        axes.set_ylabel("RMSE, best of a structure (mm)")
+        axes.set_title("Best of every structure; bars are medians")
+        figure.set_layout_engine("constrained")
+        return small_png(figure).tobytes()
+
+
+def structure(one: dict[str, Any]) -> str:
+    """7-7-6-6"""
+    return "-".join(str(value) for value in one["values"].values())
+
+
+def total(one: dict[str, Any]) -> int:
+    """Modules in all."""
+    return sum(int(value) for value in one["values"].values())
