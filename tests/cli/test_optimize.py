@@ -14,8 +14,22 @@ from tests.cli.search_study import BUDGET, STUDY
 from pliant import api
 from pliant.config.loading import load_study
 from pliant.registry.discovery import discover
+from pliant.report.search_folder import read_search
 
 pytest.importorskip("cma")
+
+
+@pytest.fixture
+def real_page():
+    """The test is about the page too, whose pictures take longer than the search."""
+
+
+@pytest.fixture(autouse=True)
+def page_or_none(request, monkeypatch):
+    if "real_page" not in request.fixturenames:
+        monkeypatch.setattr(
+            "pliant.report.search_page.write_search_page", lambda folder, *_: folder / "search.html"
+        )
 
 
 @pytest.fixture
@@ -66,6 +80,30 @@ def test_lines_for_people_say_what_was_found_and_what_it_took(optimize):
         assert words in call.out
     assert call.out.count("slope    ") <= 3
     assert "predicted" in call.out
+
+
+def test_the_page_draws_the_best_design_as_it_was_evaluated(optimize, read, workplace, real_page):
+    assert optimize("search.budget=6", "--json", "out.json").code == 0
+    assert (workplace / "runs/toy/search.html").is_file()
+    _, result, drawn = read_search(workplace / "runs/toy")
+    assert [one.label for one in drawn] == ["best"]
+    assert drawn[0].rest_m.shape == (5, 3)
+    assert drawn[0].result.metrics["tip_x_m"] == result.best[0].metrics["tip_x_m"]
+
+
+def test_of_a_front_the_first_designs_are_drawn(optimize, workplace, monkeypatch):
+    pytest.importorskip("optuna")
+    pages = []
+    monkeypatch.setattr(
+        "pliant.report.search_page.write_search_page", lambda *page: pages.append(page) or workplace
+    )
+    objectives = "search.objective=[tip_x, {maximize: tip_z}]"
+    assert optimize("optimizer={kind: optuna, sampler: random}", objectives, "search.budget=12").code == 0
+    ((_, _, result, drawn),) = pages
+    assert len(drawn) == min(4, len(result.best)) > 1
+    assert [one.label for one in drawn] == [f"design {k}" for k in range(1, len(drawn) + 1)]
+    for one, design in zip(drawn, result.best, strict=False):
+        assert one.result.metrics["tip_z_m"] == design.metrics["tip_z_m"]
 
 
 def test_the_winner_is_a_study_that_runs_and_keeps_its_comments(optimize, read, pliant, workplace):
@@ -208,16 +246,27 @@ WRONG = {
     "unknown metric": (("search.objective=rmse",), "rmse"),
     "both": (("--scheduler", "tcp://127.0.0.1:9"), "give --workers or --scheduler, not both"),
     "infeasible": (("search.constraints=[task.pressure >= 1 MPa]",), "task.pressure >= 1 MPa"),
+    "verify.change": (("search.verify.change={task.presure: 5 kPa}",), "did you mean 'pressure'"),
+    "verify.change's value": (("search.verify.change={task.steps: many}",), "search.verify.change"),
+    "a target out of reach": (
+        (
+            "task={kind: follow_shape, pressure: 15 kPa, target: {radius: 30 mm, height: 30 mm, turns: 3}}",
+            "search.objective=rmse",
+        ),
+        "mm long, and the longest chain that the search can build 36 mm",
+    ),
     "out in a file": (("--out", "study.yaml/out"), "cannot be written"),
 }
 
 
 @pytest.mark.parametrize("name", WRONG)
-def test_wrong_input_is_one_sentence(optimize, name):
+def test_wrong_input_is_one_sentence(optimize, name, workplace):
     arguments, sentence = WRONG[name]
     call = optimize(*arguments)
     assert call.code == 2, call.err
     assert sentence in call.err
+    written = [file.name for file in workplace.rglob("*") if file.is_file() and file.stat().st_size]
+    assert written == ["study.yaml"]
 
 
 def test_no_workers(optimize):

@@ -235,3 +235,15 @@ def test_too_many_and_no_branches(tmp_path):
     none = search_problem(tmp_path, f"variables:\n{names}\nobjective: rmse\nconstraints: [n0 + n1 > 80]")
     with pytest.raises(UserError, match=r"no combination .* 'n0 \+ n1 > 80'"):
         none.branches()
+
+
+def test_a_constraint_that_comes_to_no_number_is_broken(tmp_path):
+    problem = search_problem(
+        tmp_path,
+        "variables: {family.average_radius: {low: 5 mm, high: 9 mm}}\n"
+        "constraints: [rmse <= 5 mm, e_max / rmse <= 2]\nobjective: rmse",
+    )
+    values = {"family.average_radius": 6e-3}
+    nan = {"rmse_m": float("nan"), "e_max_m": 1e-3}
+    assert problem.metric_violations(values, nan) == {"rmse <= 5 mm": 1.0, "e_max / rmse <= 2": 1.0}
+    assert problem.metric_violations(values, {"rmse_m": 1e-3, "e_max_m": 1e-3}) == {}

@@ -1,5 +1,6 @@
 """A study's search through the store: conditions, fronts, recommendations, robustness, exported files."""
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 
@@ -8,9 +9,10 @@ import pytest
 from tests.cli.search_study import STUDY
 
 from pliant import api
+from pliant.cli.search_words import lines
 from pliant.errors import UserError
 from pliant.records.search import Verification
-from pliant.search.checking import merged
+from pliant.search.checking import converged, merged
 from pliant.search.stage import files_folder, search_study
 
 PLUGIN = Path(__file__).with_name("narrowing_plugin.py")
@@ -21,9 +23,10 @@ LOADED = "search.conditions={light: {chain.payload: 0 g}, heavy: {chain.payload:
 def opened(tmp_path):
     """Open the study with another optimizer and other changes."""
     path = tmp_path / "study.yaml"
-    path.write_text(STUDY.replace("{kind: cmaes}", "{kind: narrowing}") + f"plugins: [{PLUGIN}]\n")
+    text = STUDY.replace("{kind: cmaes}", "{kind: narrowing}") + f"plugins: [{PLUGIN}]\n"
 
-    def call(*overrides, store="store"):
+    def call(*overrides, store="store", change=("", "")):
+        path.write_text(text.replace(*change))
         return api.open_study(path, overrides, store=tmp_path / store)
 
     return call
@@ -48,6 +51,88 @@ def test_each_condition_has_its_own_best_design(opened):
         assert objective <= best_in(result, context)
         assert (design.number == -1) == (objective < best_in(result, context))
     assert set(result.verification.predicted) == {"quasistatic"}
+
+
+OWN = """\
+    task.pressure: {low: 2 kPa, high: 14 kPa}
+    chain.module_length: {low: 8 mm, high: 12 mm}
+"""
+SHARED = """\
+    light: {key: task.pressure, low: 2 kPa, high: 8 kPa, only: light}
+    heavy: {key: task.pressure, low: 6 kPa, high: 14 kPa, only: heavy}
+"""
+
+
+def test_variables_that_are_one_are_told_in_the_units_of_their_key(opened):
+    study = opened(
+        "optimizer=contextual", "search.budget=12", "search.verify=null", LOADED, change=(OWN, SHARED)
+    )
+    result = api.optimize(study, workers=1)
+    records = {record.name: record for record in result.variables}
+    assert list(records) == ["light", "heavy", "task.pressure"]
+    merged_one = records["task.pressure"]
+    assert (merged_one.unit, merged_one.low, merged_one.high) == ("Pa", 2e3, 14e3)
+    assert list(result.history.values) == ["task.pressure"]
+    context, shown = result.history.context, result.history.values["task.pressure"]
+    for k, (low, high) in enumerate(((2e3, 8e3), (6e3, 14e3))):
+        own = shown[context == k]
+        assert len(own) == 6
+        assert np.all((low <= own) & (own <= high))
+    for design, name in zip(result.best, ("light", "heavy"), strict=True):
+        assert set(design.values) == {"light", "heavy"}
+        assert design.settings == {"task.pressure_pa": design.values[name]}
+        if design.number >= 0:
+            rows = np.flatnonzero(context == design.context)
+            assert design.values[name] in shown[rows]
+    said = "\n".join(lines(result, "quasistatic"))
+    assert "         light " in said
+    assert "         heavy " in said
+    assert said.count("kPa") == 2  # each design has its own pressure only
+
+
+def test_a_slow_tasks_slopes_are_those_of_one_process(opened):
+    study = opened("search.budget=6", "search.verify=null")
+    with ThreadPoolExecutor(2) as pool:
+        many = search_study(study.bench, study.study, executor=pool).value
+    alone = api.optimize(opened("search.budget=6", "search.verify=null", store="other"), workers=1)
+    assert [slope.name for slope in many.slopes] == ["task.pressure", "chain.module_length"]
+    for one, other in zip(many.slopes, alone.slopes, strict=True):
+        np.testing.assert_array_equal(one.shares, other.shares)
+        np.testing.assert_array_equal(one.objective, other.objective)
+        assert one.change == other.change
+
+
+def test_the_slopes_of_a_robust_search_are_undisturbed_on_workers_too(opened):
+    robust = "search.robust={samples: 2, laws: false, compare: false, vary: {task.pressure: 20 %}}"
+    study = opened(robust, "search.budget=4", "search.verify=null")
+    with ThreadPoolExecutor(2) as pool:
+        many = search_study(study.bench, study.study, executor=pool).value
+    alone = api.optimize(opened(robust, "search.budget=4", "search.verify=null", store="other"), workers=1)
+    for one, other in zip(many.slopes, alone.slopes, strict=True):
+        np.testing.assert_array_equal(one.objective, other.objective)
+
+
+def test_a_check_without_fem_counts_by_its_prediction(opened):
+    study = opened("search.budget=4", "search.verify=null").study
+    check = Verification({"quasistatic": {"m": 1.0}}, {}, {}, (), 0.0, 0.0)
+    made = api.optimize(opened("search.budget=4", "search.verify=null"), workers=1)
+    for verification, engine, well in (
+        (None, "quasistatic", True),
+        (check, "quasistatic", True),
+        (check, "mujoco", False),
+        (replace(check, predicted={"quasistatic": {"m": np.nan}}), "quasistatic", False),
+        (replace(check, predicted={}), "quasistatic", False),
+    ):
+        assert converged(replace(made, verification=verification), study, engine) == well
+
+
+def test_one_structure_may_be_fixed(opened):
+    one = "search.variables.n={key: chain.modules, low: 3, high: 3, each: true}"
+    rule = "search.constraints=[n == 3]"
+    result = api.optimize(opened(one, rule, "search.budget=4", "search.verify=null"), workers=1)
+    assert result.branches == ({"n": 3},)
+    assert "n" not in {slope.name for slope in result.slopes}
+    assert not any("n == 3" in sentence for sentence in result.limits)
 
 
 def test_a_recommendation_that_is_better_than_all_that_was_tried_wins(opened):
