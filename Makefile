@@ -6,7 +6,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 PIP_INSTALL := PIP_CONSTRAINT=$(CURDIR)/constraints.txt $(BIN)/python -m pip install --quiet --disable-pip-version-check
 
-.PHONY: demo test test-all lint types imports check bench bench-laws bench-surrogates bench-families bench-physics bench-grasp bench-evidence bench-real docs freeze clean
+.PHONY: demo test test-all lint types imports check bench bench-laws bench-surrogates bench-families bench-physics bench-grasp bench-evidence bench-real study-shape study-gripper docs freeze clean
 
 demo: $(VENV)/.run  ## FEM → law → finger in three engines → report
 	$(BIN)/pliant run examples/first_finger/finger.yaml --out runs/first-finger
@@ -78,6 +78,16 @@ bench-evidence: $(VENV)/.run  ## hidden effects, diagnosed and judged: at most t
 bench-real: $(VENV)/.run  ## measurements of real hardware in ../shared/data; half an hour, resumable
 	$(BIN)/python -m benchmarks.real.two_bellow
 	$(BIN)/python -m benchmarks.real.grasp_counts
+
+study-shape: $(VENV)/.run  ## the published shape-matching study in full, resumable; writes docs/studies
+	$(BIN)/python -m benchmarks.studies.shape_matching --publish $(STUDY)
+
+# `make study-gripper STUDY="--seed-grasps 3600"` makes the table over seeds at a quarter of the grasps.
+study-gripper: $(VENV)/.dev examples/gripper_codesign/gripper_grid.csv  ## the published co-design study: hours, most of them the table over seeds; resumable; writes docs/studies
+	$(BIN)/python -m benchmarks.studies.gripper_codesign --publish $(STUDY)
+
+examples/gripper_codesign/gripper_grid.csv: | $(VENV)/.run  ## FEM of the designs behind its meta-model, where the table is missing
+	$(BIN)/python examples/gripper_codesign/make.py
 
 docs: $(VENV)/.run  ## the reference pages that are generated from the code
 	$(BIN)/python docs/generate.py

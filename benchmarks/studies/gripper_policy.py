@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -44,10 +45,20 @@ def curve(result: SearchResult) -> dict[str, list[Any]]:
     return {"grasps": [int(grasps[k]) for k in at], "score": brief(best[at])}
 
 
-def policy(result: SearchResult) -> dict[str, dict[str, list[Any]]]:
+def acting(problem: Any) -> dict[str, list[str]]:
+    """Task → the variables of a `SearchProblem` that set a key in it."""
+    return {
+        condition.name: [one.name for one in problem.variables if index in one.conditions]
+        for index, condition in enumerate(problem.conditions)
+    }
+
+
+def policy(result: SearchResult, acts: Mapping[str, Sequence[str]]) -> dict[str, dict[str, list[Any]]]:
     """Task → variable → values that were proposed for it in the last quarter of a search with contexts; else empty.
 
-    Variables that set their key in other tasks only are left out.
+    Args:
+        result: of the search.
+        acts: task → variables that are shown.
     """
     history = result.history
     if not (history.context >= 0).any():

@@ -38,3 +38,13 @@ def machine_words(found: dict[str, Any]) -> str:
     """One line for a page."""
     load = "" if found["load"] is None else f", load {found['load']:.1f} at the start"
     return f"{found['processor']}, {found['cores']} cores, Python {found['python']}{load}"
+
+
+def state_words(result: dict[str, Any]) -> str:
+    """On what a study ran, with which changes, for its page."""
+    changes = ", ".join(f"`{override}`" for override in result["overrides"])
+    return (
+        f"Run on {machine_words(result['machine'])}, with Pliant {result['pliant']}. The reference kernel "
+        f"({result['reference_kernel']}) took {1e3 * result['reference_kernel_s']:.0f} ms beside the first search."
+        f"{f' Every study was changed: {changes}.' if changes else ''}"
+    )

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any
 
 from benchmarks.studies.bars import bar_rows
-from benchmarks.studies.machine import machine_words
+from benchmarks.studies.machine import state_words
 from benchmarks.studies.published import SOURCE
 from benchmarks.studies.shape_bars import METRICS, apart, engines, of_check
 from benchmarks.studies.shape_pictures import backbones, history, strip
@@ -19,10 +19,7 @@ Result = dict[str, Any]
 
 def state(result: Result) -> Iterator[str]:
     """When a study has run: on what."""
-    yield (
-        f"Run on {machine_words(result['machine'])}, with Pliant {result['pliant']}. The reference kernel "
-        f"({result['reference_kernel']}) took {1e3 * result['reference_kernel_s']:.0f} ms beside the first search."
-    )
+    yield state_words(result)
 
 
 def reached(result: Result) -> Iterable[str]:

@@ -1,0 +1,120 @@
+"""Pictures of the co-design study, from its JSON: grasps of every gripper, the policy's designs, seeds."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from benchmarks.studies.gripper_check import engines_of
+
+from pliant.report.figures import style
+from pliant.report.figures.search_small import small_png
+
+Result = dict[str, Any]
+WIDE_PX = 1560
+COLUMNS = 4
+
+
+def grasps(result: Result) -> bytes | None:
+    """Per engine: stable grasps of the trials and z_max in every task, baseline and winners side by side."""
+    grippers = {"baseline": result["baseline"], **result["runs"]}
+    found = {name: engines_of(part) for name, part in grippers.items() if part and engines_of(part)}
+    engines = list(dict.fromkeys(engine for tasks in found.values() for engine in tasks))
+    if not engines:
+        return None
+    with style.canvas(WIDE_PX, 400 * len(engines) + 60) as figure:
+        grid = figure.subplots(len(engines), 2, squeeze=False)
+        for row, engine in zip(grid, engines, strict=True):
+            _bars(row[0], found, engine, "success_share", 100.0)
+            row[0].set_title(f"{engine}: stable grasps")
+            row[0].set_ylabel("% of the trials")
+            row[0].set_ylim(0, 105)
+            _bars(row[1], found, engine, "z_max_m", 1e3)
+            row[1].set_title(f"{engine}: rise of the object, mean of the trials")
+            row[1].set_ylabel("z_max (mm)")
+        figure.legend(*grid[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=len(found))
+        figure.set_layout_engine("constrained", w_pad=0.07, h_pad=0.07)
+        return small_png(figure).tobytes()
+
+
+def _bars(axes: Any, found: dict[str, Any], engine: str, metric: str, scale: float) -> None:
+    tasks = list(dict.fromkeys(t for engines in found.values() for t in engines.get(engine, {})))
+    width = 0.8 / len(found)
+    for place, (name, engines) in enumerate(found.items()):
+        own = engines.get(engine, {})
+        values = [scale * own[task][metric] if task in own else np.nan for task in tasks]
+        at = np.arange(len(tasks)) + (place - (len(found) - 1) / 2) * width
+        colour = style.SOFT if name == "baseline" else style.SERIES[(place - 1) % len(style.SERIES)]
+        axes.bar(at, values, 0.92 * width, color=colour, label=name)
+    axes.set_xticks(range(len(tasks)), tasks)
+    axes.grid(axis="x", visible=False)
+
+
+def policy(result: Result) -> bytes | None:
+    """A panel per variable, a row per task: what the policy proposed in the last quarter of its search."""
+    tasks = result.get("policy") or {}
+    variables = [v for v in result.get("variables", []) if any(v["name"] in own for own in tasks.values())]
+    if not variables:
+        return None
+    columns = min(COLUMNS, len(variables))
+    rows = -(-len(variables) // columns)
+    with style.canvas(WIDE_PX, rows * (44 * len(tasks) + 130)) as figure:
+        grid = figure.subplots(rows, columns, squeeze=False, sharey=True).ravel()
+        for axes, variable in zip(grid, variables, strict=False):
+            _proposed(axes, variable, tasks)
+        for axes in grid[len(variables) :]:
+            axes.set_axis_off()
+        grid[0].set_yticks(range(len(tasks)), list(tasks))
+        grid[0].set_ylim(len(tasks) - 0.4, -0.6)
+        figure.set_layout_engine("constrained", w_pad=0.07, h_pad=0.07)
+        return small_png(figure).tobytes()
+
+
+def _proposed(axes: Any, variable: dict[str, Any], tasks: dict[str, Any]) -> None:
+    scale, unit = _shown(variable["unit"])
+    for row, own in enumerate(tasks.values()):
+        values = scale * np.array(own.get(variable["name"], []), float)
+        if not len(values):
+            continue
+        colour = style.SERIES[row % len(style.SERIES)]
+        shift = np.random.default_rng(row).uniform(-0.22, 0.22, len(values))
+        axes.scatter(values, row + shift, 8, color=colour, lw=0, alpha=0.5)
+        axes.plot([np.median(values)] * 2, [row - 0.3, row + 0.3], color=colour, lw=2.2)
+    low, high = scale * variable["low"], scale * variable["high"]
+    pad = 0.06 * (high - low) or 0.5
+    axes.set_xlim(low - pad, high + pad)
+    axes.locator_params(axis="x", nbins=5, integer=variable["type"] == "integer")
+    axes.grid(axis="y", visible=False)
+    axes.tick_params(axis="y", length=0)
+    axes.set_title(f"{variable['name']} ({unit})" if unit else variable["name"], fontsize=9.5)
+
+
+def _shown(unit: str) -> tuple[float, str]:
+    """Factor and name of the unit that is shown for an SI unit."""
+    known = {"m": (1e3, "mm"), "Pa": (1e-3, "kPa"), "rad": (180 / np.pi, "°")}
+    return known.get(unit, (1.0, unit))
+
+
+def seeds(result: Result) -> bytes | None:
+    """Score of the best so far against the grasps made: every seed thin, the main searches thick."""
+    drawn = [(name, part, 0.9, 0.6) for name, parts in result["seeds"].items() for part in parts]
+    if not drawn:
+        return None
+    names = list(result["seeds"])
+    with style.canvas(WIDE_PX, 620) as figure:
+        axes = figure.subplots()
+        shown = set()
+        for name, part, width, alpha in drawn:
+            values = [np.nan if v is None else v for v in part["curve"]["score"]]
+            axes.plot(
+                part["curve"]["grasps"], values, drawstyle="steps-post", lw=width, alpha=alpha,
+                color=style.SERIES[names.index(name) % len(style.SERIES)],
+                label=None if name in shown else f"{name}, {len(result['seeds'][name])} seeds",
+            )  # fmt: skip
+            shown.add(name)
+        axes.set_xlabel("grasps")
+        axes.set_ylabel("score of the best so far, mean over the tasks")
+        axes.set_title("Equal numbers of grasps: a line for every seed")
+        axes.legend(loc="lower right")
+        figure.set_layout_engine("constrained")
+        return small_png(figure).tobytes()
