@@ -122,6 +122,7 @@ class Branch:
             proposed = self._proposed(asked)
             if not proposed:
                 self.stopped = EXHAUSTED
+                self._journal.sync()
                 break
             refused, tasks = [], []
             for candidate in proposed:
@@ -144,6 +145,8 @@ class Branch:
         self._journal.append(record)
         self._learn(record)
         self._count(record)
+        if self.stopped:
+            self._journal.sync()
         due = time.monotonic() - self._saved >= SNAPSHOT_EVERY_S
         # A last batch cut short by the budget would stand in the way of a larger budget.
         if (self.stopped or due) and batch.asked == batch.size:

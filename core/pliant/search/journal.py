@@ -1,8 +1,9 @@
 """A search on disk: every batch that was told, one JSON line each, and now and then the optimizer's state.
 
-A line is flushed to the disk before the optimizer is told, so that whatever ends the process, what was evaluated
-is known. A line that was cut off by the end of the process is dropped. The state only saves time: without it the
-search is repeated from the first line, asking and telling without evaluating.
+A line is handed to the system before the optimizer is told, so that whatever ends the process, what was evaluated is
+known; down to the disk it goes once a second, which is what a machine that stops may lose. A line that was cut off is
+dropped. The state only saves time: without it the search is repeated from the first line, asking and telling without
+evaluating.
 """
 
 from __future__ import annotations
@@ -10,9 +11,11 @@ from __future__ import annotations
 import json
 import os
 import shutil
+import time
 import uuid
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from io import BufferedWriter
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +23,7 @@ from pliant.search.outcome import Told
 from pliant.store.store import write_atomically, writing_in
 
 LINES, STATE = ".jsonl", ".state.json"
+SYNC_EVERY_S = 1.0
 
 
 @dataclass(frozen=True)
@@ -71,9 +75,11 @@ class Journal:
     def __init__(self, folder: Path, name: str) -> None:
         self._folder = folder
         self._lines, self._state = folder / f"{name}{LINES}", folder / f"{name}{STATE}"
+        self._synced = time.monotonic()
 
     def read(self) -> list[Batch]:
         """All whole lines; what follows a damaged one is cut off the file."""
+        self._synced = time.monotonic()
         batches: list[Batch] = []
         good = 0
         for line in self._whole_lines():
@@ -91,11 +97,22 @@ class Journal:
         self._cut(sum(len(line) for _, line in zip(range(batches), self._whole_lines(), strict=False)))
 
     def append(self, batch: Batch) -> None:
-        """Write a batch, down to the disk."""
+        """Write a batch; every now and then down to the disk."""
         with writing_in(self._folder), self._lines.open("ab") as file:
             file.write(batch.line().encode())
-            file.flush()
-            os.fsync(file.fileno())
+            if time.monotonic() - self._synced >= SYNC_EVERY_S:
+                self._sync(file)
+
+    def sync(self) -> None:
+        """What was written goes down to the disk."""
+        if self._lines.exists():
+            with writing_in(self._folder), self._lines.open("ab") as file:
+                self._sync(file)
+
+    def _sync(self, file: BufferedWriter) -> None:
+        file.flush()
+        os.fsync(file.fileno())
+        self._synced = time.monotonic()
 
     def snapshot(self) -> Snapshot | None:
         """The optimizer's state, or None where there is none that can be read."""
