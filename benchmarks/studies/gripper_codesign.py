@@ -30,13 +30,14 @@ from typing import Any
 from benchmarks.studies.command import Given, arguments, given_of, run_command
 from benchmarks.studies.gripper_bars import bars, lines
 from benchmarks.studies.gripper_check import baseline
-from benchmarks.studies.gripper_policy import curve, policy, score, stable_tasks
+from benchmarks.studies.gripper_policy import acting, curve, policy, score, stable_tasks
 from benchmarks.studies.page import publish
 from benchmarks.studies.parts import Part, Parts, made_of
 from benchmarks.studies.published import GRIPPER
 from benchmarks.studies.searched import Asked, searched
 
 from pliant import api
+from pliant.search.searching import problem_of
 
 NAME = "gripper_codesign"
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples" / NAME
@@ -122,12 +123,15 @@ def _search(parts: Parts, asked: Asked, given: Given) -> Part | None:
 
     def make() -> dict[str, Any]:
         part, record = searched(asked, opened, given.workers)
-        tasks = {
-            "tasks": list(record.conditions),
+        acts = acting(problem_of(opened.bench, opened.study))
+        tasks = {"tasks": list(record.conditions), "acting": acts, "stable_tasks": stable_tasks(record)}
+        return {
+            **part,
+            **tasks,
             "score": score(record),
-            "stable_tasks": stable_tasks(record),
+            "policy": policy(record, acts),
+            "curve": curve(record),
         }
-        return {**part, **tasks, "policy": policy(record), "curve": curve(record)}
 
     return _kept(parts, asked.name, given.wants(asked.name), made_of(opened.study), make)
 

@@ -104,7 +104,7 @@ def seeds(result: Result) -> Iterator[str]:
     """The optimizers at equal numbers of grasps."""
     if not any(result["seeds"].values()):
         return
-    yield "| optimizer | seeds | grasps of each | score, mean ± sd | lowest to highest | stable tasks | wall time of one |"
+    yield "| optimizer | seeds | grasps of each | score, mean ± sd | lowest to highest | stable tasks | wall time |"
     yield "|---|---|---|---|---|---|---|"
     for name, parts in result["seeds"].items():
         if not parts:

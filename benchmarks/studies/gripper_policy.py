@@ -68,10 +68,5 @@ def policy(result: SearchResult, acts: Mapping[str, Sequence[str]]) -> dict[str,
     for index, task in enumerate(result.conditions):
         rows = np.flatnonzero((history.context == index) & late & (history.status == STATUSES.index("ok")))
         few = [rows[k] for k in spread(len(rows), MOST_DRAWS)]
-        columns = {name: np.asarray(values)[few] for name, values in history.values.items()}
-        found[task] = {
-            name: brief(values)
-            for name, values in columns.items()
-            if len(values) and np.isfinite(values).all()
-        }
+        found[task] = {name: brief(np.asarray(history.values[name])[few]) for name in acts[task]}
     return found

@@ -1,0 +1,277 @@
+"""The design studies: the small one end to end, its JSON and its page; parts, bars and scores."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from benchmarks.studies import gripper_codesign, gripper_page, gripper_policy, shape_matching, shape_page
+from benchmarks.studies.bars import Bar, bar_rows
+from benchmarks.studies.command import Given, run_command
+from benchmarks.studies.gripper_bars import of_seeds, worst_law
+from benchmarks.studies.gripper_check import rise_m, stable
+from benchmarks.studies.page import DOCS, MARK, publish, rendered
+from benchmarks.studies.parts import Parts, made_of
+from benchmarks.studies.reference_kernel import kernel_s
+from benchmarks.studies.searched import brief, spread
+from benchmarks.studies.shape_bars import apart, bars
+
+from pliant import api
+from pliant.errors import UserError
+from pliant.records.search import FoundDesign, SearchHistory, SearchResult
+
+CONTRACT = ("best", "objective", "history", "evaluations", "wall_s", "verified", "machine", "published")
+SMALL = shape_matching.SMALL[0].file
+
+
+@pytest.fixture(scope="module")
+def small(tmp_path_factory: pytest.TempPathFactory) -> tuple[Given, dict[str, Any]]:
+    folder = tmp_path_factory.mktemp("study")
+    given = Given(
+        "shape_matching", small=True, workers=1, quiet=True, out=folder / "out", store=folder / "store",
+        overrides=("meta_model.folds=2", "search.budget=3"),
+    )  # fmt: skip
+    return given, shape_matching.study(given)
+
+
+def of_docs(name: str) -> str:
+    return (DOCS / f"{name}.md").read_text(encoding="utf-8")
+
+
+def marks(text: str) -> dict[str, str]:
+    return {m[2]: m[0].removeprefix(m[1]).removesuffix(m[3]) for m in MARK.finditer(text)}
+
+
+def test_the_small_study_writes_what_the_contract_names(small: tuple[Given, dict[str, Any]]) -> None:
+    given, result = small
+    written = json.loads((given.out / "shape_matching_small.json").read_text())
+    assert written == json.loads(json.dumps(result))
+    assert set(CONTRACT) <= set(written)
+    assert written["reference_kernel_s"] > 0
+    assert written["wall_in_kernels"] == pytest.approx(written["wall_s"] / written["reference_kernel_s"])
+    assert written["evaluations"] == 9
+    assert written["published"]["verified"]["rmse_m"] == 5.05e-3
+    best = [row["best"] for row in written["history"]]
+    assert best == sorted(best, reverse=True)
+    assert written["objective"] == pytest.approx(best[-1])
+    assert not written["bars"]  # a taste is not judged
+
+
+def test_the_winner_and_the_structures_are_those_of_the_search(small: tuple[Given, dict[str, Any]]) -> None:
+    _, result = small
+    found = result["structures"]
+    assert [sum(one["values"].values()) for one in found] == [26, 26, 26]
+    assert found[0]["best"] == pytest.approx(result["objective"], rel=1e-5)
+    assert [one["best"] for one in found] == sorted(one["best"] for one in found)
+    lines = result["runs"]["helix"]["lines"]
+    apart_m = np.linalg.norm(np.array(lines["backbone_m"]) - np.array(lines["target_m"]), axis=1)
+    assert apart_m[0] < 1e-6  # both start at the base
+    assert np.sqrt(np.mean(apart_m**2)) == pytest.approx(result["objective"], rel=0.02)
+    assert lines["laws"] == "the search"
+
+
+def test_a_finished_part_is_not_made_again(small: tuple[Given, dict[str, Any]], monkeypatch: Any) -> None:
+    given, result = small
+    monkeypatch.setattr(shape_matching, "searched", lambda *_: pytest.fail("searched again"))
+    assert shape_matching.study(given) == result
+    with pytest.raises(BaseException, match="searched again"):  # another study is not what was finished
+        shape_matching.study(Given(**{**vars(given), "overrides": ("meta_model.folds=2", "search.budget=4")}))
+
+
+def judged(small: tuple[Given, dict[str, Any]], verified_m: float) -> dict[str, Any]:
+    """The result as a full study would give it, with numbers of a check."""
+    part = json.loads((small[0].folder / "helix.json").read_text())
+    law = {"name": "R 6 mm", "n_states": 321, "rmse_of_range": 0.0123, "worst_of_range": 0.0456}
+    check = {
+        "engines": {
+            "quasistatic": {"rmse_m": verified_m, "e_max_m": 2.5e-3},
+            "mujoco": {"rmse_m": 1.4e-3, "e_max_m": 2.6e-3},
+        },
+        "predicted": {"quasistatic": {"rmse_m": 1.3e-3, "e_max_m": 2.4e-3}},
+        "laws": [{**law, "rmse_of_largest": 0.0078}],
+        "notes": [],
+    }
+    part = {**part, "verified": check}
+    return shape_matching.assembled({"helix": part, "fixed_roll": part}, {"small": False, "overrides": []})
+
+
+def test_the_page_has_the_numbers_of_the_json(small: tuple[Given, dict[str, Any]], tmp_path: Path) -> None:
+    result = judged(small, 1.234e-3)
+    (tmp_path / "shape_matching.md").write_text(of_docs("shape_matching"))
+    written = publish("shape_matching", shape_page.TABLES, shape_page.PICTURES, result, tmp_path)
+    assert all(path.is_file() for path in written)
+    text = (tmp_path / "shape_matching.md").read_text()
+    assert "not been run" not in text
+    found = marks(text)
+    run = result["runs"]["helix"]
+    assert "1.30 mm / 2.40 mm | 1.23 mm / 2.50 mm | 1.40 mm / 2.60 mm (mujoco) | 0.07 mm" in found["runs"]
+    assert f"| {run['evaluations']} | {run['wall_s']:.1f} s | {run['wall_in_kernels']:.0f}" in found["runs"]
+    assert "5.05 mm / 8.19 mm" in found["runs"]
+    assert "estimates of ours" in found["runs"]
+    assert "| R 6 mm | 321 | 1.2 % | 4.6 % | 0.78 % |" in found["laws"]
+    assert "| ≤ 1.5 mm | 1.23 mm | met |" in found["reached"]
+    assert "helix_generations: search, wall time | ≤ 20 min | not run |" in found["reached"]
+    pressure = f"{result['best']['values']['pressure'] / 1e3:.4g} kPa"
+    assert pressure in found["best"]
+    for picture in re.findall(r"\]\((\w+\.png)\)", text):
+        assert (tmp_path / picture).stat().st_size < 200_000
+    missed = judged(small, 1.6e-3)
+    assert "| ≤ 1.5 mm | 1.6 mm | **missed** |" in marks(rendered(text, shape_page.TABLES, missed))["reached"]
+
+
+def test_an_unknown_table_is_refused() -> None:
+    with pytest.raises(UserError, match="no_such"):
+        rendered("<!-- study: no_such -->\n<!-- end -->", shape_page.TABLES, {})
+
+
+@pytest.mark.parametrize("name, tables", [("shape_matching", shape_page), ("gripper_codesign", gripper_page)])
+def test_pages_without_a_result_hold_no_figures(name: str, tables: Any) -> None:
+    found = marks(of_docs(name))
+    assert set(found) == set(tables.TABLES)
+    if not (DOCS / f"{name}.json").is_file():
+        assert "not been run" in found.pop("state")
+        assert not any(found.values())
+
+
+@pytest.mark.parametrize("name, tables", [("shape_matching", shape_page), ("gripper_codesign", gripper_page)])
+def test_links_of_the_pages_lead_somewhere(name: str, tables: Any) -> None:
+    for target in re.findall(r"\]\(([^)#:\s]+)(?:#[^)]*)?\)", of_docs(name)):
+        assert (DOCS / target).exists(), target
+
+
+def test_parts_of_another_study_are_out_of_date(tmp_path: Path) -> None:
+    parts, made = Parts(tmp_path), list[int]()
+
+    def make() -> dict[str, Any]:
+        made.append(1)
+        return {"value": float("nan")}
+
+    assert parts.get("a", "one", make) == parts.get("a", "one", make) == {"made_of": "one", "value": None}
+    assert len(made) == 1
+    assert parts.find("a", "two") is None
+    parts.get("a", "two", make)
+    Parts(tmp_path, fresh=True).get("a", "two", make)
+    assert len(made) == 3
+    (tmp_path / "a.json").write_text("{")
+    assert parts.find("a", "two") is None
+
+
+def test_what_a_part_is_made_of_follows_the_study(tmp_path: Path) -> None:
+    def of(*overrides: str) -> str:
+        return made_of(api.open_study(SMALL, overrides, store=tmp_path).study)
+
+    assert of() == of()
+    assert len({of(), of("search.seed=2"), of("task.pressure=12 kPa")}) == 3
+    table = tmp_path / "table.csv"
+    table.write_text("1")
+    first = of(f"meta_model.data={table}")
+    table.write_text("2")
+    assert of(f"meta_model.data={table}") != first
+
+
+def test_bars() -> None:
+    assert Bar("a", 1.0, 1.0, "mm").met
+    assert not Bar("a", 1.1, 1.0, "mm").met
+    assert Bar("a", 5.0, 5.0, "", at_most=False).met
+    assert not Bar("a", 4.0, 5.0, "", at_most=False).met
+    assert Bar("a", None, 5.0, "").met is None
+    assert (
+        list(bar_rows([Bar("a", 2e-3, 1e-3, "mm", 1e3).json()]))[-1]
+        == "| a | ≤ 1 mm | 2 mm | **missed** | – |"
+    )
+    assert (
+        apart(
+            {
+                "engine": "q",
+                "verified": {"engines": {"q": {"rmse_m": 3.0}}, "predicted": {"q": {"rmse_m": 5.0}}},
+            }
+        )
+        == 2
+    )
+    assert all(bar.met is None for bar in bars({}))
+
+
+def test_the_kernel_takes_time_and_rows_keep_both_ends() -> None:
+    assert 1e-3 < kernel_s() < 60
+    assert spread(1000, 3) == [0, 499, 999]
+    assert spread(2, 300) == [0, 1]
+    assert spread(0, 5) == []
+    assert brief([np.float64(1.23456789), np.nan, [2]]) == [1.23457, None, [2]]
+
+
+def policy_result() -> SearchResult:
+    """Two tasks of three candidates each, one of which was refused; to be maximised."""
+    objectives = np.array([[-1.0], [-5.0], [-3.0], [np.nan], [-2.0], [-6.0]])
+    history = SearchHistory(
+        np.zeros(6, int), np.array([0, 1, 0, 1, 0, 1]), {"a": np.arange(6.0), "only_b": np.arange(6.0)},
+        np.array([0, 0, 0, 1, 0, 0]), objectives, {}, np.ones(6),
+    )  # fmt: skip
+    best = [
+        FoundDesign({"a": 2.0}, {}, {"reward": 3.0}, {}, {"egg": {"success_share": 1.0}}, context=0),
+        FoundDesign({"a": 5.0}, {}, {"reward": 6.0}, {}, {"cylinder": {"success_share": 0.0}}, context=1),
+    ]
+    tasks = ("egg", "cylinder")
+    return SearchResult(
+        "ppo", 1, (), ("reward",), (True,), tasks, ({},), history, tuple(best), 5, 5, {}, {}, "budget", 1.0
+    )
+
+
+def test_a_policy_is_scored_over_its_tasks() -> None:
+    result = policy_result()
+    assert gripper_policy.score(result) == 4.5
+    assert gripper_policy.stable_tasks(result) == 1
+    found = gripper_policy.curve(result)
+    assert found["grasps"] == [1, 2, 3, 3, 4, 5]  # the refused one was no grasp
+    assert found["score"] == [None, 3.0, 4.0, 4.0, 4.0, 4.5]
+    shown = gripper_policy.policy(result, {"egg": ["a"], "cylinder": ["a", "only_b"]})
+    assert shown == {"egg": {"a": []}, "cylinder": {"a": [5.0], "only_b": [5.0]}}
+
+
+def test_successes_are_counted() -> None:
+    tasks = {
+        "egg": {"success_share": 0.9, "trials": 10.0, "z_max_m": 0.05},
+        "cylinder": {"success_share": 1.0, "trials": 10.0, "z_max_m": 0.03},
+    }
+    assert stable(tasks) == (19, 20)
+    assert rise_m(tasks) == pytest.approx(0.04)
+    assert of_seeds([{"score": 1.0}, {"score": 3.0}]) == pytest.approx(
+        {"mean": 2.0, "sd": np.sqrt(2), "low": 1.0, "high": 3.0}
+    )
+    laws = [{"rmse_of_largest": 0.01}, {"rmse_of_largest": 0.02}, {}]
+    assert worst_law({"verified": {"laws": laws}}) == 0.02
+    assert worst_law(None) is None
+
+
+def test_equal_grasps_are_equal_whoever_searches(tmp_path: Path) -> None:
+    budgets = {}
+    for one in gripper_codesign.small():
+        opened = one.opened(tmp_path, quiet=True)
+        budgets[one.name] = gripper_codesign.candidates(opened, 60)
+    assert budgets == {"ppo": 60, "cmaes": 10, "optuna": 10}
+
+
+@pytest.mark.parametrize(
+    "words, said",
+    [
+        (["--small", "--publish"], "leave out one"),
+        (["--workers", "0"], "at least 1"),
+        (["--small", "task.no_such=1"], "no_such"),
+    ],
+)
+def test_mistakes_are_one_sentence(words: list[str], said: str, tmp_path: Path, capsys: Any) -> None:
+    with pytest.raises(SystemExit) as end:
+        shape_matching.main([*words, "--out", str(tmp_path), "--store", str(tmp_path)])
+    assert end.value.code == 2
+    assert said in capsys.readouterr().err
+
+
+def test_an_interrupted_study_says_so(capsys: Any) -> None:
+    def stopped() -> None:
+        raise KeyboardInterrupt
+
+    assert run_command(stopped) == 130
+    assert "same command" in capsys.readouterr().err
