@@ -27,6 +27,18 @@ def helix(radius_m: float, height_m: float, turns: float, right_handed: bool, co
     )
 
 
+def leaving_along_x(points: Array) -> Array:
+    """The points (n, 3), turned about the first by the smallest rotation that takes their first step to +x."""
+    first = points[1] - points[0]
+    axis = np.cross(first, [1.0, 0.0, 0.0])
+    sine = float(np.linalg.norm(axis))
+    if sine < 1e-12 * float(np.linalg.norm(first)):
+        return points
+    turn = exp_map(axis / sine * np.arctan2(sine, first[0]))
+    turned: Array = points[0] + (points - points[0]) @ turn.T
+    return turned
+
+
 def read_points(path: Path) -> Array:
     """(n, 3) points of a CSV with the columns x_m, y_m, z_m; lines that start with # are comments.
 

@@ -27,18 +27,28 @@ LONGER = 1.5
 
 
 class TargetConfig(FrozenModel):
-    """A helix that starts at the base and runs along the base's axis, or a CSV of points in the base's frame."""
+    """A helix that starts at the base, or a CSV of points in the base's frame.
+
+    A helix winds about a line along the base's axis, so that a chain has to turn into it first; with
+    ``start: tangent`` it leaves the base along the base's axis, as a chain does.
+    """
 
     radius_m: Length | None = Field(default=None, gt=0, description="of a helix")
     height_m: Length | None = Field(default=None, gt=0, description="of a helix, along the base's axis")
     turns: float = Field(default=1.0, gt=0, description="of a helix")
     handedness: Literal["right", "left"] = Field(default="right", description="of a helix")
+    start: Literal["axis", "tangent"] = Field(
+        default="axis",
+        description="what of a helix lies along the base's axis: its axis, or its first tangent",
+    )
     phase_rad: Angle = Field(default=0.0, description="turns the target about the base's axis")
     points: Path | None = Field(default=None, description="CSV with x_m, y_m, z_m, instead of a helix")
 
     @model_validator(mode="after")
     def _one_curve(self) -> TargetConfig:
         given = [value is not None for value in (self.radius_m, self.height_m)]
+        if self.points is not None and self.start == "tangent":
+            raise ValueError("'start: tangent' is for a helix; turn the points of a file as they shall stand")
         if not (all(given) if self.points is None else not any(given)):
             more = ", and not both" if all(given) and self.points is not None else ""
             raise ValueError(f"give 'radius' and 'height' of a helix, or 'points: curve.csv'{more}")
@@ -51,6 +61,7 @@ class TargetConfig(FrozenModel):
         else:
             right = self.handedness == "right"
             points = curves.helix(self.radius_m or 0.0, self.height_m or 0.0, self.turns, right)
+            points = curves.leaving_along_x(points) if self.start == "tangent" else points
         return curves.rolled(points, self.phase_rad)
 
 
