@@ -165,10 +165,10 @@ def test_a_second_call_searches_nothing(optimize, read):
 
 
 def test_a_larger_budget_goes_on(optimize, read, workplace):
-    optimize("search.budget=12", "--json", "first.json")
-    call = optimize("search.budget=30", "--json", "more.json")
+    optimize("search.budget=6", "--json", "first.json")
+    call = optimize("search.budget=18", "--json", "more.json")
     assert "going on from" in call.err
-    optimize("search.budget=30", "--json", "fresh.json", "--store", "fresh")
+    optimize("search.budget=18", "--json", "fresh.json", "--store", "fresh")
     assert without_times(read("more.json")) == without_times(read("fresh.json"))
 
 

@@ -31,7 +31,10 @@ class Problem:
     def variables(self):
         return tuple(
             SimpleNamespace(
-                name=r.name, variable=Variable(r.name, r.type, r.low, r.high, r.choices), conditions=()
+                name=r.name,
+                variable=Variable(r.name, r.type, r.low, r.high, r.choices),
+                conditions=(),
+                each=r.each,
             )
             for r in self.listed
         )

@@ -65,7 +65,7 @@ def test_a_meta_models_laws_give_what_the_stages_give(tmp_path):
 
 
 def test_helical_bellows_follow_a_shape_as_in_the_stages(tmp_path):
-    same_as_simulated(*bench.helical(tmp_path, HELICAL), range(3))
+    same_as_simulated(*bench.helical(tmp_path, HELICAL), range(1))
 
 
 def test_the_closed_form_of_a_hinge_and_the_sign_of_a_maximised_objective(tmp_path):

@@ -121,6 +121,14 @@ def test_many_evaluates_in_order():
         np.testing.assert_array_equal(a.objective, b.objective)
 
 
+def test_a_structure_that_cannot_change_in_one_number_alone_has_no_slope():
+    number = VariableRecord("n", ("chain.modules",), "integer", 2, 8, each=True)
+    free, held = Problem((number,)), Problem((number,), {"n == 4": lambda v: abs(v["n"] - 4)})
+    best = found({"n": 4})
+    assert "n" in of(free, lambda v: 1e-3 * v["n"], best)
+    assert of(held, lambda v: 1e-3 * v["n"], best) == {}
+
+
 def test_a_range_without_width_has_no_slope():
     still = VariableRecord("still", ("family.still",), "real", 1.0, 1.0)
     assert of(Problem((still,)), lambda v: v["still"], found({"still": 1.0})) == {}

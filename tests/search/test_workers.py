@@ -25,12 +25,15 @@ def test_processes_find_what_one_process_finds(tmp_path):
 
 def test_who_kills_workers_fails_and_the_others_are_evaluated(tmp_path):
     killed = tmp_path / "killed"
-    (branch,) = searched(tmp_path / "a", workers=2, budget=18, deadly=1.2, killed=str(killed))
-    dead = [row for row in branch.rows if row.values["a"] > 1.2]
-    assert dead
+    (alone,) = searched(tmp_path / "alone", budget=6)
+    *_, second, largest = sorted(row.values["a"] for row in alone.rows)
+    deadly = (second + largest) / 2  # one of the first batch: every death costs two new processes
+    (branch,) = searched(tmp_path / "a", workers=2, budget=6, deadly=deadly, killed=str(killed))
+    dead = [row for row in branch.rows if row.values["a"] > deadly]
+    assert [row.values["a"] for row in dead] == [largest]
     assert all((row.status, row.cause) == ("failed", KILLED) for row in dead)
     assert all(row.status == "ok" for row in branch.rows if row not in dead)
-    assert branch.evaluated == 18
+    assert branch.evaluated == 6
     times = killed.read_text().splitlines()
     assert all(2 <= times.count(repr(row.values["a"])) <= 3 for row in dead)
 

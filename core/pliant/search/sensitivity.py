@@ -52,6 +52,7 @@ def slopes(
 
     Objectives are as they are minimised, of several the first. A real variable is tried at nine places over its
     range and at ±1 % and ±5 % of it, an integer at up to eleven values and its neighbours, choices one by one.
+    Left out are variables of one value, and `each` variables of which no other value fits the rest of the structure.
 
     Args:
         evaluator: the nominal one.
@@ -66,9 +67,12 @@ def slopes(
         candidates += [{**best.values, variable.name: probe.value} for probe in tried]
     found = list(_evaluated(evaluator, candidates, best.context, many))
     at_best, rest, made = found[0], found[1:], []
+    each = {one.name for one in problem.variables if one.each}
     for variable, tried in zip(varied, probes, strict=True):
-        made.append(_slope(variable, best.values[variable.name], at_best, tried, rest[: len(tried)]))
-        rest = rest[len(tried) :]
+        around, rest = rest[: len(tried)], rest[len(tried) :]
+        if variable.name in each and not np.isfinite(around).any():
+            continue  # no structure differs from this one in this number only
+        made.append(_slope(variable, best.values[variable.name], at_best, tried, around))
     return tuple(made)
 
 
