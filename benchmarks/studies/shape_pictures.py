@@ -63,6 +63,7 @@ def history(result: Result) -> bytes | None:
             )  # fmt: skip
         axes.set_yscale("log")
         style.log_labels(axes.yaxis)
+        axes.locator_params(axis="x", integer=True)
         axes.set_xlabel("candidate of its structure")
         axes.set_ylabel("RMSE, best so far (mm)")
         axes.set_title(f"Best so far of {len(found)} structures")
@@ -88,7 +89,7 @@ def strip(result: Result) -> bytes | None:
         axes.annotate(f"best:\n{names}", (1.01, 0.98), xycoords="axes fraction", va="top", linespacing=1.5)
         axes.set_xticks(range(len(totals)), [str(modules) for modules in totals])
         axes.set_xlim(-0.5, len(totals) - 0.5)
-        axes.set_ylim(bottom=0)
+        axes.set_ylim(0, 1.06e3 * max(one["best"] for one in found))
         axes.set_xlabel("modules in all")
         axes.set_ylabel("RMSE, best of a structure (mm)")
         axes.set_title("Best of every structure; bars are medians")

@@ -248,10 +248,12 @@ def test_successes_are_counted() -> None:
 
 def test_equal_grasps_are_equal_whoever_searches(tmp_path: Path) -> None:
     budgets = {}
-    for one in gripper_codesign.small():
+    for one in gripper_codesign.small(tmp_path):
         opened = one.opened(tmp_path, quiet=True)
         budgets[one.name] = gripper_codesign.candidates(opened, 60)
-    assert budgets == {"ppo": 60, "cmaes": 10, "optuna": 10}
+        assert list(opened.study.search.conditions) == ["egg-5", "cylinder-4"]
+        assert set(opened.study.search.variables) == {"egg_inset", "cylinder_inset"}
+    assert budgets == {"ppo": 60, "cmaes": 30, "optuna": 30}
 
 
 @pytest.mark.parametrize(
