@@ -72,7 +72,7 @@ def main(given: Sequence[str] | None = None) -> None:
 def study(given: Given) -> dict[str, Any]:
     """Run, print, publish; returns the result. Raises `UserError` and `NotReachedError`."""
     parts = Parts(given.folder, given.fresh)
-    asked = small(given.store) if given.small else ASKED
+    asked = small() if given.small else ASKED
     runs = {one.name: _search(parts, one, given) for one in asked}
     kept = {name: part for name, part in runs.items() if part is not None}
     result = assembled(kept, _baseline(parts, asked[0], given), _seeds(parts, asked, given), given.stated())
@@ -87,11 +87,10 @@ def study(given: Given) -> dict[str, Any]:
     return result
 
 
-def small(store: Path) -> tuple[Asked, ...]:
-    """The three optimizers on what CI runs."""
+def small() -> tuple[Asked, ...]:
+    """The three optimizers on the study that CI runs."""
     file = EXAMPLES / "small.yaml"
-    changes = few(file, store)
-    return tuple(replace(one, file=file, overrides=(f"optimizer.kind={one.name}", *changes)) for one in ASKED)
+    return tuple(replace(one, file=file, overrides=(f"optimizer.kind={one.name}",)) for one in ASKED)
 
 
 def candidates(opened: api.OpenStudy, grasps: int) -> int:
@@ -106,11 +105,13 @@ def candidates(opened: api.OpenStudy, grasps: int) -> int:
 
 def _opened(asked: Asked, given: Given, grasps: int | None, more: Sequence[str] = ()) -> api.OpenStudy:
     """The study, with a budget of so many grasps; None: its own."""
-    opened = asked.opened(given.store, (*more, *given.overrides), given.quiet)
-    if grasps is None:
-        return opened
-    budget = f"search.budget={candidates(opened, grasps)}"
-    return asked.opened(given.store, (*more, budget, *given.overrides), given.quiet)
+
+    def read(*budget: str) -> api.OpenStudy:
+        found = asked.opened(given.store, (*more, *budget, *given.overrides), given.quiet)
+        return replace(found, study=few(found.study)) if given.small else found
+
+    opened = read()
+    return opened if grasps is None else read(f"search.budget={candidates(opened, grasps)}")
 
 
 def _kept(
@@ -130,7 +131,7 @@ def _search(parts: Parts, asked: Asked, given: Given) -> Part | None:
             **part,
             **tasks,
             "score": score(record),
-            "policy": policy(record, acts),
+            "policy": policy(record),
             "curve": curve(record),
         }
 
@@ -139,7 +140,7 @@ def _search(parts: Parts, asked: Asked, given: Given) -> Part | None:
 
 def _baseline(parts: Parts, asked: Asked, given: Given) -> Part | None:
     """The gripper that the study starts from, in the same check as the winners."""
-    opened = asked.opened(given.store, given.overrides, given.quiet)
+    opened = _opened(asked, given, None)
     return _kept(
         parts,
         BASELINE,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -53,12 +52,10 @@ def acting(problem: Any) -> dict[str, list[str]]:
     }
 
 
-def policy(result: SearchResult, acts: Mapping[str, Sequence[str]]) -> dict[str, dict[str, list[Any]]]:
+def policy(result: SearchResult) -> dict[str, dict[str, list[Any]]]:
     """Task → variable → values that were proposed for it in the last quarter of a search with contexts; else empty.
 
-    Args:
-        result: of the search.
-        acts: task → variables that are shown.
+    Variables that are one for several tasks stand under its name, with the value that they have in the task.
     """
     history = result.history
     if not (history.context >= 0).any():
@@ -68,5 +65,6 @@ def policy(result: SearchResult, acts: Mapping[str, Sequence[str]]) -> dict[str,
     for index, task in enumerate(result.conditions):
         rows = np.flatnonzero((history.context == index) & late & (history.status == STATUSES.index("ok")))
         few = [rows[k] for k in spread(len(rows), MOST_DRAWS)]
-        found[task] = {name: brief(np.asarray(history.values[name])[few]) for name in acts[task]}
+        columns = {name: np.asarray(values)[few] for name, values in history.values.items()}
+        found[task] = {name: brief(own) for name, own in columns.items() if np.isfinite(own).all()}
     return found

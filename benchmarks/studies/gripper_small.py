@@ -5,28 +5,17 @@ What a search finds out about its winner afterwards costs grasps for every varia
 
 from __future__ import annotations
 
-import json
-from pathlib import Path
-
-from pliant import api
+from pliant.config.study import Study
 
 
-def few(file: Path, store: Path) -> tuple[str, ...]:
-    """Changes that leave of a study its first and last task, and the variables with `only`.
-
-    Args:
-        file: the study; it has conditions and such variables.
-        store: of the workbench; nothing is written.
-    """
-    search = api.open_study(file, store=store).study.need("search", "a small study")
-    variables = {
-        name: one.model_dump(mode="json", exclude_unset=True) for name, one in search.variables.items()
-    }
-    kept = {name: one for name, one in variables.items() if one.get("only")}
+def few(study: Study) -> Study:
+    """The study with its first and last task, and the variables with `only`; constraints, which name others, go."""
+    search = study.need("search", "a small study")
     tasks = list(search.conditions)
-    ends = {name: search.conditions[name] for name in (tasks[0], tasks[-1])}
-    return (
-        f"search.variables={json.dumps(kept)}",
-        f"search.conditions={json.dumps(ends)}",
-        "search.constraints=[]",  # they name the others
-    )
+    changes = {
+        "variables": {name: one for name, one in search.variables.items() if one.only},
+        "conditions": {name: search.conditions[name] for name in (tasks[0], tasks[-1])},
+        "constraints": (),
+    }
+    small: Study = study.model_copy(update={"search": search.model_copy(update=changes)})
+    return small

@@ -14,6 +14,7 @@ from benchmarks.studies.bars import Bar, bar_rows
 from benchmarks.studies.command import Given, run_command
 from benchmarks.studies.gripper_bars import of_seeds, worst_law
 from benchmarks.studies.gripper_check import rise_m, stable
+from benchmarks.studies.gripper_small import few
 from benchmarks.studies.page import DOCS, MARK, publish, rendered
 from benchmarks.studies.parts import Parts, made_of
 from benchmarks.studies.reference_kernel import kernel_s
@@ -23,6 +24,7 @@ from benchmarks.studies.shape_bars import apart, bars
 from pliant import api
 from pliant.errors import UserError
 from pliant.records.search import FoundDesign, SearchHistory, SearchResult
+from pliant.search.problem import SearchProblem
 
 CONTRACT = ("best", "objective", "history", "evaluations", "wall_s", "verified", "machine", "published")
 SMALL = shape_matching.SMALL[0].file
@@ -207,7 +209,7 @@ def policy_result() -> SearchResult:
     """Two tasks of three candidates each, one of which was refused; to be maximised."""
     objectives = np.array([[-1.0], [-5.0], [-3.0], [np.nan], [-2.0], [-6.0]])
     history = SearchHistory(
-        np.zeros(6, int), np.array([0, 1, 0, 1, 0, 1]), {"a": np.arange(6.0), "only_b": np.arange(6.0)},
+        np.zeros(6, int), np.array([0, 1, 0, 1, 0, 1]), {"a": np.arange(6.0), "b": np.arange(6.0)},
         np.array([0, 0, 0, 1, 0, 0]), objectives, {}, np.ones(6),
     )  # fmt: skip
     best = [
@@ -227,8 +229,7 @@ def test_a_policy_is_scored_over_its_tasks() -> None:
     found = gripper_policy.curve(result)
     assert found["grasps"] == [1, 2, 3, 3, 4, 5]  # the refused one was no grasp
     assert found["score"] == [None, 3.0, 4.0, 4.0, 4.0, 4.5]
-    shown = gripper_policy.policy(result, {"egg": ["a"], "cylinder": ["a", "only_b"]})
-    assert shown == {"egg": {"a": []}, "cylinder": {"a": [5.0], "only_b": [5.0]}}
+    assert gripper_policy.policy(result)["cylinder"] == {"a": [5.0], "b": [5.0]}
 
 
 def test_successes_are_counted() -> None:
@@ -246,14 +247,75 @@ def test_successes_are_counted() -> None:
     assert worst_law(None) is None
 
 
+def gripper_part(held: float, score: float) -> dict[str, Any]:
+    """A finished search over two tasks, checked in two engines, as a part keeps it."""
+    egg = {"success_share": held, "trials": 10.0, "z_max_m": 0.05}
+    cylinder = {"success_share": 1.0, "trials": 10.0, "z_max_m": 0.03}
+    values = {"r": 2.5e-3, "modules": 7, "egg_inset": 0.012, "cylinder_inset": 0.001}
+    law = {"name": "r 2.5 mm", "n_states": 99, "rmse_of_largest": 0.0062, "worst_of_largest": 0.03}
+    tasks = {"egg": egg, "cylinder": cylinder}
+    kinds = {
+        "r": ("real", "m"),
+        "modules": ("integer", ""),
+        "egg_inset": ("real", "m"),
+        "cylinder_inset": ("real", "m"),
+    }
+    return {
+        "pliant": "0", "words": "by a test", "simulations": 600, "failed": {"did not settle": 3}, "wall_s": 1800.0,
+        "overrides": [], "reference_kernel": "solves", "reference_kernel_s": 0.1, "wall_in_kernels": 18000.0,
+        "from_store": False, "machine": {"processor": "P", "cores": 2, "python": "3", "load": 0.5},
+        "tasks": list(tasks), "stable_tasks": 2, "score": score, "seed": 1,
+        "acting": {"egg": ["r", "modules", "egg_inset"], "cylinder": ["r", "modules", "cylinder_inset"]},
+        "variables": [{"name": n, "type": t, "unit": u, "low": 0.0, "high": 10.0} for n, (t, u) in kinds.items()],
+        "designs": [{"values": values, "context": 0}, {"values": values, "context": 1}],
+        "policy": {"egg": {"modules": [6, 7, 7]}, "cylinder": {"modules": [9, 9, 10]}},
+        "curve": {"grasps": [1, 300, 600], "score": [None, 1.0, score]},
+        "verified": {"conditions": {"mujoco": tasks, "pybullet": tasks}, "laws": [law], "notes": []},
+    }  # fmt: skip
+
+
+def test_the_gripper_page_has_the_numbers_of_its_result(tmp_path: Path) -> None:
+    part = gripper_part(1.0, 4.5)
+    base = {
+        "engines": {"mujoco": {"egg": {"success_share": 0.3, "trials": 10.0, "z_max_m": 0.02}}},
+        "design": {"r": 2e-3, "modules": 6},
+        "laws": "direct FEM",
+        "notes": [],
+    }
+    over_seeds = {"ppo": [gripper_part(1.0, 4.0), gripper_part(1.0, 5.0)], "cmaes": []}
+    stated = {"small": False, "overrides": ["search.seed=3"]}
+    result = gripper_codesign.assembled({"ppo": part}, base, over_seeds, stated)
+    (tmp_path / "gripper_codesign.md").write_text(of_docs("gripper_codesign"))
+    written = publish("gripper_codesign", gripper_page.TABLES, gripper_page.PICTURES, result, tmp_path)
+    assert len([path for path in written if path.suffix == ".png" and path.stat().st_size < 200_000]) == 3
+    found = marks((tmp_path / "gripper_codesign.md").read_text())
+    assert "`search.seed=3`" in found["state"]
+    assert "| 600 | 3 | 30.0 min | 18000 | 4.500 | 2 of 2 |" in found["searches"]
+    assert "| `baseline` | mujoco | 3/10 | 20.0 mm |" in found["grasps"]
+    assert "| `ppo` | pybullet | 20/20 | 40.0 mm | direct FEM |" in found["grasps"]
+    assert "| `ppo` | r 2.5 mm | 99 | 0.62 % | 3 % | – |" in found["laws"]
+    assert "| `ppo` | 2 | 600 | 4.500 ± 0.707 | 4.000 to 5.000 |" in found["seeds"]
+    assert "| egg_inset | – | 12 mm | – |" in found["designs"]  # of a policy only where it acts
+    assert "of the largest torque | ≤ 1 % | 0.62 % | met | 3.21 % |" in found["reached"]
+    assert found["reached"].count("100 % | met") == 2
+    worse = gripper_codesign.assembled({"ppo": gripper_part(0.9, 4.5)}, None, {}, stated)
+    assert sum(bar["met"] is False for bar in worse["bars"]) == 2  # one of ten grasps lost, in two engines
+
+
 def test_equal_grasps_are_equal_whoever_searches(tmp_path: Path) -> None:
     budgets = {}
-    for one in gripper_codesign.small(tmp_path):
+    for one in gripper_codesign.small():
         opened = one.opened(tmp_path, quiet=True)
         budgets[one.name] = gripper_codesign.candidates(opened, 60)
-        assert list(opened.study.search.conditions) == ["egg-5", "cylinder-4"]
-        assert set(opened.study.search.variables) == {"egg_inset", "cylinder_inset"}
-    assert budgets == {"ppo": 60, "cmaes": 30, "optuna": 30}
+    assert budgets == {"ppo": 60, "cmaes": 10, "optuna": 10}
+
+
+def test_the_small_gripper_study_can_be_searched(tmp_path: Path) -> None:
+    opened = gripper_codesign.small()[0].opened(tmp_path, quiet=True)
+    problem = SearchProblem.of(few(opened.study), opened.bench.registry)
+    assert [condition.name for condition in problem.conditions] == ["egg-5", "cylinder-4"]
+    acts = {"egg-5": ["egg_inset"], "cylinder-4": ["cylinder_inset"]}
+    assert gripper_policy.acting(problem) == acts
 
 
 @pytest.mark.parametrize(
