@@ -57,7 +57,7 @@ def place(tmp_path_factory):
     folder = tmp_path_factory.mktemp("typed")
     (folder / "examples").symlink_to(ROOT / "examples")
     for text in blocks("yaml"):
-        if text.startswith("pliant: 1"):
+        if re.search(r"^pliant: 1$", text, re.M):
             (folder / f"{re.search(r'^name: (.*)$', text, re.M)[1]}.yaml").write_text(text, encoding="utf-8")
     return folder
 
