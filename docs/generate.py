@@ -35,7 +35,7 @@ OURS = "pliant "  # packages whose pages live here; others bring their own docs
 STUDY_KEY = {"effect": "effects"}
 # Folders that hold one file per kind; elsewhere a kind has a folder of its own.
 PLURALS = ("materials", "tasks", "effects", "families", "surrogates", "optimizers")
-STUDY_BLOCKS = {
+STUDY_BLOCKS: dict[type[FrozenModel], str] = {
     ChainConfig: "chain",
     SegmentConfig: "chain.segments[]",
     BaseConfig: "chain.base",
