@@ -32,7 +32,7 @@ from benchmarks.studies.gripper_bars import bars, lines
 from benchmarks.studies.gripper_check import baseline
 from benchmarks.studies.gripper_policy import acting, curve, policy, score, stable_tasks
 from benchmarks.studies.gripper_small import few
-from benchmarks.studies.page import publish
+from benchmarks.studies.page import publish, require_main
 from benchmarks.studies.parts import Part, Parts, made_of
 from benchmarks.studies.published import GRIPPER
 from benchmarks.studies.searched import Asked, searched
@@ -80,6 +80,7 @@ def study(given: Given) -> dict[str, Any]:
         print(line)
     given.write(result)
     if given.publish:
+        require_main(result, MAIN)
         from benchmarks.studies.gripper_page import PICTURES, TABLES  # matplotlib takes a second to import
 
         for path in publish(NAME, TABLES, PICTURES, result, given.docs):

@@ -47,6 +47,7 @@ def _bars(axes: Any, found: dict[str, Any], engine: str, metric: str, scale: flo
         colour = style.SOFT if name == "baseline" else style.SERIES[(place - 1) % len(style.SERIES)]
         axes.bar(at, values, 0.92 * width, color=colour, label=name)
     axes.set_xticks(range(len(tasks)), tasks)
+    axes.set_xlim(-0.6, len(tasks) - 0.4)
     axes.grid(axis="x", visible=False)
 
 
@@ -77,8 +78,9 @@ def _proposed(axes: Any, variable: dict[str, Any], tasks: dict[str, Any]) -> Non
         if not len(values):
             continue
         colour = style.SERIES[row % len(style.SERIES)]
-        shift = np.random.default_rng(row).uniform(-0.22, 0.22, len(values))
-        axes.scatter(values, row + shift, 8, color=colour, lw=0, alpha=0.5)
+        shift = np.random.default_rng(row).uniform(-0.22, 0.22, (2, len(values)))
+        aside = 0.5 * shift[1] if variable["type"] == "integer" else 0.0
+        axes.scatter(values + aside, row + shift[0], 8, color=colour, lw=0, alpha=0.5)
         axes.plot([np.median(values)] * 2, [row - 0.3, row + 0.3], color=colour, lw=2.2)
     low, high = scale * variable["low"], scale * variable["high"]
     pad = 0.06 * (high - low) or 0.5

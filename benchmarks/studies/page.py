@@ -34,6 +34,12 @@ def rendered(text: str, tables: Tables, result: Result) -> str:
     return MARK.sub(table, text)
 
 
+def require_main(result: Result, main: str) -> None:
+    """Raise `UserError` where the search is missing whose result the file is."""
+    if main not in result["runs"]:
+        raise UserError(f"nothing is published without the search '{main}'; run it with --only {main}.")
+
+
 def publish(name: str, tables: Tables, pictures: Pictures, result: Result, docs: Path = DOCS) -> list[Path]:
     """Write NAME.json, its pictures NAME_*.png and the tables of NAME.md; returns what was written."""
     page = docs / f"{name}.md"

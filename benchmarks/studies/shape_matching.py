@@ -25,7 +25,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.studies.command import Given, arguments, given_of, run_command
-from benchmarks.studies.page import publish
+from benchmarks.studies.page import publish, require_main
 from benchmarks.studies.parts import Part, Parts, made_of
 from benchmarks.studies.published import SHAPE
 from benchmarks.studies.searched import Asked, brief, searched
@@ -73,6 +73,7 @@ def study(given: Given) -> dict[str, Any]:
         print(line)
     given.write(result)
     if given.publish:
+        require_main(result, MAIN)
         from benchmarks.studies.shape_page import PICTURES, TABLES  # matplotlib takes a second to import
 
         for path in publish(NAME, TABLES, PICTURES, result, given.docs):

@@ -333,6 +333,22 @@ def test_mistakes_are_one_sentence(words: list[str], said: str, tmp_path: Path, 
     assert said in capsys.readouterr().err
 
 
+def test_nothing_is_published_without_the_main_search(tmp_path: Path) -> None:
+    given = Given(
+        "shape_matching",
+        only=("none",),
+        publish=True,
+        quiet=True,
+        out=tmp_path,
+        store=tmp_path,
+        docs=tmp_path,
+    )
+    with pytest.raises(UserError, match="--only helix"):
+        shape_matching.study(given)
+    assert [path.name for path in tmp_path.iterdir()] == ["shape_matching.json"]
+    assert not json.loads((tmp_path / "shape_matching.json").read_text())["runs"]
+
+
 def test_an_interrupted_study_says_so(capsys: Any) -> None:
     def stopped() -> None:
         raise KeyboardInterrupt
