@@ -9,10 +9,13 @@ from typing import Literal
 import numpy as np
 from pydantic import Field, model_validator
 
+from pliant.config.chain import BaseConfig
 from pliant.errors import UserError
 from pliant.interfaces.base import FrozenModel
 from pliant.interfaces.physics import Simulation
 from pliant.interfaces.task import Task
+from pliant.pipeline.chain import base_rotation
+from pliant.records.chain import ChainModel
 from pliant.records.design import Array
 from pliant.records.rollout import TaskResult
 from pliant.units import Angle, Length
@@ -70,9 +73,10 @@ class FollowShapeConfig(DriveConfig):
 
     kind: Literal["follow_shape"] = "follow_shape"
     target: TargetConfig = Field(description="the curve to follow")
-    alignment: Literal["base", "roll"] = Field(
+    alignment: Literal["base", "roll", "direction"] = Field(
         default="base",
-        description="base: the target as it stands; roll: turned about the base's axis to fit best",
+        description="base: the target turns with the base; roll: turned about the base's axis to fit best; "
+        "direction: it follows the base's direction but not its roll, so that a search may roll the base under it",
     )
     samples: int = Field(default=101, ge=2, le=10_001, description="points along both curves")
 
@@ -107,7 +111,7 @@ class FollowShape(Task):
     def run(self, simulation: Simulation) -> TaskResult:
         chain = simulation.chain
         result = ramp(simulation, self.config)
-        frame, origin = np.asarray(chain.base_rotation, float), np.asarray(chain.base_position_m, float)
+        frame, origin = self._frame(chain), np.asarray(chain.base_position_m, float)
         line = backbone(chain, result.final.joint_angles)
         points = curves.resampled((line - origin) @ frame, self.config.samples)
         roll = curves.best_roll(points, self.target) if self.config.alignment == "roll" else 0.0
@@ -123,3 +127,11 @@ class FollowShape(Task):
             "target_points_m": as_list(world),
         }
         return replace(result, metrics=metrics)
+
+    def _frame(self, chain: ChainModel) -> Array:
+        """(3, 3) the frame in which the target stands."""
+        frame = np.asarray(chain.base_rotation, float)
+        if self.config.alignment != "direction":
+            return frame
+        x, y, z = frame[:, 0].tolist()
+        return base_rotation(BaseConfig(direction=(x, y, z)))
