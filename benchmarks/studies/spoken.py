@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 
 def millimetres(value_m: float | None, digits: int = 2) -> str:
     """1.23 mm; a dash for none."""
@@ -23,5 +25,5 @@ def clock(wall_s: float | None) -> str:
 
 
 def number(value: float | None, digits: int = 3) -> str:
-    """A plain number; a dash for none."""
-    return "–" if value is None else f"{value:.{digits}g}"
+    """A plain number; a dash for none and for what is no number."""
+    return "–" if value is None or math.isnan(value) else f"{value:.{digits}g}"

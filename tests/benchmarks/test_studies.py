@@ -20,6 +20,7 @@ from benchmarks.studies.parts import Parts, made_of
 from benchmarks.studies.reference_kernel import kernel_s
 from benchmarks.studies.searched import brief, spread
 from benchmarks.studies.shape_bars import apart, bars
+from benchmarks.studies.spoken import number
 
 from pliant import api
 from pliant.errors import UserError
@@ -242,6 +243,7 @@ def test_successes_are_counted() -> None:
     assert of_seeds([{"score": 1.0}, {"score": 3.0}]) == pytest.approx(
         {"mean": 2.0, "sd": np.sqrt(2), "low": 1.0, "high": 3.0}
     )
+    assert number(of_seeds([{"score": 1.0}])["sd"]) == "–"
     laws = [{"rmse_of_largest": 0.01}, {"rmse_of_largest": 0.02}, {}]
     assert worst_law({"verified": {"laws": laws}}) == 0.02
     assert worst_law(None) is None
