@@ -56,7 +56,7 @@ def grasps(result: Result) -> Iterator[str]:
             laws = part.get("laws", "direct FEM")
             yield f"| `{name}` | {engine} | {held}/{trials} | {millimetres(rise_m(tasks), 1)} | {laws} |"
     given = result["published"]
-    yield f"| published ({SOURCE}), optimised | one | {given['stable']}/{given['trials']} | – | direct FEM |"
+    yield f"| published ({SOURCE}), optimised | one | {given['stable']}/{given['trials']} | – | – |"
 
 
 def by_task(result: Result) -> Iterator[str]:

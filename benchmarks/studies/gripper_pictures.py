@@ -117,6 +117,6 @@ def seeds(result: Result) -> bytes | None:
         axes.set_xlabel("grasps")
         axes.set_ylabel("score of the best so far, mean over the tasks")
         axes.set_title("Equal numbers of grasps: a line for every seed")
-        axes.legend(loc="lower right")
+        axes.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0))
         figure.set_layout_engine("constrained")
         return small_png(figure).tobytes()
