@@ -13,7 +13,9 @@ from pliant.units import strip_unit_suffix
 STEEPEST = 3
 MOST_DESIGNS = 6
 MOST_CAUSES = 4
-MOST_METRICS = 6
+# Metrics that say nothing where they have this value.
+AS_IT_SHOULD = {"converged": 1.0, "outside_domain": 0.0, "unsettled_levels": 0.0}
+MOST_METRICS = 4
 
 
 def lines(result: SearchResult, engine: str) -> list[str]:
@@ -66,9 +68,11 @@ def _design(result: SearchResult, design: FoundDesign) -> list[str]:
     ]
     stated = {name.rpartition(".")[2] for name in design.objectives}
     numbers = [
-        f"{name} {quantity(value, unit_of(name, design.metrics), 3)}"
+        f"{strip_unit_suffix(name)} {quantity(value, unit_of(name, design.metrics), 3)}"
         for name, value in design.metrics.items()
-        if math.isfinite(value) and name not in stated
+        if math.isfinite(value)
+        and not {name, strip_unit_suffix(name)} & stated
+        and AS_IT_SHOULD.get(name) != value
     ]
     return [*found, f"         {', '.join(numbers[:MOST_METRICS])}"] if numbers else found
 
@@ -154,7 +158,8 @@ def _beside(result: SearchResult, verified: Mapping[str, float], predicted: Mapp
         name for name in names if any(_stem(name, unit_of(name, names)) in text for text in result.objectives)
     ]
     parts = []
-    for name in (wanted or list(names))[:MOST_METRICS]:
+    others = [name for name in names if AS_IT_SHOULD.get(name) != verified.get(name, predicted.get(name))]
+    for name in (wanted or others)[:MOST_METRICS]:
         unit = unit_of(name, names)
         told = [quantity(verified[name], unit) + " verified"] if name in verified else []
         told += [quantity(predicted[name], unit) + " predicted"] if name in predicted else []

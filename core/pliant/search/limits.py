@@ -33,12 +33,15 @@ def limits(
         history: every candidate.
         causes: why candidates were refused or failed, and how often.
     """
-    held = [*at_bounds(problem, best, slopes), *at_constraints(problem, best, slopes)]
+    held = [
+        *at_bounds(problem, best, slopes),
+        *at_constraints(problem, best, slopes),
+        *at_metrics(problem, best),
+    ]
     if slopes and not held:
         held = [FREE]
     return (
         *held,
-        *at_metrics(problem, best),
         *run.outside_data(best),
         *run.conditions(problem, best),
         *run.branches(problem, best, history),

@@ -98,10 +98,14 @@ def turned_away(history: SearchHistory, causes: Mapping[str, int]) -> list[str]:
         return []
     most = max(causes, key=lambda cause: causes[cause]) if causes else ""
     why = f", most often because of: {most} ({causes[most]} times)" if most else ""
+    lost = (
+        "A narrower range or a constraint on the variables would leave more of the budget for designs."
+        if failed > 0.0
+        else "Refused candidates cost no budget, but the optimizer learns little from them: a narrower range helps it."
+    )
     return [
         f"{100 * (refused + failed):.0f} % of the candidates gave nothing ({100 * refused:.0f} % refused, "
-        f"{100 * failed:.0f} % failed){why}. A narrower range or a constraint on the variables would leave more of the "
-        "budget for designs."
+        f"{100 * failed:.0f} % failed){why}. {lost}"
     ]
 
 

@@ -9,12 +9,14 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from pliant.config.study import Study
 from pliant.errors import NotReachedError
 from pliant.interfaces.optimizer import Variable
 from pliant.pipeline.crews import Crew, Given, Processes, checked_workers, cpus
 from pliant.pipeline.workbench import Workbench
-from pliant.records.search import FoundDesign, SearchResult
+from pliant.records.search import STATUSES, FoundDesign, SearchResult
 from pliant.search.about_the_best import Judges, about_the_best
 from pliant.search.branch import BUDGET, EXHAUSTED, REFUSED_PER_EVALUATION, UNTIL, Branch
 from pliant.search.found import best_of, counts_of, design_of, front_of, history_of
@@ -256,7 +258,12 @@ def _moved(folder: Path, files: Path) -> tuple[str, ...]:
 
 def nothing_found(result: SearchResult) -> NotReachedError:
     """The error of a search without a feasible candidate: what went wrong most."""
+    history = result.history
+    simulated = (history.status == STATUSES.index("ok")) & ~np.isfinite(history.objectives[:, 0])
     causes = {**result.refused, **result.failed}
+    if simulated.any():
+        causes["a constraint on metrics is broken"] = int(simulated.sum())
+        causes = {cause: count for cause, count in causes.items() if cause not in result.refused}
     most = max(causes, key=lambda cause: causes[cause], default="")
     why = f"; most often: {most} ({causes[most]} of {len(result.history)} candidates)" if most else ""
     return NotReachedError(f"nothing feasible was found in {result.evaluations} evaluations{why}.")
