@@ -24,7 +24,7 @@ def rod_chord(profile: BellowProfile, depth_m: float) -> float:
 
 
 def thread_points(profile: BellowProfile) -> tuple[Array, Array]:
-    """Quadrature of the rod's part inside the cavity, x ∈ [0, l/2]: points (n, 3) from the tube's axis, volumes (n,)."""
+    """Quadrature of the rod's part inside the cavity, x ∈ [0, l/2]: points (n, 3) from its axis, volumes (n,)."""
     x, dx, phi, low, high = _rays(profile)
     node, weight = np.polynomial.legendre.leggauss(ACROSS)
     thick = (high - low)[..., None]
