@@ -81,13 +81,6 @@ def reliability(data: dict[str, Any]) -> Any:
     for row in found["bins"]:
         spread = [[row["share"] - row["low"]], [row["high"] - row["share"]]]
         axis.errorbar(row["stated"], row["share"], yerr=spread, color=BLUE, marker="o", ms=5, capsize=3)
-        axis.annotate(
-            f"{row['n']}",
-            (row["stated"], row["share"]),
-            xytext=(7, -10),
-            textcoords="offset points",
-            fontsize=8,
-        )
     words = "" if found["error"] is None else f"error {found['error']:.3f}, Brier score {found['brier']:.3f}"
     axis.set(
         xlabel="stated probability of the first hypothesis",
@@ -95,7 +88,7 @@ def reliability(data: dict[str, Any]) -> Any:
         xlim=(0, 1.03),
         ylim=(0, 1.03),
     )
-    axis.set_title(f"{found['n']} cases in bins of equal mass; {words}", fontsize=10)
+    axis.set_title(f"{found['n']} cases in bins of equal mass\n{words}", fontsize=10)
     return figure
 
 
