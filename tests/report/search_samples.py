@@ -117,8 +117,9 @@ def design_at(
                 v.choices[int(raw)] if v.choices else (int(raw) if v.type == "integer" else float(raw))
             )
     metrics = {name: float(column[row]) for name, column in history.metrics.items()}
+    settings = {key: values[v.name] for v in variables if v.name in values for key in v.keys}
     return FoundDesign(
-        values, dict(values), objectives or {"rmse": metrics["rmse_m"]}, metrics, {condition: metrics},
+        values, settings, objectives or {"rmse": metrics["rmse_m"]}, metrics, {condition: metrics},
         int(history.branch[row]), int(history.context[row]), row, **extra,
     )  # fmt: skip
 

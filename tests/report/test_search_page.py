@@ -117,6 +117,18 @@ def test_the_price_of_robustness_has_the_right_sign() -> None:
     assert "costs nothing" in text and "does not improve" in text
 
 
+def test_a_design_of_one_condition_shows_what_acts_in_it() -> None:
+    one = samples.contextual(60)
+    design, variable = one.best[0], one.variables[0]
+    read = SearchRead(one, {})
+    assert read.value(design, variable.name) == design.values[variable.name]
+    others = dict.fromkeys(variable.keys, -1.0)
+    elsewhere = replace(design, settings={**design.settings, **others})
+    assert read.value(elsewhere, variable.name) is None
+    assert read.value(replace(elsewhere, context=-1), variable.name) == design.values[variable.name]
+    assert read.value(design, "nothing of the kind") is None
+
+
 def test_the_prices_of_a_maximised_objective_are_as_stated() -> None:
     one = samples.contextual(60)
     spread = {"nominal": np.array([-0.9, -0.2]), "robust": np.array([-0.8, -0.7])}

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from pliant.records.search import FoundDesign, SearchResult, Slope, VariableRecord
-from pliant.search.spoken import quantity, unit_of
+from pliant.search.spoken import acts, quantity, unit_of
 from pliant.units import strip_unit_suffix
 
 STEEPEST = 3
@@ -64,7 +64,7 @@ def _design(result: SearchResult, design: FoundDesign) -> list[str]:
     found += [
         f"         {name:<32} {_value(known.get(name), value)}"
         for name, value in design.values.items()
-        if name not in known or _acts(known[name], design)
+        if name not in known or acts(known[name], design)
     ]
     stated = {name.rpartition(".")[2] for name in design.objectives}
     numbers = [
@@ -75,16 +75,6 @@ def _design(result: SearchResult, design: FoundDesign) -> list[str]:
         and AS_IT_SHOULD.get(name) != value
     ]
     return [*found, f"         {', '.join(numbers[:MOST_METRICS])}"] if numbers else found
-
-
-def _acts(variable: VariableRecord, design: FoundDesign) -> bool:
-    """Whether a variable sets its keys in the one condition of a design: in others, another one may."""
-    if design.context < 0:
-        return True
-    value = design.values[variable.name]
-    own = {strip_unit_suffix(key): held for key, held in design.settings.items()}
-    keys = [strip_unit_suffix(key) for key in variable.keys]
-    return all(key in own and (isinstance(value, str) or own[key] == value) for key in keys)
 
 
 def _value(variable: VariableRecord | None, value: Any) -> str:

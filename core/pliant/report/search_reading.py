@@ -14,6 +14,7 @@ from pliant.records.design import Array
 from pliant.records.search import STATUSES, FoundDesign, SearchResult, VariableRecord
 from pliant.report import units
 from pliant.report.search_axes import Axis, Objective, choice_text, short_labels, shown_unit
+from pliant.search.spoken import acts
 from pliant.units import strip_unit_suffix
 
 OK = STATUSES.index("ok")
@@ -144,6 +145,13 @@ class SearchRead:
         if len(best) == 1:
             return ["best design"]
         return [f"design {number + 1}" for number in range(len(best))]
+
+    def value(self, design: FoundDesign, name: str) -> Any:
+        """A variable's value in a design; None where another one sets its key in the design's condition."""
+        variable = next((v for v in self.result.variables if v.name == name), None)
+        if variable is not None and name in design.values and not acts(variable, design):
+            return None
+        return design.values.get(name)
 
     def condition(self, context: int) -> str:
         """Name of a condition."""

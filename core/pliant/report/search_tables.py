@@ -27,9 +27,9 @@ def design_table(read: SearchRead) -> Table | None:
         return None
     designs, names = [read.result.best[k] for k in best], read.design_names()
     rows: list[Cells] = [
-        [axis.label, *(axis.text(d.values.get(axis.name)) for d in designs), _range(axis)]
+        [axis.label, *(axis.text(read.value(d, axis.name)) for d in designs), _range(axis)]
         for axis in read.axes
-        if any(d.values.get(axis.name) is not None for d in designs)
+        if any(read.value(d, axis.name) is not None for d in designs)
     ]
     for o in read.objectives:
         goal = "to be large" if o.maximised else "to be small"

@@ -6,8 +6,9 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
+from pliant.records.search import FoundDesign, VariableRecord
 from pliant.search.metrics import metric_name
-from pliant.units import UNIT_SUFFIXES
+from pliant.units import UNIT_SUFFIXES, strip_unit_suffix
 
 SHOWN = {
     "m": (1e3, "mm"),
@@ -36,3 +37,13 @@ def unit_of(name: str, metrics: Mapping[str, Any]) -> str:
 def settings(values: Mapping[str, Any], units: Mapping[str, str]) -> str:
     """Variables with their values: ``n1 4, side 90°``."""
     return ", ".join(f"{name} {quantity(value, units.get(name, ''), 4)}" for name, value in values.items())
+
+
+def acts(variable: VariableRecord, design: FoundDesign) -> bool:
+    """Whether a variable sets its keys in the one condition of a design: in others, another one may."""
+    if design.context < 0:
+        return True
+    value = design.values[variable.name]
+    own = {strip_unit_suffix(key): held for key, held in design.settings.items()}
+    keys = [strip_unit_suffix(key) for key in variable.keys]
+    return all(key in own and (isinstance(value, str) or own[key] == value) for key in keys)

@@ -22,7 +22,7 @@ MOST = 8  # designs that get a colour and a mark of their own
 def search_answer(read: SearchRead) -> style.Png | None:
     """Ranges as bars, the best designs as marks on them; None without a design."""
     axes_of = [
-        a for a in read.axes if any(np.isfinite(a.place(d.values.get(a.name))) for d in read.result.best)
+        a for a in read.axes if any(np.isfinite(a.place(read.value(d, a.name))) for d in read.result.best)
     ]
     if not axes_of:
         return None
@@ -69,7 +69,7 @@ def _design(
     own = count <= MOST
     colour = style.SERIES[number % 6] if own else style.SERIES[0]
     shift = 0.36 * (number / (count - 1) - 0.5) if several else 0.0
-    places = [float(axis.share(axis.place(design.values.get(axis.name)))) for axis in axes_of]
+    places = [float(axis.share(axis.place(read.value(design, axis.name)))) for axis in axes_of]
     rows = np.arange(len(axes_of)) + shift
     axes.plot(
         places, rows, ls="", marker=MARKS[number % len(MARKS)] if own else "o",
@@ -81,7 +81,7 @@ def _design(
         return
     for row, axis in enumerate(axes_of):
         axes.annotate(
-            axis.text(design.values.get(axis.name)), (1.09, row), va="center", fontsize=10, weight="bold", color=colour,
+            axis.text(read.value(design, axis.name)), (1.09, row), va="center", fontsize=10, weight="bold", color=colour,
         )  # fmt: skip
 
 
