@@ -80,9 +80,8 @@ def _design(
     if several:
         return
     for row, axis in enumerate(axes_of):
-        axes.annotate(
-            axis.text(read.value(design, axis.name)), (1.09, row), va="center", fontsize=10, weight="bold", color=colour,
-        )  # fmt: skip
+        text = axis.text(read.value(design, axis.name))
+        axes.annotate(text, (1.09, row), va="center", fontsize=10, weight="bold", color=colour)
 
 
 def discrete(axis: Axis, most: int = 24) -> list[float]:
