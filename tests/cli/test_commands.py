@@ -10,6 +10,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from tests.cli.search_study import STUDY as SEARCHED
 
 
 def test_simulate_prints_and_writes_the_contracts_keys(pliant, write, read, stated):
@@ -223,7 +224,9 @@ def test_the_documented_keys_are_in_the_results(pliant, write, read, workplace):
     for verb, cells in re.findall(r"^\| `(\w+)` \| (.*) \|$", page, re.M):
         if verb == "fem":
             continue  # minutes of FEM; tests/endtoend reads its keys
-        study = loop / "finger.yaml" if verb in with_bench else write(BENCH)
+        study = (
+            loop / "finger.yaml" if verb in with_bench else write(SEARCHED if verb == "optimize" else BENCH)
+        )
         study = material / "silicone.yaml" if verb in calibrated else study
         more = (with_bench | drawn | calibrated).get(verb, [])
         cells = cells.partition("; without data")[0]
@@ -232,4 +235,4 @@ def test_the_documented_keys_are_in_the_results(pliant, write, read, workplace):
         for key in re.findall(r"`(\w+)`", re.sub(r"\([^)]*\)", "", cells)):
             assert key in result or (verb, key) == ("run", "fem"), f"{verb}: {key}"
         checked.append(verb)
-    assert checked == ["fit", "simulate", "run", *calibrated, *drawn, *with_bench]
+    assert checked == ["fit", "simulate", "run", "optimize", *calibrated, *drawn, *with_bench]

@@ -130,7 +130,7 @@ def test_the_best_of_the_page_keeps_its_own_constraints():
     assert float(re.search(r"best +n \* l / 1 mm ([\d.]+)", shown)[1]) == pytest.approx(
         best["n"] * best["l"], rel=1e-3
     )
-    assert float(re.search(r"tip_x_m ([\d.]+) mm", shown)[1]) >= 60
+    assert float(re.search(r"tip_x ([\d.]+) mm", shown)[1]) >= 60
 
 
 def test_every_file_of_the_page_is_written(reached, place):

@@ -231,7 +231,10 @@ def test_a_finished_run_reads_the_laws_of_its_segments(tmp_path: Path) -> None:
         ([{"modules": 1, "rigid": {"length": "1 mm"}}], "either 'modules' or 'rigid'"),
         ([{"rotation": 1}], "either 'modules' or 'rigid'"),
         ([{"modules": 1}, {"rigid": {"length": 0}}], "length"),
-        ([{"modules": 1}, {"rigid": {"mass": "1 g"}}], "'chain.segments.1.rigid.length' is missing"),
+        (
+            [{"modules": 1}, {"rigid": {"mass": "1 g"}}],
+            "'chain.segments.1.rigid': a rigid piece needs a 'length' above 0",
+        ),
         ([{"modules": 1}, {"rigid": {"length": "1 mm"}, "rotation": 1}], "nothing of modules"),
         ([{"modules": 1}, {"rigid": {"length": "1 mm"}, "surrogate": stated()}], "nothing of modules"),
         ([{"rigid": {"length": "1 mm"}}], "all its segments are rigid"),

@@ -27,6 +27,11 @@ class FittingBar:
         self._task.advance()
         self._done += 1
 
+    @property
+    def fitted(self) -> bool:
+        """Whether a hypothesis has been fitted."""
+        return self._done > 0
+
     def finish(self) -> None:
         """End the bar."""
         self._task.expect(self._done)
@@ -38,9 +43,12 @@ class FittingBar:
 
 @contextmanager
 def fitting_bar(here: Session, kinds: int) -> Iterator[FittingBar]:
-    """A bar that ends with the block, however it ends."""
+    """A bar that ends with the block; of a diagnosis that fails before its first fit nothing is told."""
     bar = FittingBar(here, kinds)
     try:
         yield bar
-    finally:
-        bar.finish()
+    except BaseException:
+        if bar.fitted:
+            bar.finish()
+        raise
+    bar.finish()
