@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import argparse
+import importlib
 import json
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from benchmarks.studies.page import DOCS
+from benchmarks.studies.page import DOCS, publish, require_main
 
 from pliant.errors import INTERRUPTED, PliantError, UserError
 from pliant.store.store import write_atomically
@@ -119,3 +120,26 @@ def run_command(work: Callable[[], Any]) -> int:
         print("interrupted; finished work is kept, run the same command to go on.", file=sys.stderr)
         return INTERRUPTED
     return 0
+
+
+def conclude(given: Given, result: dict[str, Any], told: Iterable[str], main: str, page: str) -> None:
+    """Print the lines, write the result, and publish it where that is asked for.
+
+    Args:
+        given: what was asked for.
+        result: of the study.
+        told: lines for people.
+        main: the search without which nothing is published.
+        page: module with the TABLES and PICTURES of the study's page.
+
+    Raises:
+        UserError: the main search is missing.
+    """
+    for line in told:
+        print(line)
+    given.write(result)
+    if given.publish:
+        require_main(result, main)
+        drawn = importlib.import_module(page)  # matplotlib takes a second to import
+        for path in publish(given.name, drawn.TABLES, drawn.PICTURES, result, given.docs):
+            print(f"written  {path}")

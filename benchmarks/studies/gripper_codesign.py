@@ -27,12 +27,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from benchmarks.studies.command import Given, arguments, given_of, run_command
+from benchmarks.studies.command import Given, arguments, conclude, given_of, run_command
 from benchmarks.studies.gripper_bars import bars, lines
 from benchmarks.studies.gripper_check import baseline
 from benchmarks.studies.gripper_policy import acting, curve, policy, score, stable_tasks
 from benchmarks.studies.gripper_small import few
-from benchmarks.studies.page import publish, require_main
 from benchmarks.studies.parts import Part, Parts, made_of
 from benchmarks.studies.published import GRIPPER
 from benchmarks.studies.searched import Asked, searched
@@ -76,15 +75,7 @@ def study(given: Given) -> dict[str, Any]:
     runs = {one.name: _search(parts, one, given) for one in asked}
     kept = {name: part for name, part in runs.items() if part is not None}
     result = assembled(kept, _baseline(parts, asked[0], given), _seeds(parts, asked, given), given.stated())
-    for line in lines(result):
-        print(line)
-    given.write(result)
-    if given.publish:
-        require_main(result, MAIN)
-        from benchmarks.studies.gripper_page import PICTURES, TABLES  # matplotlib takes a second to import
-
-        for path in publish(NAME, TABLES, PICTURES, result, given.docs):
-            print(f"written  {path}")
+    conclude(given, result, lines(result), MAIN, "benchmarks.studies.gripper_page")
     return result
 
 

@@ -24,8 +24,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from benchmarks.studies.command import Given, arguments, given_of, run_command
-from benchmarks.studies.page import publish, require_main
+from benchmarks.studies.command import Given, arguments, conclude, given_of, run_command
 from benchmarks.studies.parts import Part, Parts, made_of
 from benchmarks.studies.published import SHAPE
 from benchmarks.studies.searched import Asked, brief, searched
@@ -69,15 +68,7 @@ def study(given: Given) -> dict[str, Any]:
     parts = Parts(given.folder, given.fresh)
     found = {one.name: _part(parts, one, given) for one in (SMALL if given.small else ASKED)}
     result = assembled({name: part for name, part in found.items() if part is not None}, given.stated())
-    for line in lines(result):
-        print(line)
-    given.write(result)
-    if given.publish:
-        require_main(result, MAIN)
-        from benchmarks.studies.shape_page import PICTURES, TABLES  # matplotlib takes a second to import
-
-        for path in publish(NAME, TABLES, PICTURES, result, given.docs):
-            print(f"written  {path}")
+    conclude(given, result, lines(result), MAIN, "benchmarks.studies.shape_page")
     return result
 
 
