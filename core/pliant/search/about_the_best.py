@@ -13,6 +13,7 @@ from pliant.interfaces.optimizer import Value
 from pliant.records.search import FoundDesign, Robustness, SearchResult
 from pliant.search.limits import limits
 from pliant.search.outcome import Evaluates, Task, Told, evaluated
+from pliant.search.problem import SearchProblem
 from pliant.search.sensitivity import slopes
 from pliant.search.team import Team
 
@@ -33,7 +34,7 @@ class Judges:
 
 
 def about_the_best(
-    problem: Any, judges: Judges, result: SearchResult, nominal: SearchResult | None
+    problem: SearchProblem, judges: Judges, result: SearchResult, nominal: SearchResult | None
 ) -> SearchResult:
     """The result with slopes, limits and, of a robust search, what robustness costs.
 
@@ -62,7 +63,7 @@ def _many(team: Team) -> Any:
 
 
 def _robustness(
-    problem: Any, judges: Judges, best: FoundDesign, beside: SearchResult | None
+    problem: SearchProblem, judges: Judges, best: FoundDesign, beside: SearchResult | None
 ) -> Robustness | None:
     """Both best designs, nominal and robust, undisturbed and in the same scenarios."""
     robust = problem.config.robust

@@ -12,13 +12,16 @@ from pliant.config.study import Study
 from pliant.errors import PliantError
 from pliant.pipeline.workbench import Workbench, content
 from pliant.records.search import FoundDesign, SearchResult, Verification
+from pliant.search.direct_fem import solvable
+from pliant.search.problem import SearchProblem
 from pliant.search.stage_keys import components_of, content_of
+from pliant.search.verification import verify
 
 STAGE = "verify"
 
 
 def checked(
-    bench: Workbench, study: Study, problem: Any, result: SearchResult, key: str
+    bench: Workbench, study: Study, problem: SearchProblem, result: SearchResult, key: str
 ) -> Verification | None:
     """The check of the best design, or of the best design of each condition; of a front, of its first.
 
@@ -48,8 +51,6 @@ def converged(result: SearchResult, study: Study, engine: str) -> bool:
         study: that was searched.
         engine: the kind of the study's own engine; what others found does not count.
     """
-    from pliant.search.direct_fem import solvable
-
     check = result.verification
     if check is None:
         return True
@@ -57,11 +58,11 @@ def converged(result: SearchResult, study: Study, engine: str) -> bool:
     return any(np.isfinite(value) for value in found.get(engine, {}).values())
 
 
-def _check(bench: Workbench, study: Study, problem: Any, design: FoundDesign, key: str) -> Verification:
+def _check(
+    bench: Workbench, study: Study, problem: SearchProblem, design: FoundDesign, key: str
+) -> Verification:
 
     def compute(partial: Path) -> Verification:
-        from pliant.search.verification import verify
-
         return verify(bench, problem, design)
 
     made = bench.make(

@@ -12,6 +12,7 @@ from pliant.interfaces.optimizer import Value, Variable
 from pliant.records.search import STATUSES, FoundDesign, SearchHistory
 from pliant.search.causes import counted
 from pliant.search.outcome import OK, REFUSED, Told
+from pliant.search.problem import SearchProblem
 
 NAN = float("nan")
 Row = tuple[int, Told]  # with its branch
@@ -84,7 +85,7 @@ def counts_of(rows: Iterable[Row]) -> tuple[dict[str, int], dict[str, int]]:
     return dict(constraints.most_common()), counted(failed)
 
 
-def design_of(problem: Any, row: Row) -> FoundDesign:
+def design_of(problem: SearchProblem, row: Row) -> FoundDesign:
     """A candidate as a design; `problem` is the `SearchProblem`."""
     branch, told = row
     signs = [-1.0 if maximised else 1.0 for maximised in problem.maximised]
@@ -101,7 +102,7 @@ def design_of(problem: Any, row: Row) -> FoundDesign:
     )
 
 
-def settings_of(problem: Any, values: Mapping[str, Value], context: int) -> dict[str, Any]:
+def settings_of(problem: SearchProblem, values: Mapping[str, Value], context: int) -> dict[str, Any]:
     """Key → value of what the variables set; "key [condition]" where conditions differ in it."""
     conditions = problem.conditions
     numbers = range(max(1, len(conditions))) if context < 0 else (context,)

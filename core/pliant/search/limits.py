@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
 
 from pliant.records.search import FoundDesign, SearchHistory, Slope, VariableRecord
 from pliant.search import limits_of_the_run as run
+from pliant.search.problem import SearchProblem
 from pliant.search.sensitivity import STEP, sides
 from pliant.search.spoken import quantity, unit_of
 
@@ -18,7 +18,7 @@ FREE = "No bound and no constraint holds it: the best design lies inside everyth
 
 
 def limits(
-    problem: Any,
+    problem: SearchProblem,
     best: FoundDesign,
     slopes: Sequence[Slope],
     history: SearchHistory,
@@ -50,7 +50,7 @@ def limits(
     )
 
 
-def at_bounds(problem: Any, best: FoundDesign, slopes: Sequence[Slope]) -> list[str]:
+def at_bounds(problem: SearchProblem, best: FoundDesign, slopes: Sequence[Slope]) -> list[str]:
     """Variables on a bound beyond which the objective would still get better."""
     found = []
     for slope in slopes:
@@ -68,7 +68,7 @@ def at_bounds(problem: Any, best: FoundDesign, slopes: Sequence[Slope]) -> list[
     return found
 
 
-def at_constraints(problem: Any, best: FoundDesign, slopes: Sequence[Slope]) -> list[str]:
+def at_constraints(problem: SearchProblem, best: FoundDesign, slopes: Sequence[Slope]) -> list[str]:
     """Constraints that a step of 1 % of a variable's range breaks, and what they cost."""
     before = {*problem.violated(best.values, best.context), *problem.structural}
     active: dict[str, tuple[float, VariableRecord]] = {}
@@ -86,7 +86,9 @@ def at_constraints(problem: Any, best: FoundDesign, slopes: Sequence[Slope]) -> 
     return [_constraint(problem, best, text, gain, variable) for text, (gain, variable) in active.items()]
 
 
-def _constraint(problem: Any, best: FoundDesign, text: str, gain: float, variable: VariableRecord) -> str:
+def _constraint(
+    problem: SearchProblem, best: FoundDesign, text: str, gain: float, variable: VariableRecord
+) -> str:
     if gain > 0.0:
         amount = _amount(problem, best, variable, gain)
         return f"The constraint '{text}' holds it: across it the objective would improve by {amount}."
@@ -95,7 +97,7 @@ def _constraint(problem: Any, best: FoundDesign, text: str, gain: float, variabl
     return f"The constraint '{text}' is active; what lies across it cannot be told."
 
 
-def at_metrics(problem: Any, best: FoundDesign) -> list[str]:
+def at_metrics(problem: SearchProblem, best: FoundDesign) -> list[str]:
     """Constraints on metrics that a change of 1 % of a metric would break."""
     before = problem.metric_violations(best.values, best.metrics)
     active: dict[str, str] = {}
@@ -131,7 +133,7 @@ def _share(variable: VariableRecord, best: FoundDesign) -> float:
     return (float(best.values[variable.name]) - variable.low) / ((variable.high - variable.low) or 1.0)
 
 
-def _variable(problem: Any, best: FoundDesign, name: str) -> VariableRecord:
+def _variable(problem: SearchProblem, best: FoundDesign, name: str) -> VariableRecord:
     """The variable's record; one that stands for several of a contextual search has no unit."""
     records: dict[str, VariableRecord] = {record.name: record for record in problem.records()}
     if name in records:
@@ -144,7 +146,7 @@ def _step(variable: VariableRecord) -> float:
     return 1.0 if variable.type == "integer" else STEP * (variable.high - variable.low)
 
 
-def _amount(problem: Any, best: FoundDesign, variable: VariableRecord, gain: float) -> str:
+def _amount(problem: SearchProblem, best: FoundDesign, variable: VariableRecord, gain: float) -> str:
     """What a step is worth: ``0.12 mm per 1 % of its range``."""
     unit = unit_of(problem.objective_names[0], best.metrics)
     if variable.type == "integer":

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 
 from pliant.records.design import Array
 from pliant.records.search import STATUSES, FoundDesign, SearchHistory
+from pliant.search.problem import SearchProblem
 from pliant.search.spoken import quantity, settings, unit_of
 
 OUTSIDE = "outside_domain"  # metric: how many joints left the data of their law
@@ -30,7 +30,7 @@ def outside_data(best: FoundDesign) -> list[str]:
     ]
 
 
-def conditions(problem: Any, best: FoundDesign) -> list[str]:
+def conditions(problem: SearchProblem, best: FoundDesign) -> list[str]:
     """The worst condition, and how far it is from the best."""
     if len(best.conditions) < 2:
         return []
@@ -49,7 +49,7 @@ def conditions(problem: Any, best: FoundDesign) -> list[str]:
     ]
 
 
-def branches(problem: Any, best: FoundDesign, history: SearchHistory) -> list[str]:
+def branches(problem: SearchProblem, best: FoundDesign, history: SearchHistory) -> list[str]:
     """By how much the best structure leads."""
     listed = problem.branches()
     if len(listed) < 2:
@@ -66,7 +66,7 @@ def branches(problem: Any, best: FoundDesign, history: SearchHistory) -> list[st
     return [f"The best structure ({first}) leads the next one ({second}) by {margin}.{empty}"]
 
 
-def budget(problem: Any, best: FoundDesign, history: SearchHistory) -> list[str]:
+def budget(problem: SearchProblem, best: FoundDesign, history: SearchHistory) -> list[str]:
     """Whether the best design's search was still getting better when it ended."""
     if problem.reached(best.values, best.metrics):
         return ["The search ended at its goal ('until'), not where nothing better is found."]

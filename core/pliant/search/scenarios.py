@@ -24,6 +24,7 @@ from pliant.errors import UserError
 from pliant.records.design import Array
 from pliant.registry.discovery import Registry
 from pliant.search.keys import KeyPath, StudyKey, study_key
+from pliant.search.problem import SearchProblem
 from pliant.search.quick_laws import LawDraw
 from pliant.search.study_values import number_at, overridden
 from pliant.units import UnitError, parse_quantity
@@ -96,7 +97,7 @@ class Scenario:
         return found
 
 
-def draw_scenarios(problem: Any, registry: Registry, config: RobustConfig) -> tuple[Scenario, ...]:
+def draw_scenarios(problem: SearchProblem, registry: Registry, config: RobustConfig) -> tuple[Scenario, ...]:
     """The scenarios of a robust search; `problem` is its `SearchProblem`.
 
     Raises:

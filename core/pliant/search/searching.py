@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -19,10 +18,13 @@ from pliant.pipeline.workbench import Workbench
 from pliant.records.search import STATUSES, FoundDesign, SearchResult
 from pliant.search.about_the_best import Judges, about_the_best
 from pliant.search.branch import BUDGET, EXHAUSTED, REFUSED_PER_EVALUATION, UNTIL, Branch
+from pliant.search.evaluation import Evaluator
 from pliant.search.found import best_of, counts_of, design_of, front_of, history_of
 from pliant.search.journal import Journal, keep_journals, take_journals
 from pliant.search.loop import Loop
 from pliant.search.outcome import Evaluates, Told, evaluated
+from pliant.search.problem import SearchProblem
+from pliant.search.scenarios import draw_scenarios
 from pliant.search.team import Team
 from pliant.search.workers import Inline, Setup, work
 from pliant.store.fingerprint import code_fingerprint
@@ -51,17 +53,13 @@ class Hands:
         return Setup.of(bench, study, code_fingerprint(MODULES) if self.executor is not None else "")
 
 
-def problem_of(bench: Workbench, study: Study) -> Any:
+def problem_of(bench: Workbench, study: Study) -> SearchProblem:
     """The study's `SearchProblem`; raises `UserError` for mistakes of its `search`."""
-    from pliant.search.problem import SearchProblem
-
     return SearchProblem.of(study, bench.registry)
 
 
-def evaluator_of_study(bench: Workbench, study: Study) -> Any:
+def evaluator_of_study(bench: Workbench, study: Study) -> Evaluator:
     """The evaluator of a study, with the scenarios of a robust search."""
-    from pliant.search.evaluation import Evaluator
-    from pliant.search.scenarios import draw_scenarios
 
     problem = problem_of(bench, study)
     robust = study.need("search", "a search").robust
@@ -84,8 +82,8 @@ class Search:
 
     bench: Workbench
     study: Study
-    problem: Any
-    evaluator: Any
+    problem: SearchProblem
+    evaluator: Evaluator
     hands: Hands
     contextual: bool = False
     nominal: SearchResult | None = None
@@ -96,7 +94,6 @@ class Search:
 
     def judges(self, team: Team) -> Judges:
         """Who looks about the best design: without the scenarios of a robust search."""
-        from pliant.search.evaluation import Evaluator
 
         config = self.study.need("search", "a search")
         plain, setup = self.evaluator, self.setup()

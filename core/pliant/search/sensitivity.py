@@ -12,6 +12,7 @@ from pliant.interfaces.optimizer import Value, Variable
 from pliant.pipeline.progress import Progress, Silent
 from pliant.records.design import Array
 from pliant.records.search import FoundDesign, Slope
+from pliant.search.problem import SearchProblem
 
 STEP = 0.01  # of the range: what a change is stated for
 NEAR = (STEP, 5 * STEP)
@@ -46,7 +47,7 @@ class Probe:
 
 
 def slopes(
-    evaluator: Evaluates, problem: Any, best: FoundDesign, many: Many | None = None
+    evaluator: Evaluates, problem: SearchProblem, best: FoundDesign, many: Many | None = None
 ) -> tuple[Slope, ...]:
     """The objective along each variable of the best design, everything else held.
 
@@ -76,7 +77,7 @@ def slopes(
     return tuple(made)
 
 
-def varied_at(problem: Any, best: FoundDesign) -> tuple[Variable, ...]:
+def varied_at(problem: SearchProblem, best: FoundDesign) -> tuple[Variable, ...]:
     """The variables that act on a design: not those of other conditions than its own."""
     contextual = best.context >= 0
     searched = {one.name: one for one in problem.variables}

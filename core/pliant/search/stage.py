@@ -18,6 +18,10 @@ from pliant.pipeline.workbench import Workbench
 from pliant.records.search import SearchResult
 from pliant.registry.component import Component
 from pliant.search.checking import checked
+from pliant.search.direct_fem import check_verifiable
+from pliant.search.feasibility import require_feasible
+from pliant.search.problem import SearchProblem
+from pliant.search.reach import require_reach
 from pliant.search.searching import MODULES, Hands, Search, evaluator_of_study, problem_of
 from pliant.search.stage_keys import ENDS, components_of, content_of
 from pliant.store.fingerprint import code_fingerprint
@@ -45,8 +49,6 @@ def search_study(
         UserError: the study cannot be searched.
         NotReachedError: the executor broke, or processes cannot be started.
     """
-    from pliant.search.feasibility import require_feasible
-
     if executor is not None and workers is not None:
         raise UserError("a search takes an executor or a number of workers, not both.")
     bench = replace(bench, progress=Once(bench.progress))
@@ -78,11 +80,8 @@ def files_folder(bench: Workbench, artifact: Artifact) -> Path:
     return bench.store.root / FILES / artifact.key
 
 
-def _checked(bench: Workbench, study: Study) -> Any:
+def _checked(bench: Workbench, study: Study) -> SearchProblem:
     """The problem, with everything tried that would fail only after hours."""
-    from pliant.search.direct_fem import check_verifiable
-    from pliant.search.reach import require_reach
-
     study.need("chain", "a search")
     study.need("task", "a search")
     for key in ("optimizer", "physics", "task"):

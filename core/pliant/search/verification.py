@@ -23,6 +23,7 @@ from pliant.search.changes import changed
 from pliant.search.direct_fem import check_verifiable, direct_studies, solvable
 from pliant.search.evaluation import measured, numbers
 from pliant.search.law_check import law_misses
+from pliant.search.problem import SearchProblem
 from pliant.store.store import Artifact
 from pliant.units import strip_unit_suffix
 
@@ -39,7 +40,7 @@ class Case:
     study: Study
 
 
-def verify(bench: Workbench, problem: Any, best: FoundDesign) -> Verification:
+def verify(bench: Workbench, problem: SearchProblem, best: FoundDesign) -> Verification:
     """Check a design in all conditions, or in its own where it was found for one.
 
     What cannot be done (an engine that is not installed or fails, FEM that does not converge) becomes a note.
@@ -81,7 +82,7 @@ def verify(bench: Workbench, problem: Any, best: FoundDesign) -> Verification:
     )
 
 
-def cases_of(bench: Workbench, problem: Any, best: FoundDesign) -> list[Case]:
+def cases_of(bench: Workbench, problem: SearchProblem, best: FoundDesign) -> list[Case]:
     """The design in its conditions, `verify.change` on top.
 
     Raises:
