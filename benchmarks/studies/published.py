@@ -30,8 +30,8 @@ GRIPPER: dict[str, Any] = {
 
 # What is to be reached: m, s, shares, counts.
 SHAPE_BARS = {
-    "roll": {"rmse_m": 1.5e-3, "e_max_m": 3e-3},
-    "base": {"rmse_m": 3.5e-3, "e_max_m": 7e-3},
+    "free": {"rmse_m": 1.5e-3, "e_max_m": 3e-3},
+    "fixed": {"rmse_m": 3.5e-3, "e_max_m": 7e-3},
     "apart_m": 0.5e-3,
     "evaluations_wall_s": 120.0,
     "generations_wall_s": 1200.0,

@@ -8,11 +8,13 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+import numpy as np
 import pytest
 
 from pliant import api
 from pliant.errors import UserError
 from pliant.pipeline.chain_length import chain_length_m
+from pliant.pipeline.study import simulate_study
 from pliant.search.problem import SearchProblem
 from pliant.search.reach import require_reach
 
@@ -37,7 +39,7 @@ def structures() -> set[tuple[int, ...]]:
     return {s for s in splits if 25 <= sum(s) <= 29 and max(s) - min(s) <= 2}
 
 
-@pytest.mark.parametrize("name", ["helix", "fixed_roll", "per_segment_pressure"])
+@pytest.mark.parametrize("name", ["helix", "free_roll", "axis_along_base", "per_segment_pressure"])
 def test_the_structures_are_the_81_of_the_study(name: str) -> None:
     _, problem = problem_of(f"shape_matching/{name}.yaml")
     found = [tuple(branch[f"n{k}"] for k in (1, 2, 3, 4)) for branch in problem.branches()]
@@ -46,7 +48,7 @@ def test_the_structures_are_the_81_of_the_study(name: str) -> None:
 
 
 def test_integers_are_searched_in_one_search_of_as_many_candidates() -> None:
-    _, separate = problem_of("shape_matching/helix.yaml")
+    _, separate = problem_of("shape_matching/free_roll.yaml")
     _, joint = problem_of("shape_matching/integers.yaml")
     assert joint.branches() == ({},)
     assert joint.config.budget == 81 * separate.config.budget
@@ -72,8 +74,24 @@ def test_a_candidate_sets_every_segment() -> None:
     assert [s.modules for s in segments] == [8, 8, 7, 6]
     assert [s.actuation_share for s in segments] == [1.0, 0.5, 1.0, 1.0]
     assert [round(s.rotation_rad, 4) for s in segments] == [0.0, 1.5708, 3.1416, 4.7124]
+    assert study.chain.base.roll_rad == pytest.approx(np.pi)
     assert chain_length_m(opened.bench, study) == pytest.approx(29 * 6e-3)
     opened.bench.build("task", study.task).check_reach(29 * 6e-3)
+
+
+def test_the_target_winds_about_the_vertical_and_bends_first_where_unturned_modules_do() -> None:
+    opened, problem = problem_of("shape_matching/helix.yaml")
+    run = simulate_study(opened.bench, applied(problem, {v.name: v.stated for v in problem.variables}))
+    result = run.engines[0].result
+    assert result is not None and run.chain is not None
+    target = np.asarray(result.metrics["target_points_m"], float)
+    axis = target[:-1, :2].mean(axis=0)
+    assert np.linalg.norm(target[:, :2] - axis, axis=1) == pytest.approx(18e-3, rel=2e-2)
+    assert target[0, 2] - target[-1, 2] == pytest.approx(60e-3, rel=1e-3)
+    # Seen from above: unturned modules bend from the base toward the centre of the circle.
+    toward = np.array([*(axis - target[0, :2]), 0.0]) / 18e-3
+    bends = np.asarray(run.chain.base_rotation, float) @ np.array([0.0, 0.0, -1.0])
+    assert bends @ toward == pytest.approx(1.0, abs=2e-2)
 
 
 @pytest.mark.parametrize("name", ["gripper", "cmaes", "optuna"])
