@@ -280,13 +280,5 @@ def _mean(measured: Sequence[Metrics]) -> dict[str, float]:
 
 def _law_parameters(scenarios: Sequence[Scenario]) -> dict[str, str]:
     """Parameters of a meta-model that scenarios vary → the key as the study writes it."""
-    found = {}
-    for deviation, _ in scenarios[0].deviations if scenarios else ():
-        head, *rest = deviation.path
-        if head == "family":
-            found[str(rest[0])] = deviation.key
-        elif head == "material":
-            found[f"material.{rest[0]}"] = deviation.key
-        elif deviation.path[:2] == ("chain", "segments") and deviation.path[3:4] == ("family",):
-            found[str(rest[-1])] = deviation.key
-    return found
+    deviations = [one for one, _ in scenarios[0].deviations] if scenarios else []
+    return {one.parameter: one.key for one in deviations if one.parameter}

@@ -21,6 +21,7 @@ import numpy as np
 from pliant.config.search import RobustConfig
 from pliant.config.study import Study
 from pliant.errors import UserError
+from pliant.pipeline.meta_model.parameters import MATERIAL
 from pliant.records.design import Array
 from pliant.registry.discovery import Registry
 from pliant.search.keys import KeyPath, StudyKey, study_key
@@ -31,6 +32,7 @@ from pliant.units import UnitError, parse_quantity
 
 # A normal deviation is cut off at so many standard deviations.
 CUT = 3.0
+TINY = float(np.finfo(float).tiny)
 FORMS = "'5 %' (half width, relative), '0.1 mm' (half width) or {sd: 0.03} (normal deviation)"
 
 
@@ -66,6 +68,26 @@ class Deviation:
     def moved(self, value: float, amount: float) -> float:
         """The value, off by an amount."""
         return value * (1.0 + amount) if self.relative else value + amount
+
+    @property
+    def reach(self) -> float:
+        """The largest amount, in the unit of `size`."""
+        return CUT * self.size if self.normal else self.size
+
+    def room(self, box: tuple[float, float]) -> tuple[float, float]:
+        """The positive values that stay within a range, however far they are off."""
+        low, high = box
+        if self.relative:
+            return low / max(1.0 - self.reach, TINY), high / (1.0 + self.reach)
+        return low + self.reach, high - self.reach
+
+    @property
+    def parameter(self) -> str:
+        """The parameter of a meta-model that it moves (`wall_m`, `material.shear_modulus_pa`); "" for other keys."""
+        head, *rest = self.path
+        if head == "family" or (self.path[:2] == ("chain", "segments") and self.path[3:4] == ("family",)):
+            return str(rest[-1])
+        return f"{MATERIAL}{rest[0]}" if head == "material" else ""
 
 
 @dataclass(frozen=True)
@@ -132,7 +154,7 @@ def measure(values: Sequence[float], config: RobustConfig) -> float:
         return float(ordered[0])
     tail = (1.0 - config.level) * len(ordered)
     weights = np.clip(tail - np.arange(len(ordered)), 0.0, 1.0)
-    weights[0] = max(weights[0], np.finfo(float).tiny)
+    weights[0] = max(weights[0], TINY)
     with np.errstate(invalid="ignore"):  # an infinite objective that does not count is 0 · ∞
         return float(np.sum(np.where(weights > 0, weights * ordered, 0.0)) / weights.sum())
 

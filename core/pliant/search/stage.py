@@ -24,6 +24,7 @@ from pliant.search.problem import SearchProblem
 from pliant.search.reach import require_reach
 from pliant.search.searching import MODULES, Hands, Search, evaluator_of_study, problem_of
 from pliant.search.stage_keys import ENDS, components_of, content_of
+from pliant.search.tolerances import tolerance_notes
 from pliant.store.fingerprint import code_fingerprint
 from pliant.store.store import Artifact
 
@@ -54,13 +55,16 @@ def search_study(
     bench = replace(bench, progress=Once(bench.progress))
     study = with_optimizer(bench, study)
     problem = _checked(bench, study)
-    space = require_feasible(problem, study.need("search", "a search").seed)
-    for note in (*problem.start_notes(), space.note()):
+    space = require_feasible(problem, problem.config.seed)
+    # What cannot be varied, or leaves the meta-model's range, shows before the nominal search beside a robust one.
+    robust = problem.config.robust is not None
+    tolerances = tolerance_notes(bench, problem, evaluator_of_study(bench, study).scenarios) if robust else []
+    for note in (*problem.start_notes(), space.note(), *tolerances):
         if note:
             bench.progress.note(note)
     made = _searched(bench, study, Hands(executor, workers))
     result: SearchResult = made.value
-    if study.need("search", "a search").verify is None or not result.best:
+    if problem.config.verify is None or not result.best:
         return made
     verification = checked(bench, study, problem, result, made.key)
     return replace(made, value=replace(result, verification=verification))
