@@ -163,10 +163,27 @@ def test_an_objective_that_is_no_number_is_counted_as_such(tmp_path):
     assert found.metrics == {}
 
 
-def test_a_metric_that_the_task_does_not_have_is_an_error_of_the_study(tmp_path):
-    one, problem = bench.hinge(tmp_path, ANGLE.replace("{maximize: bend_angle}", "reward"))
-    with pytest.raises(UserError, match="reward"):
+@pytest.mark.parametrize(
+    "search",
+    [
+        ANGLE.replace("{maximize: bend_angle}", "reward"),
+        f"{ANGLE}constraints: [reward >= 1]\n",
+        f"{ANGLE}until: reward >= 1\n",
+    ],
+)
+def test_a_metric_that_the_task_does_not_have_is_an_error_of_the_study(tmp_path, search):
+    one, problem = bench.hinge(tmp_path, search)
+    with pytest.raises(UserError, match="'reward'"):
         Evaluator(one.bench, problem).evaluate({"pressure": 8e3})
+
+
+HANG = ("free_bending, pressure: 10 kPa", "helical_hang, loads: [60 g], pressure: 10 kPa")
+
+
+def test_what_every_task_measures_is_a_number_whatever_its_own_lists_are_called(tmp_path):
+    one, problem = bench.hinge(tmp_path, f"{ANGLE}constraints: [converged >= 1]\n", HANG)
+    found = Evaluator(one.bench, problem).evaluate({"pressure": 8e3})
+    assert (found.status, found.metrics["converged"], found.violation) == ("ok", 1.0, 0.0)
 
 
 CONDITIONS = """\

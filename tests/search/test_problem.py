@@ -136,6 +136,7 @@ def test_constraints_of_variables_and_of_metrics_are_apart(problem):
     assert broken[problem.constraints[2].text] == pytest.approx(1.5 / 13.5)
     assert problem.metric_violations(VALUES, {"slip_m": 0.003}) == {"slip <= 2 mm": pytest.approx(1 / 5)}
     assert problem.metric_violations(VALUES, {"slip_m": 0.001}) == {}
+    assert problem.metric_violations(VALUES, {"slip_m": None}) == {"slip <= 2 mm": 1.0}
 
 
 def test_objectives_are_minimised_and_named_with_or_without_their_unit(problem):
@@ -144,16 +145,34 @@ def test_objectives_are_minimised_and_named_with_or_without_their_unit(problem):
     found = problem.objective_values(VALUES, {"z_max_m": 0.05, "rmse": 0.003})
     assert found == (pytest.approx(-0.04), 0.003)
     assert np.isnan(problem.objective_values(VALUES, {"z_max_m": float("nan"), "rmse": 0.003})[0])
-    with pytest.raises(UserError, match=r"did you mean 'rmsee'\? Numbers that the task gives: z_max, rmsee"):
-        problem.objective_values(VALUES, {"z_max_m": 0.05, "rmsee_m": 1.0, "mode": "slip"})
-    with pytest.raises(UserError, match="but not as a number"):
-        problem.objective_values(VALUES, {"z_max_m": 0.05, "rmse": "small"})
+    assert np.isnan(problem.objective_values(VALUES, {"z_max_m": 0.05, "rmse_m": None})[1])
+
+
+def test_names_of_metrics_are_looked_up_in_all_formulas(problem):
+    given = {"z_max_m": 0.05, "rmse_m": 1.0, "e_max_m": None, "slip_m": 0.0, "mode": "slip"}
+    problem.require_metrics(given)
+    for wrong, message in (
+        (
+            {"rmse_m": ..., "rmsee_m": 1.0},
+            r"did you mean 'rmsee'\? Numbers that the task gives: z_max, slip, rmsee",
+        ),
+        ({"rmse_m": "small"}, "'rmse', which the task gives, but not as a number"),
+        (
+            {"slip_m": ...},
+            "'slip <= 2 mm' names 'slip', which is no variable, no key of the study and no metric",
+        ),
+        ({"e_max_m": ...}, "'rmse <= 5 mm and e_max <= 5 mm' names 'e_max'"),
+    ):
+        changed = {name: value for name, value in {**given, **wrong}.items() if value is not ...}
+        with pytest.raises(UserError, match=message):
+            problem.require_metrics(changed)
 
 
 def test_until(problem):
     assert problem.reached(VALUES, {"rmse_m": 0.004, "e_max_m": 0.005})
     assert not problem.reached(VALUES, {"rmse_m": 0.004, "e_max_m": 0.0051})
     assert not problem.reached(VALUES, {"rmse_m": float("nan"), "e_max_m": 0.001})
+    assert not problem.reached(VALUES, {"rmse_m": 0.001})  # e_max was not measured in this run
 
 
 def test_a_start_outside_the_range_is_ignored_and_said(tmp_path):
@@ -193,6 +212,7 @@ def formula(
     [
         (formula(constraint="x + family.waal <= 1"), r"search.constraints.0 .*did you mean 'wall'"),
         (formula(constraint="x + 1"), "needs a comparison"),
+        (formula(objective="famly.wall"), "'famly.wall' is no key of this study: .*did you mean 'family'"),
         (formula(objective="x <= 1"), "needs a number"),
         (formula(objective="sqr(x)"), "no function 'sqr'; did you mean 'sqrt'"),
         (formula(objective="[]"), "'search.objective' is an empty list"),

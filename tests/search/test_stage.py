@@ -163,6 +163,24 @@ def test_several_objectives_name_the_optimizers_that_can(opened):
         api.optimize(opened("search.objective=[tip_x, tip_z]"), workers=1)
 
 
+@pytest.mark.parametrize(
+    "change",
+    ["search.objective=rmse", "search.until=tip_xx <= 1 mm", "search.constraints=[tip_xx <= 1 mm]"],
+)
+def test_a_metric_that_the_task_does_not_measure_is_named_before_anything_is_simulated(opened, change):
+    study = opened(change)
+    with pytest.raises(UserError, match="no metric of its task"):
+        search_study(study.bench, study.study, workers=1)
+    assert not list(study.bench.store.root.rglob("*.jsonl"))
+
+
+def test_another_task_in_a_condition_may_measure_something_else(opened):
+    hang = "search.conditions={hang: {task.kind: helical_hang, task.pressure: 5 kPa}}"
+    changes = ("search.objective=held", "search.budget=1", "search.verify=null")
+    study = opened(hang, *changes, change=(OWN, OWN.partition("\n")[2]))
+    assert api.optimize(study, workers=1).evaluations == 1
+
+
 def test_a_robust_search_says_what_it_costs(opened):
     robust = "search.robust={samples: 4, laws: false, measure: worst, vary: {task.pressure: 20 %}}"
     result = api.optimize(opened(robust, "search.budget=18"), workers=1)

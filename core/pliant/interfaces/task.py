@@ -46,6 +46,13 @@ class Task(ABC):
         """
         return
 
+    def measures(self) -> tuple[str, ...]:
+        """Names of the numbers that `run` may measure, unit in the name; empty where they are not known before.
+
+        A search looks up what its formulas name before anything is simulated.
+        """
+        return ()
+
     @abstractmethod
     def run(self, simulation: Simulation) -> TaskResult:
         """Drive the simulation and measure it. Metrics are SI with the unit in the name."""
@@ -64,6 +71,10 @@ class SceneTask(ABC):
     def check_reach(self, length_m: float) -> None:
         """As that of `Task`."""
         return
+
+    def measures(self) -> tuple[str, ...]:
+        """As that of `Task`."""
+        return ()
 
     @abstractmethod
     def scene(self, chain: ChainModel) -> Scene:

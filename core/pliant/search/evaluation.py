@@ -23,6 +23,7 @@ from pliant.search.scenarios import Scenario, measure
 
 Status = Literal["ok", "refused", "failed", "not_a_number"]
 Metrics = Mapping[str, float]
+OF_EVERY_TASK = ("converged", "outside_domain")
 
 
 @dataclass(frozen=True)
@@ -93,7 +94,7 @@ class Evaluator:
         self.path = QuickPath(bench, problem.study, timed)
         self._setter = StudySetter(problem.study, bench.registry)
         self._timed = timed
-        self.scored = False  # whether any candidate has had objectives
+        self.looked_up = False  # whether the task gives what the formulas name
         self.path.laws.check_varied(_law_parameters(self.scenarios))
 
     def result(self, study: Study) -> TaskResult:
@@ -228,13 +229,10 @@ class _Run:
 
     def _objectives(self, metrics: Mapping[str, Any], said: str) -> tuple[float, ...]:
         at = f"{said}: " if said else ""
-        try:
-            found = tuple(float(one) for one in self.problem.objective_values(self.values, metrics))
-        except UserError as error:
-            if not self.evaluator.scored:  # the search asks for what its task does not measure
-                raise
-            raise _EndedError("not_a_number", at + str(error)) from None
-        self.evaluator.scored = True
+        if not self.evaluator.looked_up:
+            self.problem.require_metrics(metrics)
+        self.evaluator.looked_up = True
+        found = self.problem.objective_values(self.values, metrics)
         for name, value in zip(self.problem.objective_names, found, strict=True):
             if not math.isfinite(value):
                 raise _EndedError("not_a_number", f"{at}the objective '{name}' is {value}.")
@@ -259,9 +257,9 @@ class _Run:
 
 
 def measured(result: TaskResult) -> dict[str, Any]:
-    """What a task measured, and whether it settled and how often a law was used outside its data."""
-    own = {"converged": result.final.converged, "outside_domain": len(result.final.outside_domain)}
-    return {**own, **result.metrics}
+    """What a task measured, and whether it settled and how often a law was used outside its data, of every task."""
+    own = (result.final.converged, len(result.final.outside_domain))
+    return {**result.metrics, **dict(zip(OF_EVERY_TASK, own, strict=True))}
 
 
 def numbers(metrics: Mapping[str, Any]) -> dict[str, float]:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, TypeGuard
 
 import numpy as np
 
@@ -14,15 +14,30 @@ from pliant.units import UNIT_SUFFIXES, strip_unit_suffix
 
 
 def with_metrics(
-    known: Mapping[str, Any],
-    metrics: Mapping[str, Any],
-    expressions: Sequence[Expression],
-    variables: Sequence[str],
+    known: Mapping[str, Any], metrics: Mapping[str, Any], expressions: Sequence[Expression]
 ) -> dict[str, Any]:
     """The values of `known` and those of the metrics that the expressions name; `rmse` means `rmse_m` too.
 
+    What a task did not measure in this run, or not as a number, is NaN; see `require_metrics`.
+
     Args:
         known: variables and keys.
+        metrics: of a task.
+        expressions: in which metrics are named.
+    """
+    found = dict(known)
+    for name, _ in _named(expressions):
+        value = metrics.get(metric_name(name, metrics) or "")
+        found[name] = float(value) if _is_number(value) else math.nan
+    return found
+
+
+def require_metrics(
+    metrics: Mapping[str, Any], expressions: Sequence[Expression], variables: Sequence[str]
+) -> None:
+    """See that expressions name numbers that a task gives; None is one that it did not measure this time.
+
+    Args:
         metrics: of a task.
         expressions: in which metrics are named.
         variables: names that a mistyped one may have meant.
@@ -30,30 +45,25 @@ def with_metrics(
     Raises:
         UserError: a name that is no metric, or a metric that is no number.
     """
-    found = dict(known)
+    for name, text in _named(expressions):
+        full = metric_name(name, metrics)
+        numbers = [strip_unit_suffix(key) for key, value in metrics.items() if _is_number(value)]
+        there = f" Numbers that the task gives: {', '.join(numbers) or 'none'}."
+        if full is None:
+            raise UserError(
+                f"the search's '{text}' names '{name}', which is no variable, no key of the study and no metric of "
+                f"its task{closest(name, [*numbers, *variables])}{there}"
+            )
+        if metrics[full] is not None and not _is_number(metrics[full]):
+            raise UserError(
+                f"the search's '{text}' names '{name}', which the task gives, but not as a number.{there}"
+            )
+
+
+def _named(expressions: Sequence[Expression]) -> Iterator[tuple[str, str]]:
+    """Names of metrics with the text that names them."""
     for expression in expressions:
-        for symbol in expression.names:
-            if symbol.role == "metric" and symbol.name not in found:
-                found[symbol.name] = _number(symbol.name, metrics, expression.text, variables)
-    return found
-
-
-def _number(name: str, metrics: Mapping[str, Any], text: str, variables: Sequence[str]) -> float:
-    full = metric_name(name, metrics)
-    numbers = [strip_unit_suffix(key) for key, value in metrics.items() if _is_number(value)]
-    there = f" Numbers that the task gives: {', '.join(numbers) or 'none'}."
-    if full is None:
-        raise UserError(
-            f"the search's '{text}' names '{name}', which is no variable, no key of the study and no metric of its "
-            f"task{closest(name, [*numbers, *variables])}{there}"
-        )
-    if metrics[full] is None:  # not measured in this run
-        return math.nan
-    if not _is_number(metrics[full]):
-        raise UserError(
-            f"the search's '{text}' names '{name}', which the task gives, but not as a number.{there}"
-        )
-    return float(metrics[full])
+        yield from ((one.name, expression.text) for one in expression.names if one.role == "metric")
 
 
 def metric_name(name: str, metrics: Mapping[str, Any]) -> str | None:
@@ -62,5 +72,5 @@ def metric_name(name: str, metrics: Mapping[str, Any]) -> str | None:
     return next((name + ending for ending in endings if name + ending in metrics), None)
 
 
-def _is_number(value: Any) -> bool:
+def _is_number(value: Any) -> TypeGuard[float]:
     return isinstance(value, int | float | np.number | np.bool_)

@@ -52,7 +52,7 @@ class Names:
         """
         if name in self._variables:
             return _of_variable(self._variables[name])
-        if "." not in name or name.partition(".")[0] not in Study.model_fields:
+        if "." not in name:
             return Symbol(name, "metric")
         key = study_key(self._study, self._registry, name)
         if key.path in self._everywhere:

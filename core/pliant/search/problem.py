@@ -19,7 +19,7 @@ from pliant.registry.files import with_files
 from pliant.search import branches
 from pliant.search.expressions import Expression, parse
 from pliant.search.keys import KeyPath, StudySetter
-from pliant.search.metrics import with_metrics
+from pliant.search.metrics import require_metrics, with_metrics
 from pliant.search.names import Names
 from pliant.search.sharing import SharedVariable, expanded, shared_variables
 from pliant.search.spoken import quantity
@@ -201,24 +201,26 @@ class SearchProblem:
             [c for c in self.constraints if not c.uses("metric") and self._counts(c, condition)], known
         )
 
+    def require_metrics(self, metrics: Mapping[str, Any]) -> None:
+        """Raise `UserError` where objectives, constraints or `until` name what is no number among a task's metrics."""
+        until = [self.until] if self.until is not None else []
+        formulas = [*(one.expression for one in self.objectives), *self.constraints, *until]
+        require_metrics(metrics, formulas, [v.name for v in self.variables])
+
     def metric_violations(self, values: Mapping[str, Value], metrics: Mapping[str, Any]) -> dict[str, float]:
-        """Constraints with metrics that are broken → by how much. Raises `UserError` for a metric that is not there."""
+        """Constraints with metrics that are broken → by how much; one that was not measured does not hold."""
         constraints = [c for c in self.constraints if c.uses("metric")]
         return _broken(constraints, self._with_metrics(values, metrics, constraints))
 
     def objective_values(self, values: Mapping[str, Value], metrics: Mapping[str, Any]) -> tuple[float, ...]:
-        """The objectives as minimised, a maximised one negated; NaN where one is no number.
-
-        Raises:
-            UserError: a name that is no variable, no key, and no number among the metrics.
-        """
+        """The objectives as minimised, a maximised one negated; NaN where one is no number."""
         expressions = [objective.expression for objective in self.objectives]
         known = self._with_metrics(values, metrics, expressions)
         found = [float(expression.value(known)) for expression in expressions]
         return tuple(-v if up else v for v, up in zip(found, self.maximised, strict=True))
 
     def reached(self, values: Mapping[str, Value], metrics: Mapping[str, Any]) -> bool:
-        """Whether `until` holds. Raises `UserError` for a metric that is not there."""
+        """Whether `until` holds; it does not where a metric was not measured."""
         if self.until is None:
             return False
         return float(self.until.amount(self._with_metrics(values, metrics, [self.until]))) == 0.0
@@ -241,8 +243,7 @@ class SearchProblem:
     def _with_metrics(
         self, values: Mapping[str, Value], metrics: Mapping[str, Any], expressions: list[Expression]
     ) -> Mapping[str, Any]:
-        known = self.names.resolved(self.full(values))
-        return with_metrics(known, metrics, expressions, [v.name for v in self.variables])
+        return with_metrics(self.names.resolved(self.full(values)), metrics, expressions)
 
 
 def _record(one: SearchedVariable) -> VariableRecord:

@@ -19,6 +19,7 @@ from pliant.records.search import SearchResult
 from pliant.registry.component import Component
 from pliant.search.checking import checked
 from pliant.search.direct_fem import check_verifiable
+from pliant.search.evaluation import OF_EVERY_TASK
 from pliant.search.feasibility import require_feasible
 from pliant.search.problem import SearchProblem
 from pliant.search.reach import require_reach
@@ -92,11 +93,23 @@ def _checked(bench: Workbench, study: Study) -> SearchProblem:
         if getattr(study, key) is not None:
             bench.build(key, getattr(study, key))
     problem = problem_of(bench, study)
+    _require_measured(bench, problem)
     if len(problem.objective_names) > 1:
         _require_several(bench, study)
     check_verifiable(study, problem.registry)
     require_reach(problem, bench)
     return problem
+
+
+def _require_measured(bench: Workbench, problem: SearchProblem) -> None:
+    """Raise `UserError` where a formula names what the task, as far as it says so, does not measure."""
+    set_by_search = {key for one in problem.variables for key in one.keys}
+    set_by_search |= {key for condition in problem.conditions for key in condition.changes}
+    if ("task", "kind") in set_by_search:
+        return
+    measured = bench.build("task", problem.study.need("task", "a search")).measures()
+    if measured:
+        problem.require_metrics(dict.fromkeys((*measured, *OF_EVERY_TASK), 0.0))
 
 
 def _require_several(bench: Workbench, study: Study) -> None:

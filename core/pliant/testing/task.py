@@ -168,6 +168,16 @@ def metrics_carry_their_unit(subject: Subject) -> None:
             )
 
 
+@suite.check("`measures`, where it names any, names every number that `run` measures.")
+def measures_what_it_says(subject: Subject) -> None:
+    stated = subject.build().measures()
+    if not stated:
+        raise CheckSkipped("the task does not say before what it measures")
+    found = {name for name, value in _result(subject).metrics.items() if isinstance(value, int | float)}
+    missing = sorted(found - set(stated))
+    require(not missing, f"measures() leaves out {', '.join(missing)}: a search would refuse to name it")
+
+
 @suite.check("metrics are finite numbers and can be stored as JSON.")
 def metrics_are_finite(subject: Subject) -> None:
     result = _result(subject)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, replace
+from dataclasses import asdict, fields, replace
 from pathlib import Path
 from typing import Literal
 
@@ -20,13 +20,14 @@ from pliant.records.design import Array
 from pliant.records.rollout import TaskResult
 from pliant.units import Angle, Length
 from pliant_plugins.tasks import curves
-from pliant_plugins.tasks.levels import as_list
+from pliant_plugins.tasks.levels import MEASURED, as_list
 from pliant_plugins.tasks.measures import backbone
 from pliant_plugins.tasks.ramp import DriveConfig, ramp
 
 # A bent centre line is longer than the straight chain where its joints stand beside it: a helical module of 5 mm whose
 # hinge is 3 mm away gains a third at 0.5 rad. Links stretch by 1 or 2 %, translational bellows by more.
 LONGER = 1.5
+OF_DISTANCES = tuple(one.name for one in fields(curves.Distances))
 
 
 class TargetConfig(FrozenModel):
@@ -107,6 +108,9 @@ class FollowShape(Task):
                 f"{1e3 * length_m:.4g} mm: bent it is at most half as long again. Make the target smaller, or allow "
                 "more or longer modules."
             )
+
+    def measures(self) -> tuple[str, ...]:
+        return (*MEASURED, *OF_DISTANCES, "roll_rad", "backbone_length_m", "target_length_m")
 
     def run(self, simulation: Simulation) -> TaskResult:
         chain = simulation.chain

@@ -7,6 +7,7 @@ from typing import Literal
 from pliant.interfaces.physics import Simulation
 from pliant.interfaces.task import Task
 from pliant.records.rollout import TaskResult
+from pliant_plugins.tasks.levels import MEASURED
 from pliant_plugins.tasks.ramp import DriveConfig, ramp
 
 
@@ -23,6 +24,9 @@ class FreeBending(Task):
     """Ramps the actuation from zero and measures the settled chain."""
 
     config: FreeBendingConfig
+
+    def measures(self) -> tuple[str, ...]:
+        return MEASURED
 
     def run(self, simulation: Simulation) -> TaskResult:
         return ramp(simulation, self.config)

@@ -14,7 +14,7 @@ from pliant.records.chain import GRAVITY_M_S2
 from pliant.records.rollout import Inputs, TaskResult
 from pliant.units import Mass
 from pliant_plugins.tasks.curves import DRAWN, resampled
-from pliant_plugins.tasks.levels import Level, as_list, result_of, settle_levels, why_not_held
+from pliant_plugins.tasks.levels import MEASURED, Level, as_list, result_of, settle_levels, why_not_held
 from pliant_plugins.tasks.measures import backbone, ring_positions
 from pliant_plugins.tasks.ramp import DriveConfig, ramp_levels
 
@@ -37,6 +37,9 @@ class HelicalHang(Task):
     """
 
     config: HelicalHangConfig
+
+    def measures(self) -> tuple[str, ...]:
+        return (*MEASURED, "held_kg")
 
     def run(self, simulation: Simulation) -> TaskResult:
         chain, config = simulation.chain, self.config

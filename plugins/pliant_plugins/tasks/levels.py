@@ -11,7 +11,10 @@ from pliant.interfaces.physics import Simulation
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
 from pliant.records.rollout import Equilibrium, Inputs, OutsideDomain, Rollout, TaskResult
-from pliant_plugins.tasks.measures import chain_metrics
+from pliant_plugins.tasks.measures import OF_BENDING, OF_CHAINS, OF_EXTENSION, chain_metrics
+
+# What `result_of` measures, of chains that bend and of chains that extend.
+MEASURED = (*OF_CHAINS, *OF_BENDING, *OF_EXTENSION, "unsettled_levels")
 
 # A joint that is further outside its law's box than this share of the box's width, or turned further than this, is
 # no answer: the law is a continuation there, and would carry any load.

@@ -12,6 +12,10 @@ from pliant.records.chain import ChainModel, Ring
 from pliant.records.design import Array
 from pliant.records.rollout import Equilibrium
 
+OF_CHAINS = ("tip_x_m", "tip_y_m", "tip_z_m", "tip_displacement_m")
+OF_BENDING = ("bend_angle_rad", "max_joint_angle_rad")
+OF_EXTENSION = ("extension_m", "extension_strain")
+
 
 def chain_metrics(chain: ChainModel, final: Equilibrium) -> dict[str, Any]:
     """Tip position, its distance from the straight chain's tip, and bending or extension of the joints.

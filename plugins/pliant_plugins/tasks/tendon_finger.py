@@ -16,7 +16,7 @@ from pliant.records.chain import GRAVITY_M_S2, ChainModel
 from pliant.records.design import Array
 from pliant.records.rollout import Cord, Equilibrium, Inputs, TaskResult
 from pliant.units import Force, Length, Mass
-from pliant_plugins.tasks.levels import Level, as_list, result_of, why_not_held
+from pliant_plugins.tasks.levels import MEASURED, Level, as_list, result_of, why_not_held
 from pliant_plugins.tasks.ramp import driven
 
 # Tendon length of one joint (m) by powers of its angle (rad), as the study gives it in mm.
@@ -59,6 +59,9 @@ class TendonFinger(Task):
     """
 
     config: TendonFingerConfig
+
+    def measures(self) -> tuple[str, ...]:
+        return (*MEASURED, "tendon_force_n", "tendon_travel_m")
 
     def run(self, simulation: Simulation) -> TaskResult:
         pull = _Pull(simulation, self.config)

@@ -11,6 +11,7 @@ from pliant.interfaces.task import Task
 from pliant.records.chain import ChainModel
 from pliant.records.rollout import TaskResult
 from pliant.units import Force, Mass
+from pliant_plugins.tasks.levels import MEASURED
 from pliant_plugins.tasks.ramp import DriveConfig, ramp
 
 
@@ -35,6 +36,9 @@ class TipLoad(Task):
         if self.config.payload_kg is None:
             return chain
         return chain.with_(payload_kg=self.config.payload_kg)
+
+    def measures(self) -> tuple[str, ...]:
+        return MEASURED
 
     def run(self, simulation: Simulation) -> TaskResult:
         return ramp(simulation, self.config, self.config.tip_force_n)

@@ -91,6 +91,14 @@ class Unitless(Measured):
         return replace(result, metrics={"deflection": 12.5})
 
 
+@spoils.by("measures_what_it_says", "leaves out levels")
+class Forgetful(Hold):
+    """Names one of two."""
+
+    def measures(self) -> tuple[str, ...]:
+        return ("tip_x_m",)
+
+
 @spoils.by("metrics_are_finite", "metric 'drop_m' is nan")
 class DividesByZero(Measured):
     """Not a number."""

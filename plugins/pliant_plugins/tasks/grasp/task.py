@@ -39,6 +39,9 @@ class Grasp(SceneTask):
     def scene(self, chain: ChainModel) -> Scene:
         return grasp_scene(chain, self.config, self.target, Draw.none())
 
+    def measures(self) -> tuple[str, ...]:
+        return (*trial_lists(()), "success_share", "reward", "object_mass_kg")
+
     def run(self, chain: ChainModel, engine: SceneEngine) -> TaskResult:
         started = time.perf_counter()
         trials: list[TrialMetrics] = []
