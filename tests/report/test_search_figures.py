@@ -129,6 +129,24 @@ def test_the_same_record_gives_the_same_picture_and_another_best_does_not() -> N
     assert first.tobytes() == again.tobytes() != moved.tobytes()
 
 
+def test_no_star_where_another_variable_sets_the_key_in_that_condition() -> None:
+    one = samples.contextual(60)
+    elsewhere = {**one.best[0].settings, **dict.fromkeys(samples.RADIUS.keys, -1.0)}
+    other = replace(one, best=(replace(one.best[0], settings=elsewhere), *one.best[1:]))
+    first, fewer = search_policy(read(one)), search_policy(read(other))
+    assert first is not None and fewer is not None
+    assert first.tobytes() != fewer.tobytes()
+
+
+def test_only_a_check_by_fem_is_called_one() -> None:
+    one, check = samples.one_branch(40), samples.verification()
+    fem, again = (
+        search_verified(read(replace(one, verification=v))) for v in (check, replace(check, laws=()))
+    )
+    assert fem is not None and again is not None
+    assert fem.tobytes() != again.tobytes()
+
+
 @pytest.mark.parametrize("scene", [False, True])
 def test_designs_are_drawn_side_by_side(scene: bool) -> None:
     designs = [samples.grasped(f"design {k}") if scene else samples.curved(f"design {k}") for k in (1, 2)]

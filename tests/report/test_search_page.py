@@ -21,6 +21,7 @@ from pliant.registry.discovery import discover
 from pliant.report.search_folder import Drawing, is_search
 from pliant.report.search_page import rebuild_search_page, render_search, write_search_page
 from pliant.report.search_reading import SearchRead
+from pliant.report.search_tables import robust_table
 from pliant.report.search_words import answer, late, price, warned
 
 LARGEST = 1_500_000
@@ -131,12 +132,16 @@ def test_a_design_of_one_condition_shows_what_acts_in_it() -> None:
 
 def test_the_prices_of_a_maximised_objective_are_as_stated() -> None:
     one = samples.contextual(60)
-    spread = {"nominal": np.array([-0.9, -0.2]), "robust": np.array([-0.8, -0.7])}
-    found = replace(samples.robustness(one.best[0]), measure="worst", nominal_of_nominal=-0.9, robust_of_nominal=-0.2,
-                    nominal_of_robust=-0.8, robust_of_robust=-0.7, spread=spread)  # fmt: skip
-    text = price(SearchRead(replace(one, robustness=found), {}))
+    spread = {"nominal": np.array([0.9, 0.2]), "robust": np.array([0.8, 0.7])}
+    found = replace(samples.robustness(one.best[0]), measure="worst", nominal_of_nominal=0.9, robust_of_nominal=0.2,
+                    nominal_of_robust=0.8, robust_of_robust=0.7, spread=spread)  # fmt: skip
+    robust = SearchRead(replace(one, robustness=found), {})
+    text = price(robust)
     assert "costs 0.1 of reward" in text and "(0.9 of the nominal design, 0.8 of the robust one)" in text
     assert "improves the worst" in text and "by 0.5 (0.2 against 0.7)" in text
+    table = robust_table(robust)
+    assert table is not None
+    assert [list(row[1:]) for row in table.rows[:2]] == [["0.9", "0.8"], ["0.2", "0.7"]]
 
 
 STUDY = """

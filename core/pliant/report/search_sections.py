@@ -76,7 +76,7 @@ def history_section(read: SearchRead) -> Section:
     searches = len(read.result.branches)
     strip = branch_strip(read)
     if read.shape == "none":  # the picture stands at the head of the page
-        text = "No candidate gave an objective, so there is nothing to learn from it but the causes below."
+        text = "No candidate is feasible, so there is nothing to learn from it but the causes below."
         return Section("How the search went", text=(text,))
     pictures = [_history_picture(read)]
     if strip is not None:

@@ -176,8 +176,8 @@ def robust_table(read: SearchRead) -> Table | None:
         return None
     o = read.objective
 
-    def text(minimised: float) -> str:
-        return units.number(float(o.stated(minimised)), 4)
+    def text(stated: float) -> str:
+        return units.number(stated * o.unit.factor, 4)
 
     rows: list[Cells] = [
         [f"{o.title}, nothing deviates", text(found.nominal_of_nominal), text(found.nominal_of_robust)],
@@ -203,6 +203,7 @@ def cost_table(read: SearchRead) -> Table:
         ["simulations", str(r.simulations)],
         ["refused without simulation", str(sum(r.refused.values()))],
         ["failed", str(sum(r.failed.values()))],
+        ["simulated, but break a constraint on metrics", str(int(read.broken.sum()))],
         ["searches", str(max(len(r.branches), 1))],
         ["wall time, all sessions", units.seconds(r.wall_s)],
         ["why it ended", stopped_words(r)],

@@ -23,9 +23,11 @@ def answer(read: SearchRead) -> str:
     """The best design's objective, predicted and verified; or that there is none."""
     result = read.result
     if not result.best:
+        broken = int(read.broken.sum())
         return (
-            f"No design was found: none of {count(len(result.history), 'candidate')} gave an objective "
-            f"({sum(result.refused.values())} refused, {sum(result.failed.values())} failed)."
+            f"No design was found among {count(len(result.history), 'candidate')}: {sum(result.refused.values())} "
+            f"refused, {sum(result.failed.values())} failed"
+            f"{f', {broken} simulated that break a constraint on metrics' if broken else ''}."
         )
     of = f"of {count(result.evaluations, 'evaluated design')}"
     if read.shape == "contextual":
@@ -79,13 +81,11 @@ def price(read: SearchRead) -> str:
     """What robustness costs without deviations, and what it gains with them."""
     found = read.result.robustness
     assert found is not None
-    a, b, c, d = (
-        read.objective.unit.text(value / read.objective.unit.factor)
-        for value in (float(read.objective.stated(v)) for v in _four(found))
-    )
+    a, b, c, d = (read.objective.text(value) for value in _four(found))
     measure = measure_words(found)
-    cost = found.nominal_of_robust - found.nominal_of_nominal
-    gain = found.robust_of_nominal - found.robust_of_robust
+    worse = -1.0 if read.objective.maximised else 1.0
+    cost = worse * (found.nominal_of_robust - found.nominal_of_nominal)
+    gain = worse * (found.robust_of_nominal - found.robust_of_robust)
     verb = "costs" if cost > 0 else "costs nothing:"
     size = f" {_size(read, cost)} of {read.objective.label} where nothing deviates" if cost > 0 else ""
     change = "improves" if gain > 0 else "does not improve"

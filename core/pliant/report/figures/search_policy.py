@@ -62,7 +62,7 @@ def _panel(axes: Any, read: SearchRead, axis: Axis) -> None:
                 axes.plot([q1, q3], [context] * 2, color=colour, lw=5, solid_capstyle="butt")
                 axes.plot([middle] * 2, [context - 0.2, context + 0.2], color=colour, lw=2)
     for design in read.result.best:
-        at = axis.place(design.values.get(axis.name))
+        at = axis.place(read.value(design, axis.name))
         if np.isfinite(at) and design.context >= 0:
             axes.plot(
                 [at], [design.context], "*", ms=12, color=style.INK, mec="white", zorder=6, clip_on=False

@@ -25,10 +25,11 @@ def search_robust(read: SearchRead) -> style.Png | None:
     found = read.result.robustness
     if found is None or not found.spread:
         return None
+    factor = read.objective.unit.factor
     with style.canvas(1500, 580) as figure:
         left, right = figure.subplots(1, 2)
         for row, (name, values) in enumerate(found.spread.items()):
-            shown = np.sort(read.objective.stated(np.asarray(values, float)[np.isfinite(values)]))
+            shown = factor * np.sort(np.asarray(values, float)[np.isfinite(values)])
             if not len(shown):
                 continue
             colour = LOOKS.get(name, style.SERIES[2])
@@ -42,9 +43,9 @@ def search_robust(read: SearchRead) -> style.Png | None:
                 "robust": (found.nominal_of_robust, found.robust_of_robust),
             }.get(name, (np.nan, np.nan))
             look: dict[str, Any] = {"zorder": 6, "ls": "", "clip_on": False}
-            right.plot(float(read.objective.stated(nominal)), row - 0.3, marker="v", ms=10, color=colour, **look,
+            right.plot(factor * nominal, row - 0.3, marker="v", ms=10, color=colour, **look,
                        label="without any deviation" if row == 0 else None)  # fmt: skip
-            right.plot(float(read.objective.stated(measured)), row + 0.3, marker="^", ms=10, color=style.INK, **look,
+            right.plot(factor * measured, row + 0.3, marker="^", ms=10, color=style.INK, **look,
                        label=measure_words(found) if row == 0 else None)  # fmt: skip
         left.set_ylim(0, 103)
         left.set_ylabel("scenarios up to here (%)")

@@ -49,7 +49,7 @@ def search_verified(read: SearchRead) -> style.Png | None:
                     "D",
                     ms=8,
                     color=style.WARN,
-                    label="verified by direct FEM" if first else None,
+                    label=("verified by direct FEM" if found.laws else "simulated again") if first else None,
                 )
             axes.set_yticks(range(len(engines)), engines)
             axes.set_ylim(len(engines) - 0.5, -0.5)
