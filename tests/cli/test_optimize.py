@@ -222,12 +222,19 @@ def test_an_objective_that_is_no_number_is_counted_and_survived(optimize, read):
     assert result["evaluations"] == BUDGET
 
 
-def test_nothing_feasible_exits_with_3(optimize, read, workplace):
+def test_nothing_feasible_exits_with_3_and_leaves_nothing_of_the_search_before(
+    optimize, workplace, real_page
+):
+    assert optimize("search.budget=6", "search.verify=null").code == 0
     call = optimize("search.constraints=[tip_x >= 1 m]", "search.budget=6")
     assert call.code == 3
     assert "nothing feasible was found in 6 evaluations" in call.err
-    assert json.loads((workplace / "runs/toy/optimize.json").read_text())["best"] is None
+    result = json.loads((workplace / "runs/toy/optimize.json").read_text())
+    assert result["best"] is None
+    assert result["report"] == "runs/toy/search.html"
     assert not (workplace / "runs/toy/best.yaml").exists()
+    page = (workplace / result["report"]).read_text()
+    assert "No design was found among 6 candidates: 0 refused, 0 failed, 6 simulated that break a con" in page
 
 
 def test_the_other_verbs_say_whose_keys_these_are(pliant, path):

@@ -18,7 +18,7 @@ OF_CONDITIONS = 6
 def drawn_designs(
     bench: Workbench, study: Study, problem: SearchProblem, result: SearchResult
 ) -> list[DrawnDesign]:
-    """The best design in each condition, the best of each condition, or the first of a front.
+    """The best design in each condition, the best of each condition, or the first of a front; none of no design.
 
     One that cannot be simulated again is left out, and a note says why.
     """
@@ -40,6 +40,8 @@ def _chosen(problem: SearchProblem, result: SearchResult) -> list[tuple[str, Fou
     """Label, design and the condition in which it is drawn."""
     names = [condition.name for condition in problem.conditions]
     best = result.best
+    if not best:
+        return []
     if best[0].context >= 0:
         return [(names[design.context], design, design.context) for design in best[:OF_CONDITIONS]]
     if len(best) > 1:

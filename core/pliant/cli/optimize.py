@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
 from contextlib import nullcontext
+from dataclasses import dataclass
 from json import dumps
 from pathlib import Path
 from typing import Annotated
@@ -29,7 +29,7 @@ from pliant.search.checking import converged
 from pliant.search.problem import SearchProblem
 from pliant.search.searching import nothing_found, problem_of
 from pliant.search.stage import files_folder, search_study
-from pliant.store.store import write_atomically
+from pliant.store.store import Artifact, write_atomically
 
 UNFIT = r"[^\w.-]"  # in the name of a file
 Workers = Annotated[
@@ -70,45 +70,52 @@ def optimize(
         bench = here.bench(store)
         with nullcontext() if scheduler is None else cluster(scheduler) as executor:
             made = search_study(bench, loaded, executor=executor, workers=workers)
-        result: SearchResult = made.value
-        engine: str = physics_of_study(bench, loaded).kind
-        here.result.update({"study": loaded.name, "out": str(folder), **search_json(result, engine)})
+        here.result["study"], here.result["out"] = loaded.name, str(folder)
         here.result["stages"] = [{"stage": "search", "key": made.key, "cached": made.cached}]
-        write_history(result, folder / HISTORY)
-        exported = copy_exported(result.files, files_folder(bench, made), folder)
-        here.result["files"] = [str(file) for file in exported]
-        problem = problem_of(bench, loaded)
-        if result.best:
-            best = _write_designs(study, folder, loaded, problem, result, overrides or (), installed)
-            here.result["best_study"] = str(best)
-        _write_json(folder, here)
-        if not result.best:
-            raise nothing_found(result)
+        _write(here, bench, made, loaded, folder, _Source(study, tuple(overrides or ()), installed))
+        if not made.value.best:
+            raise nothing_found(made.value)
+
+
+@dataclass(frozen=True)
+class _Source:
+    """The study's file, how it was read, and the plugins that were known before."""
+
+    path: Path
+    overrides: tuple[str, ...]
+    registry: Registry
+
+
+def _write(
+    here: Session, bench: Workbench, made: Artifact, study: Study, folder: Path, source: _Source
+) -> None:
+    """Everything that the folder of a search holds, and the lines for people; an earlier search's files go."""
+    result: SearchResult = made.value
+    problem = problem_of(bench, study)
+    engine: str = physics_of_study(bench, study).kind
+    here.result.update(search_json(result, engine))
+    write_history(result, folder / HISTORY)
+    exported = copy_exported(result.files, files_folder(bench, made), folder)
+    here.result["files"] = [str(file) for file in exported]
+    for old in (folder / BEST, *folder.glob("best-*.yaml")):
+        old.unlink(missing_ok=True)
+    if result.best:
+        _write_designs(source, folder, study, problem, result)
+        here.result["best_study"] = str(folder / BEST)
         for line in lines(result, engine):
             here.say(line)
         here.say(f"study    {folder / BEST}, every candidate in {folder / HISTORY}")
-        _write_page(here, bench, folder, loaded, problem, result)
-        if not converged(result, loaded, engine):
+        if not converged(result, study, engine):
             here.exit_code = NotReachedError.exit_code
-
-
-def _write_json(folder: Path, here: Session) -> None:
+    _write_page(here, bench, folder, study, problem, result)
     write_atomically(folder / JSON, dumps(plain(here.result), indent=1, allow_nan=False))
 
 
 def _write_designs(
-    source: Path,
-    folder: Path,
-    study: Study,
-    problem: SearchProblem,
-    result: SearchResult,
-    overrides: Sequence[str],
-    registry: Registry,
-) -> Path:
+    source: _Source, folder: Path, study: Study, problem: SearchProblem, result: SearchResult
+) -> None:
     """best.yaml, and where there are conditions one study for each of them."""
     named = len(problem.conditions) > 1
-    for old in folder.glob("best-*.yaml"):
-        old.unlink()
     for design, condition in reversed(_each(problem, result)):
         name = problem.conditions[condition].name
         winner = problem.apply(design.values, condition)
@@ -120,8 +127,7 @@ def _write_designs(
         targets = [folder / f"best-{re.sub(UNFIT, '_', name)}.yaml"] if named else []
         targets += [folder / BEST] if condition == 0 or design.context >= 0 else []
         for target in targets:
-            write_best(source, target, winner, keys, said, overrides, registry)
-    return folder / BEST
+            write_best(source.path, target, winner, keys, said, source.overrides, source.registry)
 
 
 def _each(problem: SearchProblem, result: SearchResult) -> list[tuple[FoundDesign, int]]:
