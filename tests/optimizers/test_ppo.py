@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import base64
 import json
+import pickle
 import random
 import subprocess
 import sys
+import zipfile
 
 import numpy as np
 import pytest
@@ -245,6 +248,60 @@ def test_the_saved_policy_gives_the_same_designs(tmp_path):
         policy.design()
     with pytest.raises(UserError, match=r"has no policy.zip"):
         SavedPolicy.of(tmp_path / "elsewhere")
+
+
+class Harm:
+    """Unpickled, it makes a file."""
+
+    def __init__(self, path):
+        self.path = path
+
+    def __reduce__(self):
+        return type(self.path).touch, (self.path,)
+
+
+def spoiled(folder, name, content):
+    """The policy's zip with one of its files replaced."""
+    with zipfile.ZipFile(folder / "policy.zip") as whole:
+        files = {one: whole.read(one) for one in whole.namelist()}
+    assert name in files
+    with zipfile.ZipFile(folder / "policy.zip", "w") as whole:
+        for one, old in files.items():
+            whole.writestr(one, content if one == name else old)
+
+
+def test_a_policy_from_elsewhere_runs_nothing(tmp_path):
+    optimizer = started(net=(16, 8))
+    files = optimizer.export(tmp_path)
+    pickled = pickle.dumps(Harm(tmp_path / "harm"), protocol=2)
+    data = {"policy_class": {":type:": "str", ":serialized:": base64.b64encode(pickled).decode()}}
+    spoiled(tmp_path, "data", json.dumps(data))
+    (light, _) = optimizer.recommend()
+    assert SavedPolicy.of(files[0].parent).design("light") == light.values
+    spoiled(tmp_path, "policy.pth", pickled)
+    with pytest.raises(UserError, match="is damaged"):
+        SavedPolicy.of(tmp_path)
+    assert not (tmp_path / "harm").exists()
+
+
+def test_a_damaged_policy_says_so(tmp_path):
+    started().export(tmp_path)
+    meaning = json.loads((tmp_path / "policy.json").read_text())
+    for wrong in ("{", json.dumps({**meaning, "variables": meaning["variables"][:1]}), "{}"):
+        (tmp_path / "policy.json").write_text(wrong)
+        with pytest.raises(UserError, match=r"the policy in '.*' is damaged \(.+\); run the search again"):
+            SavedPolicy.of(tmp_path)
+
+
+def test_a_violation_that_is_no_number_is_as_bad_as_any():
+    """Neither the state nor the network may get it."""
+    searches = [started(), started()]
+    for optimizer, violation in zip(searches, (float("nan"), 1e9), strict=True):
+        for candidate in optimizer.ask(32):
+            bad = candidate.number % 2
+            optimizer.tell([Outcome(candidate.number, 1.0, violation=violation if bad else 0.0)])
+            json.dumps(optimizer.state(), allow_nan=False)
+    assert searches[0].ask(5) == searches[1].ask(5)
 
 
 def scalars(folder):

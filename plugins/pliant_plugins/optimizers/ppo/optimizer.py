@@ -24,6 +24,8 @@ load_torch("optimizer 'ppo' needs torch")  # before stable-baselines3, which wou
 from pliant_plugins.optimizers.ppo.learner import Learner, Sample  # noqa: E402
 from pliant_plugins.optimizers.ppo.logs import LiveLog, UpdateLog  # noqa: E402
 
+ALL_BROKEN = 1.0  # violation from which on `Rewards` sees no difference
+
 
 class Ppo(Optimizer):
     """See `PpoConfig`.
@@ -86,7 +88,8 @@ class Ppo(Optimizer):
                 raise UserError(f"candidate {outcome.number} is not waiting for an outcome.")
             good = outcome.violation <= 0 and np.isfinite(outcome.objective)
             objective = float(outcome.objective) if good else float("nan")
-            self._told[outcome.number] = objective, float(outcome.violation)
+            violation = float(outcome.violation) if np.isfinite(outcome.violation) else ALL_BROKEN
+            self._told[outcome.number] = objective, violation
         while all(number in self._told for number in self._next_batch):
             self._learn()
 

@@ -2,20 +2,23 @@
 
     from pliant_plugins.optimizers.ppo.policy import SavedPolicy
 
-    policy = SavedPolicy.of("folder of the search/policy")
+    policy = SavedPolicy.of("runs/NAME/optimizer")
     policy.design("egg-5")        # {"family.average_radius": 0.0071, ...}, SI
     policy.design((0.0, 0.4))     # of a condition that has these features
 
-`policy.zip` is stable-baselines3's own format (`PPO.load` reads it) and holds pickles: open only files that you trust.
+`policy.zip` is stable-baselines3's own format. `SavedPolicy` reads its weights alone, as tensors; `PPO.load`, for those who
+go on learning, also runs the pickles in it: only for files that you trust.
 """
 
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from pickle import UnpicklingError
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -24,6 +27,9 @@ from pliant.interfaces.optimizer import Space, Value, Variable
 from pliant_plugins.native import load_torch
 from pliant_plugins.optimizers.ppo.actions import Numbers, values_of
 from pliant_plugins.optimizers.spaces import space_as_json, space_from_json
+
+if TYPE_CHECKING:
+    from stable_baselines3.common.policies import ActorCriticPolicy
 
 ZIP, MEANING = "policy.zip", "policy.json"
 HOW = (
@@ -54,13 +60,13 @@ class SavedPolicy:
     """A policy that a search has left.
 
     Attributes:
-        model: stable-baselines3's PPO.
+        network: stable-baselines3's policy.
         variables: what an action sets.
         contexts: names of the conditions that it was trained in.
         observations: (c, k) what it sees in each.
     """
 
-    model: Any
+    network: ActorCriticPolicy
     variables: tuple[Variable, ...]
     contexts: tuple[str, ...]
     observations: Numbers
@@ -70,7 +76,7 @@ class SavedPolicy:
         """The policy in a folder.
 
         Raises:
-            UserError: a file is missing.
+            UserError: a file is missing or damaged.
             MissingDependencyError: torch is not installed.
         """
         for name in (ZIP, MEANING):
@@ -79,15 +85,16 @@ class SavedPolicy:
                     f"'{folder}' has no {name}; name the folder that a search with 'ppo' has written."
                 )
         load_torch("a saved policy needs torch")
-        from stable_baselines3 import PPO
-
-        meaning = json.loads((Path(folder) / MEANING).read_text(encoding="utf-8"))
-        space = space_from_json({**meaning, "objectives": 1, "start": {}})
+        try:
+            meaning = json.loads((Path(folder) / MEANING).read_text(encoding="utf-8"))
+            space = space_from_json({**meaning, "objectives": 1, "start": {}})
+            observations = np.array(meaning["observations"], np.float32)
+            network = _network(Path(folder) / ZIP, observations.shape[1], len(space.variables))
+        except (ValueError, LookupError, TypeError, RuntimeError, UnpicklingError) as error:
+            cause = str(error).partition("\n")[0] or type(error).__name__
+            raise UserError(f"the policy in '{folder}' is damaged ({cause}); run the search again.") from None
         return SavedPolicy(
-            PPO.load(Path(folder) / ZIP, device="cpu"),
-            space.variables,
-            tuple(context.name for context in space.contexts),
-            np.array(meaning["observations"], np.float32),
+            network, space.variables, tuple(context.name for context in space.contexts), observations
         )
 
     def design(self, condition: str | Sequence[float] | None = None) -> dict[str, Value]:
@@ -100,7 +107,7 @@ class SavedPolicy:
         Raises:
             UserError: an unknown name, or another number of features.
         """
-        action, _ = self.model.predict(self._seen(condition), deterministic=True)
+        action, _ = self.network.predict(self._seen(condition), deterministic=True)
         return values_of(action, self.variables)
 
     def _seen(self, condition: str | Sequence[float] | None) -> Numbers:
@@ -112,5 +119,21 @@ class SavedPolicy:
             raise UserError(f"name a condition: {', '.join(self.contexts)}.")
         seen = self.observations[0] if condition is None else np.asarray(condition, np.float32)
         if seen.shape != self.observations[0].shape:
-            raise UserError(f"{len(seen)} features are given; this policy sees {self.observations.shape[1]}.")
+            raise UserError(f"{seen.size} features are given; this policy sees {self.observations.shape[1]}.")
         return seen
+
+
+def _network(path: Path, observations: int, actions: int) -> ActorCriticPolicy:
+    """The policy in stable-baselines3's file: its weights, and the sizes of its layers read from them."""
+    from stable_baselines3.common.policies import ActorCriticPolicy
+    from stable_baselines3.common.save_util import load_from_zip_file
+
+    from pliant_plugins.optimizers.ppo.episode import episode_spaces
+
+    weights = load_from_zip_file(path, load_data=False, device="cpu")[1]["policy"]
+    hidden = [
+        len(w) for name, w in weights.items() if re.fullmatch(r"mlp_extractor\.policy_net\.\d+\.bias", name)
+    ]
+    network = ActorCriticPolicy(*episode_spaces(observations, actions), lambda _: 0.0, net_arch=hidden)
+    network.load_state_dict(weights)
+    return network
