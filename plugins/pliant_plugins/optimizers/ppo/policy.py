@@ -6,8 +6,8 @@
     policy.design("egg-5")        # {"family.average_radius": 0.0071, ...}, SI
     policy.design((0.0, 0.4))     # of a condition that has these features
 
-`policy.zip` is stable-baselines3's own format. `SavedPolicy` reads its weights alone, as tensors; `PPO.load`, for those who
-go on learning, also runs the pickles in it: only for files that you trust.
+`policy.zip` is stable-baselines3's own format. `SavedPolicy` reads its weights alone, as tensors; `PPO.load`, for
+those who go on learning, also runs the pickles in it: only for files that you trust.
 """
 
 from __future__ import annotations
