@@ -118,6 +118,14 @@ def test_a_state_that_is_ahead_of_the_journal_is_passed_over(tmp_path):
     assert told(searched(tmp_path / "a", budget=24)) == whole
 
 
+def test_a_state_of_batches_that_were_dropped_does_not_come_back(tmp_path):
+    searched(tmp_path / "a", budget=30)  # leaves a state after five whole batches
+    searched(tmp_path / "a", budget=25)  # the fifth is another one now, of one candidate
+    (again,) = searched(tmp_path / "a", budget=25)
+    (fresh,) = searched(tmp_path / "b", budget=25)
+    assert again.optimizer.state() == fresh.optimizer.state()
+
+
 def shifted():
     return Narrowing(shift=1e-9)
 

@@ -1,6 +1,7 @@
 """The loop: what is found depends on the seed alone; constraints, `until`, budgets and failures are kept apart."""
 
-from concurrent.futures import ThreadPoolExecutor
+import time
+from concurrent.futures import Future, ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ from tests.search.toy_search import PLANE, Narrowing, ToyProblem, searched, told
 from pliant.errors import ContractError
 from pliant.interfaces.optimizer import Candidate, Context, Space
 from pliant.pipeline.crews import Given
+from pliant.pipeline.progress import Silent
 from pliant.search.found import best_of, counts_of, front_of, history_of
 from pliant.search.outcome import Told
 from pliant.search.workers import work
@@ -176,6 +178,44 @@ def test_the_bar_tells_totals_and_the_best(tmp_path):
     lowest = min(row.objectives[0] for branch in branches for row in branch.rows if row.feasible)
     assert bar.texts[-1].startswith(f"best {lowest:.4g}")
     assert "refused" in bar.texts[-1]
+
+
+def test_the_time_that_workers_take_to_begin_counts_for_nothing(tmp_path):
+    begun, slow_s = [], 0.4
+
+    class Slow:
+        size = 2
+
+        def submit(self, job):
+            time.sleep(0.0 if job.tasks else slow_s / self.size)
+            future = Future()
+            future.set_result(work(job))
+            return future
+
+        def stop(self, at_once): ...
+
+    class Titles(Silent):
+        def begin(self, title, total, done=0):
+            begun.append((title, time.perf_counter()))
+            return self
+
+    started = time.perf_counter()
+    (branch,) = searched(tmp_path, budget=12, crew=Slow(), progress=Titles())
+    assert [title for title, _ in begun] == ["workers begin", "searching"]
+    assert begun[1][1] - started >= slow_s
+    assert 0.0 < branch.wall_s < time.perf_counter() - started - slow_s
+
+
+def test_the_bar_counts_what_was_refused_in_batches_of_nothing_else(tmp_path):
+    texts = []
+
+    class Texts(Silent):
+        def describe(self, text):
+            texts.append(text)
+
+    (branch,) = searched(tmp_path, budget=4, problem=ToyProblem(most=-2.0), progress=Texts())
+    assert any(all(row.status == "refused" for row in branch.rows[k : k + 6]) for k in range(0, 60, 6))
+    assert texts[-1].endswith(f", {branch.refused} refused")
 
 
 def test_the_front_holds_what_nothing_beats():

@@ -7,6 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from tests.cli.search_study import STUDY
+from tests.search.test_evaluation import Noted
+from tests.search.toy_search import Narrowing
 
 from pliant import api
 from pliant.cli.search_words import lines
@@ -141,6 +143,17 @@ def test_a_recommendation_that_is_better_than_all_that_was_tried_wins(opened):
     assert result.best[0].values["task.pressure"] == 6.16245e3
     assert result.evaluations == 3
     assert result.best[0].objectives["abs(tip_x - 10 mm)"] < best_in(result, -1)
+
+
+def test_an_optimizer_with_nothing_left_is_not_taken_for_one_that_is_refused_all(opened, monkeypatch):
+    notes, ask = [], Narrowing.ask
+    monkeypatch.setattr(Narrowing, "ask", lambda self, count: ask(self, count) if self.asked < 12 else [])
+    study = opened("search.constraints=[task.pressure <= 8 kPa]", "search.verify=null")
+    object.__setattr__(study.bench, "progress", Noted(notes))
+    result = search_study(study.bench, study.study, workers=1).value
+    assert result.refused
+    assert result.stopped == "exhausted"
+    assert notes[-1] == "stopped early: the optimizer proposes nothing more."
 
 
 def test_several_objectives_give_a_front(opened):

@@ -91,6 +91,11 @@ class Branch:
         self._saved = time.monotonic()
 
     @property
+    def gave_up(self) -> bool:
+        """Whether too many candidates were refused for the search to go on."""
+        return self.refused >= REFUSED_PER_EVALUATION * self._budget
+
+    @property
     def budget(self) -> int:
         """Candidates that are simulated at most; known once the optimizer is started."""
         return self._budget
@@ -193,7 +198,7 @@ class Branch:
             self.stopped = UNTIL
         elif self.evaluated >= self._budget:
             self.stopped = BUDGET
-        elif self.refused >= REFUSED_PER_EVALUATION * self._budget:
+        elif self.gave_up:
             self.stopped = EXHAUSTED
 
     def _resume(self, recorded: Sequence[Batch]) -> None:
@@ -207,7 +212,9 @@ class Branch:
         if len(followed) < len(recorded):
             self._journal.keep(len(followed))
         begin, snapshot = 0, self._journal.snapshot()
-        if snapshot is not None and snapshot.batches <= len(followed):
+        if snapshot is not None and snapshot.batches > len(followed):
+            self._journal.forget_snapshot()  # it would fit again once other batches stand in their place
+        elif snapshot is not None:
             self.optimizer = self._make()
             self.optimizer.restore(snapshot.state)
             begin = snapshot.batches

@@ -128,10 +128,14 @@ class Journal:
         with writing_in(self._folder):
             write_atomically(self._state, text)
 
+    def forget_snapshot(self) -> None:
+        """Without it the search is repeated from the first line."""
+        self._state.unlink(missing_ok=True)
+
     def clear(self) -> None:
         """Begin anew."""
         self._lines.unlink(missing_ok=True)
-        self._state.unlink(missing_ok=True)
+        self.forget_snapshot()
 
     def _whole_lines(self) -> Iterator[bytes]:
         if not self._lines.exists():

@@ -13,7 +13,7 @@ from collections.abc import Callable, Sequence
 from pliant.pipeline.progress import Progress
 from pliant.pipeline.progress import Task as Bar
 from pliant.search.branch import Asked, Branch
-from pliant.search.outcome import FAILED, NOT_A_NUMBER, REFUSED, Task, Told
+from pliant.search.outcome import FAILED, NOT_A_NUMBER, Task, Told
 from pliant.search.team import Chunk, Team
 
 CHUNK_S = 0.25  # so long a worker has enough to do not to wait for messages
@@ -43,8 +43,7 @@ class Loop:
     ) -> None:
         self._branches, self._team, self._ended = branches, team, ended
         self._progress, self._title, self._shown = progress, title, shown
-        self._begun = time.perf_counter()
-        self._before_s = 0.0
+        self._begun = self._before_s = 0.0
         self._active: dict[int, Asked] = {}
         self._rows: dict[int, list[Told]] = {}
         self._counts: Counter[str] = Counter()
@@ -61,6 +60,8 @@ class Loop:
     def run(self) -> None:
         """Until no branch is left."""
         waiting = deque(self._branches)
+        self._team.greet(self._progress)  # not counted: a rate is of evaluations
+        self._begun = time.perf_counter()
         try:
             while waiting or self._active:
                 while waiting and len(self._active) < self._side_by_side():
@@ -122,14 +123,13 @@ class Loop:
             self._note(row)
             if row.simulated:
                 self._each_s += 0.1 * (row.wall_s - self._each_s) if self._each_s else row.wall_s
-        for row in batch.refused if len(got) == len(batch.tasks) else ():
-            self._note(row)
         if self._bar is not None:
             self._bar.advance(sum(row.simulated for row in rows))
-            self._bar.describe(self._said())
         if len(got) == len(batch.tasks):
             branch.tell(batch, got, self.wall_s)
             self._next(branch)
+        if self._bar is not None:
+            self._bar.describe(self._said())
 
     def _note(self, row: Told) -> None:
         self._counts[row.status] += 1
@@ -140,6 +140,7 @@ class Loop:
         """Best value and what went wrong, for the bar."""
         failed = self._counts[FAILED] + self._counts[NOT_A_NUMBER]
         parts = [f"best {self._shown(self._best)}" if self._best < float("inf") else "nothing feasible yet"]
-        parts += [f"{self._counts[REFUSED]} refused"] if self._counts[REFUSED] else []
+        refused = sum(branch.refused for branch in self._branches)
+        parts += [f"{refused} refused"] if refused else []
         parts += [f"{failed} failed"] if failed else []
         return ", ".join(parts)

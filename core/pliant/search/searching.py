@@ -230,7 +230,7 @@ class _Run:
         spent = [branch for branch in self.branches if branch.stopped == EXHAUSTED]
         if not spent:
             return
-        cause = next(iter(refused), "")
+        cause = next(iter(refused), "") if any(branch.gave_up for branch in spent) else ""
         of_all = f" in {len(spent)} of {len(self.branches)} searches" if len(self.branches) > 1 else ""
         self.search.bench.progress.note(
             f"stopped early{of_all}: more than {REFUSED_PER_EVALUATION} candidates were refused for each one of the "

@@ -14,6 +14,7 @@ from typing import Any
 
 from pliant.errors import NotReachedError, PliantError, UserError
 from pliant.pipeline.crews import Crew
+from pliant.pipeline.progress import Progress, Silent
 from pliant.search.outcome import Task, Told
 from pliant.search.workers import Job, Setup
 
@@ -57,6 +58,32 @@ class Team:
     def waiting(self) -> int:
         """Chunks that have not come back."""
         return len(self._queue) + len(self._suspects) + len(self._running)
+
+    def greet(self, progress: Progress) -> None:
+        """Wait once until workers begin, which takes seconds; in a script without its guard they never do.
+
+        Raises:
+            NotReachedError: they end before they begin.
+        """
+        if self._greeted or self.crew.size is None or self.crew.size == 1:
+            return
+        bar = progress.begin("workers begin", self.crew.size)
+        try:
+            for left in range(GREETINGS, 0, -1):
+                try:
+                    for answer in [self._submitted(()) for _ in range(self.crew.size)]:
+                        answer.result()
+                        bar.advance()
+                    break
+                except BrokenExecutor:
+                    if left == 1 or not self.crew.renew():
+                        raise NotReachedError(
+                            "worker processes end before they begin; in a script, put the call under "
+                            "\"if __name__ == '__main__':\", or take workers=1."
+                        ) from None
+        finally:
+            bar.finish()
+        self._greeted = True
 
     def submit(self, chunk: Chunk) -> None:
         """Hand in candidates."""
@@ -119,7 +146,7 @@ class Team:
             self._begin(self._queue.popleft())
 
     def _begin(self, chunk: Chunk) -> None:
-        self._greet()
+        self.greet(Silent())
         future = self._submitted(chunk.tasks)
         self._running[future] = chunk
 
@@ -130,20 +157,6 @@ class Team:
             future: Future[Any] = Future()
             future.set_exception(error)
             return future
-
-    def _greet(self) -> None:
-        """See once that workers begin at all: in a script without its guard they do not."""
-        for left in range(0 if self._greeted or self.crew.size in (None, 1) else GREETINGS, 0, -1):
-            try:
-                self._submitted(()).result()
-                break
-            except BrokenExecutor:
-                if left == 1 or not self.crew.renew():
-                    raise NotReachedError(
-                        "worker processes end before they begin; in a script, put the call under "
-                        "\"if __name__ == '__main__':\", or take workers=1."
-                    ) from None
-        self._greeted = True
 
     def _faulty(self, chunk: Chunk, error: BaseException) -> list[tuple[int, tuple[Told, ...]]]:
         """A job that ended in an error: of every candidate's, or of the cluster's."""
