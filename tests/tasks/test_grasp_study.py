@@ -10,6 +10,7 @@ from typer.testing import CliRunner
 
 from pliant.cli.verbs import app
 from pliant.config.loading import load_study
+from pliant.config.study import study_model
 from pliant.errors import UserError
 from pliant.registry.discovery import discover
 
@@ -66,6 +67,14 @@ def test_the_studys_noise_flows_into_the_task(study: Path) -> None:
     noise = read.noisy_task().noise  # type: ignore[attr-defined]
     assert (noise.friction, noise.pressure_pa, noise.placement) == (0.05, 500.0, 0.0)
     assert read.unused() == []
+
+
+def test_a_worker_reads_the_same_noise_from_the_studys_json(study: Path) -> None:
+    study.write_text(STUDY + "noise: {friction: 5 %, pressure: 0.5 kPa}\n")
+    read, registry = load_study(study, discover()), discover()
+    raw = json.loads(json.dumps(read.canonical()))
+    again = study_model(raw, registry).model_validate(raw)
+    assert again.noisy_task() == read.noisy_task()
 
 
 def test_noise_stands_in_one_place(study: Path) -> None:

@@ -125,7 +125,10 @@ class Study(FrozenModel):
         task: TaskConfig = self.need("task", "a simulation")
         if self.noise is None or not self._task_has_noise():
             return task
-        if "noise" in task.model_fields_set:
+        # Canonical JSON, from which workers read a study, states the task's own default too.
+        default = type(task).model_fields["noise"].get_default(call_default_factory=True)
+        stated: Any = task
+        if stated.noise != default:
             raise UserError(f"study '{self.name}' has 'noise' at its top and in its task; give it once.")
         return task.model_copy(update={"noise": self.noise})
 
