@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
@@ -58,10 +59,12 @@ def two_places(candidate: Candidate) -> Outcome:
 
 
 def half_plane(candidate: Candidate) -> Outcome:
-    """A bowl in the corner of the plane where a + b ≤ −1; 78 % of the plane is refused."""
+    """A bowl in the corner of the plane where a + b ≤ −1; the other 78 % are refused, half of them after they were
+    evaluated, as where a metric breaks the constraint: to an objective below all that are allowed.
+    """
     a, b = float(candidate.values["a"]), float(candidate.values["b"])
     if a + b > -1:
-        return Outcome(candidate.number, float("nan"), violation=a + b + 1)
+        return Outcome(candidate.number, -1.0 if candidate.number % 2 else math.nan, violation=a + b + 1)
     return Outcome(candidate.number, (a + 0.7) ** 2 + (b + 1.3) ** 2)
 
 

@@ -77,7 +77,7 @@ class Search(Optimizer):
                 self.keep(candidate, scores)
 
     def scores(self, outcome: Outcome) -> list[float]:
-        return [outcome.objective, *outcome.further]
+        return [math.nan if outcome.violation > 0 else outcome.objective, *outcome.further]
 
     def keep(self, candidate: Candidate, scores: list[float]) -> None:
         """Into the front of its context, if nothing there is as good in every objective."""
@@ -265,6 +265,14 @@ class ZeroForNothing(Search):
 
     def scores(self, outcome: Outcome) -> list[float]:
         return [0.0 if math.isnan(score) else score for score in super().scores(outcome)]
+
+
+@spoils.by("avoids_what_is_refused", "whatever its objective")
+class Unruly(Search):
+    """Goes by the objective of candidates that break a constraint on metrics."""
+
+    def scores(self, outcome: Outcome) -> list[float]:
+        return [outcome.objective, *outcome.further]
 
 
 @spoils.by("finds_a_front", "`further` too")
