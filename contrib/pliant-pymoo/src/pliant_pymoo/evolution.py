@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
 from typing import Any, ClassVar
 
 import numpy as np
@@ -21,15 +20,9 @@ from pymoo.core.termination import NoTermination
 from pymoo.problems.static import StaticProblem
 from scipy.stats import qmc
 
-from pliant.interfaces.optimizer import (
-    Candidate,
-    Optimizer,
-    OptimizerCapabilities,
-    Outcome,
-    Space,
-    Variable,
-)
+from pliant.interfaces.optimizer import Candidate, Optimizer, OptimizerCapabilities, Outcome, Space
 from pliant.records.design import Array
+from pliant_plugins.optimizers.spaces import space_as_json, space_from_json
 from pliant_pymoo import encoding
 from pliant_pymoo.config import DeConfig, Nsga2Config
 
@@ -93,11 +86,7 @@ class Evolution(Optimizer):
     def state(self) -> Mapping[str, Any]:
         """The space, the seed and everything that was told."""
         return {
-            "space": {
-                "variables": [asdict(v) for v in self._space.variables],
-                "objectives": self._space.objectives,
-                "start": dict(self._space.start),
-            },
+            "space": space_as_json(self._space),
             "seed": self._seed,
             "asked": self._count,
             "history": [[[list(o), v] for o, v in generation] for generation in self._history],
@@ -107,9 +96,7 @@ class Evolution(Optimizer):
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """Tell it all again."""
-        space = state["space"]
-        variables = tuple(Variable(**{**v, "choices": tuple(v["choices"])}) for v in space["variables"])
-        self.start(Space(variables, int(space["objectives"]), start=dict(space["start"])), int(state["seed"]))
+        self.start(space_from_json(state["space"]), int(state["seed"]))
         for generation in state["history"]:
             self._learn([(tuple(o), float(v)) for o, v in generation])
         self._count = int(state["asked"])
