@@ -3,6 +3,7 @@
 import csv
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -82,6 +83,12 @@ def test_lines_for_people_say_what_was_found_and_what_it_took(optimize):
     assert "predicted" in call.out
 
 
+def test_an_objective_that_is_a_key_has_its_unit(optimize):
+    call = optimize("search.objective=task.pressure", "search.verify=null", "search.budget=6")
+    assert re.search(r"best     task\.pressure \S+ kPa\n", call.out)
+    assert re.search(r"slope    task\.pressure: 0\.12 kPa for 1 % of its range", call.out)
+
+
 def test_the_page_draws_the_best_design_as_it_was_evaluated(optimize, read, workplace, real_page):
     assert optimize("search.budget=6", "--json", "out.json").code == 0
     assert (workplace / "runs/toy/search.html").is_file()
@@ -155,6 +162,23 @@ def test_workers_and_the_interface_in_python_find_the_same(optimize, read, path)
     assert without_times(read("one.json")) == without_times(read("two.json"))
     result = api.optimize(api.open_study(path, store="c"), workers=1)
     assert result.best[0].values == read("one.json")["best"]["values"]
+
+
+def test_a_dask_cluster_finds_the_same(optimize, read):
+    distributed = pytest.importorskip("distributed")
+    settings = {"n_workers": 1, "threads_per_worker": 1, "dashboard_address": None}
+    with distributed.LocalCluster(**settings) as local:
+        scheduler = ("--scheduler", local.scheduler_address, "--store", "a")
+        call = optimize(*scheduler, "--json", "there.json", workers=None)
+    assert call.code == 0, call.err
+    optimize("--json", "here.json", "--store", "b")
+    assert without_times(read("there.json")) == without_times(read("here.json"))
+
+
+def test_no_cluster_is_one_sentence(optimize):
+    call = optimize("--scheduler", "nowhere.json", workers=None)
+    assert call.code == 2
+    assert "nowhere.json is no scheduler's file" in call.err
 
 
 def test_a_second_call_searches_nothing(optimize, read):

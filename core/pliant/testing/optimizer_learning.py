@@ -61,7 +61,8 @@ def avoids_what_is_refused(subject: Subject) -> None:
             return
     raise Finding(
         f"{share:.0%} of the last {WINDOW} candidates break a constraint that a blind search breaks in "
-        f"{BLIND_SHARE:.0%}: is an outcome with `violation` above 0, whatever its objective, or with NaN, taken for a good one?"
+        f"{BLIND_SHARE:.0%}: is an outcome with `violation` above 0, whatever its objective, or with NaN, taken for a "
+        "good one?"
     )
 
 
