@@ -28,6 +28,14 @@ def test_a_bound_on_which_the_best_lies_by_itself_is_not():
     assert at_bounds(problem, best, sloped(problem, lambda v: 1e-3, best)) == []
 
 
+def test_an_objective_that_is_a_variable_has_its_unit():
+    """By its name or by its key."""
+    for name in ("width", "family.width"):
+        problem, best = Problem((WIDTH,), objective_names=(name,)), found({"width": 4e-3})
+        (sentence,) = at_bounds(problem, best, sloped(problem, lambda v: 1e-2 - v["width"], best))
+        assert "by 0.02 mm per 1 % of the range" in sentence
+
+
 def test_an_integer_on_its_bound():
     problem, best = Problem((COUNT,)), found({"count": 2})
     (sentence,) = at_bounds(problem, best, sloped(problem, lambda v: 1e-3 * v["count"], best))

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from pliant.records.search import FoundDesign, SearchResult, Slope, VariableRecord
-from pliant.search.spoken import acts, quantity, unit_of
+from pliant.search.spoken import acts, quantity, unit_of, unit_of_objective
 from pliant.units import strip_unit_suffix
 
 STEEPEST = 3
@@ -45,7 +45,7 @@ def _causes(word: str, causes: Mapping[str, int]) -> list[str]:
 def best_said(result: SearchResult, design: FoundDesign) -> str:
     """Objectives in words: rmse 1.2 mm."""
     return ", ".join(
-        f"{name} {quantity(value, unit_of(name, design.metrics), 4)}"
+        f"{name} {quantity(value, unit_of_objective(name, result.variables, design.metrics), 4)}"
         for name, value in design.objectives.items()
     )
 
@@ -104,7 +104,7 @@ def _time(wall_s: float) -> str:
 
 
 def _slope(result: SearchResult, slope: Slope) -> str:
-    unit = unit_of(result.objectives[0], result.best[0].metrics if result.best else {})
+    unit = unit_of_objective(result.objectives[0], result.variables, result.best[0].metrics)
     bound = f", at its {slope.at_bound} bound" if slope.at_bound else ""
     return f"{slope.name}: {quantity(slope.change, unit, 2)} for 1 % of its range{bound}"
 
@@ -113,7 +113,7 @@ def _robust(result: SearchResult) -> list[str]:
     found = result.robustness
     if found is None:
         return []
-    unit = unit_of(result.objectives[0], result.best[0].metrics if result.best else {})
+    unit = unit_of_objective(result.objectives[0], result.variables, result.best[0].metrics)
     measure = f"{found.measure} {found.level:g}" if found.measure == "cvar" else found.measure
     return [
         f"robust   {measure} over {found.samples} scenarios {quantity(found.robust_of_robust, unit)} (nominal design "

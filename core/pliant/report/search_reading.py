@@ -14,7 +14,7 @@ from pliant.records.design import Array
 from pliant.records.search import STATUSES, FoundDesign, SearchResult, VariableRecord
 from pliant.report import units
 from pliant.report.search_axes import Axis, Objective, choice_text, short_labels, shown_unit
-from pliant.search.spoken import acts
+from pliant.search.spoken import acts, unit_of_objective
 from pliant.units import strip_unit_suffix
 
 OK = STATUSES.index("ok")
@@ -72,7 +72,8 @@ class SearchRead:
             zip(self.result.objectives, self.result.maximised, strict=True)
         ):
             metric = metrics.get(strip_unit_suffix(name))
-            label, unit = units.of_field(metric) if metric else (name, units.Unit(""))
+            own = shown_unit(unit_of_objective(name, self.result.variables, {}))
+            label, unit = units.of_field(metric) if metric else (name, own)
             label = label.replace("_", " ") if metric else label
             short = label if len(label) <= LONGEST else f"{label[: LONGEST - 1]}…"
             found.append(Objective(name, short, unit, maximised, column))

@@ -10,7 +10,7 @@ from pliant.records.search import FoundDesign, SearchHistory, Slope, VariableRec
 from pliant.search import limits_of_the_run as run
 from pliant.search.problem import SearchProblem
 from pliant.search.sensitivity import STEP, sides
-from pliant.search.spoken import quantity, unit_of
+from pliant.search.spoken import quantity, unit_of, unit_of_objective
 
 NOTHING = 1e-5  # of the objective
 NEARLY = 0.01  # of its scale: a constraint that so small a step breaks is active
@@ -148,7 +148,7 @@ def _step(variable: VariableRecord) -> float:
 
 def _amount(problem: SearchProblem, best: FoundDesign, variable: VariableRecord, gain: float) -> str:
     """What a step is worth: ``0.12 mm per 1 % of its range``."""
-    unit = unit_of(problem.objective_names[0], best.metrics)
+    unit = unit_of_objective(problem.objective_names[0], problem.records(), best.metrics)
     if variable.type == "integer":
         steps = gain / STEP / max(variable.high - variable.low, 1.0)
         return f"{quantity(steps, unit)} for one more step of {variable.name}"

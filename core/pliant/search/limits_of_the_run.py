@@ -9,7 +9,7 @@ import numpy as np
 from pliant.records.design import Array
 from pliant.records.search import STATUSES, FoundDesign, SearchHistory
 from pliant.search.problem import SearchProblem
-from pliant.search.spoken import quantity, settings, unit_of
+from pliant.search.spoken import quantity, settings, unit_of_objective
 
 OUTSIDE = "outside_domain"  # metric: how many joints left the data of their law
 HALF = 0.5
@@ -34,7 +34,7 @@ def conditions(problem: SearchProblem, best: FoundDesign) -> list[str]:
     """The worst condition, and how far it is from the best."""
     if len(best.conditions) < 2:
         return []
-    unit = unit_of(problem.objective_names[0], best.metrics)
+    unit = unit_of_objective(problem.objective_names[0], problem.records(), best.metrics)
     sign = -1.0 if problem.maximised[0] else 1.0
     found = {
         name: problem.objective_values(best.values, metrics)[0] for name, metrics in best.conditions.items()
@@ -62,7 +62,8 @@ def branches(problem: SearchProblem, best: FoundDesign, history: SearchHistory) 
         return [empty.strip()] if empty else []
     units = {record.name: record.unit for record in problem.records()}
     first, second = (settings(listed[k], units) for k in order[:2])
-    margin = quantity(found[order[1]] - found[order[0]], unit_of(problem.objective_names[0], best.metrics))
+    unit = unit_of_objective(problem.objective_names[0], problem.records(), best.metrics)
+    margin = quantity(found[order[1]] - found[order[0]], unit)
     return [f"The best structure ({first}) leads the next one ({second}) by {margin}.{empty}"]
 
 
@@ -81,7 +82,7 @@ def budget(problem: SearchProblem, best: FoundDesign, history: SearchHistory) ->
     late = at > (1.0 - LATE) * count
     if not (np.isnan(before) or fell > STILL * abs(so_far[-1])):
         return []
-    unit = unit_of(problem.objective_names[0], best.metrics)
+    unit = unit_of_objective(problem.objective_names[0], problem.records(), best.metrics)
     much = f"improved by {quantity(fell, unit)} in" if np.isfinite(fell) else "was first found in"
     found = f"; the best is candidate {at} of {count}" if late else ""
     return [f"The objective {much} the last fifth of the candidates{found}: more of them would help."]

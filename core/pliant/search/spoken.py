@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from pliant.records.search import FoundDesign, VariableRecord
@@ -32,6 +32,12 @@ def unit_of(name: str, metrics: Mapping[str, Any]) -> str:
     """The unit of a metric, written with or without its suffix; "" for a pure number or an expression."""
     full = metric_name(name, metrics) or ""
     return next((unit for suffix, unit in UNIT_SUFFIXES.items() if full.endswith(suffix)), "")
+
+
+def unit_of_objective(name: str, variables: Sequence[VariableRecord], metrics: Mapping[str, Any]) -> str:
+    """The unit of an objective that is a metric, a variable or a key that one sets; "" for any other expression."""
+    own = (one.unit for one in variables if name in (one.name, *one.keys))
+    return next(own, None) or unit_of(name, metrics)
 
 
 def settings(values: Mapping[str, Any], units: Mapping[str, str]) -> str:
