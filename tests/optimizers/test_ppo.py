@@ -218,6 +218,14 @@ def test_refused_candidates_count_as_failed():
     assert searches[0].ask(5) == searches[1].ask(5)
 
 
+@pytest.mark.parametrize("objective", [float("inf"), -float("inf"), 1e30, 1e300])
+def test_an_objective_beyond_single_precision_counts_as_failed(objective):
+    searches = [started(), started()]
+    for optimizer, bad in zip(searches, (objective, float("nan")), strict=True):
+        played(optimizer, 64, lambda c, bad=bad: bad if c.number == 3 else mixed_score(c))
+    assert searches[0].ask(5) == searches[1].ask(5)
+
+
 @pytest.mark.parametrize("shape", [(), (3,), (2, 3)])
 def test_packed_arrays_are_exact(shape):
     array = np.random.default_rng(1).normal(size=shape).astype(np.float32)

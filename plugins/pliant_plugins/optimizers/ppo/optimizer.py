@@ -24,6 +24,7 @@ load_torch("optimizer 'ppo' needs torch")  # before stable-baselines3, which wou
 from pliant_plugins.optimizers.ppo.learner import Learner, Sample  # noqa: E402
 from pliant_plugins.optimizers.ppo.logs import LiveLog, UpdateLog  # noqa: E402
 
+LARGEST = 1e15  # objective; the square of a larger one overflows in the network's single precision
 ALL_BROKEN = 1.0  # violation from which on `Rewards` sees no difference
 
 
@@ -86,7 +87,7 @@ class Ppo(Optimizer):
         for outcome in outcomes:
             if outcome.number not in self._waiting or outcome.number in self._told:
                 raise UserError(f"candidate {outcome.number} is not waiting for an outcome.")
-            good = outcome.violation <= 0 and np.isfinite(outcome.objective)
+            good = outcome.violation <= 0 and abs(outcome.objective) <= LARGEST
             objective = float(outcome.objective) if good else float("nan")
             violation = float(outcome.violation) if np.isfinite(outcome.violation) else ALL_BROKEN
             self._told[outcome.number] = objective, violation
