@@ -8,6 +8,13 @@ from collections.abc import Iterable
 INTERRUPTED = 130  # exit code after Ctrl-C
 
 
+def interrupted(error: BaseException | None) -> bool:
+    """Whether Ctrl-C is behind it: compiled code turns a KeyboardInterrupt into a SystemError."""
+    while error is not None and not isinstance(error, KeyboardInterrupt):
+        error = error.__cause__ or error.__context__
+    return error is not None
+
+
 class PliantError(Exception):
     """Base of all errors that Pliant raises on purpose; `exit_code` is what the command line returns."""
 

@@ -91,7 +91,7 @@ def history(objective, branch=None, status=None, context=-1):
     n = len(objective)
     return SearchHistory(
         np.zeros(n) if branch is None else np.asarray(branch),
-        np.full(n, context),
+        np.full(n, context) if np.ndim(context) == 0 else context,
         {"width": np.full(n, 3e-3)},
         np.zeros(n) if status is None else np.asarray(status),
         objective[:, None],

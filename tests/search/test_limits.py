@@ -68,6 +68,16 @@ def test_a_constraint_on_a_metric():
     assert "is broken" in at_metrics(problem, found({"width": 3e-3}, 2e-3))[0]
 
 
+def test_a_constraint_on_a_metric_is_active_in_the_condition_that_it_holds():
+    problem = Problem((WIDTH,), metric_rules={"rmse <= 1 mm": lambda m: m["rmse_m"] - 1e-3})
+    each = {"egg": {"rmse_m": 0.2e-3}, "tube": {"rmse_m": 0.995e-3}}  # their mean is far from it
+    (sentence,) = at_metrics(problem, found({"width": 3e-3}, 0.6e-3, each))
+    assert (
+        sentence
+        == "The constraint 'rmse <= 1 mm' is active: 1 % of 0.995 mm in tube more or less would break it."
+    )
+
+
 def test_inside_everything_nothing_holds_it():
     problem, best = Problem((WIDTH,)), found({"width": 3e-3})
     about = sloped(problem, lambda v: 1e-3 + (v["width"] - 3e-3) ** 2, best)
@@ -114,6 +124,13 @@ def test_the_lead_of_the_best_structure():
     assert "(n1 5) leads the next one (n1 4) by 1 mm" in sentence
     assert "1 of 3 structures gave no design" in sentence
     assert branches(Problem((WIDTH,)), found({"width": 3e-3}), told) == []
+
+
+def test_the_lead_counts_recommendations_and_the_designs_own_condition():
+    problem = Problem((WIDTH,), structures=({"n1": 4}, {"n1": 5}))
+    told = history([3e-3, 2e-3, 0.1e-3], branch=[0, 1, 1], context=np.array([0, 0, 1]))
+    (sentence,) = branches(problem, found({"width": 3e-3}, branch=0, context=0), told)
+    assert "(n1 4) leads the next one (n1 5) by 1 mm" in sentence
 
 
 def test_the_hardest_condition_is_the_lowest_of_what_is_maximised():

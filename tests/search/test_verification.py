@@ -12,6 +12,7 @@ from tests.search.found_stand_ins import found
 from pliant import api
 from pliant.config.search import VerifyConfig
 from pliant.errors import UserError
+from pliant.search import verification
 from pliant.search.changes import changed
 from pliant.search.direct_fem import check_verifiable, default_fem, direct_studies, solvable
 from pliant.search.law_check import law_misses
@@ -130,6 +131,19 @@ def test_an_engine_that_cannot_is_a_note_and_the_others_answer(tmp_path):
     check = verify(dataclasses.replace(bench, registry=registry), problem, found({"family.radius": 4.7e-3}))
     assert list(check.verified) == ["quasistatic"]
     assert any(note.startswith("mujoco") and "no_such_package" in note for note in check.notes)
+
+
+def test_an_engine_that_breaks_inside_compiled_code_is_a_note_and_ctrl_c_there_is_not(tmp_path, monkeypatch):
+    def breaks(bench, study, engine):
+        raise SystemError("returned NULL") from cause
+
+    monkeypatch.setattr(verification, "_run", breaks)
+    opened, cause = springs(tmp_path, verify_block="{fem: false}"), None
+    check = verify(opened.bench, Problem(opened), found({"family.radius": 4.7e-3}))
+    assert check.notes[0] == "quasistatic, with the laws of the search: SystemError: returned NULL"
+    cause = KeyboardInterrupt()
+    with pytest.raises(KeyboardInterrupt):
+        verify(opened.bench, Problem(opened), found({"family.radius": 4.7e-3}))
 
 
 def test_the_search_block_may_leave_fem_out(tmp_path):

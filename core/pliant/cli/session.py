@@ -21,7 +21,7 @@ from pliant import __version__
 from pliant.cli.bars import TerminalProgress
 from pliant.config.loading import load_study
 from pliant.config.study import Study
-from pliant.errors import INTERRUPTED, PliantError, UserError
+from pliant.errors import INTERRUPTED, PliantError, UserError, interrupted
 from pliant.pipeline.workbench import Workbench
 from pliant.registry.discovery import Registry, discover
 from pliant.registry.files import blamed, with_files
@@ -97,7 +97,7 @@ def session(command: str, json_target: str | None, quiet: bool) -> Iterator[Sess
     except KeyboardInterrupt:
         _stop(here)
     except Exception as error:
-        if _interrupted(error):
+        if interrupted(error):
             _stop(here)
         sentence = blamed(error)  # effects from a file of the user's own may fail in any way
         if sentence is None:
@@ -111,13 +111,6 @@ def session(command: str, json_target: str | None, quiet: bool) -> Iterator[Sess
 def _stop(here: Session) -> NoReturn:
     here.err.print("interrupted; finished work is kept, run the same command to go on.")
     raise typer.Exit(INTERRUPTED) from None
-
-
-def _interrupted(error: BaseException | None) -> bool:
-    """Whether Ctrl-C is behind it: compiled code turns a KeyboardInterrupt into a SystemError."""
-    while error is not None and not isinstance(error, KeyboardInterrupt):
-        error = error.__cause__ or error.__context__
-    return error is not None
 
 
 def _check_json_target(target: str) -> None:

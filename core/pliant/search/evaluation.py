@@ -11,12 +11,17 @@ from typing import Any, Literal
 import numpy as np
 
 from pliant.config.study import Study
-from pliant.errors import InvalidDesignError, MissingDependencyError, NotReachedError, UserError
+from pliant.errors import (
+    InvalidDesignError,
+    MissingDependencyError,
+    NotReachedError,
+    UserError,
+    interrupted,
+)
 from pliant.interfaces.optimizer import Value
 from pliant.pipeline.workbench import Workbench
 from pliant.records.rollout import TaskResult
 from pliant.search.keys import StudySetter
-from pliant.search.outcome import interrupted
 from pliant.search.problem import SearchProblem
 from pliant.search.quick_path import QuickPath, Timer, untimed
 from pliant.search.scenarios import Scenario, measure

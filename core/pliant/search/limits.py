@@ -98,22 +98,25 @@ def _constraint(
 
 
 def at_metrics(problem: SearchProblem, best: FoundDesign) -> list[str]:
-    """Constraints on metrics that a change of 1 % of a metric would break."""
-    before = problem.metric_violations(best.values, best.metrics)
+    """Constraints on metrics that a change of 1 % of a metric would break, in the first condition that it would."""
+    broken: dict[str, float] = {}
     active: dict[str, str] = {}
-    for name, value in best.metrics.items():
-        for factor in (1.0 - NEARLY, 1.0 + NEARLY):
-            for text in problem.metric_violations(best.values, {**best.metrics, name: factor * value}):
-                if text not in before:
-                    active.setdefault(text, name)
-    sentences = [
-        f"The constraint '{text}' is active: 1 % of {quantity(best.metrics[name], unit_of(name, best.metrics))} "
-        "more or less would break it."
-        for text, name in active.items()
-    ]
+    for condition, metrics in best.conditions.items():
+        before = problem.metric_violations(best.values, metrics)
+        broken.update({text: max(amount, broken.get(text, 0.0)) for text, amount in before.items()})
+        where = f" in {condition}" if len(best.conditions) > 1 else ""
+        for name, value in metrics.items():
+            said = f"{quantity(value, unit_of(name, metrics))}{where}"
+            for factor in (1.0 - NEARLY, 1.0 + NEARLY):
+                for text in problem.metric_violations(best.values, {**metrics, name: factor * value}):
+                    active.setdefault(text, said)
     return [
-        *(f"The constraint '{text}' is broken, by {amount:.3g}." for text, amount in before.items()),
-        *sentences,
+        *(f"The constraint '{text}' is broken, by {amount:.3g}." for text, amount in broken.items()),
+        *(
+            f"The constraint '{text}' is active: 1 % of {said} more or less would break it."
+            for text, said in active.items()
+            if text not in broken
+        ),
     ]
 
 

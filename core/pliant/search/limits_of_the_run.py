@@ -54,7 +54,10 @@ def branches(problem: SearchProblem, best: FoundDesign, history: SearchHistory) 
     listed = problem.branches()
     if len(listed) < 2:
         return []
-    found = {k: _lowest(history.objectives[history.branch == k, 0]) for k in range(len(listed))}
+    own = history.context == best.context
+    found = {k: _lowest(history.objectives[own & (history.branch == k), 0]) for k in range(len(listed))}
+    score = best.objectives[problem.objective_names[0]] * (-1.0 if problem.maximised[0] else 1.0)
+    found[best.branch] = score  # a recommendation is no row of the history
     order = sorted((k for k in found if np.isfinite(found[k])), key=lambda k: found[k])
     without = len(listed) - len(order)
     empty = f" {without} of {len(listed)} structures gave no design at all." if without else ""

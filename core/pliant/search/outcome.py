@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
-from pliant.errors import PliantError
+from pliant.errors import PliantError, interrupted
 from pliant.interfaces.optimizer import Candidate, Outcome, Value
 
 OK, REFUSED, FAILED, NOT_A_NUMBER = "ok", "refused", "failed", "not_a_number"
@@ -150,13 +150,6 @@ def evaluated(evaluator: Evaluates, task: Task) -> Told:
         int(found.simulations),
         float(found.wall_s),
     )
-
-
-def interrupted(error: BaseException | None) -> bool:
-    """Whether Ctrl-C is behind it: compiled code turns a KeyboardInterrupt into a SystemError."""
-    while error is not None and not isinstance(error, KeyboardInterrupt):
-        error = error.__cause__ or error.__context__
-    return error is not None
 
 
 def _numbers(metrics: Mapping[str, Any]) -> dict[str, float]:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from pliant.config.study import Study
-from pliant.errors import PliantError
+from pliant.errors import PliantError, interrupted
 from pliant.interfaces.family import FamilyConfig
 from pliant.interfaces.physics import PhysicsConfig
 from pliant.pipeline.meta_model.parameters import parameters_of, spoken
@@ -20,14 +20,12 @@ from pliant.pipeline.workbench import Workbench
 from pliant.records.rollout import TaskResult
 from pliant.records.search import FoundDesign, Verification
 from pliant.search.changes import changed
-from pliant.search.direct_fem import check_verifiable, direct_studies, solvable
+from pliant.search.direct_fem import direct_studies, solvable
 from pliant.search.evaluation import measured, numbers
 from pliant.search.law_check import law_misses
 from pliant.search.problem import SearchProblem
 from pliant.store.store import Artifact
 from pliant.units import strip_unit_suffix
-
-__all__ = ["check_verifiable", "verify"]
 
 Numbers = Mapping[str, float]
 
@@ -116,9 +114,9 @@ def _simulated(
                 bar.describe(place)
                 try:
                     result = _run(bench, case.study, engine)
-                except SystemError:  # Ctrl-C in compiled code
-                    raise
                 except Exception as error:  # one engine's failure is no reason to lose the others' answers
+                    if interrupted(error):
+                        raise KeyboardInterrupt from None
                     name = "" if isinstance(error, PliantError) else f"{type(error).__name__}: "
                     notes.append(f"{place}: {name}{error}")
                 else:
