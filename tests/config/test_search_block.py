@@ -116,8 +116,11 @@ def test_overrides_reach_into_the_block(tmp_path):
             "search.conditions.rod.task.extra_weights=4",
             "search.budget=7",
             "search.verify.change.task.trials=9",
+            "search.robust.vary.chain.base.roll={sd: 1 deg}",
+            "search.robust.vary.task.friction=5 %",
         ],
     )
+    assert study.search.robust.vary == {"chain.base.roll": {"sd": "1 deg"}, "task.friction": "5 %"}
     assert study.search.variables["family.wall"].high == "1.8 mm"
     assert study.search.variables["family.wall"].low == "1 mm"
     assert study.search.conditions["rod"] == {"task.extra_weights": 4}

@@ -63,18 +63,34 @@ class ObjectiveConfig(FrozenModel):
         return self.minimize or self.maximize or ""
 
 
-def _joined_keys(changes: Any) -> Any:
+def _joined(raw: Mapping[Any, Any], done: Callable[[Any], bool], above: str = "") -> dict[str, Any]:
+    """Nested blocks as dotted names, down to where a value is `done`; the same name twice is merged."""
+    flat: dict[str, Any] = {}
+    for name, value in raw.items():
+        inner = {f"{above}{name}": value} if done(value) else _joined(value, done, f"{above}{name}.")
+        for key, item in inner.items():
+            both = isinstance(item, Mapping) and isinstance(flat.get(key), Mapping)
+            flat[key] = {**flat[key], **item} if both else item
+    return flat
+
+
+def _joined_keys(changes: Any, done: Callable[[Any], bool] = lambda value: True) -> Any:
     """`{task: {trials: 10}}`, as overrides write it, is `{task.trials: 10}`; what has dots in its key stays."""
     if not isinstance(changes, Mapping):
         return changes
     flat: dict[str, Any] = {}
     for name, value in changes.items():
         whole = isinstance(value, Mapping) and "." not in str(name)
-        flat.update({f"{name}.{key}": item for key, item in value.items()} if whole else {name: value})
+        flat.update(_joined(value, done, f"{name}.") if whole else {name: value})
     return flat
 
 
+def _is_width(value: Any) -> bool:
+    return not isinstance(value, Mapping) or "sd" in value
+
+
 Changes = Annotated[dict[str, Any], BeforeValidator(_joined_keys)]
+Widths = Annotated[dict[str, Any], BeforeValidator(lambda raw: _joined_keys(raw, _is_width))]
 
 
 class RobustConfig(FrozenModel):
@@ -92,7 +108,7 @@ class RobustConfig(FrozenModel):
         default=0.8, ge=0, lt=1, description="of cvar: the mean of the worst 1 − level of the scenarios"
     )
     laws: bool = Field(default=True, description="whether laws are drawn from their error bars")
-    vary: Changes = Field(default_factory=dict, description="keys of the study and how far they are off")
+    vary: Widths = Field(default_factory=dict, description="keys of the study and how far they are off")
     seed: int = Field(default=0, ge=0, description="of the scenarios")
     compare: bool = Field(
         default=True, description="whether a nominal search of the same budget shows what robustness costs"
@@ -113,17 +129,6 @@ class VerifyConfig(FrozenModel):
 def _is_variable(value: Any) -> bool:
     fields = set(SearchVariableConfig.model_fields)
     return not isinstance(value, Mapping) or not value or bool(fields & set(value))
-
-
-def _joined(raw: Mapping[Any, Any], done: Callable[[Any], bool], above: str = "") -> dict[str, Any]:
-    """Nested blocks as dotted names, down to where a value is `done`; the same name twice is merged."""
-    flat: dict[str, Any] = {}
-    for name, value in raw.items():
-        inner = {f"{above}{name}": value} if done(value) else _joined(value, done, f"{above}{name}.")
-        for key, item in inner.items():
-            both = isinstance(item, Mapping) and isinstance(flat.get(key), Mapping)
-            flat[key] = {**flat[key], **item} if both else item
-    return flat
 
 
 class SearchConfig(FrozenModel):
