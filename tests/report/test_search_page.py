@@ -21,7 +21,7 @@ from pliant.registry.discovery import discover
 from pliant.report.search_folder import Drawing, is_search
 from pliant.report.search_page import rebuild_search_page, render_search, write_search_page
 from pliant.report.search_reading import SearchRead
-from pliant.report.search_tables import robust_table
+from pliant.report.search_tables import design_table, robust_table
 from pliant.report.search_words import answer, late, price, warned
 
 LARGEST = 1_500_000
@@ -98,6 +98,21 @@ def test_the_answer_says_what_is_predicted_and_what_is_verified() -> None:
     assert not any("Nothing was verified" in s for s in sentences)
 
 
+def test_a_check_that_verified_nothing_has_no_section() -> None:
+    one = replace(
+        samples.verification(), verified={}, conditions={}, laws=(), notes=("Nothing that FEM could check.",)
+    )
+    html = render_search(samples.STUDY, replace(samples.one_branch(40), verification=one))
+    assert "<h2>Predicted and verified</h2>" not in html and "Nothing that FEM could check." in html
+
+
+def test_an_objective_stands_once_among_the_designs() -> None:
+    table = design_table(SearchRead(samples.two_objectives(150), samples.STUDY))
+    assert table is not None
+    rows = [row[0] for row in table.rows]
+    assert len(rows) == len(set(rows)) and {"rmse", "work", "e max"} <= set(rows)
+
+
 def test_a_best_design_at_the_end_of_the_budget_is_warned_of() -> None:
     one = samples.one_branch()
     assert late(SearchRead(one, {}))
@@ -115,7 +130,7 @@ def test_the_price_of_robustness_has_the_right_sign() -> None:
     assert one.robustness is not None
     free = replace(one.robustness, nominal_of_robust=1.6e-3, robust_of_robust=9e-3)
     text = price(SearchRead(replace(one, robustness=free), {}))
-    assert "costs nothing" in text and "does not improve" in text
+    assert "costs nothing where nothing deviates (" in text and "does not improve" in text
 
 
 def test_a_design_of_one_condition_shows_what_acts_in_it() -> None:

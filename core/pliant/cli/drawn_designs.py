@@ -8,6 +8,7 @@ from pliant.interfaces.task import SceneTask
 from pliant.pipeline.workbench import Workbench
 from pliant.records.search import FoundDesign, SearchResult
 from pliant.report.search_folder import DrawnDesign
+from pliant.report.search_reading import spread_of
 from pliant.search.problem import SearchProblem
 from pliant.search.quick_path import QuickPath
 
@@ -18,7 +19,7 @@ OF_CONDITIONS = 6
 def drawn_designs(
     bench: Workbench, study: Study, problem: SearchProblem, result: SearchResult
 ) -> list[DrawnDesign]:
-    """The best design in each condition, the best of each condition, or the first of a front; none of no design.
+    """The best design in each condition, the best of each condition, or some spread over a front; none of no design.
 
     One that cannot be simulated again is left out, and a note says why.
     """
@@ -45,5 +46,5 @@ def _chosen(problem: SearchProblem, result: SearchResult) -> list[tuple[str, Fou
     if best[0].context >= 0:
         return [(names[design.context], design, design.context) for design in best[:OF_CONDITIONS]]
     if len(best) > 1:
-        return [(f"design {k}", design, 0) for k, design in enumerate(best[:OF_A_FRONT], 1)]
+        return [(f"design {k + 1}", best[k], 0) for k in spread_of(len(best), OF_A_FRONT)]
     return [(name or "best", best[0], condition) for condition, name in enumerate(names[:OF_CONDITIONS])]

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from pliant.records.search import STATUSES, FoundDesign, SearchResult, VariableRecord, Verification
+from pliant.report.search_reading import spread_of
 from pliant.store.store import writing_in
 from pliant.units import UNIT_SUFFIXES
 
@@ -83,9 +84,8 @@ def _robustness_json(result: SearchResult) -> dict[str, Any] | None:
 
 
 def _history_json(result: SearchResult) -> list[dict[str, Any]]:
-    """A row per candidate, of very long searches the evenly spread ones: all are in history.csv."""
+    """A row per candidate, of very long searches evenly spread ones, the last among them: all are in history.csv."""
     history = result.history
-    step = max(1, math.ceil(len(history) / MOST_ROWS))
     best = history.best_so_far() if len(history) else history.objectives
     return [
         {
@@ -97,7 +97,7 @@ def _history_json(result: SearchResult) -> list[dict[str, Any]]:
             "best": _signed(result, float(best[row]), 0),
             "values": {name: float(column[row]) for name, column in history.values.items()},
         }
-        for row in range(0, len(history), step)
+        for row in spread_of(len(history), MOST_ROWS)
     ]
 
 

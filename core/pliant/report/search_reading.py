@@ -167,7 +167,11 @@ class SearchRead:
     @property
     def objective_metric(self) -> str:
         """The metric that is the first objective; empty where that is an expression."""
-        wanted = strip_unit_suffix(self.objective.name)
+        return self.metric_of(self.objective)
+
+    def metric_of(self, objective: Objective) -> str:
+        """The metric that is an objective; empty where that is an expression."""
+        wanted = strip_unit_suffix(objective.name)
         return next((name for name in self._metrics() if strip_unit_suffix(name) == wanted), "")
 
     def trials(self, metrics: Mapping[str, float]) -> int | None:
@@ -202,6 +206,13 @@ class SearchRead:
             placed = np.array([axis.place(b.get(variable.name)) for b in self.result.branches])
             values[:] = placed[np.asarray(history.branch, int)]
         return axis
+
+
+def spread_of(count: int, most: int) -> list[int]:
+    """At most `most` of the numbers below `count`, evenly spread, both ends among them."""
+    if count <= most:
+        return list(range(count))
+    return [int(k) for k in np.unique(np.linspace(0, count - 1, most).round())]
 
 
 def log_suits(values: Array) -> bool:

@@ -166,9 +166,9 @@ def slopes_section(read: SearchRead) -> Section | None:
 
 
 def verified_section(read: SearchRead) -> Section | None:
-    """Predicted against verified."""
+    """Predicted against verified; None where nothing was, which the page's notes explain."""
     found = read.result.verification
-    if found is None:
+    if found is None or not found.verified:
         return None
     fem = "by laws fitted to FEM of the design itself" if found.laws else "by a second simulation"
     made = [

@@ -12,7 +12,7 @@ from pliant.report.figures.search_robust import measure_words
 from pliant.report.figures.search_slopes import by_influence, influence
 from pliant.report.figures.search_verified import checked_metrics, success_counts
 from pliant.report.search_axes import Axis
-from pliant.report.search_reading import SearchRead
+from pliant.report.search_reading import SearchRead, spread_of
 from pliant.report.search_words import found_where, stopped_words
 
 MOST_COLUMNS = 8  # designs side by side
@@ -22,7 +22,7 @@ MOST_METRICS = 12
 
 def design_table(read: SearchRead) -> Table | None:
     """Variables, objectives and metrics of the best designs, a column each."""
-    best = spread_of(list(range(len(read.result.best))))
+    best = spread_of(len(read.result.best), MOST_COLUMNS)
     if not best:
         return None
     designs, names = [read.result.best[k] for k in best], read.design_names()
@@ -34,7 +34,7 @@ def design_table(read: SearchRead) -> Table | None:
     for o in read.objectives:
         goal = "to be large" if o.maximised else "to be small"
         rows.append([o.label, *(o.text(d.objectives.get(o.name, math.nan)) for d in designs), goal])
-    own = {read.objective_metric, "trials", "outside_domain"}
+    own = {*map(read.metric_of, read.objectives), "trials", "outside_domain"}
     metrics = [n for n in dict.fromkeys(n for d in designs for n in d.metrics) if n not in own][:MOST_METRICS]
     for name in metrics:
         label, unit = read.metric(name)
@@ -44,13 +44,6 @@ def design_table(read: SearchRead) -> Table | None:
     left = len(read.result.best) - len(best)
     note = f"{left} further designs are in the record; these are spread over them." if left > 0 else ""
     return Table("The designs", ["", *(names[k] for k in best), "searched"], rows, note)
-
-
-def spread_of(every: list[int], most: int = MOST_COLUMNS) -> list[int]:
-    """At most this many of them, evenly spread, both ends among them."""
-    if len(every) <= most:
-        return every
-    return [every[k] for k in np.unique(np.linspace(0, len(every) - 1, most).round().astype(int))]
 
 
 def branch_table(read: SearchRead) -> Table | None:

@@ -86,13 +86,12 @@ def price(read: SearchRead) -> str:
     worse = -1.0 if read.objective.maximised else 1.0
     cost = worse * (found.nominal_of_robust - found.nominal_of_nominal)
     gain = worse * (found.robust_of_nominal - found.robust_of_robust)
-    verb = "costs" if cost > 0 else "costs nothing:"
-    size = f" {_size(read, cost)} of {read.objective.label} where nothing deviates" if cost > 0 else ""
+    size = f"{_size(read, cost)} of {read.objective.label}" if cost > 0 else "nothing"
     change = "improves" if gain > 0 else "does not improve"
     by = f" by {_size(read, gain)}" if gain > 0 else ""
     return unbroken(
-        f"Being robust {verb}{size} ({a} of the nominal design, {b} of the robust one) and {change} the {measure} over "
-        f"{count(found.samples, 'scenario')}{by} ({c} against {d})."
+        f"Being robust costs {size} where nothing deviates ({a} of the nominal design, {b} of the robust one) and "
+        f"{change} the {measure} over {count(found.samples, 'scenario')}{by} ({c} against {d})."
     )
 
 

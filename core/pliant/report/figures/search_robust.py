@@ -35,7 +35,12 @@ def search_robust(read: SearchRead) -> style.Png | None:
             colour = LOOKS.get(name, style.SERIES[2])
             share = 100 * np.arange(1, len(shown) + 1) / len(shown)
             left.step(
-                [shown[0], *shown], [0, *share], where="post", color=colour, lw=2, label=f"{name} design"
+                [shown[0], *shown],
+                [0, *share],
+                where="post",
+                color=colour,
+                lw=4 - 2 * row,
+                label=f"{name} design",
             )
             _strip(right, shown, row, colour)
             nominal, measured = {
