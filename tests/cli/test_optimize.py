@@ -235,6 +235,32 @@ def test_conditions_are_all_tried_and_each_gets_a_study(optimize, read, workplac
     assert heavy.task.pressure_pa == light.task.pressure_pa
 
 
+def test_conditions_whose_names_make_one_file_name_get_two_files(optimize, workplace):
+    conditions = "search.conditions={'egg (5 g)': {chain.payload: 5 g}, 'egg [5 g]': {chain.payload: 6 g}}"
+    assert optimize(conditions, "search.budget=6", "search.verify=null").code == 0
+    written = {
+        file.name: load_study(file, discover()).chain.payload_kg for file in workplace.glob("runs/toy/best-*")
+    }
+    assert written == {"best-egg__5_g_-1.yaml": 0.005, "best-egg__5_g_-2.yaml": 0.006}
+
+
+def test_the_best_design_is_not_written_over_the_study(pliant, write, workplace):
+    path = write(STUDY, "best.yaml")
+    call = pliant("optimize", "best.yaml", "--out", ".", "--workers", 1)
+    assert call.code == 2
+    assert "the best design would be written over best.yaml; give another --out." in call.err
+    assert path.read_text() == STUDY
+
+
+def test_the_history_of_a_very_long_search_is_thinned_to_its_end(optimize, read, monkeypatch):
+    monkeypatch.setattr("pliant.cli.search_files.MOST_ROWS", 7)
+    assert optimize("--json", "out.json", "search.verify=null").code == 0
+    result = read("out.json")
+    rows = [row["row"] for row in result["history"]]
+    assert len(rows) == 7 and (rows[0], rows[-1]) == (0, BUDGET - 1)
+    assert result["history"][-1]["best"] == result["objective"]
+
+
 def test_an_objective_that_is_no_number_is_counted_and_survived(optimize, read):
     objective = "search.objective=abs(tip_x - 10 mm) + 0 * log(task.pressure - 4 kPa)"
     assert optimize(objective, "--json", "out.json").code == 0

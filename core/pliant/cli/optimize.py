@@ -31,7 +31,8 @@ from pliant.search.searching import nothing_found, problem_of
 from pliant.search.stage import files_folder, search_study
 from pliant.store.store import Artifact, write_atomically
 
-UNFIT = r"[^\w.-]"  # in the name of a file
+UNFIT = re.compile(r"[^\w.-]")  # in the name of a file
+WRITTEN = re.compile(r"best(-.*)?\.yaml")  # studies of found designs
 Workers = Annotated[
     int | None,
     typer.Option("--workers", metavar="N", help="Processes that evaluate; by default one for each CPU."),
@@ -67,6 +68,8 @@ def optimize(
             checked_workers(workers)
         folder = out or Path("runs") / loaded.name
         check_writable(folder)
+        if folder.resolve() == study.resolve().parent and WRITTEN.fullmatch(study.name):
+            raise UserError(f"the best design would be written over {study}; give another --out.")
         bench = here.bench(store)
         with nullcontext() if scheduler is None else cluster(scheduler) as executor:
             made = search_study(bench, loaded, executor=executor, workers=workers)
@@ -116,6 +119,7 @@ def _write_designs(
 ) -> None:
     """best.yaml, and where there are conditions one study for each of them."""
     named = len(problem.conditions) > 1
+    stems = [UNFIT.sub("_", condition.name) for condition in problem.conditions]
     for design, condition in reversed(_each(problem, result)):
         name = problem.conditions[condition].name
         winner = problem.apply(design.values, condition)
@@ -124,7 +128,8 @@ def _write_designs(
             f"Found by 'pliant optimize' ({result.optimizer}, seed {result.seed}, {result.evaluations} evaluations) in "
             f"study '{study.name}': {best_said(result, design)}{f'; condition {name}' if named else ''}."
         )
-        targets = [folder / f"best-{re.sub(UNFIT, '_', name)}.yaml"] if named else []
+        alike = f"-{condition + 1}" if stems.count(stems[condition]) > 1 else ""
+        targets = [folder / f"best-{stems[condition]}{alike}.yaml"] if named else []
         targets += [folder / BEST] if condition == 0 or design.context >= 0 else []
         for target in targets:
             write_best(source.path, target, winner, keys, said, source.overrides, source.registry)
