@@ -300,7 +300,6 @@ WRONG = {
     "no task": (("task=null",), "has no 'task' block"),
     "unknown optimizer": (("optimizer=cmeas",), "unknown optimizer kind 'cmeas'; did you mean 'cmaes'?"),
     "bounds reversed": (("search.variables.task.pressure={low: 9 kPa, high: 2 kPa}",), "low"),
-    "two objectives": (("search.objective=[tip_x, tip_z]",), "minimises one objective"),
     "unknown metric": (("search.objective=rmse",), "rmse"),
     "both": (("--scheduler", "tcp://127.0.0.1:9"), "give --workers or --scheduler, not both"),
     "infeasible": (("search.constraints=[task.pressure >= 1 MPa]",), "task.pressure >= 1 MPa"),

@@ -227,7 +227,7 @@ pliant: 1
 name: finger
 family: {kind: bellow_bending, inner_radius: 2 mm, average_radius: 6 mm, wall: 1.5 mm, module_length: 11 mm}
 material: {kind: neo_hookean, shear_modulus: 240 kPa, density: 1150 kg/m^3}
-fem: {kind: skfem, pressure_max: 12 kPa, sampling: grid, pressures: 3, angles: 4, check_states: 1}
+fem: {kind: skfem, pressure_max: 12 kPa, sampling: grid, pressures: 3, angles: 3, check_states: 1}
 surrogate:
   kind: polynomial
   form: study
