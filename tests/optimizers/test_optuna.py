@@ -10,6 +10,7 @@ import subprocess
 import sys
 import time
 import urllib.request
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -28,11 +29,13 @@ from pliant_plugins.optimizers.optuna.config import OptunaConfig
 optuna = pytest.importorskip("optuna")
 from pliant_plugins.optimizers.optuna.optimizer import Optuna  # noqa: E402 - needs optuna
 
+CMAES = pytest.param("cmaes", marks=pytest.mark.skipif(not importlib.util.find_spec("cmaes"), reason="cmaes"))
 SAMPLERS = [
     "tpe",
     "nsga2",
     "random",
     "qmc",
+    CMAES,
     pytest.param(
         "gp",
         marks=[pytest.mark.slow, pytest.mark.skipif(not importlib.util.find_spec("torch"), reason="torch")],
@@ -74,8 +77,9 @@ def test_beats_random_search_at_the_same_count() -> None:
     assert found < 0.3 * searches.random_best(box(5), searches.sphere, 120)
 
 
-def test_finds_an_optimum_on_a_constraint() -> None:
-    done = search(started(box(2)), searches.line, 160)
+@pytest.mark.parametrize("sampler", ["tpe", CMAES])
+def test_finds_an_optimum_on_a_constraint(sampler: str) -> None:
+    done = search(started(box(2), sampler=sampler), searches.line, 160)
     assert best(done)[1].objective < -1.2
     assert np.mean([o.violation > 0 for _, o in done[-40:]]) < np.mean(
         [o.violation > 0 for _, o in done[:40]]
@@ -215,8 +219,11 @@ def test_a_sampler_names_the_package_that_it_lacks(monkeypatch: pytest.MonkeyPat
 
 def test_messages_and_their_level_are_left_alone(capfd: pytest.CaptureFixture[str]) -> None:
     before = optuna.logging.get_verbosity()
-    for sampler in ("tpe", "qmc"):
-        search(started(box(2), sampler=sampler), searches.sphere, 24)
+    samplers = ["tpe", "qmc", *(["cmaes"] if importlib.util.find_spec("cmaes") else [])]
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        for sampler in samplers:
+            search(started(box(2), sampler=sampler), searches.sphere, 24)
     assert optuna.logging.get_verbosity() == before
     assert capfd.readouterr().err == ""
 

@@ -11,6 +11,7 @@ from optuna.storages import InMemoryStorage
 from optuna.trial import TrialState
 
 from pliant.interfaces.optimizer import Outcome, Space, Value
+from pliant_plugins.optimizers.cmaes.fitness import Result, fitness
 from pliant_plugins.optimizers.optuna import trials
 from pliant_plugins.optimizers.optuna.quiet import quiet
 
@@ -24,11 +25,17 @@ class Memory:
 
     A sampler ignores trials that Optuna calls failed, and would propose their like again. So a failed or refused
     candidate is told as a complete trial that breaks a constraint; its objectives, which samplers other than gp do not
-    read then, are the worst that are known.
+    read then, are the worst that are known. A sampler that knows no constraints gets objectives behind these, by the
+    violation.
+
+    Args:
+        space: what is searched.
+        constraints: whether the sampler knows them.
     """
 
-    def __init__(self, space: Space) -> None:
+    def __init__(self, space: Space, constraints: bool = True) -> None:
         self._space, self._ranges = space, trials.distributions(space)
+        self._constraints = constraints
         self._storage = InMemoryStorage()
         with quiet():
             self._study = optuna.create_study(
@@ -65,7 +72,10 @@ class Memory:
             self._worst = [max(pair) for pair in zip(self._worst or values, values, strict=True)]
             self._finish(outcome.number, values, 0.0)
             return values, 0.0
-        standing = self._worst or [0.0] * self._space.objectives
+        if self._constraints:
+            standing = self._worst or [0.0] * self._space.objectives
+        else:
+            standing = fitness([Result(None, violation)], self._worst[0] if self._worst else None)
         self._finish(outcome.number, standing, violation or FAILED_VIOLATION)
         return None, violation
 
@@ -102,11 +112,12 @@ class Memory:
         return self._storage.get_all_trials(self._study_id, deepcopy=False)
 
     def _finish(self, number: int, values: Sequence[float], violation: float) -> None:
-        constraint = optuna.trial.create_trial(
-            state=TrialState.PRUNED, constraints={trials.VIOLATION: violation}
-        )
-        trial_id = self._storage.get_trial_id_from_study_id_trial_number(self._study_id, number)
-        for key, value in constraint.system_attrs.items():
-            self._storage.set_trial_system_attr(trial_id, key, value)
+        if self._constraints:
+            constraint = optuna.trial.create_trial(
+                state=TrialState.PRUNED, constraints={trials.VIOLATION: violation}
+            )
+            trial_id = self._storage.get_trial_id_from_study_id_trial_number(self._study_id, number)
+            for key, value in constraint.system_attrs.items():
+                self._storage.set_trial_system_attr(trial_id, key, value)
         with quiet():
             self._study.tell(number, list(values))

@@ -14,7 +14,12 @@ from pliant_plugins.optimizers.optuna import trials
 from pliant_plugins.optimizers.optuna.board import Board
 from pliant_plugins.optimizers.optuna.config import OptunaConfig
 from pliant_plugins.optimizers.optuna.memory import Memory
-from pliant_plugins.optimizers.optuna.samplers import DEFAULT_POPULATION, require_usable, sampler_for
+from pliant_plugins.optimizers.optuna.samplers import (
+    DEFAULT_POPULATION,
+    UNCONSTRAINED,
+    require_usable,
+    sampler_for,
+)
 from pliant_plugins.optimizers.spaces import space_as_json, space_from_json
 
 EXPORT = "optuna.log"
@@ -117,7 +122,7 @@ class Optuna(Optimizer):
     def _begin(self, space: Space, seed: int) -> None:
         self._space, self._seed, self._asked = space, seed, 0
         self._ranges = trials.distributions(space)
-        self._memory = Memory(space)
+        self._memory = Memory(space, constraints=self.config.sampler not in UNCONSTRAINED)
         self._told = []
         self._board = None
 

@@ -25,6 +25,7 @@ NEEDS = {
     "qmc": (("scipy",), "pip install scipy"),
 }
 DEFAULT_POPULATION = 50  # Optuna's own, of NSGA-II
+UNCONSTRAINED = ("cmaes",)  # samplers that know no constraints
 
 
 def require_usable(config: OptunaConfig, space: Space) -> None:
