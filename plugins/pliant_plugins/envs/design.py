@@ -13,7 +13,7 @@ import numpy as np
 from pliant.api import DEFAULT_STORE, open_study
 from pliant.errors import UserError, closest
 from pliant.interfaces.optimizer import Space, Value
-from pliant.search.evaluation import Evaluator
+from pliant.search.evaluation import Evaluation, Evaluator
 from pliant.search.problem import SearchProblem
 from pliant.search.scenarios import draw_scenarios
 from pliant_plugins.optimizers.ppo.actions import Numbers, values_of
@@ -25,7 +25,7 @@ class Problem(Protocol):
     """What the environment asks of a `pliant.search.problem.SearchProblem`."""
 
     @property
-    def until(self) -> Any:
+    def until(self) -> object | None:
         """When a search may end; None where nothing says so."""
         ...
 
@@ -45,8 +45,8 @@ class Problem(Protocol):
 class Judge(Protocol):
     """What it asks of a `pliant.search.evaluation.Evaluator`."""
 
-    def evaluate(self, values: Mapping[str, Value], context: int = -1) -> Any:
-        """An `Evaluation`; never raises for a bad candidate."""
+    def evaluate(self, values: Mapping[str, Value], context: int = -1) -> Evaluation:
+        """What a candidate comes to; never raises for a bad one."""
         ...
 
 

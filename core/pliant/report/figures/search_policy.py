@@ -6,6 +6,7 @@ import textwrap
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pliant.report.figures import style
 from pliant.report.figures.search_answer import discrete
@@ -39,7 +40,7 @@ def search_policy(read: SearchRead) -> style.Png | None:
         return small_png(figure)
 
 
-def last_rows(read: SearchRead, context: int) -> Any:
+def last_rows(read: SearchRead, context: int) -> NDArray[np.int64]:
     """Rows of a condition's evaluated candidates in the last quarter of the search."""
     own = np.asarray(read.result.history.context) == context
     late = np.arange(len(own)) >= (1 - LAST) * len(own)
