@@ -8,8 +8,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from ruamel.yaml import YAML
 
+from pliant.cli.best_study import write_best
+from pliant.config.loading import load_study
 from pliant.config.writing import EffectEntry, flow_text, study_with_effects
 from pliant.errors import UserError
+from pliant.registry.discovery import discover
 
 HEAD = "# my finger\npliant: 1  # version\nname: finger\nphysics: quasistatic\n"
 TAIL = "\n# measured in May\nchain:\n  modules: 3\n  # keep three\n"
@@ -103,6 +106,41 @@ def test_paths_still_lead_to_their_files(rewrite, tmp_path):
     assert [(tmp_path / "further" / f).resolve() for f in found] == [(tmp_path / m).resolve() for m in meant]
     assert "# May" in new
     assert plain(rewrite(text, [NEW]))["measurements"] == {"file": "my bench.csv"}
+
+
+def test_paths_inside_blocks_and_segments_lead_there_too(rewrite, tmp_path):
+    text = (
+        "task: {target: {points: a.csv}}\nsurrogate: {axes: {y: {data: y.csv}}}\n"
+        "chain:\n  segments:\n    - {modules: 1, surrogate: {data: s.csv}, family: {visual: v.stl}}\n"
+    )
+    read = plain(rewrite(text, [NEW], target="further/new.yaml"))
+    (segment,) = read["chain"]["segments"]
+    found = [read["task"]["target"]["points"], read["surrogate"]["axes"]["y"]["data"]]
+    found += [segment["surrogate"]["data"], segment["family"]["visual"]]
+    assert found == ["../a.csv", "../y.csv", "../s.csv", "../v.stl"]
+
+
+SHAPED = """\
+pliant: 1
+name: shaped
+surrogate: {kind: polynomial, form: study, coefficients: {k_n: 2e-6, m_a: 0, b_a: 0, m_e: 0, b_e: 0.04}}
+chain: {modules: 3, module_length: 10 mm}
+task:
+  kind: follow_shape
+  pressure: 5 kPa  # searched
+  target: {points: a.csv}
+"""
+
+
+def test_a_found_design_keeps_its_comments_where_its_target_is_a_file(tmp_path):
+    (tmp_path / "a.csv").write_text("x_m,y_m,z_m\n0,0,0\n0,0,0.03\n")
+    (tmp_path / "shaped.yaml").write_text(SHAPED)
+    registry, target = discover(), tmp_path / "runs/shaped/best.yaml"
+    target.parent.mkdir(parents=True)
+    winner = load_study(tmp_path / "shaped.yaml", registry, ["task.pressure=7 kPa"])
+    write_best(tmp_path / "shaped.yaml", target, winner, [("task", "pressure_pa")], "found", (), registry)
+    assert "pressure: 7.0 kPa  # searched" in target.read_text()
+    assert "points: ../../a.csv" in target.read_text()
 
 
 def test_an_absolute_path_stays(rewrite):

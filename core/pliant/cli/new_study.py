@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import os
 import tempfile
 from collections.abc import Mapping, Sequence
@@ -11,7 +12,8 @@ from typing import Any
 from pydantic import ValidationError
 
 from pliant.cli.session import check_writable
-from pliant.config.loading import PATH_KEYS, load_study
+from pliant.config.loading import load_study
+from pliant.config.paths import change_paths
 from pliant.config.study import Study, written_name
 from pliant.config.writing import EffectEntry, study_with_effects
 from pliant.diagnosis.extension import Extension
@@ -132,9 +134,6 @@ def _check(path: Path, canonical: Mapping[str, Any], registry: Registry) -> None
 
 def _comparable(canonical: Mapping[str, Any]) -> dict[str, Any]:
     """The study as values, paths resolved."""
-    study = dict(canonical)
-    for block, key in PATH_KEYS:
-        if isinstance(study.get(block), Mapping) and study[block].get(key):
-            study[block] = {**study[block], key: os.path.realpath(study[block][key])}
-    study["plugins"] = [os.path.realpath(file) for file in study.get("plugins") or []]
+    study = {"plugins": [], **copy.deepcopy(dict(canonical))}
+    change_paths(study, os.path.realpath)
     return study

@@ -7,9 +7,8 @@ from pathlib import Path
 
 from ruamel.yaml.nodes import MappingNode, Node
 
-from pliant.config.loading import read_yaml
 from pliant.config.splicing import Splicer, find
-from pliant.config.text_edits import overridden, path_of, relocated, with_value
+from pliant.config.text_edits import rewritten, with_value
 from pliant.errors import UserError
 from pliant.units import strip_unit_suffix
 
@@ -33,12 +32,7 @@ def study_with_changes(
     Raises:
         UserError: a file that cannot be read, a key that has no place in the text.
     """
-    read_yaml(source)  # for its messages
-    text = source.read_text(encoding="utf-8-sig")
-    text = relocated(text, source.resolve().parent, target.resolve().parent)
-    for override in overrides:
-        if path_of(override)[0] not in without:
-            text = overridden(text, override, target.resolve().parent)
+    text = rewritten(source, target, overrides, without)
     for path, value in changes.items():
         text = with_value(text, _written_path(text, path), value)
     return _without(text, without)

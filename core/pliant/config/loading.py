@@ -17,8 +17,7 @@ from ruamel.yaml.constructor import DuplicateKeyError
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
 
 from pliant.config.designs import sweep_designs
-from pliant.config.paths import PATH_KEYS as PATH_KEYS  # for those who write paths
-from pliant.config.paths import absolute_paths
+from pliant.config.paths import PATH_KEYS, absolute_paths
 from pliant.config.problems import sentences
 from pliant.config.searched import search_variables
 from pliant.config.study import BLOCKS, Study, normalised, study_model, varied

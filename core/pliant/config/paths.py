@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -18,20 +19,25 @@ PATH_KEYS = (
 
 def absolute_paths(study: dict[str, Any], folder: Path) -> None:
     """Make the paths of a study that was read from `folder` absolute, in place."""
+    change_paths(study, lambda path: str(folder / path))
+
+
+def change_paths(study: dict[str, Any], change: Callable[[str], str]) -> None:
+    """Put something else in the place of every path of a study."""
     for block, key in PATH_KEYS:
-        _absolute(study.get(block), key, folder)
+        _change(study.get(block), key, change)
     chain = study.get("chain")
     segments = chain.get("segments") if isinstance(chain, dict) else None
     for segment in segments if isinstance(segments, list) else []:
         if isinstance(segment, dict):
-            _absolute(segment.get("surrogate"), "data", folder)
-            _absolute(segment.get("family"), "visual", folder)
-    _absolute_in_search(study.get("search"), folder)
+            _change(segment.get("surrogate"), "data", change)
+            _change(segment.get("family"), "visual", change)
+    _change_in_search(study.get("search"), change)
     if isinstance(study.get("plugins"), list):
-        study["plugins"] = [str(folder / f) if isinstance(f, str) else f for f in study["plugins"]]
+        study["plugins"] = [change(f) if isinstance(f, str) else f for f in study["plugins"]]
 
 
-def _absolute_in_search(search: Any, folder: Path) -> None:
+def _change_in_search(search: Any, change: Callable[[str], str]) -> None:
     """Paths that a search sets: `task.target.points: a.csv` in a condition or a check, choices of a variable."""
 
     def settle(key: Any, value: Any) -> Any:
@@ -39,10 +45,10 @@ def _absolute_in_search(search: Any, folder: Path) -> None:
         if isinstance(value, list):
             return [settle(key, item) for item in value]
         if (parts[0], parts[-1]) in PATH_KEYS and isinstance(value, str):
-            return str(folder / value)
+            return change(value)
         for block, name in PATH_KEYS:
             if block == parts[0]:
-                _absolute(value, name, folder)
+                _change(value, name, change)
         return value
 
     def inside(block: Any, *names: str) -> dict[str, Any]:
@@ -59,10 +65,10 @@ def _absolute_in_search(search: Any, folder: Path) -> None:
             variable["choices"] = settle(key[0] if isinstance(key, list) else key, variable["choices"])
 
 
-def _absolute(block: Any, key: str, folder: Path) -> None:
-    """Make a block's path absolute, and those of blocks inside it, such as the axes of a law."""
+def _change(block: Any, key: str, change: Callable[[str], str]) -> None:
+    """Change a block's path, and those of blocks inside it, such as the axes of a law."""
     for name, value in block.items() if isinstance(block, dict) else ():
         if name == key and isinstance(value, str):
-            block[name] = str(folder / value)
+            block[name] = change(value)
         else:
-            _absolute(value, key, folder)
+            _change(value, key, change)

@@ -5,14 +5,15 @@ from __future__ import annotations
 import json
 import os
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from ruamel.yaml import YAML
-from ruamel.yaml.nodes import MappingNode, ScalarNode, SequenceNode
+from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 
-from pliant.config.loading import PATH_KEYS
+from pliant.config.loading import read_yaml
+from pliant.config.paths import PATH_KEYS
 from pliant.config.splicing import Splicer, find, kind_of
 from pliant.errors import UserError
 
@@ -31,19 +32,58 @@ def flow_text(value: Any) -> str:
     return json.dumps(value, ensure_ascii=False)
 
 
+def rewritten(source: Path, target: Path, overrides: Sequence[str], without: Sequence[str] = ()) -> str:
+    """The text of a study as it reads from another folder, with overrides written into it.
+
+    Args:
+        source: the study that is read.
+        target: where the text will be written: paths in it are relative to that place.
+        overrides: changes "key=value" with which `source` was read.
+        without: top-level keys whose overrides are left out.
+
+    Raises:
+        UserError: a file that cannot be read, an override that has no place in the text.
+    """
+    read_yaml(source)  # for its messages
+    folder = target.resolve().parent
+    text = relocated(source.read_text(encoding="utf-8-sig"), source.resolve().parent, folder)
+    for override in overrides:
+        if path_of(override)[0] not in without:
+            text = overridden(text, override, folder)
+    return text
+
+
 def relocated(text: str, old: Path, new: Path) -> str:
     """Relative paths of the file as they read from another folder."""
     if old == new:
         return text
     splicer = Splicer(text)
-    nodes = [find(splicer.root, path) for path in (("extends",), *PATH_KEYS)]
-    plugins = find(splicer.root, ("plugins",))
-    nodes += plugins.value if isinstance(plugins, SequenceNode) else []
-    for node in nodes:
+    for node in _paths(splicer.root):
         if isinstance(node, ScalarNode) and node.value and not os.path.isabs(node.value):  # noqa: PTH117
             moved = flow_text(os.path.relpath(old / node.value, new))
             splicer.replace(node.start_mark.index, node.end_mark.index, moved)
     return splicer.done()
+
+
+def _paths(root: Node | None) -> Iterator[Node | None]:
+    """What holds paths in a study, as `pliant.config.paths` finds them."""
+    yield find(root, ("extends",))
+    plugins, segments = find(root, ("plugins",)), find(root, ("chain", "segments"))
+    yield from plugins.value if isinstance(plugins, SequenceNode) else ()
+    blocks = [(find(root, (block,)), key) for block, key in PATH_KEYS]
+    for segment in segments.value if isinstance(segments, SequenceNode) else ():
+        blocks += [(find(segment, ("surrogate",)), "data"), (find(segment, ("family",)), "visual")]
+    for block, key in blocks:
+        yield from _within(block, key)
+
+
+def _within(block: Node | None, key: str) -> Iterator[Node]:
+    """The values of a key in a block and in blocks inside it, such as the axes of a law."""
+    for name, value in block.value if isinstance(block, MappingNode) else ():
+        if name.value == key and isinstance(value, ScalarNode):
+            yield value
+        else:
+            yield from _within(value, key)
 
 
 def path_of(override: str) -> list[str]:

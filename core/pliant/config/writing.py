@@ -13,9 +13,8 @@ from typing import Any
 
 from ruamel.yaml.nodes import MappingNode, Node, SequenceNode
 
-from pliant.config.loading import read_yaml
 from pliant.config.splicing import Splicer, find
-from pliant.config.text_edits import flow_text, overridden, path_of, relocated, with_value
+from pliant.config.text_edits import flow_text, path_of, rewritten, with_value
 from pliant.units import strip_unit_suffix
 
 __all__ = ["EffectEntry", "flow_text", "study_with_effects", "study_with_values"]
@@ -77,13 +76,8 @@ def study_with_effects(
     Raises:
         UserError: a file that cannot be read.
     """
-    read_yaml(source)  # for its messages
-    text = source.read_text(encoding="utf-8-sig")
-    text = relocated(text, source.resolve().parent, target.resolve().parent)
+    text = rewritten(source, target, overrides, without=["effects"])
     own = not any(path_of(override)[0] == "effects" for override in overrides)
-    for override in overrides:
-        if path_of(override)[0] != "effects":
-            text = overridden(text, override, target.resolve().parent)
     return _with_effects(text, entries, present, own)
 
 
@@ -108,11 +102,7 @@ def study_with_values(
     Raises:
         UserError: a file that cannot be read.
     """
-    read_yaml(source)  # for its messages
-    text = source.read_text(encoding="utf-8-sig")
-    text = relocated(text, source.resolve().parent, target.resolve().parent)
-    for override in overrides:
-        text = overridden(text, override, target.resolve().parent)
+    text = rewritten(source, target, overrides)
     for key, value in values.items():
         text = with_value(text, (block, _written_key(text, block, key)), value)
     return _remarked(text, block, remarks)
