@@ -33,7 +33,7 @@ class Problem:
             SimpleNamespace(
                 name=r.name,
                 variable=Variable(r.name, r.type, r.low, r.high, r.choices),
-                conditions=(),
+                conditions=(0, 1, 2),
                 each=r.each,
             )
             for r in self.listed

@@ -19,7 +19,7 @@ REFUSED_PER_EVALUATION = 50
 BUDGET, UNTIL, EXHAUSTED = "budget", "until", "exhausted"
 
 
-class Judges(Protocol):
+class Rules(Protocol):
     """What a branch asks of the problem."""
 
     def violated(self, values: Mapping[str, Value], condition: int = -1) -> dict[str, float]:
@@ -71,7 +71,7 @@ class Branch:
         index: int,
         values: Mapping[str, Value],
         make: Callable[[], Optimizer],
-        problem: Judges,
+        problem: Rules,
         space: Space,
         journal: Journal,
         seed: int,

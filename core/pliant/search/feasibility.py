@@ -81,7 +81,7 @@ def _samples(problem: SearchProblem, seed: int) -> dict[str, Array]:
     """Variable → its values in all samples; a Sobol sequence, and the branches in turn."""
     axes = [one.variable for one in problem.variables if not one.each]
     branches = problem.branches()
-    count = max(SAMPLES, 1 << (len(branches) - 1).bit_length()) if len(branches) < SAMPLES else len(branches)
+    count = max(SAMPLES, len(branches))
     points = np.zeros((count, 0))
     if axes:
         whole = 1 << (count - 1).bit_length()  # a Sobol sequence is even in powers of two

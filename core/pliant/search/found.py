@@ -105,7 +105,7 @@ def design_of(problem: SearchProblem, row: Row) -> FoundDesign:
 def settings_of(problem: SearchProblem, values: Mapping[str, Value], context: int) -> dict[str, Any]:
     """Key → value of what the variables set; "key [condition]" where conditions differ in it."""
     conditions = problem.conditions
-    numbers = range(max(1, len(conditions))) if context < 0 else (context,)
+    numbers = range(len(conditions)) if context < 0 else (context,)
     searched = {key for variable in problem.variables for key in variable.keys}
     by_key: dict[str, dict[int, Any]] = {}
     for number in numbers:

@@ -54,7 +54,7 @@ def at_bounds(problem: SearchProblem, best: FoundDesign, slopes: Sequence[Slope]
     """Variables on a bound beyond which the objective would still get better."""
     found = []
     for slope in slopes:
-        variable = _variable(problem, best, slope.name)
+        variable = _variable(problem, slope.name)
         side_to = -1 if slope.at_bound == "low" else 1
         gain = _gain(slope, _share(variable, best), side_to) if slope.at_bound else 0.0
         if not gain > 0.0:
@@ -73,7 +73,7 @@ def at_constraints(problem: SearchProblem, best: FoundDesign, slopes: Sequence[S
     before = {*problem.violated(best.values, best.context), *problem.structural}
     active: dict[str, tuple[float, VariableRecord]] = {}
     for slope in slopes:
-        variable = _variable(problem, best, slope.name)
+        variable = _variable(problem, slope.name)
         if variable.type == "categorical":
             continue
         for side in (-1, 1):
@@ -136,13 +136,9 @@ def _share(variable: VariableRecord, best: FoundDesign) -> float:
     return (float(best.values[variable.name]) - variable.low) / ((variable.high - variable.low) or 1.0)
 
 
-def _variable(problem: SearchProblem, best: FoundDesign, name: str) -> VariableRecord:
-    """The variable's record; one that stands for several of a contextual search has no unit."""
-    records: dict[str, VariableRecord] = {record.name: record for record in problem.records()}
-    if name in records:
-        return records[name]
-    merged = next(v for v in problem.space(best.context >= 0).variables if v.name == name)
-    return VariableRecord(name, (), merged.type, merged.low, merged.high, merged.choices)
+def _variable(problem: SearchProblem, name: str) -> VariableRecord:
+    """The variable's record."""
+    return next(record for record in problem.records() if record.name == name)
 
 
 def _step(variable: VariableRecord) -> float:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from pliant.interfaces.optimizer import Value, Variable
 from pliant.pipeline.progress import Progress, Silent
 from pliant.records.design import Array
 from pliant.records.search import FoundDesign, Slope
+from pliant.search.outcome import Evaluates
 from pliant.search.problem import SearchProblem
 
 STEP = 0.01  # of the range: what a change is stated for
@@ -19,14 +20,6 @@ NEAR = (STEP, 5 * STEP)
 OVER_THE_RANGE = 9
 MOST_INTEGERS = 11
 ROUNDING = 1e-9  # of the range
-
-
-class Evaluates(Protocol):
-    """What is asked of an evaluator."""
-
-    def evaluate(self, values: Mapping[str, Value], context: int = -1) -> Any:
-        """An `Evaluation` of one candidate."""
-        ...
 
 
 # Evaluates many candidates in one context, in their order; an executor's map, for example.
@@ -79,22 +72,9 @@ def slopes(
 
 def varied_at(problem: SearchProblem, best: FoundDesign) -> tuple[Variable, ...]:
     """The variables that act on a design: not those of other conditions than its own."""
-    contextual = best.context >= 0
-    searched = {one.name: one for one in problem.variables}
-    known = {variable.name: variable for variable in problem.space(contextual).variables}
-    known |= {name: one.variable for name, one in searched.items()}
-    return tuple(
-        variable
-        for name, variable in known.items()
-        if name in best.values
-        and _can_vary(variable)
-        and not (
-            contextual
-            and name in searched
-            and searched[name].conditions
-            and best.context not in searched[name].conditions
-        )
-    )
+    acting = [one for one in problem.variables if best.context < 0 or best.context in one.conditions]
+    ordered = sorted(acting, key=lambda one: one.each)
+    return tuple(one.variable for one in ordered if _can_vary(one.variable))
 
 
 def _can_vary(variable: Variable) -> bool:

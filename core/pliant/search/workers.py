@@ -10,7 +10,6 @@ import importlib
 import json
 import platform
 import threading
-from collections.abc import Callable
 from concurrent.futures import Future
 from dataclasses import dataclass
 from pathlib import Path
@@ -110,17 +109,13 @@ def _kept(setup: Setup) -> Evaluates:
 class Inline:
     """The crew of this process: evaluates where a job is handed in."""
 
-    def __init__(self, evaluator: Evaluates, say: Callable[[Told], None] = lambda told: None) -> None:
+    def __init__(self, evaluator: Evaluates) -> None:
         self.size: int | None = 1
-        self._evaluator, self._say = evaluator, say
+        self._evaluator = evaluator
 
     def submit(self, job: Job) -> Future[Any]:
         future: Future[Any] = Future()
-        rows = []
-        for task in job.tasks:
-            rows.append(evaluated(self._evaluator, task))
-            self._say(rows[-1])
-        future.set_result(tuple(rows))
+        future.set_result(tuple(evaluated(self._evaluator, task) for task in job.tasks))
         return future
 
     def renew(self) -> bool:
