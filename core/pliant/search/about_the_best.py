@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -14,7 +13,7 @@ from pliant.records.search import FoundDesign, Robustness, SearchResult
 from pliant.search.limits import limits
 from pliant.search.outcome import Evaluates, Task, Told, evaluated
 from pliant.search.problem import SearchProblem
-from pliant.search.sensitivity import slopes
+from pliant.search.sensitivity import Many, slopes
 from pliant.search.team import Team
 
 
@@ -53,7 +52,7 @@ def about_the_best(
     return replace(result, slopes=found, limits=told, robustness=_robustness(problem, judges, best, nominal))
 
 
-def _many(team: Team) -> Any:
+def _many(team: Team) -> Many:
     """Candidates in one context, side by side."""
 
     def many(candidates: Sequence[Mapping[str, Value]], context: int) -> Iterator[Told]:

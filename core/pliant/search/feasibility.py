@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from scipy.stats import qmc
 
-from pliant.errors import UserError
+from pliant.errors import MissingDependencyError, UserError
 from pliant.interfaces.optimizer import Value, Variable
 from pliant.records.design import Array
 from pliant.search.problem import NO_NUMBER, SearchProblem
@@ -170,6 +170,8 @@ def _refused(problem: SearchProblem, samples: Mapping[str, Array], rows: Any) ->
         values: dict[str, Value] = {name: column[row] for name, column in samples.items()}
         try:
             problem.apply(values, turn % len(problem.conditions))
+        except MissingDependencyError:
+            raise
         except UserError as error:
             causes[str(error).splitlines()[0]] += 1
     return dict(causes.most_common()), len(chosen)

@@ -5,10 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 from pliant.errors import PliantError, interrupted
 from pliant.interfaces.optimizer import Candidate, Outcome, Value
+
+if TYPE_CHECKING:  # workers import the evaluator's parts when they need one
+    from pliant.search.evaluation import Evaluation
 
 OK, REFUSED, FAILED, NOT_A_NUMBER = "ok", "refused", "failed", "not_a_number"
 NAN = math.nan
@@ -17,8 +20,8 @@ NAN = math.nan
 class Evaluates(Protocol):
     """What the loop asks of an evaluator."""
 
-    def evaluate(self, values: Mapping[str, Value], context: int = -1) -> Any:
-        """An `Evaluation` of one candidate."""
+    def evaluate(self, values: Mapping[str, Value], context: int = -1) -> Evaluation:
+        """What becomes of one candidate."""
         ...
 
 

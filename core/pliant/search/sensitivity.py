@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -12,7 +11,8 @@ from pliant.interfaces.optimizer import Value, Variable
 from pliant.pipeline.progress import Progress, Silent
 from pliant.records.design import Array
 from pliant.records.search import FoundDesign, Slope
-from pliant.search.outcome import Evaluates
+from pliant.search.evaluation import Evaluation
+from pliant.search.outcome import Evaluates, Told
 from pliant.search.problem import SearchProblem
 
 STEP = 0.01  # of the range: what a change is stated for
@@ -23,7 +23,7 @@ ROUNDING = 1e-9  # of the range
 
 
 # Evaluates many candidates in one context, in their order; an executor's map, for example.
-Many = Callable[[Sequence[Mapping[str, Value]], int], Iterable[Any]]
+Many = Callable[[Sequence[Mapping[str, Value]], int], Iterable[Evaluation | Told]]
 
 
 @dataclass(frozen=True)
