@@ -16,6 +16,7 @@ from pliant.errors import UserError
 from pliant.records.search import Verification
 from pliant.search.checking import converged, merged
 from pliant.search.stage import files_folder, search_study
+from pliant.search.stage_keys import components_of
 
 PLUGIN = Path(__file__).with_name("narrowing_plugin.py")
 LOADED = "search.conditions={light: {chain.payload: 0 g}, heavy: {chain.payload: 5 g}}"
@@ -244,6 +245,14 @@ def test_what_a_search_depends_on(opened, change, again):
         study = opened("search.budget=12", "search.verify=null", *changes)
         keys.append(search_study(study.bench, study.study, workers=1).key)
     assert (keys[0] != keys[1]) == again
+
+
+def test_the_code_of_kinds_that_are_searched_counts(opened):
+    engine = "search.variables.engine={key: physics.kind, choices: [quasistatic, mujoco]}"
+    hang = "search.conditions={hang: {task.kind: helical_hang}}"
+    study = opened(engine, hang, change=(OWN, OWN.partition("\n")[2]))
+    kinds = {c.kind for c in components_of(study.bench, study.study)}
+    assert {"quasistatic", "mujoco", "free_bending", "helical_hang"} <= kinds
 
 
 def test_checks_of_several_conditions_become_one():

@@ -42,6 +42,10 @@ class SearchVariableConfig(FrozenModel):
             raise ValueError("give either 'low' and 'high', or 'choices'")
         return self
 
+    def keys(self, name: str) -> tuple[str, ...]:
+        """The keys that it sets under its name."""
+        return self.key if isinstance(self.key, tuple) else (self.key or name,)
+
 
 class ObjectiveConfig(FrozenModel):
     """`{minimize: rmse}` or `{maximize: z_max - 0.01 * pressure}`: a metric of the task, or an expression of metrics

@@ -156,8 +156,7 @@ def _variable(
 ) -> SearchedVariable:
     at = ("search", "variables", name)
     place, label = where(at), ".".join(at)
-    names = config.key if isinstance(config.key, tuple) else (config.key or name,)
-    keys = [study_key(study, registry, key, where((*at, "key")) or place) for key in names]
+    keys = [study_key(study, registry, key, where((*at, "key")) or place) for key in config.keys(name)]
     if not keys:
         raise UserError(f"{_at(place)}'{label}.key' is an empty list; name a key of the study.")
     other = next((key for key in keys if (key.sort, key.unit) != (keys[0].sort, keys[0].unit)), None)

@@ -164,15 +164,10 @@ def names_of(families: Sequence[FamilyConfig | None], study: Study) -> list[str]
     names = list(dict.fromkeys(name for one in parameters for name in one))
     differ = [name for name in names if len({repr(one.get(name)) for one in parameters}) > 1]
     if not differ and study.search is not None:
-        keys = [key for name, one in study.search.variables.items() for key in _keys(name, one.key)]
+        keys = [key for name, one in study.search.variables.items() for key in one.keys(name)]
         searched = {strip_unit_suffix(key.rpartition(".")[2]) for key in keys if "family." in key}
         differ = [name for name in names if strip_unit_suffix(name) in searched]
     return [spoken({name: one[name] for name in differ}) for one in parameters]
-
-
-def _keys(name: str, key: str | tuple[str, ...] | None) -> tuple[str, ...]:
-    """The keys of the study that a variable sets."""
-    return (name,) if key is None else (key,) if isinstance(key, str) else key
 
 
 def _key(stages: DesignStages) -> str:
