@@ -19,15 +19,17 @@ TIMED = {
     "free_roll_generations": GENERATIONS,
 }
 # Beside the published verified figures stand the runs of the published problem: one supply, one structure at a time.
-JUDGED = tuple(TIMED)
+JUDGED = {name: "free" if name.startswith("free_roll") else "fixed" for name in TIMED} | {
+    "halving": "free",
+    "fixed_roll_halving": "fixed",
+}
 
 
 def bars(runs: Runs) -> list[Bar]:
     """Accuracy, agreement and time of the runs that the task names; those that are missing are not run."""
     found = []
-    for name in JUDGED:
+    for name, roll in JUDGED.items():
         run = runs.get(name)
-        roll = "free" if name.startswith("free_roll") else "fixed"
         for metric, words in METRICS.items():
             limit = SHAPE_BARS[roll][metric]  # type: ignore[index]
             published = millimetres(SHAPE["verified"][metric]) if roll == "fixed" else ""

@@ -55,6 +55,13 @@ ASKED = (
         "the other reading: its axis along the base's, 81 structures of 60 evaluations",
         EXAMPLES / "axis_along_base.yaml",
     ),
+    Asked("halving", "eight generations, the best third goes on, roll free", EXAMPLES / "halving.yaml"),
+    Asked(
+        "fixed_roll_halving",
+        "the same, roll fixed",
+        EXAMPLES / "helix.yaml",
+        ("search.generations=8", "search.halving={factor: 3}"),
+    ),
     Asked("integers", "one search, modules as integers, roll free", EXAMPLES / "integers.yaml"),
     Asked(
         "per_segment_pressure",

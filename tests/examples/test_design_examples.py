@@ -39,7 +39,7 @@ def structures() -> set[tuple[int, ...]]:
     return {s for s in splits if 25 <= sum(s) <= 29 and max(s) - min(s) <= 2}
 
 
-@pytest.mark.parametrize("name", ["helix", "free_roll", "axis_along_base", "per_segment_pressure"])
+@pytest.mark.parametrize("name", ["helix", "free_roll", "halving", "axis_along_base", "per_segment_pressure"])
 def test_the_structures_are_the_81_of_the_study(name: str) -> None:
     _, problem = problem_of(f"shape_matching/{name}.yaml")
     found = [tuple(branch[f"n{k}"] for k in (1, 2, 3, 4)) for branch in problem.branches()]

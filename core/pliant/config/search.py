@@ -119,6 +119,14 @@ class RobustConfig(FrozenModel):
     )
 
 
+class HalvingConfig(FrozenModel):
+    """Successive halving: of the searches of `each` variables the best go on with more candidates until one is left."""
+
+    factor: int = Field(
+        default=3, ge=2, le=100, description="one in so many goes on, with so many times the candidates"
+    )
+
+
 class VerifyConfig(FrozenModel):
     """How the best design is checked: direct FEM of its modules, laws fitted to that, the task in the study's engine
     and in those of `cross_check`.
@@ -155,6 +163,10 @@ class SearchConfig(FrozenModel):
         ge=1,
         le=1_000_000,
         description="instead of a budget: batches of the optimizer's own size",
+    )
+    halving: HalvingConfig | None = Field(
+        default=None,
+        description="of searches of `each` variables: the best go on with several times the budget",
     )
     until: str | None = Field(
         default=None, description="a search ends early where this holds: rmse <= 5 mm and e_max <= 5 mm"

@@ -64,6 +64,7 @@ class Branch:
         seed: of the study.
         budget: candidates that are simulated; None: `generations` times the optimizer's batch.
         generations: see `budget`.
+        whole: whether the budget is rounded up to whole batches, so that a larger one goes on behind the last.
     """
 
     def __init__(
@@ -77,12 +78,13 @@ class Branch:
         seed: int,
         budget: int,
         generations: int | None = None,
+        whole: bool = False,
     ) -> None:
         self.index, self.values, self._make = index, values, make
         self.optimizer = make()
         self._problem, self._space, self._journal = problem, space, journal
         self._seed = seed_of(seed, index)
-        self._budget, self._generations = budget, generations
+        self._budget, self._generations, self._whole = budget, generations, whole
         self.rows: list[Told] = []
         self.evaluated = self.refused = self.batches = 0
         self.stopped = ""
@@ -106,6 +108,8 @@ class Branch:
         self.optimizer.start(self._space, self._seed)
         if self._generations is not None:
             self._budget = self._generations * max(1, self.optimizer.batch)
+        elif self._whole:
+            self._budget += -self._budget % max(1, self.optimizer.batch)
         try:
             self._resume(recorded)
         except Exception as error:  # a state of another version may break a plugin in any way

@@ -30,6 +30,7 @@ class Loop:
         title: of the bar.
         ended: is called with each branch that has stopped, its optimizer still in hand.
         shown: text of the best value, which is given as minimised.
+        before_s: wall time of the same search before this loop.
     """
 
     def __init__(
@@ -40,17 +41,19 @@ class Loop:
         title: str,
         ended: Callable[[Branch], None],
         shown: Callable[[float], str] = "{:.4g}".format,
+        before_s: float = 0.0,
     ) -> None:
         self._branches, self._team, self._ended = branches, team, ended
         self._progress, self._title, self._shown = progress, title, shown
-        self._begun = self._before_s = 0.0
+        self._by_index = {branch.index: branch for branch in branches}
+        self._begun, self._before_s = 0.0, before_s
         self._active: dict[int, Asked] = {}
         self._rows: dict[int, list[Told]] = {}
         self._counts: Counter[str] = Counter()
         self._best = float("inf")
         self._each_s = 0.0
         self._bar: Bar | None = None
-        self._total = 0
+        self._total = self._assumed = 0
 
     @property
     def wall_s(self) -> float:
@@ -67,7 +70,7 @@ class Loop:
                 while waiting and len(self._active) < self._side_by_side():
                     self._start(waiting.popleft())
                 for branch, rows in self._team.collect():
-                    self._back(self._branches[branch], rows)
+                    self._back(self._by_index[branch], rows)
         finally:
             if self._bar is not None:
                 self._bar.finish()
@@ -82,9 +85,12 @@ class Loop:
         if branch.note:
             self._progress.note(branch.note)
         if self._bar is None:
+            self._assumed = branch.budget
             self._total = branch.budget * len(self._branches)
             self._bar = self._progress.begin(self._title, self._total, branch.evaluated)
-        elif branch.evaluated:
+        else:
+            self._total += branch.budget - self._assumed
+            self._bar.expect(self._total)
             self._bar.advance(branch.evaluated)
         # Sessions before this one; branches side by side tell the same time.
         self._before_s = max(self._before_s, branch.wall_s)

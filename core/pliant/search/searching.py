@@ -20,6 +20,7 @@ from pliant.search.about_the_best import Judges, about_the_best
 from pliant.search.branch import BUDGET, EXHAUSTED, REFUSED_PER_EVALUATION, UNTIL, Branch
 from pliant.search.evaluation import Evaluator
 from pliant.search.found import best_of, counts_of, design_of, front_of, history_of
+from pliant.search.halving import Halving
 from pliant.search.journal import Journal, keep_journals, take_journals
 from pliant.search.loop import Loop
 from pliant.search.outcome import Evaluates, Told, evaluated
@@ -129,12 +130,16 @@ class _Run:
         self.config = search.study.need("search", "a search")
         self.space = self.problem.space(search.contextual)
         self.values = self.problem.branches()
-        self.recommended: list[tuple[int, Told]] = []
+        self.recommendations: dict[int, list[Told]] = {}
         self.exported = float("inf")
+        config = self.config
+        factor = config.halving.factor if config.halving is not None else None
+        self.halving = Halving(partial, len(self.values), factor, (config.budget, config.generations))
         self.branches = [self._branch(index) for index in range(len(self.values))]
 
     def _branch(self, index: int) -> Branch:
         bench, optimizer = self.search.bench, self.search.study.optimizer
+        times, generations = self.halving.times(index), self.config.generations
         return Branch(
             index,
             self.values[index],
@@ -143,19 +148,45 @@ class _Run:
             self.space,
             Journal(self.partial, f"branch-{index:04d}"),
             self.config.seed,
-            self.config.budget,
-            self.config.generations,
+            times * self.config.budget,
+            times * generations if generations is not None else None,
+            whole=self.config.halving is not None,
         )
 
     def result(self) -> SearchResult:
         """Run it, then look about the best design."""
         search = self.search
         with Team(search.hands.crew(search.evaluator), search.setup()) as team:
-            title = "searching" if self.config.robust is None else "searching, robust"
-            loop = Loop(self.branches, team, search.bench.progress, title, self._ended, self._shown)
-            loop.run()
-            result = self._found(loop.wall_s)
+            result = self._found(self._all_rungs(team))
             return about_the_best(self.problem, search.judges(team), result, search.nominal)
+
+    def _all_rungs(self, team: Team) -> float:
+        """Every branch, then those that go on; returns the wall time in s."""
+        progress, wall_s, active = self.search.bench.progress, 0.0, self.branches
+        title = "searching" if self.config.robust is None else "searching, robust"
+        while True:
+            loop = Loop(active, team, progress, title, self._ended, self._shown, wall_s)
+            loop.run()
+            wall_s = loop.wall_s
+            before = len(self.halving.left)
+            if not self.halving.go_on([self._score(branch) for branch in self.branches]):
+                return wall_s
+            for index in self.halving.left:
+                self.branches[index] = self._branch(index)
+            active = [self.branches[index] for index in self.halving.left]
+            times = self.halving.times(active[0].index)
+            progress.note(f"{len(active)} of {before} searches go on, to {times} times the budget.")
+
+    def _score(self, branch: Branch) -> float:
+        """The best objective of a branch."""
+        rows = (*branch.rows, *self.recommendations.get(branch.index, ()))
+        best = best_of((branch.index, row) for row in rows)
+        return best[1].objectives[0] if best else float("inf")
+
+    @property
+    def recommended(self) -> list[tuple[int, Told]]:
+        """What the optimizers recommend beyond what they tried, with branches."""
+        return [(branch, row) for branch, rows in self.recommendations.items() for row in rows]
 
     def _found(self, wall_s: float) -> SearchResult:
         """What the branches come to."""
@@ -193,9 +224,8 @@ class _Run:
     def _ended(self, branch: Branch) -> None:
         """What only a branch's optimizer knows: what it recommends, and its files where it is the best so far."""
         rows = [evaluated(self.search.evaluator, task) for task in branch.recommended()]
-        self.recommended += [(branch.index, row) for row in rows]
-        best = best_of((branch.index, row) for row in (*branch.rows, *rows))
-        score = best[1].objectives[0] if best else float("inf")
+        self.recommendations[branch.index] = rows
+        score = self._score(branch)
         folder = self.partial / EXPORT
         if score < self.exported or not folder.exists():
             self.exported = score

@@ -21,6 +21,7 @@ from pliant.search.checking import checked
 from pliant.search.direct_fem import check_verifiable
 from pliant.search.evaluation import OF_EVERY_TASK
 from pliant.search.feasibility import require_feasible
+from pliant.search.halving import require_halving
 from pliant.search.problem import SearchProblem
 from pliant.search.reach import require_reach
 from pliant.search.searching import MODULES, Hands, Search, evaluator_of_study, problem_of
@@ -96,6 +97,7 @@ def _checked(bench: Workbench, study: Study) -> SearchProblem:
     _require_measured(bench, problem)
     if len(problem.objective_names) > 1:
         _require_several(bench, study)
+    require_halving(problem, bench.build("optimizer", study.optimizer))  # type: ignore[arg-type]
     check_verifiable(study, problem.registry)
     require_reach(problem, bench)
     return problem
