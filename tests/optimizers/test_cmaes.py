@@ -181,6 +181,9 @@ def test_failed_ones_rank_behind_evaluated_ones_and_before_refused_ones() -> Non
     assert np.argsort(values).tolist() == [4, 0, 1, 3, 2]
     assert values[1] > 7.0
     assert np.all(np.isfinite(fitness([Result(None, 1e300), Result(None)], None)))
+    huge = fitness([Result(1e306), Result(None), Result(None, 1e300), Result(-1e306)], 1e306)
+    assert np.all(np.isfinite(huge))
+    assert np.argsort(huge).tolist() == [3, 0, 1, 2]
 
 
 def test_every_choice_and_number_can_be_reached() -> None:

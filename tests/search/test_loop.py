@@ -117,6 +117,29 @@ def test_contexts_are_tried_in_their_one_condition(tmp_path):
     assert [row.values["n"] for row in best] == [2, 3]
 
 
+class Cancelling(ThreadPoolExecutor):
+    """A cluster that cancels the third job that it gets."""
+
+    def __init__(self):
+        super().__init__(1)
+        self.jobs = 0
+
+    def submit(self, *args, **kwargs):
+        self.jobs += 1
+        if self.jobs != 3:
+            return super().submit(*args, **kwargs)
+        lost = Future()
+        lost.cancel()
+        lost.set_running_or_notify_cancel()
+        return lost
+
+
+def test_a_job_that_the_cluster_cancels_runs_again(tmp_path):
+    with Cancelling() as pool:
+        cancelled = searched(tmp_path / "a", branches=EACH[:2], budget=20, crew=Given(pool, work))
+    assert told(cancelled) == told(searched(tmp_path / "b", branches=EACH[:2], budget=20))
+
+
 class Unruly(Narrowing):
     """Proposes a variable that nobody asked for."""
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, wait
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Future, wait
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -104,7 +104,7 @@ class Team:
             broken = []
             for future in ended:
                 chunk = self._running.pop(future)
-                error = future.exception()
+                error = _error_of(future)
                 if error is None:
                     self._alone = False
                     back.append((chunk.branch, tuple(future.result())))
@@ -189,3 +189,11 @@ class Team:
             return [(chunk.branch, tuple(task.failed(KILLED) for task in chunk.tasks))]
         self._suspects.extend(single for chunk in chunks for single in chunk.singles())
         return []
+
+
+def _error_of(future: Future[Any]) -> BaseException | None:
+    """What a job ended in; one that a cluster has cancelled raises its error where others return it."""
+    try:
+        return future.exception()
+    except CancelledError as error:
+        return error

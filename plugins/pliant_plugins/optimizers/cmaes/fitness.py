@@ -26,6 +26,7 @@ class Result:
 
 
 FAILED = Result(None)
+MOST = 1e150  # so that the distance behind the worst stays finite
 
 
 def fitness(results: Sequence[Result], worst: float | None) -> list[float]:
@@ -36,13 +37,13 @@ def fitness(results: Sequence[Result], worst: float | None) -> list[float]:
         results: of a generation.
         worst: the highest objective that any generation has had, this one included; None where there was none.
     """
-    base = 0.0 if worst is None else worst
+    base = 0.0 if worst is None else min(max(worst, -MOST), MOST)
     step = max(abs(base), 1.0)
     return [
         base + step * (1 + math.log1p(r.violation))
         if r.violation > 0
         else base + 0.5 * step
         if r.objective is None
-        else r.objective
+        else min(max(r.objective, -MOST), MOST)
         for r in results
     ]
