@@ -47,6 +47,8 @@ ASKED = (
     Asked("cmaes", "one gripper for all tasks, by CMA-ES", EXAMPLES / "cmaes.yaml"),
     Asked("optuna", "one gripper for all tasks, by Optuna's TPE", EXAMPLES / "optuna.yaml"),
 )
+# At a budget of its own, and with effects that the others have not: in no table over seeds.
+ROBUST = Asked("robust", "one gripper for all tasks and eight scenarios, by CMA-ES", EXAMPLES / "robust.yaml")
 FULL_SEEDS, SMALL_SEEDS = 5, 1
 SMALL_GRASPS, SMALL_SEED_GRASPS = 32, 8
 LEFT_OUT = ("history", "variables", "slopes", "branches", "made_of", "policy", "curve")
@@ -56,7 +58,7 @@ def main(given: Sequence[str] | None = None) -> None:
     """Run what is left, print the bars, publish where that is asked for."""
     parser = arguments(argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    ), [*(one.name for one in ASKED), BASELINE, SEEDS])  # fmt: skip
+    ), [*(one.name for one in (*ASKED, ROBUST)), BASELINE, SEEDS])  # fmt: skip
     parser.add_argument(
         "--seeds", type=int, help=f"seeds of each optimizer in their table; {FULL_SEEDS}; 0: none"
     )
@@ -72,7 +74,7 @@ def study(given: Given) -> dict[str, Any]:
     """Run, print, publish; returns the result. Raises `UserError` and `NotReachedError`."""
     parts = Parts(given.folder, given.fresh)
     asked = small() if given.small else ASKED
-    runs = {one.name: _search(parts, one, given) for one in asked}
+    runs = {one.name: _search(parts, one, given) for one in (asked if given.small else (*asked, ROBUST))}
     kept = {name: part for name, part in runs.items() if part is not None}
     result = assembled(kept, _baseline(parts, asked[0], given), _seeds(parts, asked, given), given.stated())
     conclude(given, result, lines(result), MAIN, "benchmarks.studies.gripper_page")

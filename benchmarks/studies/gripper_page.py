@@ -59,6 +59,18 @@ def grasps(result: Result) -> Iterator[str]:
     yield f"| published ({SOURCE}), optimised | one | {given['stable']}/{given['trials']} | – | – |"
 
 
+def robust(result: Result) -> Iterator[str]:
+    """What it costs to be robust, where such a search has run."""
+    found = (result["runs"].get("robust") or {}).get("robustness")
+    if not found:
+        return
+    yield f"| design | reward where nothing deviates | {found['measure']} over {found['samples']} scenarios |"
+    yield "|---|---|---|"
+    for design in ("nominal", "robust"):
+        cells = (found[f"{kind}_of_{design}"] for kind in ("nominal", "robust"))
+        yield f"| of the {design} search | {' | '.join(f'{cell:.3f}' for cell in cells)} |"
+
+
 def by_task(result: Result) -> Iterator[str]:
     """Stable grasps of every task."""
     found = {"baseline": result["baseline"], **result["runs"]}
@@ -141,6 +153,7 @@ TABLES: Mapping[str, Callable[[Result], Iterable[str]]] = {
     "reached": reached,
     "searches": searches,
     "grasps": grasps,
+    "robust": robust,
     "by_task": by_task,
     "laws": laws,
     "designs": designs,
