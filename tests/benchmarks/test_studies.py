@@ -360,9 +360,17 @@ def test_an_interrupted_study_says_so(capsys: Any) -> None:
 
 
 def test_a_robust_gripper_shows_its_price_beside_the_nominal_one() -> None:
-    scores = {"nominal_of_nominal": 5.0, "robust_of_nominal": 2.0, "nominal_of_robust": 4.8, "robust_of_robust": 4.5}
+    scores = {
+        "nominal_of_nominal": 5.0,
+        "robust_of_nominal": 2.0,
+        "nominal_of_robust": 4.8,
+        "robust_of_robust": 4.5,
+    }
     result = {"runs": {"robust": {"robustness": {**scores, "measure": "cvar", "samples": 8}}}}
     rows = list(gripper_page.robust(result))
     assert rows[0] == "| design | reward where nothing deviates | cvar over 8 scenarios |"
-    assert rows[2:] == ["| of the nominal search | 5.000 | 2.000 |", "| of the robust search | 4.800 | 4.500 |"]
+    assert rows[2:] == [
+        "| of the nominal search | 5.000 | 2.000 |",
+        "| of the robust search | 4.800 | 4.500 |",
+    ]
     assert list(gripper_page.robust({"runs": {}})) == []
