@@ -6,6 +6,7 @@ or ``wall_m: 0.0015`` in a study; bare numbers are SI.
 
 from __future__ import annotations
 
+import math
 import re
 from dataclasses import dataclass
 from functools import cache
@@ -37,6 +38,14 @@ EXAMPLES = {
     "kg/m^3": "1150 kg/m^3",
     "m/s^2": "9.81 m/s^2",
     "dimensionless": "0.49",
+}
+# SI unit → factor and short name, where people read another one.
+SPOKEN = {
+    "m": (1e3, "mm"),
+    "Pa": (1e-3, "kPa"),
+    "kg": (1e3, "g"),
+    "rad": (180 / math.pi, "°"),
+    "N*m": (1e3, "mN·m"),
 }
 NAMES = {
     "m": "a length",

@@ -16,9 +16,9 @@ from pliant.config.study import OF_OPTIMIZE, Study
 from pliant.config.text_edits import flow_text
 from pliant.errors import PliantError, UserError
 from pliant.registry.discovery import Registry
-from pliant.units import UNIT_SUFFIXES, parse_quantity, strip_unit_suffix
+from pliant.units import SPOKEN, UNIT_SUFFIXES, parse_quantity, strip_unit_suffix
 
-HUMAN = {"m": (1e3, "mm"), "Pa": (1e-3, "kPa"), "kg": (1e3, "g"), "N": (1.0, "N"), "s": (1.0, "s")}
+WRITTEN = {unit: SPOKEN.get(unit, (1.0, unit)) for unit in ("m", "Pa", "kg", "N", "s")}
 
 
 def write_best(
@@ -73,8 +73,8 @@ def _text(canonical: Mapping[str, Any], path: Sequence[str | int]) -> str:
         name = next(n for n in node if strip_unit_suffix(n) == strip_unit_suffix(str(key)))
         node = node[name]
     unit = next((u for suffix, u in UNIT_SUFFIXES.items() if name.endswith(suffix)), "")
-    if isinstance(node, float) and unit in HUMAN:
-        factor, short = HUMAN[unit]
+    if isinstance(node, float) and unit in WRITTEN:
+        factor, short = WRITTEN[unit]
         text = f"{float(f'{factor * node:.12g}')!r} {short}"
         if parse_quantity(text, unit) == node:
             return text

@@ -22,7 +22,7 @@ from pliant.pipeline.sweep_records import DesignOutcome, SweepRun
 from pliant.pipeline.sweep_table import write_sweep_table
 from pliant.pipeline.workbench import Workbench
 from pliant.store.store import write_atomically
-from pliant.units import UNIT_SUFFIXES
+from pliant.units import SPOKEN, UNIT_SUFFIXES
 
 Workers = Annotated[
     int | None,
@@ -38,7 +38,6 @@ Scheduler = Annotated[
 ]
 TABLE, INDEX = "fem.csv", "sweep.json"
 MOST_LINES = 100
-SHOWN = {"m": (1e3, "mm"), "Pa": (1e-3, "kPa"), "rad": (180 / math.pi, "°"), "kg": (1e3, "g")}
 
 
 def fem_of_sweep(
@@ -163,7 +162,7 @@ def _unit(name: str) -> tuple[str, float, str]:
     """What people call a parameter, and how its numbers are shown."""
     for suffix, unit in UNIT_SUFFIXES.items():
         if name.endswith(suffix):
-            factor, label = SHOWN.get(unit, (1.0, unit))
+            factor, label = SPOKEN.get(unit, (1.0, unit))
             return name.removesuffix(suffix), factor, label
     return name, 1.0, ""
 

@@ -20,11 +20,11 @@ from pliant.measurements.counts_layout import COUNTS, TEXTS, ConditionOf, Layout
 from pliant.measurements.reading import notes_of
 from pliant.measurements.sheet import MISSING, Cells, Sheet, numbers, open_sheet
 from pliant.records.counts import CountCondition, Counts, CountSet
+from pliant.units import SPOKEN, UNIT_SUFFIXES
 
 EXAMPLE = "run,object,pressure_pa,extra_weights,successes,trials"
 MOST_ROWS = 10_000
 MOST_TRIALS = 1_000_000_000
-SHOWN = {"Pa": (1e-3, "kPa"), "m": (1e3, "mm"), "kg": (1e3, "g"), "s": (1.0, "s"), "N": (1.0, "N")}
 
 
 def holds_counts(path: Path, task: TaskConfig | None, settings: MeasurementsConfig | None = None) -> bool:
@@ -206,7 +206,7 @@ def _said(condition: ConditionOf, text: str) -> str:
         value = float(text)
     except ValueError:
         return text
-    if condition.key.si in SHOWN:
-        factor, unit = SHOWN[condition.key.si]
+    if condition.key.si in UNIT_SUFFIXES.values():
+        factor, unit = SPOKEN.get(condition.key.si, (1.0, condition.key.si))
         return f"{factor * value:g} {unit}"
     return f"{value:g} {label}"

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 from pliant.records.law import JointKind
-from pliant.units import UNIT_SUFFIXES
+from pliant.units import SPOKEN, UNIT_SUFFIXES
 
 
 @dataclass(frozen=True)
@@ -26,13 +26,9 @@ DEGREES = Unit("°", 180 / math.pi)
 MILLIMETRES = Unit("mm", 1e3)
 ROUNDING = 1e-20  # nothing that people read is this small
 SHOWN = {
-    "m": MILLIMETRES,
-    "Pa": Unit("kPa", 1e-3),
-    "kg": Unit("g", 1e3),
-    "rad": DEGREES,
+    **{unit: Unit(name, factor) for unit, (factor, name) in SPOKEN.items()},
     "N": Unit("N"),
     "s": Unit("s"),
-    "N*m": Unit("mN·m", 1e3),
     "kg/m^3": Unit("kg/m³"),
     "m/s^2": Unit("m/s²"),
 }

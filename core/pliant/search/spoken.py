@@ -2,28 +2,19 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 from pliant.records.search import FoundDesign, VariableRecord
 from pliant.search.metrics import metric_name
-from pliant.units import UNIT_SUFFIXES, strip_unit_suffix
-
-SHOWN = {
-    "m": (1e3, "mm"),
-    "Pa": (1e-3, "kPa"),
-    "kg": (1e3, "g"),
-    "rad": (180 / math.pi, "°"),
-    "N*m": (1e3, "mN·m"),
-}
+from pliant.units import SPOKEN, UNIT_SUFFIXES, strip_unit_suffix
 
 
 def quantity(value: Any, unit: str = "", digits: int = 3) -> str:
     """A value with its unit: ``7 mm``, ``0.12 mm``, ``egg``."""
     if value is None or isinstance(value, str | bool):
         return str(value)
-    factor, name = SHOWN.get(unit, (1.0, unit))
+    factor, name = SPOKEN.get(unit, (1.0, unit))
     text = f"{factor * float(value):.{digits}g}"
     return text + (name if name == "°" else f" {name}" if name else "")
 

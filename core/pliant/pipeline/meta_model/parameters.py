@@ -13,14 +13,13 @@ from pliant.interfaces.family import FamilyConfig
 from pliant.interfaces.material import MaterialConfig
 from pliant.records.design import Array
 from pliant.records.solved import Parameter
-from pliant.units import UNIT_SUFFIXES, strip_unit_suffix
+from pliant.units import SPOKEN, UNIT_SUFFIXES, strip_unit_suffix
 
 # Of the width of the range: a design on its border is inside, however its table was rounded.
 ROUNDING = 1e-7
 MATERIAL = "material."
 # Density changes no law.
 NO_PART_IN_THE_LAW = ("kind", "density_kg_m3")
-SHOWN = {"m": (1e3, "mm"), "Pa": (1e-3, "kPa"), "N": (1.0, "N"), "rad": (180 / np.pi, "°")}
 
 
 def parameters_of(family: FamilyConfig) -> dict[str, Any]:
@@ -112,7 +111,7 @@ def shown(name: str, value: Any) -> str:
     if not is_number(value):
         return f"{value}"
     unit = next((unit for suffix, unit in UNIT_SUFFIXES.items() if name.endswith(suffix)), "")
-    factor, label = SHOWN.get(unit, (1.0, unit))
+    factor, label = SPOKEN.get(unit, (1.0, unit))
     return f"{factor * float(value):.6g} {label}".strip()
 
 
