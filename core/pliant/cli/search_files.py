@@ -59,6 +59,7 @@ def _design_json(design: FoundDesign) -> dict[str, Any]:
         "branch": design.branch,
         "context": design.context,
         "number": design.number,
+        **({"objectives_before": dict(design.first)} if design.first else {}),
     }
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 from pliant.records.search import FoundDesign, SearchResult, Slope, VariableRecord
@@ -61,6 +62,9 @@ def _design(result: SearchResult, design: FoundDesign) -> list[str]:
     where = f" for {result.conditions[design.context]}" if design.context >= 0 and result.conditions else ""
     recommended = ", as the optimizer recommends" if design.number < 0 else ""
     found = [f"best     {best_said(result, design)}{where}{recommended}"]
+    if design.first:
+        before = replace(design, objectives=design.first)
+        found.append(f"         {best_said(result, before)} in the search, before it was tried again")
     found += [
         f"         {name:<32} {_value(known.get(name), value)}"
         for name, value in design.values.items()

@@ -127,6 +127,17 @@ class HalvingConfig(FrozenModel):
     )
 
 
+class ConfirmConfig(FrozenModel):
+    """The best candidates are tried again before one is chosen: of many noisy trials the best one was lucky, too."""
+
+    best: Count = Field(
+        default=10, ge=1, le=10_000, description="candidates, of each condition where it has its own"
+    )
+    change: Changes = Field(
+        description="keys that are different then: {task.trials: 10, task.seed: 500}", min_length=1
+    )
+
+
 class VerifyConfig(FrozenModel):
     """How the best design is checked: direct FEM of its modules, laws fitted to that, the task in the study's engine
     and in those of `cross_check`.
@@ -183,6 +194,9 @@ class SearchConfig(FrozenModel):
         default="mean", description="of the objective over the conditions"
     )
     robust: RobustConfig | None = Field(default=None, description="designs for what is uncertain")
+    confirm: ConfirmConfig | None = Field(
+        default=None, description="of noisy tasks: the best candidates once more, before one is chosen"
+    )
     verify: VerifyConfig | None = Field(
         default=VerifyConfig(), description="the check of the best design; null for none"
     )

@@ -71,6 +71,7 @@ class FoundDesign:
         metrics: what the task measured; mean over conditions.
         conditions: condition → its metrics; one entry where the search has no conditions.
         branch, context, number: where it stands in the history; number −1: a recommendation.
+        first: of one that was tried again (`search.confirm`): objectives as the search had seen them.
     """
 
     values: Mapping[str, Any]
@@ -81,6 +82,7 @@ class FoundDesign:
     branch: int = 0
     context: int = -1
     number: int = -1
+    first: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)

@@ -66,6 +66,8 @@ def _contextual_words(read: SearchRead) -> str:
             "The optimizer recommends one design for each condition: the middle of what it has learned, which need not "
             "be the best single candidate that it tried."
         )
+    if any(design.first for design in read.result.best):
+        return "For each condition the best of the few designs that were tried again in it."
     return (
         "For each condition the best of the designs that were tried in it; a lucky trial may have made it so."
     )

@@ -169,6 +169,8 @@ def stopped_words(result: SearchResult) -> str:
 def found_where(read: SearchRead, design: FoundDesign) -> str:
     """Where a design stands in the history, in words."""
     where = "recommended by the optimizer" if design.number < 0 else f"candidate {design.number + 1}"
+    if design.first:
+        where += f", {read.objective.text(design.first[read.objective.name])} before it was tried again"
     if len(read.result.branches) > 1:
         where += f" of the search {read.branch_names()[design.branch]}"
     return where

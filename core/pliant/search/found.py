@@ -89,16 +89,26 @@ def design_of(problem: SearchProblem, row: Row) -> FoundDesign:
     """A candidate as a design; `problem` is the `SearchProblem`."""
     branch, told = row
     signs = [-1.0 if maximised else 1.0 for maximised in problem.maximised]
-    stated = [sign * one for sign, one in zip(signs, told.objectives, strict=True)]
+    stated, first = (
+        dict(
+            zip(
+                problem.objective_names,
+                (sign * one for sign, one in zip(signs, found, strict=True)),
+                strict=True,
+            )
+        )
+        for found in (told.objectives, told.first or told.objectives)
+    )
     return FoundDesign(
         dict(problem.full(told.values)),
         settings_of(problem, told.values, told.context),
-        dict(zip(problem.objective_names, stated, strict=True)),
+        stated,
         dict(told.metrics),
         {name: dict(metrics) for name, metrics in told.conditions.items()},
         branch,
         told.context,
         told.number,
+        first if told.first else {},
     )
 
 

@@ -42,6 +42,7 @@ class Told:
         scenarios: objective in each scenario of a robust search.
         simulations: runs of the task.
         wall_s: time of the evaluation.
+        first: objectives as the search saw them, of a candidate that was tried again; see `confirming`.
     """
 
     number: int
@@ -56,6 +57,7 @@ class Told:
     scenarios: tuple[float, ...] = ()
     simulations: int = 0
     wall_s: float = 0.0
+    first: tuple[float, ...] = ()
 
     @classmethod
     def refused(

@@ -18,6 +18,7 @@ from pliant.pipeline.workbench import Workbench
 from pliant.records.search import STATUSES, FoundDesign, SearchResult
 from pliant.search.about_the_best import Judges, about_the_best
 from pliant.search.branch import BUDGET, EXHAUSTED, REFUSED_PER_EVALUATION, UNTIL, Branch
+from pliant.search.confirming import confirmed, confirming_problem
 from pliant.search.evaluation import Evaluator
 from pliant.search.found import best_of, counts_of, design_of, front_of, history_of
 from pliant.search.halving import Halving
@@ -49,9 +50,10 @@ class Hands:
         count = checked_workers(cpus() if self.workers is None else self.workers)
         return Processes(count, work) if count > 1 else Inline(evaluator)
 
-    def setup(self, bench: Workbench, study: Study) -> Setup:
+    def setup(self, bench: Workbench, study: Study, confirm: bool = False) -> Setup:
         """What workers get; those of a cluster compare their code with ours."""
-        return Setup.of(bench, study, code_fingerprint(MODULES) if self.executor is not None else "")
+        code = code_fingerprint(MODULES) if self.executor is not None else ""
+        return replace(Setup.of(bench, study, code), confirm=confirm)
 
 
 def problem_of(bench: Workbench, study: Study) -> SearchProblem:
@@ -59,13 +61,12 @@ def problem_of(bench: Workbench, study: Study) -> SearchProblem:
     return SearchProblem.of(study, bench.registry)
 
 
-def evaluator_of_study(bench: Workbench, study: Study) -> Evaluator:
-    """The evaluator of a study, with the scenarios of a robust search."""
-
+def evaluator_of_study(bench: Workbench, study: Study, confirm: bool = False) -> Evaluator:
+    """The evaluator of a study, with the scenarios of a robust search; or the one that tries the best once more."""
     problem = problem_of(bench, study)
     robust = study.need("search", "a search").robust
     scenarios = draw_scenarios(problem, bench.registry, robust) if robust is not None else ()
-    return Evaluator(bench, problem, scenarios)
+    return Evaluator(bench, confirming_problem(problem) if confirm else problem, scenarios)
 
 
 @dataclass(frozen=True)
@@ -157,7 +158,8 @@ class _Run:
         """Run it, then look about the best design."""
         search = self.search
         with Team(search.hands.crew(search.evaluator), search.setup()) as team:
-            result = self._found(self._all_rungs(team))
+            wall_s = self._all_rungs(team)
+            result = self._found(wall_s, self._confirmed(team))
             return about_the_best(self.problem, search.judges(team), result, search.nominal)
 
     def _all_rungs(self, team: Team) -> float:
@@ -188,15 +190,29 @@ class _Run:
         """What the optimizers recommend beyond what they tried, with branches."""
         return [(branch, row) for branch, rows in self.recommendations.items() for row in rows]
 
-    def _found(self, wall_s: float) -> SearchResult:
-        """What the branches come to."""
+    def _confirmed(self, team: Team) -> list[tuple[int, Told]]:
+        """The best candidates once more; none where the study does not ask for it."""
+        search, config = self.search, self.config.confirm
+        if config is None:
+            return []
+        setup = search.hands.setup(search.bench, search.study, confirm=True)
+        alone = team.crew.size == 1
+        crew = Inline(evaluator_of_study(search.bench, search.study, confirm=True)) if alone else team.crew
+        rows = [*self._rows(), *self.recommended]
+        return confirmed(config, rows, Team(crew, setup), search.bench.progress)
+
+    def _rows(self) -> list[tuple[int, Told]]:
+        return [(branch.index, row) for branch in self.branches for row in branch.rows]
+
+    def _found(self, wall_s: float, again: Sequence[tuple[int, Told]]) -> SearchResult:
+        """What the branches come to; `again` are the candidates among which the best is chosen."""
         search = self.search
-        rows = [(branch.index, row) for branch in self.branches for row in branch.rows]
-        best = self._best(rows)
+        rows = self._rows()
+        best = self._best(again or [*rows, *self.recommended])
         refused, failed = counts_of(rows)
         self._say_exhausted(refused)
         designs = tuple(design_of(self.problem, row) for row in best)
-        everything = [told for _, told in (*rows, *self.recommended)]
+        everything = [told for _, told in (*rows, *self.recommended, *again)]
         return SearchResult(
             optimizer=search.study.optimizer.kind if search.study.optimizer else "",
             seed=self.config.seed,
@@ -233,9 +249,8 @@ class _Run:
             folder.mkdir()
             branch.optimizer.export(folder)
 
-    def _best(self, rows: Sequence[tuple[int, Told]]) -> list[tuple[int, Told]]:
+    def _best(self, everything: Sequence[tuple[int, Told]]) -> list[tuple[int, Told]]:
         """The best, the front of several objectives, or the best of each condition."""
-        everything = [*rows, *self.recommended]
         if self.search.contextual:
             contexts = range(len(self.space.contexts))
             found = [best_of(row for row in everything if row[1].context == c) for c in contexts]

@@ -18,6 +18,7 @@ from pliant.pipeline.workbench import Workbench
 from pliant.records.search import SearchResult
 from pliant.registry.component import Component
 from pliant.search.checking import checked
+from pliant.search.confirming import require_confirming
 from pliant.search.direct_fem import check_verifiable
 from pliant.search.evaluation import OF_EVERY_TASK
 from pliant.search.feasibility import require_feasible
@@ -97,6 +98,7 @@ def _checked(bench: Workbench, study: Study) -> SearchProblem:
     _require_measured(bench, problem)
     if len(problem.objective_names) > 1:
         _require_several(bench, study)
+    require_confirming(problem)
     require_halving(problem, bench.build("optimizer", study.optimizer))  # type: ignore[arg-type]
     check_verifiable(study, problem.registry)
     require_reach(problem, bench)

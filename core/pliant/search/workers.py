@@ -39,6 +39,7 @@ class Setup:
         store: root of the store.
         code: fingerprint of the code that the driver runs; empty: not compared.
         make: "module:function" that builds an evaluator from a setup.
+        confirm: whether the best candidates are tried once more (`search.confirm`).
     """
 
     study: str
@@ -46,6 +47,7 @@ class Setup:
     store: str
     code: str = ""
     make: str = MAKE
+    confirm: bool = False
 
     @classmethod
     def of(cls, bench: Workbench, study: Study, code: str = "") -> Setup:
@@ -96,7 +98,7 @@ def evaluator_of(setup: Setup) -> Evaluates:
         registry = with_files(discover(), [Path(file) for file in setup.plugins])
     raw = json.loads(setup.study)
     study = study_model(raw, registry).model_validate(raw)
-    return evaluator_of_study(Workbench(registry, ArtifactStore(Path(setup.store))), study)
+    return evaluator_of_study(Workbench(registry, ArtifactStore(Path(setup.store))), study, setup.confirm)
 
 
 def _kept(setup: Setup) -> Evaluates:

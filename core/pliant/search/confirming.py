@@ -1,0 +1,107 @@
+"""The best candidates of a noisy search once more, before one of them is chosen.
+
+The best of thousands of single noisy trials was lucky, too (the optimizer's curse: Smith and Winkler, Management
+Science 52, 2006). What counts in the end is what each of the few best comes to under other trials, and more of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+from pliant.config.search import ConfirmConfig
+from pliant.config.study_keys import KeyPath
+from pliant.errors import UserError
+from pliant.pipeline.progress import Progress
+from pliant.search.changes import changed
+from pliant.search.found import Row
+from pliant.search.keys import study_key
+from pliant.search.outcome import Task, Told
+from pliant.search.problem import SearchProblem
+from pliant.search.team import Team
+
+PLACE = "search.confirm.change"
+
+
+def confirming_problem(problem: SearchProblem) -> SearchProblem:
+    """The problem in which the best candidates are tried again; conditions give way to what `confirm.change` sets.
+
+    Raises:
+        UserError: a key that the study does not have, or a value that it does not allow.
+    """
+    config = problem.config.confirm
+    assert config is not None
+    paths = _paths(problem, config)
+    conditions = tuple(
+        replace(one, changes={path: value for path, value in one.changes.items() if path not in paths})
+        for one in problem.conditions
+    )
+    study = changed(problem.registry, problem.study, config.change, PLACE)
+    return replace(problem, study=study, conditions=conditions)
+
+
+def require_confirming(problem: SearchProblem) -> None:
+    """Raise `UserError` where one best cannot be chosen, or where the change is wrong."""
+    if problem.config.confirm is None:
+        return
+    if len(problem.objective_names) > 1:
+        raise UserError(
+            "search.confirm chooses by one objective, and search.objective lists several; leave confirm out, or write "
+            "one expression of them."
+        )
+    confirming_problem(problem)
+    set_twice = {path for one in problem.variables for path in one.keys} & _paths(
+        problem, problem.config.confirm
+    )
+    if set_twice:
+        names = ", ".join(".".join(map(str, path)) for path in sorted(set_twice, key=str))
+        raise UserError(f"search.confirm.change sets {names}, which the search varies; leave it out there.")
+
+
+def confirmed(config: ConfirmConfig, rows: Sequence[Row], team: Team, progress: Progress) -> list[Row]:
+    """The `best` feasible candidates of each context, tried again.
+
+    Args:
+        config: of the study.
+        rows: everything that was tried.
+        team: evaluates in the `confirming_problem`.
+        progress: one bar.
+
+    Returns:
+        The same candidates with what they come to now, the best of each context first.
+    """
+    chosen = [row for context in _contexts(rows) for row in _first(rows, context, config.best)]
+    if not chosen:
+        return []
+    bar = progress.begin("the best once more", len(chosen))
+    found: list[Row] = []
+    try:
+        tasks = [Task(k, row.values, row.context) for k, (_, row) in enumerate(chosen)]
+        for (branch, before), now in zip(chosen, team.each(tasks), strict=True):
+            found.append((branch, replace(now, number=before.number, first=before.objectives)))
+            bar.advance()
+    finally:
+        bar.finish()
+    return found
+
+
+def _paths(problem: SearchProblem, config: ConfirmConfig) -> set[KeyPath]:
+    return {study_key(problem.study, problem.registry, written, PLACE).path for written in config.change}
+
+
+def _contexts(rows: Sequence[Row]) -> list[int]:
+    return sorted({row.context for _, row in rows})
+
+
+def _first(rows: Sequence[Row], context: int, count: int) -> list[Row]:
+    """The best of a context, each design once."""
+    feasible = [row for row in rows if row[1].feasible and row[1].context == context]
+    distinct: dict[tuple[Any, ...], Row] = {}
+    for row in sorted(feasible, key=lambda row: row[1].objectives[0]):
+        distinct.setdefault(_values(row[1]), row)
+    return list(distinct.values())[:count]
+
+
+def _values(told: Told) -> tuple[Any, ...]:
+    return tuple(sorted(told.values.items()))

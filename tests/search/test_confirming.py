@@ -1,0 +1,100 @@
+"""The best candidates once more: the other trials decide, conditions give way to them, wrong changes are refused."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from tests.cli.search_study import STUDY
+
+from pliant import api
+from pliant.cli.search_files import search_json
+from pliant.cli.search_words import lines
+from pliant.errors import UserError
+from pliant.search.confirming import confirming_problem
+from pliant.search.evaluation import Evaluator
+from pliant.search.searching import problem_of
+
+PLUGIN = Path(__file__).with_name("narrowing_plugin.py")
+NAME = "abs(tip_x - 10 mm)"
+BEST = 5
+HEAVIER = f"search.confirm={{best: {BEST}, change: {{chain.payload: 2 g}}}}"
+DOWN = "chain.gravity=[0, 0, -9.81]"
+LOADED = "search.conditions={light: {chain.payload: 0 g}, heavy: {chain.payload: 5 g}}"
+
+
+@pytest.fixture
+def opened(tmp_path):
+    path = tmp_path / "study.yaml"
+    path.write_text(STUDY.replace("{kind: cmaes}", "{kind: narrowing}") + f"plugins: [{PLUGIN}]\n")
+
+    def call(*overrides, store="store"):
+        return api.open_study(path, (DOWN, "search.verify=null", *overrides), store=tmp_path / store)
+
+    return call
+
+
+def test_the_few_best_are_tried_again_and_the_other_trials_decide(opened):
+    study = opened(HEAVIER)
+    result = api.optimize(study, workers=1)
+    (best,) = result.best
+    history = result.history
+    order = np.argsort(history.objectives[:, 0], kind="stable")[:BEST]
+    heavier = opened("chain.payload=2 g")
+    evaluator = Evaluator(heavier.bench, problem_of(heavier.bench, heavier.study))
+    again = [
+        evaluator.evaluate({name: float(column[k]) for name, column in history.values.items()}).objectives[0]
+        for k in order
+    ]
+    assert best.objectives[NAME] == pytest.approx(min(again), rel=1e-9)
+    chosen = int(order[int(np.argmin(again))])
+    assert best.first[NAME] == history.objectives[chosen, 0]
+    assert best.values["task.pressure"] == history.values["task.pressure"][chosen]
+    assert result.evaluations == len(history) + BEST
+    told = "\n".join(lines(result, "quasistatic"))
+    assert "in the search, before it was tried again" in told
+    assert search_json(result, "quasistatic")["best"]["objectives_before"] == best.first
+
+
+def test_workers_change_nothing(opened):
+    alone = api.optimize(opened(HEAVIER), workers=1)
+    both = api.optimize(opened(HEAVIER, store="two"), workers=2)
+    assert [design.objectives for design in alone.best] == [design.objectives for design in both.best]
+
+
+def test_each_condition_chooses_among_its_own(opened):
+    result = api.optimize(opened("optimizer=contextual", LOADED, HEAVIER), workers=1)
+    assert [design.context for design in result.best] == [0, 1]
+    for design in result.best:
+        assert list(design.conditions) == [result.conditions[design.context]]
+        assert design.first
+
+
+def test_conditions_give_way_to_what_is_tried_again(opened):
+    study = opened(LOADED, "search.confirm={change: {chain.payload_kg: 0.002, task.steps: 3}}")
+    problem = confirming_problem(problem_of(study.bench, study.study))
+    values = {v.name: v.variable.low for v in problem.variables}
+    for condition in (0, 1):
+        tried = problem.apply(values, condition)
+        assert (tried.chain.payload_kg, tried.task.steps) == (0.002, 3)
+
+
+def test_a_journal_serves_with_and_without(opened):
+    api.optimize(opened(), workers=1)
+    notes = []
+    study = opened(HEAVIER)
+    study.bench.progress.note = notes.append
+    api.optimize(study, workers=1)
+    assert any("going on from the journal" in note for note in notes)
+
+
+@pytest.mark.parametrize(
+    ("overrides", "said"),
+    [
+        (("search.confirm={change: {task.trails: 3}}",), "search.confirm.change"),
+        (("search.confirm={change: {task.pressure: 3 kPa}}",), "which the search varies"),
+        (("search.objective=[abs(tip_x - 10 mm), tip_z]", "optimizer=front", HEAVIER), "lists several"),
+    ],
+)
+def test_wrong_changes_are_refused_before_the_search(opened, overrides, said):
+    with pytest.raises(UserError, match=said):
+        api.optimize(opened(*overrides), workers=1)
