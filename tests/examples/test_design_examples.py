@@ -141,8 +141,8 @@ def test_a_target_longer_than_any_chain_is_refused_before_the_search(tmp_path: P
     require_reach(problem, opened.bench)
 
 
-def make() -> ModuleType:
-    spec = importlib.util.spec_from_file_location("make_gripper", EXAMPLES / "gripper_codesign/make.py")
+def make(study: str = "gripper_codesign") -> ModuleType:
+    spec = importlib.util.spec_from_file_location(f"make_{study}", EXAMPLES / study / "make.py")
     assert spec is not None and spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
@@ -163,3 +163,19 @@ def test_the_grippers_designs_are_those_of_the_script_and_can_be_built() -> None
     for row in rows:
         sizes = {f"{name}_m": 1e-3 * value for name, value in zip(script.NAMES, row, strict=True)}
         opened.bench.build("family", family.model_copy(update=sizes))
+
+
+def test_the_shapes_table_is_the_published_grid_and_a_row_between() -> None:
+    script = make("shape_matching")
+    grid, table = script.GRID.read_text(), script.TABLE.read_text()
+    assert table.startswith(grid)
+    head, *rows = table.splitlines()
+    names = head.split(",")
+    wide, long, design = (names.index(n) for n in ("average_radius_m", "module_length_m", "design"))
+    added = {(c[design], c[wide], c[long]) for row in rows[len(grid.splitlines()) - 1 :] if (c := row.split(","))}
+    lengths = ("0.004", "0.0045", "0.005", "0.0055", "0.006")
+    assert added == {(str(25 + k), "0.00525", length) for k, length in enumerate(lengths)}
+    joined = script.joined("a,design\n1,0\n2,1\n", "a,design\n5,0\n6,1\n")
+    assert joined == "a,design\n1,0\n2,1\n5,2\n6,3\n"
+    with pytest.raises(SystemExit, match="other columns"):
+        script.joined("a,design\n1,0\n", "b,design\n5,0\n")
