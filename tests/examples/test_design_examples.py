@@ -172,7 +172,9 @@ def test_the_shapes_table_is_the_published_grid_and_a_row_between() -> None:
     head, *rows = table.splitlines()
     names = head.split(",")
     wide, long, design = (names.index(n) for n in ("average_radius_m", "module_length_m", "design"))
-    added = {(c[design], c[wide], c[long]) for row in rows[len(grid.splitlines()) - 1 :] if (c := row.split(","))}
+    added = {
+        (c[design], c[wide], c[long]) for row in rows[len(grid.splitlines()) - 1 :] if (c := row.split(","))
+    }
     lengths = ("0.004", "0.0045", "0.005", "0.0055", "0.006")
     assert added == {(str(25 + k), "0.00525", length) for k, length in enumerate(lengths)}
     joined = script.joined("a,design\n1,0\n2,1\n", "a,design\n5,0\n6,1\n")
