@@ -18,10 +18,13 @@ TIMED = {
     "helix_generations": GENERATIONS,
     "free_roll_generations": GENERATIONS,
 }
-# Beside the published verified figures stand the runs of the published problem: one supply, one structure at a time.
-JUDGED = {name: "free" if name.startswith("free_roll") else "fixed" for name in TIMED} | {
+# Accuracy is asked of searches that go on; those of 60 evaluations for a structure are asked for their time, and stand
+# in the table of all. All are of the published problem: one supply.
+JUDGED = {
     "halving": "free",
+    "free_roll_generations": "free",
     "fixed_roll_halving": "fixed",
+    "helix_generations": "fixed",
 }
 
 

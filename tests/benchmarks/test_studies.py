@@ -99,7 +99,7 @@ def judged(small: tuple[Given, dict[str, Any]], verified_m: float) -> dict[str, 
         "notes": [],
     }
     part = {**part, "verified": check}
-    return shape_matching.assembled({"helix": part, "free_roll": part}, {"small": False, "overrides": []})
+    return shape_matching.assembled({"helix": part, "halving": part}, {"small": False, "overrides": []})
 
 
 def test_the_page_has_the_numbers_of_the_json(small: tuple[Given, dict[str, Any]], tmp_path: Path) -> None:
