@@ -74,20 +74,15 @@ class StabilityGrid:
 
     def at(self, coefficients: Array, keep: Mask) -> Array:
         """(g', k, k) slopes plus the margin: stable where negative definite."""
-        found: Array = self.slopes[keep] @ coefficients + np.diag(self.margin)
+        slopes = (
+            self.slopes if keep.all() else self.slopes[keep]
+        )  # a copy of the grid costs more than the product
+        found: Array = slopes @ coefficients + np.diag(self.margin)
         return found
 
     def stable(self, slopes: Array) -> bool:
-        """Whether all of (g, k, k) symmetric slopes are negative definite (by leading minors)."""
-        s = -slopes
-        if not np.all(s[:, 0, 0] > 0):
-            return False
-        if s.shape[1] == 1:
-            return True
-        second = s[:, 0, 0] * s[:, 1, 1] - s[:, 0, 1] ** 2
-        if not np.all(second > 0):
-            return False
-        return s.shape[1] == 2 or bool(np.all(_determinant(s) > 0))
+        """Whether all of (g, k, k) symmetric slopes are negative definite."""
+        return bool(_negative_definite(slopes).all())
 
     def blended(self, coefficients: Array, reference: Array, keep: Mask) -> Array:
         """The coefficients, moved toward a stable reference just as far as stability asks for."""
@@ -127,16 +122,17 @@ class StabilityGrid:
         root = np.linalg.cholesky(
             precision + 1e-12 * np.trace(precision) / len(precision) * np.eye(len(precision))
         )
-        slopes, planes, limits = self.slopes[keep], [], []
+        slopes, planes, limits = self.slopes if keep.all() else self.slopes[keep], [], []
         rest = np.broadcast_to(fixed, slopes.shape[:3])
         found = coefficients
         for _ in range(CUTS):
-            values, vectors = np.linalg.eigh(self.at(found, keep) + fixed)
-            bad = np.flatnonzero(values[:, -1] > 0)
+            own = self.at(found, keep) + fixed
+            bad = np.flatnonzero(~_negative_definite(own))
             if not bad.size:
                 break
-            worst = bad[np.argsort(values[bad, -1])[::-1][:40]]
-            d = vectors[worst, :, -1]
+            values, vectors = np.linalg.eigh(own[bad])
+            steepest = np.argsort(values[:, -1])[::-1][:40]
+            worst, d = bad[steepest], vectors[steepest, :, -1]
             planes.append(np.einsum("gi,gijm,gj->gm", d, slopes[worst], d))
             held = np.einsum("gi,gij,gj->g", d, rest[worst], d)
             limits.append(-2.0 * np.einsum("gi,i,gi->g", d, self.margin, d) - held)
@@ -163,6 +159,17 @@ def _project(start: Array, root: Array, planes: Array, limits: Array) -> Array:
         return start
     step: Array = np.linalg.solve(root.T, -r[:-1] / r[-1])
     return start + step
+
+
+def _negative_definite(slopes: Array) -> Mask:
+    """(g,) which of (g, k, k) symmetric slopes are, by leading minors."""
+    s = -slopes
+    found: Mask = s[:, 0, 0] > 0
+    if s.shape[1] > 1:
+        found &= s[:, 0, 0] * s[:, 1, 1] - s[:, 0, 1] ** 2 > 0
+    if s.shape[1] > 2:
+        found &= _determinant(s) > 0
+    return found
 
 
 def _determinant(s: Array) -> Array:
