@@ -38,6 +38,10 @@ class StabilityGrid:
     margin: Array
 
     @cached_property
+    def _rows(self) -> Array:
+        return np.ascontiguousarray(self.slopes.reshape(-1, self.slopes.shape[-1]))
+
+    @cached_property
     def _levels(self) -> list[Array]:
         return [np.unique(column) for column in self.points.T]
 
@@ -74,10 +78,8 @@ class StabilityGrid:
 
     def at(self, coefficients: Array, keep: Mask) -> Array:
         """(g', k, k) slopes plus the margin: stable where negative definite."""
-        slopes = (
-            self.slopes if keep.all() else self.slopes[keep]
-        )  # a copy of the grid costs more than the product
-        found: Array = slopes @ coefficients + np.diag(self.margin)
+        # The product over the whole grid costs less than a copy of a part of it.
+        found: Array = (self._rows @ coefficients).reshape(self.slopes.shape[:3])[keep] + np.diag(self.margin)
         return found
 
     def stable(self, slopes: Array) -> bool:
@@ -104,17 +106,13 @@ class StabilityGrid:
 
         The margin that is aimed at is twice the one that must remain, so that few cuts are enough.
         """
-        fixed = self.slopes[keep][..., 0]
-        inner = StabilityGrid(self.points[keep], self.slopes[keep][..., 1:], self.margin)
-        every = np.ones(len(inner.points), bool)
-        found = inner.nearest(targets, np.eye(len(targets)), every, fixed)
-        whole = np.concatenate([[1.0], found])
-        return found if self.stable(self.at(whole, keep)) else None
+        found = self.nearest(np.concatenate([[1.0], targets]), np.eye(len(targets)), keep, fixed=1)
+        return found[1:] if self.stable(self.at(found, keep)) else None
 
-    def nearest(self, coefficients: Array, precision: Array, keep: Mask, fixed: Array | float = 0.0) -> Array:
+    def nearest(self, coefficients: Array, precision: Array, keep: Mask, fixed: int = 0) -> Array:
         """The stable coefficients that lie nearest to given ones in the metric `precision` (m, m).
 
-        Slopes `fixed` (g', k, k) come on top of those that the coefficients make.
+        The first `fixed` coefficients stay as they are; `precision` is of the others.
 
         Cutting planes (Kelley, J. SIAM 8, 1960): a direction d of growing effort at a point gives the plane
         dᵀ S d ≤ 0; the quadratic program over the planes is solved by its dual, a non-negative least squares.
@@ -122,21 +120,22 @@ class StabilityGrid:
         root = np.linalg.cholesky(
             precision + 1e-12 * np.trace(precision) / len(precision) * np.eye(len(precision))
         )
-        slopes, planes, limits = self.slopes if keep.all() else self.slopes[keep], [], []
-        rest = np.broadcast_to(fixed, slopes.shape[:3])
+        held, free = coefficients[:fixed], coefficients[fixed:]
+        points, planes, limits = np.flatnonzero(keep), [], []
         found = coefficients
         for _ in range(CUTS):
-            own = self.at(found, keep) + fixed
+            own = self.at(found, keep)
             bad = np.flatnonzero(~_negative_definite(own))
             if not bad.size:
                 break
             values, vectors = np.linalg.eigh(own[bad])
-            steepest = np.argsort(values[:, -1])[::-1][:40]
-            worst, d = bad[steepest], vectors[steepest, :, -1]
-            planes.append(np.einsum("gi,gijm,gj->gm", d, slopes[worst], d))
-            held = np.einsum("gi,gij,gj->g", d, rest[worst], d)
-            limits.append(-2.0 * np.einsum("gi,i,gi->g", d, self.margin, d) - held)
-            found = _project(coefficients, root, np.concatenate(planes), np.concatenate(limits))
+            worst = np.argsort(values[:, -1])[::-1][:40]
+            d, slopes = vectors[worst, :, -1], self.slopes[points[bad[worst]]]
+            along = np.einsum("gi,gijm,gj->gm", d, slopes, d)
+            planes.append(along[:, fixed:])
+            limits.append(-2.0 * np.einsum("gi,i,gi->g", d, self.margin, d) - along[:, :fixed] @ held)
+            moved = _project(free, root, np.concatenate(planes), np.concatenate(limits))
+            found = np.concatenate([held, moved])
         return found
 
 
