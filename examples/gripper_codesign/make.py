@@ -9,11 +9,8 @@ only fem/gripper_grid_designs.csv is written anew: which designs there are.
 from __future__ import annotations
 
 import argparse
-import importlib.util
 import itertools
-import tempfile
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from scipy.stats import qmc
@@ -28,6 +25,7 @@ DESIGNS = HERE / "fem" / f"{NAME}_designs.csv"
 NAMES = ("inner_radius", "average_radius", "module_length", "wall")
 LOW, HIGH = np.array([2.0, 6.0, 8.0, 1.4]), np.array([4.0, 8.0, 12.0, 1.6])
 COUNT, SEED = 90, 8
+DIGITS = 9
 Row = tuple[float, ...]
 
 
@@ -65,21 +63,8 @@ def designs_text() -> str:
 def solve(store: Path, workers: int | None) -> None:
     """Solve the sweep and write its table."""
     run = api.sweep(api.open_study(HERE / "fem" / f"{NAME}.yaml", store=store), workers=workers)
-    with tempfile.TemporaryDirectory() as folder:
-        whole = Path(folder) / "whole.csv"
-        write_sweep_table(run, whole)
-        text = _shortened(whole.read_text(encoding="utf-8"))
-    (HERE / f"{NAME}.csv").write_text(text, encoding="utf-8")
+    write_sweep_table(run, HERE / f"{NAME}.csv", DIGITS)
     print(f"{NAME}: {len(run.done())} designs, {sum(o.n_states for o in run.done())} states", flush=True)
-
-
-def _shortened(text: str) -> str:
-    """With nine digits, as the tables of ../designs are."""
-    spec = importlib.util.spec_from_file_location("designs_make", HERE.parent / "designs" / "make.py")
-    assert spec is not None and spec.loader is not None
-    make: Any = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(make)
-    return str(make.shortened(text))
 
 
 def main() -> None:

@@ -9,10 +9,8 @@ not solved again.
 from __future__ import annotations
 
 import argparse
-import importlib.util
 import tempfile
 from pathlib import Path
-from typing import Any
 
 from pliant import api
 from pliant.pipeline.sweep_table import write_sweep_table
@@ -20,6 +18,7 @@ from pliant.pipeline.sweep_table import write_sweep_table
 HERE = Path(__file__).parent
 GRID = HERE.parent / "designs" / "helical_grid.csv"
 TABLE = HERE / "shape_grid.csv"
+DIGITS = 9  # as the grid has
 
 
 def main() -> None:
@@ -31,9 +30,9 @@ def main() -> None:
     options = parser.parse_args()
     run = api.sweep(api.open_study(HERE / "fem/between.yaml", store=options.store), workers=options.workers)
     with tempfile.TemporaryDirectory() as folder:
-        whole = Path(folder) / "whole.csv"
-        write_sweep_table(run, whole)
-        row = _shortened(whole.read_text(encoding="utf-8"))
+        between = Path(folder) / "between.csv"
+        write_sweep_table(run, between, DIGITS)
+        row = between.read_text(encoding="utf-8")
     TABLE.write_text(joined(GRID.read_text(encoding="utf-8"), row), encoding="utf-8")
     print(f"{TABLE.name}: {len(run.done())} designs beside those of {GRID.name}", flush=True)
 
@@ -51,15 +50,6 @@ def joined(grid: str, more: str) -> str:
         cells[at] = str(first + int(cells[at]))
         rows.append(",".join(cells))
     return "\n".join([head, *rows]) + "\n"
-
-
-def _shortened(text: str) -> str:
-    """With nine digits, as the tables of ../designs are."""
-    spec = importlib.util.spec_from_file_location("designs_make", HERE.parent / "designs" / "make.py")
-    assert spec is not None and spec.loader is not None
-    make: Any = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(make)
-    return str(make.shortened(text))
 
 
 if __name__ == "__main__":

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -47,13 +46,3 @@ def test_states_of_a_table_are_sound(name: str) -> None:
         assert np.sum(data.role == "check") >= 8
         assert np.abs(data.tau[free]).max() < 1e-6 * np.ptp(data.tau[:, main])
         assert np.all(data.dtau_du[np.isin(data.status, TRUSTED), main, main] < 0)
-
-
-def test_numbers_are_shortened_to_nine_digits_and_words_kept() -> None:
-    sys.path.insert(0, str(DESIGNS))
-    try:
-        import make
-    finally:
-        sys.path.remove(str(DESIGNS))
-    text = "pressure_pa,status,wall_s,design\n1234.56789012345,ok,0.123456,12\n"
-    assert make.shortened(text) == "pressure_pa,status,wall_s,design\n1234.56789,ok,0.123,12\n"

@@ -12,7 +12,7 @@ from tests.pipeline.test_module_tables import module
 
 from pliant import api
 from pliant.errors import UserError
-from pliant.pipeline.sweep_table import write_sweep_table
+from pliant.pipeline.sweep_table import shortened, write_sweep_table
 from pliant.pipeline.table_modules import read_designs_table, read_module_table
 from pliant.pipeline.tables import write_table
 
@@ -90,6 +90,32 @@ def test_a_sweep_is_read_back_design_by_design(tmp_path: Path) -> None:
         same(one, other)
         numbers = {k: v for k, v in other.design.parameters.items() if not isinstance(v, str)}
         assert one.design.parameters == numbers
+
+
+def test_a_table_with_fewer_digits_has_the_same_states(tmp_path: Path) -> None:
+    run = api.sweep(opened(tmp_path, "{radius: [5 mm, 6 mm]}"), workers=1)
+    whole, short = tmp_path / "whole.csv", tmp_path / "short.csv"
+    write_sweep_table(run, whole)
+    write_sweep_table(run, short, digits=5)
+    for one, other in zip(read_designs_table(short), read_designs_table(whole), strict=True):
+        np.testing.assert_allclose(one.tau, other.tau, rtol=1e-4)
+        assert (one.status.tolist(), one.branch.tolist()) == (other.status.tolist(), other.branch.tolist())
+    assert len(short.read_text()) < len(whole.read_text())
+
+
+@pytest.mark.parametrize(
+    ("cell", "short"),
+    [
+        ("1234.56789012345", "1234.6"),
+        ("ok", "ok"),
+        ("-120000", "-120000"),
+        ("", ""),
+        ("1e-9", "1e-09"),
+        ("nan", "nan"),
+    ],
+)
+def test_numbers_are_shortened_and_words_kept(cell: str, short: str) -> None:
+    assert shortened(cell, 5) == short
 
 
 def test_designs_without_numbers_are_told_apart_by_their_parameters(tmp_path: Path) -> None:
