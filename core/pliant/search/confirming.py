@@ -69,7 +69,7 @@ def confirmed(config: ConfirmConfig, rows: Sequence[Row], team: Team, progress: 
         progress: one bar.
 
     Returns:
-        The same candidates with what they come to now, the best of each context first.
+        The same candidates with what they come to now, in the order in which the search had ranked them.
     """
     chosen = [row for context in _contexts(rows) for row in _first(rows, context, config.best)]
     if not chosen:
