@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.studies.page import DOCS, publish, require_main
+from benchmarks.studies.parts import Parts, published_parts
 
 from pliant.errors import INTERRUPTED, PliantError, UserError
 from pliant.store.store import write_atomically
@@ -56,6 +57,11 @@ class Given:
     def folder(self) -> Path:
         """Of the parts."""
         return self.out / (f"{self.name}_small" if self.small else self.name)
+
+    def parts(self, main: str) -> Parts:
+        """Those that are finished; `main`: the search that the published result is of."""
+        docs = {} if self.small else published_parts(self.docs / f"{self.name}.json", main)
+        return Parts(self.folder, self.fresh, docs)
 
     def wants(self, part: str) -> bool:
         """Whether a part is to be run."""

@@ -24,6 +24,7 @@ import argparse
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -51,7 +52,10 @@ ASKED = (
 ROBUST = Asked("robust", "one gripper for all tasks and eight scenarios, by CMA-ES", EXAMPLES / "robust.yaml")
 FULL_SEEDS, SMALL_SEEDS = 5, 1
 SMALL_GRASPS, SMALL_SEED_GRASPS = 32, 8
-LEFT_OUT = ("history", "variables", "slopes", "branches", "made_of", "policy", "curve")
+# Lighter than that of the main searches, which would cost more grasps than a short search has.
+SEED_CONFIRM = "search.confirm={best: 4, change: {task.trials: 10, task.seed: 500}}"
+OF_SEEDS = ("seed", "evaluations", "simulations", "failed", "wall_s", "reference_kernel_s", "from_store")
+LEFT_OUT = ("history", "variables", "slopes", "branches", "policy", "curve")
 
 
 def main(given: Sequence[str] | None = None) -> None:
@@ -72,7 +76,7 @@ def main(given: Sequence[str] | None = None) -> None:
 
 def study(given: Given) -> dict[str, Any]:
     """Run, print, publish; returns the result. Raises `UserError` and `NotReachedError`."""
-    parts = Parts(given.folder, given.fresh)
+    parts = given.parts(MAIN)
     asked = small() if given.small else ASKED
     runs = {one.name: _search(parts, one, given) for one in (asked if given.small else (*asked, ROBUST))}
     kept = {name: part for name, part in runs.items() if part is not None}
@@ -111,7 +115,7 @@ def _opened(asked: Asked, given: Given, grasps: int | None, more: Sequence[str] 
 def _kept(
     parts: Parts, name: str, wanted: bool, of: str, make: Callable[[], Mapping[str, Any]]
 ) -> Part | None:
-    return parts.get(name, of, make) if wanted else parts.find(name, of)
+    return parts.get(name, of, make) if wanted else parts.known(name, of)
 
 
 def _search(parts: Parts, asked: Asked, given: Given) -> Part | None:
@@ -140,7 +144,7 @@ def _baseline(parts: Parts, asked: Asked, given: Given) -> Part | None:
         BASELINE,
         given.wants(BASELINE),
         made_of(opened.study),
-        lambda: baseline(opened.bench, opened.study),
+        lambda: {"part": BASELINE, **baseline(opened.bench, opened.study)},
     )
 
 
@@ -151,32 +155,25 @@ def _seeds(parts: Parts, asked: Sequence[Asked], given: Given) -> dict[str, list
     found: dict[str, list[Part]] = {}
     for seed in range(1, count + 1):
         for one in asked:
-            more = (f"search.seed={seed}", "search.verify=null")
+            more = (f"search.seed={seed}", "search.verify=null", *(() if given.small else (SEED_CONFIRM,)))
             opened = _opened(one, given, grasps, more)
-
-            def make(one: Asked = one, opened: api.OpenStudy = opened) -> dict[str, Any]:
-                part, record = searched(one, opened, given.workers)
-                names = (
-                    "seed",
-                    "evaluations",
-                    "simulations",
-                    "failed",
-                    "wall_s",
-                    "reference_kernel_s",
-                    "from_store",
-                )
-                own = {name: part[name] for name in names}
-                return {
-                    **own,
-                    "score": score(record),
-                    "stable_tasks": stable_tasks(record),
-                    "curve": curve(record),
-                }
-
             name = f"seed_{one.name}_{seed}_{grasps or 'full'}"
+            make = partial(_seed, one, opened, given.workers, name)
             part = _kept(parts, name, given.wants(SEEDS), made_of(opened.study), make)
             found.setdefault(one.name, []).extend([part] if part is not None else [])
     return found
+
+
+def _seed(asked: Asked, opened: api.OpenStudy, workers: int | None, name: str) -> Part:
+    """What the table over seeds needs of a search."""
+    part, record = searched(asked, opened, workers)
+    return {
+        "part": name,
+        **{key: part[key] for key in OF_SEEDS},
+        "score": score(record),
+        "stable_tasks": stable_tasks(record),
+        "curve": curve(record),
+    }
 
 
 def assembled(
@@ -190,10 +187,8 @@ def assembled(
         **stated,
         "published": GRIPPER,
         "runs": short,
-        "baseline": {k: v for k, v in base.items() if k != "made_of"} if base is not None else None,
-        "seeds": {
-            n: [{k: v for k, v in one.items() if k != "made_of"} for one in p] for n, p in seeds.items()
-        },
+        "baseline": base,
+        "seeds": seeds,
     }
     return {**found, "bars": [] if stated["small"] else [bar.json() for bar in bars(found)]}
 

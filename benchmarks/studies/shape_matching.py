@@ -71,7 +71,7 @@ ASKED = (
 )
 SMALL = (Asked(MAIN, "three structures of ten evaluations, roll fixed", EXAMPLES / "small.yaml"),)
 # Of the result's runs: what the page does not show.
-LEFT_OUT = ("history", "variables", "slopes", "designs", "branches", "made_of", "structures", "conditions")
+LEFT_OUT = ("history", "variables", "slopes", "designs", "branches", "structures", "conditions")
 
 
 def main(given: Sequence[str] | None = None) -> None:
@@ -84,7 +84,7 @@ def main(given: Sequence[str] | None = None) -> None:
 
 def study(given: Given) -> dict[str, Any]:
     """Run, print, publish; returns the result. Raises `UserError` and `NotReachedError`."""
-    parts = Parts(given.folder, given.fresh)
+    parts = given.parts(MAIN)
     found = {one.name: _part(parts, one, given) for one in (SMALL if given.small else ASKED)}
     result = assembled({name: part for name, part in found.items() if part is not None}, given.stated())
     conclude(given, result, lines(result), MAIN, "benchmarks.studies.shape_page")
@@ -95,7 +95,7 @@ def _part(parts: Parts, asked: Asked, given: Given) -> Part | None:
     """A search's part; of one that is not wanted only what is there."""
     opened = asked.opened(given.store, given.overrides, given.quiet)
     if not given.wants(asked.name):
-        return parts.find(asked.name, made_of(opened.study))
+        return parts.known(asked.name, made_of(opened.study))
 
     def make() -> dict[str, Any]:
         part, record = searched(asked, opened, given.workers)

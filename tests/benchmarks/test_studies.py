@@ -16,7 +16,7 @@ from benchmarks.studies.gripper_bars import of_seeds, worst_law
 from benchmarks.studies.gripper_check import rise_m, stable
 from benchmarks.studies.gripper_small import few
 from benchmarks.studies.page import DOCS, MARK, publish, rendered
-from benchmarks.studies.parts import Parts, made_of
+from benchmarks.studies.parts import Parts, made_of, published_parts
 from benchmarks.studies.reference_kernel import kernel_s
 from benchmarks.studies.searched import brief, spread
 from benchmarks.studies.shape_bars import apart, bars
@@ -161,6 +161,36 @@ def test_parts_of_another_study_are_out_of_date(tmp_path: Path) -> None:
     assert len(made) == 3
     (tmp_path / "a.json").write_text("{")
     assert parts.find("a", "two") is None
+
+
+def test_a_published_part_stands_in_for_one_that_is_missing(small: tuple[Given, dict[str, Any]]) -> None:
+    given, result = small
+    file = given.out / "shape_matching_small.json"
+    docs = published_parts(file, "helix")
+    of = docs["helix"]["made_of"]
+    elsewhere = Parts(given.out / "nowhere", published=docs)
+    assert elsewhere.known("helix", "another study") is None
+    assert elsewhere.find("helix", of) is None  # what is asked for is run
+    part = elsewhere.known("helix", of)
+    assert part is not None
+    again = shape_matching.assembled({"helix": part}, {"small": True, "overrides": result["overrides"]})
+    assert json.loads(json.dumps(again)) == json.loads(file.read_text())
+    assert published_parts(given.out / "no_such.json", "helix") == {}
+
+
+def test_published_seeds_and_the_baseline_are_found_by_name(tmp_path: Path) -> None:
+    base = {"part": "baseline", "made_of": "b", "engines": {}, "design": {}}
+    seed = {"part": "seed_ppo_1_60", "made_of": "s", **gripper_part(1.0, 4.0)}
+    stated = {"small": False, "overrides": []}
+    main = {"made_of": "m", **gripper_part(1.0, 4.5)}
+    result = gripper_codesign.assembled({"ppo": main}, base, {"ppo": [seed], "cmaes": []}, stated)
+    (tmp_path / "study.json").write_text(json.dumps(result))
+    docs = Parts(tmp_path, published=published_parts(tmp_path / "study.json", "ppo"))
+    assert docs.known("baseline", "b") == base
+    assert docs.known("seed_ppo_1_60", "s") == seed
+    again = docs.known("ppo", "m")
+    assert again is not None
+    assert {key: again[key] for key in main} == main
 
 
 def test_what_a_part_is_made_of_follows_the_study(tmp_path: Path) -> None:
