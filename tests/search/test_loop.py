@@ -5,7 +5,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 
 import numpy as np
 import pytest
-from tests.search.toy_search import PLANE, Narrowing, ToyProblem, searched, told
+from tests.search.toy_search import PLANE, Contextual, Narrowing, ToyProblem, searched, told
 
 from pliant.errors import ContractError
 from pliant.interfaces.optimizer import Candidate, Context, Space
@@ -66,6 +66,19 @@ def test_until_ends_its_own_branch_only(tmp_path):
     assert [branch.stopped for branch in branches] == ["until", "budget"]
     assert min(row.objectives[0] for row in branches[0].rows) <= 0.02
     assert branches[0].evaluated < 200 == branches[1].evaluated
+
+
+def test_until_is_asked_of_every_condition_that_has_a_design_of_its_own(tmp_path):
+    space = Space(PLANE, contexts=(Context("one"), Context("two")))
+    problem = ToyProblem(good=0.05)
+    (branch,) = searched(tmp_path, budget=400, problem=problem, space=space, make=Contextual)
+    met = [row.context for row in branch.rows if row.objectives[0] <= 0.05]
+    assert branch.stopped == "until"
+    assert set(met) == {0, 1}
+    before = [row.context for row in branch.rows[: branch.evaluated - 6] if row.objectives[0] <= 0.05]
+    assert len(set(before)) == 1  # the last batch was needed, and one condition had its design earlier
+    (again,) = searched(tmp_path, budget=400, problem=problem, space=space, make=Contextual)
+    assert (again.stopped, told([again])) == ("until", told([branch]))
 
 
 def test_what_breaks_constraints_is_told_but_not_simulated(tmp_path):

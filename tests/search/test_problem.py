@@ -1,7 +1,6 @@
 """What a study's search means: its variables, conditions, branches, and the study of a candidate."""
 
 import itertools
-import time
 
 import numpy as np
 import pytest
@@ -185,17 +184,6 @@ def test_a_start_outside_the_range_is_ignored_and_said(tmp_path):
         tmp_path, "variables: {family.average_radius: {low: 7 mm, high: 9 mm}}\nobjective: a\nstart: anywhere"
     )
     assert anywhere.space().start == {} and anywhere.start_notes() == ()
-
-
-def test_setting_a_candidate_is_fast(problem):
-    problem.apply(VALUES, 0)
-    times = []
-    for _ in range(50):
-        begin = time.perf_counter()
-        problem.apply(VALUES, 2)
-        times.append(time.perf_counter() - begin)
-    print(f"apply: {1e3 * min(times):.2f} ms at best, {1e3 * np.median(times):.2f} ms in the middle")
-    assert min(times) < 3e-3
 
 
 def formula(

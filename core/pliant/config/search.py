@@ -180,7 +180,9 @@ class SearchConfig(FrozenModel):
         description="of searches of `each` variables: the best go on with several times the budget",
     )
     until: str | None = Field(
-        default=None, description="a search ends early where this holds: rmse <= 5 mm and e_max <= 5 mm"
+        default=None,
+        description="a search ends early where this holds: rmse <= 5 mm and e_max <= 5 mm; where each condition has a "
+        "design of its own, once it holds in each",
     )
     seed: int = Field(default=0, ge=0, description="of the optimizer")
     start: Literal["study", "anywhere"] = Field(

@@ -86,6 +86,7 @@ class Branch:
         self._seed = seed_of(seed, index)
         self._budget, self._generations, self._whole = budget, generations, whole
         self.rows: list[Told] = []
+        self._ahead = self._conditions()
         self.evaluated = self.refused = self.batches = 0
         self.stopped = ""
         self.wall_s = 0.0
@@ -117,6 +118,7 @@ class Branch:
                 raise
             self._journal.clear()
             self.rows, self.evaluated, self.refused, self.batches = [], 0, 0, 0
+            self._ahead = self._conditions()
             self.stopped, self.wall_s = "", 0.0
             cause = str(error) if isinstance(error, _MismatchError) else f"{type(error).__name__}: {error}"
             self.note = f"search {self.index} begins anew: its journal cannot be followed ({cause})."
@@ -171,6 +173,10 @@ class Branch:
                 tasks.append(Task(-1, values, context))
         return tasks
 
+    def _conditions(self) -> set[int]:
+        """Where `until` is to hold: with contexts in each of them, since each has a design of its own."""
+        return set(range(len(self._space.contexts))) or {-1}
+
     def _full(self, candidate: Candidate) -> tuple[dict[str, Value], int]:
         """All values of a candidate, those of the branch too, and its condition."""
         if set(candidate.values) != {variable.name for variable in self._space.variables}:
@@ -198,7 +204,10 @@ class Branch:
         self.evaluated += batch.evaluated
         self.refused += len(batch.rows) - batch.evaluated
         self.wall_s = batch.wall_s
-        if any(row.feasible and self._problem.reached(row.values, row.metrics) for row in batch.rows):
+        for row in batch.rows:
+            if row.feasible and self._problem.reached(row.values, row.metrics):
+                self._ahead.discard(row.context)
+        if not self._ahead:
             self.stopped = UNTIL
         elif self.evaluated >= self._budget:
             self.stopped = BUDGET
