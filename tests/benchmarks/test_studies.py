@@ -299,7 +299,10 @@ def gripper_part(held: float, score: float) -> dict[str, Any]:
         "tasks": list(tasks), "stable_tasks": 2, "score": score, "seed": 1,
         "acting": {"egg": ["r", "modules", "egg_inset"], "cylinder": ["r", "modules", "cylinder_inset"]},
         "variables": [{"name": n, "type": t, "unit": u, "low": 0.0, "high": 10.0} for n, (t, u) in kinds.items()],
-        "designs": [{"values": values, "context": 0}, {"values": values, "context": 1}],
+        "designs": [
+            {"values": values, "context": 0, "objectives_before": {"reward": 5.5}},
+            {"values": values, "context": 1, "objectives_before": {"reward": 4.5}},
+        ],
         "policy": {"egg": {"modules": [6, 7, 7]}, "cylinder": {"modules": [9, 9, 10]}},
         "curve": {"grasps": [1, 300, 600], "score": [None, 1.0, score]},
         "verified": {"conditions": {"mujoco": tasks, "pybullet": tasks}, "laws": [law], "notes": []},
@@ -322,7 +325,7 @@ def test_the_gripper_page_has_the_numbers_of_its_result(tmp_path: Path) -> None:
     assert len([path for path in written if path.suffix == ".png" and path.stat().st_size < 200_000]) == 3
     found = marks((tmp_path / "gripper_codesign.md").read_text())
     assert "`search.seed=3`" in found["state"]
-    assert "| 600 | 3 | 30.0 min | 18000 | 4.500 | 2 of 2 |" in found["searches"]
+    assert "| 600 | 3 | 30.0 min | 18000 | 5 | 4.500 | 2 of 2 |" in found["searches"]
     assert "| `baseline` | mujoco | 3/10 | 20.0 mm |" in found["grasps"]
     assert "| `ppo` | pybullet | 20/20 | 40.0 mm | direct FEM |" in found["grasps"]
     assert "| `ppo` | r 2.5 mm | 99 | 0.62 % | 3 % | – |" in found["laws"]

@@ -1,5 +1,6 @@
 """The best candidates once more: the other trials decide, conditions give way to them, wrong changes are refused."""
 
+import time
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,8 @@ from pliant import api
 from pliant.cli.search_files import search_json
 from pliant.cli.search_words import lines
 from pliant.errors import UserError
-from pliant.search.confirming import confirming_problem
+from pliant.search import searching
+from pliant.search.confirming import confirmed, confirming_problem
 from pliant.search.evaluation import Evaluator
 from pliant.search.searching import problem_of
 
@@ -85,6 +87,17 @@ def test_a_journal_serves_with_and_without(opened):
     study.bench.progress.note = notes.append
     api.optimize(study, workers=1)
     assert any("going on from the journal" in note for note in notes)
+
+
+def test_its_time_is_that_of_the_search(opened, monkeypatch):
+    before = api.optimize(opened(), workers=1)
+
+    def slow(*given):
+        time.sleep(0.5)
+        return confirmed(*given)
+
+    monkeypatch.setattr(searching, "confirmed", slow)
+    assert api.optimize(opened(HEAVIER), workers=1).wall_s >= before.wall_s + 0.5
 
 
 @pytest.mark.parametrize(
