@@ -19,7 +19,7 @@ from pliant.store.store import write_atomically
 
 ROOT = Path(__file__).resolve().parents[2]
 OUT = ROOT / "benchmarks" / "out" / "studies"
-STORE = ROOT / ".pliant" / "store"
+STORES = ROOT / ".pliant" / "studies"
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class Given:
         publish: whether docs are written.
         fresh: whether finished parts are made again (their searches may come from the store).
         quiet: no progress.
-        out, store, docs: folders.
+        out, store, docs: folders; `store` of the artifact stores.
         overrides: changes of every study, "key=value".
         seeds, seed_grasps: of the table over seeds; grasps None: as many as the main search has.
     """
@@ -47,7 +47,7 @@ class Given:
     fresh: bool = False
     quiet: bool = False
     out: Path = OUT
-    store: Path = STORE
+    store: Path = STORES
     docs: Path = DOCS
     overrides: tuple[str, ...] = field(default_factory=tuple)
     seeds: int | None = None
@@ -62,6 +62,10 @@ class Given:
         """Those that are finished; `main`: the search that the published result is of."""
         docs = {} if self.small else published_parts(self.docs / f"{self.name}.json", main)
         return Parts(self.folder, self.fresh, docs)
+
+    def store_of(self, part: str) -> Path:
+        """A store for each part: one that goes on from the candidates of another would not tell its own time."""
+        return self.store / self.folder.name / part
 
     def wants(self, part: str) -> bool:
         """Whether a part is to be run."""
@@ -91,7 +95,7 @@ def arguments(parser: argparse.ArgumentParser, names: Sequence[str]) -> argparse
     parser.add_argument("--fresh", action="store_true", help="make finished parts again")
     parser.add_argument("--quiet", action="store_true", help="no progress")
     parser.add_argument("--out", type=Path, default=OUT, help="folder of the results")
-    parser.add_argument("--store", type=Path, default=STORE, help="artifact store")
+    parser.add_argument("--store", type=Path, default=STORES, help="folder of their artifact stores")
     return parser
 
 

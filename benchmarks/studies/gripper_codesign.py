@@ -101,11 +101,14 @@ def candidates(opened: api.OpenStudy, grasps: int) -> int:
     return grasps if one_each else max(1, grasps // max(1, len(config.conditions)))
 
 
-def _opened(asked: Asked, given: Given, grasps: int | None, more: Sequence[str] = ()) -> api.OpenStudy:
-    """The study, with a budget of so many grasps; None: its own."""
+def _opened(
+    asked: Asked, given: Given, grasps: int | None, more: Sequence[str] = (), part: str = ""
+) -> api.OpenStudy:
+    """The study of a part, by default the main one, with a budget of so many grasps; None: its own."""
+    store = given.store_of(part or asked.name)
 
     def read(*budget: str) -> api.OpenStudy:
-        found = asked.opened(given.store, (*more, *budget, *given.overrides), given.quiet)
+        found = asked.opened(store, (*more, *budget, *given.overrides), given.quiet)
         return replace(found, study=few(found.study)) if given.small else found
 
     opened = read()
@@ -156,7 +159,7 @@ def _seeds(parts: Parts, asked: Sequence[Asked], given: Given) -> dict[str, list
     for seed in range(1, count + 1):
         for one in asked:
             more = (f"search.seed={seed}", "search.verify=null", *(() if given.small else (SEED_CONFIRM,)))
-            opened = _opened(one, given, grasps, more)
+            opened = _opened(one, given, grasps, more, SEEDS)
             name = f"seed_{one.name}_{seed}_{grasps or 'full'}"
             make = partial(_seed, one, opened, given.workers, name)
             part = _kept(parts, name, given.wants(SEEDS), made_of(opened.study), make)

@@ -93,7 +93,7 @@ def study(given: Given) -> dict[str, Any]:
 
 def _part(parts: Parts, asked: Asked, given: Given) -> Part | None:
     """A search's part; of one that is not wanted only what is there."""
-    opened = asked.opened(given.store, given.overrides, given.quiet)
+    opened = asked.opened(given.store_of(asked.name), given.overrides, given.quiet)
     if not given.wants(asked.name):
         return parts.known(asked.name, made_of(opened.study))
 

@@ -57,6 +57,9 @@ def test_the_small_study_writes_what_the_contract_names(small: tuple[Given, dict
     assert written["reference_kernel_s"] > 0
     assert written["wall_in_kernels"] == pytest.approx(written["wall_s"] / written["reference_kernel_s"])
     assert written["evaluations"] == 9
+    assert given.store_of(
+        "helix"
+    ).is_dir()  # its own: candidates of other searches would be time that it did not take
     assert written["published"]["verified"]["rmse_m"] == 5.05e-3
     best = [row["best"] for row in written["history"]]
     assert best == sorted(best, reverse=True)
