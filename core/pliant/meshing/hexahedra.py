@@ -6,6 +6,8 @@ coordinate. Local node a + 3b of a face stands at (a, b)/2 of the unit square; i
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 
 from pliant.records.design import Array
@@ -51,17 +53,31 @@ def _product(a: Array, b: Array, c: Array) -> Array:
     return np.einsum("qi,qj,qk->qkji", a, b, c).reshape(len(a), 27)
 
 
+@cache
 def gauss(order: int = 3) -> tuple[Array, Array]:
-    """Gauss points and weights (order,) on [0, 1]: exact to degree 2 order − 1."""
+    """Gauss points and weights (order,) on [0, 1], read-only: exact to degree 2 order − 1."""
     node, weight = np.polynomial.legendre.leggauss(order)
-    return (node + 1) / 2, weight / 2
+    return _kept((node + 1) / 2), _kept(weight / 2)
 
 
+@cache
 def gauss_cube(order: int = 3) -> tuple[Array, Array]:
-    """Gauss points (order³, 3) and weights (order³,) of the unit cube."""
+    """Gauss points (order³, 3) and weights (order³,) of the unit cube, read-only."""
     point, weight = gauss(order)
     points = np.stack(np.meshgrid(point, point, point, indexing="ij"), axis=-1).reshape(-1, 3)
-    return points, np.einsum("i,j,k->ijk", weight, weight, weight).ravel()
+    return _kept(points), _kept(np.einsum("i,j,k->ijk", weight, weight, weight).ravel())
+
+
+@cache
+def _cube_shapes(order: int) -> tuple[Array, Array]:
+    """N and ∂N/∂ξ at the Gauss points of the unit cube: a search meshes thousands of designs."""
+    points, _ = gauss_cube(order)
+    return _kept(shapes(points)), _kept(shape_slopes(points))
+
+
+def _kept(array: Array) -> Array:
+    array.setflags(write=False)
+    return array
 
 
 def sample_points() -> Array:
@@ -72,10 +88,14 @@ def sample_points() -> Array:
 
 def jacobians(nodes_m: Array, cells: IntArray, points: Array) -> Array:
     """Determinants (m, q) of ∂x/∂ξ in m³ of cells (m, 27) at reference points (q, 3)."""
-    slopes, corners = shape_slopes(points), nodes_m[cells].transpose(2, 0, 1).reshape(-1, 27)
+    return _determinants(nodes_m, cells, shape_slopes(points))
+
+
+def _determinants(nodes_m: Array, cells: IntArray, slopes: Array) -> Array:
+    corners = nodes_m[cells].transpose(2, 0, 1).reshape(-1, 27)
     # Products of matrices, component by component: ten times faster than one sum over all indices.
     (a, b, c), (d, e, f), (g, h, i) = (
-        (corners @ slopes[:, :, j].T).reshape(3, len(cells), len(points)) for j in range(3)
+        (corners @ slopes[:, :, j].T).reshape(3, len(cells), len(slopes)) for j in range(3)
     )
     determinants: Array = a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g)
     return determinants
@@ -87,9 +107,8 @@ def quadrature(nodes_m: Array, cells: IntArray, order: int = 3) -> tuple[Array, 
     The determinant is of degree 5 in each coordinate: order 3 integrates 1 exactly, order 4 positions, order 5
     products of two positions.
     """
-    points, weights = gauss_cube(order)
-    places = shapes(points) @ nodes_m[cells]
-    return places, jacobians(nodes_m, cells, points) * weights
+    values, slopes = _cube_shapes(order)
+    return values @ nodes_m[cells], _determinants(nodes_m, cells, slopes) * gauss_cube(order)[1]
 
 
 def cell_volumes(nodes_m: Array, cells: IntArray) -> Array:

@@ -14,6 +14,7 @@ from pliant.records.design import Array, MassProperties, ModuleMass
 from pliant_plugins.families.bellow.profile import BellowProfile
 
 ALONG, AROUND, ACROSS = 24, 256, 4  # quadrature points in x (each of two parts), φ and radius
+ALONG_RULE, ACROSS_RULE = (np.polynomial.legendre.leggauss(n) for n in (ALONG, ACROSS))
 
 
 def rod_chord(profile: BellowProfile, depth_m: float) -> float:
@@ -26,7 +27,7 @@ def rod_chord(profile: BellowProfile, depth_m: float) -> float:
 def thread_points(profile: BellowProfile) -> tuple[Array, Array]:
     """Quadrature of the rod's part inside the cavity, x ∈ [0, l/2]: points (n, 3) from its axis, volumes (n,)."""
     x, dx, phi, low, high = _rays(profile)
-    node, weight = np.polynomial.legendre.leggauss(ACROSS)
+    node, weight = ACROSS_RULE
     thick = (high - low)[..., None]
     rho = low[:, None] + thick * (node + 1) / 2
     volume = dx[:, None, None] * (2 * np.pi / AROUND) * rho * thick * weight / 2
@@ -69,7 +70,7 @@ def _rays(profile: BellowProfile) -> tuple[Array, Array, Array, Array, Array]:
     """
     radius = (profile.average_radius_m - profile.wall_m) / 2
     depth = profile.inner_radius_m - radius
-    node, weight = np.polynomial.legendre.leggauss(ALONG)
+    node, weight = ALONG_RULE
     # the profile's slope is infinite where the crest's arc meets the flank: parts end there
     bend = profile.arc_radius_m - profile.wall_m / 2
     ends = np.array([[0.0, bend], [bend, profile.half_length_m]])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -131,13 +132,17 @@ def _each_definite(matrices: Array, diagonals: Array) -> NDArray[np.bool_]:
 
 def _places(box: Array, steps: Array, beyond: tuple[float, ...]) -> Array:
     """(m, k) a grid over the box in u, and so many steps (k,) outside it."""
-    levels = []
-    for (low, high), width in zip(np.clip(box[1:], -np.pi, np.pi), steps, strict=True):
-        inside = np.linspace(low, high, 3 if len(box) > 2 else 65)
-        levels.append(
-            np.concatenate([inside, low - width * np.array(beyond), high + width * np.array(beyond)])
-        )
-    return np.stack(np.meshgrid(*levels, indexing="ij"), axis=-1).reshape(-1, len(levels))
+    low, high = np.clip(box[1:], -np.pi, np.pi).T[:, :, None]
+    outside = np.asarray(steps)[:, None] * np.array(beyond)
+    inside = np.linspace(low[:, 0], high[:, 0], 3 if len(box) > 2 else 65, axis=1)
+    levels = np.concatenate([inside, low - outside, high + outside], axis=1)
+    return levels[np.arange(len(levels)), _grid(levels.shape[1], len(levels))]
+
+
+@cache
+def _grid(levels: int, axes: int) -> NDArray[np.int64]:
+    """(levels^axes, axes) every combination of levels, the last axis fastest."""
+    return np.indices((levels,) * axes).reshape(axes, -1).T
 
 
 def _side(parameters: Array, box: Array, places: Array, index: int) -> tuple[float, Array]:

@@ -7,6 +7,7 @@ axes that no term contains.
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -205,16 +206,25 @@ def pack(
     axes[:k] = np.column_stack([maps[1], box[1:], reaches[1], bowls])
     reference = np.zeros((2, 3))
     reference[:, :k] = gains
-    powers = np.zeros((len(exponents), 3), np.int64)
-    powers[:, :k] = exponents[:, 1:]
     columns = int(exponents[:, 0].max(initial=0)) + 1
-    monomials, place = np.unique(powers, axis=0, return_inverse=True)
+    monomials, place = _monomials(exponents[:, 1:].astype(np.int64).tobytes(), len(exponents), k)
     table = np.zeros((len(monomials), columns))
-    np.add.at(table, (place.ravel(), exponents[:, 0]), coefficients)
-    kept = monomials.any(axis=1)
-    coupled = np.count_nonzero(monomials, axis=1) > 1
-    rows = np.column_stack([coupled, monomials, table])[kept]
+    np.add.at(table, (place, exponents[:, 0]), coefficients)
+    rows = np.column_stack([monomials, table])[monomials.any(axis=1)]
     header = [len(rows), columns, *maps[0], *box[0], *reaches[0]]
     numbers = np.concatenate([header, axes.ravel(), reference.ravel(), rows.ravel()])
     packed: Array = np.clip(numbers, -UNBOUNDED, UNBOUNDED)
     return packed
+
+
+@lru_cache(maxsize=64)
+def _monomials(powers: bytes, terms: int, k: int) -> tuple[Array, NDArray[np.int64]]:
+    """Of terms with exponents of u (terms, k): whether coupled, exponents of u₁ … u₃, of each monomial; its terms.
+
+    Laws of one form, of which a search packs thousands, differ in coefficients only.
+    """
+    exponents = np.zeros((terms, 3), np.int64)
+    exponents[:, :k] = np.frombuffer(powers, np.int64).reshape(terms, k)
+    monomials, place = np.unique(exponents, axis=0, return_inverse=True)
+    coupled = np.count_nonzero(monomials, axis=1) > 1
+    return np.column_stack([coupled, monomials]).astype(float), place.ravel()
