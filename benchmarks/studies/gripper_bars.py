@@ -20,7 +20,7 @@ def bars(result: Mapping[str, Any]) -> list[Bar]:
     run = result["runs"].get(MAIN)
     found = [
         Bar(
-            f"{MAIN}: {run['simulations'] if run else GRIPPER['grasps']} grasps, wall time",
+            f"{MAIN}: {run['simulations'] if run else GRIPPER['grasps']} runs of a grasp, wall time",
             run["wall_s"] if run else None,
             float(GRIPPER_BARS["wall_s"]),
             "min",
@@ -80,7 +80,7 @@ def lines(result: Mapping[str, Any]) -> Iterator[str]:
     for name, run in result["runs"].items():
         stored = "; searched before, kernel timed now" if run["from_store"] else ""
         yield (
-            f"{name:<10} {run['simulations']} grasps in {clock(run['wall_s'])} ({run['wall_in_kernels']:.0f} "
+            f"{name:<10} {run['simulations']} runs of a grasp in {clock(run['wall_s'])} ({run['wall_in_kernels']:.0f} "
             f"kernels of {1e3 * run['reference_kernel_s']:.0f} ms{stored}): score {run['score']:.3f}, "
             f"stable in {run['stable_tasks']} of {len(run['tasks'])} tasks"
         )
@@ -93,8 +93,8 @@ def lines(result: Mapping[str, Any]) -> Iterator[str]:
         if parts:
             found = of_seeds(parts)
             yield (
-                f"{name:<10} {len(parts)} seeds of {parts[0]['simulations']} grasps: score {found['mean']:.3f} "
-                f"± {number(found['sd'])} ({found['low']:.3f} to {found['high']:.3f})"
+                f"{name:<10} {len(parts)} seeds of {parts[0]['simulations']} runs of a grasp: "
+                f"score {found['mean']:.3f} ± {number(found['sd'])} ({found['low']:.3f} to {found['high']:.3f})"
             )
     for one in result["bars"]:
         yield str(Bar(**{key: value for key, value in one.items() if key != "met"}))

@@ -33,7 +33,7 @@ def reached(result: Result) -> Iterable[str]:
 def searches(result: Result) -> Iterator[str]:
     """The three searches, and the published one below."""
     yield (
-        "| search | grasps | failed candidates | wall time, search only | in kernels | score when found | score | "
+        "| search | runs | failed candidates | wall time, search only | in kernels | score when found | score | "
         "stable tasks |"
     )
     yield "|---|---|---|---|---|---|---|---|"
@@ -119,7 +119,7 @@ def seeds(result: Result) -> Iterator[str]:
     """The optimizers at equal numbers of grasps."""
     if not any(result["seeds"].values()):
         return
-    yield "| optimizer | seeds | grasps of each | score, mean ± sd | lowest to highest | stable tasks | wall time |"
+    yield "| optimizer | seeds | runs of each | score, mean ± sd | lowest to highest | stable tasks | wall time |"
     yield "|---|---|---|---|---|---|---|"
     for name, parts in result["seeds"].items():
         if not parts:

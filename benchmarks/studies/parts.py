@@ -15,6 +15,7 @@ from typing import Any
 
 from pliant.cli.session import plain
 from pliant.config.study import Study
+from pliant.pipeline.workbench import content
 from pliant.store.store import write_atomically
 
 Part = dict[str, Any]
@@ -81,8 +82,5 @@ def published_parts(file: Path, main: str) -> dict[str, Part]:
 
 
 def made_of(study: Study) -> str:
-    """Names what the study says and the table of its meta-model: a part made of something else is out of date."""
-    text = json.dumps(study.model_dump(mode="json"), sort_keys=True, default=str)
-    table = getattr(study.meta_model, "data", None)
-    data = Path(table).read_bytes() if table is not None and Path(table).is_file() else b""
-    return hashlib.sha256(text.encode() + data).hexdigest()[:32]
+    """Names what the study says, files that it names by their content: a part of something else is out of date."""
+    return hashlib.sha256(json.dumps(content(study), sort_keys=True).encode()).hexdigest()[:32]
