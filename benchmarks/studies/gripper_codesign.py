@@ -52,8 +52,9 @@ ASKED = (
 ROBUST = Asked("robust", "one gripper for all tasks and eight scenarios, by CMA-ES", EXAMPLES / "robust.yaml")
 FULL_SEEDS, SMALL_SEEDS = 5, 1
 SMALL_GRASPS, SMALL_SEED_GRASPS = 32, 8
-# Lighter than that of the main searches, which would cost more grasps than a short search has.
+# What is found out about a winner costs more grasps than a short search has: fewer second tries, nothing else.
 SEED_CONFIRM = "search.confirm={best: 4, change: {task.trials: 10, task.seed: 500}}"
+SEED_CHANGES = ("search.verify=null", "search.sensitivity=false")
 OF_SEEDS = ("seed", "evaluations", "simulations", "failed", "wall_s", "reference_kernel_s", "from_store")
 LEFT_OUT = ("history", "variables", "slopes", "branches", "policy", "curve")
 
@@ -158,7 +159,7 @@ def _seeds(parts: Parts, asked: Sequence[Asked], given: Given) -> dict[str, list
     found: dict[str, list[Part]] = {}
     for seed in range(1, count + 1):
         for one in asked:
-            more = (f"search.seed={seed}", "search.verify=null", *(() if given.small else (SEED_CONFIRM,)))
+            more = (f"search.seed={seed}", *SEED_CHANGES, *(() if given.small else (SEED_CONFIRM,)))
             opened = _opened(one, given, grasps, more, SEEDS)
             name = f"seed_{one.name}_{seed}_{grasps or 'full'}"
             make = partial(_seed, one, opened, given.workers, name)

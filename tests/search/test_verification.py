@@ -137,7 +137,7 @@ def test_an_engine_that_breaks_inside_compiled_code_is_a_note_and_ctrl_c_there_i
     def breaks(bench, study, engine):
         raise SystemError("returned NULL") from cause
 
-    monkeypatch.setattr(verification, "_run", breaks)
+    monkeypatch.setattr(verification, "run_in", breaks)
     opened, cause = springs(tmp_path, verify_block="{fem: false}"), None
     check = verify(opened.bench, Problem(opened), found({"family.radius": 4.7e-3}))
     assert check.notes[0] == "quasistatic, with the laws of the search: SystemError: returned NULL"

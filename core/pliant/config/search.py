@@ -199,6 +199,10 @@ class SearchConfig(FrozenModel):
     confirm: ConfirmConfig | None = Field(
         default=None, description="of noisy tasks: the best candidates once more, before one is chosen"
     )
+    sensitivity: bool = Field(
+        default=True,
+        description="whether the objective is found along each variable of the best design: some ten candidates each",
+    )
     verify: VerifyConfig | None = Field(
         default=VerifyConfig(), description="the check of the best design; null for none"
     )

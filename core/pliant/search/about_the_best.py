@@ -46,7 +46,8 @@ def about_the_best(
     if not result.best:
         return result
     best = result.best[0]
-    found = slopes(judges.plain, problem, best, None if judges.team is None else _many(judges.team))
+    many = None if judges.team is None else _many(judges.team)
+    found = slopes(judges.plain, problem, best, many) if problem.config.sensitivity else ()
     causes = {**result.refused, **result.failed}
     told = limits(problem, best, found, result.history, causes)
     return replace(result, slopes=found, limits=told, robustness=_robustness(problem, judges, best, nominal))

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -12,8 +13,10 @@ from pliant.config.study import Study
 from pliant.errors import PliantError
 from pliant.pipeline.workbench import Workbench, content
 from pliant.records.search import FoundDesign, SearchResult, Verification
+from pliant.search.check_runs import run_ahead
 from pliant.search.direct_fem import solvable
 from pliant.search.problem import SearchProblem
+from pliant.search.searching import Hands
 from pliant.search.stage_keys import components_of, content_of
 from pliant.search.verification import verify
 
@@ -21,18 +24,22 @@ STAGE = "verify"
 
 
 def checked(
-    bench: Workbench, study: Study, problem: SearchProblem, result: SearchResult, key: str
+    bench: Workbench, study: Study, problem: SearchProblem, result: SearchResult, key: str, hands: Hands
 ) -> Verification | None:
     """The check of the best design, or of the best design of each condition; of a front, of its first.
 
     A check that cannot be made is one with a note, and is tried again next time.
     """
     contextual = all(design.context >= 0 for design in result.best)
+    designs = result.best if contextual else result.best[:1]
+    ahead = cache(
+        lambda: run_ahead(bench, problem, designs, hands)
+    )  # once, and where something is missing only
     found = {}
-    for design in result.best if contextual else result.best[:1]:
+    for design in designs:
         name = problem.conditions[design.context].name if contextual else ""
         try:
-            found[name] = _check(bench, study, problem, design, key)
+            found[name] = _check(bench, study, problem, design, key, ahead)
         except PliantError as error:
             bench.progress.note(
                 f"the check of the best design{' for ' + name if name else ''} failed: {error}"
@@ -59,10 +66,16 @@ def converged(result: SearchResult, study: Study, engine: str) -> bool:
 
 
 def _check(
-    bench: Workbench, study: Study, problem: SearchProblem, design: FoundDesign, key: str
+    bench: Workbench,
+    study: Study,
+    problem: SearchProblem,
+    design: FoundDesign,
+    key: str,
+    ahead: Callable[[], None],
 ) -> Verification:
 
     def compute(partial: Path) -> Verification:
+        ahead()
         return verify(bench, problem, design)
 
     made = bench.make(

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import shutil
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -44,12 +45,25 @@ class Hands:
     executor: Executor | None = None
     workers: int | None = None
 
+    @property
+    def processes(self) -> int:
+        """Of our own."""
+        return checked_workers(cpus() if self.workers is None else self.workers)
+
+    @property
+    def alone(self) -> bool:
+        """Whether there is only this process."""
+        return self.executor is None and self.processes == 1
+
     def crew(self, evaluator: Evaluates) -> Crew:
         """Begin; one worker is this process."""
+        return Inline(evaluator) if self.alone else self.crew_for(work)
+
+    def crew_for(self, doing: Callable[[Any], Any]) -> Crew:
+        """Others who do jobs of a kind."""
         if self.executor is not None:
-            return Given(self.executor, work)
-        count = checked_workers(cpus() if self.workers is None else self.workers)
-        return Processes(count, work) if count > 1 else Inline(evaluator)
+            return Given(self.executor, doing)
+        return Processes(self.processes, doing)
 
     def setup(self, bench: Workbench, study: Study, confirm: bool = False) -> Setup:
         """What workers get; those of a cluster compare their code with ours."""

@@ -65,11 +65,12 @@ def search_study(
     for note in (*problem.start_notes(), space.note(), *tolerances):
         if note:
             bench.progress.note(note)
-    made = _searched(bench, study, Hands(executor, workers))
+    hands = Hands(executor, workers)
+    made = _searched(bench, study, hands)
     result: SearchResult = made.value
     if problem.config.verify is None or not result.best:
         return made
-    verification = checked(bench, study, problem, result, made.key)
+    verification = checked(bench, study, problem, result, made.key, hands)
     return replace(made, value=replace(result, verification=verification))
 
 

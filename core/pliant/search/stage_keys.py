@@ -14,7 +14,7 @@ from pliant.registry.component import Component
 # What does not change what a search finds.
 APART = ("pliant", "name", "cross_check", "measurements", "uncertainty", "protocols", "plugins")
 # What a search may be continued beyond.
-ENDS = ("budget", "generations", "halving", "until", "confirm", "verify")
+ENDS = ("budget", "generations", "halving", "until", "confirm", "sensitivity", "verify")
 
 
 def content_of(study: Study, without: Sequence[str]) -> dict[str, Any]:

@@ -104,7 +104,7 @@ def _simulated(
     bench: Workbench, cases: Sequence[Case], what: str, notes: list[str]
 ) -> dict[str, dict[str, Numbers]]:
     """Engine → condition → metrics; engines that fail leave a note instead."""
-    engines = [physics_of_study(bench, cases[0].study), *cases[0].study.cross_check]
+    engines = engines_of(bench, cases[0].study)
     found: dict[str, dict[str, Numbers]] = {}
     bar = bench.progress.begin(f"check {what}", len(engines) * len(cases))
     try:
@@ -113,7 +113,7 @@ def _simulated(
                 place = f"{engine.kind}, {what}" + (f", {case.condition}" if len(cases) > 1 else "")
                 bar.describe(place)
                 try:
-                    result = _run(bench, case.study, engine)
+                    result = run_in(bench, case.study, engine)
                 except Exception as error:  # one engine's failure is no reason to lose the others' answers
                     if interrupted(error):
                         raise KeyboardInterrupt from None
@@ -130,7 +130,13 @@ def _simulated(
     return found
 
 
-def _run(bench: Workbench, study: Study, engine: PhysicsConfig) -> TaskResult:
+def engines_of(bench: Workbench, study: Study) -> list[PhysicsConfig]:
+    """In which a design is checked, the study's own first."""
+    return [physics_of_study(bench, study), *study.cross_check]
+
+
+def run_in(bench: Workbench, study: Study, engine: PhysicsConfig) -> TaskResult:
+    """The task of a study in one engine, through the store."""
     source = chain_of_study(bench, study)
     result: TaskResult = simulate_stage(bench, source, engine, study.noisy_task(), study.effects).value
     return result

@@ -77,12 +77,19 @@ def work(job: Job) -> tuple[Told, ...]:
 
 
 def evaluator_of(setup: Setup) -> Evaluates:
-    """The evaluator of a study, with the scenarios of a robust search.
+    """The evaluator of a study, with the scenarios of a robust search; raises `UserError` as `opened` does."""
+    from pliant.search.searching import evaluator_of_study
+
+    return evaluator_of_study(*opened(setup), setup.confirm)
+
+
+def opened(setup: Setup) -> tuple[Workbench, Study]:
+    """The surroundings and the study of a setup.
 
     Raises:
         UserError: the worker runs other code, or does not see the store.
     """
-    from pliant.search.searching import MODULES, evaluator_of_study
+    from pliant.search.searching import MODULES
 
     if setup.code and code_fingerprint(MODULES) != setup.code:
         raise UserError(
@@ -97,8 +104,8 @@ def evaluator_of(setup: Setup) -> Evaluates:
     with _LOADING:
         registry = with_files(discover(), [Path(file) for file in setup.plugins])
     raw = json.loads(setup.study)
-    study = study_model(raw, registry).model_validate(raw)
-    return evaluator_of_study(Workbench(registry, ArtifactStore(Path(setup.store))), study, setup.confirm)
+    study: Study = study_model(raw, registry).model_validate(raw)
+    return Workbench(registry, ArtifactStore(Path(setup.store))), study
 
 
 def _kept(setup: Setup) -> Evaluates:

@@ -1,0 +1,114 @@
+"""The runs of a check side by side, before the check reads them from the store one after the other.
+
+Ten noisy trials of six tasks in two engines, with two laws each, are minutes of one processor. What fails here is met
+again by the check itself, which tells.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from concurrent.futures import BrokenExecutor, Future, as_completed
+from contextlib import suppress
+from dataclasses import dataclass
+
+from pliant.config.study import Study
+from pliant.errors import PliantError, interrupted
+from pliant.pipeline.study import laws_of_study
+from pliant.pipeline.workbench import Workbench
+from pliant.records.search import FoundDesign
+from pliant.search.direct_fem import direct_studies, solvable
+from pliant.search.problem import SearchProblem
+from pliant.search.searching import Hands
+from pliant.search.verification import cases_of, engines_of, run_in
+from pliant.search.workers import Setup, opened
+
+WORTH_S = 10.0  # of what is left, on one processor; processes take two or three to begin
+
+
+@dataclass(frozen=True)
+class RunJob:
+    """One run: the study as a worker gets it, and the place of the engine among those of its check."""
+
+    setup: Setup
+    engine: int
+
+
+def run(job: RunJob) -> None:
+    """Leave the result in the store."""
+    bench, study = opened(job.setup)
+    run_in(bench, study, engines_of(bench, study)[job.engine])
+
+
+def run_ahead(bench: Workbench, problem: SearchProblem, designs: Sequence[FoundDesign], hands: Hands) -> None:
+    """Make the runs of a check, where there are several and they take long.
+
+    Args:
+        bench: plugins, store, progress.
+        problem: the `SearchProblem`.
+        designs: that are checked.
+        hands: who runs.
+    """
+    try:
+        cases = [[case.study for case in cases_of(bench, problem, design)] for design in designs]
+    except PliantError:
+        return
+    first, *others = [study for studies in cases for study in studies]
+    if not others or hands.alone:
+        return
+    each_s = _one(bench, first)
+    engines, solved = len(engines_of(bench, first)), solvable(problem.study)
+    left = len(others) + (1 + len(others) if solved else 0)
+    if each_s * left < WORTH_S:
+        return
+    if solved:
+        others += _solved(bench, cases)
+    _together(
+        bench, hands, [RunJob(hands.setup(bench, study), k) for study in others for k in range(engines)]
+    )
+
+
+def _one(bench: Workbench, study: Study) -> float:
+    """Run a study here, in all engines; the time that it took, s."""
+    begun, engines = time.perf_counter(), engines_of(bench, study)
+    bar = bench.progress.begin("first run of the check", len(engines))
+    try:
+        for engine in engines:
+            try:
+                run_in(bench, study, engine)
+            except Exception as error:
+                if interrupted(error):
+                    raise KeyboardInterrupt from None
+            bar.advance()
+    finally:
+        bar.finish()
+    return time.perf_counter() - begun
+
+
+def _solved(bench: Workbench, cases: Sequence[Sequence[Study]]) -> list[Study]:
+    """The studies with laws of direct FEM, which is solved and fitted here; without designs where that fails."""
+    found: list[Study] = []
+    for studies in cases:
+        with suppress(PliantError):
+            direct, _ = direct_studies(bench, studies)
+            for study in direct:
+                laws_of_study(bench, study)
+            found += direct
+    return found
+
+
+def _together(bench: Workbench, hands: Hands, jobs: Sequence[RunJob]) -> None:
+    """Errors stay where they are: the check meets them and tells."""
+    bar, crew = bench.progress.begin("runs of the check", len(jobs)), hands.crew_for(run)
+    waiting, done = list[Future[None]](), False
+    try:
+        with suppress(BrokenExecutor):
+            waiting += [crew.submit(job) for job in jobs]
+            for _ in as_completed(waiting):
+                bar.advance()
+        done = True
+    finally:
+        bar.finish()
+        for future in waiting:
+            future.cancel()
+        crew.stop(at_once=not done)

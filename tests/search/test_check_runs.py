@@ -1,0 +1,82 @@
+"""The runs of a check side by side: the check finds them, and still tells what failed."""
+
+from concurrent.futures import ThreadPoolExecutor
+
+import pytest
+from tests.search.found_stand_ins import found
+from tests.search.test_verification import Problem, springs
+
+from pliant.pipeline import simulate
+from pliant.search import check_runs
+from pliant.search.check_runs import run_ahead
+from pliant.search.searching import Hands
+from pliant.search.verification import verify
+
+CONDITIONS = {"soft": {"task.pressure": "5 kPa"}, "hard": {"task.pressure": "10 kPa"}}
+BOTH = ("physics: quasistatic", "physics: quasistatic\ncross_check: [mujoco]")
+RADIUS = {"family.radius": 4.7e-3}
+
+
+@pytest.fixture(autouse=True)
+def however_short(monkeypatch):
+    monkeypatch.setattr(check_runs, "WORTH_S", 0.0)
+
+
+@pytest.fixture
+def threads():
+    with ThreadPoolExecutor(2) as pool:
+        yield Hands(pool)
+
+
+def never(*given):
+    pytest.fail("it was run again")
+
+
+def test_what_was_run_ahead_is_not_run_by_the_check(tmp_path, monkeypatch, threads):
+    (tmp_path / "alone").mkdir()
+    opened, alone = springs(tmp_path, BOTH), springs(tmp_path / "alone", BOTH)
+    run_ahead(opened.bench, Problem(opened, CONDITIONS), [found(RADIUS)], threads)
+    expected = verify(alone.bench, Problem(alone, CONDITIONS), found(RADIUS))
+    monkeypatch.setattr(simulate, "run_task", never)
+    check = verify(opened.bench, Problem(opened, CONDITIONS), found(RADIUS))
+    assert set(check.verified) == {"quasistatic", "mujoco"}
+    assert (check.predicted, check.conditions) == (expected.predicted, expected.conditions)
+    assert check.notes == expected.notes == ()
+
+
+def test_processes_run_the_designs_of_several_conditions(tmp_path, monkeypatch):
+    opened = springs(tmp_path)
+    problem = Problem(opened, CONDITIONS)
+    designs = [found({"family.radius": radius}, context=k) for k, radius in enumerate((4.7e-3, 5.1e-3))]
+    run_ahead(opened.bench, problem, designs, Hands(workers=2))
+    monkeypatch.setattr(simulate, "run_task", never)
+    angles = [
+        verify(opened.bench, problem, design).verified["quasistatic"]["max_joint_angle_rad"]
+        for design in designs
+    ]
+    assert 0 < angles[0] < angles[1]
+
+
+def test_a_design_that_fem_does_not_solve_is_told_by_the_check(tmp_path, threads):
+    opened = springs(tmp_path)
+    problem, design = Problem(opened, CONDITIONS), found({**RADIUS, "family.defect": "stuck"})
+    run_ahead(opened.bench, problem, [design], threads)
+    assert any(
+        "Direct FEM of the design failed" in note for note in verify(opened.bench, problem, design).notes
+    )
+
+
+@pytest.mark.parametrize("conditions, hands", [(CONDITIONS, Hands(workers=1)), (None, Hands(workers=2))])
+def test_one_process_and_a_single_run_are_left_to_the_check(tmp_path, monkeypatch, conditions, hands):
+    opened = springs(tmp_path)
+    monkeypatch.setattr(check_runs, "run_in", never)
+    run_ahead(opened.bench, Problem(opened, conditions), [found(RADIUS)], hands)
+    assert not (opened.bench.store.root / "simulate").exists()
+
+
+def test_short_runs_are_left_to_the_check(tmp_path, monkeypatch, threads):
+    opened = springs(tmp_path)
+    monkeypatch.setattr(check_runs, "WORTH_S", 1e6)
+    monkeypatch.setattr(check_runs, "run", never)
+    run_ahead(opened.bench, Problem(opened, CONDITIONS), [found(RADIUS)], threads)
+    assert len([p for p in (opened.bench.store.root / "simulate").iterdir() if p.is_dir()]) == 1
