@@ -216,6 +216,4 @@ def test_ctrl_c_ends_all_and_the_same_command_goes_on(workplace, monkeypatch):
             time.sleep(0.05)
     again = subprocess.run([*command, "fem.delay_s=0.1"], capture_output=True, check=False)
     assert again.returncode == 0
-    counts = bench.solved(log)
-    assert set(counts.values()) <= {1, 2}
-    assert sum(count == 2 for count in counts.values()) <= 2  # one state for each worker was cut off, at most
+    assert len(bench.solved_again(log)) <= 2  # one state for each worker was cut off, at most

@@ -60,6 +60,13 @@ def solved(log):
     return Counter(state for what, _, state in words if what == "end")
 
 
+def solved_again(log):
+    """The states that were solved more than once: of each worker cut off, it may be the one not yet written."""
+    counts = solved(log)
+    assert set(counts.values()) <= {1, 2}
+    return [state for state, n in counts.items() if n > 1]
+
+
 def pids(log):
     """The processes that solved."""
     return {line.split()[1] for line in Path(log).read_text().splitlines()}
