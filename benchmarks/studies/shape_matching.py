@@ -107,11 +107,23 @@ def _part(parts: Parts, asked: Asked, given: Given) -> Part | None:
 
 def assembled(parts: Mapping[str, Part], stated: Mapping[str, Any]) -> dict[str, Any]:
     """The `optimize` result of the main search, with all runs, what was to be reached, and the published figures."""
-    runs = {name: {k: v for k, v in part.items() if k not in LEFT_OUT} for name, part in parts.items()}
+    runs = {
+        name: {**{k: v for k, v in part.items() if k not in LEFT_OUT}, "units": _units(part)}
+        for name, part in parts.items()
+    }
     whole: dict[str, Any] = {k: v for k, v in parts.get(MAIN, {}).items() if k != "made_of"}
-    whole.pop("lines", None)
+    for shown_elsewhere in ("lines", "units"):
+        whole.pop(shown_elsewhere, None)
     found = {**whole, **stated, "published": SHAPE, "runs": runs}
     return {**found, "bars": [] if stated["small"] else [bar.json() for bar in bars(runs)]}
+
+
+def _units(part: Part) -> dict[str, str]:
+    """Of the variables, as found by the search, or as a published part keeps them."""
+    found: dict[str, str] = part.get("units") or {
+        one["name"]: one["unit"] for one in part.get("variables", ())
+    }
+    return found
 
 
 if __name__ == "__main__":

@@ -67,7 +67,7 @@ def laws(result: Result) -> Iterator[str]:
 def best(result: Result) -> Iterator[str]:
     """The winners' values, one column per search."""
     shown = result["runs"]
-    units = {variable["name"]: variable["unit"] for variable in result["variables"]}
+    units = {name: unit for run in shown.values() for name, unit in run["units"].items()}
     names = list(dict.fromkeys(name for run in shown.values() for name in run["best"]["values"]))
     yield f"| variable | {' | '.join(f'`{name}`' for name in shown)} |"
     yield f"|---|{'---|' * len(shown)}"
