@@ -1,6 +1,7 @@
 """The best candidates once more: the other trials decide, conditions give way to them, wrong changes are refused."""
 
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,9 +12,11 @@ from pliant import api
 from pliant.cli.search_files import search_json
 from pliant.cli.search_words import lines
 from pliant.errors import UserError
-from pliant.search import searching
-from pliant.search.confirming import confirmed, confirming_problem
+from pliant.pipeline.progress import Silent
+from pliant.search import workers
+from pliant.search.confirming import confirming_problem
 from pliant.search.evaluation import Evaluator
+from pliant.search.outcome import evaluated
 from pliant.search.searching import problem_of
 
 PLUGIN = Path(__file__).with_name("narrowing_plugin.py")
@@ -93,11 +96,51 @@ def test_its_time_is_that_of_the_search(opened, monkeypatch):
     before = api.optimize(opened(), workers=1)
 
     def slow(*given):
-        time.sleep(0.5)
-        return confirmed(*given)
+        time.sleep(0.05)
+        return evaluated(*given)
 
-    monkeypatch.setattr(searching, "confirmed", slow)
-    assert api.optimize(opened(HEAVIER), workers=1).wall_s >= before.wall_s + 0.5
+    monkeypatch.setattr(workers, "evaluated", slow)
+    assert api.optimize(opened(HEAVIER), workers=1).wall_s >= before.wall_s + 0.05 * BEST
+
+
+class Impatient(Silent):
+    """Somebody who interrupts when so many of the best have been tried again."""
+
+    def __init__(self, after):
+        self.after, self.done = after, None
+
+    def begin(self, title, total, done=0):
+        self.done = done if title == "the best once more" else None
+        return self
+
+    def advance(self, steps=1):
+        if self.done is not None:
+            self.done += steps
+            if self.done == self.after:
+                raise KeyboardInterrupt
+
+
+def test_interrupted_there_it_goes_on_with_those_that_are_left(opened):
+    whole = api.optimize(opened(HEAVIER, store="whole"), workers=1)
+    study = opened(HEAVIER)
+    with pytest.raises(KeyboardInterrupt):
+        api.optimize(replace(study, bench=replace(study.bench, progress=Impatient(3))), workers=1)
+    patient = Impatient(BEST + 1)
+    result = api.optimize(replace(study, bench=replace(study.bench, progress=patient)), workers=1)
+    assert [vars(design) for design in result.best] == [vars(design) for design in whole.best]
+    assert (result.evaluations, result.simulations) == (whole.evaluations, whole.simulations)
+
+
+def test_more_of_the_best_go_on_and_another_change_begins_anew(opened, monkeypatch):
+    api.optimize(opened(HEAVIER), workers=1)
+    tried = []
+    monkeypatch.setattr(workers, "evaluated", lambda *given: tried.append(1) or evaluated(*given))
+    api.optimize(
+        opened(HEAVIER.replace(f"best: {BEST}", f"best: {BEST + 2}"), "search.sensitivity=false"), workers=1
+    )
+    assert len(tried) == 2
+    api.optimize(opened(HEAVIER.replace("2 g", "3 g"), "search.sensitivity=false"), workers=1)
+    assert len(tried) == 2 + BEST
 
 
 @pytest.mark.parametrize(

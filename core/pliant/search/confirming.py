@@ -6,8 +6,12 @@ Science 52, 2006). What counts in the end is what each of the few best comes to 
 
 from __future__ import annotations
 
+import hashlib
+import json
+import time
 from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 from pliant.config.search import ConfirmConfig
@@ -16,6 +20,7 @@ from pliant.errors import UserError
 from pliant.pipeline.progress import Progress
 from pliant.search.changes import changed
 from pliant.search.found import Row
+from pliant.search.journal import Batch, Journal
 from pliant.search.keys import study_key
 from pliant.search.outcome import Task, Told
 from pliant.search.problem import SearchProblem
@@ -59,7 +64,9 @@ def require_confirming(problem: SearchProblem) -> None:
         raise UserError(f"search.confirm.change sets {names}, which the search varies; leave it out there.")
 
 
-def confirmed(config: ConfirmConfig, rows: Sequence[Row], team: Team, progress: Progress) -> list[Row]:
+def confirmed(
+    config: ConfirmConfig, rows: Sequence[Row], team: Team, progress: Progress, folder: Path
+) -> tuple[list[Row], float]:
     """The `best` feasible candidates of each context, tried again.
 
     Args:
@@ -67,23 +74,31 @@ def confirmed(config: ConfirmConfig, rows: Sequence[Row], team: Team, progress: 
         rows: everything that was tried.
         team: evaluates in the `confirming_problem`.
         progress: one bar.
+        folder: of the search's journals; what was tried again under the same change is known from there.
 
     Returns:
-        The same candidates with what they come to now, in the order in which the search had ranked them.
+        The same candidates with what they come to now, in the order in which the search had ranked them; and the
+        time of that, s, all sessions together.
     """
     chosen = [row for context in _contexts(rows) for row in _first(rows, context, config.best)]
-    if not chosen:
-        return []
-    bar = progress.begin("the best once more", len(chosen))
-    found: list[Row] = []
+    journal = Journal(folder, f"confirm-{_digest(config)}")
+    batches, begun = journal.read(), time.perf_counter()
+    before_s = batches[-1].wall_s if batches else 0.0
+    known = {_candidate(told): told for batch in batches for told in batch.rows}
+    left = [row for _, row in chosen if _candidate(row) not in known]
+    bar = progress.begin("the best once more", len(chosen), len(chosen) - len(left))
     try:
-        tasks = [Task(k, row.values, row.context) for k, (_, row) in enumerate(chosen)]
-        for (branch, before), now in zip(chosen, team.each(tasks), strict=True):
-            found.append((branch, replace(now, number=before.number, first=before.objectives)))
+        for told in team.each([Task(k, row.values, row.context) for k, row in enumerate(left)]):
+            journal.append(Batch(1, 1, before_s + time.perf_counter() - begun, (told,)))
+            known[_candidate(told)] = told
             bar.advance()
     finally:
         bar.finish()
-    return found
+    found = [
+        (branch, replace(known[_candidate(row)], number=row.number, first=row.objectives))
+        for branch, row in chosen
+    ]
+    return found, before_s + time.perf_counter() - begun
 
 
 def _paths(problem: SearchProblem, config: ConfirmConfig) -> set[KeyPath]:
@@ -101,6 +116,16 @@ def _first(rows: Sequence[Row], context: int, count: int) -> list[Row]:
     for row in sorted(feasible, key=lambda row: row[1].objectives[0]):
         distinct.setdefault(_values(row[1]), row)
     return list(distinct.values())[:count]
+
+
+def _candidate(told: Told) -> tuple[Any, ...]:
+    return told.context, _values(told)
+
+
+def _digest(config: ConfirmConfig) -> str:
+    """Of what is changed; how many are tried again does not matter to any of them."""
+    plain = config.model_dump(mode="json")["change"]
+    return hashlib.sha256(json.dumps(plain, sort_keys=True).encode()).hexdigest()[:16]
 
 
 def _values(told: Told) -> tuple[Any, ...]:

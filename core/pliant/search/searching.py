@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import shutil
-import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
@@ -174,9 +173,8 @@ class _Run:
         search = self.search
         with Team(search.hands.crew(search.evaluator), search.setup()) as team:
             wall_s = self._all_rungs(team)
-            begun = time.perf_counter()
-            again = self._confirmed(team)
-            result = self._found(wall_s + time.perf_counter() - begun, again)
+            again, more_s = self._confirmed(team)
+            result = self._found(wall_s + more_s, again)
             return about_the_best(self.problem, search.judges(team), result, search.nominal)
 
     def _all_rungs(self, team: Team) -> float:
@@ -207,16 +205,16 @@ class _Run:
         """What the optimizers recommend beyond what they tried, with branches."""
         return [(branch, row) for branch, rows in self.recommendations.items() for row in rows]
 
-    def _confirmed(self, team: Team) -> list[tuple[int, Told]]:
-        """The best candidates once more; none where the study does not ask for it."""
+    def _confirmed(self, team: Team) -> tuple[list[tuple[int, Told]], float]:
+        """The best candidates once more, and the time of it in s; none where the study does not ask for it."""
         search, config = self.search, self.config.confirm
         if config is None:
-            return []
+            return [], 0.0
         setup = search.hands.setup(search.bench, search.study, confirm=True)
         alone = team.crew.size == 1
         crew = Inline(evaluator_of_study(search.bench, search.study, confirm=True)) if alone else team.crew
         rows = [*self._rows(), *self.recommended]
-        return confirmed(config, rows, Team(crew, setup), search.bench.progress)
+        return confirmed(config, rows, Team(crew, setup), search.bench.progress, self.partial)
 
     def _rows(self) -> list[tuple[int, Told]]:
         return [(branch.index, row) for branch in self.branches for row in branch.rows]
