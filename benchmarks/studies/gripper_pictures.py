@@ -98,18 +98,18 @@ def _shown(unit: str) -> tuple[float, str]:
 
 
 def seeds(result: Result) -> bytes | None:
-    """Score of the best so far against the grasps made: every seed thin, the main searches thick."""
-    drawn = [(name, part, 0.9, 0.6) for name, parts in result["seeds"].items() for part in parts]
+    """Score of the best so far against the grasps made, a line for every seed."""
+    drawn = [(name, part) for name, parts in result["seeds"].items() for part in parts]
     if not drawn:
         return None
     names = list(result["seeds"])
     with style.canvas(WIDE_PX, 620) as figure:
         axes = figure.subplots()
         shown = set()
-        for name, part, width, alpha in drawn:
+        for name, part in drawn:
             values = [np.nan if v is None else v for v in part["curve"]["score"]]
             axes.plot(
-                part["curve"]["grasps"], values, drawstyle="steps-post", lw=width, alpha=alpha,
+                part["curve"]["grasps"], values, drawstyle="steps-post", lw=0.9, alpha=0.6,
                 color=style.SERIES[names.index(name) % len(style.SERIES)],
                 label=None if name in shown else f"{name}, {len(result['seeds'][name])} seeds",
             )  # fmt: skip
@@ -117,6 +117,8 @@ def seeds(result: Result) -> bytes | None:
         axes.set_xlabel("grasps")
         axes.set_ylabel("score of the best so far, mean over the tasks")
         axes.set_title("Equal numbers of grasps: a line for every seed")
-        axes.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0))
+        legend = axes.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0))
+        for line in legend.get_lines():
+            line.set(lw=2.0, alpha=1.0)
         figure.set_layout_engine("constrained")
         return small_png(figure).tobytes()
