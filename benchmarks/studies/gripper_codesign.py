@@ -153,9 +153,11 @@ def _baseline(parts: Parts, asked: Asked, given: Given) -> Part | None:
 
 
 def _seeds(parts: Parts, asked: Sequence[Asked], given: Given) -> dict[str, list[Part]]:
-    """Every optimizer at every seed, without the check of its winner."""
+    """Every optimizer at every seed, without the check of its winner; of a table, published ones are finished too."""
     count = given.seeds if given.seeds is not None else SMALL_SEEDS if given.small else FULL_SEEDS
     grasps = given.seed_grasps or (SMALL_SEED_GRASPS if given.small else None)
+    if grasps is None and not given.wants(SEEDS):
+        grasps = _published_grasps(parts)
     found: dict[str, list[Part]] = {}
     for seed in range(1, count + 1):
         for one in asked:
@@ -163,9 +165,18 @@ def _seeds(parts: Parts, asked: Sequence[Asked], given: Given) -> dict[str, list
             opened = _opened(one, given, grasps, more, SEEDS)
             name = f"seed_{one.name}_{seed}_{grasps or 'full'}"
             make = partial(_seed, one, opened, given.workers, name)
-            part = _kept(parts, name, given.wants(SEEDS), made_of(opened.study), make)
+            of = made_of(opened.study)
+            part = parts.known(name, of)
+            if given.wants(SEEDS) and (part is None or parts.fresh):
+                part = parts.get(name, of, make)
             found.setdefault(one.name, []).extend([part] if part is not None else [])
     return found
+
+
+def _published_grasps(parts: Parts) -> int | None:
+    """The budget of the searches in the published table; None: that of the main ones, or there is no table."""
+    budgets = [name.rpartition("_")[2] for name in parts.published if name.startswith("seed_")]
+    return next((int(budget) for budget in budgets if budget.isdecimal()), None)
 
 
 def _seed(asked: Asked, opened: api.OpenStudy, workers: int | None, name: str) -> Part:

@@ -196,6 +196,31 @@ def test_published_seeds_and_the_baseline_are_found_by_name(tmp_path: Path) -> N
     assert {key: again[key] for key in main} == main
 
 
+def test_a_published_table_over_seeds_is_kept_and_completed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ran: list[str] = []
+    monkeypatch.setattr(
+        gripper_codesign, "_seed", lambda asked, opened, workers, name: ran.append(name) or {"part": name}
+    )
+
+    def seeds(folder: str, docs: dict[str, Any], **given: Any) -> dict[str, list[dict[str, Any]]]:
+        parts = Parts(tmp_path / folder, fresh=given.pop("fresh", False), published=docs)
+        asked = Given("gripper_codesign", store=tmp_path / "store", quiet=True, **given)
+        return gripper_codesign._seeds(parts, gripper_codesign.ASKED[:1], asked)
+
+    made = seeds("out", {}, only=("seeds",), seeds=2, seed_grasps=60)["ppo"]
+    assert ran == ["seed_ppo_1_60", "seed_ppo_2_60"]
+    docs = {part["part"]: part for part in made}
+    assert seeds("elsewhere", docs, only=("cmaes",))["ppo"] == made  # whatever is run, it stays published
+    assert len(ran) == 2
+    more = seeds("elsewhere", docs, only=("seeds",), seeds=3, seed_grasps=60)["ppo"]
+    assert more[:2] == made
+    assert ran[2:] == ["seed_ppo_3_60"]
+    seeds("elsewhere", docs, only=("seeds",), seeds=1, seed_grasps=60, fresh=True)
+    assert ran[3:] == ["seed_ppo_1_60"]
+
+
 def test_what_a_part_is_made_of_follows_the_study(tmp_path: Path) -> None:
     def of(*overrides: str) -> str:
         return made_of(api.open_study(SMALL, overrides, store=tmp_path).study)
