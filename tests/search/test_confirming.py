@@ -1,4 +1,6 @@
-"""The best candidates once more: the other trials decide, conditions give way to them, wrong changes are refused."""
+"""The best candidates once more: the other trials decide, near twins count once, conditions give way to them, wrong
+changes are refused.
+"""
 
 import time
 from dataclasses import replace
@@ -12,11 +14,12 @@ from pliant import api
 from pliant.cli.search_files import search_json
 from pliant.cli.search_words import lines
 from pliant.errors import UserError
+from pliant.interfaces.optimizer import Variable
 from pliant.pipeline.progress import Silent
 from pliant.search import workers
-from pliant.search.confirming import confirming_problem
+from pliant.search.confirming import confirming_problem, first_apart
 from pliant.search.evaluation import Evaluator
-from pliant.search.outcome import evaluated
+from pliant.search.outcome import Told, evaluated
 from pliant.search.searching import problem_of
 
 PLUGIN = Path(__file__).with_name("narrowing_plugin.py")
@@ -43,7 +46,7 @@ def test_the_few_best_are_tried_again_and_the_other_trials_decide(opened):
     result = api.optimize(study, workers=1)
     (best,) = result.best
     history = result.history
-    order = np.argsort(history.objectives[:, 0], kind="stable")[:BEST]
+    order = apart(history)[:BEST]
     heavier = opened("chain.payload=2 g")
     evaluator = Evaluator(heavier.bench, problem_of(heavier.bench, heavier.study))
     again = [
@@ -58,6 +61,48 @@ def test_the_few_best_are_tried_again_and_the_other_trials_decide(opened):
     told = "\n".join(lines(result, "quasistatic"))
     assert "in the search, before it was tried again" in told
     assert search_json(result, "quasistatic")["best"]["objectives_before"] == best.first
+
+
+def apart(history):
+    """Candidates by objective; those left out that are within 5 % of both ranges of a better one."""
+    shares = np.column_stack([
+        (history.values["task.pressure"] - 2e3) / 12e3,
+        (history.values["chain.module_length"] - 8e-3) / 4e-3,
+    ])  # fmt: skip
+    found = []
+    for k in np.argsort(history.objectives[:, 0], kind="stable"):
+        if all(np.abs(shares[k] - shares[j]).max() > 0.05 for j in found):
+            found.append(int(k))
+    return found
+
+
+def test_near_twins_of_a_better_candidate_are_left_out(opened):
+    history = api.optimize(opened(), workers=1).history
+    assert len(apart(history)) < len(history)
+    assert apart(history)[:BEST] != list(np.argsort(history.objectives[:, 0], kind="stable")[:BEST])
+
+
+def test_choices_and_integers_make_candidates_differ():
+    axes = (
+        Variable("x", "real", 0.0, 1.0),
+        Variable("n", "integer", 1, 4),
+        Variable("kind", "categorical", choices=("a", "b")),
+    )
+    best, twin, far, more, other = (
+        {"x": 0.5, "n": 2, "kind": "a"},
+        {"x": 0.54, "n": 2, "kind": "a"},
+        {"x": 0.56, "n": 2, "kind": "a"},
+        {"x": 0.5, "n": 3, "kind": "a"},
+        {"x": 0.5, "n": 2, "kind": "b"},
+    )
+    rows = [(0, told(k, values)) for k, values in enumerate((best, twin, far, more, other))]
+    assert [row.number for _, row in first_apart(axes, rows, -1, 5)] == [0, 2, 3, 4]
+    assert [row.number for _, row in first_apart(axes, rows[::-1], -1, 2)] == [0, 2]
+    assert first_apart(axes, rows, 1, 5) == []
+
+
+def told(number, values):
+    return Told(number, -1, values, "ok", (float(number),))
 
 
 def test_workers_change_nothing(opened):

@@ -131,7 +131,10 @@ class ConfirmConfig(FrozenModel):
     """The best candidates are tried again before one is chosen: of many noisy trials the best one was lucky, too."""
 
     best: Count = Field(
-        default=10, ge=1, le=10_000, description="candidates, of each condition where it has its own"
+        default=10,
+        ge=1,
+        le=10_000,
+        description="candidates, of each condition where it has its own; near twins of a better one are left out",
     )
     change: Changes = Field(
         description="keys that are different then: {task.trials: 10, task.seed: 500}", min_length=1

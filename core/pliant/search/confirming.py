@@ -2,6 +2,7 @@
 
 The best of thousands of single noisy trials was lucky, too (the optimizer's curse: Smith and Winkler, Management
 Science 52, 2006). What counts in the end is what each of the few best comes to under other trials, and more of them.
+A search that has converged has many near twins of its best, which share its luck: of those, the best one is tried.
 """
 
 from __future__ import annotations
@@ -9,7 +10,7 @@ from __future__ import annotations
 import hashlib
 import json
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,7 @@ from typing import Any
 from pliant.config.search import ConfirmConfig
 from pliant.config.study_keys import KeyPath
 from pliant.errors import UserError
+from pliant.interfaces.optimizer import Value, Variable
 from pliant.pipeline.progress import Progress
 from pliant.search.changes import changed
 from pliant.search.found import Row
@@ -27,6 +29,7 @@ from pliant.search.problem import SearchProblem
 from pliant.search.team import Team
 
 PLACE = "search.confirm.change"
+TWINS = 0.05  # of each variable's range: candidates that are closer than that in all of them
 
 
 def confirming_problem(problem: SearchProblem) -> SearchProblem:
@@ -65,12 +68,12 @@ def require_confirming(problem: SearchProblem) -> None:
 
 
 def confirmed(
-    config: ConfirmConfig, rows: Sequence[Row], team: Team, progress: Progress, folder: Path
+    problem: SearchProblem, rows: Sequence[Row], team: Team, progress: Progress, folder: Path
 ) -> tuple[list[Row], float]:
-    """The `best` feasible candidates of each context, tried again.
+    """The `best` feasible candidates of each context that are no near twins of better ones, tried again.
 
     Args:
-        config: of the study.
+        problem: of the search, with a `confirm` block.
         rows: everything that was tried.
         team: evaluates in the `confirming_problem`.
         progress: one bar.
@@ -80,7 +83,10 @@ def confirmed(
         The same candidates with what they come to now, in the order in which the search had ranked them; and the
         time of that, s, all sessions together.
     """
-    chosen = [row for context in _contexts(rows) for row in _first(rows, context, config.best)]
+    config = problem.config.confirm
+    assert config is not None
+    axes = [*(one.variable for one in problem.variables), *(one.variable for one in problem.shared)]
+    chosen = [row for context in _contexts(rows) for row in first_apart(axes, rows, context, config.best)]
     journal = Journal(folder, f"confirm-{_digest(config)}")
     batches, begun = journal.read(), time.perf_counter()
     before_s = batches[-1].wall_s if batches else 0.0
@@ -109,13 +115,34 @@ def _contexts(rows: Sequence[Row]) -> list[int]:
     return sorted({row.context for _, row in rows})
 
 
-def _first(rows: Sequence[Row], context: int, count: int) -> list[Row]:
-    """The best of a context, each design once."""
+def first_apart(axes: Sequence[Variable], rows: Sequence[Row], context: int, count: int) -> list[Row]:
+    """The best of a context, each of which differs from all better ones by 5 % of a variable's range or in a choice.
+
+    Args:
+        axes: the variables, merged ones too.
+        rows: everything that was tried.
+        context: of the candidates.
+        count: at most so many.
+    """
     feasible = [row for row in rows if row[1].feasible and row[1].context == context]
-    distinct: dict[tuple[Any, ...], Row] = {}
+    found: list[Row] = []
     for row in sorted(feasible, key=lambda row: row[1].objectives[0]):
-        distinct.setdefault(_values(row[1]), row)
-    return list(distinct.values())[:count]
+        if len(found) == count:
+            break
+        if not any(_twins(axes, row[1].values, better.values) for _, better in found):
+            found.append(row)
+    return found
+
+
+def _twins(axes: Sequence[Variable], one: Mapping[str, Value], other: Mapping[str, Value]) -> bool:
+    both = [axis for axis in axes if axis.name in one and axis.name in other]
+    return all(_close(axis, one[axis.name], other[axis.name]) for axis in both)
+
+
+def _close(axis: Variable, one: Value, other: Value) -> bool:
+    if axis.type == "categorical":
+        return one == other
+    return abs(float(one) - float(other)) <= TWINS * (axis.high - axis.low)
 
 
 def _candidate(told: Told) -> tuple[Any, ...]:

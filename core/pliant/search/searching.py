@@ -207,14 +207,14 @@ class _Run:
 
     def _confirmed(self, team: Team) -> tuple[list[tuple[int, Told]], float]:
         """The best candidates once more, and the time of it in s; none where the study does not ask for it."""
-        search, config = self.search, self.config.confirm
-        if config is None:
+        search = self.search
+        if self.config.confirm is None:
             return [], 0.0
         setup = search.hands.setup(search.bench, search.study, confirm=True)
         alone = team.crew.size == 1
         crew = Inline(evaluator_of_study(search.bench, search.study, confirm=True)) if alone else team.crew
         rows = [*self._rows(), *self.recommended]
-        return confirmed(config, rows, Team(crew, setup), search.bench.progress, self.partial)
+        return confirmed(self.problem, rows, Team(crew, setup), search.bench.progress, self.partial)
 
     def _rows(self) -> list[tuple[int, Told]]:
         return [(branch.index, row) for branch in self.branches for row in branch.rows]

@@ -33,6 +33,8 @@ from pliant.store.store import Artifact
 
 DEFAULT_OPTIMIZER = "cmaes"
 STAGE, JOURNALS, FILES = "search", "search_journals", "search_files"
+# What is found out when the search has ended: not what candidates come to.
+AFTERWARDS = ("pliant.search.confirming", "pliant.search.sensitivity", "pliant.search.limits")
 
 
 def search_study(
@@ -172,7 +174,7 @@ def _searched(bench: Workbench, study: Study, hands: Hands) -> Artifact:
         STAGE,
         compute,
         components=components,
-        modules=[*MODULES, "pliant.search.sensitivity", "pliant.search.limits"],
+        modules=[*MODULES, *AFTERWARDS],
         config=content_of(study, ("verify",)),
         inputs=inputs,
     )
