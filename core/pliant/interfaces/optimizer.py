@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar, Literal, Self
 
 from pliant.interfaces.base import ComponentConfig
 
@@ -52,6 +52,25 @@ class Space:
     objectives: int = 1
     contexts: tuple[Context, ...] = ()
     start: Mapping[str, Value] = field(default_factory=dict)
+
+    def as_json(self) -> dict[str, Any]:
+        """The space as dicts, lists, numbers and texts, for the state of an optimizer."""
+        return {
+            "variables": [{**asdict(v), "choices": list(v.choices)} for v in self.variables],
+            "objectives": self.objectives,
+            "contexts": [{"name": c.name, "features": list(c.features)} for c in self.contexts],
+            "start": dict(self.start),
+        }
+
+    @classmethod
+    def from_json(cls, values: Mapping[str, Any]) -> Self:
+        """The space that `as_json` gave."""
+        return cls(
+            variables=tuple(Variable(**{**v, "choices": tuple(v["choices"])}) for v in values["variables"]),
+            objectives=int(values["objectives"]),
+            contexts=tuple(Context(c["name"], tuple(c["features"])) for c in values["contexts"]),
+            start=dict(values["start"]),
+        )
 
 
 @dataclass(frozen=True)

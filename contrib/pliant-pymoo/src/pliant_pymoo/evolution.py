@@ -22,7 +22,6 @@ from scipy.stats import qmc
 
 from pliant.interfaces.optimizer import Candidate, Optimizer, OptimizerCapabilities, Outcome, Space
 from pliant.records.design import Array
-from pliant_plugins.optimizers.spaces import space_as_json, space_from_json
 from pliant_pymoo import encoding
 from pliant_pymoo.config import DeConfig, Nsga2Config
 
@@ -86,7 +85,7 @@ class Evolution(Optimizer):
     def state(self) -> Mapping[str, Any]:
         """The space, the seed and everything that was told."""
         return {
-            "space": space_as_json(self._space),
+            "space": self._space.as_json(),
             "seed": self._seed,
             "asked": self._count,
             "history": [[[list(o), v] for o, v in generation] for generation in self._history],
@@ -96,7 +95,7 @@ class Evolution(Optimizer):
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """Tell it all again."""
-        self.start(space_from_json(state["space"]), int(state["seed"]))
+        self.start(Space.from_json(state["space"]), int(state["seed"]))
         for generation in state["history"]:
             self._learn([(tuple(o), float(v)) for o, v in generation])
         self._count = int(state["asked"])

@@ -13,7 +13,6 @@ from pliant_plugins.optimizers.cmaes.config import CmaesConfig
 from pliant_plugins.optimizers.cmaes.encoding import Encoding
 from pliant_plugins.optimizers.cmaes.fitness import FAILED, Result, fitness
 from pliant_plugins.optimizers.cmaes.run import Run
-from pliant_plugins.optimizers.spaces import space_as_json, space_from_json
 
 NOT_ASKED = -1
 
@@ -76,7 +75,7 @@ class Cmaes(Optimizer):
         each generation.
         """
         return {
-            "space": space_as_json(self._space),
+            "space": self._space.as_json(),
             "seed": self._seed,
             "run": self._runs,
             "asked": self._asked,
@@ -90,7 +89,7 @@ class Cmaes(Optimizer):
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """Repeat the present run."""
-        self._set_space(space_from_json(state["space"]), int(state["seed"]))
+        self._set_space(Space.from_json(state["space"]), int(state["seed"]))
         self._begin_run(int(state["run"]))
         for surplus, values in state["history"]:
             self._surplus += self._drawn(surplus)

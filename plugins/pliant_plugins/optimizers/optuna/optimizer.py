@@ -20,7 +20,6 @@ from pliant_plugins.optimizers.optuna.samplers import (
     require_usable,
     sampler_for,
 )
-from pliant_plugins.optimizers.spaces import space_as_json, space_from_json
 
 EXPORT = "optuna.log"
 Told = tuple[int, tuple[float, ...] | None, float]  # number, objectives, violation
@@ -78,7 +77,7 @@ class Optuna(Optimizer):
     def state(self) -> Mapping[str, Any]:
         """All trials, as JSON values."""
         return {
-            "space": space_as_json(self._space),
+            "space": self._space.as_json(),
             "seed": self._seed,
             "asked": self._asked,
             "memory": self._memory.state(),
@@ -93,7 +92,7 @@ class Optuna(Optimizer):
         Raises:
             UserError: the storage holds another search's study of that name.
         """
-        space = space_from_json(state["space"])
+        space = Space.from_json(state["space"])
         require_usable(self.config, space)
         self._begin(space, int(state["seed"]))
         self._memory.restore(state["memory"])

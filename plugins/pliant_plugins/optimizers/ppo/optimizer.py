@@ -17,7 +17,6 @@ from pliant_plugins.optimizers.ppo.encoding import packed, unpacked
 from pliant_plugins.optimizers.ppo.observations import context_of, observations_of
 from pliant_plugins.optimizers.ppo.policy import write_policy
 from pliant_plugins.optimizers.ppo.rewards import Rewards
-from pliant_plugins.optimizers.spaces import space_as_json, space_from_json
 
 load_torch("optimizer 'ppo' needs torch")  # before stable-baselines3, which would load it after ngsolve
 
@@ -123,7 +122,7 @@ class Ppo(Optimizer):
     def state(self) -> Mapping[str, Any]:
         """Networks, Adam, what is waiting and told, statistics and log."""
         return {
-            "space": space_as_json(self._space),
+            "space": self._space.as_json(),
             "seed": self._seed,
             "asked": self._asked,
             "learner": self._learner.state(),
@@ -137,7 +136,7 @@ class Ppo(Optimizer):
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """Continue with the same draws, to the last bit on the same machine."""
-        self.start(space_from_json(state["space"]), state["seed"])
+        self.start(Space.from_json(state["space"]), state["seed"])
         self._asked = state["asked"]
         self._learner.restore(state["learner"])
         for number, action, value, log_prob in state["waiting"]:

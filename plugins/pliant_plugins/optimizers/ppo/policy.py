@@ -26,7 +26,6 @@ from pliant.errors import UserError, closest
 from pliant.interfaces.optimizer import Space, Value, Variable
 from pliant_plugins.native import load_torch
 from pliant_plugins.optimizers.ppo.actions import Numbers, values_of
-from pliant_plugins.optimizers.spaces import space_as_json, space_from_json
 
 if TYPE_CHECKING:
     from stable_baselines3.common.policies import ActorCriticPolicy
@@ -43,7 +42,7 @@ def write_policy(folder: Path, model: Any, space: Space, observations: Numbers) 
     """`policy.zip` by stable-baselines3's `save`, and beside it the contexts, variables and bounds as JSON."""
     folder.mkdir(parents=True, exist_ok=True)
     model.save(folder / ZIP)
-    described = space_as_json(space)
+    described = space.as_json()
     meaning = {
         "format": 1,
         "action": HOW,
@@ -87,7 +86,7 @@ class SavedPolicy:
         load_torch("a saved policy needs torch")
         try:
             meaning = json.loads((Path(folder) / MEANING).read_text(encoding="utf-8"))
-            space = space_from_json({**meaning, "objectives": 1, "start": {}})
+            space = Space.from_json({**meaning, "objectives": 1, "start": {}})
             observations = np.array(meaning["observations"], np.float32)
             network = _network(Path(folder) / ZIP, observations.shape[1], len(space.variables))
         except (ValueError, LookupError, TypeError, RuntimeError, UnpicklingError) as error:
