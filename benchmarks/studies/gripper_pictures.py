@@ -11,8 +11,10 @@ from pliant.report.figures import style
 from pliant.report.figures.search_small import small_png
 
 Result = dict[str, Any]
+Steps = tuple[Any, Any]
 WIDE_PX = 1560
 COLUMNS = 4
+EARLY = 0.1  # of the grasps: from there on the scores of all seeds are to be seen
 
 
 def grasps(result: Result) -> bytes | None:
@@ -98,27 +100,41 @@ def _shown(unit: str) -> tuple[float, str]:
 
 
 def seeds(result: Result) -> bytes | None:
-    """Score of the best so far against the grasps made, a line for every seed."""
-    drawn = [(name, part) for name, parts in result["seeds"].items() for part in parts]
+    """Score of the best so far against the grasps made: a panel per optimizer, a line per seed, and their median."""
+    drawn = {
+        name: [_steps(part["curve"]) for part in parts] for name, parts in result["seeds"].items() if parts
+    }
     if not drawn:
         return None
-    names = list(result["seeds"])
-    with style.canvas(WIDE_PX, 620) as figure:
-        axes = figure.subplots()
-        shown = set()
-        for name, part in drawn:
-            values = [np.nan if v is None else v for v in part["curve"]["score"]]
-            axes.plot(
-                part["curve"]["grasps"], values, drawstyle="steps-post", lw=0.9, alpha=0.6,
-                color=style.SERIES[names.index(name) % len(style.SERIES)],
-                label=None if name in shown else f"{name}, {len(result['seeds'][name])} seeds",
-            )  # fmt: skip
-            shown.add(name)
-        axes.set_xlabel("grasps")
-        axes.set_ylabel("score of the best so far, mean over the tasks")
-        axes.set_title("Equal numbers of grasps: a line for every seed")
-        legend = axes.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0))
-        for line in legend.get_lines():
-            line.set(lw=2.0, alpha=1.0)
-        figure.set_layout_engine("constrained")
+    with style.canvas(WIDE_PX, 480) as figure:
+        panels = figure.subplots(1, len(drawn), squeeze=False, sharex=True, sharey=True)[0]
+        for axes, (name, steps), colour in zip(panels, drawn.items(), style.SERIES, strict=False):
+            for grasps_made, scores in steps:
+                axes.plot(grasps_made, scores, drawstyle="steps-post", lw=0.9, alpha=0.6, color=colour)
+            axes.plot(*_median(steps), drawstyle="steps-post", lw=2.2, color=colour)
+            axes.set_title(f"{name}: {len(steps)} seed{'s' * (len(steps) > 1)} and their median")
+            axes.set_xlabel("grasps")
+        every = [one for steps in drawn.values() for one in steps]
+        early = [float(_at(one, EARLY * one[0][-1])) for one in every]
+        if np.isfinite(early).any():
+            panels[0].set_ylim(np.nanmin(early) - 0.05, max(np.nanmax(scores) for _, scores in every) + 0.05)
+        panels[0].set_ylabel("best score so far")
+        figure.set_layout_engine("constrained", w_pad=0.07)
         return small_png(figure).tobytes()
+
+
+def _steps(curve: dict[str, Any]) -> Steps:
+    """Grasps made and the score since then, NaN before every task has one."""
+    return np.array(curve["grasps"], float), np.array(curve["score"], float)
+
+
+def _at(steps: Steps, grasps_made: Any) -> Any:
+    """The score at some numbers of grasps."""
+    before = np.searchsorted(steps[0], grasps_made, side="right") - 1
+    return np.where(before >= 0, steps[1][np.maximum(before, 0)], np.nan)
+
+
+def _median(steps: list[Steps]) -> Steps:
+    """Over seeds, from where all of them have a score."""
+    every = np.unique(np.concatenate([grasps_made for grasps_made, _ in steps]))
+    return every, np.median([_at(one, every) for one in steps], axis=0)
