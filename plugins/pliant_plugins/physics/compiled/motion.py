@@ -159,6 +159,50 @@ def force_dofs(q, tau, slope, ball, axes, main, moment, dt, plain, qvel, force, 
 
 
 @njit(cache=True, nogil=True)
+def drive_step(laws, terms, joints, views, drive, options, memory):  # type: ignore[no-untyped-def]
+    """Fills force and damping of a chain with law terms for the step to come, with loads as they are during it.
+
+    Args:
+        laws, terms: as in `efforts` and `combine`.
+        joints: as in `move`.
+        views: into the engine: qpos, qvel, force, damping of the chain.
+        drive: values of the actuators (k,), end moment, temperature.
+        options: step, damping of the joints.
+        memory: as in `move`, before the step.
+    """
+    ball, axes, main = joints
+    qpos, qvel, force, damping = views
+    p, moment, temperature = drive
+    dt, plain = options
+    before, states = memory
+    n, a = before.shape
+    q, tau, slope = np.empty((n, a)), np.empty((n, a)), np.empty((n, a, a))
+    coordinates(qpos, ball, axes, q)
+    lead(qvel, ball, axes, dt, q)
+    drive_terms(laws, terms, q, before, states, states.copy(), (p, temperature), dt, tau, slope)
+    force_dofs(q, tau, slope, ball, axes, main, moment, dt, plain, qvel, force, damping)
+
+
+@njit(cache=True, nogil=True)
+def remember_step(laws, terms, joints, qpos, drive, dt, memory):  # type: ignore[no-untyped-def]
+    """Brings the memory to the end of a step that ended at qpos; arguments as in `drive_step`."""
+    ball, axes, _ = joints
+    p, _, temperature = drive
+    before, states = memory
+    n, a = before.shape
+    q, new, found = np.empty((n, a)), states.copy(), np.empty(4)
+    coordinates(qpos, ball, axes, q)
+    net = 0.0
+    for j in range(len(p)):
+        net += laws[3][j] * p[j]
+    for i in range(n):
+        for b in range(a):
+            known = (before[i, b], dt, net, temperature, states[i, b], new[i, b])
+            combine(terms, i, q[i, b], *known, found)
+    states[:], before[:] = new, q
+
+
+@njit(cache=True, nogil=True)
 def move(mujoco, laws, terms, joints, views, drive, counts, options, memory, record):  # type: ignore[no-untyped-def]
     """Goes through t samples in steps of one length; each sample's inputs hold for all steps that lead to it.
 
@@ -178,24 +222,16 @@ def move(mujoco, laws, terms, joints, views, drive, counts, options, memory, rec
     qpos, qvel, force, damping, tip, places = views
     p, moments, tips, temperatures = drive
     dt, plain, kept = options
-    before, states = memory
-    n, a = before.shape
-    none = np.zeros(n)
-    q, tau, slope, new = np.empty((n, a)), np.empty((n, a)), np.empty((n, a, a)), states.copy()
-    found = np.empty(4)
+    n = len(memory[0])
+    none, own = np.zeros(n), (qpos, qvel, force, damping)
     for k in range(len(counts)):
         tip[:] = tips[k]
-        net = 0.0
-        for j in range(p.shape[1]):
-            net += laws[3][j] * p[k, j]
+        now = (p[k], moments[k], temperatures[k])
         for _ in range(counts[k]):
             for i in range(len(qvel)):
                 qvel[i] *= kept
             if len(terms[0]):
-                coordinates(qpos, ball, axes, q)
-                lead(qvel, ball, axes, dt, q)
-                drive_terms(laws, terms, q, before, states, new, (p[k], temperatures[k]), dt, tau, slope)
-                force_dofs(q, tau, slope, ball, axes, main, moments[k], dt, plain, qvel, force, damping)
+                drive_step(laws, terms, joints, own, now, (dt, plain), memory)
             elif ball:
                 turns, f, d = qpos.reshape(n, 4), force.reshape(n, 3), damping.reshape(n, 3)
                 drive_balls(laws, turns, axes, main, p[k], moments[k], none, 1.0, dt, plain, f, d)
@@ -203,12 +239,7 @@ def move(mujoco, laws, terms, joints, views, drive, counts, options, memory, rec
                 drive_axes(laws, qpos, p[k], moments[k], none, 1.0, dt, plain, force, damping)
             call_mujoco(step, model, data)
             if len(terms[0]):
-                coordinates(qpos, ball, axes, q)
-                for i in range(n):
-                    for b in range(a):
-                        known = (before[i, b], dt, net, temperatures[k], states[i, b], new[i, b])
-                        combine(terms, i, q[i, b], *known, found)
-                states[:], before[:] = new, q
+                remember_step(laws, terms, joints, qpos, now, dt, memory)
         record[0][k] = qpos
         if len(record[1]):
             call_mujoco(kinematics, model, data)

@@ -29,6 +29,7 @@ from pliant.records.chain import ChainModel
 from pliant.records.design import Array
 from pliant_plugins.physics.compiled.dof_forces import drive_axes, drive_balls
 from pliant_plugins.physics.compiled.laws import CompiledLaws
+from pliant_plugins.physics.mujoco.with_terms import LawsWithTerms
 
 NOT_NEEDED = np.empty(0)
 
@@ -62,6 +63,7 @@ class ChainJoints:
         self.order, self._none = np.argmax(self._geometry.basis, axis=0), np.zeros(n)
         compiled = CompiledLaws.of(chain)
         self.laws = None if compiled is None or chain.terms else compiled.arrays
+        self.with_terms = LawsWithTerms.of(chain, compiled, self)
         self._loads: Loads | None = None
         self._values = self._none
 
@@ -116,7 +118,9 @@ class ChainJoints:
         the end of the step of `loads.memory`; where that is infinite, as in a slow motion.
         """
         extra = self._none if extra_stiffness is None else extra_stiffness
-        if self.laws is None or loads.memory is not None:
+        if self.with_terms is not None and extra_stiffness is None and caution == 1.0 and _timed(loads):
+            self.with_terms.drive(loads, damping)
+        elif self.laws is None or loads.memory is not None:
             self._drive_plainly(loads, damping, extra, caution)
         else:
             self._drive_compiled(loads, damping, extra, caution)
@@ -133,9 +137,8 @@ class ChainJoints:
             drive_axes(self.laws, self._qpos, *before, self._applied, self._damping)
 
     def _drive_plainly(self, loads: Loads, damping: float, extra: Array, caution: float) -> None:
-        """The same without machine code, for laws without a scalar form and for law terms."""
-        step_s, q = self.model.opt.timestep, self.q
-        timed = loads.memory is not None and math.isfinite(loads.memory.dt_s)
+        """The same without machine code: laws or terms without a compiled form, terms in a slow motion."""
+        step_s, q, timed = self.model.opt.timestep, self.q, _timed(loads)
         if timed:
             q = q + step_s * self.rates
         effort = self.statics.efforts.evaluate(q, loads.actuation, loads.memory)
@@ -160,6 +163,8 @@ class ChainJoints:
         """The loads after a step that ended where the chain is: with what law terms then know of the past."""
         if loads.memory is None:
             return loads
+        if self.with_terms is not None and _timed(loads):
+            return loads.after(self.with_terms.advance(loads))
         return loads.after(self.statics.efforts.advance(self.q, loads.actuation, loads.memory))
 
     def _push(self, loads: Loads) -> None:
@@ -183,3 +188,8 @@ class ChainJoints:
     def markers(self) -> Array:
         """(n + 2, 3) base, joints and tip as MuJoCo's kinematics have them now."""
         return self._data.xpos[self.base : self.tip + 1].copy()
+
+
+def _timed(loads: Loads) -> bool:
+    """Whether law terms see time go by."""
+    return loads.memory is not None and math.isfinite(loads.memory.dt_s)

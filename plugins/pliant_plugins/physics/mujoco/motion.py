@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import ctypes
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from itertools import pairwise
@@ -15,19 +14,15 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from pliant.errors import UserError
 from pliant.mechanics.statics import Loads
 from pliant.mechanics.terms import Memory
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
 from pliant.records.history import REFERENCE_TEMPERATURE_C, History
-from pliant.records.term import LawTerm, TermFunction, numbers_of
-from pliant_plugins.physics.compiled.functions import compile_function
 from pliant_plugins.physics.compiled.laws import CompiledLaws
-from pliant_plugins.physics.compiled.motion import TERM_SIGNATURE, move
+from pliant_plugins.physics.compiled.motion import move
+from pliant_plugins.physics.compiled.terms import compiled_terms
 from pliant_plugins.physics.mujoco.joints import ChainJoints
-
-ROLES = ("moment", "elastic", "actuation", "rest")
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,7 +102,7 @@ class CompiledMotion:
     ) -> CompiledMotion | None:
         """None where MuJoCo's functions have no address, or a law or term is not compiled."""
         functions, laws = _functions(), CompiledLaws.of(chain)
-        terms = _terms(chain.terms, chain.n_joints)
+        terms = compiled_terms(chain.terms, chain.n_joints)
         if functions is None or laws is None or terms is None or not hasattr(model, "_address"):
             return None
         return CompiledMotion((*functions, model._address, data._address), laws, terms, joints)
@@ -178,24 +173,3 @@ def _functions() -> tuple[int, int] | None:
         if step and kinematics:
             return step, kinematics
     return None
-
-
-@cache
-def _compiled(function: TermFunction) -> Any:
-    return compile_function(function, TERM_SIGNATURE, "law term")
-
-
-def _terms(terms: Sequence[LawTerm], n_joints: int) -> Any:
-    """Addresses (m,), rows (m, 5) and numbers (n, P) of law terms; None where one cannot be compiled."""
-    try:
-        addresses = [int(_compiled(term.function).address) for term in terms]
-    except UserError:  # it runs in plain Python then
-        return None
-    ends = np.cumsum([0, *(term.n_parameters for term in terms)])
-    states = np.cumsum([0, *(term.n_states for term in terms)])
-    rows = [[ROLES.index(term.role), *ends[k : k + 2], *states[k : k + 2]] for k, term in enumerate(terms)]
-    return (
-        np.array(addresses, np.int64),
-        np.array(rows, np.int64).reshape(-1, 5),
-        numbers_of(terms, n_joints),
-    )

@@ -13,11 +13,9 @@ from pliant.records.design import Array
 from pliant.records.history import History
 from pliant.records.term import LawTerm, TermFunction, numbers_of
 from pliant_plugins.physics.compiled.functions import compile_function
+from pliant_plugins.physics.compiled.terms import ROLES
 from pliant_plugins.physics.quasistatic.joint_effort import TERM_SIGNATURE
 from pliant_plugins.physics.stepping import check_driven
-
-# The roles of law terms, as the compiled loop numbers them.
-ROLES = ("moment", "elastic", "actuation", "rest")
 
 
 @dataclass(frozen=True, eq=False)
