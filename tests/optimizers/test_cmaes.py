@@ -197,3 +197,21 @@ def test_leaves_no_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Non
     (tmp_path / "cma_signals.in").write_text("{'maxiter': 0}")
     search(cmaes(box(2)), searches.sphere, 50)
     assert [p.name for p in tmp_path.iterdir()] == ["cma_signals.in"]
+
+
+def test_a_spread_keeps_the_first_generations_about_the_start() -> None:
+    axes = box(4).variables
+    start = {v.name: 0.5 * (v.low + v.high) for v in axes}
+
+    def width(space: Space) -> float:
+        asked = [c for _ in range(40) for c in cmaes(space, seed=_).ask(8)]
+        shares = [(float(c.values[v.name]) - v.low) / (v.high - v.low) for c in asked for v in axes]
+        return float(np.std(shares))
+
+    assert width(Space(axes, start=start, spread=0.05)) == pytest.approx(0.05, rel=0.15)
+    assert width(Space(axes, start=start)) > 0.2
+    assert width(Space(axes, start=start, spread=0.9)) == width(Space(axes, start=start))
+    again = resumed(cmaes(Space(axes, start=start, spread=0.05)))
+    assert [c.values for c in again.ask(8)] == [
+        c.values for c in cmaes(Space(axes, start=start, spread=0.05)).ask(8)
+    ]

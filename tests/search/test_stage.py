@@ -14,8 +14,11 @@ from pliant import api
 from pliant.cli.search_words import lines
 from pliant.errors import UserError
 from pliant.records.search import Verification
+from pliant.report.search_reading import SearchRead
+from pliant.report.search_sections import robust_section
+from pliant.report.search_words import price
 from pliant.search.checking import converged, merged
-from pliant.search.stage import files_folder, search_study
+from pliant.search.stage import JOURNALS, files_folder, search_study
 from pliant.search.stage_keys import components_of
 
 PLUGIN = Path(__file__).with_name("narrowing_plugin.py")
@@ -226,12 +229,61 @@ def test_a_robust_search_says_what_it_costs(opened):
     assert found.nominal_of_nominal < found.robust_of_nominal
     nominal = api.optimize(opened("search.budget=18"), workers=1)
     assert found.nominal.values == nominal.best[0].values
+    assert found.robust_of_robust <= found.robust_of_nominal
     assert result.simulations == 18 * 5
     alone = api.optimize(
         opened(robust.replace("{samples", "{compare: false, samples"), "search.budget=18"), workers=1
     )
     assert alone.robustness is None
-    assert alone.best[0].values == result.best[0].values
+    assert alone.simulations == 18 * 5
+
+
+ROBUST = "search.robust={samples: 4, laws: false, measure: worst, vary: {task.pressure: 20 %}}"
+
+
+def first_of(result):
+    return {name: float(column[0]) for name, column in result.history.values.items()}
+
+
+def test_a_robust_search_begins_at_the_nominal_design(opened):
+    changes = (ROBUST, "search.budget=18", "optimizer=cmaes")
+    nominal = api.optimize(opened(*changes, "search.robust=null"), workers=1).best[0]
+    result = api.optimize(opened(*changes), workers=1)
+    assert first_of(result) == dict(nominal.values)
+    near = np.abs(np.diff(np.sort(result.history.values["task.pressure"][:6]))).max()
+    assert near < 0.5 * 12e3  # of the range: it looks about that design first
+    assert result.simulations == 18 * 5  # it is one of the eighteen
+    anywhere = api.optimize(opened(*changes, "search.start=anywhere"), workers=1)
+    assert first_of(anywhere) != dict(nominal.values)
+
+
+def test_the_nominal_design_takes_part_where_the_optimizer_begins_elsewhere(opened):
+    result = api.optimize(opened(ROBUST, "search.budget=40"), workers=1)
+    assert first_of(result) != dict(result.robustness.nominal.values)
+    assert result.simulations == (40 + 1) * 5
+    assert result.robustness.robust_of_robust <= result.robustness.robust_of_nominal
+
+
+def test_where_the_nominal_design_is_the_most_robust_the_words_say_so(opened):
+    made = opened(ROBUST, "search.budget=1", "optimizer=cmaes")  # tries the nominal design and nothing else
+    result = api.optimize(made, workers=1)
+    assert result.nominal_is_robust
+    (said,) = [line for line in lines(result, "quasistatic") if line.startswith("robust ")]
+    assert said.endswith("the best nominal design, nothing more robust was found")
+    assert "best nominal design is the most robust one" in price(SearchRead(result, {}))
+    assert robust_section(SearchRead(result, {})).tables == ()
+
+
+def test_a_robust_search_goes_on_where_the_nominal_design_stays(opened):
+    changes = (ROBUST, "search.until=abs(tip_x - 10 mm) < 0.5 mm", "search.verify=null")
+    once = api.optimize(opened(*changes, "search.budget=30"), workers=1)
+    more = opened(*changes, "search.budget=40")
+    journals = more.bench.store.root / JOURNALS
+    before = set(journals.iterdir())
+    assert len(before) == 2  # of the nominal search and of the robust one
+    again = api.optimize(more, workers=1)
+    assert set(journals.iterdir()) == before
+    assert again.best[0].values == once.best[0].values
 
 
 def test_the_optimizers_files_are_kept(opened):

@@ -119,10 +119,13 @@ def _robust(result: SearchResult) -> list[str]:
         return []
     unit = unit_of_objective(result.objectives[0], result.variables, result.best[0].metrics)
     measure = f"{found.measure} {found.level:g}" if found.measure == "cvar" else found.measure
+    together = f"robust   {measure} over {found.samples} scenarios {quantity(found.robust_of_robust, unit)}"
+    alone = f"undisturbed {quantity(found.nominal_of_robust, unit)}"
+    if result.nominal_is_robust:
+        return [f"{together}; {alone}: the best nominal design, nothing more robust was found"]
     return [
-        f"robust   {measure} over {found.samples} scenarios {quantity(found.robust_of_robust, unit)} (nominal design "
-        f"{quantity(found.robust_of_nominal, unit)}); undisturbed {quantity(found.nominal_of_robust, unit)} (nominal "
-        f"design {quantity(found.nominal_of_nominal, unit)})"
+        f"{together} (nominal design {quantity(found.robust_of_nominal, unit)}); {alone} (nominal design "
+        f"{quantity(found.nominal_of_nominal, unit)})"
     ]
 
 

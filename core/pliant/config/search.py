@@ -115,7 +115,9 @@ class RobustConfig(FrozenModel):
     vary: Widths = Field(default_factory=dict, description="keys of the study and how far they are off")
     seed: int = Field(default=0, ge=0, description="of the scenarios")
     compare: bool = Field(
-        default=True, description="whether a nominal search of the same budget shows what robustness costs"
+        default=True,
+        description="whether a nominal search of the same budget comes first: the robust one begins at its best "
+        "design, and the result says what robustness costs",
     )
 
 

@@ -46,12 +46,14 @@ class Space:
             that can.
         contexts: conditions, each candidate being tried in one of them; empty unless the optimizer knows contexts.
         start: a value for each variable, where the search may begin; empty where nobody knows better.
+        spread: how far from `start` the best is thought to lie, as a share of each variable's range; None: anywhere.
     """
 
     variables: tuple[Variable, ...]
     objectives: int = 1
     contexts: tuple[Context, ...] = ()
     start: Mapping[str, Value] = field(default_factory=dict)
+    spread: float | None = None
 
     def as_json(self) -> dict[str, Any]:
         """The space as dicts, lists, numbers and texts, for the state of an optimizer."""
@@ -60,6 +62,7 @@ class Space:
             "objectives": self.objectives,
             "contexts": [{"name": c.name, "features": list(c.features)} for c in self.contexts],
             "start": dict(self.start),
+            "spread": self.spread,
         }
 
     @classmethod
@@ -70,6 +73,7 @@ class Space:
             objectives=int(values["objectives"]),
             contexts=tuple(Context(c["name"], tuple(c["features"])) for c in values["contexts"]),
             start=dict(values["start"]),
+            spread=values["spread"],
         )
 
 

@@ -195,3 +195,9 @@ class SearchResult:
     verification: Verification | None = None
     robustness: Robustness | None = None
     files: tuple[str, ...] = field(default_factory=tuple)
+
+    @property
+    def nominal_is_robust(self) -> bool:
+        """Whether a robust search has found nothing better than the best design of the nominal one."""
+        beside = self.robustness
+        return beside is not None and dict(beside.nominal.values) == dict(self.best[0].values)

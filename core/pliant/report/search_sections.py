@@ -206,8 +206,11 @@ def robust_section(read: SearchRead) -> Section | None:
         "Both designs in the same scenarios: how many stay up to an objective, and each scenario as a dot with the "
         "median."
     )
-    picture = _picture("search_robust", caption, search_robust(read))
-    table = robust_table(read)
+    # Of one and the same design there is nothing to compare.
+    picture = (
+        None if read.result.nominal_is_robust else _picture("search_robust", caption, search_robust(read))
+    )
+    table = None if read.result.nominal_is_robust else robust_table(read)
     text = f"{price(read)} It holds for what was varied, over {found.samples} draws; what was not varied is not in it."
     return Section(
         "What it costs to be robust", (picture,) if picture else (), (table,) if table else (), text=(text,)

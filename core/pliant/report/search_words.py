@@ -83,6 +83,11 @@ def price(read: SearchRead) -> str:
     assert found is not None
     a, b, c, d = (read.objective.text(value) for value in _four(found))
     measure = measure_words(found)
+    if read.result.nominal_is_robust:
+        return unbroken(
+            f"The best nominal design is the most robust one that was found: {d} as the {measure} over "
+            f"{count(found.samples, 'scenario')}, {b} where nothing deviates."
+        )
     worse = -1.0 if read.objective.maximised else 1.0
     cost = worse * (found.nominal_of_robust - found.nominal_of_nominal)
     gain = worse * (found.robust_of_nominal - found.robust_of_robust)

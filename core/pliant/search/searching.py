@@ -22,6 +22,7 @@ from pliant.search.branch import BUDGET, EXHAUSTED, REFUSED_PER_EVALUATION, UNTI
 from pliant.search.confirming import confirmed, confirming_problem
 from pliant.search.evaluation import Evaluator
 from pliant.search.found import best_of, counts_of, design_of, front_of, history_of
+from pliant.search.from_nominal import begun_at, not_tried
 from pliant.search.halving import Halving
 from pliant.search.journal import Journal, keep_journals, take_journals
 from pliant.search.loop import Loop
@@ -93,7 +94,7 @@ class Search:
         evaluator: of this process.
         hands: who evaluates.
         contextual: whether every candidate is tried in one condition only.
-        nominal: of a robust search: the finished nominal one that it is compared with.
+        nominal: of a robust search: the finished nominal one where it begins, and that it is compared with.
     """
 
     bench: Workbench
@@ -143,7 +144,7 @@ class _Run:
     def __init__(self, search: Search, partial: Path) -> None:
         self.search, self.problem, self.partial = search, search.problem, partial
         self.config = search.study.need("search", "a search")
-        self.space = self.problem.space(search.contextual)
+        self.space = begun_at(search.nominal, self.problem, self.problem.space(search.contextual))
         self.values = self.problem.branches()
         self.recommendations: dict[int, list[Told]] = {}
         self.exported = float("inf")
@@ -173,6 +174,7 @@ class _Run:
         search = self.search
         with Team(search.hands.crew(search.evaluator), search.setup()) as team:
             wall_s = self._all_rungs(team)
+            self._try_nominal()
             again, more_s = self._confirmed(team)
             result = self._found(wall_s + more_s, again)
             return about_the_best(self.problem, search.judges(team), result, search.nominal)
@@ -202,8 +204,13 @@ class _Run:
 
     @property
     def recommended(self) -> list[tuple[int, Told]]:
-        """What the optimizers recommend beyond what they tried, with branches."""
+        """What the optimizers recommend beyond what they tried, and nominal designs, with branches."""
         return [(branch, row) for branch, rows in self.recommendations.items() for row in rows]
+
+    def _try_nominal(self) -> None:
+        """The nominal designs take part in the choice."""
+        for branch, task in not_tried(self.search.nominal, self._rows()):
+            self.recommendations.setdefault(branch, []).append(evaluated(self.search.evaluator, task))
 
     def _confirmed(self, team: Team) -> tuple[list[tuple[int, Told]], float]:
         """The best candidates once more, and the time of it in s; none where the study does not ask for it."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
 from pathlib import Path
@@ -22,6 +22,7 @@ from pliant.search.confirming import require_confirming
 from pliant.search.direct_fem import check_verifiable
 from pliant.search.evaluation import OF_EVERY_TASK
 from pliant.search.feasibility import require_feasible
+from pliant.search.from_nominal import begun_at
 from pliant.search.halving import require_halving
 from pliant.search.problem import SearchProblem
 from pliant.search.reach import require_reach
@@ -154,7 +155,11 @@ def _searched(bench: Workbench, study: Study, hands: Hands) -> Artifact:
         inputs["nominal"] = nominal.key
     problem = problem_of(bench, study)
     components = components_of(bench, study)
-    kept = bench.store.root / JOURNALS / _digest(content_of(study, ENDS), inputs, components)
+    before = nominal.value if nominal else None
+    # The nominal search has a budget of its own; what the robust one depends on is where it begins.
+    begun = begun_at(before, problem, problem.space()).start if before else {}
+    continued = {name: key for name, key in inputs.items() if name != "nominal"}
+    kept = bench.store.root / JOURNALS / _digest([content_of(study, ENDS), continued, begun], components)
 
     def compute(partial: Path) -> SearchResult:
         optimizer = bench.build("optimizer", study.optimizer)  # type: ignore[arg-type]
@@ -165,7 +170,7 @@ def _searched(bench: Workbench, study: Study, hands: Hands) -> Artifact:
             evaluator_of_study(bench, study),
             hands,
             contextual=bool(type(optimizer).capabilities.contexts and config.conditions),
-            nominal=nominal.value if nominal else None,
+            nominal=before,
         )
         files = bench.store.root / FILES / partial.name.removesuffix(".partial")
         return search.run(partial, kept, files)
@@ -180,12 +185,10 @@ def _searched(bench: Workbench, study: Study, hands: Hands) -> Artifact:
     )
 
 
-def _digest(config: Mapping[str, Any], inputs: Mapping[str, str], components: Sequence[Component]) -> str:
+def _digest(content: Sequence[Any], components: Sequence[Component]) -> str:
     """Names what a search may be continued from."""
     code = code_fingerprint([*MODULES, *_places(components)])
-    # The nominal search beside a robust one has a budget of its own, which the robust one does not depend on.
-    inputs = {name: key for name, key in inputs.items() if name != "nominal"}
-    text = json.dumps([config, inputs, code], sort_keys=True)
+    text = json.dumps([*content, code], sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()[:32]
 
 

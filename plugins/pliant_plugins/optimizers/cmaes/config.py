@@ -21,7 +21,8 @@ class CmaesConfig(OptimizerConfig):
         default=0.3,
         gt=0,
         le=1,
-        description="standard deviation at first, as a share of each variable's range",
+        description="standard deviation at first, as a share of each variable's range; 0.1 at most of a robust search "
+        "that begins at the nominal design",
     )
     population: int | None = Field(
         default=None, ge=4, le=10_000, description="candidates of a generation; by default 4 + ⌊3 ln n⌋"

@@ -112,7 +112,8 @@ class Cmaes(Optimizer):
     def _begin_run(self, index: int) -> None:
         self._runs = index
         guess = self._encoding.encoded(self._space.start) if index == 0 else None
-        self._run = Run(self._encoding, guess, self.config.sigma, self.batch, (self._seed, index))
+        sigma = min(self.config.sigma, self._space.spread or 1.0) if index == 0 else self.config.sigma
+        self._run = Run(self._encoding, guess, sigma, self.batch, (self._seed, index))
         self._history: list[tuple[int, tuple[float, ...]]] = []
         self._surplus: list[Member] = []
         self._results = {}
