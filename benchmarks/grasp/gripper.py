@@ -16,6 +16,7 @@ if str(ROOT) not in sys.path:  # run as a script
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 from pliant.config.loading import load_study  # noqa: E402 - after the environment is set
+from pliant.interfaces.effect import Model  # noqa: E402
 from pliant.interfaces.physics import PhysicsBackend  # noqa: E402
 from pliant.pipeline.study import chain_of_study  # noqa: E402
 from pliant.pipeline.workbench import Workbench  # noqa: E402
@@ -40,6 +41,11 @@ def finger(*overrides: str) -> ChainModel:
     """One finger, law from FEM; overrides of the study as on the command line."""
     bench = Workbench(registry(), ArtifactStore(ROOT / ".pliant" / "store"))
     return chain_of_study(bench, load_study(STUDY, registry(), list(overrides))).chain
+
+
+def with_effect(chain: ChainModel, kind: str, **settings: Any) -> ChainModel:
+    """The chain with an effect in its laws."""
+    return _built("effect", kind, settings).apply(Model(chain)).chain
 
 
 def engine(kind: str, **settings: Any) -> PhysicsBackend:

@@ -86,7 +86,7 @@ class SavedPolicy:
         load_torch("a saved policy needs torch")
         try:
             meaning = json.loads((Path(folder) / MEANING).read_text(encoding="utf-8"))
-            space = Space.from_json({**meaning, "objectives": 1, "start": {}})
+            space = Space.from_json({**meaning, "objectives": 1, "start": {}, "spread": None})
             observations = np.array(meaning["observations"], np.float32)
             network = _network(Path(folder) / ZIP, observations.shape[1], len(space.variables))
         except (ValueError, LookupError, TypeError, RuntimeError, UnpicklingError) as error:
