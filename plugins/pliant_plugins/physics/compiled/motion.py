@@ -122,10 +122,7 @@ def drive_terms(laws, terms, q, before, old, new, now, dt, tau, slope):  # type:
     elastic, elastic_u = np.empty((n, a)), np.empty((n, a, a))
     efforts(laws, q, p, tau, unused, slope)
     efforts(laws, q, none, straight, unused, straight_u)
-    if np.any(terms[1][:, 0] == 3):
-        efforts(laws, bent, none, elastic, unused, elastic_u)
-    else:  # nothing moves the unloaded angle: the elastic part is known
-        elastic[:], elastic_u[:] = straight, straight_u
+    efforts(laws, bent, none, elastic, unused, elastic_u)
     for i in range(n):
         for b in range(a):
             v, s = values[i, b], slopes[i, b]
