@@ -22,6 +22,7 @@ TIMED = {
 # in the table of all. All are of the published problem: one supply.
 JUDGED = {
     "halving": "free",
+    "integers": "free",
     "free_roll_generations": "free",
     "fixed_roll_halving": "fixed",
     "helix_generations": "fixed",

@@ -50,11 +50,6 @@ ASKED = (
         EXAMPLES / "free_roll.yaml",
         EVERY_GENERATION,
     ),
-    Asked(
-        "axis_along_base",
-        "the other reading: its axis along the base's, 81 structures of 60 evaluations",
-        EXAMPLES / "axis_along_base.yaml",
-    ),
     Asked("halving", "eight generations, the best third goes on, roll free", EXAMPLES / "halving.yaml"),
     Asked(
         "fixed_roll_halving",
@@ -63,6 +58,11 @@ ASKED = (
         ("search.generations=8", "search.halving={factor: 3}"),
     ),
     Asked("integers", "one search, modules as integers, roll free", EXAMPLES / "integers.yaml"),
+    Asked(
+        "axis_along_base",
+        "the other reading, its axis along the base's; as integers, no joint outside its law's data",
+        EXAMPLES / "axis_along_base.yaml",
+    ),
     Asked(
         "per_segment_pressure",
         "a regulator for each segment, roll free",

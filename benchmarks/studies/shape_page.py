@@ -31,9 +31,9 @@ def runs(result: Result) -> Iterator[str]:
     """Every search, and the published figures below."""
     yield (
         "| search | candidates | wall time, search only | in kernels | predicted RMSE / e_max | verified | "
-        "verified, other engine | apart |"
+        "verified, other engine | apart | joints outside their data, predicted / verified |"
     )
-    yield "|---|---|---|---|---|---|---|---|"
+    yield "|---|---|---|---|---|---|---|---|---|"
     for name, run in result["runs"].items():
         own, others = run["engine"], [e for e in engines(run) if e != run["engine"]]
         second = "; ".join(f"{_both(run, e, 'engines')} ({e})" for e in others) or "–"
@@ -41,7 +41,7 @@ def runs(result: Result) -> Iterator[str]:
         yield (
             f"| `{name}`: {run['words']} | {run['evaluations']} | {clock(run['wall_s'])} | "
             f"{run['wall_in_kernels']:.0f}{stored} | {_both(run, own, 'predicted')} | {_both(run, own, 'engines')} | "
-            f"{second} | {millimetres(apart(run))} |"
+            f"{second} | {millimetres(apart(run))} | {_outside(run, 'predicted')} / {_outside(run, 'engines')} |"
         )
     given = result["published"]
     times = given["our_estimates"]
@@ -49,7 +49,7 @@ def runs(result: Result) -> Iterator[str]:
         f"| published ({SOURCE}), roll fixed | | about {clock(times['evaluations_wall_s'])}; of generations "
         f"{clock(times['generations_wall_s'])}: estimates of ours | | "
         f"{_figures(given)} | {_figures(given['verified'])} | – | "
-        f"{millimetres(given['verified']['rmse_m'] - given['rmse_m'])} |"
+        f"{millimetres(given['verified']['rmse_m'] - given['rmse_m'])} | – |"
     )
 
 
@@ -109,6 +109,11 @@ TABLES: Mapping[str, Callable[[Result], Iterable[str]]] = {
 
 def _both(run: Mapping[str, Any], engine: str, what: str) -> str:
     return " / ".join(millimetres(of_check(run, metric, engine, what)) for metric in METRICS)
+
+
+def _outside(run: Mapping[str, Any], what: str) -> str:
+    count = of_check(run, "outside_domain", what=what)
+    return "–" if count is None else f"{count:.0f}"
 
 
 def _figures(figures: Mapping[str, Any]) -> str:
