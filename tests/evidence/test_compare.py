@@ -9,10 +9,10 @@ from tests.evidence.compare_data import angle, bench, colour, creep, falling_shi
 
 from pliant.errors import UserError
 from pliant.evidence.comparison import compare
-from pliant.evidence.comparison_json import comparison_json
 from pliant.evidence.interpretation import headline, interpret
 from pliant.records.history import History
 from pliant.records.measurement import Measurement
+from pliant.report.comparison import comparison_json
 
 SHIFT = 0.01
 

@@ -9,13 +9,14 @@ from tests.evidence.compare_data import angle, bench, falling_shift, measured_ru
 from pliant.evidence.comparison import compare
 from pliant.records.history import History
 from pliant.records.measurement import Measurement
-from pliant.report.comparison import comparison_page
+from pliant.report.comparison import comparison_document
+from pliant.report.render import page
 
 PNG = b"\x89PNG\r\n\x1a\n"
 
 
 def page_of(measurement, predicted, title="finger"):
-    return comparison_page(title, measurement, predicted, compare(measurement, predicted))
+    return page(comparison_document(title, measurement, predicted, compare(measurement, predicted)))
 
 
 def test_the_page_shows_runs_places_loops_and_a_map():

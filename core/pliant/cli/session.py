@@ -25,6 +25,9 @@ from pliant.errors import INTERRUPTED, PliantError, UserError, interrupted
 from pliant.pipeline.workbench import Workbench
 from pliant.registry.discovery import Registry, discover
 from pliant.registry.files import blamed, with_files
+from pliant.report.document import Document
+from pliant.report.render import page, terminal
+from pliant.report.stage import write_page
 from pliant.store.store import ArtifactStore, write_atomically
 
 LONGEST_NAME = 80
@@ -50,6 +53,17 @@ class Session:
         """Print for people, unless --quiet; `markup` reads rich's tags, so foreign text must be escaped."""
         if not self.quiet:
             self.out.print(text, markup=markup)
+
+    def show(self, document: Document, folder: Path | None = None) -> None:
+        """Print a document, keep its JSON, and write its page where there is a folder for it."""
+        self.result.update(document.data)
+        for block in terminal(document):
+            self.say(block)
+        if folder is not None:
+            made = page(document)
+            written = write_page(folder, made.html, made.pictures)
+            self.result.update(out=str(folder), report=str(written))
+            self.say(f"report   {written}")
 
     def study(self, path: Path, overrides: Sequence[str] | None, uses: Sequence[str] = ()) -> Study:
         """Read the study, know the plugins that it lists, and say which of its keys this verb does not read.

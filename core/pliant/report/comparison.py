@@ -1,39 +1,204 @@
-"""A comparison as one self-contained HTML page: measured over predicted, loops, where the error is, tables."""
+"""A comparison as a document: the model against a measurement, for terminal, page and JSON."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from typing import Any
 
 import numpy as np
 
-from pliant import __version__
 from pliant.evidence.comparison import Comparison
 from pliant.evidence.interpretation import interpret
-from pliant.evidence.scores import GroupError
-from pliant.evidence.words import number, percent, shown
+from pliant.evidence.places import Place
+from pliant.evidence.scores import GroupError, OutputError
+from pliant.evidence.words import number, percent, shown, si_unit
 from pliant.records.design import Array
 from pliant.records.measurement import Measurement
 from pliant.report.comparison_reading import Compared
-from pliant.report.facts import Table
-from pliant.report.figures.condition_map import MOST_RUNS, condition_map
-from pliant.report.figures.loops import loops
-from pliant.report.figures.residual_places import residual_places
-from pliant.report.figures.runs_in_time import MOST, runs_in_time
-from pliant.report.layout import Page, Picture, Section
-from pliant.report.template import page_template
-from pliant.report.words import Warned
+from pliant.report.document import (
+    Column,
+    Document,
+    Drawn,
+    Picture,
+    Section,
+    Table,
+    Warned,
+    as_json,
+    brief_table,
+    capital,
+    page_table,
+)
 
 OUTPUTS_DRAWN = 2
-ROWS = 60  # of a table
+ROWS = 60  # of a page's table
+WORST_BRIEF = 5  # of the terminal's
+Named = tuple[str, OutputError]
+
+OUTPUT_COLUMNS: tuple[Column[Named], ...] = (
+    Column(
+        lambda o: o[0],
+        head="output",
+        brief="output",
+        text=lambda o: shown(o[0]).axis,
+        brief_text=lambda o: shown(o[0]).label,
+    ),
+    Column(
+        lambda o: o[1].rmse,
+        "rmse",
+        "rms error",
+        "rms error",
+        lambda o: _with_interval(o, "rmse"),
+        lambda o: shown(o[0]).text(o[1].rmse),
+    ),
+    Column(lambda o: list(o[1].rmse_interval), "rmse_interval"),
+    Column(lambda o: o[1].unit, "unit"),
+    Column(
+        lambda o: o[1].noise_floor,
+        "noise_floor",
+        "noise floor",
+        "floor",
+        lambda o: number(o[1].noise_floor * shown(o[0]).factor),
+        lambda o: _floor(o),
+    ),
+    Column(
+        lambda o: o[1].source,
+        "floor_source",
+        "floor from",
+        "from",
+        brief_text=lambda o: {"high-frequency residual": "neighbours"}.get(o[1].source, o[1].source),
+    ),
+    Column(
+        lambda o: o[1].ratio_to_floor,
+        "ratio_to_floor",
+        "ratio",
+        "ratio",
+        lambda o: number(o[1].ratio_to_floor, 2),
+    ),
+    Column(
+        lambda o: o[1].bias,
+        "bias",
+        "mean error",
+        "mean",
+        lambda o: _with_interval(o, "bias"),
+        lambda o: shown(o[0]).text(o[1].bias),
+    ),
+    Column(lambda o: list(o[1].bias_interval), "bias_interval"),
+    Column(lambda o: o[1].noise.within, "noise_within"),
+    Column(lambda o: o[1].noise.between, "noise_between"),
+    Column(lambda o: o[1].n, "n", "readings", "readings"),
+    Column(
+        lambda o: o[1].n_effective,
+        "n_effective",
+        "independent",
+        "worth",
+        lambda o: number(o[1].n_effective, 3),
+        lambda o: f"{o[1].n_effective:.0f}",
+    ),
+)
+PLACE_COLUMNS: tuple[Column[Place], ...] = (
+    Column(lambda p: p.condition, "condition", "condition", "worst places"),
+    Column(lambda p: p.covariate, "covariate"),
+    Column(
+        lambda p: p.share_of_error,
+        "share_of_error",
+        "of the squared error",
+        "of error",
+        lambda p: percent(p.share_of_error),
+    ),
+    Column(
+        lambda p: p.share_of_samples,
+        "share_of_samples",
+        "of the readings",
+        "of data",
+        lambda p: percent(p.share_of_samples),
+    ),
+    Column(
+        lambda p: p.outputs[p.output].mean,
+        "",
+        "mean error there",
+        "mean",
+        lambda p: _mean_there(p, " in"),
+        lambda p: _mean_there(p, ""),
+    ),
+    Column(
+        lambda p: p.z,
+        "z",
+        "z",
+        "z",
+        lambda p: number(p.z, 2),
+        lambda p: f"{number(p.z, 2)}{'*' if p.significant else ' '}",
+    ),
+    Column(lambda p: p.output, "output"),
+    Column(
+        lambda p: p.significant,
+        "significant",
+        "more than noise",
+        text=lambda p: "yes" if p.significant else "no",
+    ),
+    Column(lambda p: p.rms_over_floor, "rmse_over_floor"),
+    Column(lambda p: p.centre, "centre"),
+)
 
 
-def comparison_page(
+def comparison_document(
     title: str, measurement: Measurement, predicted: Sequence[Mapping[str, Array]], comparison: Comparison
-) -> Page:
-    """Draw and write the page. The same comparison gives the same bytes."""
-    compared = Compared(measurement, predicted, comparison)
+) -> Document:
+    """The document of `pliant compare`.
+
+    Args:
+        title: the study's name.
+        measurement: what was compared with.
+        predicted: outputs by run, as the comparison had them.
+        comparison: what came of it.
+    """
+    return Document(
+        kind="Pliant: model against measurement",
+        title=title,
+        sentence=interpret(comparison),
+        data=comparison_json(comparison),
+        brief=_brief(comparison),
+        warnings=tuple(Warned(remark) for remark in comparison.remarks),
+        draw=lambda: _drawn(Compared(measurement, predicted, comparison)),
+        footer=f"Measurement: {measurement.source or 'given in memory'}. Errors are measured − model",
+    )
+
+
+def comparison_json(comparison: Comparison) -> dict[str, Any]:
+    """Plain values by the keys of docs/compare.md; numbers SI, what is not known NaN."""
+    return {
+        "outputs": {
+            name: as_json(OUTPUT_COLUMNS, (name, error)) for name, error in comparison.outputs.items()
+        },
+        "rmse_over_floor": comparison.rmse_over_floor,
+        "rmse_over_floor_interval": list(comparison.rmse_over_floor_interval),
+        "interpretation": interpret(comparison),
+        "judged": comparison.judged,
+        "runs": [_group_json(run, "run") for run in comparison.runs],
+        "conditions": [_group_json(condition, "condition") for condition in comparison.conditions],
+        "worst": [as_json(PLACE_COLUMNS, place) for place in comparison.worst],
+        "covariates": [{"name": name, "importance": share} for name, share in comparison.depends_on.items()],
+        "bins": [
+            {**as_json(PLACE_COLUMNS, place), "outputs": _outputs_there(place)} for place in comparison.places
+        ],
+        "n_places": comparison.n_places,
+        "n_samples": comparison.n_samples,
+        "n_effective": comparison.n_effective,
+        "remarks": list(comparison.remarks),
+    }
+
+
+def _brief(comparison: Comparison) -> tuple[Table | str, ...]:
+    blocks: list[Table | str] = [brief_table(OUTPUT_COLUMNS, list(comparison.outputs.items()))]
+    if comparison.worst:
+        stars = f"* more than noise, corrected for looking at {comparison.n_places} places"
+        rows = comparison.worst[:WORST_BRIEF]
+        blocks.append(brief_table(PLACE_COLUMNS, rows, stars if comparison.significant else ""))
+    return tuple(blocks)
+
+
+def _drawn(compared: Compared) -> Drawn:
     drawn = compared.outputs_by_error()[:OUTPUTS_DRAWN]
-    hero = Picture("runs", _runs_caption(compared, drawn[0]), runs_in_time(compared, drawn[0]))
     made = (
         _where(compared, drawn),
         _loops(compared, drawn),
@@ -41,23 +206,17 @@ def comparison_page(
         _more_runs(compared, drawn),
         _numbers(compared),
     )
-    sections = [section for section in made if section is not None]
-    text = page_template().render(
-        kind="Pliant: model against measurement",
-        title=title,
-        sentence=interpret(comparison),
-        hero=hero,
-        warnings=[Warned(remark) for remark in comparison.remarks],
-        sections=sections,
-        version=__version__,
-        footer=f"Measurement: {measurement.source or 'given in memory'}. Errors are measured − model",
-    )
-    pictures = {p.name: p.png for p in (hero, *(p for s in sections for p in s.pictures))}
-    return Page(text, pictures)
+    return Drawn(_runs(compared, drawn[0], "runs"), tuple(section for section in made if section is not None))
 
 
-def _runs_caption(compared: Compared, output: str) -> str:
-    _, whole = compared.worst_runs(MOST)
+def _runs(compared: Compared, output: str, name: str) -> Picture:
+    from pliant.report.figures.runs_in_time import MOST, runs_in_time
+
+    return Picture(name, _runs_caption(compared, output, MOST), runs_in_time(compared, output))
+
+
+def _runs_caption(compared: Compared, output: str, most: int) -> str:
+    _, whole = compared.worst_runs(most)
     which = "all runs" if whole else "one run of each condition, the worst first"
     floor = compared.comparison.outputs[output].noise_floor
     band = (
@@ -66,13 +225,15 @@ def _runs_caption(compared: Compared, output: str) -> str:
         else ""
     )
     return (
-        f"{_capital(shown(output).label)}, {which}: measured in black, model in blue{band}. Below each run its error, "
+        f"{capital(shown(output).label)}, {which}: measured in black, model in blue{band}. Below each run its error, "
         "measured − model; what leaves the band is filled. A model that lacks nothing leaves it one time in twenty, "
         "anywhere."
     )
 
 
 def _where(compared: Compared, drawn: Sequence[str]) -> Section | None:
+    from pliant.report.figures.residual_places import residual_places
+
     pictures = []
     for k, output in enumerate(drawn):
         png = residual_places(compared, output)
@@ -89,13 +250,15 @@ def _where(compared: Compared, drawn: Sequence[str]) -> Section | None:
 
 
 def _loops(compared: Compared, drawn: Sequence[str]) -> Section | None:
+    from pliant.report.figures.loops import loops
+
     pictures = []
     for k, output in enumerate(drawn):
         png = loops(compared, output)
         if png is None:
             return None
         caption = (
-            f"{_capital(shown(output).label)} over what drives it; below, the error over the same, coloured by what "
+            f"{capital(shown(output).label)} over what drives it; below, the error over the same, coloured by what "
             "the actuation does. A gap between rising and falling is hysteresis that the model lacks or has too much; "
             "a common slope a wrong gain or stiffness; a common shift an offset; a vertical stroke in a hold a drift."
         )
@@ -104,6 +267,8 @@ def _loops(compared: Compared, drawn: Sequence[str]) -> Section | None:
 
 
 def _map(compared: Compared) -> Section | None:
+    from pliant.report.figures.condition_map import MOST_RUNS, condition_map
+
     png = condition_map(compared)
     if png is None:
         return None
@@ -113,10 +278,7 @@ def _map(compared: Compared) -> Section | None:
 
 
 def _more_runs(compared: Compared, drawn: Sequence[str]) -> Section | None:
-    pictures = [
-        Picture(f"runs_{k + 2}", _runs_caption(compared, output), runs_in_time(compared, output))
-        for k, output in enumerate(drawn[1:])
-    ]
+    pictures = [_runs(compared, output, f"runs_{k + 2}") for k, output in enumerate(drawn[1:])]
     return Section("Further outputs in time", tuple(pictures)) if pictures else None
 
 
@@ -134,65 +296,20 @@ def _numbers(compared: Compared) -> Section:
 
 def outputs_table(comparison: Comparison) -> Table:
     """Errors per output in display units."""
-    rows = []
-    for name, error in comparison.outputs.items():
-        words = shown(name)
-        rows.append(
-            [
-                words.axis,
-                _with_interval(error.rmse, error.rmse_interval, words.factor),
-                number(error.noise_floor * words.factor),
-                error.source,
-                number(error.ratio_to_floor, 2),
-                _with_interval(error.bias, error.bias_interval, words.factor),
-                str(error.n),
-                number(error.n_effective, 3),
-            ]
-        )
-    head = [
-        "output",
-        "rms error",
-        "noise floor",
-        "floor from",
-        "ratio",
-        "mean error",
-        "readings",
-        "independent",
-    ]
-    return Table("Errors by output", head, rows)
+    return page_table("Errors by output", OUTPUT_COLUMNS, list(comparison.outputs.items()))
 
 
 def _worst_table(comparison: Comparison) -> Table:
-    rows = [
-        [
-            place.condition,
-            percent(place.share_of_error),
-            percent(place.share_of_samples),
-            shown(place.output).text(place.outputs[place.output].mean, 2)
-            + f" in {shown(place.output).label}",
-            number(place.z, 2),
-            "yes" if place.significant else "no",
-        ]
-        for place in comparison.worst
-    ]
-    head = [
-        "condition",
-        "of the squared error",
-        "of the readings",
-        "mean error there",
-        "z",
-        "more than noise",
-    ]
     note = (
         "Places that hold more of the error than of the readings. They overlap: the falling branch, fast rates and "
         "late times may be the same readings. z: mean error over what noise would give it."
     )
     found = any(place.significant for place in comparison.worst)
-    return Table(
+    return page_table(
         "The worst places" if found else "The largest shares; none is more than noise",
-        head,
-        rows,
-        note if rows else "No place holds more than its part of the error.",
+        PLACE_COLUMNS,
+        comparison.worst,
+        note if comparison.worst else "No place holds more than its part of the error.",
     )
 
 
@@ -212,11 +329,38 @@ def _groups_table(title: str, head: str, groups: Sequence[GroupError]) -> Table:
     )
 
 
-def _with_interval(value: float, interval: tuple[float, float], factor: float) -> str:
-    low, high = interval
-    text = number(value * factor)
+def _group_json(group: GroupError, key: str) -> dict[str, Any]:
+    return {
+        key: group.name,
+        "words": group.words,
+        **({"runs": list(group.runs)} if key == "condition" else {}),
+        "outputs": {name: {**values, "unit": si_unit(name)} for name, values in group.outputs.items()},
+        "rmse_over_floor": group.rmse_over_floor,
+        "share_of_error": group.share_of_error,
+        "n_samples": group.n,
+    }
+
+
+def _outputs_there(place: Place) -> dict[str, Any]:
+    return {
+        name: {**asdict(entry), "interval": list(entry.interval), "unit": si_unit(name)}
+        for name, entry in place.outputs.items()
+    }
+
+
+def _mean_there(place: Place, joined: str) -> str:
+    words = shown(place.output)
+    return f"{words.text(place.outputs[place.output].mean, 2)}{joined} {words.label}"
+
+
+def _floor(named: Named) -> str:
+    name, error = named
+    return shown(name).text(error.noise_floor) if np.isfinite(error.noise_floor) else "–"
+
+
+def _with_interval(named: Named, of: str) -> str:
+    name, error = named
+    factor = shown(name).factor
+    low, high = getattr(error, f"{of}_interval")
+    text = number(getattr(error, of) * factor)
     return f"{text} ({number(low * factor)} to {number(high * factor)})" if np.isfinite(low) else text
-
-
-def _capital(text: str) -> str:
-    return text[0].upper() + text[1:]

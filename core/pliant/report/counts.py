@@ -13,11 +13,9 @@ from pliant.evidence.counts import CountComparison
 from pliant.evidence.counts_words import counted, interpret_counts
 from pliant.evidence.words import number, percent
 from pliant.records.counts import Counts
-from pliant.report.facts import Table
+from pliant.report.document import Page, Picture, Section, Table, Warned
 from pliant.report.figures.success_shares import Series, success_shares
-from pliant.report.layout import Page, Picture, Section
 from pliant.report.template import page_template
-from pliant.report.words import Warned
 
 ROWS = 60  # of a table or a picture
 

@@ -25,13 +25,12 @@ from pliant.report.diagnosis_tables import (
     not_excited_table,
 )
 from pliant.report.diagnosis_words import implausible, numbers_text
+from pliant.report.document import Page, Picture, Section, Warned
 from pliant.report.figures.error_depends import error_depends
 from pliant.report.figures.explained_runs import explained_runs
 from pliant.report.figures.hypotheses import hypotheses
 from pliant.report.figures.repeats import repeats
-from pliant.report.layout import Page, Picture, Section
 from pliant.report.template import page_template
-from pliant.report.words import Warned
 
 OUTPUTS_DRAWN = 2
 MOST_PAIRS = 6

@@ -12,7 +12,7 @@ from pliant.evidence.words import number, percent, shown
 from pliant.interfaces.effect import EffectNotes, EffectParameter
 from pliant.report.diagnosis_reading import Diagnosed
 from pliant.report.diagnosis_words import parameter_texts, parameter_word, probability_text, strength_text
-from pliant.report.facts import Table
+from pliant.report.document import Table
 
 Notes = Mapping[str, EffectNotes]
 MOST_TWINS = 4

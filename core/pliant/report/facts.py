@@ -3,26 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 from pliant.records.law import FitReport
 from pliant.report import units
+from pliant.report.document import Cells, Table
 from pliant.report.folder import DesignResult, FinishedRun
 from pliant.report.reading import Ran, distances_m, ran, study_form
-
-Cells = Sequence[str]
-
-
-@dataclass(frozen=True)
-class Table:
-    """A table of texts; `numeric` columns stand right-aligned, from this index on."""
-
-    title: str
-    head: Cells
-    rows: Sequence[Cells]
-    note: str = ""
-    numeric: int = 1
 
 
 def engine_table(run: FinishedRun) -> Table | None:

@@ -9,7 +9,7 @@ from pliant.records.design import Array
 from pliant.records.fem import TRUSTED, ModuleData
 from pliant.records.law import JointLaw
 from pliant.report import units
-from pliant.report.facts import Cells, Table
+from pliant.report.document import Cells, Table
 from pliant.report.fem_reading import explored_kinds
 
 

@@ -10,11 +10,11 @@ import numpy as np
 from pliant import __version__
 from pliant.records.fem import ModuleData
 from pliant.report import units
+from pliant.report.document import Picture, Section
 from pliant.report.facts import input_table, provenance_table
 from pliant.report.fem_reading import axis_record
 from pliant.report.fem_section import Solved, data_sections, shape_section
 from pliant.report.folder import FinishedRun
-from pliant.report.layout import Picture, Section
 from pliant.report.template import page_template
 from pliant.report.words import data_warnings
 

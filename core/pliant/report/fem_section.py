@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from pliant.records.fem import FemDataset, ModuleData
-from pliant.report.facts import Table
+from pliant.report.document import Picture, Section, Table
 from pliant.report.fem_reading import foretold_axes, solved_rows
 from pliant.report.fem_tables import cost_table, coupling_table, failed_table, sampling_table, states_table
 from pliant.report.figures.fem_cost import cost_picture
@@ -14,7 +14,6 @@ from pliant.report.figures.fem_sampling import sampling_picture
 from pliant.report.figures.fem_states import states_picture
 from pliant.report.figures.module_shape import can_show, module_shape
 from pliant.report.figures.module_stress import has_stress, module_stress, stress_caption
-from pliant.report.layout import Picture, Section
 
 SHOWN = 6  # designs whose pictures are drawn
 IMAGES = {0: "the whole is solved", 1: "half is solved", 2: "a quarter is solved", 3: "an eighth is solved"}

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from pliant.records.fem import PASSED, TRUSTED, ModuleData
 from pliant.report import units
-from pliant.report.facts import Cells, Table
+from pliant.report.document import Cells, Table
 from pliant.report.fem_reading import axis_record, explored_kinds, failed_place, solved_rows
 
 ROUNDED = 9  # decimals of a coordinate in rad or m that are more than rounding

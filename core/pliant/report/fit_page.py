@@ -7,14 +7,14 @@ from typing import Any
 
 from pliant import __version__
 from pliant.report import units
+from pliant.report.document import Section, Warned
 from pliant.report.facts import input_table, provenance_table
 from pliant.report.figures.slope_map import least_stable
 from pliant.report.fit_reading import Fitted, calibration
 from pliant.report.fit_sections import comparison_section, law_pictures, of_one
 from pliant.report.folder import FinishedRun
-from pliant.report.layout import Section
 from pliant.report.template import page_template
-from pliant.report.words import Warned, data_warnings
+from pliant.report.words import data_warnings
 
 SHOWN = 4  # laws that are drawn in full
 FOOTER = "Pressures in kPa, forces in N, moments in mN·m, angles in degrees, extensions in mm"

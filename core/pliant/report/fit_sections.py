@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from pliant.records.law import FitReport
 from pliant.report import units
-from pliant.report.facts import Table
+from pliant.report.document import Picture, Section, Table
 from pliant.report.fem_section import numbered
 from pliant.report.figures.calibration import calibration_picture
 from pliant.report.figures.law import law_picture
@@ -27,7 +27,6 @@ from pliant.report.fit_tables import (
     settings_table,
 )
 from pliant.report.folder import DesignResult, FinishedRun
-from pliant.report.layout import Picture, Section
 
 MARK = 1e-4  # of the range: what the learning curve marks
 

@@ -10,7 +10,7 @@ import numpy as np
 from pliant.pipeline.law_misses import Misses
 from pliant.pipeline.learning import states_needed
 from pliant.report import units
-from pliant.report.facts import Cells, Table
+from pliant.report.document import Cells, Table
 from pliant.report.fit_reading import STUDY_FORMS, Calibration, Fitted, calibration
 
 PUBLISHED = 0.0826

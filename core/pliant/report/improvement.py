@@ -6,11 +6,9 @@ from pliant import __version__
 from pliant.diagnosis.improvement import Improvement, summary
 from pliant.diagnosis.uncertainty import rounded_text
 from pliant.evidence.words import number, shown
-from pliant.report.facts import Table
+from pliant.report.document import Page, Picture, Section, Table, Warned
 from pliant.report.figures.error_steps import MOST_OUTPUTS, error_steps
-from pliant.report.layout import Page, Picture, Section
 from pliant.report.template import page_template
-from pliant.report.words import Warned
 
 
 def improvement_page(title: str, source: str, found: Improvement) -> Page:

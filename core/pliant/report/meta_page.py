@@ -9,13 +9,13 @@ import numpy as np
 
 from pliant import __version__
 from pliant.report import units
+from pliant.report.document import Picture, Section, Warned
 from pliant.report.facts import input_table, provenance_table
 from pliant.report.figures.design_bars import design_bars
 from pliant.report.figures.design_errors import design_errors
 from pliant.report.figures.learning import Curve, learning_picture
 from pliant.report.figures.parity import free_picture, parity_picture
 from pliant.report.folder import FinishedRun
-from pliant.report.layout import Picture, Section
 from pliant.report.meta_reading import MetaFitted
 from pliant.report.meta_tables import (
     cost_table,
@@ -27,7 +27,6 @@ from pliant.report.meta_tables import (
     worst_table,
 )
 from pliant.report.template import page_template
-from pliant.report.words import Warned
 
 FOOTER = "Lengths in mm, pressures in kPa, moments in mN·m, angles in degrees"
 FAR = 0.05  # of the range: a worst error beyond this is warned of

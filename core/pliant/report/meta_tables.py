@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from pliant.report import units
-from pliant.report.facts import Cells, Table
+from pliant.report.document import Cells, Table
 from pliant.report.meta_reading import MetaFitted, parameter_words
 
 PUBLISHED = (

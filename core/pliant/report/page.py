@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from pliant import __version__
+from pliant.report.document import Page, Picture, Section
 from pliant.report.facts import (
     coefficients,
     engine_table,
@@ -23,7 +24,6 @@ from pliant.report.figures.finger import finger_bodies, finger_picture
 from pliant.report.figures.law import law_picture
 from pliant.report.figures.stills import still_pictures
 from pliant.report.folder import FinishedRun
-from pliant.report.layout import Page, Picture, Section
 from pliant.report.reading import ran
 from pliant.report.template import page_template
 from pliant.report.uncertainty_section import uncertainty_section, uncertainty_warnings

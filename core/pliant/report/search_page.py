@@ -9,9 +9,9 @@ from typing import Any
 from pliant import __version__
 from pliant.config.study import Study
 from pliant.records.search import SearchResult
+from pliant.report.document import Section
 from pliant.report.facts import input_table
 from pliant.report.folder import FinishedRun
-from pliant.report.layout import Section
 from pliant.report.search_folder import Drawing, DrawnDesign, read_search, write_search
 from pliant.report.search_reading import SearchRead
 from pliant.report.search_sections import (

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from pliant.report.facts import Table
+from pliant.report.document import Picture, Section, Table
 from pliant.report.figures.backbones import backbone_picture
 from pliant.report.figures.backbones import caption as backbone_caption
 from pliant.report.figures.search_answer import search_answer
@@ -18,7 +18,6 @@ from pliant.report.figures.search_slopes import search_slopes
 from pliant.report.figures.search_verified import search_successes, search_verified
 from pliant.report.figures.stills import still_pictures
 from pliant.report.figures.style import Png
-from pliant.report.layout import Picture, Section
 from pliant.report.search_folder import Drawing
 from pliant.report.search_reading import SearchRead
 from pliant.report.search_tables import (

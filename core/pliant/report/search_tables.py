@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from pliant.report import units
-from pliant.report.facts import Cells, Table
+from pliant.report.document import Cells, Table
 from pliant.report.figures.search_robust import measure_words
 from pliant.report.figures.search_slopes import by_influence, influence
 from pliant.report.figures.search_verified import checked_metrics, success_counts

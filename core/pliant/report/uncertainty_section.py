@@ -6,12 +6,10 @@ from collections.abc import Mapping
 from typing import Any
 
 from pliant.report import units
-from pliant.report.facts import Cells, Table
+from pliant.report.document import Cells, Picture, Section, Table, Warned
 from pliant.report.figures.tip_cloud import COORDINATES, tip_cloud
 from pliant.report.folder import FinishedRun
-from pliant.report.layout import Picture, Section
 from pliant.report.reading import ran
-from pliant.report.words import Warned
 
 TIP = ("tip_x_m", "tip_y_m", "tip_z_m")
 TITLE = "From the laws' error bars to the tip"

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 
 from pliant.records.fem import PASSED, SELF_CONTACT, TRUSTED, FemDataset, ModuleData
 from pliant.report import units
+from pliant.report.document import Warned, unbroken
 from pliant.report.fem_reading import failed_place
 from pliant.report.folder import DesignResult, FinishedRun
 from pliant.report.reading import (
@@ -26,19 +25,11 @@ from pliant.report.reading import (
 LISTED = 12  # entries that a warning spells out
 
 
-@dataclass(frozen=True)
-class Warned:
-    """A warning: one sentence and, where there are several cases, a list of them."""
-
-    sentence: str
-    items: tuple[str, ...] = ()
-
-
 def result_sentence(run: FinishedRun) -> str:
     """What came out: the bend, how well the engines agree, how well the law fits."""
     parts = [_bend(run), _agreement(ran(run)), _law_error(run)]
     text = "; ".join(part for part in parts if part)
-    text = re.sub(r"(?<=\d) (?=%|kPa|[mµn]?m\b|g\b|N\b)", "\u00a0", text)  # no line break before a unit
+    text = unbroken(text)
     return text[0].upper() + text[1:] + "."
 
 

@@ -1,0 +1,68 @@
+"""The renderers of a `Document`: terminal lines and the self-contained HTML page. JSON is `document.data` itself."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from pliant import __version__
+from pliant.report.document import Document, Page, Table
+from pliant.report.template import page_template
+
+if TYPE_CHECKING:
+    from rich.table import Table as RichTable
+
+FOOTER = "Lengths in mm, pressures in kPa, world frame with z up"
+
+
+def terminal(document: Document) -> Iterator[RichTable | str]:
+    """Everything that a terminal prints, in its order: tables and lines, notes, the sentence."""
+    for block in document.brief:
+        if isinstance(block, str):
+            yield block
+        else:
+            yield rich_table(block)
+            if block.note:
+                yield block.note
+    for warned in document.warnings:
+        yield f"note: {warned.sentence}"
+        yield from (f"  {item}" for item in warned.items)
+    if document.sentence:
+        yield document.sentence
+
+
+def rich_table(table: Table) -> RichTable:
+    """A table of the terminal: the first column may be cut, the others stand right-aligned."""
+    from rich.table import Table as RichTable  # a page needs none
+
+    made = RichTable(box=None, pad_edge=False, header_style="bold")
+    for number, head in enumerate(table.head):
+        if number < table.numeric:
+            made.add_column(head, no_wrap=True, overflow="ellipsis")
+        else:
+            made.add_column(head, justify="right", no_wrap=True, min_width=max(len(head), 6))
+    for row in table.rows:
+        made.add_row(*row)
+    return made
+
+
+def page(document: Document, version: str = __version__) -> Page:
+    """The document as one self-contained HTML page: no script, no network, pictures inside.
+
+    The same document gives the same bytes. Every text is escaped.
+    """
+    drawn = document.draw()
+    html = page_template().render(
+        kind=document.kind,
+        title=document.title,
+        sentence=document.sentence,
+        points=document.points,
+        hero=drawn.hero,
+        warnings=document.warnings,
+        sections=drawn.sections,
+        version=version,
+        footer=document.footer or FOOTER,
+    )
+    pictures = [p for section in drawn.sections for p in section.pictures]
+    shown = [drawn.hero, *pictures] if drawn.hero is not None else pictures
+    return Page(html, {picture.name: picture.png for picture in shown})
