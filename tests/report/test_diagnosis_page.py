@@ -21,8 +21,7 @@ from tests.diagnosis.quick import (
 )
 
 from pliant.diagnosis.diagnosis import diagnose
-from pliant.diagnosis.table import NOTHING, UNKNOWN
-from pliant.diagnosis.verdict import Verdict
+from pliant.diagnosis.verdict import NOTHING, UNKNOWN, Verdict
 from pliant.report.diagnosis import diagnosis_page
 from pliant.report.diagnosis_reading import Diagnosed
 from pliant.report.diagnosis_tables import (

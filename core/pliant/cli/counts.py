@@ -8,8 +8,7 @@ from rich.table import Table
 
 from pliant.cli.session import Session, check_writable
 from pliant.config.study import Study
-from pliant.evidence.counted_study import compare_counted, counted_study
-from pliant.evidence.counts import CountComparison
+from pliant.evidence.counts import CountComparison, compare_counted, counted_study
 from pliant.evidence.counts_words import counted, counts_json, interpret_counts
 from pliant.evidence.words import number
 from pliant.pipeline.crews import checked_workers

@@ -21,9 +21,9 @@ from pliant.config.study import Study
 from pliant.diagnosis.diagnosis import Diagnosis
 from pliant.diagnosis.diagnosis import diagnose as diagnose_with
 from pliant.diagnosis.diagnosis_json import diagnosis_json
-from pliant.diagnosis.table import UNKNOWN, Kinds
+from pliant.diagnosis.verdict import UNKNOWN, Kinds
 from pliant.diagnosis.words import explanation, headline, named
-from pliant.evidence.counted_study import is_counted
+from pliant.evidence.counts import is_counted
 from pliant.evidence.measured import measurement_of_study
 from pliant.evidence.prediction import Predictor
 from pliant.experiments.protocols import own_runs

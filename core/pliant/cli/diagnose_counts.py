@@ -9,9 +9,8 @@ from rich.table import Table
 
 from pliant.cli.session import Session, check_writable
 from pliant.config.study import Study
-from pliant.diagnosis.counts_candidates import effect_knobs, task_knobs
-from pliant.diagnosis.counts_evidence import CountEvidence, count_evidence
-from pliant.diagnosis.counts_verdict import judge_counts
+from pliant.diagnosis.counts_candidates import effect_parameters, task_parameters
+from pliant.diagnosis.counts_verdict import CountEvidence, count_evidence, judge_counts
 from pliant.diagnosis.counts_words import (
     best_listed,
     counts_diagnosis_json,
@@ -19,10 +18,10 @@ from pliant.diagnosis.counts_words import (
     counts_why,
     told,
 )
-from pliant.diagnosis.table import UNKNOWN
+from pliant.diagnosis.verdict import UNKNOWN
 from pliant.diagnosis.words import named
 from pliant.errors import UserError
-from pliant.evidence.counted_study import counted_study
+from pliant.evidence.counts import counted_study
 from pliant.evidence.words import number
 from pliant.pipeline.crews import checked_workers
 from pliant.pipeline.workbench import Workbench
@@ -45,13 +44,13 @@ def diagnose_counts_verb(
     checked_workers(workers)
     counted = counted_study(study, data)
     ranges = study.measurements.plausible if study.measurements else ()
-    knobs = [*effect_knobs(bench.registry, kinds), *task_knobs(counted, ranges)]
-    if not knobs:
+    parameters = [*effect_parameters(bench.registry, kinds), *task_parameters(counted, ranges)]
+    if not parameters:
         raise UserError(
             "nothing to try: no effect has a strength, and 'measurements.plausible' names no number."
         )
     check_writable(folder)
-    found = count_evidence(bench, counted, [(knob,) for knob in knobs], workers)
+    found = count_evidence(bench, counted, [(parameter,) for parameter in parameters], workers)
     judged = judge_counts(found)
     here.result.update(
         {

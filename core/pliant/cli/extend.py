@@ -14,9 +14,9 @@ from pliant.cli.new_study import check_target, write_study
 from pliant.cli.options import DEFAULT_STORE, JsonFile, Overrides, Quiet, StoreFolder, StudyFile
 from pliant.cli.session import Session, session
 from pliant.config.study import Study
+from pliant.diagnosis.cross_validation import score_json
 from pliant.diagnosis.extension import Extension, Ground
 from pliant.diagnosis.extension import extend as extend_with
-from pliant.diagnosis.scores import score_json
 from pliant.diagnosis.uncertainty import Uncertainty, rounded_text
 from pliant.errors import UserError
 from pliant.evidence.measured import measurement_of_study

@@ -16,10 +16,10 @@ from pliant.cli.new_study import check_target, write_study
 from pliant.cli.options import DEFAULT_STORE, JsonFile, Overrides, Quiet, StoreFolder, StudyFile
 from pliant.cli.remarks import say_remarks
 from pliant.cli.session import Session, check_writable, session
+from pliant.diagnosis.cross_validation import score_json
 from pliant.diagnosis.improvement import Improvement, Step, summary
 from pliant.diagnosis.improvement import improve as improve_with
 from pliant.diagnosis.next_run import next_run_json
-from pliant.diagnosis.scores import score_json
 from pliant.evidence.measured import measurement_of_study
 from pliant.evidence.words import shown
 from pliant.records.measurement import Measurement

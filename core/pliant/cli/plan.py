@@ -22,8 +22,8 @@ from pliant.diagnosis.diagnosis import Diagnosis, diagnose
 from pliant.diagnosis.next_run import (
     Belief,
     NextRun,
+    catalogue_of,
     done_before,
-    menu_of,
     next_run_json,
     next_runs,
     undecidable,
@@ -111,7 +111,7 @@ def _after(
     """Runs that decide between what a diagnosis leaves."""
     predictor = Predictor.of_study(bench, loaded, measurement)
     own = own_runs(loaded, predictor.chain, measurement)
-    shortest = min(run.minutes for run in menu_of(predictor, own))
+    shortest = min(run.minutes for run in catalogue_of(predictor, own))
     if minutes < shortest:
         raise UserError(f"--minutes {minutes:g}: the shortest run takes {shortest:g} min with setting up.")
     with fitting_bar(here, len(kinds)) as bar:

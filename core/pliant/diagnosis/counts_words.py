@@ -6,9 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from pliant.diagnosis.counts_evidence import CountEvidence, Explanation
-from pliant.diagnosis.counts_verdict import CountJudgement
-from pliant.diagnosis.table import NOTHING, UNKNOWN, Kinds
+from pliant.diagnosis.counts_verdict import CountEvidence, CountJudgement, Explanation
+from pliant.diagnosis.verdict import NOTHING, UNKNOWN, Kinds
 from pliant.diagnosis.words import HEADLINES, named
 from pliant.evidence.counts_words import OUTPUT, counts_json
 from pliant.evidence.words import number, percent
@@ -55,8 +54,8 @@ def told(row: Explanation) -> str:
     """The best level of each number: ``task.friction 0.9``."""
     values = row.grid[row.best]
     return ", ".join(
-        f"{knob.name} {number(value)}{'' if knob.unit == '1' else ' ' + knob.unit}"
-        for knob, value in zip(row.knobs, values, strict=True)
+        f"{parameter.name} {number(value)}{'' if parameter.unit == '1' else ' ' + parameter.unit}"
+        for parameter, value in zip(row.parameters, values, strict=True)
     )
 
 
@@ -89,7 +88,7 @@ def counts_diagnosis_json(found: CountEvidence, judged: CountJudgement, registry
                 "kind": kinds[0].rpartition(".")[0],
                 "parameter": kinds[0],
                 "value": level,
-                "unit": found.rows[kinds].knobs[0].unit,
+                "unit": found.rows[kinds].parameters[0].unit,
             }
             for kinds, level in judged.smallest.items()
         ],
@@ -111,7 +110,7 @@ def _hypothesis(found: CountEvidence, kinds: Kinds) -> dict[str, Any]:
     row, comparison = found.rows[kinds], found.comparisons[kinds]
     return {
         **base,
-        "parameters": {knob.name: _parameter(row, k) for k, knob in enumerate(row.knobs)},
+        "parameters": {parameter.name: _parameter(row, k) for k, parameter in enumerate(row.parameters)},
         "heldout": {OUTPUT: {"rmse": _unseen_rmse(found, row), "unit": "1"}},
         "heldout_log_likelihood": float(row.unseen.sum()),
         "rmse_over_floor": comparison.ratio_to_floor,
@@ -129,7 +128,7 @@ def _parameter(row: Explanation, k: int) -> dict[str, Any]:
     return {
         "value": float(values[row.best]),
         "sd": float(np.sqrt(row.weights @ (values - mean) ** 2)),
-        "unit": row.knobs[k].unit,
+        "unit": row.parameters[k].unit,
         "plausible": True,
     }
 
@@ -145,7 +144,7 @@ def _unseen_rmse(found: CountEvidence, row: Explanation) -> float:
 
 
 def _exciting(row: Explanation, registry: Registry) -> str:
-    knob = row.knobs[0]
-    if knob.model is None:
+    parameter = row.parameters[0]
+    if parameter.model is None:
         return NEARER
-    return registry.get("effect", knob.kind).implementation_class().notes.excited_by or NEARER
+    return registry.get("effect", parameter.kind).implementation_class().notes.excited_by or NEARER

@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
+from pliant.diagnosis.cross_validation import heldout_residual
 from pliant.diagnosis.diagnosis import Diagnosis
-from pliant.diagnosis.drift import Drift
-from pliant.diagnosis.heldout import heldout_residual
 from pliant.diagnosis.next_run import next_run_json
-from pliant.diagnosis.table import NOTHING, UNKNOWN, Kinds
+from pliant.diagnosis.noise import Drift
+from pliant.diagnosis.verdict import NOTHING, UNKNOWN, Kinds
 from pliant.measurements.columns import unit_of
 from pliant.records.design import Array
 
@@ -56,7 +56,7 @@ def diagnosis_json(found: Diagnosis) -> dict[str, Any]:
         },
         "n_samples": found.table.n_readings,
         "n_effective": found.noise.n_effective,
-        "slip": found.noise.slip,
+        "slip": found.noise.between_run_scatter,
         "drift": _drift(found.noise.drift),
         "judged": found.noise.judged,
         "remarks": list(found.remarks),

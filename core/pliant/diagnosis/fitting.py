@@ -1,19 +1,99 @@
-"""Fit a candidate to measured readings with the physics in the loop.
+"""EffectFit a candidate to measured readings with the physics in the loop.
 
-Levenberg–Marquardt (Moré 1978) in the knobs' x, with the engine's own derivatives, projected on the bounds.
+Levenberg–Marquardt (Moré 1978) in the fit parameters' x, with the engine's own derivatives, projected on the bounds.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
-from pliant.diagnosis.candidates import Candidate
-from pliant.diagnosis.readings import ReadingVector
+from pliant.diagnosis.candidates import EffectSet
 from pliant.evidence.prediction import Predictor
 from pliant.records.design import Array
+from pliant.records.measurement import Measurement
+
+FEWEST_FOLDS = 3
+QUARTERS = 4
+
+
+@dataclass(frozen=True, eq=False)
+class ReadingVector:
+    """Readings that are there, output by output and within each run by run.
+
+    Attributes:
+        outputs: their names, in the vector's order.
+        scales: noise floor of each output, in its unit.
+        values: (N,) readings over their scales.
+        run, output: (N,) index of the run and of the output of each.
+        fold: (N,) number of the part that is left out together: the run; with fewer than `FEWEST_FOLDS` of them,
+            quarters of each run.
+    """
+
+    outputs: tuple[str, ...]
+    scales: Mapping[str, float]
+    values: Array
+    run: NDArray[np.intp]
+    output: NDArray[np.intp]
+    fold: NDArray[np.intp]
+    _masks: tuple[tuple[NDArray[np.bool_], ...], ...]
+
+    @staticmethod
+    def of(measurement: Measurement, outputs: Sequence[str], scales: Mapping[str, float]) -> ReadingVector:
+        """All readings of these outputs that are finite."""
+        masks = tuple(tuple(np.isfinite(run.outputs[name]) for run in measurement.runs) for name in outputs)
+        pieces, runs, which, quarters = [], [], [], []
+        for k, name in enumerate(outputs):
+            for r, run in enumerate(measurement.runs):
+                piece = run.outputs[name][masks[k][r]] / scales[name]
+                pieces.append(piece)
+                runs.append(np.full(len(piece), r))
+                which.append(np.full(len(piece), k))
+                quarters.append(QUARTERS * np.arange(len(piece)) // max(len(piece), 1))
+        of_run = np.concatenate(runs).astype(np.intp)
+        whole = len(np.unique(of_run)) >= FEWEST_FOLDS
+        return ReadingVector(
+            tuple(outputs),
+            dict(scales),
+            np.concatenate(pieces),
+            of_run,
+            np.concatenate(which).astype(np.intp),
+            of_run if whole else (QUARTERS * of_run + np.concatenate(quarters)).astype(np.intp),
+            masks,
+        )
+
+    def __len__(self) -> int:
+        return len(self.values)
+
+    @property
+    def n_runs(self) -> int:
+        return len(self._masks[0])
+
+    def pack(self, readings: Sequence[Mapping[str, Array]]) -> Array:
+        """(N,) of readings per run by output, over their scales."""
+        return np.concatenate(
+            [
+                readings[r][name][mask] / self.scales[name]
+                for name, masks in zip(self.outputs, self._masks, strict=True)
+                for r, mask in enumerate(masks)
+            ]
+        )
+
+    def unpack(self, vector: Array) -> tuple[dict[str, Array], ...]:
+        """Per run by output (t,), in the outputs' units; NaN where nothing was read."""
+        runs: tuple[dict[str, Array], ...] = tuple({} for _ in range(self.n_runs))
+        at = 0
+        for name, masks in zip(self.outputs, self._masks, strict=True):
+            for r, mask in enumerate(masks):
+                n = int(mask.sum())
+                runs[r][name] = np.full(len(mask), np.nan)
+                runs[r][name][mask] = vector[at : at + n] * self.scales[name]
+                at += n
+        return runs
+
 
 STEP = 1e-4
 MOST_ITERATIONS = 20
@@ -23,7 +103,7 @@ SMALL_GAIN = 1e-5
 SMALLEST_PROMISE = 1e-6
 # Numbers that points which have been looked at may hold together.
 MOST_KEPT = 8_000_000
-# A knob that the data do not feel stays near the middle of its prior: its weight in units of squared residuals.
+# A parameter that the data do not feel stays near the middle of its prior: its weight in units of squared residuals.
 PRIOR_WEIGHT = 0.1
 # Starts are drawn toward neutral strengths and typical shapes by this factor where they have no equilibrium.
 NEAR_NOTHING = 0.05
@@ -32,19 +112,19 @@ MOST_LOST = 0.02
 
 
 @dataclass(frozen=True, eq=False)
-class Fit:
+class EffectFit:
     """A candidate at its best parameters.
 
     Attributes:
         candidate: what was fitted.
-        x: (k,) knobs.
+        x: (k,) parameters.
         residual: (N,) reading − prediction over the noise floor, with all runs.
         slopes: (N, k) d prediction / dx over the noise floor.
         converged: the last step gained next to nothing.
-        at_limit: (k,) the knob ended on a bound.
+        at_limit: (k,) the parameter ended on a bound.
     """
 
-    candidate: Candidate
+    candidate: EffectSet
     x: Array
     residual: Array
     slopes: Array
@@ -81,14 +161,14 @@ class Fitter:
         self.weights = np.ones(len(readings)) if weights is None else weights
         self._seen: dict[tuple[object, ...], _Point] = {}
 
-    def fit(self, candidate: Candidate, starts: Sequence[Array] | None = None) -> Fit:
+    def fit(self, candidate: EffectSet, starts: Sequence[Array] | None = None) -> EffectFit:
         """The best of fits from several starts; short trials decide which one is finished.
 
         Where the model finds no equilibrium at any start the fit holds NaN, and its mean square is infinite.
         """
         if not len(candidate):
             point = self._start(candidate, np.zeros(0))
-            return Fit(candidate, point.x, point.residual, point.slopes, True, ())
+            return EffectFit(candidate, point.x, point.residual, point.slopes, True, ())
         tried = starts or candidate.starts()
         points = [self._start(candidate, x) for x in tried]
         if not any(
@@ -102,14 +182,14 @@ class Fitter:
         low, high = candidate.limits()
         margin = 1e-6 * (1.0 + np.abs(point.x))
         at_limit = tuple(((point.x - low) < margin) | ((high - point.x) < margin))
-        return Fit(candidate, point.x, point.residual, point.slopes, converged, at_limit)
+        return EffectFit(candidate, point.x, point.residual, point.slopes, converged, at_limit)
 
-    def look(self, candidate: Candidate, x: Array) -> Fit:
+    def look(self, candidate: EffectSet, x: Array) -> EffectFit:
         """The candidate at x, not fitted."""
         point = self._start(candidate, x)
-        return Fit(candidate, point.x, point.residual, point.slopes, True, (False,) * len(x))
+        return EffectFit(candidate, point.x, point.residual, point.slopes, True, (False,) * len(x))
 
-    def _start(self, candidate: Candidate, x: Array) -> _Point:
+    def _start(self, candidate: EffectSet, x: Array) -> _Point:
         """The point, remembered: what is looked at is often where a fit begins."""
         low, high = candidate.limits()
         held = tuple(np.flatnonzero(low == high).tolist())
@@ -120,7 +200,7 @@ class Fitter:
             self._seen.pop(next(iter(self._seen)))
         return point
 
-    def _descend(self, candidate: Candidate, point: _Point, iterations: int) -> tuple[_Point, bool]:
+    def _descend(self, candidate: EffectSet, point: _Point, iterations: int) -> tuple[_Point, bool]:
         if not np.isfinite(point.cost):
             return point, False
         low, high = candidate.limits()
@@ -150,7 +230,7 @@ class Fitter:
                 return point, True
         return point, False
 
-    def _point(self, candidate: Candidate, x: Array) -> _Point:
+    def _point(self, candidate: EffectSet, x: Array) -> _Point:
         low, high = candidate.limits()
         free = np.flatnonzero(low < high)
         steps = {k: -STEP if x[k] + STEP > high[k] else STEP for k in free}
@@ -168,12 +248,14 @@ class Fitter:
         pull = float(self._prior_pulls(candidate) @ x**2)
         return _Point(x, residual, slopes, float(self.weights @ residual**2) + pull)
 
-    def _prior_pulls(self, candidate: Candidate) -> Array:
-        return np.array([0.0 if knob.is_strength else PRIOR_WEIGHT for knob in candidate.knobs])
+    def _prior_pulls(self, candidate: EffectSet) -> Array:
+        return np.array(
+            [0.0 if parameter.is_strength else PRIOR_WEIGHT for parameter in candidate.parameters]
+        )
 
 
 def _projected(normal: Array, gradient: Array, x: Array, low: Array, high: Array) -> Array:
-    """The damped step among knobs that are not held by a bound that they push against."""
+    """The damped step among parameters that are not held by a bound that they push against."""
     free = ~(((x <= low) & (gradient < 0)) | ((x >= high) & (gradient > 0)))
     step = np.zeros_like(x)
     if free.any():

@@ -15,15 +15,15 @@ from itertools import pairwise
 import numpy as np
 
 from pliant.config.study import Study
-from pliant.diagnosis.common_core import CommonCore, common_core, pairs_alike, shapes_at_bound
+from pliant.diagnosis.cross_validation import Residuals, Score, score
 from pliant.diagnosis.diagnosis import Diagnosis, diagnose
 from pliant.diagnosis.extension import Extension, Ground, extend
-from pliant.diagnosis.locked import Locked, lock
 from pliant.diagnosis.next_run import NextRun
 from pliant.diagnosis.noise import noise_view
-from pliant.diagnosis.scores import Residuals, Score, score
 from pliant.diagnosis.search import Tick
-from pliant.diagnosis.table import PRICES, Kinds, sorted_kinds
+from pliant.diagnosis.shared_effects import SharedEffect, pairs_alike, shapes_at_bound, shared_effects
+from pliant.diagnosis.test_split import TrainTestSplit, lock
+from pliant.diagnosis.verdict import THRESHOLDS, Kinds, sorted_kinds
 from pliant.diagnosis.words import explanation, headline
 from pliant.evidence.comparison import compare
 from pliant.evidence.interpretation import interpret
@@ -94,7 +94,7 @@ class Improvement:
     steps: tuple[Step, ...]
     stop: str
     reason: str
-    locked: Locked
+    locked: TrainTestSplit
     floors: Mapping[str, Floor]
     judged: bool
     final: Extension | None
@@ -156,7 +156,7 @@ class _Walk:
         bench: Workbench,
         study: Study,
         measurement: Measurement,
-        locked: Locked,
+        locked: TrainTestSplit,
         kinds: Sequence[str] | None,
         tick: Tick | None,
     ) -> None:
@@ -234,7 +234,7 @@ class _Walk:
             if not {had, *draft.stands_for}.isdisjoint(kinds)
         ]
 
-    def _take(self, kind: str, named: Diagnosis, core: CommonCore | None) -> None:
+    def _take(self, kind: str, named: Diagnosis, core: SharedEffect | None) -> None:
         found = extend(self.ground, self.effects, [*self.added, kind], profiles=False)
         self.effects = found.effects
         self.added.append(kind)
@@ -267,15 +267,15 @@ class _Walk:
         return self.ground.residuals(effects, self.measurement)
 
 
-def _core(found: Diagnosis) -> CommonCore | None:
+def _core(found: Diagnosis) -> SharedEffect | None:
     """What the credible explanations agree on, where none of them is believed by itself."""
     if found.verdict != "ambiguous":
         return None
     alike = pairs_alike(found.indistinguishable)
-    return common_core(found.judgement.probability, alike, shapes_at_bound(found.fits), PRICES)
+    return shared_effects(found.judgement.probability, alike, shapes_at_bound(found.fits), THRESHOLDS)
 
 
-def _standing_in(core: CommonCore, found: Diagnosis) -> str:
+def _standing_in(core: SharedEffect, found: Diagnosis) -> str:
     """That an effect is taken although the verdict is open, and which run would settle it."""
     if len(core.stands_for) == 1:
         return (

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from pliant.diagnosis.classes import EffectClass
 from pliant.diagnosis.diagnosis import Diagnosis
-from pliant.diagnosis.table import NOTHING, UNKNOWN, Kinds
+from pliant.diagnosis.verdict import NOTHING, UNKNOWN, Kinds
 from pliant.evidence.words import listed, percent
 from pliant.measurements.plausible import TO_CHECK
 from pliant.registry.discovery import Registry
@@ -84,7 +84,7 @@ def class_words(one: EffectClass, first: Sequence[str] = ()) -> str:
 
 
 def _confused(found: Diagnosis, kind: str) -> list[str]:
-    """Look-alikes that these runs cannot exclude."""
+    """CataloguePrediction-alikes that these runs cannot exclude."""
     twins = [pair.b for pair in found.indistinguishable if pair.a == kind]
     if not twins:
         return []

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from pliant import __version__
-from pliant.diagnosis.counts_evidence import CountEvidence
+from pliant.diagnosis.counts_verdict import CountEvidence
 from pliant.diagnosis.counts_words import told
-from pliant.diagnosis.table import Kinds
+from pliant.diagnosis.verdict import Kinds
 from pliant.diagnosis.words import named
 from pliant.evidence.counts import CountComparison
 from pliant.evidence.counts_words import counted, interpret_counts

@@ -8,7 +8,7 @@ import numpy as np
 
 from pliant import __version__
 from pliant.diagnosis.diagnosis import Diagnosis
-from pliant.diagnosis.table import Kinds
+from pliant.diagnosis.verdict import Kinds
 from pliant.diagnosis.words import headline, named, why
 from pliant.evidence.words import listed, number, shown
 from pliant.records.measurement import Measurement
@@ -180,10 +180,10 @@ def _depends(diagnosed: Diagnosed) -> Section | None:
     )
 
 
-def _repeating(slip: float) -> str:
-    if slip < 1.05:
+def _repeating(scatter: float) -> str:
+    if scatter < 1.05:
         return "Runs with the same inputs scatter no more than readings within a run: the bench repeats."
-    return f"Runs with the same inputs scatter {number(slip, 2)} times as much as readings within a run."
+    return f"Runs with the same inputs scatter {number(scatter, 2)} times as much as readings within a run."
 
 
 def _limits(found: Diagnosis, notes: Notes) -> Section:
@@ -221,7 +221,7 @@ def _noise(diagnosed: Diagnosed) -> Section:
         "share their noise. All probabilities rest on the smaller number."
     ]
     if png is not None:
-        text.append(_repeating(found.noise.slip))
+        text.append(_repeating(found.noise.between_run_scatter))
     else:
         text.append("No run has the same inputs as another, so that nobody knows whether the bench repeats.")
     if not found.noise.judged:

@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from pliant.diagnosis.diagnosis import Diagnosis
-from pliant.diagnosis.table import NOTHING, UNKNOWN, Kinds
+from pliant.diagnosis.verdict import NOTHING, UNKNOWN, Kinds
 from pliant.evidence.comparison import compare
 from pliant.evidence.prediction import RunReadings
 from pliant.evidence.scores import GroupError

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 from pliant.diagnosis.diagnosis import Diagnosis
 from pliant.diagnosis.diagnosis_json import diagnosis_json
-from pliant.diagnosis.table import NOTHING, UNKNOWN
+from pliant.diagnosis.verdict import NOTHING, UNKNOWN
 from pliant.diagnosis.words import named
 from pliant.evidence.words import number, percent, shown
 from pliant.interfaces.effect import EffectNotes, EffectParameter
@@ -103,7 +103,7 @@ def classes_table(found: Diagnosis) -> Table | None:
 def detectable_table(found: Diagnosis) -> Table | None:
     """How strong each effect would have to be to be found."""
     silent = set(found.not_excited)
-    asked = {kind: one.knob.parameter for kind, one in found.excitations.items()}
+    asked = {kind: one.strength.declared for kind, one in found.excitations.items()}
     rows = []
     for one in found.detectable:
         if one.kind in silent:

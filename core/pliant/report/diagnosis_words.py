@@ -7,7 +7,7 @@ from typing import Any
 
 from pliant.diagnosis.diagnosis import Diagnosis
 from pliant.diagnosis.diagnosis_json import parameters
-from pliant.diagnosis.table import NOTHING, UNKNOWN, Kinds
+from pliant.diagnosis.verdict import NOTHING, UNKNOWN, Kinds
 from pliant.diagnosis.words import named
 from pliant.evidence.words import number, percent
 from pliant.report.units import SHOWN, Unit
@@ -71,7 +71,7 @@ def implausible(found: Diagnosis, kinds: Kinds) -> list[str]:
     """Parameters of a hypothesis outside their plausible range, in words."""
     if kinds in (NOTHING, UNKNOWN):
         return []
-    registry = {knob.name: knob.parameter for knob in found.fits[kinds].candidate.knobs}
+    registry = {parameter.name: parameter.declared for parameter in found.fits[kinds].candidate.parameters}
     texts = []
     for name, entry in parameters(found, kinds).items():
         if not entry["plausible"]:

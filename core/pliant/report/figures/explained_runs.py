@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from pliant.diagnosis.table import NOTHING, Kinds
+from pliant.diagnosis.verdict import NOTHING, Kinds
 from pliant.diagnosis.words import named
 from pliant.evidence.prediction import RunReadings
 from pliant.evidence.words import Shown, shown

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from pliant.diagnosis.table import NOTHING, UNKNOWN, Kinds
+from pliant.diagnosis.verdict import NOTHING, UNKNOWN, Kinds
 from pliant.diagnosis.words import named
 from pliant.report.diagnosis_reading import Diagnosed
 from pliant.report.diagnosis_words import probability_text

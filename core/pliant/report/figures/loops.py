@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from pliant.evidence.phases import phases
+from pliant.evidence.covariates import phases
 from pliant.evidence.scores import GroupError
 from pliant.evidence.words import Shown, shown
 from pliant.records.design import Array
