@@ -29,12 +29,12 @@ from benchmarks.grasp.gripper import OUT, REFERENCE, ROOT, STUDY
 from pliant import api
 from pliant.config.conditions import PlausibleRange
 from pliant.diagnosis.counts_candidates import VariedParameter, effect_parameters, task_parameters
-from pliant.diagnosis.counts_verdict import CountEvidence, count_evidence
-from pliant.diagnosis.counts_words import told
+from pliant.diagnosis.counts_diagnosis import CountEvidence, count_evidence
 from pliant.diagnosis.verdict import NOTHING, UNKNOWN
 from pliant.evidence.counts import CountComparison, CountedStudy, compare_counts, counted_study
-from pliant.evidence.counts_words import counted as of
-from pliant.evidence.counts_words import interpret_counts
+from pliant.report.counts import counted as of
+from pliant.report.counts import interpret_counts
+from pliant.report.counts_diagnosis import level_text
 from pliant.report.figures.success_shares import Series, success_shares
 from pliant.store.store import write_atomically
 
@@ -120,7 +120,7 @@ def draw(judged: CountEvidence) -> None:
     """Success by condition: measured, the model as it is, with the best explanation."""
     best = next(kinds for kinds in judged.probability if kinds not in (NOTHING, UNKNOWN))
     plain, with_it = judged.comparison.conditions, judged.comparisons[best].conditions
-    shown = {"model, published set-up": plain, f"with {told(judged.rows[best])}": with_it}
+    shown = {"model, published set-up": plain, f"with {level_text(judged.rows[best])}": with_it}
     png = success_shares(
         [one.condition.words for one in plain],
         Series("measured (three sets of ten)", [one.measured for one in plain], [True] * len(plain)),

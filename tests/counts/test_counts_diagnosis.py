@@ -7,14 +7,14 @@ from tests.counts.counts_study import HEADER, STUDY
 from pliant.config.conditions import PlausibleRange
 from pliant.config.loading import load_study
 from pliant.diagnosis.counts_candidates import VariedParameter, effect_parameters, levels_of, task_parameters
-from pliant.diagnosis.counts_verdict import judge_counts, probabilities, weighed
-from pliant.diagnosis.counts_words import counts_diagnosis_json, counts_headline, counts_why
+from pliant.diagnosis.counts_diagnosis import judge_counts, probabilities, weighed
 from pliant.diagnosis.verdict import NOTHING, UNKNOWN
 from pliant.errors import UserError
 from pliant.evidence.counts import CountedStudy, counted_study
 from pliant.evidence.trials import Setting
 from pliant.records.counts import CountCondition, Counts, CountSet
 from pliant.registry.discovery import discover
+from pliant.report.counts_diagnosis import counts_diagnosis_json, counts_headline, counts_why
 
 REGISTRY = discover()
 LOADS = np.array([1.0, 2.0, 3.0, 4.0, 5.0, 6.0])

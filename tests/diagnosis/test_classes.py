@@ -21,13 +21,13 @@ from pliant.diagnosis.candidates import EffectSet
 from pliant.diagnosis.classes import EffectClass, classes_of, connected, split_classes
 from pliant.diagnosis.design import design_runs, unread
 from pliant.diagnosis.diagnosis import diagnose
-from pliant.diagnosis.diagnosis_json import diagnosis_json
 from pliant.diagnosis.excitation import ConfoundedPair, excitations
+from pliant.diagnosis.interpretation import why
 from pliant.diagnosis.next_run import view_of
-from pliant.diagnosis.words import why
 from pliant.experiments.experiment_catalogue import timed_catalogue
 from pliant.experiments.planned_run import named_run
 from pliant.experiments.scale import BenchScale
+from pliant.report.diagnosis import diagnosis_json
 
 FLAT = joint(gravity=(0, 0, 0))
 NARROW = [ramp(f"r{k}", 200.0, 0.5, (3e3, 2e3, 3e3)) for k in range(2)]

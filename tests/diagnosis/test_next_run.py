@@ -26,7 +26,6 @@ from pliant.diagnosis.next_run import (
     NextRun,
     done_before,
     next_run,
-    next_run_json,
     next_runs,
     repeating,
     run_that_excites,
@@ -35,6 +34,7 @@ from pliant.diagnosis.next_run import (
 )
 from pliant.diagnosis.verdict import UNKNOWN
 from pliant.experiments.planned_run import named_run
+from pliant.report.fitted import next_run_json
 
 FLAT = joint(gravity=(0, 0, 0))
 NARROW = [ramp("a", 200.0, 0.5, (3e3, 2e3, 3e3)), ramp("b", 200.0, 0.5, (3e3, 2e3, 3e3))]

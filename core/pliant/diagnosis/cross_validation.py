@@ -18,7 +18,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pliant.diagnosis.fitting import PRIOR_WEIGHT, EffectFit
-from pliant.evidence.words import si_unit
 from pliant.measurements.floors import Floor
 from pliant.records.design import Array
 from pliant.records.measurement import Measurement
@@ -106,11 +105,6 @@ def score(residuals: Residuals, floors: Mapping[str, Floor], runs: Collection[in
         over_floor=float(np.sqrt(total / n)) if n else np.nan,
         n=n,
     )
-
-
-def score_json(found: Score) -> dict[str, dict[str, object]]:
-    """By output: rmse and its SI unit."""
-    return {name: {"rmse": value, "unit": si_unit(name)} for name, value in found.rmse.items()}
 
 
 def scales_of(

@@ -11,7 +11,7 @@ import numpy as np
 from pliant.diagnosis.candidates import EffectSet
 from pliant.diagnosis.catalogue_view import CatalogueView
 from pliant.diagnosis.classes import EffectClass, split_classes
-from pliant.diagnosis.cross_validation import SHARE_OF_RANGE, scales_of
+from pliant.diagnosis.cross_validation import SHARE_OF_RANGE, heldout_residual, scales_of
 from pliant.diagnosis.excitation import (
     ConfoundedPair,
     Detectable,
@@ -35,6 +35,7 @@ from pliant.diagnosis.verdict import (
     EvidenceThresholds,
     Judgement,
     Kinds,
+    Verdict,
     judge,
 )
 from pliant.errors import NotReachedError, UserError
@@ -99,12 +100,25 @@ class Diagnosis:
         return self.readings.scales
 
     @property
-    def verdict(self) -> str:
+    def verdict(self) -> Verdict:
         return self.judgement.verdict
 
     @property
     def selected(self) -> Kinds:
         return self.judgement.selected
+
+    def left_out_ratio(self, kinds: Kinds) -> float:
+        """RMS error on runs left out of the fit over the floor; that of the noise for an effect outside the list."""
+        square = self.noise.floor_square if kinds == UNKNOWN else self.table.rows[kinds].heldout_square
+        return self.table.over_floor(square)
+
+    def left_out_errors(self, kinds: Kinds) -> dict[str, float]:
+        """RMS error of each output on runs left out of the fit, SI."""
+        left = heldout_residual(self.fits[kinds], self.readings.fold, self.fits[NOTHING].residual)
+        return {
+            name: float(np.sqrt(np.mean(left[self.readings.output == k] ** 2))) * self.scales[name]
+            for k, name in enumerate(self.readings.outputs)
+        }
 
 
 def diagnose(

@@ -18,17 +18,16 @@ from pliant.config.study import Study
 from pliant.diagnosis.cross_validation import Residuals, Score, score
 from pliant.diagnosis.diagnosis import Diagnosis, diagnose
 from pliant.diagnosis.extension import Extension, Ground, extend
+from pliant.diagnosis.interpretation import explanation, headline
 from pliant.diagnosis.next_run import NextRun
 from pliant.diagnosis.noise import noise_view
 from pliant.diagnosis.search import Tick
 from pliant.diagnosis.shared_effects import SharedEffect, pairs_alike, shapes_at_bound, shared_effects
 from pliant.diagnosis.test_split import TrainTestSplit, lock
 from pliant.diagnosis.verdict import THRESHOLDS, Kinds, sorted_kinds
-from pliant.diagnosis.words import explanation, headline
 from pliant.evidence.comparison import compare
 from pliant.evidence.interpretation import interpret
 from pliant.evidence.prediction import Predictor
-from pliant.evidence.words import listed, number
 from pliant.experiments.protocols import own_runs
 from pliant.interfaces.effect import EffectConfig
 from pliant.measurements.floors import Floor
@@ -391,15 +390,3 @@ def _rises(steps: Sequence[Step]) -> list[str]:
         for before, now in pairwise(steps)
         if now.locked.over_floor > before.locked.over_floor
     ]
-
-
-def summary(found: Improvement) -> str:
-    """What came of it, in one sentence."""
-    first, last = found.steps[0].locked, found.steps[-1].locked
-    on = "runs that were put aside" if found.locked.runs else found.scored_on
-    if len(found.steps) == 1:
-        return f"No effect was added: the error on {on} is {number(first.over_floor)} times the noise."
-    kinds = listed([step.named for step in found.steps if step.added])
-    now = f"{last.over_floor:.2f} ± {found.steps[-1].locked_se:.2f}"
-    verb = "falls" if last.over_floor < first.over_floor else "goes"
-    return f"With {kinds} the error on {on} {verb} from {first.over_floor:.2f} to {now} times the noise."

@@ -9,8 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
-from typing import Any
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -19,7 +18,15 @@ from pliant.diagnosis.catalogue_view import CataloguePrediction, CatalogueView, 
 from pliant.diagnosis.fitting import EffectFit, ReadingVector
 from pliant.diagnosis.noise import NoiseView
 from pliant.diagnosis.separation import Contender, ExpectedOutcome, expected
-from pliant.diagnosis.verdict import LEAST_SQUARE, NOTHING, THRESHOLDS, UNKNOWN, EvidenceThresholds, Kinds
+from pliant.diagnosis.verdict import (
+    LEAST_SQUARE,
+    NOTHING,
+    THRESHOLDS,
+    UNKNOWN,
+    EvidenceThresholds,
+    Kinds,
+    named,
+)
 from pliant.evidence.prediction import Predictor
 from pliant.experiments.experiment_catalogue import static_catalogue, timed_catalogue
 from pliant.experiments.planned_run import SET_UP, PlannedRun
@@ -338,20 +345,4 @@ def _worded(
 
 
 def _either(contenders: Sequence[Kinds], between: str) -> str:
-    return between.join(" + ".join(kinds) or "nothing missing" for kinds in contenders[:3])
-
-
-def next_run_json(found: NextRun | None, file: str | None = None) -> dict[str, Any] | None:
-    """`next_experiment` of `pliant diagnose --json`."""
-    if found is None:
-        return None
-    return {
-        "run": found.run,
-        "why": found.why,
-        "separates": [[list(a), list(b)] for a, b in found.separates],
-        "minutes": found.minutes,
-        "name": found.name,
-        "expected": found.expected,
-        "ranked": [asdict(one) for one in found.ranked],
-        "file": file,
-    }
+    return between.join(named(kinds) for kinds in contenders[:3])

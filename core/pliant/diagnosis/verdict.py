@@ -209,6 +209,20 @@ def _allowance(table: EvidenceTable, kinds: Kinds, thresholds: EvidenceThreshold
     return _left_over(table, min(smaller, key=lambda key: table.rows[key].mean_square), thresholds)
 
 
+# The one sentence of each verdict, on measurements and on counts; `reasons` beside it say more where there is more.
+HEADLINES = {
+    "missing_effect": "Missing: {kinds}.",
+    "ambiguous": "These data do not decide: {contenders}.",
+    "nothing_missing": "Nothing is missing that these data could show.",
+    "unknown_effect": "Something is missing, and it is not in the list.",
+    "not_repeatable": "The bench does not repeat well enough to say.",
+    "insufficient_data": "These data cannot tell.",
+}
+NOT_PREDICTIVE = (
+    "{kinds} fits best, but does not predict {what} left out of the fit better than a simpler model does."
+)
+MOST_NAMED = 4
+
 Verdict = Literal[
     "missing_effect", "ambiguous", "nothing_missing", "unknown_effect", "not_repeatable", "insufficient_data"
 ]
@@ -231,6 +245,21 @@ class Judgement:
     selected: Kinds
     credible: tuple[Kinds, ...]
     reasons: tuple[str, ...]
+
+
+def named(kinds: Kinds) -> str:
+    """A hypothesis in words."""
+    if kinds == NOTHING:
+        return "nothing missing"
+    return "an effect outside the list" if kinds == UNKNOWN else " + ".join(kinds)
+
+
+def sentence_of(verdict: Verdict, selected: Kinds, credible: Sequence[Kinds]) -> str:
+    """A verdict in one sentence, with the explanations that are left."""
+    contenders = [named(kinds) for kinds in credible[:MOST_NAMED]]
+    if more := len(credible) - len(contenders):
+        contenders.append(f"{more} more")
+    return HEADLINES[verdict].format(kinds=" and ".join(selected), contenders=" or ".join(contenders))
 
 
 def judge(table: EvidenceTable, thresholds: EvidenceThresholds, n_excited: int) -> Judgement:
@@ -283,7 +312,7 @@ def _verdict(
             f"by less than {thresholds.excited:g} of the noise.",
         )
     if probability[first] < thresholds.believed:
-        return "ambiguous", ("More than one explanation is left, and these data do not decide between them.",)
+        return "ambiguous", ()
     if first == UNKNOWN:
         return "unknown_effect", (
             "The error is well above the noise, and no listed effect, nor a few of them together, brings it down.",
@@ -296,8 +325,5 @@ def _verdict(
             )
         return "nothing_missing", ("The error is what the noise allows, and no listed effect lowers it.",)
     if not predicts_unseen(table, first):
-        return "ambiguous", (
-            f"{' + '.join(first)} fits best, but does not predict runs or conditions that were left out of the fit "
-            "better than a simpler model does.",
-        )
+        return "ambiguous", (NOT_PREDICTIVE.format(kinds=named(first), what="runs or conditions"),)
     return "missing_effect", ()

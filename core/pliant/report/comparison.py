@@ -15,7 +15,7 @@ from pliant.evidence.scores import GroupError, OutputError
 from pliant.evidence.words import number, percent, shown, si_unit
 from pliant.records.design import Array
 from pliant.records.measurement import Measurement
-from pliant.report.comparison_reading import Compared
+from pliant.report.comparison_view import Compared
 from pliant.report.document import (
     Column,
     Document,

@@ -14,7 +14,8 @@ from pathlib import Path
 import numpy as np
 
 from pliant.diagnosis.diagnosis import Diagnosis, diagnose
-from pliant.diagnosis.words import headline, named
+from pliant.diagnosis.interpretation import headline
+from pliant.diagnosis.verdict import named
 from pliant.errors import closest
 from pliant.evidence.prediction import POSITION, Predictor
 from pliant.evidence.words import listed

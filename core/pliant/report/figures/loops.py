@@ -10,7 +10,7 @@ from pliant.evidence.covariates import phases
 from pliant.evidence.scores import GroupError
 from pliant.evidence.words import Shown, shown
 from pliant.records.design import Array
-from pliant.report.comparison_reading import (
+from pliant.report.comparison_view import (
     Compared,
     abscissa,
     fitting,

@@ -23,7 +23,7 @@ import numpy as np
 from scipy.special import logsumexp
 
 from pliant.diagnosis.counts_candidates import VariedParameter
-from pliant.diagnosis.verdict import NOTHING, UNKNOWN, Kinds, Verdict, credible_set
+from pliant.diagnosis.verdict import NOT_PREDICTIVE, NOTHING, UNKNOWN, Kinds, Verdict, credible_set, named
 from pliant.evidence.binomial import Count, fisher_p, holm, log_own, log_predictive
 from pliant.evidence.counts import CountComparison, CountedStudy, compare_counts
 from pliant.evidence.trials import Setting, simulate_trials
@@ -248,9 +248,7 @@ def _verdict(found: CountEvidence) -> tuple[Verdict, tuple[str, ...]]:
             "The differences are what counting allows, and nothing listed does better.",
         )
     if found.probability[first] < BELIEVED:
-        return "ambiguous", (
-            "More than one explanation is left, and these counts do not decide between them.",
-        )
+        return "ambiguous", ()
     if first == UNKNOWN:
         return "unknown_effect", (
             "No listed explanation predicts these counts better than giving each condition a probability of its own.",
@@ -267,9 +265,7 @@ def _verdict(found: CountEvidence) -> tuple[Verdict, tuple[str, ...]]:
             "The differences are what counting allows, and nothing listed does better.",
         )
     if found.rows[first].unseen.sum() <= found.rows[NOTHING].unseen.sum():
-        return "ambiguous", (
-            f"{' + '.join(first)} fits best, but does not predict conditions that were left out.",
-        )
+        return "ambiguous", (NOT_PREDICTIVE.format(kinds=named(first), what="conditions"),)
     return "missing_effect", ()
 
 
