@@ -1,18 +1,20 @@
 """EffectFit a candidate to measured readings with the physics in the loop.
 
-Levenberg–Marquardt (Moré 1978) in the fit parameters' x, with the engine's own derivatives, projected on the bounds.
+Levenberg–Marquardt (`pliant.least_squares`) in the fit parameters' x, with the engine's own derivatives.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pliant.diagnosis.candidates import EffectSet
 from pliant.evidence.prediction import Predictor
+from pliant.least_squares import Point, Steps, descend
 from pliant.records.design import Array
 from pliant.records.measurement import Measurement
 
@@ -98,9 +100,15 @@ class ReadingVector:
 STEP = 1e-4
 MOST_ITERATIONS = 20
 TRIAL_ITERATIONS = 4
-SMALL_GAIN = 1e-5
-# The last step, which promises less than this share of the cost, is taken to first order without the engine.
-SMALLEST_PROMISE = 1e-6
+STEPS = Steps(
+    most=MOST_ITERATIONS,
+    tries=6,
+    harder=6.0,
+    easier=5.0,
+    least_damping=1e-9,
+    least_gain=1e-5,
+    least_promise=1e-6,
+)
 # Numbers that points which have been looked at may hold together.
 MOST_KEPT = 8_000_000
 # A parameter that the data do not feel stays near the middle of its prior: its weight in units of squared residuals.
@@ -145,21 +153,13 @@ class EffectFit:
         return square if np.isfinite(square) else np.inf
 
 
-@dataclass(frozen=True, eq=False)
-class _Point:
-    x: Array
-    residual: Array
-    slopes: Array
-    cost: float
-
-
 class Fitter:
     """Fits candidates to one measurement; `weights` (N,) leave readings out of the cost but not of the run."""
 
     def __init__(self, predictor: Predictor, readings: ReadingVector, weights: Array | None = None) -> None:
         self.predictor, self.readings = predictor, readings
         self.weights = np.ones(len(readings)) if weights is None else weights
-        self._seen: dict[tuple[object, ...], _Point] = {}
+        self._seen: dict[tuple[object, ...], _LinearPoint] = {}
 
     def fit(self, candidate: EffectSet, starts: Sequence[Array] | None = None) -> EffectFit:
         """The best of fits from several starts; short trials decide which one is finished.
@@ -189,75 +189,64 @@ class Fitter:
         point = self._start(candidate, x)
         return EffectFit(candidate, point.x, point.residual, point.slopes, True, (False,) * len(x))
 
-    def _start(self, candidate: EffectSet, x: Array) -> _Point:
+    def _start(self, candidate: EffectSet, x: Array) -> _LinearPoint:
         """The point, remembered: what is looked at is often where a fit begins."""
         low, high = candidate.limits()
         held = tuple(np.flatnonzero(low == high).tolist())
         key = (candidate.kinds, repr(candidate.configs(x)), x.tobytes(), held)
-        point = self._seen.pop(key, None) or self._point(candidate, x)
+        point = self._seen.pop(key, None) or _Misfit(self, candidate).point(x)
         self._seen[key] = point
         while sum(p.residual.size + p.slopes.size for p in self._seen.values()) > MOST_KEPT:
             self._seen.pop(next(iter(self._seen)))
         return point
 
-    def _descend(self, candidate: EffectSet, point: _Point, iterations: int) -> tuple[_Point, bool]:
+    def _descend(
+        self, candidate: EffectSet, point: _LinearPoint, iterations: int
+    ) -> tuple[_LinearPoint, bool]:
         if not np.isfinite(point.cost):
             return point, False
-        low, high = candidate.limits()
-        damping = 1e-3
-        for _ in range(iterations):
-            weighted = point.slopes * self.weights[:, None]
-            pulls = self._prior_pulls(candidate)
-            normal = weighted.T @ point.slopes + np.diag(pulls)
-            gradient = weighted.T @ point.residual - pulls * point.x
-            for _ in range(6):
-                damped = normal + damping * np.diag(np.diag(normal) + 1e-9)
-                step = _projected(damped, gradient, point.x, low, high)
-                step = np.clip(point.x + step, low, high) - point.x
-                promise = float(step @ (2.0 * gradient - normal @ step))
-                if 0.0 <= promise < SMALLEST_PROMISE * point.cost:
-                    residual = point.residual - point.slopes @ step
-                    return _Point(point.x + step, residual, point.slopes, point.cost - promise), True
-                trial = self._point(candidate, np.clip(point.x + step, low, high))
-                if trial.cost < point.cost:
-                    break
-                damping *= 6.0
-            else:
-                return point, True
-            gain, point = point.cost - trial.cost, trial
-            damping = max(damping / 5.0, 1e-9)
-            if gain < SMALL_GAIN * point.cost:
-                return point, True
-        return point, False
+        misfit, steps = _Misfit(self, candidate), replace(STEPS, most=iterations)
+        found, converged = descend(misfit, point, steps, candidate.limits(), self.weights, misfit.pulls)
+        return cast(_LinearPoint, found), converged
 
-    def _point(self, candidate: EffectSet, x: Array) -> _Point:
-        low, high = candidate.limits()
-        free = np.flatnonzero(low < high)
-        steps = {k: -STEP if x[k] + STEP > high[k] else STEP for k in free}
-        towards = [candidate.configs(x + step * np.eye(len(x))[k]) for k, step in steps.items()]
-        prediction, changes = self.predictor.vary(candidate.configs(x), towards)
-        residual = self.readings.values - self.readings.pack(prediction.runs)
+
+class _LinearPoint(Point):
+    """A point whose slopes are known."""
+
+    slopes: Array
+
+
+@dataclass(frozen=True, eq=False)
+class _Misfit:
+    """Readings less the predictions of a candidate, with the engine's own derivatives."""
+
+    fitter: Fitter
+    candidate: EffectSet
+
+    @property
+    def pulls(self) -> Array:
+        """(k,) weights of the prior: none on strengths."""
+        return np.array([0.0 if p.is_strength else PRIOR_WEIGHT for p in self.candidate.parameters])
+
+    def point(self, x: Array) -> _LinearPoint:
+        """Residuals and slopes at x; an infinite cost where the model has no equilibrium."""
+        readings = self.fitter.readings
+        low, high = self.candidate.limits()
+        steps = {k: -STEP if x[k] + STEP > high[k] else STEP for k in np.flatnonzero(low < high)}
+        towards = [self.candidate.configs(x + step * np.eye(len(x))[k]) for k, step in steps.items()]
+        prediction, changes = self.fitter.predictor.vary(self.candidate.configs(x), towards)
+        residual = readings.values - readings.pack(prediction.runs)
         slopes = np.zeros((len(residual), len(x)))
         for (k, step), change in zip(steps.items(), changes, strict=True):
-            slopes[:, k] = self.readings.pack(change) / step
+            slopes[:, k] = readings.pack(change) / step
         if not (np.all(np.isfinite(residual)) and np.all(np.isfinite(slopes))):
             lost = ~(np.isfinite(residual) & np.all(np.isfinite(slopes), axis=1))
             if lost.mean() > MOST_LOST:
-                return _Point(x, residual, slopes, np.inf)
+                return _LinearPoint(x, residual, np.inf, slopes)
             residual, slopes = np.where(lost, 0.0, residual), np.where(lost[:, None], 0.0, slopes)
-        pull = float(self._prior_pulls(candidate) @ x**2)
-        return _Point(x, residual, slopes, float(self.weights @ residual**2) + pull)
+        cost = float(self.fitter.weights @ residual**2) + float(self.pulls @ x**2)
+        return _LinearPoint(x, residual, cost, slopes)
 
-    def _prior_pulls(self, candidate: EffectSet) -> Array:
-        return np.array(
-            [0.0 if parameter.is_strength else PRIOR_WEIGHT for parameter in candidate.parameters]
-        )
-
-
-def _projected(normal: Array, gradient: Array, x: Array, low: Array, high: Array) -> Array:
-    """The damped step among parameters that are not held by a bound that they push against."""
-    free = ~(((x <= low) & (gradient < 0)) | ((x >= high) & (gradient > 0)))
-    step = np.zeros_like(x)
-    if free.any():
-        step[free] = np.linalg.solve(normal[np.ix_(free, free)], gradient[free])
-    return step
+    def slopes(self, point: Point) -> Array | None:
+        """Those of the point, which has them."""
+        return point.slopes
