@@ -27,7 +27,7 @@ from pliant.evidence.scores import (
     overall,
     run_words,
 )
-from pliant.evidence.words import shown
+from pliant.formatting import unit_of
 from pliant.measurements.effective import clock_of
 from pliant.measurements.floors import Floor, floor_remarks, noise_floors
 from pliant.measurements.repeats import repeat_groups
@@ -54,8 +54,9 @@ def sense_remarks(
         correlation = float(np.corrcoef(read[there], said[there])[0, 1])
         if correlation < AGAINST:
             found.append(
-                f"The readings of {shown(name).label} go the other way than the model (correlation {correlation:.2f}): "
-                f"before looking for an effect look at the sign of the sensor{_swapped(measurement)}."
+                f"The readings of {unit_of(name).label} go the other way than the model (correlation "
+                f"{correlation:.2f}): before looking for an effect look at the sign of the sensor"
+                f"{_swapped(measurement)}."
             )
     return found
 

@@ -19,11 +19,11 @@ from pliant.evidence.bins import binned
 from pliant.evidence.covariates import Covariates
 from pliant.evidence.noise import Noise
 from pliant.evidence.places import Residuals, coloured_count
-from pliant.evidence.words import si_unit
 from pliant.measurements.floors import Floor
 from pliant.measurements.repeats import RepeatGroup
 from pliant.records.design import Array
 from pliant.records.measurement import Measurement
+from pliant.units import si_unit
 
 ENOUGH_RUNS = 8  # fewer are cut into stretches
 REPLICATES = 1000

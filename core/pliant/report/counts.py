@@ -6,7 +6,7 @@ from typing import Any
 
 from pliant.evidence.binomial import Count
 from pliant.evidence.counts import ConditionResult, CountComparison
-from pliant.evidence.words import number, percent
+from pliant.formatting import number, whole_percent
 from pliant.records.counts import Counts
 from pliant.report.document import (
     Column,
@@ -67,7 +67,7 @@ CONDITION_COLUMNS: tuple[Column[ConditionResult], ...] = (
         lambda one: one.share_of_error,
         "share_of_error",
         "of the deviance",
-        text=lambda one: percent(one.share_of_error),
+        text=lambda one: whole_percent(one.share_of_error),
     ),
     Column(lambda one: one.p, "p"),
     Column(lambda one: one.p_adjusted, "p_adjusted", "p (Holm)", text=lambda one: number(one.p_adjusted, 2)),
@@ -214,7 +214,7 @@ def _disagreement(found: CountComparison) -> str:
     return (
         f"{which} from the model by more than chance. Most: {worst.condition.words}, measured "
         f"{counted(worst.measured)}, simulated {counted(worst.simulated)} "
-        f"({percent(worst.share_of_error)} of the deviance, z {number(worst.z, 2)})."
+        f"({whole_percent(worst.share_of_error)} of the deviance, z {number(worst.z, 2)})."
     )
 
 

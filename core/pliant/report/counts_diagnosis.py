@@ -8,7 +8,7 @@ import numpy as np
 
 from pliant.diagnosis.counts_diagnosis import CountEvidence, CountJudgement, Explanation
 from pliant.diagnosis.verdict import NOTHING, UNKNOWN, Kinds, named, sentence_of
-from pliant.evidence.words import number, percent
+from pliant.formatting import number, whole_percent
 from pliant.records.counts import Counts
 from pliant.registry.discovery import Registry
 from pliant.report.counts import OUTPUT, counts_json
@@ -106,10 +106,10 @@ def counts_why(found: CountEvidence, judged: CountJudgement) -> list[str]:
         rest = f"{len(left)} conditions are still wrong" if left else "no condition is wrong beyond chance"
         lines.append(f"Best of what is listed: {level_text(found.rows[best])}; with it {rest}.")
     for a, b, share in judged.alike[:MOST_NAMED]:
-        lines.append(f"{named(a)} and {named(b)} move these conditions alike ({percent(share)} apart).")
+        lines.append(f"{named(a)} and {named(b)} move these conditions alike ({whole_percent(share)} apart).")
     if judged.next_count is not None:
         expected = ", ".join(
-            f"{named(kinds)} {percent(share)}" for kinds, share in judged.next_count.expected.items()
+            f"{named(kinds)} {whole_percent(share)}" for kinds, share in judged.next_count.expected.items()
         )
         lines.append(f"Next: more trials of {judged.next_count.condition}; expected successes: {expected}.")
     return lines
@@ -124,7 +124,7 @@ def level_text(row: Explanation) -> str:
     """The best level of each number: ``task.friction 0.9``."""
     values = row.grid[row.best]
     return ", ".join(
-        f"{parameter.name} {number(value)}{'' if parameter.unit == '1' else ' ' + parameter.unit}"
+        f"{parameter.name} {number(value, 3)}{'' if parameter.unit == '1' else ' ' + parameter.unit}"
         for parameter, value in zip(row.parameters, values, strict=True)
     )
 
@@ -152,7 +152,7 @@ def hypothesis_columns(found: CountEvidence) -> tuple[Column[Kinds], ...]:
             "probability",
             "probability",
             "probability",
-            lambda kinds: percent(found.probability[kinds]),
+            lambda kinds: whole_percent(found.probability[kinds]),
             lambda kinds: probability_text(found.probability[kinds]),
         ),
         Column(

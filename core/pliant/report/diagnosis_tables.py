@@ -9,9 +9,8 @@ import numpy as np
 
 from pliant.diagnosis.diagnosis import Diagnosis
 from pliant.diagnosis.verdict import NOTHING, UNKNOWN, Kinds, named
-from pliant.evidence.words import number, percent, shown
+from pliant.formatting import number, unit_of, whole_percent
 from pliant.interfaces.effect import EffectNotes, EffectParameter
-from pliant.measurements.columns import unit_of
 from pliant.report.diagnosis_view import Diagnosed
 from pliant.report.document import Column, Table, as_json, brief_table, page_table
 from pliant.report.fitted import (
@@ -21,6 +20,7 @@ from pliant.report.fitted import (
     probability_text,
     strength_text,
 )
+from pliant.units import si_unit
 
 Notes = Mapping[str, EffectNotes]
 MOST_TWINS = 4
@@ -75,11 +75,11 @@ def hypothesis_columns(found: Diagnosis) -> tuple[Column[Kinds], ...]:
             "in noise floors",
             "left-out error / floor",
             lambda kinds: number(np.nan if kinds == UNKNOWN else found.left_out_ratio(kinds), 3),
-            lambda kinds: "any form" if kinds == UNKNOWN else fixed(found.left_out_ratio(kinds)),
+            lambda kinds: "any form" if kinds == UNKNOWN else two_decimals(found.left_out_ratio(kinds)),
         ),
         Column(
             lambda kinds: {
-                name: {"rmse": rmse, "unit": unit_of(name)} for name, rmse in left.get(kinds, {}).items()
+                name: {"rmse": rmse, "unit": si_unit(name)} for name, rmse in left.get(kinds, {}).items()
             },
             "heldout",
         ),
@@ -104,7 +104,7 @@ def parameter_texts(found: Diagnosis, kinds: Kinds) -> list[str]:
     ]
 
 
-def fixed(ratio: float) -> str:
+def two_decimals(ratio: float) -> str:
     """A ratio to the floor with two decimals."""
     return f"{ratio:.2f}" if np.isfinite(ratio) else "–"
 
@@ -112,8 +112,8 @@ def fixed(ratio: float) -> str:
 def _error_column(left: Mapping[Kinds, Mapping[str, float]], name: str) -> Column[Kinds]:
     return Column(
         lambda kinds: left[kinds][name],
-        head=shown(name).label,
-        text=lambda kinds: "–" if kinds == UNKNOWN else shown(name).text(left[kinds][name], 3),
+        head=unit_of(name).label,
+        text=lambda kinds: "–" if kinds == UNKNOWN else unit_of(name).text(left[kinds][name], 3),
     )
 
 
@@ -133,7 +133,7 @@ def look_alikes_table(found: Diagnosis, notes: Notes) -> Table | None:
         twins.setdefault(pair.a, []).append((pair.b, pair.unexplained_share))
     rows = []
     for a in sorted(twins, key=lambda kind: twins[kind][0][1]):
-        imitators = [f"{b} ({percent(share)})" for b, share in twins[a][:MOST_TWINS]]
+        imitators = [f"{b} ({whole_percent(share)})" for b, share in twins[a][:MOST_TWINS]]
         more = len(twins[a]) - len(imitators)
         cell = ", ".join(imitators) + (f" and {more} more" if more else "")
         apart = next((text for b, _ in twins[a] if (text := _told_apart(notes, a, b))), "")
@@ -204,15 +204,15 @@ def noise_table(found: Diagnosis) -> Table:
     """Floors by output, as the residuals of the best hypothesis show them."""
     rows = []
     for name, floor in found.noise.floors.items():
-        words = shown(name)
+        words = unit_of(name)
         rows.append(
             [
                 words.label,
-                words.text(floor.value),
+                words.text(floor.value, 3),
                 floor.source,
-                words.text(floor.within),
-                "no repeats" if floor.between is None else words.text(floor.between),
-                "not stated" if floor.sigma is None else words.text(floor.sigma),
+                words.text(floor.within, 3),
+                "no repeats" if floor.between is None else words.text(floor.between, 3),
+                "not stated" if floor.sigma is None else words.text(floor.sigma, 3),
             ]
         )
     head = ["output", "noise floor", "taken from", "within a run", "between repeats", "stated sigma"]
@@ -223,7 +223,7 @@ def dependence_table(diagnosed: Diagnosed) -> Table | None:
     """What the error that is left depends on."""
     found = diagnosed.found
     rows = [
-        [" × ".join(found.circumstances.get(part, part) for part in name.split(" × ")), percent(value)]
+        [" × ".join(found.circumstances.get(part, part) for part in name.split(" × ")), whole_percent(value)]
         for name, value in found.depends_on.items()
         if value >= 0.02
     ][:6]

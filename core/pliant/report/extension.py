@@ -8,7 +8,7 @@ import numpy as np
 
 from pliant.diagnosis.cross_validation import Score
 from pliant.diagnosis.extension import Extension
-from pliant.evidence.words import listed, number, shown
+from pliant.formatting import listed, number, unit_of
 from pliant.records.measurement import Measurement
 from pliant.registry.discovery import Registry
 from pliant.report.document import Document, Warned
@@ -26,7 +26,8 @@ def extension_document(
     if not found.noise.judged:
         doubts.append("without repeats or a stated sigma the floor holds fast noise only.")
     falls = [
-        f"{shown(name).label}: {shown(name).text(found.before.rmse[name])} → {shown(name).text(rmse)} rms, all readings"
+        f"{unit_of(name).label}: {unit_of(name).text(found.before.rmse[name], 3)} → "
+        f"{unit_of(name).text(rmse, 3)} rms, all readings"
         for name, rmse in found.after.rmse.items()
     ]
     return Document(
@@ -95,4 +96,6 @@ def _errors(found: Extension) -> str:
     last, where = (
         (found.after, "on the readings fitted") if heldout is None else (heldout, "on conditions left out")
     )
-    return f"error {number(found.before.over_floor)} → {number(last.over_floor)} times the noise {where}"
+    return (
+        f"error {number(found.before.over_floor, 3)} → {number(last.over_floor, 3)} times the noise {where}"
+    )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
@@ -10,22 +9,27 @@ from typing import Any
 
 from pliant.diagnosis.cross_validation import Score
 from pliant.diagnosis.next_run import NextRun
-from pliant.diagnosis.uncertainty import Estimate, Uncertainty, rounded_text
-from pliant.evidence.words import number, percent, si_unit
+from pliant.diagnosis.uncertainty import Estimate, Uncertainty
+from pliant.formatting import display_unit, number, rounded_to_sd, whole_percent, with_sd
 from pliant.measurements.floors import Floor
 from pliant.registry.discovery import Registry
 from pliant.report.document import Column, Table, Warned, as_json, brief_table, page_table
-from pliant.report.units import SHOWN, Unit
+from pliant.units import si_unit
 
-PER_KELVIN = Unit("% per K", 100.0)
 CLOSE = 2.0  # standard deviations
 LEFT_OUT = re.compile(r"'(\w+)' was left out: ")
 Written = tuple[Estimate, float]  # a parameter, and its value as a study has it
 
 PARAMETER_COLUMNS: tuple[Column[Written], ...] = (
     Column(lambda w: w[0].name, "", "parameter", "parameter"),
-    Column(lambda w: w[1], "value", "value", "value", lambda w: rounded_text(w[0].value, w[0].sd)),
-    Column(lambda w: w[0].sd, "sd", "sd", "sd", lambda w: number(w[0].sd, 2)),
+    Column(
+        lambda w: w[1],
+        "value",
+        "value",
+        "value",
+        lambda w: rounded_to_sd(_shown(w[0], w[0].value), _shown(w[0], w[0].sd)),
+    ),
+    Column(lambda w: w[0].sd, "sd", "sd", "sd", lambda w: number(_shown(w[0], w[0].sd), 2)),
     Column(lambda w: w[0].low, "low", "90 % from", text=lambda w: _low(w[0])),
     Column(lambda w: w[0].high, "high", "to", text=lambda w: _high(w[0])),
     Column(
@@ -35,7 +39,7 @@ PARAMETER_COLUMNS: tuple[Column[Written], ...] = (
     ),
     Column(lambda w: w[0].open_low, "open_low"),
     Column(lambda w: w[0].open_high, "open_high"),
-    Column(lambda w: w[0].parameter.unit, "unit", "unit", "unit", lambda w: w[0].unit),
+    Column(lambda w: w[0].parameter.unit, "unit", "unit", "unit", lambda w: display_unit(w[0].unit).symbol),
     Column(lambda w: w[0].plausible, "plausible"),
     Column(lambda w: w[0].at_limit, "at_limit"),
     Column(lambda w: w[0].includes_neutral, "includes_neutral"),
@@ -49,12 +53,17 @@ FLOOR_COLUMNS: tuple[Column[Floor], ...] = (
 )
 
 
+def _shown(one: Estimate, value: float) -> float:
+    """An SI value of a parameter in its display unit."""
+    return value * display_unit(one.unit).factor
+
+
 def _low(one: Estimate) -> str:
-    return "…" if one.open_low else number(one.low)
+    return "…" if one.open_low else number(_shown(one, one.low), 3)
 
 
 def _high(one: Estimate) -> str:
-    return "…" if one.open_high else number(one.high)
+    return "…" if one.open_high else number(_shown(one, one.high), 3)
 
 
 def _written(found: Uncertainty, values: Mapping[str, float] | None) -> list[Written]:
@@ -129,13 +138,6 @@ def warned(registry: Registry, remarks: Sequence[str], asked: Sequence[str] = ()
     return tuple(plain)
 
 
-def parameter_unit(unit: str) -> Unit:
-    """The display unit of a parameter's SI unit: kPa for Pa, ° for rad."""
-    if unit == "K^-1":
-        return PER_KELVIN
-    return SHOWN.get(unit, Unit("" if unit == "1" else unit))
-
-
 def parameter_word(parameter: str, unit: str) -> str:
     """A parameter's name without the unit that stands behind its value."""
     for suffix, of in (("_pa", "Pa"), ("_rad", "rad"), ("_s", "s"), ("_per_k", "K^-1")):
@@ -146,23 +148,12 @@ def parameter_word(parameter: str, unit: str) -> str:
 
 def strength_text(value: float, unit: str) -> str:
     """A strength in its display unit."""
-    return parameter_unit(unit).text(value, 2)
+    return display_unit(unit).text(value, 2)
 
 
 def value_text(value: float, sd: float, si: str) -> str:
     """Value ± standard deviation with the unit, the value to the decimal at which it is not sure."""
-    unit = parameter_unit(si)
-    value, sd = value * unit.factor, sd * unit.factor
-    if not (math.isfinite(sd) and sd > 0):
-        text = number(value)
-    elif sd > 10 * max(abs(value), 1e-300) or sd < 1e-9 * abs(value):
-        text = f"{number(value)} ± {number(sd, 2)}"
-    else:
-        decimals = max(1 - math.floor(math.log10(sd)), 0)
-        text = f"{value:.{decimals}f} ± {sd:.{decimals}f}".replace("-", "−")
-        if decimals == 0:
-            text = f"{number(value, 3)} ± {number(sd, 2)}"
-    return f"{text}{'' if unit.name in ('', '°') else ' '}{unit.name}"
+    return with_sd(value, sd, display_unit(si))
 
 
 def estimate_text(one: Estimate) -> str:
@@ -188,4 +179,4 @@ def implausible_text(one: Estimate) -> str:
 
 def probability_text(share: float) -> str:
     """A probability; what is nearly sure is not called sure."""
-    return "over 99 %" if share > 0.99 else percent(share)
+    return "over 99 %" if share > 0.99 else whole_percent(share)

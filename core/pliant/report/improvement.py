@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from pliant.diagnosis.improvement import Improvement, Step
-from pliant.evidence.words import listed, number, shown
+from pliant.formatting import listed, number, unit_of
 from pliant.measurements.floors import Floor
 from pliant.records.measurement import Measurement
 from pliant.registry.discovery import Registry
@@ -50,9 +50,11 @@ STEP_COLUMNS: tuple[Column[Placed], ...] = (
     Column(lambda s: [effect.canonical() for effect in s[1].effects], "effects"),
 )
 FLOOR_COLUMNS: tuple[Column[NamedFloor], ...] = (
-    Column(lambda f: f[0], head="output", text=lambda f: shown(f[0]).axis),
-    Column(lambda f: f[1].value, head="floor", text=lambda f: number(f[1].value * shown(f[0]).factor)),
-    Column(lambda f: f[1].se, head="standard error", text=lambda f: number(f[1].se * shown(f[0]).factor, 2)),
+    Column(lambda f: f[0], head="output", text=lambda f: unit_of(f[0]).axis),
+    Column(lambda f: f[1].value, head="floor", text=lambda f: number(f[1].value * unit_of(f[0]).factor, 3)),
+    Column(
+        lambda f: f[1].se, head="standard error", text=lambda f: number(f[1].se * unit_of(f[0]).factor, 2)
+    ),
     Column(lambda f: f[1].source, head="from"),
 )
 
@@ -97,7 +99,7 @@ def summary(found: Improvement) -> str:
     first, last = found.steps[0].locked, found.steps[-1].locked
     on = "runs that were put aside" if found.locked.runs else found.scored_on
     if len(found.steps) == 1:
-        return f"No effect was added: the error on {on} is {number(first.over_floor)} times the noise."
+        return f"No effect was added: the error on {on} is {number(first.over_floor, 3)} times the noise."
     kinds = listed([step.named for step in found.steps if step.added])
     verb = "falls" if last.over_floor < first.over_floor else "goes"
     now = _ratio(found.steps[-1])
@@ -138,12 +140,12 @@ def _brief(found: Improvement) -> tuple[Table | str, ...]:
 def steps_brief(found: Improvement) -> Table:
     """Errors on the runs put aside, a step a row; where more is read than fits into a row, a step a column."""
     names = list(found.steps[0].locked.rmse)
-    labels = [*(shown(name).label for name in names), "over the noise"]
+    labels = [*(unit_of(name).label for name in names), "over the noise"]
     rows = [
-        [_title(placed), *(shown(n).text(placed[1].locked.rmse[n]) for n in names), _ratio(placed[1])]
+        [_title(placed), *(unit_of(n).text(placed[1].locked.rmse[n], 3) for n in names), _ratio(placed[1])]
         for placed in enumerate(found.steps, start=1)
     ]
-    rows.append(["noise floor", *(shown(name).text(found.floors[name].value) for name in names), "1"])
+    rows.append(["noise floor", *(unit_of(name).text(found.floors[name].value, 3) for name in names), "1"])
     first = f"error on {found.scored_on}"
     if len(names) <= MOST_IN_A_ROW:
         return Table("", [first, *labels], rows)
@@ -191,8 +193,8 @@ def _steps(found: Improvement) -> Table:
     errors = tuple(
         Column[Placed](
             lambda s, name=name: s[1].locked.rmse.get(name, np.nan),  # type: ignore[misc]
-            head=f"rms {shown(name).axis}",
-            text=lambda s, name=name: number(s[1].locked.rmse[name] * shown(name).factor),  # type: ignore[misc]
+            head=f"rms {unit_of(name).axis}",
+            text=lambda s, name=name: number(s[1].locked.rmse[name] * unit_of(name).factor, 3),  # type: ignore[misc]
         )
         for name in found.steps[0].locked.rmse
     )
@@ -201,7 +203,7 @@ def _steps(found: Improvement) -> Table:
         Column(
             lambda s: s[1].training.over_floor,
             head="training, left out",
-            text=lambda s: number(s[1].training.over_floor),
+            text=lambda s: number(s[1].training.over_floor, 3),
         ),
     )
     placed = list(enumerate(found.steps, start=1))

@@ -10,8 +10,8 @@ from pliant.diagnosis.diagnosis import Diagnosis
 from pliant.diagnosis.interpretation import headline
 from pliant.diagnosis.next_run import NextRun, RankedRun
 from pliant.diagnosis.verdict import named
-from pliant.evidence.words import listed
 from pliant.experiments.planned_run import PlannedRun
+from pliant.formatting import listed
 from pliant.measurements.sheet import plural
 from pliant.records.measurement import Measurement
 from pliant.report.document import Column, Document, Table, as_json, brief_table

@@ -18,10 +18,10 @@ from pliant.diagnosis.interpretation import headline
 from pliant.diagnosis.verdict import named
 from pliant.errors import closest
 from pliant.evidence.prediction import POSITION, Predictor
-from pliant.evidence.words import listed
 from pliant.experiments.experiment_catalogue import BUILDERS, timed_catalogue
 from pliant.experiments.planned_run import PlannedRun
 from pliant.experiments.scale import BenchScale
+from pliant.formatting import listed
 from pliant.interfaces.effect import EffectConfig, EffectParameter
 from pliant.pipeline.workbench import Workbench
 from pliant.records.chain import ChainModel
