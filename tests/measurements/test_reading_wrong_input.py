@@ -80,7 +80,7 @@ def test_a_run_per_row_is_no_run(tmp_path):
 
 
 def test_one_endless_line(tmp_path, monkeypatch):
-    monkeypatch.setattr("pliant.measurements.sheet.BLOCK", 1000)
+    monkeypatch.setattr("pliant.tabular.text.BLOCK", 1000)
     assert "too long for a table row" in complaint(tmp_path, HEAD + "1" * 5000)
     assert "too long for a table row" in complaint(tmp_path, "1" * 5000)
 

@@ -13,9 +13,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pliant.errors import ContractError, UserError
-from pliant.pipeline.tables import read_table, write_table
 from pliant.records.design import Design
 from pliant.records.fem import FemDataset
+from pliant.tabular.fem_reading import read_table
+from pliant.tabular.fem_writing import write_table
 
 NUMBERS = ("actuation", "angle_rad", "moment_n_m", "dmoment_dp", "dmoment_du", "energy_j")
 WORDS = ("branch", "status", "role")

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from pliant.errors import UserError
-from pliant.pipeline.table_notes import table_digest
-from pliant.pipeline.tables import read_table
+from pliant.tabular.fem_notes import table_digest
+from pliant.tabular.fem_reading import read_table
 
 STATES = [(p, u, 1e-6 * p - 0.03 * u) for p in (0.0, 5e3, 1e4) for u in (0.0, 0.1, 0.2)]
 PLAIN = "pressure_pa,angle_rad,moment_n_m\n" + "\n".join(f"{p},{u},{m}" for p, u, m in STATES)
@@ -205,7 +205,7 @@ def test_slopes_that_contradict_the_efforts_are_refused(
 
 
 def test_notes_hold_for_columns_of_every_axis(tmp_path: Path) -> None:
-    from pliant.pipeline.table_reading import table_rows
+    from pliant.tabular.fem_reading import table_rows
 
     head = "pressure_pa,axis,angle_rad,moment_n_m,angle_x_rad,angle_y_rad,moment_x_n_m,moment_y_n_m,dmoment_x_du_y\n"
     notes = "units: {angle_y_rad: deg, moment_x_n_m: N*mm}\nmoment: sign reversed\n"
