@@ -247,11 +247,3 @@ def test_actuations_that_no_soft_robot_bears_are_asked_about(tmp_path: Path) -> 
         read_table(table(tmp_path, of(1.0, "tendon_force_n")))
     path = table(tmp_path, of(1.0, "tendon_force_n"), "units: {tendon_force_n: mN}\n")
     assert read_table(path).actuation.max() == pytest.approx(10)
-
-
-@pytest.mark.parametrize("encoding", ["utf-16", "latin-1"])
-def test_other_encodings_are_refused_with_what_to_save(tmp_path: Path, encoding: str) -> None:
-    path = tmp_path / "fem.csv"
-    path.write_text("# Büro\n" + PLAIN, encoding=encoding)
-    with pytest.raises(UserError, match="save the table as 'CSV UTF-8'"):
-        read_table(path)

@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import codecs
 import csv
+import io
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO
@@ -144,8 +145,7 @@ class Sheet:
             if not kept:
                 continue
             texts = lines if len(kept) == len(lines) else [lines[i] for i in kept]
-            texts, numbers = self._joined(texts, np.array(kept) + first)
-            block = self._parsed(texts, numbers)
+            block = self._parsed(texts, np.array(kept) + first)
             if block.lines.size:
                 yield block
 
@@ -193,7 +193,7 @@ class Sheet:
 
     def _is_whole(self, text: str) -> bool:
         try:
-            rows = list(_reader(text.split("\n"), self.separator))
+            rows = list(_reader(io.StringIO(text, newline=""), self.separator))
         except csv.Error:
             return False
         return len(rows) == 1 and len(rows[0]) == len(self.header)
@@ -208,13 +208,13 @@ class Sheet:
                     return Block(columns, numbers, self.problems, self.separator != ",")
         except (csv.Error, ValueError):
             pass  # some row is bad: look for it row by row
-        return self._parsed_singly(texts, numbers)
+        return self._parsed_singly(*self._joined(texts, numbers))
 
     def _parsed_singly(self, texts: list[str], numbers: Array) -> Block:
         width, good, lines = len(self.header), [], []
         for text, number in zip(texts, numbers.tolist(), strict=True):
             try:
-                cells = next(_reader(text.split("\n"), self.separator))
+                cells = next(_reader(io.StringIO(text, newline=""), self.separator))
             except csv.Error as error:
                 self.problems.add(number, f"it cannot be read as CSV ({error})")
                 continue
@@ -229,7 +229,7 @@ class Sheet:
         return Block(columns, np.array(lines, int), self.problems, self.separator != ",")
 
 
-def _reader(lines: Sequence[str], separator: str) -> Iterator[list[str]]:
+def _reader(lines: Iterable[str], separator: str) -> Iterator[list[str]]:
     return csv.reader(lines, delimiter=separator, skipinitialspace=True, strict=True)
 
 
