@@ -265,7 +265,8 @@ def _read_with_bases(path: Path, sources: _Sources, chain: tuple[Path, ...]) -> 
     here = _Sources()
     own = _plain(data, path, here, ())
     extends = base_of(own.pop("extends", None), here.where(("extends",)))
-    base, base_digest = {}, ""
+    base: dict[str, Any] = {}
+    base_digest = ""
     if extends is not None:
         base_path = path.parent / extends.file
         if not os.path.isfile(base_path):  # noqa: PTH113 - never raises, whatever the name

@@ -96,6 +96,8 @@ class StudyDraft:
         if changes is None:
             tree = self._whole(folder)
         else:
+            for path in self._remarks:
+                _add_unchanged(changes, self.values, path)
             change_paths(changes, lambda path: os.path.relpath(path, folder))
             tree = CommentedMap()
             tree["extends"] = CommentedMap(
@@ -198,6 +200,19 @@ def _changes(base: Mapping[str, Any], new: Mapping[str, Any], top: bool = True) 
         else:
             found[key] = copy.deepcopy(value)
     return found
+
+
+def _add_unchanged(changes: dict[str, Any], values: dict[str, Any], path: KeyPath) -> None:
+    """A value that a remark is about stands in the new file, changed or not; first in its block."""
+    node: Any = changes
+    source: Any = values
+    for key in path[:-1]:
+        node = node.setdefault(key, {}) if isinstance(node, dict) else node[key]
+        source = source[key]
+    if isinstance(node, dict) and path[-1] not in node:
+        changed = dict(node)
+        node.clear()
+        node.update({path[-1]: source[path[-1]], **changed})
 
 
 def _node(value: Any) -> Any:
@@ -330,17 +345,24 @@ def _put_behind(node: Any, key: Any, comment: str) -> None:
     node.ca.items[key] = [token, None] if isinstance(node, CommentedSeq) else [None, None, token, None]
 
 
+def _put_on_lines(node: Any, key: Any) -> None:
+    """Turn a value in brackets into one on lines of its own; its comments go below it."""
+    value, outer = node[key], _token(node, key)
+    inside = "".join(token.value for token in value.ca.end or ())
+    node.ca.items.pop(key, None)
+    value.ca.comment, value.ca.end = None, []  # ruamel keeps the outer token here too
+    value.fa.set_block_style()
+    below = inside + (outer.value if outer else "")
+    if below:
+        _put_below(node, key, below)
+
+
 def _remark(tree: Any, path: KeyPath, remark: str) -> None:
     """Put a comment behind a value, before one that people wrote there; what holds it is put on lines of its own."""
     node = tree
     for key in path[:-1]:
         if node[key].fa.flow_style():
-            token = _token(node, key)
-            node.ca.items.pop(key, None)
-            node[key].ca.comment = None  # ruamel keeps the token here too
-            node[key].fa.set_block_style()
-            if token is not None:
-                _put_below(node, key, token.value)
+            _put_on_lines(node, key)
         node = node[key]
     token = _token(node, path[-1])
     if token is None:
