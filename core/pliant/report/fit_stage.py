@@ -133,7 +133,7 @@ def fit_report_stage(
         "report",
         compute,
         components=[bench.component("surrogate", p.config) for p in (*pieces, *compared)],
-        modules=["pliant.report.fit_page"],
+        modules=["pliant.report.fit_page", "pliant.formatting"],
         config={
             "title": title,
             "study": dict(study),

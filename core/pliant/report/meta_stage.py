@@ -56,7 +56,7 @@ def meta_report_stage(
         "report",
         compute,
         components=[bench.component("meta_model", one.config) for one in stages],
-        modules=["pliant.report.meta_page"],
+        modules=["pliant.report.meta_page", "pliant.formatting"],
         config={
             "title": title,
             "study": dict(study),

@@ -39,7 +39,7 @@ def report_stage(bench: Workbench, run: StudyRun, summary: Mapping[str, Any], fo
         "report",
         compute,
         components=law_components(bench, run.designs),
-        modules=["pliant.report.page"],
+        modules=["pliant.report.page", "pliant.formatting"],
         config={
             "study": run.study.canonical(),
             "skipped": [engine.skipped for engine in run.engines],
@@ -69,7 +69,7 @@ def fem_report_stage(bench: Workbench, study: Study, artifacts: Sequence[Artifac
         "report",
         compute,
         components=[],
-        modules=["pliant.report.fem_page"],
+        modules=["pliant.report.fem_page", "pliant.formatting"],
         config={
             "study": written,
             "libraries": {"pliant": __version__, **versions(["matplotlib", "jinja2"])},
