@@ -15,6 +15,8 @@ from typing import Any, Generic, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from pliant import __version__
+
 Row = TypeVar("Row")
 Cells = Sequence[str]
 
@@ -137,6 +139,8 @@ class Document:
         warnings: what limits the result, the gravest first.
         draw: makes hero and sections; called where a page is written only.
         footer: the page's last line.
+        page: the name of the page's file.
+        version: of Pliant that made what the page shows.
     """
 
     kind: str
@@ -148,6 +152,8 @@ class Document:
     warnings: tuple[Warned, ...] = ()
     draw: Callable[[], Drawn] = nothing_drawn
     footer: str = ""
+    page: str = "report.html"
+    version: str = __version__
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,6 +162,11 @@ class Page:
 
     html: str
     pictures: Mapping[str, NDArray[np.uint8]]
+
+
+def numbered(name: str, number: int) -> str:
+    """A picture's name in a page of several designs."""
+    return name if number == 0 else f"{name}_{number + 1}"
 
 
 def capital(text: str) -> str:

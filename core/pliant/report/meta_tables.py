@@ -1,59 +1,94 @@
-"""Tables of a meta-model: scores on designs left out, the worst designs, learning, what to solve next, cost."""
+"""Tables of a meta-model: scores on designs left out, the worst designs, bars, learning, what to solve next, cost."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from pliant.report import units
-from pliant.report.document import Cells, Table
-from pliant.report.meta_reading import MetaFitted, parameter_words
+from pliant.formatting import number, percent, seconds
+from pliant.pipeline.meta_model.scoring import AxisScores, Scores
+from pliant.report.document import Cells, Column, Table
+from pliant.report.meta_view import MetaFitted, parameter_unit
+from pliant.report.provenance import short_text, words
 
 PUBLISHED = (
-    "Published for the study's meta-models: R² above 0.99 (coefficients) and above 0.999 (network), both on the "
-    "designs that they were fitted to; here every design was left out of the fit that predicts it."
+    "Of each design's own range of effort, and of its largest free angle. Published for the study's meta-models: R² "
+    "above 0.99 (coefficients) and above 0.999 (network), both on the designs that they were fitted to; here every "
+    "design was left out of the fit that predicts it."
 )
 WORST = 5
+WORTH = {
+    "gain": "of the mean squared error that solving it would remove",
+    "doubt": "of the largest doubt in the range",
+    "distance": "of the range, to the nearest solved design",
+}
 
 
-def scores_table(fitted: Sequence[MetaFitted]) -> Table:
+class ScoreRow(NamedTuple):
+    """Scores of one axis of a group of designs; `first` where it is the group's first row."""
+
+    label: str
+    scores: Scores
+    axis: AxisScores
+    first: bool
+
+
+SCORES: tuple[Column[ScoreRow], ...] = (
+    Column(lambda r: r.label, head="designs left out", brief="designs left out"),
+    Column(lambda r: r.scores.n_designs, head="designs", brief="designs"),
+    Column(lambda r: r.axis.n_states, head="states"),
+    Column(lambda r: r.axis.r2, head="R²", brief="R²", text=lambda r: f"{r.axis.r2:.6f}"),
+    Column(
+        lambda r: r.axis.rmse_of_range,
+        head="RMS of range",
+        brief="RMS of range",
+        text=lambda r: percent(r.axis.rmse_of_range, 3),
+    ),
+    Column(
+        lambda r: r.axis.worst_of_range,
+        head="worst of range",
+        brief="worst",
+        text=lambda r: percent(r.axis.worst_of_range, 3),
+    ),
+    Column(
+        lambda r: r.scores.free_median,
+        head="free angle, median",
+        brief="free angle: median",
+        text=lambda r: percent(r.scores.free_median, 3) if r.first else "",
+    ),
+    Column(
+        lambda r: r.scores.free_worst,
+        head="free angle, worst",
+        brief="worst",
+        text=lambda r: _worst(r.scores.free_worst, r.scores.free_lost) if r.first else "",
+    ),
+)
+
+
+def score_rows(fitted: Sequence[MetaFitted]) -> list[ScoreRow]:
     """Torque and free angle on designs left out, interior and border apart, one block for each model."""
-    rows: list[Cells] = []
-    several = len(fitted) > 1
+    rows = []
     for one in fitted:
         for place, scores in one.scores.items():
-            for axis, of_axis in scores.axes.items():
-                label = f"{one.name}: {place}" if several else place
-                first = axis == next(iter(scores.axes))
-                rows.append(
-                    [
-                        label + (f", axis {axis}" if len(scores.axes) > 1 else ""),
-                        str(scores.n_designs),
-                        str(of_axis.n_states),
-                        f"{of_axis.r2:.6f}",
-                        units.percent(of_axis.rmse_of_range, 3),
-                        units.percent(of_axis.worst_of_range, 3),
-                        units.percent(scores.free_median, 3) if first else "",
-                        _worst(scores.free_worst, scores.free_lost) if first else "",
-                    ]
-                )
-    head = ["designs left out", "designs", "states", "R²", "RMS of range", "worst of range"]
-    note = f"Of each design's own range of effort, and of its largest free angle. {PUBLISHED}"
-    return Table("Scores on designs left out", [*head, "free angle, median", "free angle, worst"], rows, note)
+            label = f"{one.name}: {place}" if len(fitted) > 1 else place
+            for count, (axis, of_axis) in enumerate(scores.axes.items()):
+                name = f"{label}, axis {axis}" if len(scores.axes) > 1 else label
+                rows.append(ScoreRow(name, scores, of_axis, count == 0))
+    return rows
 
 
 def worst_table(fitted: MetaFitted) -> Table:
     """The designs that are missed most."""
-    names = [parameter_words(name) for name in fitted.designs.names]
+    names = [parameter_unit(name) for name in fitted.designs.names]
     rows: list[Cells] = []
     for design in fitted.worst_designs(WORST):
         values = fitted.designs.values[design]
-        cells = [units.number(float(v) * unit.factor, 4) for v, (_, unit) in zip(values, names, strict=True)]
+        cells = [number(float(v) * unit.factor, 4) for v, unit in zip(values, names, strict=True)]
         place = "border" if fitted.border[design] else "interior"
-        rows.append([units.percent(float(fitted.worst[design]), 3), place, *cells])
-    head = ["worst of range", "place", *(f"{n} ({u.name})".replace(" ()", "") for n, u in names)]
+        rows.append([percent(float(fitted.worst[design]), 3), place, *cells])
+    head = ["worst of range", "place", *(unit.axis for unit in names)]
     return Table("Designs that were missed most", head, rows, numeric=2)
 
 
@@ -61,7 +96,7 @@ def coverage_table(fitted: MetaFitted) -> Table:
     """What the bars hold."""
     levels = list(dict.fromkeys(level for found in fitted.coverage.values() for level in found))
     rows = [
-        [place, *(units.percent(found[level], 3) if level in found else "–" for level in levels)]
+        [place, *(percent(found[level], 3) if level in found else "–" for level in levels)]
         for place, found in fitted.coverage.items()
     ]
     head = ["", *(f"in the {100 * float(level):g} % band" for level in levels)]
@@ -76,8 +111,8 @@ def learning_table(learning: Mapping[str, Any]) -> Table:
         cells = [str(point["n"])]
         for place in ("all", "interior"):
             found = point[place]
-            cells += [units.percent(found[k], 3) if found else "–" for k in ("rms", "worst")]
-        rows.append([*cells, units.seconds(float(point["wall_s"]))])
+            cells += [percent(found[k], 3) if found else "–" for k in ("rms", "worst")]
+        rows.append([*cells, seconds(float(point["wall_s"]))])
     head = ["designs", "all, RMS", "all, worst", "interior, RMS", "interior, worst", "fit"]
     count, inside = len(learning["test"]), len(learning["interior"])
     note = (
@@ -94,22 +129,17 @@ def next_table(fitted: MetaFitted) -> Table | None:
     """Designs that should be solved next; None where nobody asked."""
     if not fitted.proposals:
         return None
-    names = [parameter_words(name) for name in fitted.designs.names]
+    names = [parameter_unit(name) for name in fitted.designs.names]
     rows = [
         [
             str(number),
-            *(units.number(v * unit.factor, 4) for v, (_, unit) in zip(one.values, names, strict=True)),
-            units.percent(one.gain, 3),
+            *(number(v * unit.factor, 4) for v, unit in zip(one.values, names, strict=True)),
+            percent(one.gain, 3),
         ]
         for number, one in enumerate(fitted.proposals, start=1)
     ]
-    words = {
-        "gain": "of the mean squared error that it removes",
-        "doubt": "of the largest doubt",
-        "distance": "of the range, to the nearest solved design",
-    }
-    last = words.get(fitted.proposals[0].basis, fitted.proposals[0].basis)
-    head = ["", *(f"{n} ({u.name})".replace(" ()", "") for n, u in names), last]
+    basis = fitted.proposals[0].basis
+    head = ["", *(unit.axis for unit in names), WORTH.get(basis, basis)]
     return Table("Solve these next", head, rows)
 
 
@@ -119,18 +149,16 @@ def cost_table(fitted: MetaFitted) -> Table:
     states = sum(len(one) for one in fitted.designs.data)
     rows: list[Cells] = [["designs solved", f"{n}, {states} states, from {fitted.source}"]]
     if fitted.fem_s:
-        rows.append(["FEM, all designs", units.seconds(fitted.fem_s)])
-        rows.append(["FEM, one design", units.seconds(fitted.fem_s / n)])
-    rows.append(["fit of the model", units.seconds(fitted.fit_s)])
-    rows.append([f"scoring: {fitted.parts} refits without some designs", units.seconds(fitted.scoring_s)])
-    rows.append(["law of an unseen design, with its error bar", units.seconds(fitted.law_s)])
-    rows.append(
-        ["evaluations of it with slopes", f"{units.number(fitted.per_second / 1e6, 3)} million a second"]
-    )
+        rows.append(["FEM, all designs", seconds(fitted.fem_s)])
+        rows.append(["FEM, one design", seconds(fitted.fem_s / n)])
+    rows.append(["fit of the model", seconds(fitted.fit_s)])
+    rows.append([f"scoring: {fitted.parts} refits without some designs", seconds(fitted.scoring_s)])
+    rows.append(["law of an unseen design, with its error bar", seconds(fitted.law_s)])
+    rows.append(["evaluations of it with slopes", f"{number(fitted.per_second / 1e6, 3)} million a second"])
     if fitted.fem_s:
         each = fitted.fem_s / n
-        ratio = units.number(float(f"{each / fitted.law_s:.2g}"))
-        hours = units.number(1000 * (each - fitted.law_s) / 3600, 2)
+        ratio = number(float(f"{each / fitted.law_s:.2g}"))
+        hours = number(1000 * (each - fitted.law_s) / 3600, 2)
         rows.append(["a design by the model instead of FEM", f"{ratio} times faster"])
         rows.append(["FEM saved by every thousand further designs", f"{hours} hours of one core"])
     note = (
@@ -141,21 +169,9 @@ def cost_table(fitted: MetaFitted) -> Table:
 
 def settings_table(fitted: MetaFitted) -> Table | None:
     """What the fit tells in one word or number."""
-    rows: list[Cells] = []
-    for name, value in fitted.details.items():
-        if isinstance(value, bool):
-            text = "yes" if value else "no"
-        elif isinstance(value, int | float):
-            text = units.number(value, 3)
-        elif isinstance(value, str):
-            text = value.replace("_", " ")
-        elif isinstance(value, Mapping) and all(isinstance(v, int | float) for v in value.values()) and value:
-            text = ", ".join(f"{str(k).replace('_', ' ')} {units.number(v, 3)}" for k, v in value.items())
-        else:
-            continue
-        rows.append([name.replace("_", " "), text])
+    rows = [[words(name), text] for name, value in fitted.details.items() if (text := short_text(value))]
     return Table("What the fit tells", ["", "value"], rows, numeric=9) if rows else None
 
 
 def _worst(share: float, lost: int) -> str:
-    return f"no equilibrium in {lost} states" if np.isinf(share) else units.percent(share, 3)
+    return f"no equilibrium in {lost} states" if np.isinf(share) else percent(share, 3)

@@ -10,8 +10,7 @@ from pliant import __version__
 from pliant.config.study import Study
 from pliant.records.search import SearchResult
 from pliant.report.document import Section
-from pliant.report.facts import input_table
-from pliant.report.folder import FinishedRun
+from pliant.report.provenance import input_table
 from pliant.report.search_folder import Drawing, DrawnDesign, read_search, write_search
 from pliant.report.search_reading import SearchRead
 from pliant.report.search_sections import (
@@ -82,7 +81,7 @@ def render_search(study: Mapping[str, Any], result: SearchResult, drawn: Sequenc
         policy_section(read),
         front_section(read),
         cost_section(read),
-        Section("Inputs", tables=(input_table(FinishedRun({}, study, (), (), ())),)),
+        Section("Inputs", tables=(input_table(study),)),
     ]
     text: str = page_template().render(
         title=str(study.get("name", "Search")),

@@ -10,10 +10,10 @@ import numpy as np
 from pliant.records.search import FoundDesign, Robustness, SearchResult
 from pliant.report import units
 from pliant.report.document import Warned
+from pliant.report.fem_view import LISTED
 from pliant.report.figures.search_robust import measure_words
 from pliant.report.search_axes import Objective
 from pliant.report.search_reading import SearchRead
-from pliant.report.words import LISTED
 
 FAR = 0.1  # of the predicted objective: a verified one further off is warned of
 OFTEN = 0.2  # of the candidates: more failures are warned of

@@ -1,39 +1,35 @@
-"""A finished run as one self-contained HTML page: no script, no network, pictures inside."""
+"""The page of a run: the finger, its FEM, its laws, its poses in the engines, and how sure the tip is."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
 
-from pliant import __version__
-from pliant.report.document import Page, Picture, Section
-from pliant.report.facts import (
-    coefficients,
-    engine_table,
-    input_table,
-    law_table,
-    metrics_table,
-    provenance_table,
-    time_tables,
-)
-from pliant.report.fem_law import law_by_axis
-from pliant.report.fem_section import Solved, data_sections, numbered, shape_section
+from pliant.formatting import fixed, number, small_length, unit_of
+from pliant.report.document import Cells, Drawn, Picture, Section, Table, capital, numbered
+from pliant.report.fem_page import data_sections, shape_section
+from pliant.report.fem_view import Solved
 from pliant.report.figures.backbones import backbone_picture
 from pliant.report.figures.backbones import caption as backbone_caption
 from pliant.report.figures.chain_pose import chain_pose
 from pliant.report.figures.finger import finger_bodies, finger_picture
 from pliant.report.figures.law import law_picture
 from pliant.report.figures.stills import still_pictures
+from pliant.report.figures.tip_cloud import COORDINATES, tip_cloud
+from pliant.report.fit_view import axes_table
 from pliant.report.folder import FinishedRun
-from pliant.report.reading import ran
-from pliant.report.template import page_template
-from pliant.report.uncertainty_section import uncertainty_section, uncertainty_warnings
-from pliant.report.words import gravity_words, result_sentence, warnings
+from pliant.report.provenance import closing_sections
+from pliant.report.run_tables import coefficients, engine_table, law_table, metrics_table, time_tables
+from pliant.report.run_view import gravity_words, ran, spread_sentence
 
+TIP = ("tip_x_m", "tip_y_m", "tip_z_m")
+TITLE = "From the laws' error bars to the tip"
 RESIDUALS = "What the law misses of these states stands in the next section but one, beside the law."
 
 
-def render(run: FinishedRun) -> Page:
-    """Draw and write the report. The same run gives the same bytes."""
+def run_drawn(run: FinishedRun) -> Drawn:
+    """Body, law and poses on top; then meshes, states, law, engines, uncertainty, cost. Same run, same bytes."""
     states, how, cost = _fem(run)
     hero = Picture("finger", _hero_caption(run), finger_picture(run))
     parts = [
@@ -44,19 +40,10 @@ def render(run: FinishedRun) -> Page:
         _poses(run),
         uncertainty_section(run),
         cost,
-        *_tables(run),
+        *([Section("Times", tables=tuple(times))] if (times := time_tables(run)) else []),
+        *closing_sections(run.study, run.provenance),
     ]
-    sections = [s for s in parts if s is not None]
-    text = page_template().render(
-        title=str(run.study.get("name", "Pliant run")),
-        sentence=result_sentence(run),
-        hero=hero,
-        warnings=[*warnings(run), *uncertainty_warnings(run)],
-        sections=sections,
-        version=run.provenance[0].get("pliant", __version__) if run.provenance else __version__,
-    )
-    pictures = {p.name: p.png for p in (hero, *(p for s in sections for p in s.pictures))}
-    return Page(text, pictures)
+    return Drawn(hero, tuple(section for section in parts if section is not None))
 
 
 def _hero_caption(run: FinishedRun) -> str:
@@ -70,8 +57,7 @@ def _hero_caption(run: FinishedRun) -> str:
     if ran(run):
         scene = ran(run)[0].result.stills
         parts.append("the scene at the end" if scene else f"the chain's pose {gravity_words(run)}")
-    text = "; ".join(parts)
-    return text[0].upper() + text[1:] + "."
+    return capital("; ".join(parts)) + "."
 
 
 def _meshes(run: FinishedRun) -> Section | None:
@@ -91,16 +77,17 @@ def _laws(run: FinishedRun) -> Section:
         Picture(numbered("law", n), _law_caption(run, n), law_picture(run, d))
         for n, d in enumerate(run.designs)
     )
-    several = len(run.designs) > 1
-    by_axis = [
-        law_by_axis(d.module, d.law, f"{d.name}: " if several else "")
-        for d in run.designs
-        if d.module is not None
-    ]
-    tables = tuple(table for table in (law_table(run), *by_axis) if table is not None)
+    tables = [law_table(run)]
+    for design in run.designs:
+        if design.module is not None and set(design.law.axes) == set(design.module.axes):
+            table = axes_table(design.module, design.law)
+            name = f"{design.name}: " if len(run.designs) > 1 else ""
+            tables.append(replace(table, title=name + table.title) if table is not None else None)
     stated = [d for d in run.designs if d.fit is None]
     note = f"Stated law: {coefficients(stated[0])}" if stated else ""
-    return Section("The joint law τ(p, u)", pictures, tables, note)
+    return Section(
+        "The joint law τ(p, u)", pictures, tuple(table for table in tables if table is not None), note
+    )
 
 
 def _law_caption(run: FinishedRun, number: int) -> str:
@@ -145,11 +132,45 @@ def _stills(run: FinishedRun) -> Section:
     return Section("The scene in the engines", pictures, (table,) if table else (), " ".join(notes))
 
 
-def _tables(run: FinishedRun) -> list[Section]:
-    found = []
-    if times := time_tables(run):
-        found.append(Section("Times", tables=tuple(times)))
-    found.append(Section("Inputs", tables=(input_table(run),)))
-    if run.provenance:
-        found.append(Section("Provenance", tables=(provenance_table(run),)))
-    return found
+def uncertainty_section(run: FinishedRun) -> Section | None:
+    """The cloud of tips, and intervals of what the task measures; None where the study asks for none."""
+    spread, engines = run.uncertainty, ran(run)
+    if spread is None or not engines:
+        return None
+    first = engines[0]
+    text = spread_sentence(spread, first.kind)
+    if "tip_mean_m" not in spread:
+        return Section(TITLE, text=(text,))
+    text += (
+        " Modules of one design share one draw. What the laws leave out (friction, tolerances, the chain itself) is not "
+        "in it."
+    )
+    picture = tip_cloud(spread, first.markers_m[-1])
+    caption = (
+        "Left: tips of the drawn laws, from the tip of the laws themselves, in the two coordinates that vary most. "
+        "Right: share of the runs within a distance of their mean."
+    )
+    pictures = (Picture("tip_cloud", caption, picture),) if picture is not None else ()
+    return Section(TITLE, pictures, (_spread_table(spread, run),), text=(text,))
+
+
+def _spread_table(spread: Mapping[str, Any], run: FinishedRun) -> Table:
+    first = ran(run)[0]
+    rows: list[Cells] = []
+    for k, name in enumerate(COORDINATES):
+        ends = [spread["tip_low_m"][k], first.markers_m[-1][k], spread["tip_high_m"][k]]
+        half = (ends[2] - ends[0]) / 2
+        rows.append([f"tip {name} (mm)", *(fixed(1e3 * float(v), 4) for v in ends), small_length(half)])
+    for name, interval in spread.get("metrics", {}).items():
+        if name in TIP or not interval["high"] > interval["low"]:
+            continue
+        unit = unit_of(name)
+        own = first.result.metrics.get(name)
+        factor = unit.factor
+        cells = [interval["low"], own, interval["high"]]
+        texts = [number(float(v) * factor, 5) if isinstance(v, int | float) else "–" for v in cells]
+        half = number((interval["high"] - interval["low"]) / 2 * factor, 2)
+        rows.append([unit.axis, *texts, half])
+    level = f"{100 * float(spread['level']):g} %"
+    head = ["", f"{level} from", "the laws themselves", "to", "half-width"]
+    return Table("Intervals", head, rows)

@@ -9,7 +9,8 @@ import numpy as np
 from scipy.stats import binom
 
 from pliant.report.figures import style
-from pliant.report.fit_reading import Calibration
+from pliant.report.fit_view import BandCoverage
+from pliant.report.meta_view import MetaFitted
 
 SMALLEST = 1e-8  # share of the range, below which a miss is rounding
 CHANCE = 0.9
@@ -18,7 +19,7 @@ MARKERS = "oDsv^P"
 FEWEST = 10  # states below which a curve of its own says nothing
 
 
-def calibration_picture(curves: Sequence[Calibration], what: str = "states left out") -> style.Png:
+def coverage_picture(curves: Sequence[BandCoverage], what: str = "states left out") -> style.Png:
     """Left: coverage by level, with what chance allows. Right: miss against band at 90 %."""
     with style.canvas(1560, 640) as figure:
         left, right = figure.subplots(1, 2)
@@ -28,7 +29,7 @@ def calibration_picture(curves: Sequence[Calibration], what: str = "states left 
         return style.png(figure)
 
 
-def _coverage(axes: Any, curves: Sequence[Calibration], what: str) -> None:
+def _coverage(axes: Any, curves: Sequence[BandCoverage], what: str) -> None:
     n = curves[0].n
     stated = np.linspace(0.4, 0.9999, 3000)
     low, high = binom.interval(CHANCE, n, stated)
@@ -54,7 +55,7 @@ def _coverage(axes: Any, curves: Sequence[Calibration], what: str) -> None:
     axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.14), ncols=3, fontsize=8, columnspacing=1.2)
 
 
-def _widths(axes: Any, curves: Sequence[Calibration]) -> None:
+def _widths(axes: Any, curves: Sequence[BandCoverage]) -> None:
     curves = curves[1:] or curves
     half, missed = (
         100 * np.maximum(np.concatenate([getattr(c, name) for c in curves]), SMALLEST)
@@ -92,3 +93,33 @@ def _widths(axes: Any, curves: Sequence[Calibration]) -> None:
 def _look(number: int) -> tuple[str, str]:
     """Colour and marker: the curve of everything is ink."""
     return (style.INK, "o") if number == 0 else (style.SERIES[(number - 1) % 6], MARKERS[number % 6])
+
+
+LOOKS = {"all": (style.INK, "o"), "interior": (style.SERIES[0], "D"), "border": (style.SERIES[1], "s")}
+LOW, HIGH = 0.85, 0.95  # of the 90 % band: what this project asks of itself
+
+
+def design_bars(fitted: MetaFitted) -> style.Png:
+    """Stated against covered, one line for each place."""
+    with style.canvas(1000, 640) as figure:
+        figure.set_layout_engine("constrained", w_pad=0.09, h_pad=0.09)
+        axes = figure.subplots()
+        axes.plot([45, 100], [45, 100], color=style.SOFT, lw=1.1, zorder=1, label="as stated")
+        lowest = 45.0
+        for place, found in fitted.coverage.items():
+            levels = np.array([float(level) for level in found])
+            covered = 100 * np.array(list(found.values()))
+            colour, marker = LOOKS.get(place, (style.SERIES[2], "v"))
+            axes.plot(100 * levels, covered, marker=marker, color=colour, ms=7, label=place, zorder=3)
+            lowest = min(lowest, float(covered.min()) - 5)
+        axes.errorbar(
+            [90], [90], [[90 - 100 * LOW], [100 * HIGH - 90]], color=style.SERIES[2], capsize=5, lw=1.6, zorder=2,
+            label="wanted of the 90 % band: 85 to 95 %",
+        )  # fmt: skip
+        axes.set_ylim(lowest, 103)
+        axes.set_xlim(45, 101)
+        axes.set_xlabel("stated level of the band (%)")
+        axes.set_ylabel("states of designs left out inside it (%)")
+        axes.set_title("What the bars of unseen designs hold")
+        axes.legend(loc="lower right")
+        return style.png(figure)

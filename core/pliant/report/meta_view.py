@@ -1,8 +1,9 @@
-"""What the page of a meta-model reads out of its results."""
+"""What sentences, tables and pictures read out of a meta-model's results."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import time
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -10,14 +11,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pliant.formatting import NamedUnit, percent, unit_of
+from pliant.pipeline.law_speed import evaluations_per_second
 from pliant.pipeline.meta_model.leaving_out import Misses
 from pliant.pipeline.meta_model.next_design import Proposal
+from pliant.pipeline.meta_model.parameters import spoken
 from pliant.pipeline.meta_model.scoring import Scores, shares
 from pliant.records.design import Array
+from pliant.records.law import FitReport, JointLaw
 from pliant.records.solved import SolvedDesigns
-from pliant.report import units
 
 PLACES = ("interior", "border")
+TIMED = 5  # designs whose law is timed
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,8 +38,7 @@ class MetaFitted:
         details: what the fit tells.
         parts: refits without some designs.
         fit_s, scoring_s: of the fit, and of all refits.
-        law_s: seconds from parameters to a law with its error bar, measured when the page was made.
-        per_second: evaluations of such a law with slopes, measured then too.
+        law_at: from parameters (d,) to a law with its error bar.
         learning: result of `design_learning`, or None.
         proposals: designs that should be solved next, where they were asked for.
         source: where the designs come from, in words.
@@ -50,11 +54,30 @@ class MetaFitted:
     parts: int
     fit_s: float
     scoring_s: float
-    law_s: float
-    per_second: float
+    law_at: Callable[[Array], JointLaw]
     learning: Mapping[str, Any] | None = None
     proposals: Sequence[Proposal] = ()
     source: str = "the sweep"
+
+    @cached_property
+    def _timed(self) -> tuple[float, float]:
+        shares = np.random.default_rng(0).uniform(0.2, 0.8, (TIMED, len(self.designs.names)))
+        times = []
+        for values in self.designs.box[:, 0] + shares * self.designs.scale:
+            started = time.perf_counter()
+            law = self.law_at(values)
+            times.append(time.perf_counter() - started)
+        return float(np.median(times)), evaluations_per_second(law)
+
+    @property
+    def law_s(self) -> float:
+        """Seconds from parameters to a law, measured when a page asks."""
+        return self._timed[0]
+
+    @property
+    def per_second(self) -> float:
+        """Evaluations of such a law with slopes, measured when a page asks."""
+        return self._timed[1]
 
     @property
     def axes(self) -> tuple[str, ...]:
@@ -91,7 +114,28 @@ class MetaFitted:
         return [int(i) for i in order[:count]]
 
 
-def parameter_words(name: str) -> tuple[str, units.Unit]:
-    """A parameter as people read it, and its unit: ``average_radius_m`` → average radius, mm."""
-    label, unit = units.of_field(name)
-    return label.replace("material.", "").replace("_", " "), unit
+def law_of_meta_json(details: Mapping[str, Any]) -> dict[str, Any]:
+    """What the `fit` result of a law says more where a meta-model gave it."""
+    names = ("meta_model", "design", "inside", "n_designs", "scores", "coverage")
+    return {name: details[name] for name in names}
+
+
+def law_of_meta_lines(report: FitReport) -> list[str]:
+    """A law that a meta-model gave, for the terminal."""
+    details = report.details
+    lines = [
+        f"law      of an unseen design, {spoken(details['design'])}, by meta-model '{details['meta_model']}' of "
+        f"{details['n_designs']} designs",
+        f"         worst error {percent(report.worst_of_range)} of the range on designs left out, R² {report.r2:.6f}",
+    ]
+    if "interior" in details["scores"]:
+        inside = percent(float(details["scores"]["interior"]["worst_of_range"]))
+        lines[-1] += f" (inside the range {inside})"
+    if not details["inside"]:
+        lines.append("         OUTSIDE the range of the solved designs: extrapolated")
+    return lines
+
+
+def parameter_unit(name: str) -> NamedUnit:
+    """A parameter as people read it, with its unit: ``average_radius_m`` → average radius, mm."""
+    return unit_of(name.removeprefix("material."))

@@ -1,20 +1,70 @@
-"""What a calibration says in sentences: how far its constants can be told apart, and how far its law fits."""
+"""Fitted constants of a material, and sentences on how far they can be told apart and how far the law fits."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
 
 import numpy as np
 
+from pliant.calibration.certainty import Certainty
+from pliant.calibration.constants import Constant
+from pliant.calibration.reading import BenchData
 from pliant.evidence.words import listed, number, percent, shown
+from pliant.interfaces.material import MaterialConfig
 from pliant.records.design import Array
-
-if TYPE_CHECKING:
-    from pliant.calibration.calibration import Calibration
 
 ALIKE = 0.98  # correlation from which constants trade places
 POOR_FIT = 0.05  # rms over the range from which the law is doubted
 SMALL_SHARE = 0.05
+
+
+@dataclass(frozen=True, eq=False)
+class Calibration:
+    """Fitted constants of a material.
+
+    Attributes:
+        config: the material's block with the fitted constants.
+        constants: those that were fitted, with their values.
+        certainty: their covariance, in the same order.
+        undetermined: those among them that the data do not decide.
+        shear_modulus_pa, shear_modulus_sd_pa: μ₀ of the fitted law.
+        data: what was fitted.
+        predicted: (n,) the law's values at the data's rows.
+        converged: whether the search ended at a minimum.
+        fem_states: how many FEM states it took.
+        remarks: what the reader should know before using the constants.
+    """
+
+    config: MaterialConfig
+    constants: tuple[Constant, ...]
+    certainty: Certainty
+    undetermined: tuple[Constant, ...]
+    shear_modulus_pa: float
+    shear_modulus_sd_pa: float
+    data: BenchData
+    predicted: Array
+    converged: bool
+    fem_states: int
+    remarks: tuple[str, ...]
+
+    @property
+    def rmse(self) -> float:
+        """Root mean square of the law's misfit, in SI."""
+        return float(np.sqrt(np.mean((self.predicted - self.data.y) ** 2)))
+
+    @property
+    def rmse_of_range(self) -> float:
+        """The same over the span of the measured column, 0 included."""
+        return self.rmse / float(np.ptp(np.append(self.data.y, 0.0)))
+
+    @property
+    def covered(self) -> str:
+        """Which part of the law the data have seen, in words."""
+        low, high = float(self.data.x.min()), float(self.data.x.max())
+        if self.data.kind == "tensile":
+            return f"stretch {low:.3g} to {high:.3g}"
+        words = shown(self.data.x_name)
+        return f"{words.label} {number(low * words.factor)} to {words.text(high)}"
 
 
 def remarks_of(found: Calibration, scales: Array, touching: float | None, hidden: bool) -> list[str]:
@@ -49,15 +99,6 @@ def remarks_of(found: Calibration, scales: Array, touching: float | None, hidden
             f"From {words.text(touching)} on convolutions touch, which the FEM does not resolve; leave such rows out."
         )
     return remarks
-
-
-def range_text(found: Calibration) -> str:
-    """Which part of the law the data have seen."""
-    low, high = float(found.data.x.min()), float(found.data.x.max())
-    if found.data.kind == "tensile":
-        return f"stretch {low:.3g} to {high:.3g}"
-    words = shown(found.data.x_name)
-    return f"{words.label} {number(low * words.factor)} to {words.text(high)}"
 
 
 def _undetermined(found: Calibration, scales: Array, hidden: bool) -> str:

@@ -1,4 +1,4 @@
-"""What figures and page read out of a finished run: the chain's frame and loads, engines that ran, levels."""
+"""What sentences, figures and page read out of a finished run: the chain's frame and loads, engines, levels."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from pliant.config.chain import ChainConfig
+from pliant.formatting import small_length
 from pliant.pipeline.chain import base_rotation
 from pliant.records.chain import default_base_rotation
 from pliant.records.design import Array
@@ -166,3 +167,20 @@ def distances_m(engines: Sequence[Ran]) -> list[Array]:
     """For each engine, the distance (n + 2,) of its markers to those of the first engine."""
     first = engines[0].markers_m
     return [np.linalg.norm(e.markers_m - first, axis=1) for e in engines]
+
+
+def gravity_words(run: FinishedRun) -> str:
+    """Whether weight acts, for captions."""
+    chain = chain_config(run)
+    return "under gravity" if chain is not None and any(chain.gravity_m_s2) else "without gravity"
+
+
+def spread_sentence(spread: Mapping[str, Any], engine: str) -> str:
+    """What the laws' error bars come to at the tip."""
+    if "tip_mean_m" not in spread:
+        return f"None of {spread['samples']} runs with drawn laws settled, so there is no interval."
+    failed = f"; {spread['failed']} of them did not settle" if spread["failed"] else ""
+    return (
+        f"{100 * float(spread['level']):g} % of {spread['samples']} runs in {engine} with laws drawn from their error "
+        f"bars end within {small_length(float(spread['tip_radius_m']))} of their mean tip{failed}."
+    )

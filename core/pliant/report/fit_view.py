@@ -9,18 +9,22 @@ from typing import Any
 
 import numpy as np
 
+from pliant.interfaces.surrogate import SurrogateConfig
 from pliant.pipeline.law_misses import Misses
+from pliant.pipeline.law_speed import evaluations_per_second
 from pliant.records.design import Array
 from pliant.records.fem import ModuleData
 from pliant.records.law import FitReport, JointLaw
-from pliant.report.fem_reading import solved_rows
-from pliant.report.reading import study_form_effort
+from pliant.report.fem_view import solved_rows
+from pliant.report.run_view import study_form_effort
+from pliant.store.store import Artifact
 
 # Where a report may hold the published study's form, and what the page calls it.
 STUDY_FORMS = {
     "study_form": "the study's form, least squares",
     "study_finite_differences": "the study's form, its finite differences",
 }
+POINTS = 81  # of a grid of slopes, along each side of the box
 LEVELS = (0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.99)
 
 
@@ -34,10 +38,11 @@ class Fitted:
         report: errors on states left out.
         data: the states; those that the report scores have the role "check".
         wall_s: of the fit.
-        per_second: evaluations with slopes, measured when the page was made.
         learning: result of `pliant.pipeline.learning.learning_curve`, or None.
         source: where the states come from, in words.
         study_law: the study's form on the same states, where the report itself has none.
+        config: of the surrogate.
+        artifacts: what it was made from, for the page's provenance.
     """
 
     name: str
@@ -46,10 +51,26 @@ class Fitted:
     report: FitReport
     data: ModuleData
     wall_s: float
-    per_second: float
     learning: Mapping[str, Any] | None = None
     source: str = "FEM"
     study_law: JointLaw | None = None
+    config: SurrogateConfig | None = None
+    artifacts: tuple[Artifact, ...] = ()
+
+    @cached_property
+    def per_second(self) -> float:
+        """Evaluations with slopes, measured when a page asks."""
+        return evaluations_per_second(self.law)
+
+    @cached_property
+    def coverage(self) -> list[BandCoverage]:
+        """The law's bands at its check states, all of them first, then by axis; empty without an error bar."""
+        return _coverage(self)
+
+    @cached_property
+    def least_stable(self) -> float:
+        """The largest slope of `least_stable`."""
+        return least_stable(self.law)
 
     @cached_property
     def misses(self) -> Misses:
@@ -118,10 +139,11 @@ class Fitted:
 
 
 @dataclass(frozen=True, eq=False)
-class Calibration:
+class BandCoverage:
     """How often bands hold what they should: stated `levels` (l,) against `covered` (l,) of n states.
 
-    `half_width` and `missed` (n,) are the band of 90 % and the miss at each state, as shares of the range.
+    `half_width` and `missed` (n,) are the band of 90 % and the miss at each state, as shares of the range of the
+    axis' effort; `effort_range` (n,) is that range, N·m or N.
     """
 
     label: str
@@ -130,14 +152,14 @@ class Calibration:
     n: int
     half_width: Array = field(repr=False)
     missed: Array = field(repr=False)
+    effort_range: Array = field(repr=False)
 
     def at(self, level: float) -> float:
         """Share covered at one of the levels."""
         return float(self.covered[int(np.argmin(np.abs(self.levels - level)))])
 
 
-def calibration(fitted: Fitted) -> list[Calibration]:
-    """The law's bands at its check states, all of them first, then by axis; empty for a law without an error bar."""
+def _coverage(fitted: Fitted) -> list[BandCoverage]:
     if fitted.law.error is None:
         return []
     data, law, missed = fitted.data, fitted.law, fitted.misses
@@ -147,24 +169,53 @@ def calibration(fitted: Fitted) -> list[Calibration]:
         return []
     p, u = data.actuation[part.state], data.deformation[part.state][:, columns]
     widths = [law.band(p, u, level) for level in LEVELS]
-    every = np.arange(len(part.state))
-    bands = np.array([w[every, part.axis] / missed.ranges[part.axis] for w in widths if w is not None])
+    every, ranges = np.arange(len(part.state)), missed.ranges[part.axis]
+    bands = np.array([w[every, part.axis] / ranges for w in widths if w is not None])
     groups = {"states left out": np.ones(len(every), bool)}
     if len(law.axes) > 1:
         groups = {"all axes": groups["states left out"]}
         groups |= {f"axis {axis}": part.axis == k for k, axis in enumerate(law.axes)}
     return [
-        Calibration(
+        BandCoverage(
             label,
             np.array(LEVELS),
             np.mean(part.share[rows] <= bands[:, rows], axis=1),
             int(rows.sum()),
             bands[LEVELS.index(0.9), rows],
             part.share[rows],
+            ranges[rows],
         )
         for label, rows in groups.items()
         if rows.any()
     ]
+
+
+def slope_grid(law: JointLaw, axis: str) -> tuple[Array, Array, Array]:
+    """p (m,), u (m,) and ∂τ_axis/∂u_axis (m, m) over the law's box, the other axes at zero."""
+    k = law.axes.index(axis)
+    p = _even_places(law.domain.actuation)
+    u = _even_places(law.domain.deformation[k])
+    P, V = np.meshgrid(p, u, indexing="ij")
+    deformation = np.zeros((P.size, len(law.axes)))
+    deformation[:, k] = V.ravel()
+    slopes = law.evaluate(P.ravel(), deformation).dtau_du[:, k, k]
+    return p, u, slopes.reshape(P.shape)
+
+
+def _even_places(limits: Array) -> Array:
+    return np.linspace(float(limits[0]), float(limits[1]), POINTS)
+
+
+def least_stable(law: JointLaw, count: int = 4000) -> float:
+    """The largest eigenvalue of the symmetric part of ∂τ/∂u in the box: below 0 the joint is stable everywhere.
+
+    Looked for at `count` random places and, axis by axis, on the grid of `slope_grid`.
+    """
+    box = np.vstack([law.domain.actuation, law.domain.deformation])
+    values = box[:, 0] + np.ptp(box, axis=1) * np.random.default_rng(0).random((count, len(box)))
+    slopes = law.evaluate(values[:, 0], values[:, 1:]).dtau_du
+    largest = float(np.linalg.eigvalsh((slopes + np.swapaxes(slopes, 1, 2)) / 2).max())
+    return max(largest, *(float(slope_grid(law, axis)[2].max()) for axis in law.axes))
 
 
 def _efforts(
@@ -178,3 +229,26 @@ def _efforts(
         return tau
 
     return predict
+
+
+def unstable_places(law: JointLaw) -> list[dict[str, Any]]:
+    """For each axis along which the effort rises (∂τ/∂u ≥ 0), where it rises most; the other axes at rest.
+
+    SI: actuation (Pa or N), deformation (rad or m), slope. Empty for a law without a finite domain.
+    """
+    if not all(np.all(np.isfinite(side)) for side in (law.domain.actuation, law.domain.deformation)):
+        return []
+    found = []
+    for axis in law.axes:
+        p, u, slopes = slope_grid(law, axis)
+        i, j = np.unravel_index(int(np.argmax(slopes)), slopes.shape)
+        if slopes[i, j] >= 0:
+            found.append(
+                {
+                    "axis": axis,
+                    "actuation": float(p[i]),
+                    "deformation": float(u[j]),
+                    "slope": float(slopes[i, j]),
+                }
+            )
+    return found
