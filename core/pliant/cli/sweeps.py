@@ -17,6 +17,7 @@ from pliant.pipeline.crews import checked_workers, cluster
 from pliant.pipeline.sweep import sweep_study
 from pliant.pipeline.sweep_table import write_sweep_table
 from pliant.pipeline.workbench import Workbench
+from pliant.report.sweep import sweep_document
 from pliant.store.store import write_atomically
 
 Workers = Annotated[

@@ -321,8 +321,8 @@ def _band_lines(fitted: Fitted, band: Mapping[str, Any]) -> list[str]:
     else:
         half = band["median_half_width"]
         lines = [
-            f"band     90 %: ± {effort.text(half, 2)} ({percent(half / fitted.report.effort_range)} of the range) at the "
-            f"median of the states left out; {100 * band['covered']:.0f} % of them lie in it"
+            f"band     90 %: ± {effort.text(half, 2)} ({percent(half / fitted.report.effort_range)} of the range) at "
+            f"the median of the states left out; {100 * band['covered']:.0f} % of them lie in it"
         ]
     per, given = (
         ("m" if law.joint == "prismatic" else "rad"),

@@ -132,11 +132,11 @@ def next_table(fitted: MetaFitted) -> Table | None:
     names = [parameter_unit(name) for name in fitted.designs.names]
     rows = [
         [
-            str(number),
+            str(count),
             *(number(v * unit.factor, 4) for v, unit in zip(one.values, names, strict=True)),
             percent(one.gain, 3),
         ]
-        for number, one in enumerate(fitted.proposals, start=1)
+        for count, one in enumerate(fitted.proposals, start=1)
     ]
     basis = fitted.proposals[0].basis
     head = ["", *(unit.axis for unit in names), WORTH.get(basis, basis)]

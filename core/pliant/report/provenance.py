@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from pliant.formatting import Unit, number, seconds, unit_of
+from pliant.formatting import Unit, number, seconds, unit_of_field
 from pliant.report.document import Cells, Section, Table
 from pliant.store.store import Artifact
 
@@ -113,8 +113,8 @@ def _inputs(value: Any, key: str = "") -> Iterator[tuple[str, str]]:
         for count, item in enumerate(value):
             yield from _inputs(item, f"{key} {count + 1}".strip())
     else:
-        unit = unit_of(key)
-        yield ("" if key == "kind" else unit.label), _quantity(value, unit)
+        label, unit = unit_of_field(key)
+        yield ("" if key == "kind" else words(label)), _quantity(value, unit)
 
 
 def _quantity(value: Any, unit: Unit) -> str:

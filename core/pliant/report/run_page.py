@@ -17,7 +17,7 @@ from pliant.report.figures.finger import finger_bodies, finger_picture
 from pliant.report.figures.law import law_picture
 from pliant.report.figures.stills import still_pictures
 from pliant.report.figures.tip_cloud import COORDINATES, tip_cloud
-from pliant.report.fit_view import axes_table
+from pliant.report.fit_tables import axes_table
 from pliant.report.folder import FinishedRun
 from pliant.report.provenance import closing_sections
 from pliant.report.run_tables import coefficients, engine_table, law_table, metrics_table, time_tables
@@ -142,8 +142,8 @@ def uncertainty_section(run: FinishedRun) -> Section | None:
     if "tip_mean_m" not in spread:
         return Section(TITLE, text=(text,))
     text += (
-        " Modules of one design share one draw. What the laws leave out (friction, tolerances, the chain itself) is not "
-        "in it."
+        " Modules of one design share one draw. What the laws leave out (friction, tolerances, the chain itself) is "
+        "not in it."
     )
     picture = tip_cloud(spread, first.markers_m[-1])
     caption = (

@@ -8,7 +8,7 @@ from typing import Any
 from pliant.formatting import Unit, effort_unit, fixed, number, seconds, small_length, unit_of
 from pliant.records.law import FitReport
 from pliant.report.document import Cells, Table
-from pliant.report.fit_view import score_cells, score_heads
+from pliant.report.fit_tables import score_cells, score_heads
 from pliant.report.folder import DesignResult, FinishedRun
 from pliant.report.provenance import plain, stage_name
 from pliant.report.run_view import Ran, distances_m, ran, study_form
@@ -23,14 +23,14 @@ def engine_table(run: FinishedRun) -> Table | None:
         [
             engine.kind,
             *(fixed(1e3 * x, 4) for x in engine.result.final.tip_m),
-            "–" if number == 0 else small_length(float(distance[-1])),
-            "–" if number == 0 else small_length(float(distance.max())),
+            "–" if count == 0 else small_length(float(distance[-1])),
+            "–" if count == 0 else small_length(float(distance.max())),
             _residual(engine, run),
             number(engine.result.final.converged),
             {True: "yes", False: "no", None: "not asked"}[engine.result.final.stable],
             str(engine.result.final.iterations),
         ]
-        for number, (engine, distance) in enumerate(zip(engines, distances_m(engines), strict=True))
+        for count, (engine, distance) in enumerate(zip(engines, distances_m(engines), strict=True))
     ]
     first = engines[0].kind
     head = [

@@ -120,7 +120,6 @@ def _distances(axes: Any, backbone: Array, target: Array) -> None:
 
 # Title, then horizontal and vertical world axis.
 VIEWS = (("Front", 0, 2), ("Side", 1, 2), ("Top", 0, 1))
-NAMES = "xyz"
 LEVELS = 5  # poses on the way
 ARROW = 0.22  # length of a load's arrow, of the largest extent
 G_M_S2 = 9.81
@@ -148,7 +147,7 @@ def backbone(run: StudyRun, path: Path) -> None:
     middle, half = 0.5 * (points.min(axis=0) + points.max(axis=0)), 0.56 * float(np.ptp(points, axis=0).max())
     with style.canvas(1620, 620) as figure:
         for axes, (title, i, j) in zip(figure.subplots(1, 3), VIEWS, strict=True):
-            _draw(axes, (i, j), rest, result, target)
+            _draw_poses(axes, (i, j), rest, result, target)
             _draw_loads(axes, (i, j), run, settled[-1], half)
             axes.set_xlim(1e3 * (middle[i] - half), 1e3 * (middle[i] + half))
             axes.set_ylim(1e3 * (middle[j] - half), 1e3 * (middle[j] + half))
@@ -161,7 +160,9 @@ def backbone(run: StudyRun, path: Path) -> None:
         _save(figure, path)
 
 
-def _draw(axes: Any, plane: tuple[int, int], rest: Array, result: TaskResult, target: Array | None) -> None:
+def _draw_poses(
+    axes: Any, plane: tuple[int, int], rest: Array, result: TaskResult, target: Array | None
+) -> None:
     axes.plot(*_flat(rest, plane), color=style.FAINT, lw=3, marker="o", ms=3, label="at rest")
     if target is not None:
         axes.plot(*_flat(target, plane), color=style.SERIES[1], lw=2, ls="--", label="target")

@@ -12,7 +12,7 @@ from matplotlib.lines import Line2D
 
 from pliant.formatting import deformation_unit, effort_unit, percent
 from pliant.report.figures import style
-from pliant.report.meta_view import PLACES, MetaFitted, parameter_words
+from pliant.report.meta_view import PLACES, MetaFitted, parameter_unit
 
 MANY = 500
 COLOURS = {"interior": style.SERIES[0], "border": style.SERIES[1]}
@@ -154,7 +154,7 @@ def design_errors(fitted: MetaFitted) -> style.Png:
 
 def _pair(axes: Any, fitted: MetaFitted, i: int, j: int, shares: Any, norm: LogNorm) -> None:
     designs = fitted.designs
-    (x_name, x_unit), (y_name, y_unit) = (parameter_words(designs.names[k]) for k in (i, j))
+    x_unit, y_unit = (parameter_unit(designs.names[k]) for k in (i, j))
     x, y = designs.values[:, i] * x_unit.factor, designs.values[:, j] * y_unit.factor
     dx, dy = _apart(x, y)
     _scatter(axes, x + dx * np.ptp(x), y + dy * np.ptp(y), fitted, shares, norm)
@@ -166,16 +166,16 @@ def _pair(axes: Any, fitted: MetaFitted, i: int, j: int, shares: Any, norm: LogN
             zorder=7,
         )  # fmt: skip
     axes.margins(0.1)
-    axes.set_xlabel(f"{x_name} ({x_unit.symbol})".replace(" ()", ""))
-    axes.set_ylabel(f"{y_name} ({y_unit.symbol})".replace(" ()", ""))
+    axes.set_xlabel(x_unit.axis)
+    axes.set_ylabel(y_unit.axis)
 
 
 def _against(axes: Any, fitted: MetaFitted, shares: Any, norm: LogNorm) -> None:
-    name, unit = parameter_words(fitted.designs.names[0])
+    unit = parameter_unit(fitted.designs.names[0])
     _scatter(axes, fitted.designs.values[:, 0] * unit.factor, shares, fitted, shares, norm)
     axes.set_yscale("log")
     style.log_labels(axes.yaxis)
-    axes.set_xlabel(f"{name} ({unit.symbol})".replace(" ()", ""))
+    axes.set_xlabel(unit.axis)
     axes.set_ylabel("worst miss (% of the design's range)")
 
 

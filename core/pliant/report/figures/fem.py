@@ -185,10 +185,10 @@ def _plane(axes: Any, data: ModuleData, name: str) -> None:
     axes.scatter(x[check], y[check], 30, marker="D", facecolor="white", edgecolor=style.SOFT, zorder=3)
     axes.scatter(x[lost], y[lost], 34, marker="x", color=style.WARN, linewidths=1.3, zorder=3)
     tests = axis_record(data, name)["tests"]
-    for number, test in enumerate(tests, start=1):
+    for count, test in enumerate(tests, start=1):
         place = (test["deformation"] * u_unit.factor, test["actuation"] * p_unit.factor)
         axes.scatter(*place, 130, color=style.SERIES[0], linewidths=0, zorder=4)
-        axes.annotate(str(number), place, ha="center", va="center", fontsize=6.5, color="white", zorder=5)
+        axes.annotate(str(count), place, ha="center", va="center", fontsize=6.5, color="white", zorder=5)
     axes.margins(0.06)
     axes.set_xlabel(coordinate_words(data, name))
     axes.set_ylabel(f"{actuation_word(data)} ({p_unit.symbol})")

@@ -11,7 +11,7 @@ from matplotlib.colors import LogNorm
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
-from pliant.formatting import actuation_unit, deformation_unit, effort_unit, number
+from pliant.formatting import actuation_unit, deformation_unit, effort_unit, number, percent
 from pliant.pipeline.law_misses import Misses
 from pliant.records.design import Array
 from pliant.records.law import JointLaw
@@ -71,7 +71,7 @@ def _panel(axes: Any, fitted: Fitted, missed: Misses, name: str, title: str, nor
     p_unit, u_unit = actuation_unit(data.actuation_name), deformation_unit(data)
     x = data.deformation[part.state, data.axes.index(name)] * u_unit.factor
     y = data.actuation[part.state] * p_unit.factor
-    percent = 100 * np.maximum(part.share, LOWEST)
+    share = 100 * np.maximum(part.share, LOWEST)
     looks = (
         (~part.check & ~part.together, "o", 40),
         (~part.check & part.together, "s", 40),
@@ -80,7 +80,7 @@ def _panel(axes: Any, fitted: Fitted, missed: Misses, name: str, title: str, nor
     )
     for chosen, marker, size in looks:
         axes.scatter(
-            x[chosen], y[chosen], size, c=percent[chosen], cmap=style.error_map(), norm=norm, marker=marker,
+            x[chosen], y[chosen], size, c=share[chosen], cmap=style.error_map(), norm=norm, marker=marker,
             edgecolor=style.INK, linewidths=[1.1 if marker in "DP" else 0.4], zorder=4 if marker in "DP" else 3,
         )  # fmt: skip
     axes.margins(0.07)

@@ -15,6 +15,8 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
 from numpy.typing import NDArray
 
+from pliant.formatting import number
+
 Png = NDArray[np.uint8]
 
 DPI = 150
