@@ -19,7 +19,7 @@ from pliant.cli.session import session
 from pliant.config.study import Study, written_name
 from pliant.config.writing import study_with_values
 from pliant.errors import UserError
-from pliant.evidence.words import number
+from pliant.formatting import number
 from pliant.registry.discovery import Registry
 from pliant.report.calibration import calibration_document
 from pliant.units import parse_quantity
