@@ -11,7 +11,16 @@ import numpy as np
 
 from pliant import __version__
 from pliant.errors import UserError
-from pliant.formatting import effort_unit, listed, percent, units_of_page
+from pliant.formatting import (
+    Unit,
+    actuation_unit,
+    deformation_unit,
+    effort_unit,
+    listed,
+    number,
+    percent,
+    units_of_page,
+)
 from pliant.interfaces.surrogate import Surrogate, SurrogateConfig
 from pliant.pipeline.learning import learning_stage
 from pliant.pipeline.module_data import as_scored, module_of, module_of_axes
@@ -21,6 +30,7 @@ from pliant.pipeline.surrogate import LawStage
 from pliant.pipeline.table_modules import has_several_axes, read_module_table
 from pliant.pipeline.tables import read_table
 from pliant.pipeline.workbench import Workbench
+from pliant.records.design import Array
 from pliant.records.fem import ModuleData
 from pliant.report.document import Document, Drawn, Table, Warned, as_json, brief_table, capital
 from pliant.report.fem_view import data_warnings
@@ -29,6 +39,7 @@ from pliant.report.fit_view import Fitted, unstable_places
 from pliant.report.meta_view import law_of_meta_json, law_of_meta_lines
 from pliant.report.provenance import duration, stage_json
 from pliant.report.stage import StoredPage
+from pliant.units import split_unit
 
 PAGE = "fit.html"
 FOOTER = units_of_page(pressures="Pa", forces="N", moments="N*m", angles="rad", extensions="m")
@@ -299,18 +310,22 @@ def law_lines(design: DesignStages) -> list[str]:
 
 
 def _table_lines(source: Path, fitted: Fitted) -> list[str]:
-    """Size and span of a table's states, SI as in the table."""
+    """Size and span of a table's states."""
     law, report = fitted.law, fitted.report
-    low, high = law.domain.actuation
-    per = "m" if law.joint == "prismatic" else "rad"
-    lines = [
-        f"table    {source}: {report.n_fitted + report.n_heldout} states, {law.actuation_name} {low:g} to "
-        f"{high + 0.0:g}"
-    ]
-    for axis, (start, end) in zip(law.axes, law.domain.deformation, strict=True):
-        degrees = "" if per == "m" else f" ({math.degrees(start):.1f}° to {math.degrees(end):.1f}°)"
-        lines.append(f"         {axis}: u from {start:.4g} to {end:.4g} {per}{degrees}")
+    count = report.n_fitted + report.n_heldout
+    name = split_unit(law.actuation_name)[0].replace("_", " ")
+    span = _span(law.domain.actuation, actuation_unit(law.actuation_name))
+    lines = [f"table    {source}: {count} states, {name} {span}"]
+    unit = deformation_unit(law)
+    for axis, sides in zip(law.axes, law.domain.deformation, strict=True):
+        lines.append(f"         {axis}: u from {_span(sides, unit)}")
     return lines
+
+
+def _span(sides: Array, unit: Unit) -> str:
+    """Both ends of a range, three digits: −13 to 31.2°."""
+    low, high = (number(float(side) * unit.factor, 3) for side in sides)
+    return unit.attached(f"{low} to {high}")
 
 
 def _band_lines(fitted: Fitted, band: Mapping[str, Any]) -> list[str]:
@@ -324,13 +339,11 @@ def _band_lines(fitted: Fitted, band: Mapping[str, Any]) -> list[str]:
             f"band     90 %: ± {effort.text(half, 2)} ({percent(half / fitted.report.effort_range)} of the range) at "
             f"the median of the states left out; {100 * band['covered']:.0f} % of them lie in it"
         ]
-    per, given = (
-        ("m" if law.joint == "prismatic" else "rad"),
-        "Pa" if law.actuation_name.endswith("_pa") else "N",
-    )
+    per = "m" if law.joint == "prismatic" else "rad"
+    given, u = actuation_unit(law.actuation_name), deformation_unit(law)
     lines += [
         f"unstable axis {one['axis']}: ∂τ/∂u = {effort.factor * one['slope']:+.2g} {effort.symbol}/{per} at "
-        f"{one['actuation']:g} {given}, {one['deformation']:g} {per}"
+        f"{given.text(one['actuation'])}, {u.text(one['deformation'])}"
         for one in unstable_places(law)
     ] or ["stable   the effort falls with u everywhere in the domain"]
     excluded = fitted.report.details.get("excluded") or {}
