@@ -214,8 +214,8 @@ def fitted_law(
 def fitted_designs(bench: Workbench, designs: Sequence[DesignStages], learning: bool = True) -> list[Fitted]:
     """The laws of a study's designs, named by number where there are several."""
     found = []
-    for number, design in enumerate(designs, start=1):
-        name = "the design" if len(designs) == 1 else f"design {number}"
+    for count, design in enumerate(designs, start=1):
+        name = "the design" if len(designs) == 1 else f"design {count}"
         default = bench.registry.get("surrogate", DEFAULT_SURROGATE)
         config: Any = design.design.surrogate or default.config_model()(kind=DEFAULT_SURROGATE)
         data = design.fem.value if design.fem is not None else None
