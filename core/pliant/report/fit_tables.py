@@ -25,7 +25,8 @@ PUBLISHED_NOTE = (
 MARKS = (1e-3, 1e-4, 1e-5)
 # Details that have tables or pictures of their own, or are too long for a cell.
 TOLD = {
-    "parameters", "residuals", "cross_validation", "held_out", "axes", "excluded", "slope_errors", "error_bar", *STUDY_FORMS,
+    "parameters", "residuals", "cross_validation", "held_out", "axes", "excluded", "slope_errors", "error_bar",
+    *STUDY_FORMS,
 }  # fmt: skip
 
 
