@@ -35,7 +35,7 @@ from pliant.testing.scenes import (
 from pliant_plugins.physics.pybullet.backend import Pybullet
 from pliant_plugins.physics.pybullet.config import PybulletConfig
 from pliant_plugins.physics.pybullet.scaling import WorldScale
-from pliant_plugins.physics.pybullet.scene_efforts import SceneEfforts
+from pliant_plugins.physics.pybullet.scene import SceneEfforts
 from pliant_plugins.physics.quasistatic.backend import Quasistatic
 from pliant_plugins.physics.quasistatic.config import QuasistaticConfig
 
