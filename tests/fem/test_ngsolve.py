@@ -23,8 +23,7 @@ from pliant.records.fem import FemState, Link, ModuleProblem, Ribbon
 from pliant.registry import component as registry
 from pliant.testing.box import box_problem, prismatic_box_problem, spatial_box_problem, tendon_box_problem
 from pliant.testing.stand_ins import sample_material
-from pliant_plugins.families.bellow_bending.config import BellowBendingConfig
-from pliant_plugins.families.bellow_bending.family import BellowBending
+from pliant_plugins.families.bellow_bending.family import BellowBending, BellowBendingConfig
 from pliant_plugins.fem.ngsolve.backend import Ngsolve, NgsolveSolver
 from pliant_plugins.fem.ngsolve.config import NgsolveConfig
 from pliant_plugins.fem.ngsolve.constraints import eliminate

@@ -1,9 +1,9 @@
-"""MJCF of a scene: arms on a carriage, free objects, a floor, and every pair of shapes that may touch.
+"""MJCF of a chain, and of a scene with every pair of shapes that may touch.
 
+A chain is nested bodies, one joint each, with exact inertias. A scene is arms on a carriage, free objects and a floor.
 Pairs are written out one by one, because the scene's friction rule is the product of both coefficients and
 MuJoCo's own is the larger. The carriage is a body on three slides of enormous inertia, whose velocity is
-prescribed: unlike a mocap body's it is seen by the contact solver, so what is held moves with it.
-"""
+prescribed: unlike a mocap body's it is seen by the contact solver, so what is held moves with it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A chain alone in MuJoCo as a simulation, also through histories."""
+"""A chain alone in MuJoCo: it moves in real time, relaxes in pseudo-time, or goes through histories."""
 
 from __future__ import annotations
 

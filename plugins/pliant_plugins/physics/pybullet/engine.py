@@ -167,7 +167,13 @@ LINK_DAMPING = 0.04  # Bullet's default, linear and angular
 
 
 class PublishedChain(BulletChain):
-    """`travel` as published; `settle` is the common relaxation, for which motors and damping are taken away.
+    """The published formulation of a chain in PyBullet, kept as the baseline of benchmarks.
+
+    As in the public repository of Yao, Howard, Maiolino (Advanced Intelligent Systems 2026): a friction motor on
+    every axis, Bullet's own link damping, fixed steps that nothing checks, one call of the law per joint and axis
+    at every step, and efforts per component of the rotation vector applied as if they were torques. That mapping
+    is not energy-consistent: settled spherical chains are millimetres away from the equilibrium of their laws.
+    `settle` is the common relaxation, for which motors and damping are taken away.
 
     Raises:
         UserError: the chain has effects, which the formulation does not know.

@@ -212,7 +212,10 @@ class BulletScene(SceneSimulation):
 
 
 class SceneEfforts:
-    """Evaluates the laws of arms; coordinates of an arm have shape (n, a)."""
+    """Evaluates the laws of all arms at once: arms under the same actuation are one list of joints.
+
+    Coordinates of an arm have shape (n, a).
+    """
 
     def __init__(self, chains: Sequence[ChainModel]) -> None:
         self._chains = chains

@@ -1,4 +1,6 @@
-"""URDF of chains and free bodies: one link per body, inertias on their principal axes, collision shapes on request."""
+"""URDF of chains and free bodies: one link per body, inertias on their principal axes, collision shapes on request.
+
+Primitives collide as they are, ellipsoids and meshes as convex hulls in files beside the document."""
 
 from __future__ import annotations
 

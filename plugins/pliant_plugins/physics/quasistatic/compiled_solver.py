@@ -1,4 +1,4 @@
-"""The compiled way to the equilibrium of a chain, for one and for many."""
+"""The compiled way to the equilibrium of a chain, for one and for many that share laws and geometry."""
 
 from __future__ import annotations
 

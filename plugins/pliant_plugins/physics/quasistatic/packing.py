@@ -1,4 +1,4 @@
-"""Chains and histories as the arrays that the compiled loop reads."""
+"""Chains and histories as the arrays that the compiled loop reads; a one-axis law as a table of bicubic cells."""
 
 from __future__ import annotations
 
