@@ -25,7 +25,6 @@ from pliant_plugins.fem.skfem.pattern import Scatter, Terms, sparsity
 from pliant_plugins.fem.skfem.potentials import drawn, ribbon_energy, volume
 from pliant_plugins.fem.skfem.unknowns import Globals, constraints
 
-__all__ = ["Assembler", "Terms"]
 Rows = tuple[Array, ...]
 
 
