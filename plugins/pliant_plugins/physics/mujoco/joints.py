@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import mujoco
 import numpy as np
@@ -33,10 +32,6 @@ from pliant_plugins.physics.compiled.dof_forces import drive_axes, drive_balls
 from pliant_plugins.physics.compiled.functions import compiled_terms
 from pliant_plugins.physics.compiled.laws import CompiledLaws
 from pliant_plugins.physics.compiled.motion import drive_step, remember_step
-
-if TYPE_CHECKING:
-    from pliant_plugins.physics.mujoco.joints import ChainJoints
-
 
 NOT_NEEDED = np.empty(0)
 
