@@ -66,7 +66,7 @@ class ChainJoints:
         # Compiled forms, None where a law or a term has none; `laws` those of a chain without terms.
         self.compiled, self.terms = CompiledLaws.of(chain), compiled_terms(chain.terms, n)
         self.laws = None if self.compiled is None or chain.terms else self.compiled.arrays
-        self._steps_compiled = bool(chain.terms) and self.compiled is not None and self.terms is not None
+        self.steps_compiled = bool(chain.terms) and self.compiled is not None and self.terms is not None
         self.layout = (self.ball, np.resize(self.order, 3).astype(np.int64), self.main)
         self._views = self.views()[:4]
         self._loads: Loads | None = None
@@ -123,7 +123,7 @@ class ChainJoints:
         the end of the step of `loads.memory`; where that is infinite, as in a slow motion.
         """
         extra = self._none if extra_stiffness is None else extra_stiffness
-        if self._steps_compiled and extra_stiffness is None and caution == 1.0 and _timed(loads):
+        if self.steps_compiled and extra_stiffness is None and caution == 1.0 and _timed(loads):
             self._drive_terms(loads, damping)
         elif self.laws is None or loads.memory is not None:
             self._drive_plainly(loads, damping, extra, caution)
@@ -188,7 +188,7 @@ class ChainJoints:
         """The loads after a step that ended where the chain is: with what law terms then know of the past."""
         if loads.memory is None:
             return loads
-        if self._steps_compiled and _timed(loads):
+        if self.steps_compiled and _timed(loads):
             return loads.after(self._remember_terms(loads, loads.memory))
         return loads.after(self.statics.efforts.advance(self.q, loads.actuation, loads.memory))
 
