@@ -94,13 +94,13 @@ def _final(simulation: SceneSimulation, episode: Episode) -> Equilibrium:
 
 def _stills(scene: Scene, episode: Episode) -> tuple[SceneStill, ...]:
     return tuple(
-        _still(scene, episode.states[episode.last_of(phase)], label)
+        still(scene, episode.states[episode.last_of(phase)], label)
         for phase, label in STILLS.items()
         if phase in episode.phase
     )
 
 
-def _still(scene: Scene, state: SceneState, label: str = "") -> SceneStill:
+def still(scene: Scene, state: SceneState, label: str = "") -> SceneStill:
     """All shapes of the scene in the world, where the state has them: what a picture shows."""
     arms = []
     for arm, q in zip(scene.arms, state.coordinates, strict=True):
