@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from pliant.errors import UserError
+from pliant.mechanics.stills import still
 from pliant.meshing.surfaces import support
 from pliant.records.chain import ChainModel
 from pliant.records.scene import Contact, Part
@@ -16,7 +17,7 @@ from pliant_plugins.tasks.grasp.config import GraspConfig
 from pliant_plugins.tasks.grasp.episode import phases, play
 from pliant_plugins.tasks.grasp.metrics import Grip, TrialMetrics, mode_of, summary
 from pliant_plugins.tasks.grasp.placement import Draw
-from pliant_plugins.tasks.grasp.task import Grasp, still
+from pliant_plugins.tasks.grasp.task import Grasp
 
 Tasks = Callable[..., Grasp]
 

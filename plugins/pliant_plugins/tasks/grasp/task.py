@@ -12,10 +12,10 @@ import numpy as np
 
 from pliant.interfaces.physics import SceneSimulation
 from pliant.interfaces.task import SceneEngine, SceneTask
-from pliant.mechanics.kinematics import ChainGeometry
+from pliant.mechanics.stills import still
 from pliant.records.chain import ChainModel
 from pliant.records.rollout import Equilibrium, TaskResult
-from pliant.records.scene import Scene, SceneFrames, SceneState, SceneStill
+from pliant.records.scene import Scene, SceneFrames, SceneStill
 from pliant_plugins.tasks.grasp.config import GraspConfig
 from pliant_plugins.tasks.grasp.episode import Episode, play
 from pliant_plugins.tasks.grasp.metrics import TrialMetrics, reward, summary, trial_lists, trial_metrics
@@ -98,18 +98,3 @@ def _stills(scene: Scene, episode: Episode) -> tuple[SceneStill, ...]:
         for phase, label in STILLS.items()
         if phase in episode.phase
     )
-
-
-def still(scene: Scene, state: SceneState, label: str = "") -> SceneStill:
-    """All shapes of the scene in the world, where the state has them: what a picture shows."""
-    arms = []
-    for arm, q in zip(scene.arms, state.coordinates, strict=True):
-        pose = ChainGeometry.of(arm.chain).forward(q)
-        origins = pose.origins + state.carriage_m
-        bodies = zip(arm.chain.shapes, pose.rotations, origins, strict=True)
-        arms.append(tuple(s.placed(turn, origin) for shapes, turn, origin in bodies for s in shapes))
-    objects = [
-        tuple(shape.placed(turn, place) for shape in body.shapes)
-        for body, turn, place in zip(scene.objects, state.rotations, state.positions_m, strict=True)
-    ]
-    return SceneStill(label, state.time_s, tuple(arms), tuple(objects), scene.floor_m)

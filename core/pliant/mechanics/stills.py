@@ -1,0 +1,21 @@
+"""A scene and its state as shapes in the world: what a picture shows."""
+
+from __future__ import annotations
+
+from pliant.mechanics.kinematics import ChainGeometry
+from pliant.records.scene import Scene, SceneState, SceneStill
+
+
+def still(scene: Scene, state: SceneState, label: str = "") -> SceneStill:
+    """All shapes where the state has them."""
+    arms = []
+    for arm, q in zip(scene.arms, state.coordinates, strict=True):
+        pose = ChainGeometry.of(arm.chain).forward(q)
+        origins = pose.origins + state.carriage_m
+        bodies = zip(arm.chain.shapes, pose.rotations, origins, strict=True)
+        arms.append(tuple(s.placed(turn, origin) for shapes, turn, origin in bodies for s in shapes))
+    objects = [
+        tuple(shape.placed(turn, place) for shape in body.shapes)
+        for body, turn, place in zip(scene.objects, state.rotations, state.positions_m, strict=True)
+    ]
+    return SceneStill(label, state.time_s, tuple(arms), tuple(objects), scene.floor_m)
