@@ -21,11 +21,11 @@ from pliant.pipeline.study import (
     laws_of_study,
     simulate_study,
 )
-from pliant.pipeline.tables import write_table
 from pliant.report.fem import fem_document, stored_fem_page
 from pliant.report.folder import finished, read_folder, table_name, write_folder
 from pliant.report.run import run_document, run_json, run_lines, simulation_document, stored_run_page
 from pliant.report.search_folder import is_search
+from pliant.tabular.fem_writing import write_table
 
 OutFolder = Annotated[
     Path | None, typer.Option("--out", metavar="DIR", help="Output folder; runs/<name> by default.")
