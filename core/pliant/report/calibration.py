@@ -12,7 +12,7 @@ from pliant.report.document import Document, Table, Warned
 def calibration_document(title: str, found: Calibration) -> Document:
     """The document of `pliant calibrate`."""
     error = unit_of("nominal_stress_pa" if found.data.kind == "tensile" else found.data.y_name).text(
-        found.rmse
+        found.rmse, 3
     )
     return Document(
         kind="Pliant calibration",

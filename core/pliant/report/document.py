@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import base64
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Generic, TypeVar
 
 import numpy as np
@@ -70,6 +70,11 @@ def page_table(
     return Table(
         title, [c.head for c in shown], [[c.cell(row) for c in shown] for row in rows], note, numeric
     )
+
+
+def brief(table: Table) -> Table:
+    """A page's table for the terminal, without title and note."""
+    return replace(table, title="", note="")
 
 
 def brief_table(columns: Sequence[Column[Row]], rows: Sequence[Row], note: str = "") -> Table:

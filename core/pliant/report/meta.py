@@ -14,7 +14,7 @@ from pliant.pipeline.meta_model.next_design import Proposal
 from pliant.pipeline.meta_model.parameters import shown, spoken
 from pliant.pipeline.meta_model.stage import MetaModelStage
 from pliant.pipeline.workbench import Workbench
-from pliant.report.document import Document, Drawn, Table, Warned, brief_table, capital
+from pliant.report.document import Document, Drawn, Table, Warned, brief, brief_table, capital
 from pliant.report.meta_tables import SCORES, coverage_table, next_table, score_rows
 from pliant.report.meta_view import MetaFitted
 from pliant.report.provenance import stage_json
@@ -62,7 +62,7 @@ def meta_document(
         title=title,
         sentence=meta_sentence(own),
         data=data,
-        brief=_brief(stage, every),
+        brief=_blocks(stage, every),
         warnings=tuple(meta_warnings(own)),
         draw=draw,
         footer=FOOTER,
@@ -152,7 +152,7 @@ def meta_json(stage: MetaModelStage) -> dict[str, Any]:
     }
 
 
-def _brief(stage: MetaModelStage, fitted: Sequence[MetaFitted]) -> tuple[Table | str, ...]:
+def _blocks(stage: MetaModelStage, fitted: Sequence[MetaFitted]) -> tuple[Table | str, ...]:
     own = fitted[0]
     left = f", {stage.solved.left_out} without data or twice" if stage.solved.left_out else ""
     spans = zip(own.designs.names, own.designs.box, strict=True)
@@ -165,11 +165,13 @@ def _brief(stage: MetaModelStage, fitted: Sequence[MetaFitted]) -> tuple[Table |
         f"designs  {len(own.designs)} from {own.source}{left}: {ranges}",
         f"model    {own.kind}, refitted {own.parts} times without some of the designs ({times})"
         + (f"; {str(regressor).replace('_', ' ')}" if regressor else ""),
-        brief_table(SCORES, score_rows(fitted)),
     ]
-    blocks += [coverage_table(one) for one in fitted[:1] if one.coverage]
+    for one in fitted:
+        blocks += [f"beside   {one.name}:"] if one is not own else []
+        blocks.append(brief_table(SCORES, score_rows([one])))
+        blocks += [brief(coverage_table(one))] if one.coverage else []
     asked = next_table(own)
-    return (*blocks, *([asked] if asked else []))
+    return (*blocks, *([brief(asked)] if asked else []))
 
 
 def meta_sentence(fitted: MetaFitted) -> str:

@@ -43,7 +43,7 @@ SCORES: tuple[Column[ScoreRow], ...] = (
     Column(
         lambda r: r.axis.rmse_of_range,
         head="RMS of range",
-        brief="RMS of range",
+        brief="RMS",
         text=lambda r: percent(r.axis.rmse_of_range, 3),
     ),
     Column(
@@ -55,7 +55,7 @@ SCORES: tuple[Column[ScoreRow], ...] = (
     Column(
         lambda r: r.scores.free_median,
         head="free angle, median",
-        brief="free angle: median",
+        brief="free: median",
         text=lambda r: percent(r.scores.free_median, 3) if r.first else "",
     ),
     Column(
