@@ -17,9 +17,9 @@ from pliant.records.search import Verification
 from pliant.report.search_reading import SearchRead
 from pliant.report.search_sections import robust_section
 from pliant.report.search_words import price
-from pliant.search.checking import converged, merged
 from pliant.search.stage import JOURNALS, files_folder, search_study
 from pliant.search.stage_keys import components_of
+from pliant.search.verify.check import converged, merged
 
 PLUGIN = Path(__file__).with_name("narrowing_plugin.py")
 LOADED = "search.conditions={light: {chain.payload: 0 g}, heavy: {chain.payload: 5 g}}"

@@ -25,10 +25,11 @@ from pliant.pipeline.study import physics_of_study
 from pliant.pipeline.workbench import Workbench
 from pliant.records.search import FoundDesign, SearchResult
 from pliant.registry.discovery import Registry
-from pliant.search.checking import converged
-from pliant.search.problem import SearchProblem
-from pliant.search.searching import nothing_found, problem_of
+from pliant.search.evaluate.evaluator import problem_of
+from pliant.search.problem.search_problem import SearchProblem
+from pliant.search.run.search import nothing_found
 from pliant.search.stage import files_folder, search_study
+from pliant.search.verify.check import converged
 from pliant.store.store import Artifact, write_atomically
 
 UNFIT = re.compile(r"[^\w.-]")  # in the name of a file

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from pliant.records.search import FoundDesign, VariableRecord
-from pliant.search.metrics import metric_name
+from pliant.search.problem.names import metric_name
 from pliant.units import SPOKEN, UNIT_SUFFIXES, strip_unit_suffix
 
 
