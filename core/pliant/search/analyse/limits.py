@@ -6,11 +6,12 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from pliant.formatting import quantities, quantity
 from pliant.records.design import Array
 from pliant.records.search import STATUSES, FoundDesign, SearchHistory, Slope, VariableRecord
 from pliant.search.analyse.sensitivity import STEP, sides
+from pliant.search.problem.names import unit_of_metric, unit_of_objective
 from pliant.search.problem.search_problem import SearchProblem
-from pliant.search.spoken import quantity, settings, unit_of, unit_of_objective
 
 NOTHING = 1e-5  # of the objective
 NEARLY = 0.01  # of its scale: a constraint that so small a step breaks is active
@@ -106,7 +107,7 @@ def at_metrics(problem: SearchProblem, best: FoundDesign) -> list[str]:
         broken.update({text: max(amount, broken.get(text, 0.0)) for text, amount in before.items()})
         where = f" in {condition}" if len(best.conditions) > 1 else ""
         for name, value in metrics.items():
-            said = f"{quantity(value, unit_of(name, metrics))}{where}"
+            said = f"{quantity(value, unit_of_metric(name, metrics), 3)}{where}"
             for factor in (1.0 - NEARLY, 1.0 + NEARLY):
                 for text in problem.metric_violations(best.values, {**metrics, name: factor * value}):
                     active.setdefault(text, said)
@@ -150,8 +151,8 @@ def _amount(problem: SearchProblem, best: FoundDesign, variable: VariableRecord,
     unit = unit_of_objective(problem.objective_names[0], problem.records(), best.metrics)
     if variable.type == "integer":
         steps = gain / STEP / max(variable.high - variable.low, 1.0)
-        return f"{quantity(steps, unit)} for one more step of {variable.name}"
-    return f"{quantity(gain, unit)} per 1 % of the range of {variable.name}"
+        return f"{quantity(steps, unit, 3)} for one more step of {variable.name}"
+    return f"{quantity(gain, unit, 3)} per 1 % of the range of {variable.name}"
 
 
 OUTSIDE = "outside_domain"  # metric: how many joints left the data of their law
@@ -188,7 +189,8 @@ def hardest_condition(problem: SearchProblem, best: FoundDesign) -> list[str]:
     worst, easiest = max(found, key=lambda name: found[name]), min(found, key=lambda name: found[name])
     return [
         f"The hardest condition is {worst} ({problem.objective_names[0]} "
-        f"{quantity(sign * found[worst], unit)}), the easiest {easiest} ({quantity(sign * found[easiest], unit)})."
+        f"{quantity(sign * found[worst], unit, 3)}), the easiest {easiest} "
+        f"({quantity(sign * found[easiest], unit, 3)})."
     ]
 
 
@@ -207,9 +209,9 @@ def lead_of_structure(problem: SearchProblem, best: FoundDesign, history: Search
     if len(order) < 2:
         return [empty.strip()] if empty else []
     units = {record.name: record.unit for record in problem.records()}
-    first, second = (settings(listed[k], units) for k in order[:2])
+    first, second = (quantities(listed[k], units) for k in order[:2])
     unit = unit_of_objective(problem.objective_names[0], problem.records(), best.metrics)
-    margin = quantity(found[order[1]] - found[order[0]], unit)
+    margin = quantity(found[order[1]] - found[order[0]], unit, 3)
     return [f"The best structure ({first}) leads the next one ({second}) by {margin}.{empty}"]
 
 
@@ -229,7 +231,7 @@ def unfinished(problem: SearchProblem, best: FoundDesign, history: SearchHistory
     if not (np.isnan(before) or fell > STILL * abs(so_far[-1])):
         return []
     unit = unit_of_objective(problem.objective_names[0], problem.records(), best.metrics)
-    much = f"improved by {quantity(fell, unit)} in" if np.isfinite(fell) else "was first found in"
+    much = f"improved by {quantity(fell, unit, 3)} in" if np.isfinite(fell) else "was first found in"
     found = f"; the best is candidate {at} of {count}" if late else ""
     return [f"The objective {much} the last fifth of the candidates{found}: more of them would help."]
 

@@ -12,6 +12,7 @@ from pliant.config.search import SearchConfig
 from pliant.config.searched import Condition, SearchedVariable, search_conditions, search_variables
 from pliant.config.study import Study
 from pliant.errors import UserError
+from pliant.formatting import quantity
 from pliant.interfaces.optimizer import Context, Space, Value, Variable
 from pliant.records.search import VariableRecord
 from pliant.registry.discovery import Registry
@@ -21,7 +22,6 @@ from pliant.search.problem import structures
 from pliant.search.problem.names import Names, require_metrics, with_metrics
 from pliant.search.problem.shared_variables import SharedVariable, expanded, shared_variables
 from pliant.search.problem.study_setter import KeyPath, StudySetter
-from pliant.search.spoken import quantity
 
 __all__ = ["Condition", "Objective", "SearchProblem", "SearchedVariable"]
 
