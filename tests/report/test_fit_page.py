@@ -19,7 +19,6 @@ from pliant.pipeline.learning import learning_curve
 from pliant.pipeline.module_data import module_of
 from pliant.pipeline.study import Design, DesignStages
 from pliant.pipeline.surrogate import LawStage, law_stage
-from pliant.pipeline.tables import write_table
 from pliant.pipeline.workbench import Workbench
 from pliant.records.error_bar import ErrorBar
 from pliant.records.law import Domain
@@ -41,6 +40,7 @@ from pliant.report.fit_tables import (
     learning_table,
 )
 from pliant.store.store import ArtifactStore
+from pliant.tabular.fem_writing import write_table
 from pliant.testing.samples import barred_law, linear_law, softening_law, table_of
 from pliant.testing.solved_samples import solved_designs, solved_spherical_designs, spherical_sample_law
 from pliant_plugins.surrogates.polynomial.config import PolynomialConfig

@@ -22,10 +22,10 @@ from pliant.pipeline.study import (
     laws_of_study,
     simulate_study,
 )
-from pliant.pipeline.tables import write_table
 from pliant.report.folder import read_folder, table_name, write_folder
 from pliant.report.search_folder import is_search
 from pliant.report.stage import fem_report_stage, report_stage, write_page
+from pliant.tabular.fem_writing import write_table
 
 OutFolder = Annotated[
     Path | None, typer.Option("--out", metavar="DIR", help="Output folder; runs/<name> by default.")
