@@ -11,11 +11,11 @@ import pytest
 from tests.cli.search_study import STUDY
 
 from pliant import api
-from pliant.cli.search_files import search_json
-from pliant.cli.search_words import lines
 from pliant.errors import UserError
 from pliant.interfaces.optimizer import Trial, Variable
 from pliant.pipeline.progress import Silent
+from pliant.report.search_files import search_json
+from pliant.report.search_lines import lines
 from pliant.search import workers
 from pliant.search.evaluate.evaluator import Evaluator, evaluated, problem_of
 from pliant.search.problem.reevaluation_problem import reevaluation_problem

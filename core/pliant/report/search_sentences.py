@@ -9,9 +9,7 @@ import numpy as np
 from pliant.formatting import percent, unbroken
 from pliant.records.search import FoundDesign, Robustness, SearchResult
 from pliant.report.document import Warned
-from pliant.report.figures.search_robust import measure_words
-from pliant.report.search_axes import Objective
-from pliant.report.search_reading import SearchRead
+from pliant.report.search_view import Objective, SearchView
 from pliant.report.words import LISTED
 
 FAR = 0.1  # of the predicted objective: a verified one further off is warned of
@@ -19,7 +17,7 @@ OFTEN = 0.2  # of the candidates: more failures are warned of
 LATE = 0.9  # of the search: a best design that came later may not be the last
 
 
-def answer(read: SearchRead) -> str:
+def answer(read: SearchView) -> str:
     """The best design's objective, predicted and verified; or that there is none."""
     result = read.result
     if not result.best:
@@ -52,12 +50,12 @@ def answer(read: SearchRead) -> str:
     return unbroken(text[0].upper() + text[1:] + ".")
 
 
-def _over_front(read: SearchRead, objective: Objective) -> str:
+def _over_front(read: SearchView, objective: Objective) -> str:
     values = [float(d.objectives[objective.name]) for d in read.result.best]
     return f"{objective.label} {objective.text(min(values))} to {objective.text(max(values))}"
 
 
-def _verified(read: SearchRead) -> str:
+def _verified(read: SearchView) -> str:
     """The verified objective in each engine; the direct FEM is named where there was one."""
     found, name = read.result.verification, read.objective_metric
     if found is None or read.shape not in ("one", "front"):
@@ -69,7 +67,14 @@ def _verified(read: SearchRead) -> str:
     return f"; {how}: {', '.join(values)}" if values else ""
 
 
-def points(read: SearchRead) -> list[str]:
+def measure_words(found: Robustness) -> str:
+    """The measure in words."""
+    if found.measure == "cvar":
+        return f"mean of the worst {100 * (1 - found.level):.3g} %"
+    return {"mean": "mean", "worst": "worst"}[found.measure]
+
+
+def points(read: SearchView) -> list[str]:
     """What limits the best design, then what robustness costs."""
     found = [unbroken(sentence) for sentence in read.result.limits]
     if read.result.robustness is not None:
@@ -77,7 +82,7 @@ def points(read: SearchRead) -> list[str]:
     return found
 
 
-def price(read: SearchRead) -> str:
+def price(read: SearchView) -> str:
     """What robustness costs without deviations, and what it gains with them."""
     found = read.result.robustness
     assert found is not None
@@ -104,11 +109,11 @@ def _four(found: Robustness) -> tuple[float, float, float, float]:
     return found.nominal_of_nominal, found.nominal_of_robust, found.robust_of_nominal, found.robust_of_robust
 
 
-def _size(read: SearchRead, difference: float) -> str:
+def _size(read: SearchView, difference: float) -> str:
     return read.objective.unit.text(abs(difference), 3)
 
 
-def warned(read: SearchRead) -> list[Warned]:
+def warned(read: SearchView) -> list[Warned]:
     """What the numbers do not say, the gravest first."""
     result, found = read.result, []
     if result.best and result.verification is None:
@@ -136,7 +141,7 @@ def warned(read: SearchRead) -> list[Warned]:
     return found
 
 
-def late(read: SearchRead) -> bool:
+def late(read: SearchView) -> bool:
     """Whether the best single design came at the end of its search, which only the budget ended."""
     best, result = read.best, read.result
     if best is None or read.shape != "one" or result.stopped != "budget" or not len(read.order()):
@@ -146,7 +151,7 @@ def late(read: SearchRead) -> bool:
     return len(own) >= 10 and int(np.searchsorted(own, row)) >= LATE * len(own)
 
 
-def _disagreement(read: SearchRead) -> list[Warned]:
+def _disagreement(read: SearchView) -> list[Warned]:
     found, name, warnings = read.result.verification, read.objective_metric, []
     assert found is not None
     for engine, metrics in found.verified.items():
@@ -171,7 +176,7 @@ def stopped_words(result: SearchResult) -> str:
     }.get(result.stopped, result.stopped)
 
 
-def found_where(read: SearchRead, design: FoundDesign) -> str:
+def found_where(read: SearchView, design: FoundDesign) -> str:
     """Where a design stands in the history, in words."""
     where = "recommended by the optimizer" if design.number < 0 else f"candidate {design.number + 1}"
     if design.first:

@@ -148,7 +148,7 @@ def _checked(result: SearchResult, engine: str) -> list[str]:
         for law in check.laws
         if "rmse_of_range" in law
     ]
-    return found + [f"note: {note}" for note in check.notes]
+    return found
 
 
 def _beside(result: SearchResult, verified: Mapping[str, float], predicted: Mapping[str, float]) -> str:

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from pliant.records.search import STATUSES, FoundDesign, SearchResult, VariableRecord, Verification
-from pliant.report.search_reading import spread_of
+from pliant.report.search_view import spread_of
 from pliant.store.store import writing_in
 from pliant.units import UNIT_SUFFIXES
 
