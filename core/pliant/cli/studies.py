@@ -129,7 +129,7 @@ def report(
     """A self-contained HTML report of a finished run or search."""
     with session("report", json, quiet) as here:
         if is_search(folder):
-            from pliant.report.search_page import rebuild_search_page  # matplotlib takes a second to import
+            from pliant.report.search import rebuild_search_page  # matplotlib takes a second to import
 
             check_writable(folder)
             here.result["report"] = rebuild_search_page(folder)
