@@ -16,9 +16,10 @@ from pliant.config.study import OF_OPTIMIZE, Study
 from pliant.config.text_edits import flow_text
 from pliant.errors import PliantError, UserError
 from pliant.registry.discovery import Registry
-from pliant.units import SPOKEN, UNIT_SUFFIXES, parse_quantity, strip_unit_suffix
+from pliant.units import parse_quantity, si_unit, strip_unit_suffix
 
-WRITTEN = {unit: SPOKEN.get(unit, (1.0, unit)) for unit in ("m", "Pa", "kg", "N", "s")}
+# Units of a study's text, which are read again: not those of `pliant.formatting`.
+WRITTEN = {"m": (1e3, "mm"), "Pa": (1e-3, "kPa"), "kg": (1e3, "g"), "N": (1.0, "N"), "s": (1.0, "s")}
 
 
 def write_best(
@@ -72,7 +73,7 @@ def _text(canonical: Mapping[str, Any], path: Sequence[str | int]) -> str:
             continue
         name = next(n for n in node if strip_unit_suffix(n) == strip_unit_suffix(str(key)))
         node = node[name]
-    unit = next((u for suffix, u in UNIT_SUFFIXES.items() if name.endswith(suffix)), "")
+    unit = si_unit(name)
     if isinstance(node, float) and unit in WRITTEN:
         factor, short = WRITTEN[unit]
         text = f"{float(f'{factor * node:.12g}')!r} {short}"

@@ -20,9 +20,8 @@ from pliant.cli.options import DEFAULT_STORE, JsonFile, Overrides, Quiet, StoreF
 from pliant.cli.session import Session, session
 from pliant.config.study import Study, written_name
 from pliant.config.writing import study_with_values
-from pliant.diagnosis.uncertainty import rounded_text
 from pliant.errors import UserError
-from pliant.evidence.words import number, shown
+from pliant.formatting import display_unit, number, rounded_to_sd, unit_of
 from pliant.registry.discovery import Registry
 from pliant.units import parse_quantity
 
@@ -130,7 +129,9 @@ def _say(here: Session, found: Calibration) -> None:
     if len(found.constants) > 1:
         table.add_row("shear modulus", *_cells(found.shear_modulus_pa, found.shear_modulus_sd_pa, True))
     here.say(table)
-    error = shown("nominal_stress_pa" if found.data.kind == "tensile" else found.data.y_name).text(found.rmse)
+    error = unit_of("nominal_stress_pa" if found.data.kind == "tensile" else found.data.y_name).text(
+        found.rmse
+    )
     here.say(
         f"{len(found.data)} rows, {range_text(found)}; rms error {error}, {100 * found.rmse_of_range:.2g} % of the "
         "range"
@@ -140,8 +141,8 @@ def _say(here: Session, found: Calibration) -> None:
 
 
 def _cells(value: float, sd: float, modulus: bool) -> tuple[str, str, str]:
-    scale = 1e-3 if modulus else 1.0
-    return rounded_text(value * scale, sd * scale), number(sd * scale, 2), "kPa" if modulus else ""
+    unit = display_unit("Pa" if modulus else "")
+    return rounded_to_sd(value * unit.factor, sd * unit.factor), number(sd * unit.factor, 2), unit.symbol
 
 
 def write_study(

@@ -17,11 +17,12 @@ from pliant.config.study import Study
 from pliant.diagnosis.extension import Extension, Ground
 from pliant.diagnosis.extension import extend as extend_with
 from pliant.diagnosis.scores import score_json
-from pliant.diagnosis.uncertainty import Uncertainty, rounded_text
+from pliant.diagnosis.uncertainty import Uncertainty
 from pliant.errors import UserError
 from pliant.evidence.measured import measurement_of_study
-from pliant.evidence.words import listed, number, shown
+from pliant.formatting import listed, number, unit_of
 from pliant.records.measurement import Measurement
+from pliant.report.diagnosis_words import estimate_cells
 
 Effects = Annotated[
     list[str] | None,
@@ -142,9 +143,7 @@ def parameter_table(uncertainty: Uncertainty) -> Table:
     for name in ("value", "sd", "90 % interval", "unit"):
         table.add_column(name, justify="right", no_wrap=True)
     for e in uncertainty.estimates:
-        low = "…" if e.open_low else number(e.low)
-        high = "…" if e.open_high else number(e.high)
-        table.add_row(e.name, rounded_text(e.value, e.sd), number(e.sd, 2), f"{low} to {high}", e.unit)
+        table.add_row(*estimate_cells(e))
     return table
 
 
@@ -170,9 +169,9 @@ def _kinds(here: Session, study: Study, effect: list[str] | None, refit: bool) -
 def _say(here: Session, found: Extension) -> None:
     say_parameters(here, found.uncertainty)
     for name, rmse in found.after.rmse.items():
-        words = shown(name)
+        words = unit_of(name)
         here.say(
-            f"{words.label}: {words.text(found.before.rmse[name])} → {words.text(rmse)} rms, all readings"
+            f"{words.label}: {words.text(found.before.rmse[name], 3)} → {words.text(rmse, 3)} rms, all readings"
         )
     if not found.fit.converged:
         here.say("note: the fit still moved when it was stopped; look at the error before you believe it.")
@@ -202,4 +201,6 @@ def _errors(found: Extension) -> str:
     last, where = (
         (found.after, "on the readings fitted") if heldout is None else (heldout, "on conditions left out")
     )
-    return f"error {number(found.before.over_floor)} → {number(last.over_floor)} times the noise {where}"
+    return (
+        f"error {number(found.before.over_floor, 3)} → {number(last.over_floor, 3)} times the noise {where}"
+    )

@@ -21,7 +21,7 @@ from pliant.diagnosis.improvement import improve as improve_with
 from pliant.diagnosis.next_run import next_run_json
 from pliant.diagnosis.scores import score_json
 from pliant.evidence.measured import measurement_of_study
-from pliant.evidence.words import shown
+from pliant.formatting import unit_of
 from pliant.records.measurement import Measurement
 from pliant.report.stage import write_page
 
@@ -152,16 +152,16 @@ def _say(here: Session, found: Improvement, asked: Sequence[str]) -> None:
 def _table(found: Improvement) -> Table:
     """Errors on the runs put aside, a step a row; where more is read than fits into a row, a step a column."""
     names = list(found.steps[0].locked.rmse)
-    labels = [*(shown(name).label for name in names), "over the noise"]
+    labels = [*(unit_of(name).label for name in names), "over the noise"]
     rows = [
         [
             f"{place}  {'+ ' + step.named if step.added else 'as it was'}",
-            *(shown(name).text(step.locked.rmse[name]) for name in names),
+            *(unit_of(name).text(step.locked.rmse[name], 3) for name in names),
             f"{step.locked.over_floor:.2f} ± {step.locked_se:.2f}",
         ]
         for place, step in enumerate(found.steps, start=1)
     ]
-    rows.append(["noise floor", *(shown(name).text(found.floors[name].value) for name in names), "1"])
+    rows.append(["noise floor", *(unit_of(name).text(found.floors[name].value, 3) for name in names), "1"])
     first = f"error on {found.scored_on}"
     if len(names) <= MOST_IN_A_ROW:
         return _filled([first, *labels], rows)

@@ -14,6 +14,7 @@ from pliant.cli.options import DEFAULT_STORE, JsonFile, Overrides, Quiet, StoreF
 from pliant.cli.session import Session, check_writable, plain, session
 from pliant.cli.sweeps import Scheduler, Workers, fem_of_sweep
 from pliant.errors import UserError
+from pliant.formatting import quantity
 from pliant.pipeline.study import (
     StudyRun,
     check_study,
@@ -185,7 +186,7 @@ def _say_run(here: Session, done: StudyRun) -> None:
         here.say(summaries.uncertainty_line(done.uncertainty))
     distance = summaries.largest_distance_m(done.engines)
     if distance is not None:
-        here.say(f"engines  agree within {1e3 * distance:.5f} mm")
+        here.say(f"engines  agree within {quantity(distance, 'm', 3)}")
 
 
 def _exit_unless_converged(here: Session, done: StudyRun) -> None:

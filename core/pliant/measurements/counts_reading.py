@@ -15,12 +15,13 @@ from pliant.config.measurements import MeasurementsConfig
 from pliant.config.problems import sentences
 from pliant.config.task_keys import changed_task
 from pliant.errors import UserError, closest
+from pliant.formatting import number, quantity
 from pliant.interfaces.task import TaskConfig
 from pliant.measurements.counts_layout import COUNTS, TEXTS, ConditionOf, Layout, layout_of, readings_among
 from pliant.measurements.reading import notes_of
 from pliant.measurements.sheet import MISSING, Cells, Sheet, numbers, open_sheet
 from pliant.records.counts import CountCondition, Counts, CountSet
-from pliant.units import SPOKEN, UNIT_SUFFIXES
+from pliant.units import UNIT_SUFFIXES
 
 EXAMPLE = "run,object,pressure_pa,extra_weights,successes,trials"
 MOST_ROWS = 10_000
@@ -207,6 +208,5 @@ def _said(condition: ConditionOf, text: str) -> str:
     except ValueError:
         return text
     if condition.key.si in UNIT_SUFFIXES.values():
-        factor, unit = SPOKEN.get(condition.key.si, (1.0, condition.key.si))
-        return f"{factor * value:g} {unit}"
-    return f"{value:g} {label}"
+        return quantity(value, condition.key.si, 6)
+    return f"{number(value, 6)} {label}"
