@@ -114,7 +114,10 @@ def _places(room: str, file: Path) -> Iterator[tuple[Mutant, str]]:
 def _changed(node: ast.AST) -> str | None:
     """The node's text with its sign, factor, comparison, connective or negation changed; None for other nodes."""
     if isinstance(node, ast.BinOp) and type(node.op) in SWAPPED:
-        if any(isinstance(side, ast.Constant | ast.JoinedStr) and not _number(side) for side in (node.left, node.right)):
+        if any(
+            isinstance(side, ast.Constant | ast.JoinedStr) and not _number(side)
+            for side in (node.left, node.right)
+        ):
             return None
         return f"({ast.unparse(ast.BinOp(node.left, SWAPPED[type(node.op)](), node.right))})"  # type: ignore[call-arg]
     if isinstance(node, ast.Compare) and len(node.ops) == 1 and type(node.ops[0]) in SWAPPED:

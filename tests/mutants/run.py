@@ -13,6 +13,7 @@ Exit code 1 where less than 95 % are caught.
 from __future__ import annotations
 
 import argparse
+import ast
 import hashlib
 import json
 import os
@@ -50,14 +51,12 @@ def test_files(known: dict[str, Module]) -> dict[str, list[Path]]:
 
 
 def _module(name: str, file: Path) -> Module:
-    import ast
-
     return Module(name, "tests", ast.parse(file.read_text(encoding="utf-8")), False)
 
 
 def _nearest(name: str, users: dict[str, set[str]]) -> list[Path]:
     """Test files by their distance; those in a folder called like the module's room come before others."""
-    room = {part for part in name.split(".")[1:3]}
+    room = set(name.split(".")[1:3])
     seen, layer, found = {name}, {name}, []
     while layer and len(found) < 4 * MOST_FILES:
         layer = {user for one in layer for user in users[one]} - seen
@@ -77,7 +76,13 @@ def caught_by(mutant: Mutant, files: list[Path]) -> str:
     try:
         for file in files:
             done = subprocess.run(
-                [*command, str(file)], cwd=ROOT, env=environment, capture_output=True, text=True, check=False, timeout=LIMIT_S
+                [*command, str(file)],
+                cwd=ROOT,
+                env=environment,
+                capture_output=True,
+                text=True,
+                check=False,
+                timeout=LIMIT_S,
             )
             if done.returncode in (1, 2, 3, 4):
                 lines = [line for line in done.stdout.splitlines() if line.startswith(("FAILED", "ERROR"))]
@@ -94,10 +99,11 @@ def _copy_sources() -> None:
     for part in ("core", "plugins"):
         for file in (ROOT / part).rglob("*"):
             target = COPY / file.relative_to(ROOT)
-            if file.is_file() and "__pycache__" not in file.parts:
-                if not target.exists() or target.stat().st_mtime_ns != file.stat().st_mtime_ns:
-                    target.parent.mkdir(parents=True, exist_ok=True)
-                    shutil.copy2(file, target)
+            if not file.is_file() or "__pycache__" in file.parts:
+                continue
+            if not target.exists() or target.stat().st_mtime_ns != file.stat().st_mtime_ns:
+                target.parent.mkdir(parents=True, exist_ok=True)
+                shutil.copy2(file, target)
         for target in (COPY / part).rglob("*.py"):
             if not (ROOT / target.relative_to(COPY)).exists():
                 target.unlink()
@@ -133,7 +139,10 @@ def main() -> int:
             answers[key] = caught_by(mutant, files)
             ANSWERS.parent.mkdir(exist_ok=True)
             ANSWERS.write_text(json.dumps(answers, indent=1))
-            print(f"{number}/{len(mutants)} {mutant}: {answers[key] or 'SURVIVES'} ({time.monotonic() - begun:.0f} s)", flush=True)
+            print(
+                f"{number}/{len(mutants)} {mutant}: {answers[key] or 'SURVIVES'} ({time.monotonic() - begun:.0f} s)",
+                flush=True,
+            )
         if not answers[key]:
             survivors.append(mutant)
     share = 1 - len(survivors) / len(mutants)

@@ -1,4 +1,4 @@
-"""What commit 13594f6 left opens today: its study, its store, its run folder; its FEM data are adopted, not solved anew."""
+"""What commit 13594f6 left opens today: its study, its store, its run folder; its FEM data are taken over."""
 
 import json
 import shutil
@@ -39,7 +39,9 @@ def test_fem_data_are_adopted_and_give_the_same_run(earlier: Path) -> None:
     before = json.loads((EARLIER / "run" / "run.json").read_text())["summary"]
     after = _json(earlier, "run", str(earlier / "finger.yaml"), "--out", str(earlier / "again"))
     assert _newest(earlier)["adopted"] == next((EARLIER / "store" / "fem").iterdir()).name
-    np.testing.assert_allclose(after["simulate"]["markers_m"], before["simulate"]["markers_m"], rtol=0, atol=1e-12)
+    np.testing.assert_allclose(
+        after["simulate"]["markers_m"], before["simulate"]["markers_m"], rtol=0, atol=1e-12
+    )
 
 
 def test_data_that_today_s_code_does_not_give_are_solved_anew(earlier: Path) -> None:
