@@ -6,7 +6,7 @@ import re
 import numpy as np
 import pytest
 
-from pliant.pipeline.tables import write_table
+from pliant.tabular.fem_writing import write_table
 from pliant.testing.samples import softening_law, table_of
 
 HEAD = "pressure_pa,angle_rad,moment_n_m\n"
