@@ -95,7 +95,7 @@ def _solved_again(data: ModuleData, row: int, piece: Piece) -> FemState:
 def _agrees(data: ModuleData, row: int, state: FemState, piece: Piece) -> bool:
     """Whether a state is the row, in the coordinates that the piece has."""
     places = [data.axes.index(axis) for axis in piece.axes]
-    pairs = [(data.energy_j, state.energy_j)]
+    pairs: list[tuple[Array, Array | float]] = [(data.energy_j, state.energy_j)]
     for name in ("deformation", "tau", "dtau_dp"):
         pairs.append((getattr(data, name)[:, places], getattr(state, name)))
     pairs.append((data.dtau_du[:, places][:, :, places], state.dtau_du))
