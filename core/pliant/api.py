@@ -12,6 +12,7 @@ Each returns the record that the command prints; nothing is written but the arti
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
@@ -20,11 +21,11 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from pliant.calibration.calibration import Calibration
 from pliant.calibration.calibration import calibrate as calibrate_with
 from pliant.calibration.law_of_runs import LawOfRuns
 from pliant.calibration.law_of_runs import law_of_runs as law_of_runs_with
 from pliant.calibration.reading import read_bench_data
+from pliant.calibration.result import Calibration
 from pliant.config.loading import load_study
 from pliant.config.problems import sentences
 from pliant.config.study import Study, varied
@@ -87,7 +88,7 @@ def open_study(
         UserError: the file is missing or wrong; the message lists every problem.
     """
     registry = discover()
-    study = load_study(Path(path), registry, overrides)
+    study = load_study(Path(path), registry, overrides, progress.note if progress else warnings.warn)
     registry = with_files(registry, study.plugins)
     return OpenStudy(study, Workbench(registry, ArtifactStore(Path(store)), progress or Silent()))
 

@@ -195,6 +195,11 @@ def listed(texts: Sequence[str]) -> str:
     return " and ".join(filter(None, (", ".join(texts[:-1]), *texts[-1:])))
 
 
+def plural(count: int, noun: str) -> str:
+    """A count with its noun: ``1 row``, ``2 rows``."""
+    return f"{count} {noun}{'' if count == 1 else 's'}"
+
+
 def units_of_page(**kinds: str) -> str:
     """The footer of a page: ``Lengths in mm, angles in degrees`` from ``lengths="m", angles="rad"``."""
     units = {word: display_unit(si) for word, si in kinds.items()}

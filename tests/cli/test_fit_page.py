@@ -7,7 +7,7 @@ import pytest
 from tests.pipeline import meta_bench as bench
 
 from pliant.formatting import percent
-from pliant.pipeline.tables import write_table
+from pliant.tabular.fem_writing import write_table
 from pliant.testing.samples import softening_law, table_of
 
 STUDY = """

@@ -5,24 +5,23 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
-from rich.table import Table
 
-from pliant.calibration.calibration import Calibration
 from pliant.calibration.calibration import calibrate as calibrate_with
 from pliant.calibration.constants import Constant, changed
 from pliant.calibration.reading import BenchData, read_bench_data
-from pliant.calibration.words import range_text
-from pliant.cli.new_study import check_target, write_checked
+from pliant.calibration.result import Calibration
+from pliant.cli.new_study import Force, Full, check_target
 from pliant.cli.options import DEFAULT_STORE, JsonFile, Overrides, Quiet, StoreFolder, StudyFile
-from pliant.cli.session import Session, session
+from pliant.cli.session import session
 from pliant.config.study import Study, written_name
-from pliant.config.writing import study_with_values
+from pliant.config.writing import StudyDraft
 from pliant.errors import UserError
-from pliant.formatting import display_unit, number, rounded_to_sd, unit_of
+from pliant.formatting import number
 from pliant.registry.discovery import Registry
+from pliant.report.calibration import calibration_document
 from pliant.units import parse_quantity
 
 BenchFile = Annotated[
@@ -48,7 +47,6 @@ Keys = Annotated[
 NewStudy = Annotated[
     Path | None, typer.Option("--out", metavar="NEW.yaml", help="Write the study with the fitted constants.")
 ]
-Force = Annotated[bool, typer.Option("--force", help="Overwrite the new study's file if it is there.")]
 NOT_REACHED = 3
 
 
@@ -60,6 +58,7 @@ def calibrate(
     fit: Keys = None,
     out: NewStudy = None,
     force: Force = False,
+    full: Full = False,
     store: StoreFolder = DEFAULT_STORE,
     json: JsonFile = None,
     quiet: Quiet = False,
@@ -74,94 +73,41 @@ def calibrate(
         if out is not None:
             check_target(study, out, force)
         found = calibrate_with(here.bench(store), loaded, read_bench_data(data, test), fit)
-        here.result |= {"study": loaded.name, **calibration_json(found), "out": None}
-        here.result["wall_s"] = time.perf_counter() - begun
-        _say(here, found)
+        here.show(calibration_document(loaded.name, found))
+        here.result |= {"study": loaded.name, "out": None, "wall_s": time.perf_counter() - begun}
         if found.undetermined:
             if out is not None:
                 here.say("No study was written.")
             here.exit_code = NOT_REACHED
         elif out is not None:
-            write_study(study, out, loaded, overrides or (), found, installed)
+            write_study(study, out, loaded, overrides or (), found, installed, full)
             here.result["out"] = str(out)
             here.say(f"study    {out}")
 
 
-def calibration_json(found: Calibration) -> dict[str, Any]:
-    """The keys of docs/calibrate_a_material.md."""
-    data, sd = found.data, found.certainty.sd.tolist()
-    return {
-        "data": data.source,
-        "data_sha256": data.sha256,
-        "test": data.kind,
-        "material": found.config.kind,
-        "parameters": {
-            c.name: {"value": c.value, "sd": s, "unit": c.unit}
-            for c, s in zip(found.constants, sd, strict=True)
-        },
-        "correlation": found.certainty.correlation,
-        "shear_modulus": {
-            "value": found.shear_modulus_pa,
-            "sd": found.shear_modulus_sd_pa,
-            "unit": "Pa",
-        },
-        "rmse": found.rmse,
-        "rmse_unit": "Pa" if data.kind == "tensile" else data.y_name.rpartition("_")[2],
-        "rmse_of_range": found.rmse_of_range,
-        "n": len(data),
-        "n_effective": found.certainty.n_effective,
-        "sd_from": found.certainty.source,
-        "range": {data.x_name: [float(data.x.min()), float(data.x.max())]},
-        "undetermined": [c.name for c in found.undetermined],
-        "converged": found.converged,
-        "fem_states": found.fem_states,
-        "remarks": list(found.remarks),
-    }
-
-
-def _say(here: Session, found: Calibration) -> None:
-    table = Table(box=None, pad_edge=False, header_style="bold")
-    table.add_column("constant")
-    for name in ("value", "sd", "unit"):
-        table.add_column(name, justify="right", no_wrap=True)
-    for constant, sd in zip(found.constants, found.certainty.sd.tolist(), strict=True):
-        table.add_row(constant.written, *_cells(constant.value, sd, constant.is_modulus))
-    if len(found.constants) > 1:
-        table.add_row("shear modulus", *_cells(found.shear_modulus_pa, found.shear_modulus_sd_pa, True))
-    here.say(table)
-    error = unit_of("nominal_stress_pa" if found.data.kind == "tensile" else found.data.y_name).text(
-        found.rmse
-    )
-    here.say(
-        f"{len(found.data)} rows, {range_text(found)}; rms error {error}, {100 * found.rmse_of_range:.2g} % of the "
-        "range"
-    )
-    for remark in found.remarks:
-        here.say(f"note: {remark}")
-
-
-def _cells(value: float, sd: float, modulus: bool) -> tuple[str, str, str]:
-    unit = display_unit("Pa" if modulus else "")
-    return rounded_to_sd(value * unit.factor, sd * unit.factor), number(sd * unit.factor, 2), unit.symbol
-
-
 def write_study(
-    source: Path, target: Path, study: Study, overrides: Sequence[str], found: Calibration, registry: Registry
+    source: Path,
+    target: Path,
+    study: Study,
+    overrides: Sequence[str],
+    found: Calibration,
+    registry: Registry,
+    full: bool = False,
 ) -> None:
-    """Write the study with the fitted constants, rounded to six digits; comments are kept."""
+    """Write the study with the fitted constants, rounded to six digits."""
     rounded = changed(found.config, found.constants, [_rounded(c) for c in found.constants])
     assert rounded is not None
-    values, remarks = {}, {"kind": _note(found.data, range_text(found))}
+    draft = StudyDraft(source, overrides)
+    draft.set(("material", "kind"), rounded.kind, _note(found.data, found.covered))
     for field in dict.fromkeys(c.field for c in found.constants):
         key, modulus = written_name(type(rounded), field), field.endswith("_pa")
         value = getattr(rounded, field)
-        listed = [_text(item, modulus) for item in value] if isinstance(value, tuple) else []
-        values[key] = f"[{', '.join(listed)}]" if listed else _text(value, modulus)
+        listed = [_written(item, modulus) for item in value] if isinstance(value, tuple) else None
         sds = zip(found.constants, found.certainty.sd.tolist(), strict=True)
         shares = [number(sd * (1e-3 if modulus else 1), 2) for c, sd in sds if c.field == field]
-        remarks[key] = f"{key} ± {', '.join(shares)}{' kPa' * modulus}"
-    text = study_with_values(source, target, "material", values, remarks, overrides)
-    write_checked(target, text, {**study.canonical(), "material": rounded.canonical()}, registry)
+        remark = f"{key} ± {', '.join(shares)}{' kPa' * modulus}"
+        draft.set(("material", key), listed or _written(value, modulus), remark)
+    draft.write(target, {**study.canonical(), "material": rounded.canonical()}, registry, full)
 
 
 def _note(data: BenchData, covered: str) -> str:
@@ -170,6 +116,10 @@ def _note(data: BenchData, covered: str) -> str:
 
 def _text(value: float, is_modulus: bool) -> str:
     return f"{value / 1e3:.6g} kPa" if is_modulus else f"{value:.6g}"
+
+
+def _written(value: float, is_modulus: bool) -> str | float:
+    return _text(value, True) if is_modulus else float(_text(value, False))
 
 
 def _rounded(constant: Constant) -> float:

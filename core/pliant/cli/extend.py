@@ -8,10 +8,11 @@ from typing import Annotated
 import typer
 
 from pliant.cli.compare import DataFile
-from pliant.cli.new_study import check_target, write_study
+from pliant.cli.new_study import Force, Full, check_target
 from pliant.cli.options import DEFAULT_STORE, JsonFile, Overrides, Quiet, StoreFolder, StudyFile
 from pliant.cli.session import Session, session
 from pliant.config.study import Study
+from pliant.diagnosis.extended_study import write_extended_study
 from pliant.diagnosis.extension import Ground
 from pliant.diagnosis.extension import extend as extend_with
 from pliant.errors import UserError
@@ -29,7 +30,6 @@ NewStudy = Annotated[
     ),
 ]
 Refit = Annotated[bool, typer.Option("--refit", help="Fit the effects that the study has already anew, too.")]
-Force = Annotated[bool, typer.Option("--force", help="Overwrite the new study's file if it is there.")]
 NOT_REACHED = 3
 
 
@@ -41,6 +41,7 @@ def extend(
     out: NewStudy = None,
     refit: Refit = False,
     force: Force = False,
+    full: Full = False,
     store: StoreFolder = DEFAULT_STORE,
     json: JsonFile = None,
     quiet: Quiet = False,
@@ -65,7 +66,9 @@ def extend(
             here.exit_code = NOT_REACHED
             return
         note = origin(found, measurement)
-        write_study(study, target, loaded, overrides or (), found, note, installed)
+        write_extended_study(
+            study, target, loaded, overrides or (), found, note, installed, data=data, full=full
+        )
         here.result["out"] = str(target)
         here.say(f"study    {target}")
 

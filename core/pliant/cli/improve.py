@@ -9,9 +9,10 @@ import typer
 
 from pliant.cli.compare import DataFile
 from pliant.cli.fitting_bar import fitting_bar
-from pliant.cli.new_study import check_target, write_study
+from pliant.cli.new_study import Force, Full, check_target
 from pliant.cli.options import DEFAULT_STORE, JsonFile, Overrides, Quiet, StoreFolder, StudyFile
 from pliant.cli.session import check_writable, session
+from pliant.diagnosis.extended_study import write_extended_study
 from pliant.diagnosis.improvement import improve as improve_with
 from pliant.evidence.measured import measurement_of_study
 from pliant.report.extension import cited
@@ -31,7 +32,6 @@ Candidates = Annotated[
     list[str] | None,
     typer.Option("--effect", metavar="KIND", help="Candidate, may be repeated; all effects by default."),
 ]
-Force = Annotated[bool, typer.Option("--force", help="Overwrite the new study's file if it is there.")]
 
 
 def improve(
@@ -42,6 +42,7 @@ def improve(
     out: NewStudy = None,
     report: ReportFolder = None,
     force: Force = False,
+    full: Full = False,
     store: StoreFolder = DEFAULT_STORE,
     json: JsonFile = None,
     quiet: Quiet = False,
@@ -63,9 +64,19 @@ def improve(
         here.result.update(study=loaded.name, data=measurement.source, data_sha256=measurement.sha256)
         here.result["final_study"] = str(study)
         if found.final is not None:
-            beside = {kind: stands_for(step) for step in found.steps for kind in step.added}
-            note = origin(found, cited(measurement))
-            write_study(study, target, loaded, overrides or (), found.final, note, installed, beside)
+            notes = {kind: stands_for(step) for step in found.steps for kind in step.added}
+            write_extended_study(
+                study,
+                target,
+                loaded,
+                overrides or (),
+                found.final,
+                origin(found, cited(measurement)),
+                installed,
+                notes_by_kind=notes,
+                data=data,
+                full=full,
+            )
             here.result["final_study"] = str(target)
         here.say(f"study    {target}" if found.final is not None else "No study was written.")
         here.show(improvement_document(loaded.name, measurement, found, here.registry, effect or ()), folder)

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from scipy.special import chdtrc
+import scipy
 
 from pliant.config.measurements import MeasurementsConfig
 from pliant.config.study import Study
@@ -216,7 +216,7 @@ def _overdispersion(sets: Sequence[Sequence[Count]]) -> tuple[float, float]:
     if not freedom:
         return float("nan"), 1.0
     total = sum(chi_square(one) for one in informative)
-    return total / freedom, float(chdtrc(freedom, total))
+    return total / freedom, float(scipy.special.chdtrc(freedom, total))
 
 
 @dataclass(frozen=True)

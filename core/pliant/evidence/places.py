@@ -15,8 +15,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.signal import lfilter
-from scipy.stats import t as student_t
+import scipy
 
 from pliant.evidence.bins import PAIRS, Bins, Codes, binned, crossed
 from pliant.evidence.covariates import Covariates
@@ -69,7 +68,7 @@ def bin_means(
         z = np.clip(mean / error, -LARGEST_Z, LARGEST_Z)
         effective = n**2 / coloured
     freedom = np.where(np.isfinite(freedom), np.maximum(freedom, 1.0), 1e9)
-    p = 2 * student_t.sf(np.abs(z), freedom)
+    p = 2 * scipy.stats.t.sf(np.abs(z), freedom)
     return BinMeans(n, effective, mean, error, freedom, z, p)
 
 
@@ -81,7 +80,7 @@ def coloured_count(code: Codes, there: Array, n_bins: int, correlation: float) -
     if correlation <= 0:
         return np.asarray(member.sum(axis=0), float)
     weight = member.astype(float)
-    reach = lfilter([1.0], [1.0, -correlation], weight, axis=0)
+    reach = scipy.signal.lfilter([1.0], [1.0, -correlation], weight, axis=0)
     return np.asarray((weight * (2 * reach - weight)).sum(axis=0))
 
 
@@ -292,7 +291,7 @@ def _places_of(
 
 def _place_output(means: BinMeans, squares: Array, k: int, flag: bool) -> PlaceOutput:
     n, mean, error = int(means.n[k]), float(means.mean[k]), float(means.standard_error[k])
-    reach = float(student_t.ppf(0.975, means.freedom[k])) * error
+    reach = float(scipy.stats.t.ppf(0.975, means.freedom[k])) * error
     z = (
         float(means.z[k])
         if np.isfinite(means.z[k])

@@ -12,8 +12,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import norm
-from scipy.stats import t as student_t
+import scipy
 
 from pliant.evidence.bins import binned
 from pliant.evidence.covariates import Covariates
@@ -68,7 +67,7 @@ def interval(
     values = values[np.isfinite(values)]
     if len(values) < REPLICATES // 2:
         return NONE
-    tail = norm.cdf(np.sqrt(m / (m - 1)) * student_t.ppf((1 - confidence) / 2, m - 1))
+    tail = scipy.stats.norm.cdf(np.sqrt(m / (m - 1)) * scipy.stats.t.ppf((1 - confidence) / 2, m - 1))
     low, high = np.quantile(values, [tail, 1 - tail])
     return float(low), float(high)
 

@@ -11,8 +11,7 @@ from pliant.diagnosis.interpretation import headline
 from pliant.diagnosis.next_run import NextRun, RankedRun
 from pliant.diagnosis.verdict import named
 from pliant.experiments.planned_run import PlannedRun
-from pliant.formatting import listed
-from pliant.measurements.sheet import plural
+from pliant.formatting import listed, plural
 from pliant.records.measurement import Measurement
 from pliant.report.document import Column, Document, Table, as_json, brief_table
 from pliant.report.fitted import next_run_json
