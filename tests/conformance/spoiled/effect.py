@@ -1,12 +1,12 @@
 """Good effects, an actuation gain at the law and as a law term, and effects that reach where they should not."""
 
 from dataclasses import dataclass, field, replace
-from typing import Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, field_validator
 
-from pliant.interfaces.effect import Effect, EffectConfig, EffectParameter, Model, Place, Readings
+from pliant.interfaces.effect import Effect, EffectConfig, Model, Place, Readings, parameter
 from pliant.records.design import Array
 from pliant.records.history import History
 from pliant.records.law import Domain, Effort, JointKind, JointLaw, LawRecord
@@ -15,14 +15,14 @@ from pliant.registry.component import Component
 from pliant.units import Ratio
 from spoiled import Spoils
 
-PARAMETER = EffectParameter("gain", "1", neutral=1.0, bounds=(0.1, 10.0), plausible=(0.8, 1.2))
+PARAMETER: dict[str, Any] = {"neutral": 1.0, "bounds": (0.1, 10.0), "plausible": (0.8, 1.2)}
 
 
 class GainConfig(EffectConfig):
     """A factor on the pressure that reaches the law."""
 
     kind: Literal["small"] = "small"
-    gain: Ratio = Field(default=1.0, ge=0.1, le=10.0)
+    gain: Ratio = parameter(**PARAMETER)
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +52,6 @@ class Gain(Effect):
     """Wraps every law."""
 
     place: ClassVar[Place] = "law"
-    parameters: ClassVar[tuple[EffectParameter, ...]] = (PARAMETER,)
     exciting: ClassVar[tuple[str, ...]] = ("slow_cycles", "passive_load_steps")
     config: GainConfig
     law: ClassVar[type[GainedLaw]] = GainedLaw
@@ -67,41 +66,56 @@ spoils = Spoils(
 )
 
 
-@spoils.by("declares_place_and_parameters", "plausible .* is not an ordered range")
-class SwappedRange(Gain):
-    """Plausible from high to low."""
+@spoils.by("declares_place_and_parameters", "place is 'nowhere'")
+class Nowhere(Gain):
+    """Acts at no place that there is."""
 
-    parameters = (replace(PARAMETER, plausible=(1.2, 0.8)),)
-
-
-@spoils.by("declares_place_and_parameters", "a log-normal prior has no room for 0")
-class LogOfZero(Gain):
-    """A log-normal prior that begins at zero."""
-
-    parameters = (replace(PARAMETER, bounds=(0.0, 10.0), plausible=(0.0, 2.0), prior="log_normal"),)
+    place = "nowhere"  # type: ignore[assignment]
 
 
-@spoils.by("has_a_strength", "which one makes the effect vanish")
-class OnlyShape(Gain):
+@spoils.by_config("declares_place_and_parameters", r"the unit 'furlong..2' is not known")
+class UnknownUnit(GainConfig):
+    """A parameter in a unit that nobody reads."""
+
+    gain: float = parameter(unit="furlong^^2", **PARAMETER)
+
+
+@spoils.by_config("has_a_strength", "which one makes the effect vanish")
+class OnlyShape(GainConfig):
     """Calls its gain a shape."""
 
-    parameters = (replace(PARAMETER, role="shape"),)
+    gain: Ratio = parameter(**PARAMETER, role="shape")
 
 
-class BoundlessConfig(GainConfig):
-    """No hard bounds."""
+@spoils.by_config("has_a_strength", "the effect has no parameters")
+class NothingToFit(GainConfig):
+    """A plain field."""
 
     gain: Ratio = 1.0
 
 
-spoils.add("parameters_are_config_fields", "outside the bounds", config="spoiled.effect:BoundlessConfig")
+@spoils.by_config("config_keeps_the_bounds", "Input should be less than or equal to 5")
+class NarrowConfig(GainConfig):
+    """A second limit that the parameter does not know."""
+
+    gain: Annotated[Ratio, Field(le=5.0)] = parameter(**PARAMETER)
 
 
-@spoils.by("neutral_values_change_nothing", "every strength neutral the law differs")
-class NeverNeutral(Gain):
+@spoils.by_config("config_keeps_the_bounds", "outside the bounds")
+class WideConfig(GainConfig):
+    """Takes any number."""
+
+    @field_validator("gain", mode="wrap")
+    @classmethod
+    def _any(cls, value: float, handler: Any) -> float:
+        return value
+
+
+@spoils.by_config("neutral_values_change_nothing", "every strength neutral the law differs")
+class NeverNeutral(GainConfig):
     """Neutral is said to be 0.9."""
 
-    parameters = (replace(PARAMETER, neutral=0.9),)
+    gain: Ratio = parameter(**{**PARAMETER, "neutral": 0.9})
 
 
 @spoils.by("plausible_values_change_something", "parameter 'gain' has no effect")
