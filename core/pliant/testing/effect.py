@@ -71,7 +71,7 @@ def _reported(settled: list[Equilibrium]) -> TaskResult:
     return TaskResult(final, metrics, Rollout(times, PRESSURES[[1, 4, 2]][:, None], angles, markers))
 
 
-@suite.check("`place` is one of input, law, chain, output; a parameter's unit is known.")
+@suite.check("`place` is one of input, law, chain, output; a parameter's unit is known.", declares=True)
 def declares_place_and_parameters(subject: Subject) -> None:
     place = type(subject.build()).place
     require(place in PLACES, f"place is '{place}', not one of {', '.join(PLACES)}")
@@ -84,7 +84,10 @@ def declares_place_and_parameters(subject: Subject) -> None:
             require(False, f"parameter '{p.name}': the unit '{p.unit}' is not known ({error})")
 
 
-@suite.check("at least one parameter is a `strength`: it makes the effect vanish, and calibration fits it.")
+@suite.check(
+    "at least one parameter is a `strength`: it makes the effect vanish, and calibration fits it.",
+    declares=True,
+)
 def has_a_strength(subject: Subject) -> None:
     roles = {p.name: p.role for p in parameters(subject)}
     require(
@@ -96,7 +99,9 @@ def has_a_strength(subject: Subject) -> None:
     )
 
 
-@suite.check("the config takes every value of a parameter within its bounds, and none outside.")
+@suite.check(
+    "the config takes every value of a parameter within its bounds, and none outside.", declares=True
+)
 def config_keeps_the_bounds(subject: Subject) -> None:
     for p in parameters(subject):
         for value in (*p.plausible, p.neutral, *p.bounds):
