@@ -245,8 +245,8 @@ def test_the_config_may_be_named_by_init_or_be_the_only_one(folder: Path) -> Non
         ),
         ("class Rise(Effect)", "class Rise", "rise.py: it holds no effect; define a subclass of"),
         ("def apply", "def aply", "rise.py: it holds no effect; class Rise has no method apply"),
-        ("    config: RiseConfig", "    config: Risen", r"rise.py, line 15: Rise: NameError.*Risen"),
-        ("(EffectConfig)", "", r"rise.py, line 15: Rise does not say which config it has"),
+        ("    config: RiseConfig", "    config: Risen", r"rise.py, line 16: Rise: NameError.*Risen"),
+        ("(EffectConfig)", "", r"rise.py, line 16: Rise does not say which config it has"),
         ('Literal["rise"] = "rise"', "str", r"rise.py, line 9: RiseConfig does not say its kind"),
         (
             'Literal["rise"] = "rise"',
@@ -270,8 +270,8 @@ def test_mistakes_in_the_file_are_told_with_their_line(folder: Path, old: str, n
 @pytest.mark.parametrize(
     ("old", "new", "says"),
     [
-        ("angle * angle", "new[0]", "rise.py, line 31: 'factor' fails (IndexError: "),
-        ("LawTerm(", "LawTrem(", "rise.py, line 27: 'apply' fails (NameError: name 'LawTrem'"),
+        ("angle * angle", "new[0]", "rise.py, line 28: 'factor' fails (IndexError: "),
+        ("LawTerm(", "LawTrem(", "rise.py, line 24: 'apply' fails (NameError: name 'LawTrem'"),
     ],
 )
 def test_what_fails_while_it_runs_is_told_with_its_line(folder: Path, old: str, new: str, says: str) -> None:
@@ -305,7 +305,7 @@ def test_a_term_that_cannot_be_compiled_is_told_by_the_check(folder: Path) -> No
     write(folder, EFFECT.replace("angle * angle", "float(str(angle)) ** 2"))
     checked = call("check", "effect", "rise", "--file", "rise.py")
     assert checked.exit_code == 3
-    assert "rise.py, line 30: the law term 'factor' cannot be compiled" in " ".join(checked.output.split())
+    assert "rise.py, line 27: the law term 'factor' cannot be compiled" in " ".join(checked.output.split())
 
 
 @pytest.mark.parametrize(
