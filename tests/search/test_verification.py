@@ -249,7 +249,7 @@ def test_the_published_law_of_a_bellow_against_its_own_fem(tmp_path):
     assert "states a law" in check.notes[0]
     assert list(check.verified) == ["quasistatic", "mujoco"]
     one, other = (check.verified[engine]["tip_x_m"] for engine in check.verified)
-    assert one == pytest.approx(other, abs=1e-5)
+    assert one == pytest.approx(other, abs=1e-6)
     assert check.predicted["quasistatic"]["tip_x_m"] == pytest.approx(one, rel=0.15)
     assert check.predicted["quasistatic"]["tip_x_m"] != pytest.approx(one, rel=1e-4)
     (law,) = check.laws

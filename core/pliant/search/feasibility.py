@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.stats import qmc
+import scipy
 
 from pliant.errors import MissingDependencyError, UserError
 from pliant.interfaces.optimizer import Value, Variable
@@ -85,7 +85,7 @@ def _samples(problem: SearchProblem, seed: int) -> dict[str, Array]:
     points = np.zeros((count, 0))
     if axes:
         whole = 1 << (count - 1).bit_length()  # a Sobol sequence is even in powers of two
-        points = qmc.Sobol(len(axes), seed=seed).random(whole)[:count]
+        points = scipy.stats.qmc.Sobol(len(axes), seed=seed).random(whole)[:count]
     found = {axis.name: _scaled(axis, points[:, column]) for column, axis in enumerate(axes)}
     order = np.random.default_rng(seed).permutation(count) % len(branches)
     for name in branches[0]:
