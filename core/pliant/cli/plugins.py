@@ -57,8 +57,8 @@ def plugins(
         here.say(table)
         failures = [vars(failure) for failure in here.registry.failures]
         for failure in failures:
-            text = f"{failure['name']} ({failure['package']}): {failure['cause']}"
-            here.say(Text.assemble(("failed", "red"), f"   {text}"))
+            line = f"{failure['name']} ({failure['package']}): {failure['cause']}"
+            here.say(Text.assemble(("failed", "red"), f"   {line}"))
         here.result.update({"components": rows, "failed": failures})
 
 
