@@ -9,8 +9,10 @@ import pytest
 from tests.search.toy_search import ToyEvaluator, searched, setup_of, told
 
 from pliant.errors import NotReachedError, UserError
+from pliant.interfaces.optimizer import Trial
 from pliant.pipeline.crews import Given
-from pliant.search.outcome import Task, Told, evaluated
+from pliant.search.evaluate.evaluator import evaluated
+from pliant.search.run.journal import Generation
 from pliant.search.team import KILLED, Chunk, Team
 from pliant.search.workers import Job, Setup, work
 
@@ -29,10 +31,10 @@ def test_who_kills_workers_fails_and_the_others_are_evaluated(tmp_path):
     *_, second, largest = sorted(row.values["a"] for row in alone.rows)
     deadly = (second + largest) / 2  # one of the first batch: every death costs two new processes
     (branch,) = searched(tmp_path / "a", workers=2, budget=6, deadly=deadly, killed=str(killed))
-    dead = [row for row in branch.rows if row.values["a"] > deadly]
+    dead = [row for row in branch.trials if row.values["a"] > deadly]
     assert [row.values["a"] for row in dead] == [largest]
-    assert all((row.status, row.cause) == ("failed", KILLED) for row in dead)
-    assert all(row.status == "ok" for row in branch.rows if row not in dead)
+    assert all((row.state, row.cause) == ("failed", KILLED) for row in dead)
+    assert all(row.state == "ok" for row in branch.trials if row not in dead)
     assert branch.evaluated == 6
     times = killed.read_text().splitlines()
     assert all(2 <= times.count(repr(row.values["a"])) <= 3 for row in dead)
@@ -50,7 +52,7 @@ def test_a_mistake_of_every_candidate_is_raised_once():
 
     with ThreadPoolExecutor(2) as pool:
         team = Team(Given(pool, refuse), setup_of())
-        team.submit(Chunk(0, (Task(0, VALUES),)))
+        team.submit(Chunk(0, (Trial(0, VALUES),)))
         with pytest.raises(UserError, match="no engine here"):
             team.collect()
 
@@ -66,26 +68,26 @@ def test_a_cluster_that_loses_a_job_twice_leaves_a_failed_candidate():
 
     with ThreadPoolExecutor(1) as pool:
         team = Team(Given(pool, lose), setup_of())
-        team.submit(Chunk(7, tuple(Task(k, VALUES) for k in range(3))))
+        team.submit(Chunk(7, tuple(Trial(k, VALUES) for k in range(3))))
         back = []
         while team.waiting:
             back += team.collect()
     assert {branch for branch, _ in back} == {7}
     rows = {row.number: row for _, chunk in back for row in chunk}
-    assert [rows[k].status for k in range(3)] == ["ok", "failed", "ok"]
+    assert [rows[k].state for k in range(3)] == ["ok", "failed", "ok"]
     assert rows[1].cause == "TimeoutError: worker lost"
     assert sorted(tried) == [1, 1, 1, 3]
 
 
 def test_a_worker_builds_its_evaluator_once():
-    first = work(Job(setup_of(delay_s=0.0), (Task(0, VALUES),)))
+    first = work(Job(setup_of(delay_s=0.0), (Trial(0, VALUES),)))
     assert first[0].objectives == ToyEvaluator().evaluate(VALUES).objectives
     from pliant.search import workers
 
     kept = workers._KEPT.evaluator
-    work(Job(setup_of(delay_s=0.0), (Task(1, VALUES),)))
+    work(Job(setup_of(delay_s=0.0), (Trial(1, VALUES),)))
     assert workers._KEPT.evaluator is kept
-    work(Job(setup_of(delay_s=1e-4), (Task(1, VALUES),)))
+    work(Job(setup_of(delay_s=1e-4), (Trial(1, VALUES),)))
     assert workers._KEPT.evaluator is not kept
 
 
@@ -107,14 +109,14 @@ def test_ctrl_c_inside_compiled_code_is_no_failed_candidate():
                 raise SystemError("error return without exception set") from error
 
     with pytest.raises(KeyboardInterrupt):
-        evaluated(Compiled(), Task(0, VALUES))
+        evaluated(Compiled(), Trial(0, VALUES))
 
 
 def test_an_outcome_survives_its_journal():
-    row = Told(
+    row = Trial(
         3,
-        1,
         {"a": 0.1 + 0.2, "n": 2, "k": "x"},
+        1,
         "ok",
         (1 / 3, 2.0),
         0.25,
@@ -125,7 +127,8 @@ def test_an_outcome_survives_its_journal():
         7,
         0.5,
     )
-    assert Told.of_list(row.as_list()) == row
+    generation = Generation(4, 6, (row,), 2.5)
+    assert Generation.of_line(generation.line().encode()) == generation
 
 
 def test_a_script_without_its_guard_is_told_so(tmp_path):

@@ -19,7 +19,7 @@ GROUP = "pliant"
 # Contract number → what a plugin of the number before must change for it.
 CHANGES = {
     2: "an effect declares each parameter once, as a field of its config by `parameter(…)`, and no longer in a list "
-    "`parameters` of its class",
+    "`parameters` of its class; an optimizer proposes and is told `Trial`s",
 }
 
 

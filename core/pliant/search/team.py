@@ -13,9 +13,9 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from pliant.errors import NotReachedError, PliantError, UserError
+from pliant.interfaces.optimizer import Trial
 from pliant.pipeline.crews import Crew
 from pliant.pipeline.progress import Progress, Silent
-from pliant.search.outcome import Task, Told
 from pliant.search.workers import Job, Setup
 
 KILLED = "its worker was killed twice, the second time alone (out of memory, or a crash of the engine)"
@@ -29,7 +29,7 @@ class Chunk:
     outcome, 1 standing for a journey with others."""
 
     branch: int
-    tasks: tuple[Task, ...]
+    tasks: tuple[Trial, ...]
     tries: int = 0
 
     def singles(self) -> list[Chunk]:
@@ -90,14 +90,14 @@ class Team:
         self._queue.append(chunk)
         self._fill()
 
-    def collect(self) -> list[tuple[int, tuple[Told, ...]]]:
+    def collect(self) -> list[tuple[int, tuple[Trial, ...]]]:
         """Branch and outcomes of chunks that have come back; waits for the first.
 
         Raises:
             UserError: what every candidate would meet.
             NotReachedError: the executor broke, or processes cannot be started.
         """
-        back: list[tuple[int, tuple[Told, ...]]] = []
+        back: list[tuple[int, tuple[Trial, ...]]] = []
         while not back and self.waiting:
             self._fill()
             ended, _ = wait(self._running, return_when=FIRST_COMPLETED)
@@ -117,11 +117,11 @@ class Team:
                 back += self._broken(broken)
         return back
 
-    def each(self, tasks: Sequence[Task]) -> Iterator[Told]:
+    def each(self, tasks: Sequence[Trial]) -> Iterator[Trial]:
         """The outcomes of candidates with numbers from 0, in their order; nothing else may be under way."""
         for task in tasks:
             self.submit(Chunk(0, (task,)))
-        found: dict[int, Told] = {}
+        found: dict[int, Trial] = {}
         for task in tasks:
             while task.number not in found:
                 found |= {row.number: row for _, rows in self.collect() for row in rows}
@@ -150,7 +150,7 @@ class Team:
         future = self._submitted(chunk.tasks)
         self._running[future] = chunk
 
-    def _submitted(self, tasks: Sequence[Task]) -> Future[Any]:
+    def _submitted(self, tasks: Sequence[Trial]) -> Future[Any]:
         try:
             return self.crew.submit(Job(self._setup, tuple(tasks)))
         except BrokenExecutor as error:
@@ -158,7 +158,7 @@ class Team:
             future.set_exception(error)
             return future
 
-    def _faulty(self, chunk: Chunk, error: BaseException) -> list[tuple[int, tuple[Told, ...]]]:
+    def _faulty(self, chunk: Chunk, error: BaseException) -> list[tuple[int, tuple[Trial, ...]]]:
         """A job that ended in an error: of every candidate's, or of the cluster's."""
         if isinstance(error, PliantError):
             raise error
@@ -172,7 +172,7 @@ class Team:
         self._queue.extendleft(reversed(chunk.singles()))
         return []
 
-    def _broken(self, chunks: list[Chunk]) -> list[tuple[int, tuple[Told, ...]]]:
+    def _broken(self, chunks: list[Chunk]) -> list[tuple[int, tuple[Trial, ...]]]:
         """A worker died. Who ran then is suspect; who dies alone is the one."""
         chunks += self._running.values()
         self._running.clear()

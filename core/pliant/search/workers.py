@@ -17,10 +17,12 @@ from typing import Any
 
 from pliant.config.study import Study, study_model
 from pliant.errors import UserError
+from pliant.interfaces.optimizer import Trial
 from pliant.pipeline.workbench import Workbench
 from pliant.registry.discovery import discover
 from pliant.registry.files import with_files
-from pliant.search.outcome import Evaluates, Task, Told, evaluated
+from pliant.search.evaluate.evaluator import Evaluates, evaluated, evaluator_of_study
+from pliant.search.stage_keys import MODULES
 from pliant.store.fingerprint import code_fingerprint
 from pliant.store.store import ArtifactStore
 
@@ -67,10 +69,10 @@ class Job:
     """Candidates for a worker."""
 
     setup: Setup
-    tasks: tuple[Task, ...]
+    tasks: tuple[Trial, ...]
 
 
-def work(job: Job) -> tuple[Told, ...]:
+def work(job: Job) -> tuple[Trial, ...]:
     """Evaluate the candidates of a job; raises only what every candidate would meet."""
     evaluator = _kept(job.setup)
     return tuple(evaluated(evaluator, task) for task in job.tasks)
@@ -78,8 +80,6 @@ def work(job: Job) -> tuple[Told, ...]:
 
 def evaluator_of(setup: Setup) -> Evaluates:
     """The evaluator of a study, with the scenarios of a robust search; raises `UserError` as `opened` does."""
-    from pliant.search.searching import evaluator_of_study
-
     return evaluator_of_study(*opened(setup), setup.confirm)
 
 
@@ -89,8 +89,6 @@ def opened(setup: Setup) -> tuple[Workbench, Study]:
     Raises:
         UserError: the worker runs other code, or does not see the store.
     """
-    from pliant.search.searching import MODULES
-
     if setup.code and code_fingerprint(MODULES) != setup.code:
         raise UserError(
             f"the worker on {platform.node()} runs another version of Pliant than this process; install the same on "
