@@ -87,9 +87,8 @@ def test_no_line_breaks_before_a_unit():
 
 def test_a_display_unit_changes_in_one_place(monkeypatch):
     """Terminal, tables, pictures' axes and footers follow `DISPLAY`, which nobody copies at import."""
-    from pliant.cli.fit_table import Scores, _lines  # noqa: F401 (imported before the change)
-    from pliant.evidence.covariates import Covariate  # noqa: F401
-    from pliant.report import fem_tables, fit_page, words  # noqa: F401
+    from pliant.evidence.covariates import Covariate  # noqa: F401 (imported before the change)
+    from pliant.report import fem_page, fit, fit_page, meta, run  # noqa: F401
 
     class Law:
         joint = "revolute"
