@@ -14,12 +14,12 @@ from tempfile import TemporaryDirectory
 import numpy as np
 import pytest
 
+from pliant.execution.progress import Silent
 from pliant.pipeline.meta_model.bars import Bars
 from pliant.pipeline.meta_model.learning import design_learning
 from pliant.pipeline.meta_model.leaving_out import misses_left_out, parts_of
 from pliant.pipeline.meta_model.next_design import Proposal
 from pliant.pipeline.meta_model.scoring import scores_of
-from pliant.pipeline.progress import Silent
 from pliant.records.solved import SolvedDesigns
 from pliant.report import units
 from pliant.report.figures.design_errors import design_errors

@@ -14,8 +14,8 @@ from pliant import api
 from pliant.cli.search_files import search_json
 from pliant.cli.search_words import lines
 from pliant.errors import UserError
+from pliant.execution.progress import Silent
 from pliant.interfaces.optimizer import Variable
-from pliant.pipeline.progress import Silent
 from pliant.search import workers
 from pliant.search.confirming import confirming_problem, first_apart
 from pliant.search.evaluation import Evaluator

@@ -24,7 +24,7 @@ from pliant.diagnosis.words import named
 from pliant.errors import UserError
 from pliant.evidence.counted_study import counted_study
 from pliant.evidence.words import number
-from pliant.pipeline.crews import checked_workers
+from pliant.execution.executors import checked_workers
 from pliant.pipeline.workbench import Workbench
 from pliant.report.diagnosis_words import probability_text
 from pliant.report.stage import write_page

@@ -6,17 +6,14 @@ import json
 import math
 import re
 from collections.abc import Sequence
-from contextlib import nullcontext
 from pathlib import Path
-from typing import Annotated, Any
-
-import typer
+from typing import Any
 
 from pliant import __version__
+from pliant.cli.options import workers_or_scheduler
 from pliant.cli.session import Session, check_writable, plain
 from pliant.config.study import Study
-from pliant.errors import NotReachedError, UserError
-from pliant.pipeline.crews import checked_workers, cluster
+from pliant.errors import NotReachedError
 from pliant.pipeline.sweep import sweep_study
 from pliant.pipeline.sweep_records import DesignOutcome, SweepRun
 from pliant.pipeline.sweep_table import write_sweep_table
@@ -24,18 +21,6 @@ from pliant.pipeline.workbench import Workbench
 from pliant.store.store import write_atomically
 from pliant.units import SPOKEN, UNIT_SUFFIXES
 
-Workers = Annotated[
-    int | None,
-    typer.Option("--workers", metavar="N", help="Processes that solve a sweep; by default one for each CPU."),
-]
-Scheduler = Annotated[
-    str | None,
-    typer.Option(
-        "--scheduler",
-        metavar="ADDRESS",
-        help="Solve a sweep on a dask cluster: tcp://host:8786, or the scheduler's file.",
-    ),
-]
 TABLE, INDEX = "fem.csv", "sweep.json"
 MOST_LINES = 100
 
@@ -44,13 +29,9 @@ def fem_of_sweep(
     here: Session, bench: Workbench, study: Study, folder: Path, workers: int | None, scheduler: str | None
 ) -> None:
     """Solve the sweep, write its table and index, say what came of it."""
-    if workers is not None and scheduler is not None:
-        raise UserError("give --workers or --scheduler, not both; a cluster's workers are its own.")
-    if workers is not None:
-        checked_workers(workers)
+    chosen = workers_or_scheduler(workers, scheduler)
     check_writable(folder)
-    with nullcontext() if scheduler is None else cluster(scheduler) as executor:
-        run = sweep_study(bench, study, executor=executor, workers=workers)
+    run = sweep_study(bench, study, executor=chosen)
     write_sweep_table(run, folder / TABLE)
     here.result.update(result(run, folder))
     index = {"pliant": __version__, "study": study.name, **plain(here.result)}

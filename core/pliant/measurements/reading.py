@@ -12,11 +12,11 @@ import numpy as np
 from pliant.config.loading import load_notes
 from pliant.config.measurements import MOST_SAMPLES, MeasurementNotes, MeasurementsConfig
 from pliant.errors import UserError
+from pliant.execution.progress import Progress, Silent
 from pliant.measurements.assembly import assembled
 from pliant.measurements.gathering import Gatherer
 from pliant.measurements.header import Header, read_header
 from pliant.measurements.sheet import Sheet, count_lines, listed, numbers, open_sheet, plural
-from pliant.pipeline.progress import Progress, Silent
 from pliant.records.measurement import Measurement
 
 LARGE_FILE = 20_000_000  # bytes: from here on reading shows its progress

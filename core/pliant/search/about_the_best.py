@@ -8,13 +8,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pliant.config.search import RobustConfig
+from pliant.execution.jobs import JobQueue
 from pliant.interfaces.optimizer import Value
 from pliant.records.search import FoundDesign, Robustness, SearchResult
 from pliant.search.limits import limits
 from pliant.search.outcome import Evaluates, Task, Told, evaluated
 from pliant.search.problem import SearchProblem
 from pliant.search.sensitivity import Many, slopes
-from pliant.search.team import Team
+from pliant.search.workers import told_of
 
 
 @dataclass(frozen=True)
@@ -24,12 +25,12 @@ class Judges:
     Attributes:
         plain: undisturbed, in this process.
         disturbed: in the scenarios of a robust search; else the same.
-        team: workers that evaluate undisturbed; None where there is only this process.
+        queue: workers that evaluate undisturbed; None where there is only this process.
     """
 
     plain: Evaluates
     disturbed: Evaluates
-    team: Team | None = None
+    queue: JobQueue[Task, Told] | None = None
 
 
 def about_the_best(
@@ -46,18 +47,19 @@ def about_the_best(
     if not result.best:
         return result
     best = result.best[0]
-    many = None if judges.team is None else _many(judges.team)
+    many = None if judges.queue is None else _many(judges.queue)
     found = slopes(judges.plain, problem, best, many) if problem.config.sensitivity else ()
     causes = {**result.refused, **result.failed}
     told = limits(problem, best, found, result.history, causes)
     return replace(result, slopes=found, limits=told, robustness=_robustness(problem, judges, best, nominal))
 
 
-def _many(team: Team) -> Many:
+def _many(queue: JobQueue[Task, Told]) -> Many:
     """Candidates in one context, side by side."""
 
     def many(candidates: Sequence[Mapping[str, Value]], context: int) -> Iterator[Told]:
-        return team.each([Task(number, values, context) for number, values in enumerate(candidates)])
+        tasks = [Task(number, values, context) for number, values in enumerate(candidates)]
+        return map(told_of, queue.each(tasks))
 
     return many
 

@@ -18,15 +18,16 @@ from typing import Any
 from pliant.config.search import ConfirmConfig
 from pliant.config.study_keys import KeyPath
 from pliant.errors import UserError
+from pliant.execution.jobs import JobQueue
+from pliant.execution.progress import Progress
 from pliant.interfaces.optimizer import Value, Variable
-from pliant.pipeline.progress import Progress
 from pliant.search.changes import changed
 from pliant.search.found import Row
 from pliant.search.journal import Batch, Journal
 from pliant.search.keys import study_key
 from pliant.search.outcome import Task, Told
 from pliant.search.problem import SearchProblem
-from pliant.search.team import Team
+from pliant.search.workers import told_of
 
 PLACE = "search.confirm.change"
 TWINS = 0.05  # of each variable's range: candidates that are closer than that in all of them
@@ -68,14 +69,14 @@ def require_confirming(problem: SearchProblem) -> None:
 
 
 def confirmed(
-    problem: SearchProblem, rows: Sequence[Row], team: Team, progress: Progress, folder: Path
+    problem: SearchProblem, rows: Sequence[Row], queue: JobQueue[Task, Told], progress: Progress, folder: Path
 ) -> tuple[list[Row], float]:
     """The `best` feasible candidates of each context that are no near twins of better ones, tried again.
 
     Args:
         problem: of the search, with a `confirm` block.
         rows: everything that was tried.
-        team: evaluates in the `confirming_problem`.
+        queue: evaluates in the `confirming_problem`.
         progress: one bar.
         folder: of the search's journals; what was tried again under the same change is known from there.
 
@@ -94,7 +95,8 @@ def confirmed(
     left = [row for _, row in chosen if _candidate(row) not in known]
     bar = progress.begin("the best once more", len(chosen), len(chosen) - len(left))
     try:
-        for told in team.each([Task(k, row.values, row.context) for k, row in enumerate(left)]):
+        for one in queue.each([Task(k, row.values, row.context) for k, row in enumerate(left)]):
+            told = told_of(one)
             journal.append(Batch(1, 1, before_s + time.perf_counter() - begun, (told,)))
             known[_candidate(told)] = told
             bar.advance()

@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Callable, Sequence
-from concurrent.futures import Executor
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from pliant.config.study import Study
 from pliant.errors import NotReachedError
+from pliant.execution.executors import Executor, InlineExecutor
+from pliant.execution.jobs import JobQueue
 from pliant.interfaces.optimizer import Variable
-from pliant.pipeline.crews import Crew, Given, Processes, checked_workers, cpus
 from pliant.pipeline.workbench import Workbench
 from pliant.records.search import STATUSES, FoundDesign, SearchResult
 from pliant.search.about_the_best import Judges, about_the_best
@@ -26,49 +25,12 @@ from pliant.search.from_nominal import begun_at, not_tried
 from pliant.search.halving import Halving
 from pliant.search.journal import Journal, keep_journals, take_journals
 from pliant.search.loop import Loop
-from pliant.search.outcome import Evaluates, Told, evaluated
+from pliant.search.outcome import Evaluates, Task, Told, evaluated
 from pliant.search.problem import SearchProblem
 from pliant.search.scenarios import draw_scenarios
-from pliant.search.team import Team
-from pliant.search.workers import Inline, Setup, work
-from pliant.store.fingerprint import code_fingerprint
+from pliant.search.workers import Setup, queue_of
 
-# The code that a search depends on; what it imports counts too.
-MODULES = ("pliant.search.searching", "pliant.search.evaluation", "pliant.search.problem")
 EXPORT = "export"
-
-
-@dataclass(frozen=True)
-class Hands:
-    """Who evaluates: an executor, or processes of our own (None: one for each CPU)."""
-
-    executor: Executor | None = None
-    workers: int | None = None
-
-    @property
-    def processes(self) -> int:
-        """Of our own."""
-        return checked_workers(cpus() if self.workers is None else self.workers)
-
-    @property
-    def alone(self) -> bool:
-        """Whether there is only this process."""
-        return self.executor is None and self.processes == 1
-
-    def crew(self, evaluator: Evaluates) -> Crew:
-        """Begin; one worker is this process."""
-        return Inline(evaluator) if self.alone else self.crew_for(work)
-
-    def crew_for(self, doing: Callable[[Any], Any]) -> Crew:
-        """Others who do jobs of a kind."""
-        if self.executor is not None:
-            return Given(self.executor, doing)
-        return Processes(self.processes, doing)
-
-    def setup(self, bench: Workbench, study: Study, confirm: bool = False) -> Setup:
-        """What workers get; those of a cluster compare their code with ours."""
-        code = code_fingerprint(MODULES) if self.executor is not None else ""
-        return replace(Setup.of(bench, study, code), confirm=confirm)
 
 
 def problem_of(bench: Workbench, study: Study) -> SearchProblem:
@@ -84,6 +46,11 @@ def evaluator_of_study(bench: Workbench, study: Study, confirm: bool = False) ->
     return Evaluator(bench, confirming_problem(problem) if confirm else problem, scenarios)
 
 
+def evaluator_of(setup: Setup) -> Evaluates:
+    """In a worker: the evaluator of a setup; raises `UserError` as `RemoteStudy.open` does."""
+    return evaluator_of_study(*setup.study.open(), setup.confirm)
+
+
 @dataclass(frozen=True)
 class Search:
     """Everything that a search needs.
@@ -92,7 +59,7 @@ class Search:
         bench, study: surroundings, and what is searched; with an `optimizer` block.
         problem: the study's `SearchProblem`.
         evaluator: of this process.
-        hands: who evaluates.
+        executor: who evaluates.
         contextual: whether every candidate is tried in one condition only.
         nominal: of a robust search: the finished nominal one where it begins, and that it is compared with.
     """
@@ -101,15 +68,15 @@ class Search:
     study: Study
     problem: SearchProblem
     evaluator: Evaluator
-    hands: Hands
+    executor: Executor
     contextual: bool = False
     nominal: SearchResult | None = None
 
     def setup(self) -> Setup:
         """What workers get."""
-        return self.hands.setup(self.bench, self.study)
+        return Setup.of(self.bench, self.study, self.executor)
 
-    def judges(self, team: Team) -> Judges:
+    def judges(self) -> Judges:
         """Who looks about the best design: without the scenarios of a robust search."""
 
         config = self.study.need("search", "a search")
@@ -117,9 +84,9 @@ class Search:
         if config.robust is not None:
             plain = Evaluator(self.bench, self.problem, ())
             nominal = self.study.model_copy(update={"search": config.model_copy(update={"robust": None})})
-            setup = self.hands.setup(self.bench, nominal)
-        alone = team.crew.size == 1
-        return Judges(plain, self.evaluator, None if alone else Team(team.crew, setup))
+            setup = Setup.of(self.bench, nominal, self.executor)
+        alone = isinstance(self.executor, InlineExecutor)
+        return Judges(plain, self.evaluator, None if alone else queue_of(self.executor, setup, plain))
 
     def run(self, partial: Path, kept: Path, files: Path) -> SearchResult:
         """Search.
@@ -172,19 +139,19 @@ class _Run:
     def result(self) -> SearchResult:
         """Run it, then look about the best design."""
         search = self.search
-        with Team(search.hands.crew(search.evaluator), search.setup()) as team:
-            wall_s = self._all_rungs(team)
+        with queue_of(search.executor, search.setup(), search.evaluator) as queue:
+            wall_s = self._all_rungs(queue)
             self._try_nominal()
-            again, more_s = self._confirmed(team)
+            again, more_s = self._confirmed()
             result = self._found(wall_s + more_s, again)
-            return about_the_best(self.problem, search.judges(team), result, search.nominal)
+            return about_the_best(self.problem, search.judges(), result, search.nominal)
 
-    def _all_rungs(self, team: Team) -> float:
+    def _all_rungs(self, queue: JobQueue[Task, Told]) -> float:
         """Every branch, then those that go on; returns the wall time in s."""
         progress, wall_s, active = self.search.bench.progress, 0.0, self.branches
         title = "searching" if self.config.robust is None else "searching, robust"
         while True:
-            loop = Loop(active, team, progress, title, self._ended, self._shown, wall_s)
+            loop = Loop(active, queue, progress, title, self._ended, self._shown, wall_s)
             loop.run()
             wall_s = loop.wall_s
             before = len(self.halving.left)
@@ -212,16 +179,16 @@ class _Run:
         for branch, task in not_tried(self.search.nominal, self._rows()):
             self.recommendations.setdefault(branch, []).append(evaluated(self.search.evaluator, task))
 
-    def _confirmed(self, team: Team) -> tuple[list[tuple[int, Told]], float]:
+    def _confirmed(self) -> tuple[list[tuple[int, Told]], float]:
         """The best candidates once more, and the time of it in s; none where the study does not ask for it."""
         search = self.search
         if self.config.confirm is None:
             return [], 0.0
-        setup = search.hands.setup(search.bench, search.study, confirm=True)
-        alone = team.crew.size == 1
-        crew = Inline(evaluator_of_study(search.bench, search.study, confirm=True)) if alone else team.crew
+        setup = Setup.of(search.bench, search.study, search.executor, confirm=True)
+        evaluator = evaluator_of_study(search.bench, search.study, confirm=True)
         rows = [*self._rows(), *self.recommended]
-        return confirmed(self.problem, rows, Team(crew, setup), search.bench.progress, self.partial)
+        queue = queue_of(search.executor, setup, evaluator)
+        return confirmed(self.problem, rows, queue, search.bench.progress, self.partial)
 
     def _rows(self) -> list[tuple[int, Told]]:
         return [(branch.index, row) for branch in self.branches for row in branch.rows]
