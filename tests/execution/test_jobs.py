@@ -117,7 +117,7 @@ def test_workers_that_end_before_they_begin_are_no_fault_of_a_job():
             future.set_exception(BrokenExecutor())
             return future
 
-    executor = FailedAtStart(None)
+    executor = FailedAtStart(None, size=2)
     with pytest.raises(NotReachedError, match="__main__"):
         JobQueue(executor, square).wait_until_ready(Silent())
     assert executor.restarted == 1

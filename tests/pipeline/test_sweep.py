@@ -241,6 +241,7 @@ def test_a_stop_ends_the_sweep_with_the_workers_sentence(tmp_path, monkeypatch):
 
 HOLDER = """\
 import sys, time
+from filelock import FileLock
 lock = FileLock(sys.argv[1])
 lock.acquire()
 print("held", flush=True)

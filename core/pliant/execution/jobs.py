@@ -203,7 +203,7 @@ class JobQueue(Generic[Item, Result]):
             self._begin(self._queue.popleft())
 
     def _begin(self, job: _Job) -> None:
-        self.wait_until_ready(Silent(), self.waiting + 1)
+        self.wait_until_ready(Silent(), 1 if self._alone else self.waiting + 1)
         self._running[self._submitted(job.items)] = job
 
     def _submitted(self, items: Sequence[Item]) -> Future[Any]:
