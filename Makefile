@@ -27,6 +27,7 @@ types: $(VENV)/.dev
 
 imports: $(VENV)/.dev  ## who may import whom
 	$(BIN)/lint-imports
+	$(BIN)/python -m benchmarks.house --circles
 
 check: lint types imports test
 

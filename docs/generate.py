@@ -28,7 +28,7 @@ from pliant.config.study import Study, nested_model, written_name
 from pliant.interfaces.base import FrozenModel
 from pliant.registry.component import INTERFACES, Component
 from pliant.registry.discovery import Registry, discover
-from pliant.units import UNIT_SUFFIXES
+from pliant.units import si_unit
 
 REFERENCE = Path(__file__).parent / "reference"
 OURS = "pliant "  # packages whose pages live here; others bring their own docs
@@ -262,7 +262,7 @@ def _keys(model: type[FrozenModel]) -> list[str]:
     for name, field in model.model_fields.items():
         if name == "kind":
             continue
-        unit = next((u for suffix, u in UNIT_SUFFIXES.items() if name.endswith(suffix)), "")
+        unit = si_unit(name)
         written = written_name(model, name)
         unit = unit if written != name else ""
         default = (

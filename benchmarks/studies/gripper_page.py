@@ -15,7 +15,7 @@ from benchmarks.studies.machine import state_words
 from benchmarks.studies.published import SOURCE
 from benchmarks.studies.spoken import clock, millimetres, number, percent
 
-from pliant.search.spoken import quantity
+from pliant.formatting import quantity
 
 Result = dict[str, Any]
 

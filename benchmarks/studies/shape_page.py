@@ -12,7 +12,7 @@ from benchmarks.studies.shape_bars import METRICS, apart, engines, of_check
 from benchmarks.studies.shape_pictures import backbones, history, strip
 from benchmarks.studies.spoken import clock, millimetres, percent
 
-from pliant.search.spoken import quantity
+from pliant.formatting import quantity
 
 Result = dict[str, Any]
 

@@ -8,9 +8,9 @@ from typing import Any
 
 from pliant.errors import UserError
 from pliant.interfaces.surrogate import Surrogate
-from pliant.pipeline.table_modules import read_designs_table, read_module_table
 from pliant.records.fem import ModuleData
 from pliant.registry.discovery import Registry, discover
+from pliant.tabular.fem_modules import read_designs_table, read_module_table
 
 ROOT = Path(__file__).resolve().parents[2]
 BENDING_GRID = ROOT / "examples/designs/bending_grid.csv"

@@ -18,11 +18,11 @@ import numpy as np
 from benchmarks.physics.output import Bar, write
 
 from pliant.errors import UserError
-from pliant.pipeline.table_modules import read_designs_table, read_module_table
-from pliant.pipeline.table_reading import read_table
 from pliant.records.design import Array
 from pliant.records.fem import TRUSTED, ModuleData
 from pliant.records.law import JointLaw
+from pliant.tabular.fem_modules import read_designs_table, read_module_table
+from pliant.tabular.fem_reading import read_table
 from pliant_plugins.surrogates.polynomial.axes import fit_each
 from pliant_plugins.surrogates.polynomial.axes_law import AXES
 from pliant_plugins.surrogates.polynomial.config import PolynomialConfig

@@ -12,6 +12,7 @@ Each returns the record that the command prints; nothing is written but the arti
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -88,7 +89,7 @@ def open_study(
         UserError: the file is missing or wrong; the message lists every problem.
     """
     registry = discover()
-    study = load_study(Path(path), registry, overrides)
+    study = load_study(Path(path), registry, overrides, progress.note if progress else warnings.warn)
     registry = with_files(registry, study.plugins)
     return OpenStudy(study, Workbench(registry, ArtifactStore(Path(store)), progress or Silent()))
 

@@ -6,7 +6,6 @@ or ``wall_m: 0.0015`` in a study; bare numbers are SI.
 
 from __future__ import annotations
 
-import math
 import re
 from dataclasses import dataclass
 from functools import cache
@@ -38,14 +37,6 @@ EXAMPLES = {
     "kg/m^3": "1150 kg/m^3",
     "m/s^2": "9.81 m/s^2",
     "dimensionless": "0.49",
-}
-# SI unit → factor and short name, where people read another one.
-SPOKEN = {
-    "m": (1e3, "mm"),
-    "Pa": (1e-3, "kPa"),
-    "kg": (1e3, "g"),
-    "rad": (180 / math.pi, "°"),
-    "N*m": (1e3, "mN·m"),
 }
 NAMES = {
     "m": "a length",
@@ -108,12 +99,22 @@ def _kind_of(quantity: Any, name: str) -> str:
     return f"in {name}"
 
 
-def strip_unit_suffix(field: str) -> str:
-    """Return the name that people write: ``wall_m`` → ``wall``, ``kind`` → ``kind``."""
-    for suffix in UNIT_SUFFIXES:
+def split_unit(field: str) -> tuple[str, str]:
+    """A field's name as people write it, and its SI unit: ``wall_m`` → wall, m; ``kind`` has none."""
+    for suffix, unit in UNIT_SUFFIXES.items():
         if field.endswith(suffix):
-            return field.removesuffix(suffix)
-    return field
+            return field.removesuffix(suffix), unit
+    return field, ""
+
+
+def strip_unit_suffix(field: str) -> str:
+    """The name that people write: ``wall_m`` → ``wall``, ``kind`` → ``kind``."""
+    return split_unit(field)[0]
+
+
+def si_unit(field: str) -> str:
+    """The SI unit that a field's name ends with; "" for a pure number."""
+    return split_unit(field)[1]
 
 
 @dataclass(frozen=True)

@@ -18,9 +18,9 @@ import numpy as np
 import pliant
 from pliant import api
 from pliant.pipeline.study import fem_of_study
-from pliant.pipeline.tables import write_table
 from pliant.records.fem import ModuleData
 from pliant.store.store import Artifact
+from pliant.tabular.fem_writing import write_table
 
 HERE = Path(__file__).parent
 FAMILIES = ("bellow_bending", "bellow_translational", "tendon_joint", "bellow_helical")

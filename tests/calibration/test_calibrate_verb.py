@@ -50,7 +50,7 @@ def call(*words: str, code: int = 0) -> str:
 
 
 def test_the_result_and_the_new_study(folder: Path) -> None:
-    said = call("block.yaml", "--data", "pull.csv", "--out", "new.yaml", "--json", "r.json")
+    said = call("block.yaml", "--data", "pull.csv", "--out", "new.yaml", "--full", "--json", "r.json")
     result = json.loads((folder / "r.json").read_text())
     assert result["command"] == "calibrate"
     assert result["parameters"]["mu_pa.0"]["unit"] == "Pa"
@@ -76,8 +76,8 @@ def read(name: str) -> list[float]:
 
 
 def test_a_second_calibration_replaces_its_own_comments(folder: Path) -> None:
-    call("block.yaml", "--data", "pull.csv", "--out", "new.yaml")
-    call("new.yaml", "--data", "pull.csv", "--out", "newer.yaml")
+    call("block.yaml", "--data", "pull.csv", "--out", "new.yaml", "--full")
+    call("new.yaml", "--data", "pull.csv", "--out", "newer.yaml", "--full")
     new, newer = (folder / "new.yaml").read_text(), (folder / "newer.yaml").read_text()
     assert newer.count("fitted to") == new.count("fitted to") == 1
     assert newer.count("±") == new.count("±") == 2

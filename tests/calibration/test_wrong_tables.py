@@ -93,9 +93,7 @@ def test_wrong_tables_are_refused(header: str, columns: tuple[Any, ...], says: s
 
 def test_an_empty_file_and_one_that_is_not_there(tmp_path: Path) -> None:
     (tmp_path / "t.csv").write_text("# nothing\n")
-    with pytest.raises(
-        UserError, match="empty; a measurement has a header such as stretch,nominal_stress_pa"
-    ):
+    with pytest.raises(UserError, match="empty; it needs a header such as stretch,nominal_stress_pa"):
         read_bench_data(tmp_path / "t.csv")
     with pytest.raises(UserError, match="no such file"):
         read_bench_data(tmp_path / "none.csv")

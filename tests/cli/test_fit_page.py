@@ -6,8 +6,8 @@ from html import unescape
 import pytest
 from tests.pipeline import meta_bench as bench
 
-from pliant.pipeline.tables import write_table
-from pliant.report import units
+from pliant.formatting import percent
+from pliant.tabular.fem_writing import write_table
 from pliant.testing.samples import softening_law, table_of
 
 STUDY = """
@@ -34,7 +34,7 @@ def test_a_studys_law_gets_its_page(pliant, write, read, workplace, table):
     assert done.code == 0 and "report   page/fit.html" in done.out
     result, text = read("fit.json"), words(workplace / "page" / "fit.html")
     assert result["report"] == "page/fit.html"
-    assert f"within {units.percent(result['heldout']['worst_of_range'])} of the table" in text
+    assert f"within {percent(result['heldout']['worst_of_range'])} of the table" in text
     assert "How many states it takes" in text
     assert "How many states it takes" not in words_without_learning(pliant, study, workplace)
 
@@ -70,5 +70,5 @@ def test_a_meta_models_page_with_what_to_solve_next(pliant, read, workplace):
     assert done.code == 0
     result, text = read("fit.json"), words(workplace / "page" / "fit.html")
     assert result["report"] == "page/fit.html"
-    assert units.percent(result["scores"]["all"]["axes"]["y"]["worst_of_range"], 3) in text
+    assert percent(result["scores"]["all"]["axes"]["y"]["worst_of_range"], 3) in text
     assert "Solve these next" in text and "How many designs it takes" not in text

@@ -6,7 +6,7 @@ import re
 import numpy as np
 import pytest
 
-from pliant.pipeline.tables import write_table
+from pliant.tabular.fem_writing import write_table
 from pliant.testing.samples import softening_law, table_of
 
 HEAD = "pressure_pa,angle_rad,moment_n_m\n"
@@ -38,7 +38,7 @@ def test_a_table_becomes_a_law_with_its_errors(pliant, workplace):
     for word in (
         "worst error",
         "the study's form",
-        "pressure_pa 0 to 15000",
+        "pressure 0 to 15 kPa",
         "90 %",
         "falls with u everywhere",
     ):
@@ -74,7 +74,7 @@ def test_the_study_of_a_suction_law_is_driven_by_suction(pliant, workplace):
     rows = [f"{-a},{b},{m}" for a, b, m in zip(p, u, moment, strict=True)]
     (workplace / "bench.csv").write_text(HEAD + "\n".join(rows))
     done = pliant("fit", "bench.csv", "--out", "law", "--no-learning")
-    assert "pressure_pa -15000 to 0\n" in done.out
+    assert "pressure −15 to 0 kPa\n" in done.out
     assert "pressure: -15000}" in (workplace / "law" / "study.yaml").read_text()
 
 

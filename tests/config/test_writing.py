@@ -1,27 +1,34 @@
-"""New effects in a study's text: every other line stays as it was."""
+"""Studies that Pliant writes: a base and what changed, or a file that stands alone with the base's comments."""
 
-import difflib
-from pathlib import Path
+import os
 
 import pytest
-from hypothesis import given
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from ruamel.yaml import YAML
 
 from pliant.cli.best_study import write_best
-from pliant.config.loading import load_study
-from pliant.config.writing import EffectEntry, flow_text, study_with_effects
+from pliant.config.loading import StudyFile, load_study
+from pliant.config.paths import change_paths
+from pliant.config.writing import StudyDraft
 from pliant.errors import UserError
 from pliant.registry.discovery import discover
 
 HEAD = "# my finger\npliant: 1  # version\nname: finger\nphysics: quasistatic\n"
 TAIL = "\n# measured in May\nchain:\n  modules: 3\n  # keep three\n"
-NEW = EffectEntry(
-    "viscoelastic", {"share": "0.21", "time": "4.6 s"}, {"share": "0.21 ± 0.01"}, "fitted to bench.csv"
-)
-AGAIN = EffectEntry("stiffness", {"factor": "1.05"}, {"factor": "1.05 ± 0.01"}, "fitted to bench.csv", at=0)
-OLD = [{"kind": "stiffness", "factor": 1.1}]
-READ = {"kind": "viscoelastic", "share": 0.21, "time": "4.6 s"}
+OLD = {"kind": "stiffness", "factor": 1.1}
+NEW = {"kind": "viscoelastic", "share": 0.21, "time": "4.6 s"}
+LISTS = {
+    "none": "",
+    "empty": "effects: []  # seen in March\n",
+    "blank": "effects:\n",
+    "block": "effects:\n  - kind: stiffness   # of the wall\n    factor: 1.1  # 1.1 ± 0.3  # seen in March\n",
+    "indentless": "effects:\n- kind: stiffness\n  factor: 1.1   # seen in March\n",
+    "flow items": "effects:\n  - {kind: stiffness, factor: 1.1}   # seen in March\n",
+    "flow": "effects: [{kind: stiffness, factor: 1.1}]   # seen in March\n",
+    "flow on lines": "effects: [\n  {kind: stiffness, factor: 1.1},  # seen in March\n]\n",
+}
+FORMS = pytest.mark.parametrize("full", [False, True], ids=["extends", "full"])
 
 
 def plain(text):
@@ -29,95 +36,118 @@ def plain(text):
 
 
 @pytest.fixture
-def rewrite(tmp_path):
-    def call(text, entries, present=(), overrides=(), target="new.yaml"):
-        source = tmp_path / "study.yaml"
-        source.write_text(text)
-        (tmp_path / target).parent.mkdir(exist_ok=True)
-        return study_with_effects(source, tmp_path / target, entries, present, overrides)
+def draft(tmp_path):
+    def call(text, overrides=(), name="study.yaml"):
+        (tmp_path / name).write_text(text)
+        return StudyDraft(tmp_path / name, overrides)
 
     return call
 
 
-@pytest.mark.parametrize("none", ["", "effects: []  # none yet\n", "effects:\n", "effects: null\n"])
-def test_a_first_effect(rewrite, none):
-    text = HEAD + none + TAIL
-    new = rewrite(text, [NEW])
-    assert plain(new) == {**plain(text), "effects": [READ]}
+@pytest.fixture
+def read_back(tmp_path):
+    """What the draft's text says in a file of that name, bases included; and the text."""
+
+    def call(draft, full, name="further/new.yaml"):
+        target = tmp_path / name
+        target.parent.mkdir(exist_ok=True)
+        target.write_text(draft.text(target, full))
+        return StudyFile.read(target).values, target.read_text()
+
+    return call
+
+
+def with_new(draft, refit=False):
+    draft.values.setdefault("effects", [])
+    at = len(draft.values["effects"])
+    if refit and at:
+        draft.set(("effects", 0, "factor"), 1.05, "1.05 ± 0.01")
+    draft.set(("effects", at, "kind"), "viscoelastic", "fitted to bench.csv\n# twice")
+    draft.set(("effects", at, "share"), 0.21, "0.21 ± 0.01")
+    draft.set(("effects", at, "time_s"), "4.6 s")
+    return draft
+
+
+@FORMS
+@pytest.mark.parametrize("refit", [False, True])
+@pytest.mark.parametrize("listed", LISTS.values(), ids=LISTS)
+def test_effects_are_added_and_refitted(draft, read_back, listed, refit, full):
+    values, text = read_back(with_new(draft(HEAD + listed + TAIL), refit), full)
+    old = [{**OLD, "factor": 1.05 if refit else 1.1}] * ("stiffness" in listed)
+    assert values == {
+        **{"pliant": 1, "name": "finger", "physics": {"kind": "quasistatic"}, "chain": {"modules": 3}},
+        "effects": [*old, NEW],
+    }
     assert (
-        "  - kind: viscoelastic  # fitted to bench.csv\n    share: 0.21  # 0.21 ± 0.01\n    time: 4.6 s\n"
-        in new
+        "  - kind: viscoelastic  # fitted to bench.csv no.  twice\n    share: 0.21  # 0.21 ± 0.01\n" in text
     )
-    gone = [d for d in difflib.ndiff(text.splitlines(), new.splitlines()) if d.startswith("- ")]
-    assert all("effects" in line for line in gone)
-    assert ("# none yet" in new) == ("# none yet" in text)
+    assert text.startswith(HEAD) is full
+    if full:
+        for comment in ("# seen in March", "# of the wall", "# measured in May\nchain:", "# keep three"):
+            assert (comment in text) == (comment in HEAD + listed + TAIL)
+    else:
+        assert set(plain(text)) == {"extends", "effects"}
+    if refit and old:
+        assert (
+            "1.05  # 1.05 ± 0.01" in text and "± 0.3" not in text
+        )  # the old uncertainty went with its value
 
 
-LISTS = {
-    "block": "effects:\n  - kind: stiffness   # of the wall\n    factor: 1.1  # 1.1 ± 0.3  # seen in March\n",
-    "indentless": "effects:\n- kind: stiffness\n  factor: 1.1   # seen in March\n",
-    "flow items": "effects:\n  - {kind: stiffness, factor: 1.1}   # seen in March\n",
-    "flow": "effects: [{kind: stiffness, factor: 1.1}]   # seen in March\n",
-    "flow on lines": "effects: [\n  {kind: stiffness, factor: 1.1},  # seen in March\n]\n",
-}
-
-
-@pytest.mark.parametrize("listed", LISTS.values(), ids=LISTS)
-def test_a_further_effect_stands_behind_those_that_are_there(rewrite, listed):
-    new = rewrite(HEAD + listed + TAIL, [NEW], OLD)
-    assert plain(new)["effects"] == [*OLD, READ]
-    assert "# seen in March" in new
-    assert new.startswith(HEAD) and new.endswith(TAIL)
-
-
-@pytest.mark.parametrize("listed", LISTS.values(), ids=LISTS)
-def test_an_effect_that_is_there_is_refitted_in_its_place(rewrite, listed):
-    new = rewrite(HEAD + listed + TAIL, [AGAIN, NEW], OLD)
-    assert plain(new)["effects"] == [{"kind": "stiffness", "factor": 1.05}, READ]
-    assert "# seen in March" in new and "1.05 ± 0.01" in new
-    assert "± 0.3" not in new  # the old uncertainty went with the old value
-    assert new.startswith(HEAD) and new.endswith(TAIL)
-
-
-def test_writing_twice_changes_nothing_more(rewrite):
-    once = rewrite(HEAD + LISTS["block"] + TAIL, [AGAIN], OLD)
-    assert rewrite(once, [AGAIN], OLD) == once
-
-
-def test_effects_of_a_base_study_are_written_out(rewrite):
-    new = rewrite("extends: base.yaml\nname: mine\n", [NEW], OLD)
-    assert plain(new) == {"extends": "base.yaml", "name": "mine", "effects": [*OLD, READ]}
-
-
-def test_a_study_on_one_line(rewrite):
-    new = rewrite("{pliant: 1, chain: {modules: 2}}\n", [NEW])
-    assert plain(new) == {"pliant": 1, "chain": {"modules": 2}, "effects": [READ]}
-
-
-def test_paths_still_lead_to_their_files(rewrite, tmp_path):
+@FORMS
+def test_files_still_lead_where_they_led(draft, read_back, tmp_path, full):
+    draft("measurements: {file: 'my bench.csv'}  # May\nplugins: [mine.py]\n", name="base.yaml")
     text = (
-        "extends: base/finger.yaml\nplugins: [mine.py]\nmeasurements: {file: 'my bench.csv'}  # May\n"
-        "surrogate:\n  kind: polynomial\n  data: fem.csv\n"
-    )
-    new = rewrite(text, [NEW], target="further/new.yaml")
-    read = plain(new)
-    found = [read["extends"], *read["plugins"], read["measurements"]["file"], read["surrogate"]["data"]]
-    meant = ["base/finger.yaml", "mine.py", "my bench.csv", "fem.csv"]
-    assert [(tmp_path / "further" / f).resolve() for f in found] == [(tmp_path / m).resolve() for m in meant]
-    assert "# May" in new
-    assert plain(rewrite(text, [NEW]))["measurements"] == {"file": "my bench.csv"}
-
-
-def test_paths_inside_blocks_and_segments_lead_there_too(rewrite, tmp_path):
-    text = (
-        "task: {target: {points: a.csv}}\nsurrogate: {axes: {y: {data: y.csv}}}\n"
+        "extends: base.yaml\n# by hand\ntask: {target: {points: a.csv}}\nsurrogate: {axes: {y: {data: /far/y.csv}}}\n"
         "chain:\n  segments:\n    - {modules: 1, surrogate: {data: s.csv}, family: {visual: v.stl}}\n"
     )
-    read = plain(rewrite(text, [NEW], target="further/new.yaml"))
-    (segment,) = read["chain"]["segments"]
-    found = [read["task"]["target"]["points"], read["surrogate"]["axes"]["y"]["data"]]
+    made = with_new(draft(text))
+    values, written = read_back(made, full)
+    change_paths(values, os.path.realpath)
+    assert values == made.values
+    (segment,) = values["chain"]["segments"]
+    found = [*values["plugins"], values["measurements"]["file"], values["task"]["target"]["points"]]
     found += [segment["surrogate"]["data"], segment["family"]["visual"]]
-    assert found == ["../a.csv", "../y.csv", "../s.csv", "../v.stl"]
+    assert [f.rpartition("/")[2] for f in found] == ["mine.py", "my bench.csv", "a.csv", "s.csv", "v.stl"]
+    assert values["surrogate"]["axes"]["y"]["data"] == "/far/y.csv"
+    if full:
+        assert "extends" not in written and "# May" in written and "# by hand" in written
+        assert str(tmp_path) not in written
+
+
+@FORMS
+@pytest.mark.parametrize(
+    ("override", "path", "value"),
+    [
+        ("physics.kind=mujoco", ("physics",), {"kind": "mujoco"}),
+        ("physics.tolerance=1e-9", ("physics",), {"kind": "quasistatic", "tolerance": 1e-9}),
+        ("chain.gravity=[0, 0, 0]", ("chain", "gravity"), [0, 0, 0]),
+        ("chain.base.roll=3 deg", ("chain", "base"), {"roll": "3 deg"}),
+        ("chain={payload: 20 g}", ("chain",), {"modules": 3, "payload": "20 g"}),
+    ],
+)
+def test_overrides_become_part_of_the_new_study(draft, read_back, override, path, value, full):
+    values, text = read_back(draft(HEAD + TAIL, [override]), full)
+    for key in path:
+        values = values[key]
+    assert values == value
+    assert ("# keep three" in text) is full
+
+
+@FORMS
+def test_blocks_are_left_out_and_units_kept(draft, read_back, full):
+    made = draft(HEAD + "search:\n  budget: 5  # few\n# the finger\ntask:\n  pressure_pa: 5  # searched\n")
+    made.drop("search")
+    made.set(("task", "pressure"), 7)
+    values, text = read_back(made, full)
+    assert values.get("search") is None and values["task"] == {"pressure_pa": 7}
+    assert ("# the finger\ntask:\n  pressure_pa: 7  # searched\n" in text) is full
+
+
+def test_a_key_that_is_gone_from_a_block_needs_a_file_that_stands_alone(draft, read_back):
+    made = draft(HEAD + TAIL)
+    made.values["chain"] = {"segments": [{"modules": 2}]}
+    values, text = read_back(made, full=False)
+    assert values["chain"] == {"segments": [{"modules": 2}]} and "extends" not in text
 
 
 SHAPED = """\
@@ -132,56 +162,69 @@ task:
 """
 
 
-def test_a_found_design_keeps_its_comments_where_its_target_is_a_file(tmp_path):
+@pytest.fixture
+def shaped(tmp_path):
     (tmp_path / "a.csv").write_text("x_m,y_m,z_m\n0,0,0\n0,0,0.03\n")
     (tmp_path / "shaped.yaml").write_text(SHAPED)
-    registry, target = discover(), tmp_path / "runs/shaped/best.yaml"
+    return tmp_path / "shaped.yaml"
+
+
+@FORMS
+def test_a_found_design(shaped, full):
+    registry, target = discover(), shaped.parent / "runs/shaped/best.yaml"
     target.parent.mkdir(parents=True)
-    winner = load_study(tmp_path / "shaped.yaml", registry, ["task.pressure=7 kPa"])
-    write_best(tmp_path / "shaped.yaml", target, winner, [("task", "pressure_pa")], "found", (), registry)
-    assert "pressure: 7.0 kPa  # searched" in target.read_text()
-    assert "points: ../../a.csv" in target.read_text()
+    winner = load_study(shaped, registry, ["task.pressure=7 kPa"])
+    write_best(shaped, target, winner, [("task", "pressure_pa")], "found", (), registry, full)
+    text = target.read_text()
+    assert text.startswith("# found\n")
+    assert ("pressure: 7.0 kPa # searched" in text and "points: ../../a.csv" in text) is full
+    assert load_study(target, registry).task.pressure_pa == winner.task.pressure_pa == 7e3
 
 
-def test_an_absolute_path_stays(rewrite):
-    text = "pliant: 1\nmeasurements: {file: /data/bench.csv}\n"
-    assert plain(rewrite(text, [NEW], target="further/new.yaml"))["measurements"]["file"] == "/data/bench.csv"
+def test_a_changed_base_is_said_and_read(shaped):
+    """Comments and layout are no change; values are, those of a base's base too."""
+    registry, middle, new = discover(), shaped.with_name("middle.yaml"), shaped.with_name("new.yaml")
+    middle.write_text("extends: shaped.yaml\nname: middle\n")
+    draft = StudyDraft(middle)
+    draft.set(("name",), "new")
+    new.write_text(draft.text(new))
+    said = []
+    shaped.write_text(
+        "# a comment\n" + SHAPED.replace("pliant: 1\nname: shaped", "name:   shaped\npliant: 1")
+    )
+    load_study(new, registry, note=said.append)
+    assert said == []
+    shaped.write_text(SHAPED.replace("modules: 3", "modules: 4"))
+    assert load_study(new, registry, note=said.append).chain.modules == 4
+    assert len(said) == 1 and "middle.yaml has changed" in said[0]
+    with pytest.warns(UserWarning, match="has changed"):
+        load_study(new, registry)
+
+
+@pytest.mark.parametrize("target", ["shaped.yaml", "middle.yaml", "../{}/shaped.yaml"])
+def test_nothing_is_written_over_a_base(shaped, target):
+    middle = shaped.with_name("middle.yaml")
+    middle.write_text("extends: shaped.yaml\n")
+    place = shaped.parent / target.format(shaped.parent.name)
+    with pytest.raises(UserError, match="never overwritten"):
+        StudyDraft(middle).write(place, {}, discover())
+    assert shaped.read_text() == SHAPED
 
 
 @pytest.mark.parametrize(
-    ("override", "path", "value"),
-    [
-        ("physics.kind=mujoco", ("physics",), {"kind": "mujoco"}),
-        ("physics.tolerance=1e-9", ("physics",), {"kind": "quasistatic", "tolerance": 1e-9}),
-        ("chain.modules=4", ("chain", "modules"), 4),
-        ("chain.gravity=[0, 0, 0]", ("chain", "gravity"), [0, 0, 0]),
-        ("chain.base.roll=3 deg", ("chain", "base"), {"roll": "3 deg"}),
-        ("chain={payload: 20 g}", ("chain",), {"modules": 3, "payload": "20 g"}),
-        ("name=other", ("name",), "other"),
-    ],
+    "extends", ["[a.yaml]", "{file: a.yaml, hash: 1}", "{values_sha256: a}", "{file: 3}", "no.yaml"]
 )
-def test_overrides_become_part_of_the_new_study(rewrite, override, path, value):
-    new = rewrite(HEAD + TAIL, [NEW], overrides=[override])
-    read = plain(new)
-    for key in path:
-        read = read[key]
-    assert read == value
-    assert "# keep three" in new and "# version" in new
+def test_an_extends_that_is_no_file(shaped, extends):
+    shaped.write_text(f"name: a\nextends: {extends}\n")
+    with pytest.raises(UserError, match="line 2: 'extends"):
+        load_study(shaped, discover())
 
 
-def test_a_comment_is_one_line(rewrite):
-    new = rewrite(HEAD, [EffectEntry("mullins", note="a\nb # c")])
-    assert plain(new)["effects"] == [{"kind": "mullins"}]
-
-
-def test_a_study_that_is_no_yaml(rewrite):
-    with pytest.raises(UserError, match="not YAML"):
-        rewrite("effects: [\n", [NEW])
-
-
-def test_a_study_that_is_not_there(tmp_path):
-    with pytest.raises(UserError, match="no such file"):
-        study_with_effects(tmp_path / "no.yaml", Path("new.yaml"), [NEW], [])
+def test_what_would_not_read_back_is_not_written(shaped):
+    target = shaped.with_name("new.yaml")
+    with pytest.raises(UserError, match="not say the same"):
+        StudyDraft(shaped).write(target, {"name": "another"}, discover())
+    assert [path.name for path in shaped.parent.glob("*.yaml")] == ["shaped.yaml"]
 
 
 VALUES = st.recursive(
@@ -193,7 +236,9 @@ VALUES = st.recursive(
 
 
 @given(VALUES)
-def test_values_on_one_line_read_back(value):
-    text = flow_text(value)
-    assert "\n" not in text
-    assert plain(f"key: {text}\n")["key"] == value
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
+def test_any_value_reads_back(draft, read_back, value):
+    made = draft(HEAD)
+    made.set(("key",), value)
+    assert read_back(made, full=False)[0].get("key") == value
+    assert read_back(made, full=True)[0]["key"] == value

@@ -91,12 +91,11 @@ def test_examples_are_accepted(study):
 
 @pytest.mark.parametrize("page", WRITTEN, ids=lambda p: p.name)
 def test_commands_in_the_docs_exist(page):
-    from pliant.cli.verbs import app
+    from pliant.cli.verbs import VERBS
 
-    verbs = {command.name or command.callback.__name__ for command in app.registered_commands}
     for text in blocks(page, "console"):
         for verb in re.findall(r"^\$ pliant (\S+)", text, re.MULTILINE):
-            assert verb in verbs
+            assert verb in VERBS
 
 
 def test_the_plugin_of_the_docs_passes_conformance(tmp_path, monkeypatch):

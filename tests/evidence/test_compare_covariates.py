@@ -13,7 +13,7 @@ from pliant.evidence.comparison import residuals_of
 from pliant.evidence.covariates import Covariate, covariates
 from pliant.evidence.importance import importance
 from pliant.evidence.phases import phases
-from pliant.evidence.words import Shown, number, shown
+from pliant.formatting import named_unit, number, unit_of
 from pliant.records.history import History
 from pliant.records.measurement import Measurement
 
@@ -96,7 +96,7 @@ def test_force_directions():
 )
 def test_bins_hold_every_sample_once(values):
     arrays = tuple(np.array(v, float) for v in values)
-    bins = binned(Covariate("pressure_pa", Shown("pressure", "kPa", 1e-3), arrays))
+    bins = binned(Covariate("pressure_pa", named_unit("pressure", "Pa"), arrays))
     assert [len(c) for c in bins.codes] == [len(v) for v in arrays]
     used = np.unique(np.concatenate(bins.codes))
     assert used.tolist() == list(range(len(bins)))
@@ -104,15 +104,15 @@ def test_bins_hold_every_sample_once(values):
 
 
 def test_levels_get_a_bin_each_and_a_ramp_does_not():
-    payload = Covariate("payload_kg", Shown("payload", "g", 1e3), (np.repeat([0.0, 0.02, 0.05], 5),))
+    payload = Covariate("payload_kg", named_unit("payload", "kg"), (np.repeat([0.0, 0.02, 0.05], 5),))
     assert binned(payload).words == ("payload 0 g", "payload 20 g", "payload 50 g")
     rates = np.concatenate([np.full(9, 100.0), np.full(9, 300.0), np.full(9, 30e3), [np.nan]])
-    rate = Covariate("rate_pa_s", Shown("pressure rate", "kPa/s", 1e-3), (rates,), rest="held pressure")
+    rate = Covariate("rate_pa_s", named_unit("pressure rate", "Pa/s"), (rates,), rest="held pressure")
     assert binned(rate).words == (
         *(f"pressure rate {r} kPa/s" for r in ("0.1", "0.3", "30")),
         "held pressure",
     )
-    ramp = Covariate("pressure_pa", Shown("pressure", "kPa", 1e-3), (np.linspace(0, 15e3, 400),))
+    ramp = Covariate("pressure_pa", named_unit("pressure", "Pa"), (np.linspace(0, 15e3, 400),))
     bins = binned(ramp)  # no value that many share
     assert bins.words[0] == "pressure below 3 kPa" and bins.words[1] == "pressure 3 to 6 kPa"
     counts = np.bincount(bins.codes[0])
@@ -121,7 +121,7 @@ def test_levels_get_a_bin_each_and_a_ramp_does_not():
 
 def test_a_value_that_many_samples_share_has_its_own_bin():
     values = np.concatenate([np.zeros(80), np.linspace(-4e-3, -1e-3, 30), np.linspace(1e-3, 4e-3, 30)])
-    bins = binned(Covariate("moment_n_m", Shown("moment", "mN·m", 1e3), (values,)))
+    bins = binned(Covariate("moment_n_m", named_unit("moment", "N*m"), (values,)))
     counts = np.bincount(bins.codes[0])
     assert counts[bins.words.index("moment 0 mN·m")] == 80
     assert bins.words[0].startswith("moment below") and bins.words[-1].startswith("moment above")
@@ -190,8 +190,8 @@ def test_numbers_along_the_chain():
 
 
 def test_units_for_people():
-    assert shown("tip_x_m").text(0.0123) == "12.3 mm"
-    assert shown("joint_2_angle_rad").text(np.pi) == "180°"
-    assert shown("elongation_strain").axis == "elongation (%)"
-    assert shown("angle_rad").label == "bend angle"
-    assert [number(v) for v in (-0.5, 1234.0, np.nan, 0.0)] == ["−0.5", "1234", "–", "0"]
+    assert unit_of("tip_x_m").text(0.0123) == "12.3 mm"
+    assert unit_of("joint_2_angle_rad").text(np.pi) == "180°"
+    assert unit_of("elongation_strain").axis == "elongation (%)"
+    assert unit_of("angle_rad").label == "bend angle"
+    assert [number(v, 3) for v in (-0.5, 1234.0, np.nan, 0.0)] == ["−0.5", "1234", "–", "0"]

@@ -9,7 +9,7 @@ import pytest
 from pliant import api
 from pliant.pipeline.dataset import MAIN, module_problems
 from pliant.pipeline.study import laws_of_study
-from pliant.pipeline.tables import read_table
+from pliant.tabular.fem_reading import read_table
 
 DATA = Path(__file__).parents[2] / "examples/data"
 FAMILIES = ("bellow_bending", "bellow_helical", "bellow_translational", "tendon_joint")

@@ -245,7 +245,7 @@ def test_blocks_do_not_show(read, monkeypatch):
         for i in range(300)
     )
     whole = read(text)
-    monkeypatch.setattr("pliant.measurements.sheet.BLOCK", 64)
+    monkeypatch.setattr("pliant.tabular.text.BLOCK", 64)
     pieces = read(text)
     assert whole.remarks == pieces.remarks
     for a, b in zip(whole.runs, pieces.runs, strict=True):

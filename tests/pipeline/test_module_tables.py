@@ -12,9 +12,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pliant.errors import UserError
-from pliant.pipeline.tables import read_table, table_axes, write_table
 from pliant.records.design import Design
 from pliant.records.fem import FemDataset, ModuleData
+from pliant.tabular.fem_reading import read_table, table_axes
+from pliant.tabular.fem_writing import write_table
 
 COLUMNS = ("actuation", "angle_rad", "moment_n_m", "dmoment_dp", "dmoment_du", "energy_j")
 WORDS = ("branch", "status", "role")

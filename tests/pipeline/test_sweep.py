@@ -21,7 +21,7 @@ from pliant.execution.progress import Silent
 from pliant.pipeline import remote, sweep
 from pliant.pipeline.sweep_table import write_sweep_table
 from pliant.pipeline.sweep_worker import SweepJob, solve
-from pliant.pipeline.tables import read_table
+from pliant.tabular.fem_reading import read_table
 
 GRID = "{radius: [5 mm, 6 mm], length: [9 mm, 11 mm]}"
 

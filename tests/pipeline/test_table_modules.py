@@ -13,8 +13,8 @@ from tests.pipeline.test_module_tables import module
 from pliant import api
 from pliant.errors import UserError
 from pliant.pipeline.sweep_table import shortened, write_sweep_table
-from pliant.pipeline.table_modules import read_designs_table, read_module_table
-from pliant.pipeline.tables import write_table
+from pliant.tabular.fem_modules import read_designs_table, read_module_table
+from pliant.tabular.fem_writing import write_table
 
 NUMBERS = (
     "actuation",

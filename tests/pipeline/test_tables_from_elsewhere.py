@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from pliant.errors import UserError
-from pliant.pipeline.table_notes import table_digest
-from pliant.pipeline.tables import read_table
+from pliant.tabular.fem_notes import table_digest
+from pliant.tabular.fem_reading import read_table
 
 STATES = [(p, u, 1e-6 * p - 0.03 * u) for p in (0.0, 5e3, 1e4) for u in (0.0, 0.1, 0.2)]
 PLAIN = "pressure_pa,angle_rad,moment_n_m\n" + "\n".join(f"{p},{u},{m}" for p, u, m in STATES)
@@ -205,7 +205,7 @@ def test_slopes_that_contradict_the_efforts_are_refused(
 
 
 def test_notes_hold_for_columns_of_every_axis(tmp_path: Path) -> None:
-    from pliant.pipeline.table_reading import table_rows
+    from pliant.tabular.fem_reading import table_rows
 
     head = "pressure_pa,axis,angle_rad,moment_n_m,angle_x_rad,angle_y_rad,moment_x_n_m,moment_y_n_m,dmoment_x_du_y\n"
     notes = "units: {angle_y_rad: deg, moment_x_n_m: N*mm}\nmoment: sign reversed\n"
@@ -247,11 +247,3 @@ def test_actuations_that_no_soft_robot_bears_are_asked_about(tmp_path: Path) -> 
         read_table(table(tmp_path, of(1.0, "tendon_force_n")))
     path = table(tmp_path, of(1.0, "tendon_force_n"), "units: {tendon_force_n: mN}\n")
     assert read_table(path).actuation.max() == pytest.approx(10)
-
-
-@pytest.mark.parametrize("encoding", ["utf-16", "latin-1"])
-def test_other_encodings_are_refused_with_what_to_save(tmp_path: Path, encoding: str) -> None:
-    path = tmp_path / "fem.csv"
-    path.write_text("# Büro\n" + PLAIN, encoding=encoding)
-    with pytest.raises(UserError, match="save the table as 'CSV UTF-8'"):
-        read_table(path)

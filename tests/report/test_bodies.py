@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from pliant.formatting import number, percent, seconds, small_length, unit_of_field
 from pliant.report.figures import body, raster, shading
-from pliant.report.units import number, of_field, percent, seconds, small_length
 
 LENGTH, FREE = 0.011, 0.36
 
@@ -91,4 +91,7 @@ def test_quantities() -> None:
     )
     assert (seconds(0.0149), seconds(72.25), seconds(200.4)) == ("14.9 ms", "72.2 s", "3 min 20 s")
     assert (percent(0.00173), percent(1e-7)) == ("0.17 %", "less than 0.0001 %")
-    assert of_field("wall_m")[0] == "wall" and of_field("pressures") == ("pressures", of_field("seed")[1])
+    assert unit_of_field("wall_m")[0] == "wall" and unit_of_field("pressures") == (
+        "pressures",
+        unit_of_field("seed")[1],
+    )

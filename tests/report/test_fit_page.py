@@ -14,16 +14,15 @@ import numpy as np
 import pytest
 
 from pliant.errors import UserError
+from pliant.formatting import number, percent, seconds
 from pliant.pipeline.learning import learning_curve
 from pliant.pipeline.module_data import module_of
 from pliant.pipeline.study import Design, DesignStages
 from pliant.pipeline.surrogate import LawStage, law_stage
-from pliant.pipeline.tables import write_table
 from pliant.pipeline.workbench import Workbench
 from pliant.records.error_bar import ErrorBar
 from pliant.records.law import Domain
 from pliant.registry.discovery import discover
-from pliant.report import units
 from pliant.report.figures.calibration import calibration_picture
 from pliant.report.figures.residual_map import residual_map
 from pliant.report.figures.slope_map import least_stable, slope_grid, slope_map
@@ -41,6 +40,7 @@ from pliant.report.fit_tables import (
     learning_table,
 )
 from pliant.store.store import ArtifactStore
+from pliant.tabular.fem_writing import write_table
 from pliant.testing.samples import barred_law, linear_law, softening_law, table_of
 from pliant.testing.solved_samples import solved_designs, solved_spherical_designs, spherical_sample_law
 from pliant_plugins.surrogates.polynomial.config import PolynomialConfig
@@ -107,11 +107,11 @@ def test_errors_are_the_reports_own() -> None:
     rows = {row[0]: row[1:] for row in errors_table(one).rows}
     told = rows[f"polynomial ({one.report.n_fitted} states fitted)"]
     assert told[0] == str(one.report.n_heldout)
-    assert told[1] == units.number(1e3 * one.report.rmse, 3)
-    assert told[3] == units.percent(one.report.worst_of_range, 3)
+    assert told[1] == number(1e3 * one.report.rmse, 3)
+    assert told[3] == percent(one.report.worst_of_range, 3)
     form = one.report.details["study_form"]
-    assert rows["the study's form, least squares"][3] == units.percent(form["worst_of_range"], 3)
-    assert units.percent(one.report.worst_of_range) in sentence(one)
+    assert rows["the study's form, least squares"][3] == percent(form["worst_of_range"], 3)
+    assert percent(one.report.worst_of_range) in sentence(one)
     assert one.misses.rows(one.misses.check).worst == pytest.approx(one.report.worst_of_range, rel=1e-9)
 
 
@@ -138,7 +138,7 @@ def test_honest_bars_cover_what_they_state() -> None:
     assert curve.covered == pytest.approx(curve.levels, abs=0.08)
     table = calibration_table([curve])
     assert table is not None and table.rows[0][1] == "400"
-    assert table.rows[0][6] == units.percent(curve.at(0.9), 3)
+    assert table.rows[0][6] == percent(curve.at(0.9), 3)
     narrow = replace(barred().law, error=replace(barred().law.error, misses=0.1 * barred().law.error.misses))
     assert calibration(replace(barred(), law=narrow))[0].at(0.9) < 0.4
 
@@ -173,7 +173,7 @@ def test_learning_and_cost_are_those_of_the_records() -> None:
     last = next(row for row in table.rows if row[0] == "42")
     points = {p["slopes"]: p for p in fitted().learning["points"] if p["n"] == 42}
     assert last[1:] == [
-        units.percent(points[s][k]) for s in ("with slopes", "without slopes") for k in ("rms", "worst")
+        percent(points[s][k]) for s in ("with slopes", "without slopes") for k in ("rms", "worst")
     ]
     assert "at 10 check states" in table.note and "Too few to fit: 4" in table.note
     cost = {row[0]: row[1] for row in cost_table(fitted()).rows}
@@ -223,7 +223,7 @@ def test_the_stage_writes_the_page_once_and_refuses_a_stated_law(tmp_path: Path)
     page = fit_report_stage(bench, "bench", [piece], {"name": "bench"}, tmp_path)
     assert page.name == "fit.html"
     text = words(page.read_text())
-    assert f"within {units.percent(law.report.worst_of_range)} of bench.csv on 10 states left out" in text
+    assert f"within {percent(law.report.worst_of_range)} of bench.csv on 10 states left out" in text
     first = page.read_bytes()
     assert fit_report_stage(bench, "bench", [piece], {"name": "bench"}, tmp_path).read_bytes() == first
     with pytest.raises(UserError, match="stated by its coefficients: there is no fit"):
@@ -277,4 +277,4 @@ def test_a_design_solved_by_fem_gets_its_page_with_the_solvers_time(tmp_path: Pa
     assert piece.source == "FEM" and len(piece.data) == len(data)
     page = fit_report_stage(bench, "solved", [piece], {"name": "solved"}, tmp_path)
     text = words(page.read_text())
-    assert units.seconds(0.5 * len(data)) in text and "of FEM on" in text
+    assert seconds(0.5 * len(data)) in text and "of FEM on" in text

@@ -12,13 +12,13 @@ import pytest
 from pliant.config.loading import load_study
 from pliant.errors import UserError
 from pliant.pipeline.study import StudyRun, simulate_study
-from pliant.pipeline.tables import write_table
 from pliant.pipeline.workbench import Workbench
 from pliant.registry.discovery import discover
 from pliant.report.folder import finished, read_folder, write_folder
 from pliant.report.page import render
 from pliant.report.stage import NAMES, write_page
 from pliant.store.store import ArtifactStore
+from pliant.tabular.fem_writing import write_table
 from pliant.testing.samples import softening_law, table_of
 
 STUDY = """

@@ -15,13 +15,13 @@ import numpy as np
 import pytest
 
 from pliant.execution.progress import Silent
+from pliant.formatting import display_unit, percent
 from pliant.pipeline.meta_model.bars import Bars
 from pliant.pipeline.meta_model.learning import design_learning
 from pliant.pipeline.meta_model.leaving_out import misses_left_out, parts_of
 from pliant.pipeline.meta_model.next_design import Proposal
 from pliant.pipeline.meta_model.scoring import scores_of
 from pliant.records.solved import SolvedDesigns
-from pliant.report import units
 from pliant.report.figures.design_errors import design_errors
 from pliant.report.figures.parity import parity_picture
 from pliant.report.meta_page import render_meta, sentence, warned
@@ -85,9 +85,9 @@ def test_scores_are_the_pipelines_own() -> None:
         axis = scores.axes["y"]
         assert rows[place][0] == str(scores.n_designs)
         assert rows[place][2] == f"{axis.r2:.6f}"
-        assert rows[place][4] == units.percent(axis.worst_of_range, 3)
-        assert rows[place][5] == units.percent(scores.free_median, 3)
-    assert units.percent(one.scores["interior"].worst_of_range) in sentence(one)
+        assert rows[place][4] == percent(axis.worst_of_range, 3)
+        assert rows[place][5] == percent(scores.free_median, 3)
+    assert percent(one.scores["interior"].worst_of_range) in sentence(one)
     assert "Published" in scores_table([one]).note
 
 
@@ -103,7 +103,7 @@ def test_the_worst_designs_are_those_of_the_worst_states() -> None:
     assert one.worst_designs(1) == [design]
     assert one.worst[design] == pytest.approx(one.scores["all"].worst_of_range, rel=1e-12)
     row = worst_table(one).rows[0]
-    assert row[0] == units.percent(float(every.max()), 3)
+    assert row[0] == percent(float(every.max()), 3)
     assert row[1] == ("border" if one.designs.corners()[design] else "interior")
     assert float(row[2]) == pytest.approx(1e3 * one.designs.values[design, 0], rel=1e-3)
 
@@ -125,7 +125,7 @@ def test_cost_is_fem_against_milliseconds() -> None:
 def test_coverage_and_proposals_are_told() -> None:
     table = coverage_table(fitted())
     assert table.rows[0][0] == "all"
-    assert table.rows[0][2] == units.percent(fitted().coverage["all"]["0.9"], 3)
+    assert table.rows[0][2] == percent(fitted().coverage["all"]["0.9"], 3)
     assert next_table(fitted()) is None
     asked = replace(fitted(), proposals=(Proposal(fitted().designs.names, (7.1e-3, 1.3e-3), 0.12, "doubt"),))
     found = next_table(asked)
@@ -162,7 +162,7 @@ def test_learning_over_designs_never_fits_what_it_scores() -> None:
     points = curve["points"]
     assert points[-1]["all"]["worst"] < points[0]["all"]["worst"]
     rows = learning_table(curve).rows
-    assert rows[-1][:2] == ["12", units.percent(points[-1]["all"]["rms"], 3)]
+    assert rows[-1][:2] == ["12", percent(points[-1]["all"]["rms"], 3)]
 
 
 def test_an_interrupted_curve_over_designs_goes_on(tmp_path: Path) -> None:
@@ -189,6 +189,6 @@ def test_three_axes_and_one_parameter_have_pictures_too() -> None:
 
 
 def test_parameters_are_named_with_their_units() -> None:
-    assert parameter_words("average_radius_m") == ("average radius", units.MILLIMETRES)
+    assert parameter_words("average_radius_m") == ("average radius", display_unit("m"))
     assert parameter_words("material.shear_modulus_pa")[0] == "shear modulus"
     assert parameter_words("convolutions")[1].name == ""

@@ -14,12 +14,12 @@ from pydantic import ValidationError
 
 from pliant.errors import UserError
 from pliant.interfaces.surrogate import FittedLaw
-from pliant.pipeline.tables import read_table
 from pliant.pipeline.workbench import Workbench
 from pliant.records.design import Design
 from pliant.records.fem import ModuleData
 from pliant.registry.discovery import Registry
 from pliant.store.store import ArtifactStore, Recipe
+from pliant.tabular.fem_reading import read_table
 from pliant.testing.samples import linear_spherical_law, softening_law, table_of
 from pliant_plugins.manifest import pliant_components
 from pliant_plugins.surrogates.neural.config import NeuralConfig

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from pliant.errors import UserError
-from pliant.pipeline.tables import read_table, write_table
+from pliant.tabular.fem_reading import read_table
+from pliant.tabular.fem_writing import write_table
 from pliant.testing.samples import linear_law, softening_law, table_of
 from pliant_plugins.surrogates.polynomial.axes_law import AxesLaw
 from pliant_plugins.surrogates.table import spline

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from pliant.errors import UserError
-from pliant.measurements.sheet import Problems
 from pliant.records.design import Array
+from pliant.tabular.text import Problems
 
 ADVICE = "correct the file"
 LARGEST_STRAIN = 20.0

@@ -17,10 +17,11 @@ import numpy as np
 
 from pliant.calibration.plausible import ADVICE, check_free, check_tensile
 from pliant.errors import UserError, closest
-from pliant.measurements.columns import ENDINGS, conversion
-from pliant.measurements.sheet import Problems, Sheet, listed, numbers, open_sheet, plural
+from pliant.formatting import plural
 from pliant.mechanics.homogeneous import MODES
 from pliant.records.design import Array
+from pliant.tabular.text import Problems, Sheet, lines_text, open_sheet
+from pliant.tabular.units import ENDINGS, conversion, stem, unit_in
 
 Kind = Literal["tensile", "free"]
 TESTS = (*MODES, "free")
@@ -152,16 +153,20 @@ def _columns(path: Path, header: Sequence[str]) -> dict[str, Column]:
 
 def _column(written: str) -> Column | None:
     """`nominal_stress_mpa` → the nominal stress, in 1e6 Pa; None for a name that is not known."""
-    plain = written.lower()
+    plain = stem(written).lower().replace(" ", "_")
+    bracket = unit_in(written)
     sigma = plain.startswith("sigma_")
     plain = plain.removeprefix("sigma_")
-    for stem, unit in sorted(UNITS.items(), key=lambda item: -len(item[0])):
-        if plain in (stem, stem + SUFFIXES[unit]) and (not unit or plain != stem):
-            return Column(written, stem, 1.0, sigma)
-        ending = plain.removeprefix(f"{stem}_")
-        if ending != plain and ending in ENDINGS:
-            scale, _ = conversion(ENDINGS[ending], unit or "dimensionless", written)
-            return Column(written, stem, scale, sigma)
+    for name, unit in sorted(UNITS.items(), key=lambda item: -len(item[0])):
+        given = ENDINGS.get(plain.removeprefix(f"{name}_")) if plain.startswith(f"{name}_") else None
+        if plain == name + SUFFIXES[unit]:
+            given = None
+        elif given is None and not (plain == name and bracket):
+            continue
+        if (given := bracket or given) is None:
+            return Column(written, name, 1.0, sigma)
+        scale, _ = conversion(given, unit or "dimensionless", f"column '{written}'")
+        return Column(written, name, scale, sigma)
     return None
 
 
@@ -225,8 +230,7 @@ def _read(sheet: Sheet, columns: dict[str, Column]) -> _Rows:
         for name, texts in rows.texts.items():
             texts += [cell.strip() for cell in block.columns[sheet.header.index(name)]]
         for key, column in columns.items():
-            cells = block.columns[sheet.header.index(column.written)]
-            values = numbers(cells, block.lines, column.written, sheet.problems)
+            values = block.numbers(sheet.header.index(column.written), column.written)
             rows.numbers[key] += (column.scale * values).tolist()
     return rows
 
@@ -245,13 +249,13 @@ def _kept(path: Path, rows: _Rows, needed: tuple[Column, Column], remarks: list[
     kept = np.isfinite(values[0]) & np.isfinite(values[1])
     if not np.all(kept):
         lines = [rows.lines[i] for i in np.flatnonzero(~kept)]
-        remarks.append(f"Left out: {plural(len(lines), 'row')} with a blank ({listed(lines)}).")
+        remarks.append(f"Left out: {plural(len(lines), 'row')} with a blank ({lines_text(lines)}).")
     if "moment_n_m" in rows.numbers:
         loaded = kept & (np.nan_to_num(np.array(rows.numbers["moment_n_m"])) != 0)
         if loaded.any():
             lines = [rows.lines[i] for i in np.flatnonzero(loaded)]
             remarks.append(
-                f"Left out: {plural(len(lines), 'row')} with a moment ({listed(lines)}); a free curve has none."
+                f"Left out: {plural(len(lines), 'row')} with a moment ({lines_text(lines)}); a free curve has none."
             )
         kept &= ~loaded
     if not kept.any():

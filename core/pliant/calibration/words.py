@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pliant.evidence.words import listed, number, percent, shown
+from pliant.formatting import display_unit, listed, number, quantity, unit_of, whole_percent, with_sd
 from pliant.records.design import Array
 
 if TYPE_CHECKING:
@@ -33,8 +33,8 @@ def remarks_of(found: Calibration, scales: Array, touching: float | None, hidden
         remarks += [*_exchangeable(found), *_near_zero(found)]
     if found.rmse_of_range > POOR_FIT:
         remarks.append(
-            f"The law misses the data by {percent(found.rmse_of_range)} of their range: another law, or a wrong unit, "
-            "geometry or test?"
+            f"The law misses the data by {whole_percent(found.rmse_of_range)} of their range: another law, or a wrong "
+            "unit, geometry or test?"
         )
     if found.certainty.chi2 > 2:
         remarks.append(
@@ -44,9 +44,10 @@ def remarks_of(found: Calibration, scales: Array, touching: float | None, hidden
     if not found.converged:
         remarks.append("The fit still moved when it was stopped; look at the error before you believe it.")
     if touching is not None:
-        words = shown(found.data.x_name)
+        words = unit_of(found.data.x_name)
         remarks.append(
-            f"From {words.text(touching)} on convolutions touch, which the FEM does not resolve; leave such rows out."
+            f"From {words.text(touching, 3)} on convolutions touch, which the FEM does not resolve; leave such rows "
+            "out."
         )
     return remarks
 
@@ -56,8 +57,8 @@ def range_text(found: Calibration) -> str:
     low, high = float(found.data.x.min()), float(found.data.x.max())
     if found.data.kind == "tensile":
         return f"stretch {low:.3g} to {high:.3g}"
-    words = shown(found.data.x_name)
-    return f"{words.label} {number(low * words.factor)} to {words.text(high)}"
+    words = unit_of(found.data.x_name)
+    return f"{words.label} {number(low * words.factor, 3)} to {words.text(high, 3)}"
 
 
 def _undetermined(found: Calibration, scales: Array, hidden: bool) -> str:
@@ -71,7 +72,7 @@ def _undetermined(found: Calibration, scales: Array, hidden: bool) -> str:
         else "test at larger stretch or in another mode (column test: equibiaxial, planar)"
     )
     verb = "is" if len(found.undetermined) == 1 else "are"
-    only = f"determined is {known} = {number(value / 1e3, 4)} ± {number(sd / 1e3, 2)} kPa" if known else ""
+    only = f"determined is {known} = {with_sd(value, sd, display_unit('Pa'))}" if known else ""
     why = (
         "; a quarter of the modulus shifted from one to the other moves the curve by less than 1 % of its range, which "
         "FEM and geometry err by"
@@ -120,8 +121,8 @@ def _near_zero(found: Calibration) -> list[str]:
     if len(found.constants) < 2:
         return []
     return [
-        f"{c.written} is not told from zero (± {number(sd / 1e3 if c.is_modulus else sd, 2)}"
-        f"{' kPa' if c.is_modulus else ''}): a law without it fits these data as well."
+        f"{c.written} is not told from zero (± {quantity(sd, 'Pa' if c.is_modulus else '', 2)}): a "
+        "law without it fits these data as well."
         for c, sd in zip(found.constants, found.certainty.sd, strict=True)
         if abs(c.value) < 2 * sd
     ]

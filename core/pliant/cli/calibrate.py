@@ -15,14 +15,13 @@ from pliant.calibration.calibration import calibrate as calibrate_with
 from pliant.calibration.constants import Constant, changed
 from pliant.calibration.reading import BenchData, read_bench_data
 from pliant.calibration.words import range_text
-from pliant.cli.new_study import check_target, write_checked
+from pliant.cli.new_study import Force, Full, check_target
 from pliant.cli.options import DEFAULT_STORE, JsonFile, Overrides, Quiet, StoreFolder, StudyFile
 from pliant.cli.session import Session, session
 from pliant.config.study import Study, written_name
-from pliant.config.writing import study_with_values
-from pliant.diagnosis.uncertainty import rounded_text
+from pliant.config.writing import StudyDraft
 from pliant.errors import UserError
-from pliant.evidence.words import number, shown
+from pliant.formatting import display_unit, number, rounded_to_sd, unit_of
 from pliant.registry.discovery import Registry
 from pliant.units import parse_quantity
 
@@ -49,7 +48,6 @@ Keys = Annotated[
 NewStudy = Annotated[
     Path | None, typer.Option("--out", metavar="NEW.yaml", help="Write the study with the fitted constants.")
 ]
-Force = Annotated[bool, typer.Option("--force", help="Overwrite the new study's file if it is there.")]
 NOT_REACHED = 3
 
 
@@ -61,6 +59,7 @@ def calibrate(
     fit: Keys = None,
     out: NewStudy = None,
     force: Force = False,
+    full: Full = False,
     store: StoreFolder = DEFAULT_STORE,
     json: JsonFile = None,
     quiet: Quiet = False,
@@ -83,7 +82,7 @@ def calibrate(
                 here.say("No study was written.")
             here.exit_code = NOT_REACHED
         elif out is not None:
-            write_study(study, out, loaded, overrides or (), found, installed)
+            write_study(study, out, loaded, overrides or (), found, installed, full)
             here.result["out"] = str(out)
             here.say(f"study    {out}")
 
@@ -130,7 +129,9 @@ def _say(here: Session, found: Calibration) -> None:
     if len(found.constants) > 1:
         table.add_row("shear modulus", *_cells(found.shear_modulus_pa, found.shear_modulus_sd_pa, True))
     here.say(table)
-    error = shown("nominal_stress_pa" if found.data.kind == "tensile" else found.data.y_name).text(found.rmse)
+    error = unit_of("nominal_stress_pa" if found.data.kind == "tensile" else found.data.y_name).text(
+        found.rmse
+    )
     here.say(
         f"{len(found.data)} rows, {range_text(found)}; rms error {error}, {100 * found.rmse_of_range:.2g} % of the "
         "range"
@@ -140,27 +141,33 @@ def _say(here: Session, found: Calibration) -> None:
 
 
 def _cells(value: float, sd: float, modulus: bool) -> tuple[str, str, str]:
-    scale = 1e-3 if modulus else 1.0
-    return rounded_text(value * scale, sd * scale), number(sd * scale, 2), "kPa" if modulus else ""
+    unit = display_unit("Pa" if modulus else "")
+    return rounded_to_sd(value * unit.factor, sd * unit.factor), number(sd * unit.factor, 2), unit.symbol
 
 
 def write_study(
-    source: Path, target: Path, study: Study, overrides: Sequence[str], found: Calibration, registry: Registry
+    source: Path,
+    target: Path,
+    study: Study,
+    overrides: Sequence[str],
+    found: Calibration,
+    registry: Registry,
+    full: bool = False,
 ) -> None:
-    """Write the study with the fitted constants, rounded to six digits; comments are kept."""
+    """Write the study with the fitted constants, rounded to six digits."""
     rounded = changed(found.config, found.constants, [_rounded(c) for c in found.constants])
     assert rounded is not None
-    values, remarks = {}, {"kind": _note(found.data, range_text(found))}
+    draft = StudyDraft(source, overrides)
+    draft.set(("material", "kind"), rounded.kind, _note(found.data, range_text(found)))
     for field in dict.fromkeys(c.field for c in found.constants):
         key, modulus = written_name(type(rounded), field), field.endswith("_pa")
         value = getattr(rounded, field)
-        listed = [_text(item, modulus) for item in value] if isinstance(value, tuple) else []
-        values[key] = f"[{', '.join(listed)}]" if listed else _text(value, modulus)
+        listed = [_written(item, modulus) for item in value] if isinstance(value, tuple) else None
         sds = zip(found.constants, found.certainty.sd.tolist(), strict=True)
         shares = [number(sd * (1e-3 if modulus else 1), 2) for c, sd in sds if c.field == field]
-        remarks[key] = f"{key} ± {', '.join(shares)}{' kPa' * modulus}"
-    text = study_with_values(source, target, "material", values, remarks, overrides)
-    write_checked(target, text, {**study.canonical(), "material": rounded.canonical()}, registry)
+        remark = f"{key} ± {', '.join(shares)}{' kPa' * modulus}"
+        draft.set(("material", key), listed or _written(value, modulus), remark)
+    draft.write(target, {**study.canonical(), "material": rounded.canonical()}, registry, full)
 
 
 def _note(data: BenchData, covered: str) -> str:
@@ -169,6 +176,10 @@ def _note(data: BenchData, covered: str) -> str:
 
 def _text(value: float, is_modulus: bool) -> str:
     return f"{value / 1e3:.6g} kPa" if is_modulus else f"{value:.6g}"
+
+
+def _written(value: float, is_modulus: bool) -> str | float:
+    return _text(value, True) if is_modulus else float(_text(value, False))
 
 
 def _rounded(constant: Constant) -> float:

@@ -15,7 +15,7 @@ from pliant.evidence.comparison import compare as compare_with
 from pliant.evidence.counted_study import is_counted
 from pliant.evidence.measured import measurement_of_study
 from pliant.evidence.prediction import Predictor
-from pliant.evidence.words import listed
+from pliant.formatting import listed
 from pliant.report.comparison import comparison_document
 
 DataFile = Annotated[

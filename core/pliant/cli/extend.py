@@ -10,18 +10,20 @@ import typer
 from rich.table import Table
 
 from pliant.cli.compare import DataFile
-from pliant.cli.new_study import check_target, write_study
+from pliant.cli.new_study import Force, Full, check_target
 from pliant.cli.options import DEFAULT_STORE, JsonFile, Overrides, Quiet, StoreFolder, StudyFile
 from pliant.cli.session import Session, session
 from pliant.config.study import Study
+from pliant.diagnosis.extended_study import write_extended_study
 from pliant.diagnosis.extension import Extension, Ground
 from pliant.diagnosis.extension import extend as extend_with
 from pliant.diagnosis.scores import score_json
-from pliant.diagnosis.uncertainty import Uncertainty, rounded_text
+from pliant.diagnosis.uncertainty import Uncertainty
 from pliant.errors import UserError
 from pliant.evidence.measured import measurement_of_study
-from pliant.evidence.words import listed, number, shown
+from pliant.formatting import listed, number, unit_of
 from pliant.records.measurement import Measurement
+from pliant.report.diagnosis_words import estimate_cells
 
 Effects = Annotated[
     list[str] | None,
@@ -34,7 +36,6 @@ NewStudy = Annotated[
     ),
 ]
 Refit = Annotated[bool, typer.Option("--refit", help="Fit the effects that the study has already anew, too.")]
-Force = Annotated[bool, typer.Option("--force", help="Overwrite the new study's file if it is there.")]
 NOT_REACHED = 3
 
 
@@ -46,6 +47,7 @@ def extend(
     out: NewStudy = None,
     refit: Refit = False,
     force: Force = False,
+    full: Full = False,
     store: StoreFolder = DEFAULT_STORE,
     json: JsonFile = None,
     quiet: Quiet = False,
@@ -78,7 +80,9 @@ def extend(
             here.exit_code = NOT_REACHED
             return
         note = fit_note(found, measurement)
-        write_study(study, target, loaded, overrides or (), found, note, installed)
+        write_extended_study(
+            study, target, loaded, overrides or (), found, note, installed, data=data, full=full
+        )
         here.result["out"] = str(target)
         here.say(_outcome(found))
         here.say(f"study    {target}")
@@ -142,9 +146,7 @@ def parameter_table(uncertainty: Uncertainty) -> Table:
     for name in ("value", "sd", "90 % interval", "unit"):
         table.add_column(name, justify="right", no_wrap=True)
     for e in uncertainty.estimates:
-        low = "…" if e.open_low else number(e.low)
-        high = "…" if e.open_high else number(e.high)
-        table.add_row(e.name, rounded_text(e.value, e.sd), number(e.sd, 2), f"{low} to {high}", e.unit)
+        table.add_row(*estimate_cells(e))
     return table
 
 
@@ -170,9 +172,9 @@ def _kinds(here: Session, study: Study, effect: list[str] | None, refit: bool) -
 def _say(here: Session, found: Extension) -> None:
     say_parameters(here, found.uncertainty)
     for name, rmse in found.after.rmse.items():
-        words = shown(name)
+        words = unit_of(name)
         here.say(
-            f"{words.label}: {words.text(found.before.rmse[name])} → {words.text(rmse)} rms, all readings"
+            f"{words.label}: {words.text(found.before.rmse[name], 3)} → {words.text(rmse, 3)} rms, all readings"
         )
     if not found.fit.converged:
         here.say("note: the fit still moved when it was stopped; look at the error before you believe it.")
@@ -202,4 +204,6 @@ def _errors(found: Extension) -> str:
     last, where = (
         (found.after, "on the readings fitted") if heldout is None else (heldout, "on conditions left out")
     )
-    return f"error {number(found.before.over_floor)} → {number(last.over_floor)} times the noise {where}"
+    return (
+        f"error {number(found.before.over_floor, 3)} → {number(last.over_floor, 3)} times the noise {where}"
+    )

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 import os
 import time
 from collections.abc import Mapping, Sequence
@@ -16,6 +15,7 @@ import numpy as np
 from pliant.cli import summaries
 from pliant.cli.session import Session, check_writable, plain
 from pliant.errors import MissingDependencyError, UserError
+from pliant.formatting import actuation_unit, deformation_unit, effort_unit, number, unit_of
 from pliant.interfaces.surrogate import SurrogateConfig
 from pliant.pipeline.study import Design, DesignStages
 from pliant.pipeline.surrogate import law_stage
@@ -103,19 +103,19 @@ def _band(law: JointLaw, details: Any) -> tuple[float | None, float | None]:
     of_axes = details.get("axes") or {law.axes[0]: details}
     inside: list[Array] = []
     widths: list[Array] = []
-    for number, axis in enumerate(law.axes):
+    for index, axis in enumerate(law.axes):
         found = of_axes.get(axis, {}).get("residuals")
         if not found:
             continue
         p, u = np.array(found["actuation"]), np.zeros((len(found["actuation"]), len(law.axes)))
-        u[:, number] = found["angle_rad"]
+        u[:, index] = found["angle_rad"]
         half = law.band(p, u, LEVEL)
         if half is None:
             continue
         moment = np.array(found["moment_n_m"])
         missed = np.abs(np.array(found["predicted_n_m"]) - moment)
-        inside.append(missed <= half[:, number])
-        widths.append(half[:, number])
+        inside.append(missed <= half[:, index])
+        widths.append(half[:, index])
     if not inside:
         return None, None
     return float(np.mean(np.concatenate(inside))), float(np.median(np.concatenate(widths)))
@@ -127,11 +127,11 @@ def _unstable(law: JointLaw) -> tuple[tuple[str, float, float, float], ...]:
         return ()
     found = []
     pressures = _levels(law.domain.actuation)
-    for number, axis in enumerate(law.axes):
-        p, along = (g.ravel() for g in np.meshgrid(pressures, _levels(law.domain.deformation[number])))
+    for index, axis in enumerate(law.axes):
+        p, along = (g.ravel() for g in np.meshgrid(pressures, _levels(law.domain.deformation[index])))
         u = np.zeros((len(p), len(law.axes)))
-        u[:, number] = along
-        slopes = law.evaluate(p, u).dtau_du[:, number, number]
+        u[:, index] = along
+        slopes = law.evaluate(p, u).dtau_du[:, index, index]
         worst = int(np.argmax(slopes))
         if slopes[worst] >= 0:
             found.append((axis, float(p[worst]), float(along[worst]), float(slopes[worst])))
@@ -157,7 +157,7 @@ def _result(source: Path, scores: Scores) -> dict[str, Any]:
 def _lines(source: Path, scores: Scores) -> list[str]:
     law, report = scores.law, scores.stages.law.report
     assert report is not None
-    unit = "N" if law.joint == "prismatic" else "N·m"
+    effort, u_unit, p_unit = effort_unit(law), deformation_unit(law), actuation_unit(law.actuation_name)
     lines = [
         f"table    {source}: {report.n_fitted + report.n_heldout} states, {_actuation(law)}",
         *(f"         {axis}: {_deformation(law, k)}" for k, axis in enumerate(law.axes)),
@@ -168,13 +168,13 @@ def _lines(source: Path, scores: Scores) -> list[str]:
     else:
         share = 100 * scores.half_width / report.effort_range
         lines.append(
-            f"band     90 %: ± {scores.half_width:.2g} {unit} ({share:.2g} % of the range) at the median of the "
+            f"band     90 %: ± {effort.text(scores.half_width, 2)} ({share:.2g} % of the range) at the median of the "
             f"states left out; {100 * scores.covered:.0f} % of them lie in it"
         )
     if scores.unstable:
         lines += [
-            f"unstable axis {axis}: ∂τ/∂u = {slope:+.2g} {unit}/{_unit_of(law)} at {p:g} {_input_unit(law)}, "
-            f"{u:g} {_unit_of(law)}"
+            f"unstable axis {axis}: ∂τ/∂u = {number(slope * effort.factor / u_unit.factor, 2)} "
+            f"{effort.symbol}/{u_unit.symbol} at {p_unit.text(p)}, {u_unit.text(u)}"
             for axis, p, u, slope in scores.unstable
         ]
     else:
@@ -184,23 +184,14 @@ def _lines(source: Path, scores: Scores) -> list[str]:
     return lines
 
 
-def _unit_of(law: JointLaw) -> str:
-    return "m" if law.joint == "prismatic" else "rad"
-
-
-def _input_unit(law: JointLaw) -> str:
-    return "Pa" if law.actuation_name.endswith("_pa") else "N"
-
-
 def _actuation(law: JointLaw) -> str:
-    low, high = law.domain.actuation
-    return f"{law.actuation_name} {low:g} to {high + 0.0:g}"
+    (low, high), unit = law.domain.actuation, actuation_unit(law.actuation_name)
+    return f"{unit_of(law.actuation_name).label} {number(low * unit.factor)} to {unit.text(high)}"
 
 
-def _deformation(law: JointLaw, number: int) -> str:
-    low, high = law.domain.deformation[number]
-    degrees = "" if law.joint == "prismatic" else f" ({math.degrees(low):.1f}° to {math.degrees(high):.1f}°)"
-    return f"u from {low:.4g} to {high:.4g} {_unit_of(law)}{degrees}"
+def _deformation(law: JointLaw, axis: int) -> str:
+    (low, high), unit = law.domain.deformation[axis], deformation_unit(law)
+    return f"u from {number(low * unit.factor)} to {unit.text(high)}"
 
 
 def _compare(
@@ -266,8 +257,8 @@ def _page(
 ) -> None:
     """The page of the first law, all that were compared beside it."""
     pieces = [
-        piece_of(bench, kind, config, one.stages.law, learning=learning and not number, source=source.name)
-        for number, (kind, one) in enumerate(known.items())
+        piece_of(bench, kind, config, one.stages.law, learning=learning and not index, source=source.name)
+        for index, (kind, one) in enumerate(known.items())
         if (config := one.stages.design.surrogate) is not None
     ]
     compared = pieces if len(pieces) > 1 else []

@@ -12,16 +12,17 @@ from rich.table import Table
 from pliant.cli.compare import DataFile
 from pliant.cli.extend import cited, parameters_json, say_parameters
 from pliant.cli.fitting_bar import fitting_bar
-from pliant.cli.new_study import check_target, write_study
+from pliant.cli.new_study import Force, Full, check_target
 from pliant.cli.options import DEFAULT_STORE, JsonFile, Overrides, Quiet, StoreFolder, StudyFile
 from pliant.cli.remarks import say_remarks
 from pliant.cli.session import Session, check_writable, session
+from pliant.diagnosis.extended_study import write_extended_study
 from pliant.diagnosis.improvement import Improvement, Step, summary
 from pliant.diagnosis.improvement import improve as improve_with
 from pliant.diagnosis.next_run import next_run_json
 from pliant.diagnosis.scores import score_json
 from pliant.evidence.measured import measurement_of_study
-from pliant.evidence.words import shown
+from pliant.formatting import unit_of
 from pliant.records.measurement import Measurement
 from pliant.report.stage import write_page
 
@@ -39,7 +40,6 @@ Candidates = Annotated[
     list[str] | None,
     typer.Option("--effect", metavar="KIND", help="Candidate, may be repeated; all effects by default."),
 ]
-Force = Annotated[bool, typer.Option("--force", help="Overwrite the new study's file if it is there.")]
 # Outputs that stand beside each other in eighty characters.
 MOST_IN_A_ROW = 3
 
@@ -52,6 +52,7 @@ def improve(
     out: NewStudy = None,
     report: ReportFolder = None,
     force: Force = False,
+    full: Full = False,
     store: StoreFolder = DEFAULT_STORE,
     json: JsonFile = None,
     quiet: Quiet = False,
@@ -79,8 +80,19 @@ def improve(
         here.result["final_study"] = str(study)
         if found.final is not None:
             note = f"fitted to {cited(measurement)} by 'pliant improve', {_put_aside(found)}"
-            beside = {kind: _stands_for(step) for step in found.steps for kind in step.added}
-            write_study(study, target, loaded, overrides or (), found.final, note, installed, beside)
+            stands_for = {kind: _stands_for(step) for step in found.steps for kind in step.added}
+            write_extended_study(
+                study,
+                target,
+                loaded,
+                overrides or (),
+                found.final,
+                note,
+                installed,
+                notes_by_kind=stands_for,
+                data=data,
+                full=full,
+            )
             here.result["final_study"] = str(target)
         _say(here, found, effect or ())
         from pliant.report.improvement import improvement_page  # matplotlib takes a second to import
@@ -152,16 +164,16 @@ def _say(here: Session, found: Improvement, asked: Sequence[str]) -> None:
 def _table(found: Improvement) -> Table:
     """Errors on the runs put aside, a step a row; where more is read than fits into a row, a step a column."""
     names = list(found.steps[0].locked.rmse)
-    labels = [*(shown(name).label for name in names), "over the noise"]
+    labels = [*(unit_of(name).label for name in names), "over the noise"]
     rows = [
         [
             f"{place}  {'+ ' + step.named if step.added else 'as it was'}",
-            *(shown(name).text(step.locked.rmse[name]) for name in names),
+            *(unit_of(name).text(step.locked.rmse[name], 3) for name in names),
             f"{step.locked.over_floor:.2f} ± {step.locked_se:.2f}",
         ]
         for place, step in enumerate(found.steps, start=1)
     ]
-    rows.append(["noise floor", *(shown(name).text(found.floors[name].value) for name in names), "1"])
+    rows.append(["noise floor", *(unit_of(name).text(found.floors[name].value, 3) for name in names), "1"])
     first = f"error on {found.scored_on}"
     if len(names) <= MOST_IN_A_ROW:
         return _filled([first, *labels], rows)

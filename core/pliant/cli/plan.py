@@ -33,10 +33,9 @@ from pliant.diagnosis.words import headline, named
 from pliant.errors import UserError
 from pliant.evidence.measured import measurement_of_study
 from pliant.evidence.prediction import Predictor
-from pliant.evidence.words import listed
 from pliant.experiments.protocols import own_runs, runs_of
 from pliant.experiments.scale import BenchScale
-from pliant.measurements.sheet import plural
+from pliant.formatting import listed, plural
 from pliant.pipeline.study import chain_of_study
 from pliant.pipeline.workbench import Workbench
 from pliant.records.measurement import Measurement

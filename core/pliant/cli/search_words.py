@@ -7,8 +7,9 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
+from pliant.formatting import quantity
 from pliant.records.search import FoundDesign, SearchResult, Slope, VariableRecord
-from pliant.search.spoken import acts, quantity, unit_of, unit_of_objective
+from pliant.search.metrics import acts, unit_of_metric, unit_of_objective
 from pliant.units import strip_unit_suffix
 
 STEEPEST = 3
@@ -72,7 +73,7 @@ def _design(result: SearchResult, design: FoundDesign) -> list[str]:
     ]
     stated = {name.rpartition(".")[2] for name in design.objectives}
     numbers = [
-        f"{strip_unit_suffix(name)} {quantity(value, unit_of(name, design.metrics), 3)}"
+        f"{strip_unit_suffix(name)} {quantity(value, unit_of_metric(name, design.metrics), 3)}"
         for name, value in design.metrics.items()
         if math.isfinite(value)
         and not {name, strip_unit_suffix(name)} & stated
@@ -119,13 +120,15 @@ def _robust(result: SearchResult) -> list[str]:
         return []
     unit = unit_of_objective(result.objectives[0], result.variables, result.best[0].metrics)
     measure = f"{found.measure} {found.level:g}" if found.measure == "cvar" else found.measure
-    together = f"robust   {measure} over {found.samples} scenarios {quantity(found.robust_of_robust, unit)}"
-    alone = f"undisturbed {quantity(found.nominal_of_robust, unit)}"
+    together = (
+        f"robust   {measure} over {found.samples} scenarios {quantity(found.robust_of_robust, unit, 3)}"
+    )
+    alone = f"undisturbed {quantity(found.nominal_of_robust, unit, 3)}"
     if result.nominal_is_robust:
         return [f"{together}; {alone}: the best nominal design, nothing more robust was found"]
     return [
-        f"{together} (nominal design {quantity(found.robust_of_nominal, unit)}); {alone} (nominal design "
-        f"{quantity(found.nominal_of_nominal, unit)})"
+        f"{together} (nominal design {quantity(found.robust_of_nominal, unit, 3)}); {alone} (nominal design "
+        f"{quantity(found.nominal_of_nominal, unit, 3)})"
     ]
 
 
@@ -152,14 +155,16 @@ def _beside(result: SearchResult, verified: Mapping[str, float], predicted: Mapp
     """Metrics of the objectives first: verified against predicted."""
     names = {**predicted, **verified}
     wanted = [
-        name for name in names if any(_stem(name, unit_of(name, names)) in text for text in result.objectives)
+        name
+        for name in names
+        if any(_stem(name, unit_of_metric(name, names)) in text for text in result.objectives)
     ]
     parts = []
     others = [name for name in names if AS_IT_SHOULD.get(name) != verified.get(name, predicted.get(name))]
     for name in (wanted or others)[:MOST_METRICS]:
-        unit = unit_of(name, names)
-        told = [quantity(verified[name], unit) + " verified"] if name in verified else []
-        told += [quantity(predicted[name], unit) + " predicted"] if name in predicted else []
+        unit = unit_of_metric(name, names)
+        told = [quantity(verified[name], unit, 3) + " verified"] if name in verified else []
+        told += [quantity(predicted[name], unit, 3) + " predicted"] if name in predicted else []
         parts.append(f"{_stem(name, unit)} {', '.join(told)}")
     return "; ".join(parts)
 

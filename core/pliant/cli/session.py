@@ -70,7 +70,7 @@ class Session:
 
         `uses` names keys that this verb alone reads.
         """
-        study = load_study(path, self.registry, overrides or ())
+        study = load_study(path, self.registry, overrides or (), self.progress.note)
         self.registry = with_files(self.registry, study.plugins)
         unused = [key for key in study.unused() if key not in uses]
         if unused:

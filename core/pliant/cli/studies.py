@@ -23,6 +23,7 @@ from pliant.cli.options import (
 from pliant.cli.session import Session, check_writable, plain, session
 from pliant.cli.sweeps import fem_of_sweep
 from pliant.errors import UserError
+from pliant.formatting import quantity
 from pliant.pipeline.study import (
     StudyRun,
     check_study,
@@ -30,10 +31,10 @@ from pliant.pipeline.study import (
     laws_of_study,
     simulate_study,
 )
-from pliant.pipeline.tables import write_table
 from pliant.report.folder import read_folder, table_name, write_folder
 from pliant.report.search_folder import is_search
 from pliant.report.stage import fem_report_stage, report_stage, write_page
+from pliant.tabular.fem_writing import write_table
 
 OutFolder = Annotated[
     Path | None, typer.Option("--out", metavar="DIR", help="Output folder; runs/<name> by default.")
@@ -194,7 +195,7 @@ def _say_run(here: Session, done: StudyRun) -> None:
         here.say(summaries.uncertainty_line(done.uncertainty))
     distance = summaries.largest_distance_m(done.engines)
     if distance is not None:
-        here.say(f"engines  agree within {1e3 * distance:.5f} mm")
+        here.say(f"engines  agree within {quantity(distance, 'm', 3)}")
 
 
 def _exit_unless_converged(here: Session, done: StudyRun) -> None:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from pliant.cli import meta_models
+from pliant.formatting import actuation_unit, deformation_unit, display_unit, fixed, quantity, seconds
 from pliant.pipeline.study import DesignStages, EngineRun
 from pliant.records.fem import PASSED, SELF_CONTACT, FemDataset, ModuleData
 from pliant.records.rollout import TaskResult
@@ -86,14 +87,10 @@ def _largest_free(data: FemDataset) -> str:
     """How far the free branch goes, and at which pressure or force."""
     free = data.branch == "free"
     most, level = float(data.angle_rad[free].max()), float(data.actuation[free].max())
-    reached = (
-        f"free extension {1e3 * most:.3f} mm"
-        if data.joint == "prismatic"
-        else f"free angle {np.degrees(most):.2f}°"
-    )
-    return f"{reached} at " + (
-        f"{level:g} N" if data.actuation_name == "tendon_force_n" else f"{level / 1e3:g} kPa"
-    )
+    word, decimals = ("extension", 3) if data.joint == "prismatic" else ("angle", 2)
+    unit = deformation_unit(data)
+    reached = unit.attached(fixed(most * unit.factor, decimals))
+    return f"free {word} {reached} at {actuation_unit(data.actuation_name).text(level, 6)}"
 
 
 def _axis_lines(data: ModuleData) -> list[str]:
@@ -224,7 +221,7 @@ def uncertainty_line(artifact: Artifact) -> str:
         return f"error bar    none of {told['samples']} runs with drawn laws settled"
     failed = f", {told['failed']} did not settle" if told["failed"] else ""
     return (
-        f"error bar    the tip lies within {1e3 * told['tip_radius_m']:.3g} mm ({100 * told['level']:g} % of "
+        f"error bar    the tip lies within {quantity(told['tip_radius_m'], 'm', 3)} ({100 * told['level']:g} % of "
         f"{told['samples']} runs with laws drawn from their error bars{failed}), {_time(artifact)}"
     )
 
@@ -242,7 +239,8 @@ def simulation_lines(engine: EngineRun) -> list[str]:
     if engine.artifact is None:
         return [f"{engine.kind:<12} skipped: {engine.skipped}"]
     result: TaskResult = engine.artifact.value
-    x, y, z = 1e3 * result.final.tip_m
+    length = display_unit("m")
+    x, y, z = length.factor * result.final.tip_m
     state = "settled" if result.final.converged else "NOT CONVERGED"
     if result.final.stable is False:
         state += " (UNSTABLE: the energy has no minimum there)"
@@ -254,7 +252,7 @@ def simulation_lines(engine: EngineRun) -> list[str]:
         lines = [f"{engine.kind:<12} {', '.join((*numbers[:3], _time(engine.artifact)))}"]
     else:
         lines = [
-            f"{engine.kind:<12} tip ({x:.3f}, {y:.3f}, {z:.3f}) mm, {state}, residual "
+            f"{engine.kind:<12} tip ({x:.3f}, {y:.3f}, {z:.3f}) {length.symbol}, {state}, residual "
             f"{result.final.residual:.1e}, {_time(engine.artifact, result.final.wall_s)}"
         ]
     outside = result.final.outside_domain
@@ -294,5 +292,4 @@ def _r2(r2: float) -> str:
 def _time(artifact: Artifact, wall_s: float | None = None) -> str:
     """Time of the stage, or of the part of it that is given: a chain's equilibria without what was compiled."""
     wall = artifact.manifest["wall_s"] if wall_s is None else wall_s
-    text = f"{wall:.1f} s" if wall >= 0.1 else f"{1e3 * wall:.1f} ms"
-    return f"{text}, from the store" if artifact.cached else text
+    return f"{seconds(wall)}, from the store" if artifact.cached else seconds(wall)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 import re
 from collections.abc import Sequence
 from pathlib import Path
@@ -14,12 +13,12 @@ from pliant.cli.options import workers_or_scheduler
 from pliant.cli.session import Session, check_writable, plain
 from pliant.config.study import Study
 from pliant.errors import NotReachedError
+from pliant.formatting import deformation_unit, fixed, number, unit_of_field
 from pliant.pipeline.sweep import sweep_study
 from pliant.pipeline.sweep_records import DesignOutcome, SweepRun
 from pliant.pipeline.sweep_table import write_sweep_table
 from pliant.pipeline.workbench import Workbench
 from pliant.store.store import write_atomically
-from pliant.units import SPOKEN, UNIT_SUFFIXES
 
 TABLE, INDEX = "fem.csv", "sweep.json"
 MOST_LINES = 100
@@ -102,9 +101,10 @@ def _came_to(outcome: DesignOutcome) -> list[str]:
 
 def _angle(outcome: DesignOutcome) -> str:
     assert outcome.free_angle_rad is not None
-    if outcome.joint == "prismatic":
-        return f"{1e3 * outcome.free_angle_rad:.3f} mm"
-    return f"{math.degrees(outcome.free_angle_rad):.2f}°"
+    unit = deformation_unit(outcome)
+    return unit.attached(
+        fixed(outcome.free_angle_rad * unit.factor, 3 if outcome.joint == "prismatic" else 2)
+    )
 
 
 def _grouped(run: SweepRun) -> list[str]:
@@ -139,21 +139,12 @@ def _total(run: SweepRun) -> str:
     return f"sweep    {', '.join(parts)}, {run.wall_s:.1f} s"
 
 
-def _unit(name: str) -> tuple[str, float, str]:
-    """What people call a parameter, and how its numbers are shown."""
-    for suffix, unit in UNIT_SUFFIXES.items():
-        if name.endswith(suffix):
-            factor, label = SPOKEN.get(unit, (1.0, unit))
-            return name.removesuffix(suffix), factor, label
-    return name, 1.0, ""
-
-
 def _head(name: str) -> str:
-    word, _, label = _unit(name)
-    return f"{word} ({label})" if label else word
+    word, unit = unit_of_field(name)
+    return f"{word} ({unit.symbol})" if unit.symbol else word
 
 
 def _value(name: str, value: Any) -> str:
     if isinstance(value, bool) or not isinstance(value, int | float):
         return str(value)
-    return f"{value * _unit(name)[1]:.6g}"
+    return number(value * unit_of_field(name)[1].factor, 6)

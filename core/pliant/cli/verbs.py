@@ -1,51 +1,87 @@
-"""The verbs of the command line, gathered in one `app`."""
+"""The verbs of the command line in one `app`; a verb's module is imported when the verb is called, not before."""
 
 from __future__ import annotations
 
-from typing import Annotated
+import ast
+import importlib
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated, Any
 
 import typer
+from typer.core import TyperCommand, TyperGroup
 
 from pliant import __version__
-from pliant.cli import (
-    calibrate,
-    compare,
-    diagnose,
-    export,
-    extend,
-    fit,
-    improve,
-    optimize,
-    plan,
-    plugins,
-    render,
-    studies,
-    view,
-)
+
+# Verb → module of `pliant.cli` that holds a function of its name, in the order of `pliant --help`.
+VERBS = {
+    "run": "studies",
+    "fem": "studies",
+    "fit": "fit",
+    "simulate": "studies",
+    "report": "studies",
+    "plugins": "plugins",
+    "check": "plugins",
+    "schema": "plugins",
+    "new-plugin": "plugins",
+    "calibrate": "calibrate",
+    "compare": "compare",
+    "diagnose": "diagnose",
+    "plan": "plan",
+    "extend": "extend",
+    "improve": "improve",
+    "export": "export",
+    "render": "render",
+    "view": "view",
+    "optimize": "optimize",
+}
+
+
+class Verb(TyperCommand):
+    """A verb as `pliant --help` lists it; the command itself, with its options, is made when it is called."""
+
+    def __init__(self, name: str) -> None:
+        self._function = name.replace("-", "_")
+        self._module = VERBS[name]
+        super().__init__(name, help=self._docstring())
+
+    def make_context(self, info_name: str | None, args: list[str], parent: Any = None, **extra: Any) -> Any:
+        """The context of the real command: click goes on with that one."""
+        return self.command().make_context(info_name, args, parent, **extra)
+
+    def command(self) -> Any:
+        """The command with its options."""
+        function: Callable[..., None] = getattr(
+            importlib.import_module(f"pliant.cli.{self._module}"), self._function
+        )
+        alone = typer.Typer(add_completion=False)
+        alone.command(self.name)(function)
+        return typer.main.get_command(alone)
+
+    def _docstring(self) -> str:
+        """Of the verb's function, from its source: nothing is imported."""
+        source = Path(__file__).with_name(f"{self._module}.py").read_text(encoding="utf-8")
+        functions = (node for node in ast.parse(source).body if isinstance(node, ast.FunctionDef))
+        return ast.get_docstring(next(f for f in functions if f.name == self._function)) or ""
+
+
+class Verbs(TyperGroup):
+    """The group of all verbs."""
+
+    def __init__(self, **settings: Any) -> None:
+        super().__init__(**settings)
+        for name in VERBS:
+            self.add_command(Verb(name))
+
 
 app = typer.Typer(
     name="pliant",
     help="Soft robots from finite elements to fast, honest chain models.",
+    cls=Verbs,
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for verb in (studies.run, studies.fem, fit.fit, studies.simulate, studies.report):
-    app.command()(verb)
-app.command("plugins")(plugins.plugins)
-app.command("check")(plugins.check)
-app.command("schema")(plugins.schema)
-app.command("new-plugin")(plugins.new_plugin)
-app.command("calibrate")(calibrate.calibrate)
-app.command("compare")(compare.compare)
-app.command("diagnose")(diagnose.diagnose)
-app.command("plan")(plan.plan)
-app.command("extend")(extend.extend)
-app.command("improve")(improve.improve)
-app.command("export")(export.export)
-app.command("render")(render.render)
-app.command("view")(view.view)
-app.command("optimize")(optimize.optimize)
 
 
 def _version(show: bool) -> None:

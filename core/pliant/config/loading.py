@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import datetime
+import hashlib
+import json
 import os
 import re
-from collections.abc import Mapping, Sequence
+import warnings
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeVar
@@ -34,9 +37,17 @@ DEEPEST = 64
 
 @dataclass
 class _Sources:
-    """Where each key was written: (file, line), or the override that set it."""
+    """Where each key was written.
+
+    Attributes:
+        places: "file, line" of each key, or the override that set it.
+        files: that were read, the study first, then its bases.
+        remarks: what a reader should know of them.
+    """
 
     places: dict[KeyPath, str] = field(default_factory=dict)
+    files: list[Path] = field(default_factory=list)
+    remarks: list[str] = field(default_factory=list)
 
     def where(self, path: Sequence[Any]) -> str:
         """The place of the nearest key that was written."""
@@ -47,19 +58,27 @@ class _Sources:
         return ""
 
 
-def load_study(path: Path, registry: Registry, overrides: Sequence[str] = ()) -> Study:
+def load_study(
+    path: Path,
+    registry: Registry,
+    overrides: Sequence[str] = (),
+    note: Callable[[str], None] = warnings.warn,
+) -> Study:
     """Read, merge and validate a study file.
 
     Args:
         path: the YAML file.
         registry: the installed plugins; those of the study's own `plugins` files are added.
         overrides: "key=value" texts with dotted keys, as on the command line; list items by number.
+        note: receives what is no error, such as a base that has changed since it was extended.
 
     Raises:
         UserError: one line per problem, with file and line.
     """
     sources = _Sources()
-    raw = _read_with_bases(path, sources, ())
+    raw, _ = _read_with_bases(path, sources, ())
+    for remark in sources.remarks:
+        note(remark)
     for override in overrides:
         raw = _override(raw, override, sources)
     raw = normalised(raw)
@@ -208,28 +227,96 @@ def _neighbours(path: Path) -> str:
     return f"; {folder} holds {', '.join(names)}" if names else ""
 
 
-def _read_with_bases(path: Path, sources: _Sources, chain: tuple[Path, ...]) -> dict[str, Any]:
+@dataclass(frozen=True)
+class StudyFile:
+    """What a study file says, before it is validated.
+
+    Attributes:
+        values: merged with its bases, paths absolute, blocks written out as mappings.
+        files: the file and its bases.
+        digest: of the values, see `_digest`.
+    """
+
+    values: dict[str, Any]
+    files: tuple[Path, ...]
+    digest: str
+
+    @staticmethod
+    def read(path: Path) -> StudyFile:
+        """Raises `UserError` for files that cannot be read."""
+        sources = _Sources()
+        values, digest = _read_with_bases(path, sources, ())
+        return StudyFile(normalised(values), tuple(sources.files), digest)
+
+
+def with_override(values: Mapping[str, Any], override: str) -> dict[str, Any]:
+    """The values of a study file with "key=value" applied."""
+    return normalised(_override(dict(values), override, _Sources()))
+
+
+def _read_with_bases(path: Path, sources: _Sources, chain: tuple[Path, ...]) -> tuple[dict[str, Any], str]:
+    """The values of a file merged over those of its bases, and their digest."""
     data = read_yaml(path)
     resolved = path.resolve()
     if resolved in chain:
         names = " → ".join(p.name for p in (*chain, resolved))
         raise UserError(f"{path}: 'extends' runs in a circle ({names}).")
+    sources.files.append(resolved)
     here = _Sources()
     own = _plain(data, path, here, ())
-    absolute_paths(own, resolved.parent)
-    base_name = own.pop("extends", None)
-    if base_name is None:
-        base: dict[str, Any] = {}
-    elif isinstance(base_name, str):
-        base_path = path.parent / base_name
+    extends = base_of(own.pop("extends", None), here.where(("extends",)))
+    base: dict[str, Any] = {}
+    base_digest = ""
+    if extends is not None:
+        base_path = path.parent / extends.file
         if not os.path.isfile(base_path):  # noqa: PTH113 - never raises, whatever the name
             place = here.where(("extends",))
-            raise UserError(f"{place}: 'extends: {base_name}' is no file beside it{_neighbours(base_path)}.")
-        base = _read_with_bases(base_path, sources, (*chain, resolved))
-    else:
-        raise UserError(f"{here.where(('extends',))}: 'extends' must be the name of one file.")
+            raise UserError(
+                f"{place}: 'extends: {extends.file}' is no file beside it{_neighbours(base_path)}."
+            )
+        base, base_digest = _read_with_bases(base_path, sources, (*chain, resolved))
+        if not base_digest.startswith(extends.values_sha256):
+            sources.remarks.append(
+                f"{path.name}: its base {extends.file} has changed since this study was written; it is read as it is "
+                "now."
+            )
+    digest = _digest(own, base_digest)
+    absolute_paths(own, resolved.parent)
     sources.places.update(here.places)
-    return merge(base, own)
+    return merge(base, own), digest
+
+
+@dataclass(frozen=True)
+class Extends:
+    """The key `extends`: a base's file, and the first digits of the digest that it had ("" for any)."""
+
+    file: str
+    values_sha256: str = ""
+
+
+def base_of(value: Any, place: str) -> Extends | None:
+    """What `extends` says; raises `UserError` beginning with `place` where it is no file."""
+    if value is None:
+        return None
+    if isinstance(value, str):
+        return Extends(value)
+    texts = isinstance(value, Mapping) and all(isinstance(v, str) for v in value.values())
+    if texts and "file" in value and set(value) <= {"file", "values_sha256"}:
+        return Extends(**value)
+    raise UserError(
+        f"{place}: 'extends' must be the name of one file, or {{file: base.yaml, values_sha256: …}}, both texts."
+    )
+
+
+def _digest(own: Mapping[str, Any], base_digest: str) -> str:
+    """SHA-256 of what a file and its bases say; comments, layout and the order of keys do not count."""
+    text = json.dumps([own, base_digest], sort_keys=True, default=str)
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def plain_values(node: Any, path: Path = Path()) -> Any:
+    """What a parsed YAML tree says, as plain values; raises `UserError` for tags and endless aliases."""
+    return _plain(node, path, _Sources(), ())
 
 
 def _plain(node: Any, path: Path, sources: _Sources, at: KeyPath) -> Any:

@@ -42,8 +42,8 @@ class ExcludedSpan(FrozenModel):
         return self.start_s is None and self.end_s is None and self.lines is None
 
 
-class MeasurementNotes(FrozenModel):
-    """What a measurement CSV does not say of itself. The file `finger.yaml` beside `finger.csv` holds these keys."""
+class ColumnNotes(FrozenModel):
+    """What any table may leave unsaid of its columns, in a YAML file of the same stem beside it."""
 
     rename: dict[Name, Name] = Field(
         default_factory=dict, description="the file's column: Pliant's name, e.g. {bend: angle_rad}"
@@ -51,6 +51,11 @@ class MeasurementNotes(FrozenModel):
     units: dict[Name, Name] = Field(
         default_factory=dict, description="unit that a column is written in, e.g. {pressure_pa: kPa}"
     )
+
+
+class MeasurementNotes(ColumnNotes):
+    """What a measurement CSV does not say of itself. The file `finger.yaml` beside `finger.csv` holds these keys."""
+
     sigma: dict[Name, float | str] = Field(
         default_factory=dict, description="standard deviation of a sensor, e.g. {angle_rad: 0.5 deg}"
     )

@@ -35,7 +35,18 @@ def study_schema(registry: Registry) -> dict[str, Any]:
             "type": "array",
             "items": {"oneOf": _alternatives(by_interface, registry, interface)},
         }
-    properties["extends"] = {"type": "string", "description": "another study to start from"}
+    properties["extends"] = {
+        "description": "another study to start from; values_sha256 tells whether it has changed since",
+        "oneOf": [
+            {"type": "string"},
+            {
+                "type": "object",
+                "properties": {"file": {"type": "string"}, "values_sha256": {"type": "string"}},
+                "required": ["file"],
+                "additionalProperties": False,
+            },
+        ],
+    }
     schema |= {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         "title": f"Pliant study (Pliant {__version__})",

@@ -10,7 +10,7 @@ from pliant.config.study import nested_model, written_name
 from pliant.errors import UserError, closest
 from pliant.interfaces.base import FrozenModel
 from pliant.interfaces.task import TaskConfig
-from pliant.units import UNIT_SUFFIXES
+from pliant.units import si_unit
 
 BLOCK = "task."
 NOT_CONDITIONS = ("kind", "trials", "seed", "noise", "outside_domain")
@@ -130,4 +130,4 @@ def _keys(model: type[FrozenModel]) -> Iterator[str]:
 
 
 def _si(name: str) -> str:
-    return next((unit for suffix, unit in UNIT_SUFFIXES.items() if name.endswith(suffix)), "")
+    return si_unit(name)

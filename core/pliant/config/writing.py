@@ -1,230 +1,392 @@
-"""Write a study anew with other effects: every line that does not change stays as it was, comments included.
-
-The text is not dumped from its tree: changes are spliced in at the places that the YAML parser marks.
-"""
+"""Studies that Pliant writes: a base by `extends` and what changed, or on request a file that stands alone."""
 
 from __future__ import annotations
 
+import copy
+import io
+import json
+import os
 import re
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+import tempfile
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from ruamel.yaml.nodes import MappingNode, Node, SequenceNode
+from ruamel.yaml import YAML
+from ruamel.yaml.comments import CommentedMap, CommentedSeq
+from ruamel.yaml.error import CommentMark
+from ruamel.yaml.tokens import CommentToken
 
-from pliant.config.splicing import Splicer, find
-from pliant.config.text_edits import flow_text, path_of, rewritten, with_value
+from pliant.config.loading import (
+    KeyPath,
+    StudyFile,
+    base_of,
+    load_study,
+    plain_values,
+    read_yaml,
+    with_override,
+)
+from pliant.config.paths import change_paths
+from pliant.errors import UserError
+from pliant.registry.discovery import Registry
 from pliant.units import strip_unit_suffix
 
-__all__ = ["EffectEntry", "flow_text", "study_with_effects", "study_with_values"]
-
-# What `entry` writes behind a value; an older one gives way to it.
-GENERATED = re.compile(r"[ \t]*# (?:fitted to |[^#\n]* ± )[^#\n]*?(?=[ \t]*(?:#|$))", re.MULTILINE)
-FULL = re.compile(r"#[^\n]*")
+DIGITS = 16  # of the base's digest
+# A remark of an earlier fit gives way to the new one; what people wrote behind it stays.
+GENERATED = re.compile(r"# (?:fitted to |[^#]* ± )[^#]*(?=#|$)")
 
 
-@dataclass(frozen=True)
-class EffectEntry:
-    """One effect as it is to stand in the file.
+class StudyDraft:
+    """A study to be written: what a file says with overrides, and changes by key.
 
     Attributes:
-        kind: the effect's.
-        values: text of each value by the key as it is written.
-        comments: behind these values, without "#".
-        note: behind the kind.
-        at: place in the study's list whose effect this replaces; None adds it at the end.
+        values: of the new study, as a study file has them; paths absolute.
     """
 
-    kind: str
-    values: Mapping[str, str] = field(default_factory=dict)
-    comments: Mapping[str, str] = field(default_factory=dict)
-    note: str = ""
-    at: int | None = None
+    def __init__(self, source: Path, overrides: Sequence[str] = ()) -> None:
+        """Raises `UserError` for a source that cannot be read."""
+        self._source = source
+        self._base = StudyFile.read(source)
+        self.values: dict[str, Any] = copy.deepcopy(self._base.values)
+        for override in overrides:
+            self.values = with_override(self.values, override)
+        self._remarks: dict[KeyPath, str] = {}
 
-    def lines(self) -> list[str]:
-        """Block style, without the dash."""
-        first = f"kind: {self.kind}" + (f"  # {_one_line(self.note)}" if self.note else "")
-        return [first, *(self.line(key) for key in self.values)]
+    def set(self, path: KeyPath, value: Any, remark: str = "") -> None:
+        """Set one value; a changed `kind` clears its block, as it does on reading.
 
-    def line(self, key: str) -> str:
-        """One value with its comment."""
-        comment = self.comments.get(key, "")
-        return f"{key}: {self.values[key]}" + (f"  # {_one_line(comment)}" if comment else "")
+        Args:
+            path: keys, with or without their unit, and item numbers; the number behind the last adds an item.
+            value: as a study file has it.
+            remark: becomes a comment behind it.
+        """
+        node: Any = self.values
+        written: list[Any] = []
+        for depth, key in enumerate(path):
+            last = depth == len(path) - 1
+            written.append(_written_key(node, key))
+            if last and key == "kind" and node.get("kind") != value:
+                node.clear()
+            if isinstance(node, list) and written[-1] == len(node):
+                node.append({})
+            if last:
+                node[written[-1]] = value
+            else:
+                if isinstance(node, dict) and node.get(written[-1]) is None:
+                    node[written[-1]] = [] if isinstance(path[depth + 1], int) else {}
+                node = node[written[-1]]
+        if remark:
+            self._remarks[tuple(written)] = " ".join(remark.split()).replace("#", "no. ")
 
-    def flow(self) -> str:
-        """``{kind: …}`` on one line."""
-        return "{" + ", ".join([f"kind: {self.kind}", *(f"{k}: {v}" for k, v in self.values.items())]) + "}"
+    def drop(self, key: str) -> None:
+        """Leave a block out."""
+        self.values.pop(key, None)
+
+    def text(self, target: Path, full: bool = False, head: str = "") -> str:
+        """The YAML text.
+
+        Args:
+            target: where it will lie; paths in it are relative to its folder.
+            full: everything in one file, comments of the source kept, instead of a base and what changed. Also where
+                a base cannot be merged with the change (a key that is gone from a block).
+            head: a comment at the top.
+        """
+        folder = target.resolve().parent
+        changes = None if full else _changes(self._base.values, self.values)
+        if changes is None:
+            tree = self._whole(folder)
+        else:
+            for path in self._remarks:
+                _add_unchanged(changes, self.values, path)
+            change_paths(changes, lambda path: os.path.relpath(path, folder))
+            tree = CommentedMap()
+            tree["extends"] = CommentedMap(
+                file=os.path.relpath(self._source.resolve(), folder).replace(os.sep, "/"),
+                values_sha256=self._base.digest[:DIGITS],
+            )
+            tree["extends"].fa.set_flow_style()
+            for key, value in changes.items():
+                tree[key] = _node(value)
+        for path, remark in self._remarks.items():
+            _remark(tree, path, remark)
+        stream = io.StringIO()
+        yaml = _yaml()
+        yaml.dump(tree, stream)
+        return "".join(f"# {line}\n" for line in head.splitlines()) + stream.getvalue()
+
+    def write(
+        self, target: Path, meant: Mapping[str, Any], registry: Registry, full: bool = False, head: str = ""
+    ) -> None:
+        """Write the study, whole or not at all; see `text`.
+
+        Args:
+            target: the new file.
+            meant: the study as canonical values, which the file must read back as.
+            registry: as it was before the study's own plugin files were read.
+            full: see `text`.
+            head: see `text`.
+
+        Raises:
+            UserError: the file would be the source or one of its bases, cannot be written, or does not read back as
+                meant.
+        """
+        refuse_bases(target, self._base)
+        handle, name = tempfile.mkstemp(prefix=".writing-", suffix=".yaml", dir=target.parent)
+        try:
+            with os.fdopen(handle, "w", encoding="utf-8") as file:
+                file.write(self.text(target, full, head))
+            _check(Path(name), meant, registry)
+            Path(name).chmod(0o644)
+            Path(name).replace(target)
+        except BaseException:
+            Path(name).unlink(missing_ok=True)
+            raise
+
+    def _whole(self, folder: Path) -> CommentedMap:
+        """The source and its bases as one tree with their comments, changed to the draft's values."""
+        absolute: set[str] = set()
+        tree = _tree(self._source, folder, absolute)
+        values = copy.deepcopy(self.values)
+        change_paths(values, lambda path: path if path in absolute else os.path.relpath(path, folder))
+        _become(tree, values)
+        tree.fa.set_block_style()
+        return tree
 
 
-def study_with_effects(
-    source: Path,
-    target: Path,
-    entries: Sequence[EffectEntry],
-    present: Sequence[Mapping[str, Any]],
-    overrides: Sequence[str] = (),
-) -> str:
-    """The text of a study with effects added or replaced.
-
-    Args:
-        source: the study that is read.
-        target: where the text will be written: paths in it are relative to that place.
-        entries: what is new.
-        present: all effects that the study has now, with those of the files that it extends.
-        overrides: changes "key=value" with which `source` was read; they are written into the text.
-
-    Raises:
-        UserError: a file that cannot be read.
-    """
-    text = rewritten(source, target, overrides, without=["effects"])
-    own = not any(path_of(override)[0] == "effects" for override in overrides)
-    return _with_effects(text, entries, present, own)
+def refuse_bases(target: Path, source: StudyFile) -> None:
+    """Raise `UserError` where a new study would be written over the one that it comes from, or over a base of it."""
+    if target.resolve() == source.files[0]:
+        raise UserError(f"{target} is the study itself, which is never overwritten; give another --out.")
+    if target.resolve() in source.files:
+        raise UserError(
+            f"{target} is a base of {source.files[0].name}, which is never overwritten; give another --out."
+        )
 
 
-def study_with_values(
-    source: Path,
-    target: Path,
-    block: str,
-    values: Mapping[str, str],
-    remarks: Mapping[str, str],
-    overrides: Sequence[str] = (),
-) -> str:
-    """The text of a study with keys of one block set anew.
-
-    Args:
-        source: the study that is read.
-        target: where the text will be written: paths in it are relative to that place.
-        block: name of the block, such as `material`.
-        values: text of each value by its key, without unit in the name.
-        remarks: comments behind these keys and, by "kind", behind the block's kind; without "#".
-        overrides: changes "key=value" with which `source` was read; they are written into the text.
-
-    Raises:
-        UserError: a file that cannot be read.
-    """
-    text = rewritten(source, target, overrides)
-    for key, value in values.items():
-        text = with_value(text, (block, _written_key(text, block, key)), value)
-    return _remarked(text, block, remarks)
+def _yaml() -> YAML:
+    yaml = YAML(typ="rt")
+    yaml.indent(mapping=2, sequence=4, offset=2)
+    yaml.width, yaml.preserve_quotes = 10_000, True
+    return yaml
 
 
-def _written_key(text: str, block: str, key: str) -> str:
-    """The key as the text has it: `shear_modulus` may stand as `shear_modulus_pa`."""
-    node = find(Splicer(text).root, (block,))
-    names = [str(name.value) for name, _ in node.value] if isinstance(node, MappingNode) else []
-    return next((name for name in names if key in (name, strip_unit_suffix(name))), key)
+def _written_key(node: Any, key: Any) -> Any:
+    """The key as a mapping has it: `shear_modulus` may stand as `shear_modulus_pa`; a new one without its unit."""
+    if not isinstance(node, dict):
+        return int(key)
+    bare = strip_unit_suffix(str(key))
+    return next((name for name in node if strip_unit_suffix(name) == bare), bare)
 
 
-def _remarked(text: str, block: str, remarks: Mapping[str, str]) -> str:
-    """Comments behind values of a block, or all of them behind a block that stands on one line."""
-    splicer = Splicer(text)
-    node = find(splicer.root, (block,))
-    if not isinstance(node, MappingNode) or (
-        isinstance(splicer.root, MappingNode) and splicer.root.flow_style
-    ):
-        return text
-    if node.flow_style:
-        places = {int(node.end_mark.index): "; ".join(remarks.values())}
+def _same(a: Any, b: Any) -> bool:
+    return json.dumps(a, sort_keys=True, default=str) == json.dumps(b, sort_keys=True, default=str)
+
+
+def _changes(base: Mapping[str, Any], new: Mapping[str, Any], top: bool = True) -> dict[str, Any] | None:
+    """What merged over `base` gives `new`, or None where merging cannot: blocks can be taken out, keys in them not."""
+    gone = [key for key in base if key not in new]
+    if gone and not top:
+        return None
+    found: dict[str, Any] = dict.fromkeys(gone)
+    for key, value in new.items():
+        old = base.get(key)
+        if key in base and _same(old, value):
+            continue
+        if isinstance(old, Mapping) and isinstance(value, Mapping) and old.get("kind") == value.get("kind"):
+            inner = _changes(old, value, top=False)
+            if inner is None:
+                return None
+            found[key] = inner
+        else:
+            found[key] = copy.deepcopy(value)
+    return found
+
+
+def _add_unchanged(changes: dict[str, Any], values: dict[str, Any], path: KeyPath) -> None:
+    """A value that a remark is about stands in the new file, changed or not; first in its block."""
+    node: Any = changes
+    source: Any = values
+    for key in path[:-1]:
+        node = node.setdefault(key, {}) if isinstance(node, dict) else node[key]
+        source = source[key]
+    if isinstance(node, dict) and path[-1] not in node:
+        changed = dict(node)
+        node.clear()
+        node.update({path[-1]: source[path[-1]], **changed})
+
+
+def _node(value: Any) -> Any:
+    """Plain values as ruamel's nodes: blocks on lines of their own, lists of plain values on one."""
+    if isinstance(value, Mapping):
+        return CommentedMap({key: _node(item) for key, item in value.items()})
+    if isinstance(value, list | tuple):
+        listed = CommentedSeq([_node(item) for item in value])
+        if not any(isinstance(item, Mapping) for item in value):
+            listed.fa.set_flow_style()
+        return listed
+    return value
+
+
+def _tree(path: Path, folder: Path, absolute: set[str]) -> CommentedMap:
+    """A study file and its bases as one tree, paths told from `folder`; `absolute` collects those that are not."""
+    tree, own = read_yaml(path), path.resolve().parent
+
+    def told(name: str) -> str:
+        if os.path.isabs(name):  # noqa: PTH117 - a text
+            absolute.add(name)
+            return name
+        return os.path.relpath(own / name, folder)
+
+    change_paths(tree, told)
+    base = base_of(plain_values(tree.get("extends"), path), str(path))
+    if base is None:
+        return tree
+    _remove(tree, "extends")
+    below = _tree(path.parent / base.file, folder, absolute)
+    _put_over(below, tree)
+    return below
+
+
+def _put_over(below: CommentedMap, over: CommentedMap) -> None:
+    """Merge a tree over another, with its comments; what both change is put right by `_become`."""
+    for key, value in over.items():
+        if isinstance(value, CommentedMap) and isinstance(below.get(key), CommentedMap):
+            _put_over(below[key], value)
+        else:
+            below[key] = value
+        if key in over.ca.items:
+            below.ca.items[key] = over.ca.items[key]
+
+
+def _become(tree: Any, values: Any) -> None:
+    """Change a tree, in place, until it says `values`; what says that already keeps its text and comments."""
+    pairs: Iterable[tuple[Any, Any]]
+    if isinstance(tree, CommentedSeq):
+        if not tree:  # written as "[]"
+            tree.fa.set_flow_style()
+        below = _cut_below(tree, len(tree) - 1) if tree and len(tree) != len(values) else ""
+        del tree[len(values) :]
+        tree.extend([_node(value) for value in values[len(tree) :]])
+        if below and tree:
+            _put_below(tree, len(tree) - 1, below)
+        pairs = enumerate(values)
     else:
-        keys = {strip_unit_suffix(str(name.value)): value for name, value in node.value}
-        places = {splicer.last(keys[key]): remark for key, remark in remarks.items() if key in keys}
-    for end, remark in places.items():
-        old = GENERATED.match(splicer.text, end)
-        splicer.replace(end, old.end() if old else end, f"  # {_one_line(remark)}")
-    return splicer.done()
+        for key in [key for key in tree if str(key) not in values]:
+            _remove(tree, key)
+        pairs = values.items()
+    for key, value in pairs:
+        known = isinstance(tree, CommentedSeq) or key in tree
+        there = tree[key] if known else None
+        both = [(CommentedMap, Mapping), (CommentedSeq, list)]
+        if any(isinstance(there, node) and isinstance(value, plain) for node, plain in both):
+            _become(there, value)
+        elif not known or not any(_same(plain_values(there), form) for form in (value, _short_form(value))):
+            tree[key] = _node(value)
 
 
-def _with_effects(
-    text: str, entries: Sequence[EffectEntry], present: Sequence[Mapping[str, Any]], own: bool
-) -> str:
-    splicer = Splicer(text)
-    root, node = splicer.root, find(splicer.root, ("effects",))
-    if isinstance(root, MappingNode) and root.flow_style:
-        items = [flow_text(effect) for effect in present]
-        _place(items, [entry.flow() for entry in entries], entries)
-        whole = "[" + ", ".join(items) + "]"
-        return with_value(text, ("effects",), whole) if node is not None else _added(splicer, root, whole)
-    listed = isinstance(node, SequenceNode) and bool(node.value) and own and len(node.value) == len(present)
-    if listed and isinstance(node, SequenceNode) and not node.flow_style:
-        return _in_block(splicer, node, entries)
-    kept = [splicer.of(item) for item in node.value] if listed and node is not None else []
-    items = [f"- {item}" for item in kept or [flow_text(effect) for effect in present]]
-    _place(items, ["- " + "\n    ".join(entry.lines()) for entry in entries], entries)
-    block = "".join(f"\n  {item}" for item in items)
-    if node is None:
-        return splicer.text + f"effects:{block}\n"
-    start, end = node.start_mark.index, splicer.last(node)
-    if start == end:  # an empty value is marked where the next key begins
-        start = end = splicer.key_end(root, "effects")
-    comments = FULL.findall(_gaps(splicer, node)) if listed else []
-    block = "".join(f"\n  {comment}" for comment in comments) + block
-    start = len(splicer.text[:start].rstrip(" "))
-    end = max(start, end)
-    at = splicer.line_end(end)
-    splicer.replace(at, at, block)
-    splicer.replace(start, end, "")
-    return splicer.done()
+def _short_form(value: Any) -> Any:
+    """`mujoco` for `{kind: mujoco}`."""
+    return value["kind"] if isinstance(value, Mapping) and set(value) == {"kind"} else value
 
 
-def _added(splicer: Splicer, root: MappingNode, whole: str) -> str:
-    splicer.insert_key(root, "effects", whole)
-    return splicer.done()
+def _remove(tree: CommentedMap, key: str) -> None:
+    """Take a key out; the comment lines below it, which the parser counts to it, stay."""
+    keys = list(tree)
+    place = keys.index(key)
+    below = _cut_below(tree, key)
+    del tree[key]
+    if below and place:
+        _put_below(tree, keys[place - 1], below)
+    elif below and len(keys) > 1:
+        lines = [line.strip().removeprefix("#").strip() for line in below.splitlines() if line.strip()]
+        tree.yaml_set_comment_before_after_key(keys[1], before="\n".join(lines))
 
 
-def _place(items: list[str], texts: Sequence[str], entries: Sequence[EffectEntry]) -> None:
-    """Put each entry's text where it belongs among the items."""
-    for entry, text in zip(entries, texts, strict=True):
-        if entry.at is None:
-            items.append(text)
-        else:
-            items[entry.at] = text
+def _leaf(tree: Any, key: Any) -> tuple[Any, Any]:
+    """The node and key that the last line of a value belongs to: ruamel keeps comments there."""
+    while isinstance(tree[key], CommentedMap | CommentedSeq) and tree[key] and not tree[key].fa.flow_style():
+        tree = tree[key]
+        key = list(tree)[-1] if isinstance(tree, CommentedMap) else len(tree) - 1
+    return tree, key
 
 
-def _gaps(splicer: Splicer, node: Node) -> str:
-    """What stands in a flow list between its items."""
-    edges = [node.start_mark.index]
-    for item in node.value:
-        edges += [item.start_mark.index, item.end_mark.index]
-    edges.append(node.end_mark.index)
-    return "\n".join(splicer.text[a:b] for a, b in zip(edges[::2], edges[1::2], strict=True))
+def _token(node: Any, key: Any) -> CommentToken | None:
+    """The comment behind a value, with the comment lines below it."""
+    tokens = node.ca.items.get(key) or []
+    place = 0 if isinstance(node, CommentedSeq) else 2
+    return tokens[place] if len(tokens) > place else None
 
 
-def _in_block(splicer: Splicer, node: SequenceNode, entries: Sequence[EffectEntry]) -> str:
-    """Entries in a list of which every item has its own dash."""
-    at = splicer.line_end(splicer.last(node))
-    indent = " " * node.start_mark.column
-    for entry in entries:
-        if entry.at is None:
-            lines = f"\n{indent}  ".join(entry.lines())
-            splicer.replace(at, at, f"\n{indent}- {lines}")
-            continue
-        item = node.value[entry.at]
-        if isinstance(item, MappingNode) and not item.flow_style:
-            _refreshed(splicer, item, entry)
-        else:
-            inner = "\n" + " " * item.start_mark.column
-            splicer.replace(item.start_mark.index, item.end_mark.index, inner.join(entry.lines()))
-    return splicer.done()
+def _cut_below(tree: Any, key: Any) -> str:
+    """Take away the comment lines below a value and return them."""
+    node, last = _leaf(tree, key)
+    token = _token(node, last)
+    if token is None:
+        return ""
+    first, _, below = token.value.partition("\n")
+    token.value = first + "\n"
+    if not first.strip():
+        del node.ca.items[last]
+    return str(below)
 
 
-def _refreshed(splicer: Splicer, item: MappingNode, entry: EffectEntry) -> None:
-    """New values in a block item; comments that people wrote stay."""
-    nodes = {str(key.value): value for key, value in item.value}
-    indent = " " * item.start_mark.column
-    texts = {"kind": (entry.kind, entry.note)}
-    texts |= {key: (value, entry.comments.get(key, "")) for key, value in entry.values.items()}
-    for key, (value, comment) in texts.items():
-        remark = f"  # {_one_line(comment)}" if comment else ""
-        written = next((name for name in nodes if key in (name, strip_unit_suffix(name))), None)
-        if written is None:
-            at = splicer.line_end(splicer.last(item))
-            splicer.replace(at, at, f"\n{indent}{key}: {value}{remark}")
-            continue
-        node = nodes[written]
-        end = int(node.end_mark.index)
-        old = GENERATED.match(splicer.text, end)
-        splicer.replace(int(node.start_mark.index), old.end() if old else end, f"{value}{remark}")
+def _put_below(tree: Any, key: Any, below: str) -> None:
+    """Add comment lines below a value."""
+    node, last = _leaf(tree, key)
+    token = _token(node, last)
+    if token is None:
+        _put_behind(node, last, "\n" + below)
+    else:
+        token.value = token.value.removesuffix("\n") + "\n" + below
 
 
-def _one_line(text: str) -> str:
-    return " ".join(text.split()).replace("#", "no. ")
+def _put_behind(node: Any, key: Any, comment: str) -> None:
+    token = CommentToken(comment, CommentMark(0), None)
+    node.ca.items[key] = [token, None] if isinstance(node, CommentedSeq) else [None, None, token, None]
+
+
+def _put_on_lines(node: Any, key: Any) -> None:
+    """Turn a value in brackets into one on lines of its own; its comments go below it."""
+    value, outer = node[key], _token(node, key)
+    inside = "".join(token.value for token in value.ca.end or ())
+    node.ca.items.pop(key, None)
+    value.ca.comment, value.ca.end = None, []  # ruamel keeps the outer token here too
+    value.fa.set_block_style()
+    below = inside + (outer.value if outer else "")
+    if below:
+        _put_below(node, key, below)
+
+
+def _remark(tree: Any, path: KeyPath, remark: str) -> None:
+    """Put a comment behind a value, before one that people wrote there; what holds it is put on lines of its own."""
+    node = tree
+    for key in path[:-1]:
+        if node[key].fa.flow_style():
+            _put_on_lines(node, key)
+        node = node[key]
+    token = _token(node, path[-1])
+    if token is None:
+        _put_behind(node, path[-1], f" # {remark}\n")
+        return
+    first, _, below = token.value.partition("\n")
+    kept = GENERATED.sub("", first).strip()
+    token.value = f" # {remark}{'  ' + kept if kept else ''}\n{below}"
+
+
+def _check(path: Path, canonical: Mapping[str, Any], registry: Registry) -> None:
+    """What was written must read back as the study that was meant."""
+    meant = _comparable(canonical)
+    read = _comparable(load_study(path, registry, note=lambda _: None).canonical())
+    different = [key for key in meant if meant[key] != read.get(key)]
+    if different:
+        raise UserError(
+            f"the new study would not say the same as the old one in {', '.join(different)}; write overrides, anchors "
+            "and merges ('&', '*', '<<') out in the study and try again."
+        )
+
+
+def _comparable(canonical: Mapping[str, Any]) -> dict[str, Any]:
+    """The study as values, paths resolved."""
+    study = {"plugins": [], **copy.deepcopy(dict(canonical))}
+    change_paths(study, os.path.realpath)
+    return study

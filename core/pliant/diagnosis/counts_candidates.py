@@ -16,9 +16,9 @@ from pliant.errors import UserError
 from pliant.evidence.counted_study import CountedStudy
 from pliant.evidence.trials import Setting
 from pliant.interfaces.effect import EffectConfig
-from pliant.measurements.columns import ENDINGS
 from pliant.records.counts import CountCondition
 from pliant.registry.discovery import Registry
+from pliant.tabular.units import ENDINGS
 from pliant.units import UnitError, parse_quantity
 
 STEPS = 4  # levels over a plausible range

@@ -11,7 +11,7 @@ from pliant.diagnosis.counts_verdict import CountJudgement
 from pliant.diagnosis.table import NOTHING, UNKNOWN, Kinds
 from pliant.diagnosis.words import HEADLINES, named
 from pliant.evidence.counts_words import OUTPUT, counts_json
-from pliant.evidence.words import number, percent
+from pliant.formatting import number, whole_percent
 from pliant.registry.discovery import Registry
 
 MOST_NAMED = 4
@@ -37,10 +37,10 @@ def counts_why(found: CountEvidence, judged: CountJudgement) -> list[str]:
         rest = f"{len(left)} conditions are still wrong" if left else "no condition is wrong beyond chance"
         lines.append(f"Best of what is listed: {told(found.rows[best])}; with it {rest}.")
     for a, b, share in judged.alike[:MOST_NAMED]:
-        lines.append(f"{named(a)} and {named(b)} move these conditions alike ({percent(share)} apart).")
+        lines.append(f"{named(a)} and {named(b)} move these conditions alike ({whole_percent(share)} apart).")
     if judged.next_count is not None:
         expected = ", ".join(
-            f"{named(kinds)} {percent(share)}" for kinds, share in judged.next_count.expected.items()
+            f"{named(kinds)} {whole_percent(share)}" for kinds, share in judged.next_count.expected.items()
         )
         lines.append(f"Next: more trials of {judged.next_count.condition}; expected successes: {expected}.")
     return lines
@@ -55,7 +55,7 @@ def told(row: Explanation) -> str:
     """The best level of each number: ``task.friction 0.9``."""
     values = row.grid[row.best]
     return ", ".join(
-        f"{knob.name} {number(value)}{'' if knob.unit == '1' else ' ' + knob.unit}"
+        f"{knob.name} {number(value, 3)}{'' if knob.unit == '1' else ' ' + knob.unit}"
         for knob, value in zip(row.knobs, values, strict=True)
     )
 

@@ -28,8 +28,8 @@ from pliant.diagnosis.words import explanation, headline
 from pliant.evidence.comparison import compare
 from pliant.evidence.interpretation import interpret
 from pliant.evidence.prediction import Predictor
-from pliant.evidence.words import listed, number
 from pliant.experiments.protocols import own_runs
+from pliant.formatting import listed, number
 from pliant.interfaces.effect import EffectConfig
 from pliant.measurements.floors import Floor
 from pliant.measurements.repeats import repeat_groups
@@ -398,7 +398,7 @@ def summary(found: Improvement) -> str:
     first, last = found.steps[0].locked, found.steps[-1].locked
     on = "runs that were put aside" if found.locked.runs else found.scored_on
     if len(found.steps) == 1:
-        return f"No effect was added: the error on {on} is {number(first.over_floor)} times the noise."
+        return f"No effect was added: the error on {on} is {number(first.over_floor, 3)} times the noise."
     kinds = listed([step.named for step in found.steps if step.added])
     now = f"{last.over_floor:.2f} ± {found.steps[-1].locked_se:.2f}"
     verb = "falls" if last.over_floor < first.over_floor else "goes"

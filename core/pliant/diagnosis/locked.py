@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pliant.diagnosis.heldout import condition_of_runs
+from pliant.formatting import plural
 from pliant.measurements.repeats import repeat_groups
-from pliant.measurements.sheet import plural
 from pliant.records.design import Array
 from pliant.records.history import History
 from pliant.records.measurement import MeasuredRun, Measurement

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pliant.evidence.words import si_unit
 from pliant.measurements.floors import Floor
 from pliant.records.design import Array
 from pliant.records.measurement import Measurement
+from pliant.units import si_unit
 
 Residuals = Sequence[Mapping[str, Array]]
 # An output without any floor is weighed by this share of its range.

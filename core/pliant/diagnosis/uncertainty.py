@@ -22,7 +22,7 @@ import numpy as np
 from pliant.diagnosis.candidates import NINETY, Candidate
 from pliant.diagnosis.fitting import Fit, Fitter
 from pliant.diagnosis.table import LEAST_SQUARE
-from pliant.evidence.words import number
+from pliant.formatting import Unit, decimals_of_sd, display_unit, number, quantity, with_sd
 from pliant.interfaces.effect import EffectConfig, EffectParameter
 from pliant.records.design import Array
 
@@ -81,24 +81,26 @@ class Estimate:
 
     @property
     def words(self) -> str:
-        """``0.212 ± 0.014, 90 % between 0.19 and 0.236``, with what is to be doubted."""
-        unit = f" {self.unit}" if self.unit else ""
-        value = f"{rounded_text(self.value, self.sd)} ± {number(self.sd, 2)}{unit}"
-        return ", ".join([value, f"90 % {self._between()}", *self.doubts])
+        """``0.212 ± 0.014, 90 % between 0.19 and 0.236`` in SI, as a study writes it; with what is to be doubted."""
+        return ", ".join(
+            [with_sd(self.value, self.sd, Unit(self.unit)), f"90 % {self._between()}", *self.doubts]
+        )
 
     @property
     def doubts(self) -> tuple[str, ...]:
         """What speaks against the value."""
         found = []
         if self.includes_neutral:
-            found.append(f"includes {number(self.parameter.neutral)}: no effect")
+            found.append(f"includes {quantity(self.parameter.neutral, self.unit, 3)}: no effect")
         if not self.plausible:
             low, high = self.parameter.plausible
-            found.append(f"implausible: {number(self.value)} is outside {number(low)}–{number(high)}")
+            unit = display_unit(self.unit)
+            outside = f"{unit.text(low, 3)} to {unit.text(high, 3)}"
+            found.append(f"implausible: {unit.text(self.value, 3)} is outside {outside}")
         return tuple(found)
 
     def _between(self) -> str:
-        low, high = number(self.low), number(self.high)
+        low, high = number(self.low, 3), number(self.high, 3)
         if self.open_low and self.open_high:
             return "anywhere within its bounds"
         if self.open_low:
@@ -286,20 +288,5 @@ def _crossing(height: Callable[[float], float], step: float, room: float) -> flo
 
 def rounded(value: float, sd: float, digits: int = 2) -> float:
     """The value at the decimal of the sd's last significant digit; four digits of its own without one."""
-    decimals = _decimals(value, sd, digits)
+    decimals = decimals_of_sd(value, sd, digits)
     return value if decimals is None else round(value, decimals)
-
-
-def rounded_text(value: float, sd: float, digits: int = 2) -> str:
-    """`rounded` with its trailing zeros: 0.20 where the sd is 0.012 would hide how sure the digit is."""
-    decimals = _decimals(value, sd, digits)
-    if decimals is None:
-        return number(value)
-    return f"{round(value, decimals):.{max(decimals, 0)}f}".replace("-", "−")
-
-
-def _decimals(value: float, sd: float, digits: int) -> int | None:
-    size = sd if 0 < sd < math.inf else abs(value) * 1e-2
-    if not 0 < size < math.inf:
-        return None
-    return min(digits - 1 - math.floor(math.log10(size)), 15)

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pliant.diagnosis.classes import EffectClass
 from pliant.diagnosis.diagnosis import Diagnosis
 from pliant.diagnosis.table import NOTHING, UNKNOWN, Kinds
-from pliant.evidence.words import listed, percent
+from pliant.formatting import listed, whole_percent
 from pliant.measurements.plausible import TO_CHECK
 from pliant.registry.discovery import Registry
 
@@ -96,7 +96,7 @@ def _dependence(found: Diagnosis) -> list[str]:
     most = [(name, value) for name, value in found.depends_on.items() if value >= 0.1][:3]
     if not most:
         return []
-    words = [f"{_circumstance(found, name)} ({percent(value)})" for name, value in most]
+    words = [f"{_circumstance(found, name)} ({whole_percent(value)})" for name, value in most]
     return [f"What is unexplained depends on {', '.join(words)}: shares of its variance on runs left out."]
 
 

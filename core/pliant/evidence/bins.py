@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pliant.evidence.covariates import Covariate
-from pliant.evidence.words import Shown, number
+from pliant.formatting import NamedUnit, named_unit, number
 from pliant.records.design import Array
 
 Codes = NDArray[np.int64]
@@ -39,7 +39,7 @@ class Bins:
     """
 
     name: str
-    shown: Shown
+    shown: NamedUnit
     words: tuple[str, ...]
     codes: tuple[Codes, ...]
     centres: tuple[float, ...]
@@ -76,7 +76,7 @@ def crossed(first: Bins, second: Bins) -> Bins:
     used, codes = np.unique(codes, return_inverse=True)
     return Bins(
         f"{first.name} × {second.name}",
-        Shown(f"{first.shown.label} × {second.shown.label}"),
+        named_unit(f"{first.shown.label} × {second.shown.label}"),
         tuple(words[k] for k in used),
         _by_run(codes, first.codes),
         (np.nan,) * len(used),
@@ -155,16 +155,17 @@ def _rounded(there: Array, parts: int, factor: float) -> Array:
     return inside if len(inside) else np.array([np.median(there)])
 
 
-def _level_words(shown: Shown, value: float) -> str:
-    text = shown.text(value)
-    return f"{shown.label} {text}"
+def _level_words(shown: NamedUnit, value: float) -> str:
+    return f"{shown.label} {shown.text(value, 3)}"
 
 
-def _range_words(shown: Shown, edges: Array) -> list[str]:
-    unit = "°" if shown.unit == "°" else f" {shown.unit}".rstrip()
-    at = [number(edge * shown.factor) for edge in edges]
-    first, last = f"{shown.label} below {at[0]}{unit}", f"{shown.label} above {at[-1]}{unit}"
-    return [first, *(f"{shown.label} {a} to {b}{unit}" for a, b in pairwise(at)), last]
+def _range_words(shown: NamedUnit, edges: Array) -> list[str]:
+    at = [number(edge * shown.factor, 3) for edge in edges]
+    first, last = (
+        shown.attached(f"{shown.label} below {at[0]}"),
+        shown.attached(f"{shown.label} above {at[-1]}"),
+    )
+    return [first, *(shown.attached(f"{shown.label} {a} to {b}") for a, b in pairwise(at)), last]
 
 
 def _without_empty(covariate: Covariate, codes: Codes, words: list[str], centres: list[float]) -> Bins:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from pliant.evidence.counts import ConditionResult, CountComparison
-from pliant.evidence.words import number, percent
+from pliant.formatting import number, whole_percent
 
 OUTPUT = "success"
 NAMED = 4
@@ -134,7 +134,7 @@ def _disagreement(found: CountComparison) -> str:
     return (
         f"{which} from the model by more than chance. Most: {worst.condition.words}, measured "
         f"{counted(worst.measured)}, simulated {counted(worst.simulated)} "
-        f"({percent(worst.share_of_error)} of the deviance, z {number(worst.z, 2)})."
+        f"({whole_percent(worst.share_of_error)} of the deviance, z {number(worst.z, 2)})."
     )
 
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from pliant.evidence.phases import Phases, phases
-from pliant.evidence.words import Shown, shown
+from pliant.formatting import NamedUnit, named_unit, unit_of
 from pliant.records.design import Array
 from pliant.records.measurement import MeasuredRun, Measurement
 
@@ -30,7 +30,7 @@ class Covariate:
     """
 
     name: str
-    shown: Shown
+    shown: NamedUnit
     values: tuple[Array, ...]
     categories: tuple[str, ...] = ()
     rest: str = "not given"
@@ -94,51 +94,53 @@ def _actuation(measurement: Measurement) -> Iterator[Covariate]:
         return
     moving = [name for name in names if any(np.ptp(v) > 0 for v in levels[name] if len(v))]
     lead = (moving or names)[0]
-    label, unit = shown(lead).label, lead.rsplit("_", 1)[-1]
+    label, unit = unit_of(lead).label, lead.rsplit("_", 1)[-1]
     found = [phases(v, run.history.time_s) for v, run in zip(levels[lead], runs, strict=True)]
     yield Covariate(
-        "direction", Shown(f"direction of {label} change"), tuple(1 - f.direction for f in found),
+        "direction", named_unit(f"direction of {label} change"), tuple(1 - f.direction for f in found),
         (f"rising {label}", f"held {label}", f"falling {label}"),
     )  # fmt: skip
     if all(run.history.time_s is not None for run in runs):
         yield from _rates(found, lead, label, unit)
     yield Covariate(
-        f"past_{lead}", Shown(f"largest {label} so far", shown(lead).unit, shown(lead).factor),
+        f"past_{lead}", replace(unit_of(lead), label=f"largest {label} so far"),
         tuple(_largest_so_far(runs, levels[lead])),
     )  # fmt: skip
 
 
 def _rates(found: Sequence[Phases], lead: str, label: str, unit: str) -> Iterator[Covariate]:
-    words = shown(f"{lead}_s")
+    words = unit_of(f"{lead}_s")
     yield Covariate(
-        f"rate_{unit}_s", Shown(f"{label} rate", words.unit, words.factor),
+        f"rate_{unit}_s", replace(words, label=f"{label} rate"),
         tuple(f.rate for f in found), rest=f"held {label}",
     )  # fmt: skip
     yield Covariate(
-        "hold_s", Shown("time in hold", "s"), tuple(f.hold_s for f in found), rest=f"{label} in motion"
+        "hold_s", named_unit("time in hold", "s"), tuple(f.hold_s for f in found), rest=f"{label} in motion"
     )
 
 
 def _loads(measurement: Measurement) -> Iterator[Covariate]:
     runs = measurement.runs
     moment = [run.history.moment_n_m for run in runs]
-    yield Covariate("moment_n_m", Shown("moment", "mN·m", 1e3), tuple(moment))
+    yield Covariate("moment_n_m", named_unit("moment", "N*m"), tuple(moment))
     if any((m < 0).any() for m in moment):
         yield Covariate(
-            "moment_direction", Shown("direction of the moment"), tuple(np.sign(m) + 1 for m in moment),
+            "moment_direction", named_unit("direction of the moment"), tuple(np.sign(m) + 1 for m in moment),
             ("moment that helps", "no moment", "moment that opposes"),
         )  # fmt: skip
     force = [run.history.tip_force_n for run in runs]
-    yield Covariate("tip_force_n", Shown("tip force", "N"), tuple(np.linalg.norm(f, axis=1) for f in force))
+    yield Covariate(
+        "tip_force_n", named_unit("tip force", "N"), tuple(np.linalg.norm(f, axis=1) for f in force)
+    )
     words = tuple(f"tip force toward {sign}{axis}" for axis in "xyz" for sign in "−+")
     toward = tuple(_main_axis(f) for f in force)
     if len(np.unique(np.concatenate(toward))) > 2:
         yield Covariate(
-            "tip_force_direction", Shown("direction of the tip force"), toward, (*words, "no tip force")
+            "tip_force_direction", named_unit("direction of the tip force"), toward, (*words, "no tip force")
         )
     payload = [run.history.payload_kg for run in runs]
     yield Covariate(
-        "payload_kg", Shown("payload", "g", 1e3),
+        "payload_kg", named_unit("payload", "kg"),
         tuple(np.full(len(run), np.nan) if p is None else p for p, run in zip(payload, runs, strict=True)),
         rest="no payload stated",
     )  # fmt: skip
@@ -146,20 +148,23 @@ def _loads(measurement: Measurement) -> Iterator[Covariate]:
 
 def _conditions(measurement: Measurement) -> Iterator[Covariate]:
     runs = measurement.runs
-    yield Covariate("temperature_c", Shown("temperature", "°C"), tuple(r.history.temperature_c for r in runs))
+    yield Covariate(
+        "temperature_c", named_unit("temperature", "degC"), tuple(r.history.temperature_c for r in runs)
+    )
     for column, name in enumerate(("roll", "pitch", "yaw")):
         angles = tuple(r.history.base_angles_rad[:, column] for r in runs)
-        yield Covariate(f"base_{name}_rad", Shown(f"base {name}", "°", 180 / np.pi), angles)
-    yield Covariate("cycle", Shown("cycle"), tuple(np.asarray(r.cycle, float) for r in runs))
+        yield Covariate(f"base_{name}_rad", named_unit(f"base {name}", "rad"), angles)
+    yield Covariate("cycle", named_unit("cycle"), tuple(np.asarray(r.cycle, float) for r in runs))
     names = list(dict.fromkeys(r.history.specimen for r in runs))
     yield Covariate(
-        "specimen", Shown("specimen"), tuple(np.full(len(r), float(names.index(r.history.specimen))) for r in runs),
+        "specimen", named_unit("specimen"),
+        tuple(np.full(len(r), float(names.index(r.history.specimen))) for r in runs),
         tuple(f"specimen {name}" if name else "no specimen named" for name in names),
     )  # fmt: skip
     if all(r.history.time_s is not None for r in runs):
-        yield Covariate("clock_s", Shown("time in the run", "s"), tuple(_clock(r) for r in runs))
+        yield Covariate("clock_s", named_unit("time in the run", "s"), tuple(_clock(r) for r in runs))
     yield Covariate(
-        "run_number", Shown("run number"), tuple(np.full(len(r), k + 1.0) for k, r in enumerate(runs))
+        "run_number", named_unit("run number"), tuple(np.full(len(r), k + 1.0) for k, r in enumerate(runs))
     )
 
 
@@ -170,16 +175,16 @@ def _bend(measurement: Measurement, predicted: Sequence[Mapping[str, Array]] | N
     names = ["angle_rad"] if "angle_rad" in predicted[0] else joints
     if names and all(name in run for run in predicted for name in names):
         total = tuple(np.sum([run[name] for name in names], axis=0) for run in predicted)
-        yield Covariate("predicted_angle_rad", Shown("predicted bend", "°", 180 / np.pi), total)
+        yield Covariate("predicted_angle_rad", named_unit("predicted bend", "rad"), total)
 
 
 def _actuation_of(run: MeasuredRun, name: str) -> Array:
     return np.asarray(run.history.actuation.get(name, np.full(len(run), np.nan)), float)
 
 
-def _input_words(name: str, count: int) -> Shown:
-    words = shown(name)
-    return words if count > 1 else Shown(re.sub(r" \d+$", "", words.label), words.unit, words.factor)
+def _input_words(name: str, count: int) -> NamedUnit:
+    words = unit_of(name)
+    return words if count > 1 else replace(words, label=re.sub(r" \d+$", "", words.label))
 
 
 def _largest_so_far(runs: Sequence[MeasuredRun], levels: Sequence[Array]) -> Iterator[Array]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pliant.evidence.comparison import JUDGED_BY, NO_NOISE, Comparison
 from pliant.evidence.places import Place
-from pliant.evidence.words import listed, percent, shown
+from pliant.formatting import listed, unit_of, whole_percent
 
 NEAR = 1.2  # times the floor: nothing to explain when no place stands out
 DENSER = 1.2  # of its share of the readings: below, the error is no denser there than elsewhere
@@ -68,7 +68,7 @@ def times(comparison: Comparison) -> str:
 
 def _size(comparison: Comparison) -> str:
     texts = [
-        f"{shown(name).text(error.rmse, 2)} in {shown(name).label}"
+        f"{unit_of(name).text(error.rmse, 2)} in {unit_of(name).label}"
         for name, error in comparison.outputs.items()
     ]
     more = f" and {len(texts) - 3} more" if len(texts) > 3 else ""
@@ -77,7 +77,7 @@ def _size(comparison: Comparison) -> str:
 
 
 def _missing(comparison: Comparison) -> str:
-    without = [shown(n).label for n, error in comparison.outputs.items() if error.source not in JUDGED_BY]
+    without = [unit_of(n).label for n, error in comparison.outputs.items() if error.source not in JUDGED_BY]
     if all(error.source == NO_NOISE for error in comparison.outputs.values()):
         return "the readings have no noise at all"
     which = "" if len(without) == len(comparison.outputs) else f" for {listed(without)}"
@@ -91,14 +91,14 @@ def _mostly(comparison: Comparison) -> str:
 
 def _share(place: Place) -> str:
     return (
-        f"{percent(place.share_of_error)} of the squared error is at {place.condition} "
-        f"({percent(place.share_of_samples)} of the readings)"
+        f"{whole_percent(place.share_of_error)} of the squared error is at {place.condition} "
+        f"({whole_percent(place.share_of_samples)} of the readings)"
     )
 
 
 def _direction(place: Place) -> str:
     mean = place.outputs[place.output].mean
-    words = shown(place.output)
+    words = unit_of(place.output)
     side = "above" if mean > 0 else "below"
     return f"There the measured {words.label} lies {words.text(abs(mean), 2)} {side} the model on average."
 
@@ -109,16 +109,14 @@ def _goes_with(comparison: Comparison) -> str:
     if told < CLUE:
         return ""
     labels = listed([comparison.labels.get(part, part) for part in name.split(" × ")])
-    return (
-        f" The error goes most with {labels}, which tell{'' if ' × ' in name else 's'} {percent(told)} of it."
-    )
+    return f" The error goes most with {labels}, which tell{'' if ' × ' in name else 's'} {whole_percent(told)} of it."
 
 
 def _bias(comparison: Comparison) -> str:
     name = max(
         comparison.outputs, key=lambda n: abs(comparison.outputs[n].bias) / comparison.outputs[n].noise.total
     )
-    error, words = comparison.outputs[name], shown(name)
+    error, words = comparison.outputs[name], unit_of(name)
     if abs(error.bias) < 0.5 * error.rmse:
         return ""
     side = "above" if error.bias > 0 else "below"

@@ -12,7 +12,7 @@ from pliant.evidence.bins import PAIRS, Bins, binned, crossed
 from pliant.evidence.covariates import Covariates
 from pliant.evidence.noise import Noise
 from pliant.evidence.significance import LARGEST_Z, BinMeans, bin_means, significant
-from pliant.evidence.words import Shown, listed, shown
+from pliant.formatting import NamedUnit, listed, unit_of
 from pliant.records.design import Array
 
 Residuals = Sequence[
@@ -129,7 +129,7 @@ def _along_chain(
         words = f"{first.split('_')[0]} {k}" if k is not None else _beyond_joints(list(part))
         codes = tuple(np.zeros(len(run[first]), np.int64) for run in residuals)
         centre = np.nan if k is None else float(k)
-        yield Bins("position", Shown("position along the chain"), (words,), codes, (centre,)), part
+        yield Bins("position", NamedUnit("position along the chain"), (words,), codes, (centre,)), part
 
 
 def _beyond_joints(outputs: list[str]) -> str:
@@ -137,7 +137,7 @@ def _beyond_joints(outputs: list[str]) -> str:
     return (
         "the tip"
         if all(name.startswith("tip_") for name in outputs)
-        else listed([shown(o).label for o in outputs])
+        else listed([unit_of(o).label for o in outputs])
     )
 
 

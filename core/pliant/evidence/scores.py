@@ -13,10 +13,10 @@ from pliant.evidence.covariates import Covariates
 from pliant.evidence.noise import Noise
 from pliant.evidence.places import Residuals
 from pliant.evidence.significance import coloured_count
-from pliant.evidence.words import si_unit
 from pliant.measurements.floors import Floor
 from pliant.measurements.repeats import RepeatGroup
 from pliant.records.measurement import Measurement
+from pliant.units import si_unit
 
 FORGETTING = 6.0  # memory times in a bootstrap block
 SET_BY_THE_BENCH = (

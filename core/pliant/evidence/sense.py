@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from pliant.evidence.words import shown
+from pliant.formatting import unit_of
 from pliant.records.design import Array
 from pliant.records.measurement import Measurement
 
@@ -30,8 +30,9 @@ def sense_remarks(
         correlation = float(np.corrcoef(read[there], said[there])[0, 1])
         if correlation < AGAINST:
             found.append(
-                f"The readings of {shown(name).label} go the other way than the model (correlation {correlation:.2f}): "
-                f"before looking for an effect look at the sign of the sensor{_swapped(measurement)}."
+                f"The readings of {unit_of(name).label} go the other way than the model (correlation "
+                f"{correlation:.2f}): before looking for an effect look at the sign of the "
+                f"sensor{_swapped(measurement)}."
             )
     return found
 

@@ -16,10 +16,11 @@ from pliant.config.measurements import MeasurementNotes
 from pliant.errors import UserError
 from pliant.experiments.menu import MenuRun
 from pliant.measurements.assembly import BASE, FORCES
-from pliant.measurements.columns import conversion, unit_of
+from pliant.measurements.columns import unit_of
 from pliant.records.design import Array
 from pliant.records.measurement import Measurement
 from pliant.store.store import write_atomically
+from pliant.tabular.units import conversion
 
 # Digits after which nobody sets a supply.
 DIGITS = 7
@@ -122,7 +123,7 @@ def _in_unit(written: str, name: str, values: Array, notes: MeasurementNotes) ->
     unit = notes.units.get(written, notes.units.get(name))
     if unit is None or not unit_of(name):
         return values
-    scale, shift = conversion(unit, unit_of(name), written)
+    scale, shift = conversion(unit, unit_of(name), f"column '{written}'")
     return (values - shift) / scale
 
 

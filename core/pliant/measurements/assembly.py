@@ -10,15 +10,16 @@ import numpy as np
 
 from pliant.config.measurements import ExcludedSpan, MeasurementNotes
 from pliant.errors import UserError, closest
+from pliant.formatting import plural
 from pliant.measurements.columns import is_output, unit_of
 from pliant.measurements.cycles import cycles, spans
 from pliant.measurements.gathering import Gatherer, RunRows
 from pliant.measurements.header import Header
 from pliant.measurements.plausible import out_of_range, time_remarks
-from pliant.measurements.sheet import listed, plural
 from pliant.records.design import Array
 from pliant.records.history import REFERENCE_TEMPERATURE_C, History
 from pliant.records.measurement import MeasuredRun, Measurement
+from pliant.tabular.text import lines_text
 from pliant.units import UnitError, parse_quantity
 
 FORCES = ("tip_force_x_n", "tip_force_y_n", "tip_force_z_n")
@@ -146,8 +147,8 @@ def _check_valve(columns: Mapping[str, Array], lines: Array, path: Path) -> None
     bad = lines[(valve != 0.0) & (valve != 1.0)]
     if bad.size:
         raise UserError(
-            f"{path}, {listed(bad.tolist())}: valve_open should be 1 (chambers connected to the supply) or 0 (closed "
-            "off)."
+            f"{path}, {lines_text(bad.tolist())}: valve_open should be 1 (chambers connected to the supply) or 0 "
+            "(closed off)."
         )
 
 
@@ -165,7 +166,7 @@ def _sigma(
         bad = lines[values <= 0]
         if bad.size:
             raise UserError(
-                f"{path}, {listed(bad.tolist())}: sigma_{name} should be above 0; leave it blank otherwise."
+                f"{path}, {lines_text(bad.tolist())}: sigma_{name} should be above 0; leave it blank otherwise."
             )
         values = np.where(np.isnan(values), stated.get(name, np.nan), values)
         if not np.isnan(values).all():
@@ -255,7 +256,7 @@ def _condition_remarks(gatherer: Gatherer) -> list[str]:
         if partly:
             remarks.append(
                 f"{column.name} is blank in {plural(partly, 'row')} of runs that have it elsewhere "
-                f"({listed(blanks.lines, blanks.count)}): left out; write {default} where that is meant."
+                f"({lines_text(blanks.lines, blanks.count)}): left out; write {default} where that is meant."
             )
     return remarks
 

@@ -8,7 +8,7 @@ from functools import cache
 from typing import Literal
 
 from pliant.errors import UserError, closest
-from pliant.units import UnitError, parse_quantity
+from pliant.tabular.units import ENDINGS, conversion, fits, stem, unit_in
 
 Role = Literal["text", "time", "input", "condition", "cycle", "output", "sigma", "count"]
 
@@ -62,16 +62,6 @@ EXAMPLES = (
     *("tip_x_m", "tip_y_m", "tip_z_m", "marker_1_x_m", "marker_1_y_m", "marker_1_z_m"),
     *("elongation_strain", "successes", "trials", "sigma_angle_rad"),
 )
-# Endings that people write, and what they mean: `pressure_kpa`, `angle_deg`, `time_ms`.
-ENDINGS = {
-    **{name.lower(): name for name in ("Pa", "hPa", "kPa", "MPa", "bar", "mbar", "psi", "atm")},
-    **{name: name for name in ("m", "mm", "cm", "um", "deg", "rad", "mrad", "kg", "g", "mg")},
-    **{"s": "s", "ms": "ms", "us": "us", "min": "min", "h": "h", "sec": "s"},
-    **{"degree": "deg", "degrees": "deg", "grad": "grad", "in": "inch", "n": "N", "mn": "mN", "kn": "kN"},
-    **{"gf": "gf", "kgf": "kgf", "nm": "N*m", "n_m": "N*m", "nmm": "N*mm", "n_mm": "N*mm", "mnm": "mN*m"},
-    **{"mn_m": "mN*m", "ncm": "N*cm", "n_cm": "N*cm", "c": "degC", "k": "K", "f": "degF"},
-    **{"degc": "degC", "degf": "degF", "percent": "percent", "pct": "percent", "strain": "dimensionless"},
-}
 
 
 @dataclass(frozen=True)
@@ -130,47 +120,34 @@ def column_of(written: str, name: str, unit: str | None, inputs: frozenset[str])
 
     Raises `UserError` for a unit that does not fit.
     """
-    plain = name.lower()
+    plain = stem(name).lower().replace(" ", "_")
     prefix = "sigma_" if plain.startswith("sigma_") else ""
     plain = plain.removeprefix(prefix)
-    si, suffix_unit = _in_si(plain)
+    si, suffix_unit = _in_si(plain, unit or unit_in(written))
     known = find(si)
     if known is None or (prefix and known.role != "output"):
         return None
     role: Role = "sigma" if prefix else "input" if si in inputs else known.role
     scale, shift = 1.0, 0.0
-    if (source := unit or suffix_unit) is not None:
+    source = unit or suffix_unit or (unit_in(written) if known.unit else None)
+    if source is not None:
         if not known.unit:
             raise UserError(f"column '{written}' has no unit; take it out of 'units'.")
-        scale, shift = conversion(source, known.unit, written)
+        scale, shift = conversion(source, known.unit, f"column '{written}'")
     return Column(written, prefix + si, role, known.unit, scale, 0.0 if prefix else shift)
 
 
-def _in_si(name: str) -> tuple[str, str | None]:
-    """`angle_deg` → (`angle_rad`, "deg"); a name in SI → (itself, None)."""
+def _in_si(name: str, unit: str | None) -> tuple[str, str | None]:
+    """`angle_deg` → (`angle_rad`, "deg"); a name in SI → (itself, None); `angle` with a unit beside it → its name."""
     if find(name) is not None:
         return name, None
+    for known in KNOWN if unit else ():
+        if known.unit and re.fullmatch(known.stem, name) and fits(str(unit), known.unit):
+            return name + known.unit_suffix, unit
     parts = name.split("_")
     for cut in range(1, len(parts)):
         stem, ending = "_".join(parts[:cut]), ENDINGS.get("_".join(parts[cut:]))
         for known in KNOWN if ending else ():
-            if known.unit and re.fullmatch(known.stem, stem) and _fits(str(ending), known.unit):
+            if known.unit and re.fullmatch(known.stem, stem) and fits(str(ending), known.unit):
                 return stem + known.unit_suffix, ending
     return name, None
-
-
-def _fits(written: str, unit: str) -> bool:
-    try:
-        parse_quantity(f"1 {written}", unit)
-    except UnitError:
-        return False
-    return True
-
-
-def conversion(written: str, unit: str, column: str) -> tuple[float, float]:
-    """Scale and shift from a unit as people write it to an SI unit, or a `UserError` naming the column."""
-    try:
-        one, shift = (parse_quantity(f"{number} {written}", unit) for number in (1, 0))
-    except UnitError as error:
-        raise UserError(f"column '{column}': {error}.") from None
-    return one - shift, shift

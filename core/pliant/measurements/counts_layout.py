@@ -12,7 +12,9 @@ from pliant.config.measurements import MeasurementNotes
 from pliant.config.task_keys import TaskKey, find_key, known_keys, need_key
 from pliant.errors import UserError, closest
 from pliant.interfaces.task import TaskConfig
-from pliant.measurements.columns import ENDINGS, find
+from pliant.measurements.columns import find
+from pliant.tabular.notes import check_named
+from pliant.tabular.units import ENDINGS
 
 COUNTS = ("successes", "trials")
 TEXTS = ("run", "specimen", "cycle")  # say which set a row is
@@ -48,7 +50,10 @@ def layout_of(
     path: Path, header: Sequence[str], notes: MeasurementNotes, notes_name: str, task: type[TaskConfig]
 ) -> Layout:
     """Match the header with what counts need and what the task knows."""
-    _check_notes(path, header, notes, notes_name)
+    renamed = [*header, *(notes.rename.get(name, name) for name in header)]
+    check_named(path, notes_name, "rename", notes.rename, header)
+    check_named(path, notes_name, "units", notes.units, renamed)
+    check_named(path, notes_name, "conditions", notes.conditions, renamed)
     if readings := readings_among([notes.rename.get(name, name).lower() for name in header]):
         raise UserError(
             f"{path}: the file has counts (successes, trials) and readings ({', '.join(readings)}). A row is one or "
@@ -99,21 +104,6 @@ def _condition(
     if find(name.lower()) is None and ("." in name or slip):
         need_key(task, name, ENDINGS, f"{path}: there is a column")
     return None
-
-
-def _check_notes(path: Path, header: Sequence[str], notes: MeasurementNotes, notes_name: str) -> None:
-    renamed = {notes.rename.get(name, name) for name in header}
-    for block, names in (
-        ("rename", notes.rename),
-        ("units", notes.units),
-        ("conditions", notes.conditions),
-    ):
-        for name in names:
-            if name not in header and (block == "rename" or name not in renamed):
-                raise UserError(
-                    f"{notes_name}: '{block}' has '{name}', which is not a column of {path.name}"
-                    f"{closest(name, sorted(header))}"
-                )
 
 
 def _check_layout(path: Path, layout: Layout, header: Sequence[str]) -> None:

@@ -15,12 +15,13 @@ from pliant.config.measurements import MeasurementsConfig
 from pliant.config.problems import sentences
 from pliant.config.task_keys import changed_task
 from pliant.errors import UserError, closest
+from pliant.formatting import number, quantity
 from pliant.interfaces.task import TaskConfig
 from pliant.measurements.counts_layout import COUNTS, TEXTS, ConditionOf, Layout, layout_of, readings_among
 from pliant.measurements.reading import notes_of
-from pliant.measurements.sheet import MISSING, Cells, Sheet, numbers, open_sheet
 from pliant.records.counts import CountCondition, Counts, CountSet
-from pliant.units import SPOKEN, UNIT_SUFFIXES
+from pliant.tabular.text import MISSING, Cells, Sheet, open_sheet
+from pliant.units import UNIT_SUFFIXES
 
 EXAMPLE = "run,object,pressure_pa,extra_weights,successes,trials"
 MOST_ROWS = 10_000
@@ -34,7 +35,7 @@ def holds_counts(path: Path, task: TaskConfig | None, settings: MeasurementsConf
     chain's readings are compared and its counts are ignored.
     """
     notes, _ = notes_of(path, settings)
-    with open_sheet(path) as sheet:
+    with open_sheet(path, EXAMPLE) as sheet:
         names = [notes.rename.get(name, name).lower() for name in sheet.header]
     has = any(name in COUNTS for name in names)
     return has and (not readings_among(names) or (task is not None and counts_trials(task)))
@@ -82,9 +83,7 @@ def _rows(sheet: Sheet, layout: Layout, task: TaskConfig) -> list[_Row]:
     for block in sheet.blocks():
         columns = [block.columns[layout.places[c.column]] for c in layout.conditions]
         cells = [block.columns[layout.places[name]] for name in COUNTS]
-        counts = [
-            numbers(c, block.lines, name, sheet.problems) for c, name in zip(cells, COUNTS, strict=True)
-        ]
+        counts = [block.numbers(layout.places[name], name) for name in COUNTS]
         names = _names(block.columns, layout, len(block.lines))
         for k, line in enumerate(block.lines.tolist()):
             blank = [n for n, c in zip(COUNTS, cells, strict=True) if c[k].strip().lower() in MISSING]
@@ -207,6 +206,5 @@ def _said(condition: ConditionOf, text: str) -> str:
     except ValueError:
         return text
     if condition.key.si in UNIT_SUFFIXES.values():
-        factor, unit = SPOKEN.get(condition.key.si, (1.0, condition.key.si))
-        return f"{factor * value:g} {unit}"
-    return f"{value:g} {label}"
+        return quantity(value, condition.key.si, 6)
+    return f"{number(value, 6)} {label}"

@@ -9,8 +9,8 @@ import numpy as np
 
 from pliant.errors import UserError
 from pliant.measurements.columns import Column
-from pliant.measurements.sheet import Cells, Problems
 from pliant.records.design import Array
+from pliant.tabular.text import Cells, Problems
 
 MOST_RUNS = 10_000
 

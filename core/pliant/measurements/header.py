@@ -9,6 +9,8 @@ from pathlib import Path
 from pliant.config.measurements import MeasurementNotes
 from pliant.errors import UserError, closest
 from pliant.measurements.columns import EXAMPLES, Column, column_of
+from pliant.tabular.notes import check_named, noted
+from pliant.tabular.units import stem
 
 ALIASES = {"moment_nm": "moment_n_m"}
 
@@ -56,13 +58,15 @@ def read_header(
 
     Raises `UserError` where an input is missing, nothing is measured, or two columns mean the same.
     """
-    _check_notes(path, written, notes, notes_name)
+    renamed_too = [*written, *(notes.rename.get(name, name) for name in written), *map(stem, written)]
+    check_named(path, notes_name, "rename", notes.rename, [*written, *map(stem, written)])
+    check_named(path, notes_name, "units", notes.units, renamed_too)
     inputs = frozenset(actuation or ())
     found: dict[str, Column] = {}
     unknown: list[str] = []
     for name in filter(None, written):
-        renamed = notes.rename.get(name, name)
-        unit = notes.units.get(name, notes.units.get(renamed))
+        renamed = noted(notes.rename, name, stem(name)) or name
+        unit = noted(notes.units, name, stem(name), renamed)
         column = column_of(name, ALIASES.get(renamed, renamed), unit, inputs)
         if column is None:
             unknown.append(name)
@@ -93,25 +97,6 @@ def read_header(
         texts["specimen"],
         (*remarks, *more, *_conversions(found, notes)),
     )
-
-
-def _check_notes(path: Path, written: Sequence[str], notes: MeasurementNotes, notes_name: str) -> None:
-    """Renames and units of columns that are not there are slips of the pen."""
-    for name in notes.rename:
-        if name not in written:
-            raise UserError(
-                f"{notes_name}: 'rename' has '{name}', which is not a column of {path.name}{_hint(name, written)}"
-            )
-    names = {*written, *(notes.rename.get(name, name) for name in written)}
-    for name in notes.units:
-        if name not in names:
-            raise UserError(
-                f"{notes_name}: 'units' has '{name}', which is not a column of {path.name}{_hint(name, names)}"
-            )
-
-
-def _hint(name: str, columns: Sequence[str] | set[str]) -> str:
-    return closest(name, sorted(columns))
 
 
 def _unknown_remarks(unknown: Sequence[str], notes: MeasurementNotes, notes_name: str) -> list[str]:

@@ -6,7 +6,8 @@ import math
 import re
 from collections.abc import Mapping
 
-from pliant.measurements.columns import conversion, unit_of
+from pliant.measurements.columns import unit_of
+from pliant.tabular.units import conversion
 
 # Units that people record in, by SI unit.
 WRITTEN = {

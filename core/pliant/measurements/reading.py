@@ -9,18 +9,19 @@ from pathlib import Path
 
 import numpy as np
 
-from pliant.config.loading import load_notes
 from pliant.config.measurements import MOST_SAMPLES, MeasurementNotes, MeasurementsConfig
 from pliant.errors import UserError
 from pliant.execution.progress import Progress, Silent
+from pliant.formatting import plural
 from pliant.measurements.assembly import assembled
 from pliant.measurements.gathering import Gatherer
 from pliant.measurements.header import Header, read_header
-from pliant.measurements.sheet import Sheet, count_lines, listed, numbers, open_sheet, plural
 from pliant.records.measurement import Measurement
+from pliant.tabular.notes import notes_beside
+from pliant.tabular.text import Sheet, count_lines, lines_text, open_sheet
 
 LARGE_FILE = 20_000_000  # bytes: from here on reading shows its progress
-NOTES = (".yaml", ".yml")
+EXAMPLE = "run,time_s,pressure_pa,angle_rad"
 
 
 def read_measurement(
@@ -49,7 +50,7 @@ def read_measurement(
     """
     path = Path(path)
     notes, notes_name = notes_of(path, settings)
-    with open_sheet(path) as sheet:
+    with open_sheet(path, EXAMPLE) as sheet:
         header = read_header(path, sheet.header, notes, notes_name, actuation)
         gatherer = _gathered(
             sheet, header, settings.max_samples if settings else MOST_SAMPLES, progress or Silent()
@@ -66,12 +67,8 @@ def read_measurement(
 
 def notes_of(path: Path, settings: MeasurementsConfig | None) -> tuple[MeasurementNotes, str]:
     """The notes beside the file with the study's on top, and the name of the file to write notes into."""
-    found = [path.with_suffix(ending) for ending in NOTES if path.with_suffix(ending).is_file()]
-    beside = [(file, load_notes(file, MeasurementNotes)) for file in found]
-    files = [file.name for file, notes in beside if notes is not None]
-    if len(files) > 1:
-        raise UserError(f"{path.parent}: {files[0]} and {files[1]} both hold notes on {path.name}; keep one.")
-    notes = next((notes for _, notes in beside if notes is not None), MeasurementNotes())
+    beside, file = notes_beside(path, MeasurementNotes)
+    notes = beside or MeasurementNotes()
     if settings is not None:
         notes = MeasurementNotes(
             rename={**notes.rename, **settings.rename},
@@ -83,11 +80,13 @@ def notes_of(path: Path, settings: MeasurementsConfig | None) -> tuple[Measureme
         )
     # a study of the same stem takes the name: then the notes belong into its `measurements` block
     name = (
-        f"the 'measurements' block of {found[0].name}"
-        if found and not files
-        else path.with_suffix(".yaml").name
+        path.with_suffix(".yaml").name
+        if file is None
+        else file.name
+        if beside is not None
+        else f"the 'measurements' block of {file.name}"
     )
-    return notes, files[0] if files else name
+    return notes, name
 
 
 def _gathered(sheet: Sheet, header: Header, most: int, progress: Progress) -> Gatherer:
@@ -97,13 +96,7 @@ def _gathered(sheet: Sheet, header: Header, most: int, progress: Progress) -> Ga
     name = sheet.path.stem
     try:
         for block in sheet.blocks():
-            cells = [block.columns[header.place(c)] for c in header.columns]
-            table = np.column_stack(
-                [
-                    numbers(x, block.lines, c.written, sheet.problems)
-                    for x, c in zip(cells, header.columns, strict=True)
-                ]
-            )
+            table = np.column_stack([block.numbers(header.place(c), c.written) for c in header.columns])
             runs = name if header.run is None else block.columns[header.run]
             specimens = None if header.specimen is None else block.columns[header.specimen]
             gatherer.add(table, block.lines, runs, specimens)
@@ -117,7 +110,7 @@ def _no_rows(gatherer: Gatherer) -> str:
     if not gatherer.blanks:
         return "the file has a header and no rows."
     name, blanks = max(gatherer.blanks.items(), key=lambda item: item[1].count)
-    return f"no row can be used; {name} is blank in {blanks.count} of them ({listed(blanks.lines, blanks.count)})."
+    return f"no row can be used; {name} is blank in {blanks.count} of them ({lines_text(blanks.lines, blanks.count)})."
 
 
 def _row_remarks(sheet: Sheet, gatherer: Gatherer) -> list[str]:
@@ -127,13 +120,13 @@ def _row_remarks(sheet: Sheet, gatherer: Gatherer) -> list[str]:
     for name in needed:
         if blanks := gatherer.blanks.get(name):
             remarks.append(
-                f"{name} is blank in {plural(blanks.count, 'row')} ({listed(blanks.lines, blanks.count)}): left out; "
-                "inputs are taken as straight lines across them."
+                f"{name} is blank in {plural(blanks.count, 'row')} ({lines_text(blanks.lines, blanks.count)}): left "
+                "out; inputs are taken as straight lines across them."
             )
     if doubles := gatherer.doubles.count:
         remarks.append(
             f"Left out: {plural(doubles, 'row')} equal to the row before in every column "
-            f"({listed(gatherer.doubles.lines, doubles)})."
+            f"({lines_text(gatherer.doubles.lines, doubles)})."
         )
     if sheet.blank_rows:
         remarks.append(f"Left out: {plural(sheet.blank_rows, 'row')} of nothing but separators.")

@@ -9,13 +9,13 @@ from typing import Any
 
 from pliant.errors import UserError
 from pliant.interfaces.surrogate import Surrogate, SurrogateConfig
-from pliant.pipeline.table_modules import has_several_axes, read_module_table
-from pliant.pipeline.table_notes import table_digest
-from pliant.pipeline.tables import read_table
 from pliant.pipeline.workbench import Workbench, content
 from pliant.records.fem import FemDataset, ModuleData
 from pliant.records.law import FitReport, JointLaw
 from pliant.store.store import Artifact
+from pliant.tabular.fem_modules import has_several_axes, read_module_table
+from pliant.tabular.fem_notes import table_digest
+from pliant.tabular.fem_reading import read_table
 
 
 @dataclass(frozen=True)

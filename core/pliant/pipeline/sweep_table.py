@@ -8,8 +8,8 @@ import tempfile
 from pathlib import Path
 
 from pliant.pipeline.sweep_records import SweepRun
-from pliant.pipeline.tables import write_table
 from pliant.store.store import write_atomically
+from pliant.tabular.fem_writing import write_table
 
 NUMBER = "design"
 

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from pliant.formatting import unit_of
 from pliant.records.design import Array
 from pliant.records.scene import SceneFrames, SceneStill
 
@@ -79,12 +80,7 @@ class OutsideDomain:
 
     def __str__(self) -> str:
         """For people: "pressure_pa by 3 kPa"."""
-        for ending, factor, unit in (("_pa", 1e-3, " kPa"), ("_n", 1.0, " N"), ("_m", 1e3, " mm")):
-            if self.variable.endswith(ending):
-                return f"{self.variable} by {factor * self.excess:.3g}{unit}"
-        if self.variable.endswith("_rad"):
-            return f"{self.variable} by {np.degrees(self.excess):.3g}°"
-        return f"{self.variable} by {self.excess:.3g}"
+        return f"{self.variable} by {unit_of(self.variable).text(self.excess, 3)}"
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,7 +12,7 @@ from pliant.evidence.comparison import Comparison
 from pliant.evidence.interpretation import interpret
 from pliant.evidence.places import Place
 from pliant.evidence.scores import GroupError, OutputError
-from pliant.evidence.words import number, percent, shown, si_unit
+from pliant.formatting import number, unit_of, whole_percent
 from pliant.records.design import Array
 from pliant.records.measurement import Measurement
 from pliant.report.comparison_reading import Compared
@@ -29,6 +29,7 @@ from pliant.report.document import (
     capital,
     page_table,
 )
+from pliant.units import si_unit
 
 OUTPUTS_DRAWN = 2
 ROWS = 60  # of a page's table
@@ -40,8 +41,8 @@ OUTPUT_COLUMNS: tuple[Column[Named], ...] = (
         lambda o: o[0],
         head="output",
         brief="output",
-        text=lambda o: shown(o[0]).axis,
-        brief_text=lambda o: shown(o[0]).label,
+        text=lambda o: unit_of(o[0]).axis,
+        brief_text=lambda o: unit_of(o[0]).label,
     ),
     Column(
         lambda o: o[1].rmse,
@@ -49,7 +50,7 @@ OUTPUT_COLUMNS: tuple[Column[Named], ...] = (
         "rms error",
         "rms error",
         lambda o: _with_interval(o, "rmse"),
-        lambda o: shown(o[0]).text(o[1].rmse),
+        lambda o: unit_of(o[0]).text(o[1].rmse, 3),
     ),
     Column(lambda o: list(o[1].rmse_interval), "rmse_interval"),
     Column(lambda o: o[1].unit, "unit"),
@@ -58,7 +59,7 @@ OUTPUT_COLUMNS: tuple[Column[Named], ...] = (
         "noise_floor",
         "noise floor",
         "floor",
-        lambda o: number(o[1].noise_floor * shown(o[0]).factor),
+        lambda o: number(o[1].noise_floor * unit_of(o[0]).factor, 3),
         lambda o: _floor(o),
     ),
     Column(
@@ -81,7 +82,7 @@ OUTPUT_COLUMNS: tuple[Column[Named], ...] = (
         "mean error",
         "mean",
         lambda o: _with_interval(o, "bias"),
-        lambda o: shown(o[0]).text(o[1].bias),
+        lambda o: unit_of(o[0]).text(o[1].bias, 3),
     ),
     Column(lambda o: list(o[1].bias_interval), "bias_interval"),
     Column(lambda o: o[1].noise.within, "noise_within"),
@@ -104,14 +105,14 @@ PLACE_COLUMNS: tuple[Column[Place], ...] = (
         "share_of_error",
         "of the squared error",
         "of error",
-        lambda p: percent(p.share_of_error),
+        lambda p: whole_percent(p.share_of_error),
     ),
     Column(
         lambda p: p.share_of_samples,
         "share_of_samples",
         "of the readings",
         "of data",
-        lambda p: percent(p.share_of_samples),
+        lambda p: whole_percent(p.share_of_samples),
     ),
     Column(
         lambda p: p.outputs[p.output].mean,
@@ -220,12 +221,12 @@ def _runs_caption(compared: Compared, output: str, most: int) -> str:
     which = "all runs" if whole else "one run of each condition, the worst first"
     floor = compared.comparison.outputs[output].noise_floor
     band = (
-        f"; the band is ± 2 noise floors (one is {shown(output).text(floor, 2)})"
+        f"; the band is ± 2 noise floors (one is {unit_of(output).text(floor, 2)})"
         if np.isfinite(floor)
         else ""
     )
     return (
-        f"{capital(shown(output).label)}, {which}: measured in black, model in blue{band}. Below each run its error, "
+        f"{capital(unit_of(output).label)}, {which}: measured in black, model in blue{band}. Below each run its error, "
         "measured − model; what leaves the band is filled. A model that lacks nothing leaves it one time in twenty, "
         "anywhere."
     )
@@ -240,7 +241,7 @@ def _where(compared: Compared, drawn: Sequence[str]) -> Section | None:
         if png is None:
             return None
         caption = (
-            f"Error in {shown(output).label} against everything that varied. Dots: mean error in a bin with the 95 % "
+            f"Error in {unit_of(output).label} against everything that varied. Dots: mean error in a bin with the 95 % "
             "interval that noise of this colour gives it; filled: more than noise, corrected for looking at "
             f"{compared.comparison.n_places} places. “Tells 40 %”: this circumstance alone predicts 40 % of the "
             "error's variance in runs that it was not fitted to."
@@ -258,7 +259,7 @@ def _loops(compared: Compared, drawn: Sequence[str]) -> Section | None:
         if png is None:
             return None
         caption = (
-            f"{capital(shown(output).label)} over what drives it; below, the error over the same, coloured by what "
+            f"{capital(unit_of(output).label)} over what drives it; below, the error over the same, coloured by what "
             "the actuation does. A gap between rising and falling is hysteresis that the model lacks or has too much; "
             "a common slope a wrong gain or stiffness; a common shift an offset; a vertical stroke in a hold a drift."
         )
@@ -288,8 +289,8 @@ def _numbers(compared: Compared) -> Section:
     if len(comparison.conditions) < len(comparison.runs):
         tables.append(_groups_table("By condition, repeats together", "runs", comparison.conditions))
     note = (
-        f"{comparison.n_samples} readings, worth {number(comparison.n_effective)} independent ones. Intervals: 95 %, "
-        "bootstrap of whole runs, or of stretches of runs where there are fewer than eight."
+        f"{comparison.n_samples} readings, worth {number(comparison.n_effective, 3)} independent ones. Intervals: "
+        "95 %, bootstrap of whole runs, or of stretches of runs where there are fewer than eight."
     )
     return Section("Numbers", (), tuple(tables), note)
 
@@ -320,9 +321,11 @@ def _groups_table(title: str, head: str, groups: Sequence[GroupError]) -> Table:
         row = [group.name, group.words]
         for name in names:
             values = group.outputs.get(name, {})
-            row += [number(values.get(key, np.nan) * shown(name).factor, 3) for key in ("rmse", "bias")]
-        rows.append([*row, number(group.rmse_over_floor, 2), percent(group.share_of_error), str(group.n)])
-    columns = [f"{part} {shown(name).axis}" for name in names for part in ("rms", "mean")]
+            row += [number(values.get(key, np.nan) * unit_of(name).factor, 3) for key in ("rmse", "bias")]
+        rows.append(
+            [*row, number(group.rmse_over_floor, 2), whole_percent(group.share_of_error), str(group.n)]
+        )
+    columns = [f"{part} {unit_of(name).axis}" for name in names for part in ("rms", "mean")]
     cut = f"The first {ROWS} of {len(groups)}." if len(groups) > ROWS else ""
     return Table(
         title, [head, "condition", *columns, "in floors", "of the squared error", "readings"], rows, cut, 2
@@ -349,18 +352,18 @@ def _outputs_there(place: Place) -> dict[str, Any]:
 
 
 def _mean_there(place: Place, joined: str) -> str:
-    words = shown(place.output)
+    words = unit_of(place.output)
     return f"{words.text(place.outputs[place.output].mean, 2)}{joined} {words.label}"
 
 
 def _floor(named: Named) -> str:
     name, error = named
-    return shown(name).text(error.noise_floor) if np.isfinite(error.noise_floor) else "–"
+    return unit_of(name).text(error.noise_floor, 3) if np.isfinite(error.noise_floor) else "–"
 
 
 def _with_interval(named: Named, of: str) -> str:
     name, error = named
-    factor = shown(name).factor
+    factor = unit_of(name).factor
     low, high = getattr(error, f"{of}_interval")
-    text = number(getattr(error, of) * factor)
-    return f"{text} ({number(low * factor)} to {number(high * factor)})" if np.isfinite(low) else text
+    text = number(getattr(error, of) * factor, 3)
+    return f"{text} ({number(low * factor, 3)} to {number(high * factor, 3)})" if np.isfinite(low) else text

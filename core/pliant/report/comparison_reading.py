@@ -14,7 +14,7 @@ from pliant.evidence.comparison import Comparison, residuals_of
 from pliant.evidence.covariates import Covariates, covariates
 from pliant.evidence.places import Residuals
 from pliant.evidence.scores import GroupError
-from pliant.evidence.words import Shown, shown
+from pliant.formatting import NamedUnit, unit_of
 from pliant.records.design import Array
 from pliant.records.measurement import MeasuredRun, Measurement
 
@@ -83,14 +83,14 @@ def clock(run: MeasuredRun) -> tuple[Array, str]:
     return time - time[:1], "time in the run (s)"
 
 
-def abscissa(compared: Compared) -> tuple[str, Shown] | None:
+def abscissa(compared: Compared) -> tuple[str, NamedUnit] | None:
     """The input that loops are drawn over: the first actuation that varies, else the moment; None without either."""
     runs = compared.measurement.runs
     for name in dict.fromkeys(name for run in runs for name in run.history.actuation):
         if any(len(run) and np.ptp(run.history.actuation.get(name, [0.0])) > 0 for run in runs):
-            return name, shown(name)
+            return name, unit_of(name)
     if any(len(run) and np.ptp(run.history.moment_n_m) > 0 for run in runs):
-        return "moment_n_m", shown("moment_n_m")
+        return "moment_n_m", unit_of("moment_n_m")
     return None
 
 

@@ -11,7 +11,7 @@ from pliant.diagnosis.table import Kinds
 from pliant.diagnosis.words import named
 from pliant.evidence.counts import CountComparison
 from pliant.evidence.counts_words import counted, interpret_counts
-from pliant.evidence.words import number, percent
+from pliant.formatting import number, whole_percent
 from pliant.records.counts import Counts
 from pliant.report.document import Page, Picture, Section, Table, Warned
 from pliant.report.figures.success_shares import Series, success_shares
@@ -92,7 +92,7 @@ def _hypotheses(found: CountEvidence) -> Table:
         rows.append(
             [
                 named(kinds),
-                percent(probability),
+                whole_percent(probability),
                 number(found.log_evidence[kinds], 4),
                 told(row) if row is not None and kinds else "",
                 number(found.comparisons[kinds].log_likelihood, 4) if row is not None else "",
@@ -124,7 +124,7 @@ def _conditions(found: CountComparison) -> Table:
             counted(one.simulated),
             number(one.log_likelihood, 3),
             number(one.deviance, 3),
-            percent(one.share_of_error),
+            whole_percent(one.share_of_error),
             number(one.p_adjusted, 2),
             "yes" if one.disagrees else "no",
         ]

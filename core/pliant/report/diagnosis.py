@@ -10,7 +10,7 @@ from pliant import __version__
 from pliant.diagnosis.diagnosis import Diagnosis
 from pliant.diagnosis.table import Kinds
 from pliant.diagnosis.words import headline, named, why
-from pliant.evidence.words import listed, number, shown
+from pliant.formatting import listed, number, unit_of
 from pliant.records.measurement import Measurement
 from pliant.registry.discovery import Registry
 from pliant.report.diagnosis_reading import Diagnosed
@@ -149,9 +149,9 @@ def _changes(diagnosed: Diagnosed) -> Section:
 
 
 def _changes_caption(diagnosed: Diagnosed, output: str) -> str:
-    label = shown(output).label
+    label = unit_of(output).label
     floor = diagnosed.floor(output)
-    band = f" over ± 2 noise floors (one is {shown(output).text(floor, 2)})" if np.isfinite(floor) else ""
+    band = f" over ± 2 noise floors (one is {unit_of(output).text(floor, 2)})" if np.isfinite(floor) else ""
     which = (
         "the runs in which the explanation takes away most of the error, one of each condition"
         if diagnosed.explanations
@@ -170,9 +170,9 @@ def _depends(diagnosed: Diagnosed) -> Section | None:
     if png is None:
         return None
     caption = (
-        f"Mean error in {shown(output).label} against the circumstances that told most of it. Bars: 95 % under noise; "
-        "filled: more than noise, corrected for looking at many places. An explanation that is right flattens all of "
-        "them, not only one."
+        f"Mean error in {unit_of(output).label} against the circumstances that told most of it. Bars: 95 % under "
+        "noise; filled: more than noise, corrected for looking at many places. An explanation that is right flattens "
+        "all of them, not only one."
     )
     note = "" if table is not None else "The error that is left depends on nothing that was recorded."
     return Section(
@@ -212,7 +212,7 @@ def _noise(diagnosed: Diagnosed) -> Section:
     pictures: tuple[Picture, ...] = ()
     if png is not None:
         caption = (
-            f"Repeats in {shown(output).label}, each less their mean. The band is ± 2 times the noise within a run: "
+            f"Repeats in {unit_of(output).label}, each less their mean. The band is ± 2 times the noise within a run: "
             "runs that leave it as a whole have moved between one another."
         )
         pictures = (Picture("repeats", caption, png),)

@@ -8,7 +8,7 @@ from pliant.diagnosis.diagnosis import Diagnosis
 from pliant.diagnosis.diagnosis_json import diagnosis_json
 from pliant.diagnosis.table import NOTHING, UNKNOWN
 from pliant.diagnosis.words import named
-from pliant.evidence.words import number, percent, shown
+from pliant.formatting import number, unit_of, whole_percent
 from pliant.interfaces.effect import EffectNotes, EffectParameter
 from pliant.report.diagnosis_reading import Diagnosed
 from pliant.report.diagnosis_words import parameter_texts, parameter_word, probability_text, strength_text
@@ -35,9 +35,15 @@ def hypotheses_table(diagnosed: Diagnosed) -> Table:
             row += ["–"] * len(outputs)
         else:
             left = errors[kinds]
-            row += [shown(name).text(left[name]["rmse"], 3) for name in outputs]
+            row += [unit_of(name).text(left[name]["rmse"], 3) for name in outputs]
         rows.append(row)
-    head = ["hypothesis", "parameters", "probability", "in noise floors", *(shown(n).label for n in outputs)]
+    head = [
+        "hypothesis",
+        "parameters",
+        "probability",
+        "in noise floors",
+        *(unit_of(n).label for n in outputs),
+    ]
     rest = len(found.judgement.probability) - len(rows)
     note = (
         "Errors are rms on runs left out of the fit. ±: one standard deviation, coloured noise counted. Implausible: "
@@ -63,7 +69,7 @@ def look_alikes_table(found: Diagnosis, notes: Notes) -> Table | None:
         twins.setdefault(pair.a, []).append((pair.b, pair.unexplained_share))
     rows = []
     for a in sorted(twins, key=lambda kind: twins[kind][0][1]):
-        imitators = [f"{b} ({percent(share)})" for b, share in twins[a][:MOST_TWINS]]
+        imitators = [f"{b} ({whole_percent(share)})" for b, share in twins[a][:MOST_TWINS]]
         more = len(twins[a]) - len(imitators)
         cell = ", ".join(imitators) + (f" and {more} more" if more else "")
         apart = next((text for b, _ in twins[a] if (text := _told_apart(notes, a, b))), "")
@@ -134,15 +140,15 @@ def noise_table(found: Diagnosis) -> Table:
     """Floors by output, as the residuals of the best hypothesis show them."""
     rows = []
     for name, floor in found.noise.floors.items():
-        words = shown(name)
+        words = unit_of(name)
         rows.append(
             [
                 words.label,
-                words.text(floor.value),
+                words.text(floor.value, 3),
                 floor.source,
-                words.text(floor.within),
-                "no repeats" if floor.between is None else words.text(floor.between),
-                "not stated" if floor.sigma is None else words.text(floor.sigma),
+                words.text(floor.within, 3),
+                "no repeats" if floor.between is None else words.text(floor.between, 3),
+                "not stated" if floor.sigma is None else words.text(floor.sigma, 3),
             ]
         )
     head = ["output", "noise floor", "taken from", "within a run", "between repeats", "stated sigma"]
@@ -153,7 +159,7 @@ def dependence_table(diagnosed: Diagnosed) -> Table | None:
     """What the error that is left depends on."""
     found = diagnosed.found
     rows = [
-        [" × ".join(found.circumstances.get(part, part) for part in name.split(" × ")), percent(value)]
+        [" × ".join(found.circumstances.get(part, part) for part in name.split(" × ")), whole_percent(value)]
         for name, value in found.depends_on.items()
         if value >= 0.02
     ][:6]

@@ -8,20 +8,12 @@ from typing import Any
 from pliant.diagnosis.diagnosis import Diagnosis
 from pliant.diagnosis.diagnosis_json import parameters
 from pliant.diagnosis.table import NOTHING, UNKNOWN, Kinds
+from pliant.diagnosis.uncertainty import Estimate
 from pliant.diagnosis.words import named
-from pliant.evidence.words import number, percent
-from pliant.report.units import SHOWN, Unit
+from pliant.formatting import display_unit, number, rounded_to_sd, whole_percent, with_sd
 
-PER_KELVIN = Unit("% per K", 100.0)
 IMPLAUSIBLE = "implausible"
 CLOSE = 2.0  # standard deviations
-
-
-def parameter_unit(unit: str) -> Unit:
-    """The display unit of a parameter's SI unit: kPa for Pa, ° for rad."""
-    if unit == "K^-1":
-        return PER_KELVIN
-    return SHOWN.get(unit, Unit("" if unit == "1" else unit))
 
 
 def parameter_texts(found: Diagnosis, kinds: Kinds) -> list[str]:
@@ -42,29 +34,27 @@ def parameter_texts(found: Diagnosis, kinds: Kinds) -> list[str]:
 
 def value_text(entry: dict[str, Any]) -> str:
     """Value ± standard deviation with the unit, the value to the decimal at which it is not sure."""
-    unit = parameter_unit(entry["unit"])
-    value, sd = entry["value"] * unit.factor, entry["sd"] * unit.factor
-    if not (math.isfinite(sd) and sd > 0):
-        text = number(value)
-    elif sd > 10 * max(abs(value), 1e-300) or sd < 1e-9 * abs(value):
-        text = f"{number(value)} ± {number(sd, 2)}"
-    else:
-        decimals = max(1 - math.floor(math.log10(sd)), 0)
-        text = f"{value:.{decimals}f} ± {sd:.{decimals}f}".replace("-", "−")
-        if decimals == 0:
-            text = f"{number(value, 3)} ± {number(sd, 2)}"
-    return f"{text}{'' if unit.name in ('', '°') else ' '}{unit.name}"
+    return with_sd(entry["value"], entry["sd"], display_unit(entry["unit"]))
+
+
+def estimate_cells(estimate: Estimate) -> list[str]:
+    """Name, value, standard deviation, interval and unit of a fitted parameter, in its display unit."""
+    unit = display_unit(estimate.unit)
+    value, sd, low, high = (
+        v * unit.factor for v in (estimate.value, estimate.sd, estimate.low, estimate.high)
+    )
+    ends = ("…" if estimate.open_low else number(low, 3), "…" if estimate.open_high else number(high, 3))
+    return [estimate.name, rounded_to_sd(value, sd), number(sd, 2), " to ".join(ends), unit.symbol]
 
 
 def probability_text(share: float) -> str:
     """A probability; what is nearly sure is not called sure."""
-    return "over 99 %" if share > 0.99 else percent(share)
+    return "over 99 %" if share > 0.99 else whole_percent(share)
 
 
 def strength_text(value: float, unit: str) -> str:
     """A strength in its display unit."""
-    shown = parameter_unit(unit)
-    return shown.text(value, 2)
+    return display_unit(unit).text(value, 2)
 
 
 def implausible(found: Diagnosis, kinds: Kinds) -> list[str]:

@@ -7,7 +7,6 @@ number is called in JSON, on the page and on the terminal; sentences, captions a
 from __future__ import annotations
 
 import base64
-import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Generic, TypeVar
@@ -161,8 +160,3 @@ class Page:
 def capital(text: str) -> str:
     """The text with its first letter large, as a sentence begins."""
     return text[:1].upper() + text[1:]
-
-
-def unbroken(text: str) -> str:
-    """The text without a line break between a number and its unit."""
-    return re.sub(r"(?<=\d) (?=%|kPa|[mµn]?m\b|g\b|N\b)", "\u00a0", text)

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
+from pliant.formatting import Unit, effort_unit, fixed, number, percent, seconds, small_length, unit_of_field
 from pliant.records.law import FitReport
-from pliant.report import units
 from pliant.report.document import Cells, Table
 from pliant.report.folder import DesignResult, FinishedRun
 from pliant.report.reading import Ran, distances_m, ran, study_form
@@ -20,15 +20,15 @@ def engine_table(run: FinishedRun) -> Table | None:
     rows = [
         [
             engine.kind,
-            *(units.fixed(1e3 * x, 4) for x in engine.result.final.tip_m),
-            "–" if number == 0 else units.small_length(float(distance[-1])),
-            "–" if number == 0 else units.small_length(float(distance.max())),
+            *(fixed(1e3 * x, 4) for x in engine.result.final.tip_m),
+            "–" if index == 0 else small_length(float(distance[-1])),
+            "–" if index == 0 else small_length(float(distance.max())),
             _residual(engine, run),
-            units.number(engine.result.final.converged),
+            number(engine.result.final.converged),
             {True: "yes", False: "no", None: "not asked"}[engine.result.final.stable],
             str(engine.result.final.iterations),
         ]
-        for number, (engine, distance) in enumerate(zip(engines, distances_m(engines), strict=True))
+        for index, (engine, distance) in enumerate(zip(engines, distances_m(engines), strict=True))
     ]
     first = engines[0].kind
     head = [
@@ -52,9 +52,9 @@ def metrics_table(run: FinishedRun) -> Table | None:
         return None
     rows = []
     for name in names:
-        label, unit = units.of_field(name)
+        label, unit = unit_of_field(name)
         values = [_metric(e.result.metrics.get(name), unit) for e in engines]
-        rows.append([_words(label) + (f" ({unit.name})" if unit.name else ""), *values])
+        rows.append([_words(label) + (f" ({unit.symbol})" if unit.symbol else ""), *values])
     return Table("What the task measures", ["metric", *(e.kind for e in engines)], rows)
 
 
@@ -71,7 +71,7 @@ def law_table(run: FinishedRun) -> Table | None:
             rows.append([f"{prefix}the study's form", *_scores(form, design)])
     if not rows:
         return None
-    effort = units.of_effort(run.designs[0].law).name
+    effort = effort_unit(run.designs[0].law).symbol
     head = ["law", "states left out", f"RMSE ({effort})", f"worst ({effort})", "worst, of effort range", "R²"]
     fits = [d.fit for d in run.designs if d.fit is not None]
     note = f"States left out: {fits[0].details['held_out']}." if "held_out" in fits[0].details else ""
@@ -82,15 +82,14 @@ def time_tables(run: FinishedRun) -> list[Table]:
     """Wall time of each stage when it was computed, and of settling in each engine."""
     tables = []
     if run.provenance:
-        rows = [[_stage_name(m), units.seconds(float(m["wall_s"]))] for m in run.provenance]
+        rows = [[_stage_name(m), seconds(float(m["wall_s"]))] for m in run.provenance]
         note = "Times of the computation itself; a stage found in the store costs milliseconds."
         tables.append(Table("Stages", ["stage", "wall time"], rows, note))
     engines = ran(run)
     if engines:
         base = engines[0].result.final.wall_s
         rows = [
-            [e.kind, units.seconds(e.result.final.wall_s), _ratio(e.result.final.wall_s, base)]
-            for e in engines
+            [e.kind, seconds(e.result.final.wall_s), _ratio(e.result.final.wall_s, base)] for e in engines
         ]
         head = ["engine", "wall time", f"ratio to {engines[0].kind}"]
         tables.append(Table("Settling the chain, all levels of the history", head, rows))
@@ -119,7 +118,7 @@ def provenance_table(run: FinishedRun) -> Table:
                 _stage_name(m),
                 str(m.get("key", ""))[:12],
                 str(m.get("created", "")).replace("T", " ").replace("+00:00", " UTC"),
-                units.seconds(float(m["wall_s"])),
+                seconds(float(m["wall_s"])),
                 str(m.get("code", ""))[:12],
                 f"pliant {m.get('pliant', '?')}, Python {m.get('python', '?')}, "
                 + ", ".join(f"{name} {version}" for name, version in libraries.items()),
@@ -139,13 +138,13 @@ def coefficients(design: DesignResult) -> str:
 
 
 def _scores(scores: Mapping[str, Any], design: DesignResult) -> list[str]:
-    effort = units.of_effort(design.law).factor
+    effort = effort_unit(design.law).factor
     held_out = str(design.fit.n_heldout) if design.fit else "–"
     return [
         held_out,
-        units.number(scores["rmse"] * effort, 3),
-        units.number(scores["worst"] * effort, 3),
-        units.percent(scores["worst_of_range"]),
+        number(scores["rmse"] * effort, 3),
+        number(scores["worst"] * effort, 3),
+        percent(scores["worst_of_range"]),
         "–" if scores["r2"] != scores["r2"] else f"{scores['r2']:.7f}",
     ]
 
@@ -163,10 +162,10 @@ def _form(fit: FitReport) -> str:
 
 
 def _residual(engine: Ran, run: FinishedRun) -> str:
-    return units.of_effort(run.designs[0].law).text(engine.result.final.residual, 2)
+    return effort_unit(run.designs[0].law).text(engine.result.final.residual, 2)
 
 
-def _metric(value: Any, unit: units.Unit) -> str:
+def _metric(value: Any, unit: Unit) -> str:
     if isinstance(value, list | tuple):
         return _listed(value, unit)
     if isinstance(value, Mapping):
@@ -177,10 +176,10 @@ def _metric(value: Any, unit: units.Unit) -> str:
         return "yes" if value else "no"
     if not isinstance(value, int | float):
         return "–" if value is None else str(value)
-    return units.number(value * unit.factor if unit.name else value, 6)
+    return number(value * unit.factor if unit.symbol else value, 6)
 
 
-def _listed(values: Sequence[Any], unit: units.Unit) -> str:
+def _listed(values: Sequence[Any], unit: Unit) -> str:
     """A short list of numbers; points stand in pictures and in run.json."""
     if any(isinstance(value, list | tuple) for value in values):
         return f"{len(values)} entries, in run.json"
@@ -188,7 +187,7 @@ def _listed(values: Sequence[Any], unit: units.Unit) -> str:
 
 
 def _ratio(wall_s: float, base: float) -> str:
-    return f"{units.number(wall_s / base, 3)} ×" if base > 0 else "–"
+    return f"{number(wall_s / base, 3)} ×" if base > 0 else "–"
 
 
 def _stage_name(manifest: Mapping[str, Any]) -> str:
@@ -205,28 +204,28 @@ def _inputs(value: Any, key: str = "") -> Iterator[tuple[str, str]]:
         for inner, item in value.items():
             yield from _inputs(item, f"{key} {inner}".strip())
     elif isinstance(value, list) and any(isinstance(item, Mapping) for item in value):
-        for number, item in enumerate(value):
-            yield from _inputs(item, f"{key} {number + 1}".strip())
+        for index, item in enumerate(value):
+            yield from _inputs(item, f"{key} {index + 1}".strip())
     else:
-        label, unit = units.of_field(key)
+        label, unit = unit_of_field(key)
         yield ("" if key == "kind" else _words(label)), _quantity(value, unit)
 
 
-def _quantity(value: Any, unit: units.Unit) -> str:
+def _quantity(value: Any, unit: Unit) -> str:
     if isinstance(value, bool | str):
-        return units.number(value) if isinstance(value, bool) else value
+        return number(value) if isinstance(value, bool) else value
     if isinstance(value, Mapping):
         return "; ".join(f"{k} = {_plain(v)}" for k, v in value.items())
     if isinstance(value, list | tuple):
         inner = ", ".join(_plain(v * unit.factor) if isinstance(v, float | int) else str(v) for v in value)
-        return f"({inner}) {unit.name}".strip()
-    return unit.text(value, 6) if unit.name else units.number(value, 6)
+        return f"({inner}) {unit.symbol}".strip()
+    return unit.text(value, 6) if unit.symbol else number(value, 6)
 
 
 def _plain(value: Any) -> str:
     if isinstance(value, list | tuple):
         return "[" + ", ".join(_plain(v) for v in value) + "]"
-    return units.number(value, 5) if isinstance(value, int | float) else str(value)
+    return number(value, 5) if isinstance(value, int | float) else str(value)
 
 
 def _words(name: str) -> str:

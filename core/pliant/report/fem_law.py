@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from pliant.formatting import effort_unit, number, percent
 from pliant.records.design import Array
 from pliant.records.fem import TRUSTED, ModuleData
 from pliant.records.law import JointLaw
-from pliant.report import units
 from pliant.report.document import Cells, Table
 from pliant.report.fem_reading import explored_kinds
 
@@ -25,7 +25,7 @@ def law_by_axis(data: ModuleData, law: JointLaw, name: str = "") -> Table | None
     missed[:, order] = law.evaluate(data.actuation, data.deformation[:, order]).tau - data.tau[:, order]
     trusted, check = np.isin(data.status, TRUSTED), data.role == "check"
     ranges = {axis: _range(data, axis, trusted) for axis in data.axes}
-    unit = units.of_effort(law)
+    unit = effort_unit(law)
     rows: list[Cells] = []
     for kind in explored_kinds(data):
         chosen = trusted & (data.explored == kind)
@@ -39,10 +39,10 @@ def law_by_axis(data: ModuleData, law: JointLaw, name: str = "") -> Table | None
                     label,
                     _worst(fit, ranges[axis]),
                     _worst(left, ranges[axis]),
-                    units.number(worst * unit.factor, 3) if chosen.any() else "–",
+                    number(worst * unit.factor, 3) if chosen.any() else "–",
                 ]
             )
-    head = ["axis", "fitted states, worst of range", "check states, worst of range", f"worst ({unit.name})"]
+    head = ["axis", "fitted states, worst of range", "check states, worst of range", f"worst ({unit.symbol})"]
     note = (
         "Of the range of each axis' effort in its own states. 'All held': states that hold all axes at once, which "
         "tell how well a law without coupling does."
@@ -59,4 +59,4 @@ def _range(data: ModuleData, axis: str, trusted: NDArray[np.bool_]) -> float:
 def _worst(missed: Array, scale: float) -> str:
     if not len(missed):
         return "–"
-    return f"{units.percent(float(np.abs(missed).max()) / scale)} ({len(missed)})"
+    return f"{percent(float(np.abs(missed).max()) / scale)} ({len(missed)})"

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from pliant import __version__
+from pliant.formatting import actuation_unit, deformation_unit, fixed, percent, units_of_page
 from pliant.records.fem import ModuleData
-from pliant.report import units
 from pliant.report.document import Picture, Section
 from pliant.report.facts import input_table, provenance_table
 from pliant.report.fem_reading import axis_record
@@ -42,7 +42,7 @@ def render_fem(
         warnings=warned,
         sections=sections,
         version=provenance[0].get("pliant", __version__) if provenance else __version__,
-        footer="Pressures in kPa, forces in N, moments in mN·m, angles in degrees, extensions in mm",
+        footer=units_of_page(pressures="Pa", forces="N", moments="N*m", angles="rad", extensions="m"),
     )
     return text
 
@@ -54,12 +54,10 @@ def free_reach(data: ModuleData) -> str:
     if not free.any():
         return ""
     last = int(np.argmax(np.where(free, main.actuation, -np.inf)))
-    unit, given = units.of_deformation(data), units.of_actuation(data.actuation_name)
+    unit, given = deformation_unit(data), actuation_unit(data.actuation_name)
     verb = "extends by" if data.joint == "prismatic" else "bends"
-    u = units.fixed(float(main.angle_rad[last]) * unit.factor, 2)
-    return (
-        f"{verb} {u}{'' if unit.name == '°' else ' '}{unit.name} at {given.text(float(main.actuation[last]))}"
-    )
+    u = fixed(float(main.angle_rad[last]) * unit.factor, 2)
+    return f"{verb} {unit.attached(u)} at {given.text(float(main.actuation[last]))}"
 
 
 def _sentence(design: Solved, named: bool) -> str:
@@ -69,13 +67,9 @@ def _sentence(design: Solved, named: bool) -> str:
     parts = [f"the free module {free_reach(data)}", f"{len(data)} states"]
     if record.get("stated_error") is not None:
         word = (
-            "reached"
-            if record.get("reached")
-            else f"NOT reached (wanted {units.percent(float(record['error']))})"
+            "reached" if record.get("reached") else f"NOT reached (wanted {percent(float(record['error']))})"
         )
-        parts.append(
-            f"stated error {units.percent(float(record['stated_error']))} of the effort's range, {word}"
-        )
+        parts.append(f"stated error {percent(float(record['stated_error']))} of the effort's range, {word}")
     text = "; ".join(parts) + "."
     return f"{design.name}: {text}" if named else text[0].upper() + text[1:]
 

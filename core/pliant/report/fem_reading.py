@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pliant.formatting import actuation_unit, deformation_unit, effort_unit
 from pliant.records.fem import FemDataset, ModuleData
-from pliant.report import units
 
 
 def axis_record(data: ModuleData, axis: str) -> Mapping[str, Any]:
@@ -37,9 +37,9 @@ def explored_kinds(data: ModuleData) -> list[str]:
 def failed_place(entry: Mapping[str, object], data: ModuleData | FemDataset) -> tuple[str, str]:
     """Where a state failed: its actuation, and what was held."""
     value, angle = entry.get("actuation"), entry.get("angle_rad")
-    actuation = units.of_actuation(data.actuation_name)
+    actuation = actuation_unit(data.actuation_name)
     where = actuation.text(float(value)) if isinstance(value, int | float) else "unknown actuation"
-    u_unit, effort = units.of_deformation(data), units.of_effort(data)
+    u_unit, effort = deformation_unit(data), effort_unit(data)
     held, load = entry.get("held"), entry.get("effort")
     if isinstance(load, Mapping) and load:
         return where, ", ".join(f"τ {axis} {effort.text(float(v), 3)}" for axis, v in load.items())

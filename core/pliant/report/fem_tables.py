@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pliant.formatting import Unit, actuation_unit, deformation_unit, effort_unit, number, percent, seconds
 from pliant.records.fem import PASSED, TRUSTED, ModuleData
-from pliant.report import units
 from pliant.report.document import Cells, Table
 from pliant.report.fem_reading import axis_record, explored_kinds, failed_place, solved_rows
 
@@ -21,9 +21,9 @@ STRATEGIES = {"adaptive": "one by one", "grid": "grid", "study": "published stud
 def states_table(data: ModuleData) -> Table:
     """How many states of each sort, and what they span."""
     p_unit, u_unit, effort = (
-        units.of_actuation(data.actuation_name),
-        units.of_deformation(data),
-        units.of_effort(data),
+        actuation_unit(data.actuation_name),
+        deformation_unit(data),
+        effort_unit(data),
     )
     rows: list[Cells] = []
     for kind in explored_kinds(data):
@@ -55,13 +55,13 @@ def sampling_table(data: ModuleData) -> Table:
     for axis in data.explored_axes():
         record = axis_record(data, axis)
         tests = record.get("tests") or []
-        last = [units.percent(float(t["miss"])) for t in tests[-2:]]
+        last = [percent(float(t["miss"])) for t in tests[-2:]]
         one_by_one = "stated_error" in record
         rows.append(
             [
                 axis,
                 STRATEGIES["adaptive"] if one_by_one else STRATEGIES.get(kind, kind or "–"),
-                units.percent(float(record["error"])) if one_by_one else "–",
+                percent(float(record["error"])) if one_by_one else "–",
                 _share(record.get("stated_error")),
                 ", ".join(last) or "–",
                 ("yes" if record.get("reached") else "NO") if one_by_one else "–",
@@ -85,7 +85,7 @@ def coupling_table(data: ModuleData) -> Table | None:
     found = data.sampling.get("coupling")
     if not isinstance(found, Mapping) or "largest" not in found:
         return None
-    p_unit, u_unit = units.of_actuation(data.actuation_name), units.of_deformation(data)
+    p_unit, u_unit = actuation_unit(data.actuation_name), deformation_unit(data)
     first, second = (str(name) for name in found["between"])
     u = ", ".join(
         f"{axis} {u_unit.text(round(float(value), ROUNDED), 3)}"
@@ -96,7 +96,7 @@ def coupling_table(data: ModuleData) -> Table | None:
     rows = [
         [
             "largest off-diagonal slope",
-            f"{units.number(float(found['largest']), 3)} between {first} and {second}",
+            f"{number(float(found['largest']), 3)} between {first} and {second}",
         ],
         ["found at", place],
         ["asymmetry of ∂τ/∂u", _tiny(float(found["largest_asymmetry"]))],
@@ -121,11 +121,11 @@ def cost_table(data: ModuleData, backend: str) -> Table:
         table.append([label, f"{size['n_cells']} elements of 27 nodes, {size['n_nodes']} nodes"])
     table += [
         ["states solved", str(int(rows.sum()))],
-        ["time of all states", units.seconds(float(wall.sum()))],
-        ["time of a state", _mean_and_largest([float(w) for w in wall], units.seconds)],
+        ["time of all states", seconds(float(wall.sum()))],
+        ["time of a state", _mean_and_largest([float(w) for w in wall], seconds)],
         [
             "Newton steps of a state",
-            _mean_and_largest([float(s) for s in steps], lambda s: units.number(s, 3)),
+            _mean_and_largest([float(s) for s in steps], lambda s: number(s, 3)),
         ],
         ["Newton steps in all", str(int(steps.sum()))],
     ]
@@ -150,17 +150,17 @@ def _counts(data: ModuleData, chosen: NDArray[np.bool_]) -> list[str]:
     return [str(int(g.sum())) for g in groups]
 
 
-def _span(values: NDArray[np.float64], unit: units.Unit) -> str:
-    low, high = (units.number(float(v) * unit.factor, 4) for v in (values.min(), values.max()))
-    return f"{low} to {high}{'' if unit.name == '°' else ' '}{unit.name}"
+def _span(values: NDArray[np.float64], unit: Unit) -> str:
+    low, high = (number(float(v) * unit.factor, 4) for v in (values.min(), values.max()))
+    return unit.attached(f"{low} to {high}")
 
 
 def _share(value: Any) -> str:
-    return "–" if value is None else units.percent(float(value))
+    return "–" if value is None else percent(float(value))
 
 
 def _tiny(value: float) -> str:
-    return units.number(value, 2) if value else "0"
+    return number(value, 2) if value else "0"
 
 
 def _sides(record: Mapping[str, Any]) -> str:

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from pliant import __version__
-from pliant.report import units
+from pliant.formatting import number, percent, units_of_page
 from pliant.report.document import Section, Warned
 from pliant.report.facts import input_table, provenance_table
 from pliant.report.figures.slope_map import least_stable
@@ -17,7 +17,6 @@ from pliant.report.template import page_template
 from pliant.report.words import data_warnings
 
 SHOWN = 4  # laws that are drawn in full
-FOOTER = "Pressures in kPa, forces in N, moments in mN·m, angles in degrees, extensions in mm"
 
 
 def render_fit(
@@ -41,11 +40,11 @@ def render_fit(
     if (beside := comparison_section(compared)) is not None:
         sections.append(beside)
     several = len(fitted) > 1
-    for number, one in enumerate(fitted[:SHOWN]):
+    for index, one in enumerate(fitted[:SHOWN]):
         prefix = f"{one.name}: " if several else ""
-        if number:
-            sections.append(Section(f"{prefix}the law", tuple(law_pictures(one, number))))
-        sections += of_one(one, number, prefix)
+        if index:
+            sections.append(Section(f"{prefix}the law", tuple(law_pictures(one, index))))
+        sections += of_one(one, index, prefix)
     sections.append(Section("Inputs", tables=(input_table(FinishedRun({}, study, (), (), ())),)))
     if provenance:
         page = FinishedRun({}, study, (), (), tuple(provenance))
@@ -58,7 +57,7 @@ def render_fit(
         warnings=[w for one in fitted for w in fit_warnings(one, several)],
         sections=sections,
         version=provenance[0].get("pliant", __version__) if provenance else __version__,
-        footer=FOOTER,
+        footer=units_of_page(pressures="Pa", forces="N", moments="N*m", angles="rad", extensions="m"),
     )
     return text
 
@@ -67,17 +66,17 @@ def sentence(fitted: Fitted, named: bool = False) -> str:
     """Worst error on states left out, the study's form beside it, coverage, speed."""
     report = fitted.report
     parts = [
-        f"the law is within {units.percent(report.worst_of_range)} of {fitted.source} on {report.n_heldout} states "
+        f"the law is within {percent(report.worst_of_range)} of {fitted.source} on {report.n_heldout} states "
         f"left out ({report.n_fitted} fitted)"
     ]
     beside = list(fitted.study_misses.values())
     if beside and report.details.get("form") != "study":
         worst = beside[0].rows(beside[0].check).worst
-        parts.append(f"the study's form misses the same states by up to {units.percent(worst)}")
+        parts.append(f"the study's form misses the same states by up to {percent(worst)}")
     if curves := calibration(fitted):
         every = curves[0]
         parts.append(f"the law's 90 % band holds {round(every.n * every.at(0.9))} of {every.n}")
-    parts.append(f"{units.number(fitted.per_second / 1e6, 2)} million evaluations a second")
+    parts.append(f"{number(fitted.per_second / 1e6, 2)} million evaluations a second")
     text = "; ".join(parts) + "."
     return f"{fitted.name}: {text}" if named else text[0].upper() + text[1:]
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+from pliant.formatting import effort_unit, number
 from pliant.records.law import FitReport
-from pliant.report import units
 from pliant.report.document import Picture, Section, Table
 from pliant.report.fem_section import numbered
 from pliant.report.figures.calibration import calibration_picture
@@ -31,7 +31,7 @@ from pliant.report.folder import DesignResult, FinishedRun
 MARK = 1e-4  # of the range: what the learning curve marks
 
 
-def law_pictures(fitted: Fitted, number: int = 0) -> list[Picture]:
+def law_pictures(fitted: Fitted, index: int = 0) -> list[Picture]:
     """The law with its band and states, one picture for each axis."""
     pictures = []
     run = FinishedRun({}, {}, (), (), ())
@@ -41,7 +41,7 @@ def law_pictures(fitted: Fitted, number: int = 0) -> list[Picture]:
         scale = float(fitted.misses.ranges[fitted.law.axes.index(axis)])
         report = FitReport(fitted.report.n_fitted, fitted.report.n_heldout, 0.0, 0.0, 0.0, 0.0, scale, form)
         design = DesignResult(fitted.name, data, fitted.law, report, fitted.data)
-        name = numbered("fit_law" if k == 0 else f"fit_law_{axis}", number)
+        name = numbered("fit_law" if k == 0 else f"fit_law_{axis}", index)
         pictures.append(Picture(name, _law_caption(fitted, axis), law_picture(run, design)))
     return pictures
 
@@ -73,7 +73,7 @@ def error_section(fitted: Fitted) -> Section:
     return Section("Errors, and what the fit chose", tables=tuple(t for t in tables if t is not None))
 
 
-def map_section(fitted: Fitted, number: int = 0) -> Section:
+def map_section(fitted: Fitted, index: int = 0) -> Section:
     """Where the errors are."""
     caption = (
         "Each state by its error, a share of the range of its axis' effort, all panels on one logarithmic scale of "
@@ -82,11 +82,11 @@ def map_section(fitted: Fitted, number: int = 0) -> Section:
     if fitted.study_misses:
         caption += " Beside the law: the form of the published study, fitted to the same states."
     return Section(
-        "Where the law misses", (Picture(numbered("fit_map", number), caption, residual_map(fitted)),)
+        "Where the law misses", (Picture(numbered("fit_map", index), caption, residual_map(fitted)),)
     )
 
 
-def bar_section(fitted: Fitted, number: int = 0) -> Section | None:
+def bar_section(fitted: Fitted, index: int = 0) -> Section | None:
     """Whether the error bars hold; None for a law without them."""
     curves = calibration(fitted)
     if not curves:
@@ -95,12 +95,12 @@ def bar_section(fitted: Fitted, number: int = 0) -> Section | None:
         "Left: share of the states left out inside bands of each stated level; honest bars follow the diagonal within "
         "what chance does with so few states (grey). Right: each state's miss against the half-width of its own band."
     )
-    picture = Picture(numbered("fit_bars", number), caption, calibration_picture(curves))
+    picture = Picture(numbered("fit_bars", index), caption, calibration_picture(curves))
     table = calibration_table(curves)
     return Section("Are the error bars honest?", (picture,), (table,) if table else ())
 
 
-def learning_section(fitted: Fitted, number: int = 0) -> Section | None:
+def learning_section(fitted: Fitted, index: int = 0) -> Section | None:
     """Error against the number of states; None where it was not asked for or nothing could be fitted."""
     learning = fitted.learning
     if learning is None or not learning["points"]:
@@ -113,16 +113,16 @@ def learning_section(fitted: Fitted, number: int = 0) -> Section | None:
         {"Error by number of states": state_curves(learning)},
         "states fitted", "error on check states (% of the effort's range)", MARK,
     )  # fmt: skip
-    shown = Picture(numbered("fit_learning", number), caption, picture)
+    shown = Picture(numbered("fit_learning", index), caption, picture)
     return Section("How many states it takes", (shown,), (learning_table(learning),))
 
 
-def slope_section(fitted: Fitted, number: int = 0) -> Section:
+def slope_section(fitted: Fitted, index: int = 0) -> Section:
     """∂τ/∂u over the box."""
-    effort = units.of_effort(fitted.law)
+    effort = effort_unit(fitted.law)
     per = "m" if fitted.law.joint == "prismatic" else "rad"
     largest = least_stable(fitted.law)
-    shown = f"{units.number(effort.factor * largest, 3)} {effort.name}/{per}"
+    shown = f"{number(effort.factor * largest, 3)} {effort.symbol}/{per}"
     verdict = (
         f"Stable over the whole box: the largest ∂τ/∂u is {shown}, below zero."
         if largest < 0
@@ -133,7 +133,7 @@ def slope_section(fitted: Fitted, number: int = 0) -> Section:
     caption = "∂τ/∂u over the law's box; the ring marks where the joint is softest."
     if len(fitted.law.axes) > 1:
         caption += " Each axis with the others at zero."
-    pictures = (Picture(numbered("fit_slopes", number), caption, slope_map(fitted)),)
+    pictures = (Picture(numbered("fit_slopes", index), caption, slope_map(fitted)),)
     return Section("Slopes: where the joint is soft", pictures, text=(verdict,))
 
 
@@ -153,14 +153,14 @@ def comparison_section(fitted: Sequence[Fitted]) -> Section | None:
     return Section("Surrogates side by side", (picture,), (comparison_table(fitted),))
 
 
-def of_one(fitted: Fitted, number: int = 0, prefix: str = "") -> list[Section]:
+def of_one(fitted: Fitted, index: int = 0, prefix: str = "") -> list[Section]:
     """All sections of one law, their titles led by `prefix` where there are several."""
     sections = [
         error_section(fitted),
-        map_section(fitted, number),
-        bar_section(fitted, number),
-        learning_section(fitted, number),
-        slope_section(fitted, number),
+        map_section(fitted, index),
+        bar_section(fitted, index),
+        learning_section(fitted, index),
+        slope_section(fitted, index),
         cost_section(fitted),
     ]
     return [replace(s, title=f"{prefix}{s.title}") for s in sections if s is not None]

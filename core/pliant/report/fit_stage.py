@@ -16,13 +16,13 @@ from pliant.pipeline.module_data import as_scored, module_of, module_of_axes
 from pliant.pipeline.study import DEFAULT_SURROGATE, DesignStages
 from pliant.pipeline.study_beside import study_law_beside
 from pliant.pipeline.surrogate import LawStage
-from pliant.pipeline.table_modules import has_several_axes, read_module_table
-from pliant.pipeline.tables import read_table
 from pliant.pipeline.workbench import Workbench
 from pliant.records.fem import ModuleData
 from pliant.records.law import JointLaw
 from pliant.store.fingerprint import versions
 from pliant.store.store import Artifact, write_atomically, writing_in
+from pliant.tabular.fem_modules import has_several_axes, read_module_table
+from pliant.tabular.fem_reading import read_table
 
 FIT_PAGE = "fit.html"
 

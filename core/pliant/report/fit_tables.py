@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from pliant.formatting import Unit, effort_unit, number, percent, seconds
 from pliant.pipeline.law_misses import Misses
 from pliant.pipeline.learning import states_needed
-from pliant.report import units
 from pliant.report.document import Cells, Table
 from pliant.report.fit_reading import STUDY_FORMS, Calibration, Fitted, calibration
 
@@ -27,7 +27,7 @@ TOLD = {
 
 def errors_table(fitted: Fitted) -> Table:
     """The law, the study's forms on the same states, the published figure."""
-    effort, report = units.of_effort(fitted.law), fitted.report
+    effort, report = effort_unit(fitted.law), fitted.report
     rows: list[Cells] = [
         [
             f"{fitted.kind} ({report.n_fitted} states fitted)",
@@ -50,13 +50,13 @@ def errors_table(fitted: Fitted) -> Table:
                 rows.append([f"{title}: {told['problem']}", *["–"] * 5])
     note = f"States left out: {report.details['held_out']}." if "held_out" in report.details else ""
     if fitted.law.joint == "revolute" and fitted.law.actuation_name == "pressure_pa":
-        rows.append(["published study, its own data", "–", "–", "–", units.percent(PUBLISHED, 3), "–"])
+        rows.append(["published study, its own data", "–", "–", "–", percent(PUBLISHED, 3), "–"])
         note = f"{note} {PUBLISHED_NOTE}".strip()
     head = [
         "law",
         "states left out",
-        f"RMSE ({effort.name})",
-        f"worst ({effort.name})",
+        f"RMSE ({effort.symbol})",
+        f"worst ({effort.symbol})",
         "worst, of effort range",
         "R²",
     ]
@@ -67,7 +67,7 @@ def axes_table(fitted: Fitted) -> Table | None:
     """Errors by axis; None for a law of one axis."""
     if len(fitted.law.axes) == 1:
         return None
-    effort, missed = units.of_effort(fitted.law), fitted.misses
+    effort, missed = effort_unit(fitted.law), fitted.misses
     rows: list[Cells] = []
     for together in (False, True):
         for k, axis in enumerate(fitted.law.axes):
@@ -81,7 +81,7 @@ def axes_table(fitted: Fitted) -> Table | None:
         "Of the range of each axis' effort in its own states. 'All held': states that hold all axes at once, which "
         "tell how well the law knows their coupling. Last row: also efforts of axes that a state lets follow freely."
     )
-    return Table("Errors by axis", [*head, f"worst ({effort.name})"], rows, note)
+    return Table("Errors by axis", [*head, f"worst ({effort.symbol})"], rows, note)
 
 
 def choice_table(fitted: Fitted, axis: str) -> Table | None:
@@ -121,8 +121,8 @@ def calibration_table(curves: Sequence[Calibration]) -> Table | None:
         [
             curve.label,
             str(curve.n),
-            *(units.percent(float(c), 3) for c in curve.covered),
-            units.percent(float(np.median(curve.half_width))),
+            *(percent(float(c), 3) for c in curve.covered),
+            percent(float(np.median(curve.half_width))),
         ]
         for curve in curves
     ]
@@ -141,10 +141,10 @@ def learning_table(learning: Mapping[str, Any]) -> Table:
         for name in names:
             found = [p for p in learning["points"] if p["slopes"] == name and p["n"] == n]
             for score in ("rms", "worst"):
-                cells.append(units.percent(float(np.median([p[score] for p in found]))) if found else "–")
+                cells.append(percent(float(np.median([p[score] for p in found]))) if found else "–")
         rows.append(cells)
     for mark in MARKS:
-        cells = [f"states for {units.percent(mark)}"]
+        cells = [f"states for {percent(mark)}"]
         for name in names:
             for score in ("rms", "worst"):
                 needed = states_needed(learning, mark, name, score)
@@ -170,12 +170,12 @@ def cost_table(fitted: Fitted) -> Table:
     ]
     if fitted.fem_s:
         each = fitted.fem_s / max(fitted.solved, 1)
-        rows.append(["solver, all states", f"{units.seconds(fitted.fem_s)} ({units.seconds(each)} a state)"])
-    rows.append(["fit", units.seconds(fitted.wall_s)])
-    rows.append(["evaluations with slopes", f"{units.number(fitted.per_second / 1e6, 3)} million a second"])
+        rows.append(["solver, all states", f"{seconds(fitted.fem_s)} ({seconds(each)} a state)"])
+    rows.append(["fit", seconds(fitted.wall_s)])
+    rows.append(["evaluations with slopes", f"{number(fitted.per_second / 1e6, 3)} million a second"])
     if fitted.fem_s:
         ratio = fitted.fem_s / max(fitted.solved, 1) * fitted.per_second
-        rows.append(["one FEM state costs as much as", f"{units.number(float(f'{ratio:.2g}'))} evaluations"])
+        rows.append(["one FEM state costs as much as", f"{number(float(f'{ratio:.2g}'))} evaluations"])
     note = (
         "Evaluations in batches of 20 000, measured in one process on this machine when this page was made."
     )
@@ -184,7 +184,7 @@ def cost_table(fitted: Fitted) -> Table:
 
 def comparison_table(fitted: Sequence[Fitted]) -> Table:
     """Surrogates on the same states, side by side."""
-    effort = units.of_effort(fitted[0].law)
+    effort = effort_unit(fitted[0].law)
     rows: list[Cells] = []
     for one in fitted:
         bars = one.law.error is not None
@@ -194,17 +194,17 @@ def comparison_table(fitted: Sequence[Fitted]) -> Table:
                 str(one.report.n_fitted),
                 str(one.report.n_heldout),
                 *_scores(vars(one.report), effort),
-                units.percent(_coverage(one), 3) if bars else "–",
-                units.seconds(one.wall_s),
-                units.number(one.per_second / 1e6, 3),
+                percent(_coverage(one), 3) if bars else "–",
+                seconds(one.wall_s),
+                number(one.per_second / 1e6, 3),
             ]
         )
     head = [
         "surrogate",
         "fitted",
         "left out",
-        f"RMSE ({effort.name})",
-        f"worst ({effort.name})",
+        f"RMSE ({effort.symbol})",
+        f"worst ({effort.symbol})",
         "worst, of range",
     ]
     head += ["R²", "in its 90 % band", "fit", "million evaluations a second"]
@@ -217,21 +217,21 @@ def _coverage(fitted: Fitted) -> float:
     return curves[0].at(0.9) if curves else float("nan")
 
 
-def _by_role(part: Misses, effort: units.Unit) -> list[str]:
+def _by_role(part: Misses, effort: Unit) -> list[str]:
     fit, left = part.rows(~part.check), part.rows(part.check)
 
     def said(group: Misses, value: float) -> str:
-        return f"{units.percent(value)} ({len(group.state)})" if len(group.state) else "–"
+        return f"{percent(value)} ({len(group.state)})" if len(group.state) else "–"
 
     return [
         said(fit, fit.worst),
         said(left, left.rms),
         said(left, left.worst),
-        units.number(float(np.abs(part.miss).max()) * effort.factor, 3),
+        number(float(np.abs(part.miss).max()) * effort.factor, 3),
     ]
 
 
-def _beside(title: str, missed: Misses, effort: units.Unit) -> Cells:
+def _beside(title: str, missed: Misses, effort: Unit) -> Cells:
     """A row of the study's form where the law's own report has none: scored here, on the same states."""
     part = missed.rows(missed.check)
     rmse, worst = float(np.sqrt(np.mean(part.miss**2))), float(np.abs(part.miss).max(initial=0.0))
@@ -239,12 +239,12 @@ def _beside(title: str, missed: Misses, effort: units.Unit) -> Cells:
     return [title, str(len(np.unique(part.state))), *_scores(values, effort)]
 
 
-def _scores(scores: Mapping[str, Any], effort: units.Unit) -> list[str]:
+def _scores(scores: Mapping[str, Any], effort: Unit) -> list[str]:
     r2 = float(scores.get("r2", float("nan")))
     return [
-        units.number(scores["rmse"] * effort.factor, 3),
-        units.number(scores["worst"] * effort.factor, 3),
-        units.percent(scores["worst_of_range"], 3),
+        number(scores["rmse"] * effort.factor, 3),
+        number(scores["worst"] * effort.factor, 3),
+        percent(scores["worst_of_range"], 3),
         f"{r2:.7f}" if np.isfinite(r2) else "–",
     ]
 
@@ -253,10 +253,8 @@ def _cell(name: str, value: Any) -> str:
     if isinstance(value, bool):
         return "yes" if value else "no"
     if isinstance(value, float):
-        return (
-            units.percent(value) if name.endswith(("of_range", "standard_error")) else units.number(value, 3)
-        )
-    return units.number(value) if isinstance(value, int) or value is None else str(value)
+        return percent(value) if name.endswith(("of_range", "standard_error")) else number(value, 3)
+    return number(value) if isinstance(value, int) or value is None else str(value)
 
 
 def _plain(value: Any) -> str:
@@ -264,7 +262,7 @@ def _plain(value: Any) -> str:
     if isinstance(value, bool):
         return "yes" if value else "no"
     if isinstance(value, float | int):
-        return units.number(value, 3)
+        return number(value, 3)
     if isinstance(value, str):
         return value
     if (
@@ -273,7 +271,7 @@ def _plain(value: Any) -> str:
         and len(value) <= 8
         and all(isinstance(v, float | int) for v in value)
     ):
-        return ", ".join(units.number(v, 3) for v in value)
+        return ", ".join(number(v, 3) for v in value)
     return ""
 
 

@@ -19,12 +19,13 @@ from typing import Any
 from pliant.errors import UserError
 from pliant.pipeline.meta_model.stage import read_law
 from pliant.pipeline.study import DEFAULT_SURROGATE, StudyRun
-from pliant.pipeline.tables import read_table, write_table
 from pliant.records.fem import FemDataset, ModuleData
 from pliant.records.law import FitReport, JointLaw
 from pliant.records.rollout import TaskResult
 from pliant.registry.discovery import Registry
 from pliant.store.store import Artifact, CorruptedError, load_artifact, write_atomically, writing_in
+from pliant.tabular.fem_reading import read_table
+from pliant.tabular.fem_writing import write_table
 
 TABLE = re.compile(r"fem(_\d+)?\.csv|data/table\d+\.csv")
 UNCERTAINTY = "uncertainty"

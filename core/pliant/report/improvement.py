@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pliant import __version__
 from pliant.diagnosis.improvement import Improvement, summary
-from pliant.diagnosis.uncertainty import rounded_text
-from pliant.evidence.words import number, shown
+from pliant.formatting import number, unit_of
+from pliant.report.diagnosis_words import estimate_cells
 from pliant.report.document import Page, Picture, Section, Table, Warned
 from pliant.report.figures.error_steps import MOST_OUTPUTS, error_steps
 from pliant.report.template import page_template
@@ -53,30 +53,25 @@ def _steps(found: Improvement) -> Table:
             [
                 f"{place}  {'+ ' + step.named if step.added else 'as it was'}",
                 step.why,
-                *(number(step.locked.rmse[name] * shown(name).factor) for name in names),
+                *(number(step.locked.rmse[name] * unit_of(name).factor, 3) for name in names),
                 f"{step.locked.over_floor:.2f} ± {step.locked_se:.2f}",
-                number(step.training.over_floor),
+                number(step.training.over_floor, 3),
             ]
         )
-    head = ["step", "why", *(f"rms {shown(name).axis}" for name in names), "in floors", "training, left out"]
+    head = [
+        "step",
+        "why",
+        *(f"rms {unit_of(name).axis}" for name in names),
+        "in floors",
+        "training, left out",
+    ]
     return Table("Step by step", head, rows, numeric=2)
 
 
 def _parameters(found: Improvement) -> Table:
     assert found.final is not None
-    rows = [
-        [
-            e.name,
-            rounded_text(e.value, e.sd),
-            number(e.sd, 2),
-            "…" if e.open_low else number(e.low),
-            "…" if e.open_high else number(e.high),
-            e.unit,
-            ", ".join(e.doubts),
-        ]
-        for e in found.final.uncertainty.estimates
-    ]
-    head = ["parameter", "value", "sd", "90 % from", "to", "unit", ""]
+    rows = [[*estimate_cells(e), ", ".join(e.doubts)] for e in found.final.uncertainty.estimates]
+    head = ["parameter", "value", "sd", "90 % interval", "unit", ""]
     return Table(
         "What was added", head, rows, "Fitted to the training runs only. Intervals: profile of the error."
     )
@@ -85,9 +80,14 @@ def _parameters(found: Improvement) -> Table:
 def _floors(found: Improvement) -> Table:
     rows = []
     for name, floor in found.floors.items():
-        words = shown(name)
+        words = unit_of(name)
         rows.append(
-            [words.axis, number(floor.value * words.factor), number(floor.se * words.factor, 2), floor.source]
+            [
+                words.axis,
+                number(floor.value * words.factor, 3),
+                number(floor.se * words.factor, 2),
+                floor.source,
+            ]
         )
     note = "Of all runs, as the residuals of the last model show it."
     return Table("Noise floor", ["output", "floor", "standard error", "from"], rows, note)

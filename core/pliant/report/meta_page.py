@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from pliant import __version__
-from pliant.report import units
+from pliant.formatting import percent, seconds, units_of_page
 from pliant.report.document import Picture, Section, Warned
 from pliant.report.facts import input_table, provenance_table
 from pliant.report.figures.design_bars import design_bars
@@ -28,7 +28,6 @@ from pliant.report.meta_tables import (
 )
 from pliant.report.template import page_template
 
-FOOTER = "Lengths in mm, pressures in kPa, moments in mN·m, angles in degrees"
 FAR = 0.05  # of the range: a worst error beyond this is warned of
 LEFT_OUT = "Every design was predicted by a model that had not seen it."
 
@@ -62,7 +61,7 @@ def render_meta(
         warnings=warned(fitted),
         sections=sections,
         version=provenance[0].get("pliant", __version__) if provenance else __version__,
-        footer=FOOTER,
+        footer=units_of_page(lengths="m", pressures="Pa", moments="N*m", angles="rad"),
     )
     return text
 
@@ -73,17 +72,15 @@ def sentence(fitted: MetaFitted) -> str:
     where = "inside the range" if "interior" in fitted.scores else "left out"
     parts = [
         f"laws of designs {where} that the model has not seen miss torques by at most "
-        f"{units.percent(inner.worst_of_range)} of the range, R² {inner.r2:.5f}"
+        f"{percent(inner.worst_of_range)} of the range, R² {inner.r2:.5f}"
     ]
     if np.isfinite(inner.free_median):
-        parts.append(f"free angles by {units.percent(inner.free_median)} at the median")
+        parts.append(f"free angles by {percent(inner.free_median)} at the median")
     if "border" in fitted.scores:
-        parts.append(
-            f"on the border of the range by up to {units.percent(fitted.scores['border'].worst_of_range)}"
-        )
+        parts.append(f"on the border of the range by up to {percent(fitted.scores['border'].worst_of_range)}")
     if (band := fitted.coverage.get("all", {}).get("0.9")) is not None:
-        parts.append(f"the 90 % band holds {units.percent(band, 3)}")
-    parts.append(f"a law takes {units.seconds(fitted.law_s)}")
+        parts.append(f"the 90 % band holds {percent(band, 3)}")
+    parts.append(f"a law takes {seconds(fitted.law_s)}")
     text = "; ".join(parts) + "."
     return text[0].upper() + text[1:]
 
@@ -96,7 +93,7 @@ def warned(fitted: MetaFitted) -> list[Warned]:
             text = (
                 f"Designs {'on the border' if place == 'border' else 'inside the range'} are missed by up to "
             )
-            found.append(Warned(f"{text}{units.percent(scores.worst_of_range)} of their range of torque."))
+            found.append(Warned(f"{text}{percent(scores.worst_of_range)} of their range of torque."))
     if lost := fitted.scores["all"].free_lost:
         found.append(Warned(f"In {lost} states the law of a design left out has no free equilibrium."))
     return found

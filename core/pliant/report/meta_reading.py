@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pliant.formatting import Unit, unit_of_field
 from pliant.pipeline.meta_model.leaving_out import Misses
 from pliant.pipeline.meta_model.next_design import Proposal
 from pliant.pipeline.meta_model.scoring import Scores, shares
 from pliant.records.design import Array
 from pliant.records.solved import SolvedDesigns
-from pliant.report import units
 
 PLACES = ("interior", "border")
 
@@ -91,7 +91,7 @@ class MetaFitted:
         return [int(i) for i in order[:count]]
 
 
-def parameter_words(name: str) -> tuple[str, units.Unit]:
+def parameter_words(name: str) -> tuple[str, Unit]:
     """A parameter as people read it, and its unit: ``average_radius_m`` → average radius, mm."""
-    label, unit = units.of_field(name)
+    label, unit = unit_of_field(name)
     return label.replace("material.", "").replace("_", " "), unit

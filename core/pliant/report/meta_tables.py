@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from pliant.report import units
+from pliant.formatting import number, percent, seconds
 from pliant.report.document import Cells, Table
 from pliant.report.meta_reading import MetaFitted, parameter_words
 
@@ -33,9 +33,9 @@ def scores_table(fitted: Sequence[MetaFitted]) -> Table:
                         str(scores.n_designs),
                         str(of_axis.n_states),
                         f"{of_axis.r2:.6f}",
-                        units.percent(of_axis.rmse_of_range, 3),
-                        units.percent(of_axis.worst_of_range, 3),
-                        units.percent(scores.free_median, 3) if first else "",
+                        percent(of_axis.rmse_of_range, 3),
+                        percent(of_axis.worst_of_range, 3),
+                        percent(scores.free_median, 3) if first else "",
                         _worst(scores.free_worst, scores.free_lost) if first else "",
                     ]
                 )
@@ -50,10 +50,10 @@ def worst_table(fitted: MetaFitted) -> Table:
     rows: list[Cells] = []
     for design in fitted.worst_designs(WORST):
         values = fitted.designs.values[design]
-        cells = [units.number(float(v) * unit.factor, 4) for v, (_, unit) in zip(values, names, strict=True)]
+        cells = [number(float(v) * unit.factor, 4) for v, (_, unit) in zip(values, names, strict=True)]
         place = "border" if fitted.border[design] else "interior"
-        rows.append([units.percent(float(fitted.worst[design]), 3), place, *cells])
-    head = ["worst of range", "place", *(f"{n} ({u.name})".replace(" ()", "") for n, u in names)]
+        rows.append([percent(float(fitted.worst[design]), 3), place, *cells])
+    head = ["worst of range", "place", *(f"{n} ({u.symbol})".replace(" ()", "") for n, u in names)]
     return Table("Designs that were missed most", head, rows, numeric=2)
 
 
@@ -61,7 +61,7 @@ def coverage_table(fitted: MetaFitted) -> Table:
     """What the bars hold."""
     levels = list(dict.fromkeys(level for found in fitted.coverage.values() for level in found))
     rows = [
-        [place, *(units.percent(found[level], 3) if level in found else "–" for level in levels)]
+        [place, *(percent(found[level], 3) if level in found else "–" for level in levels)]
         for place, found in fitted.coverage.items()
     ]
     head = ["", *(f"in the {100 * float(level):g} % band" for level in levels)]
@@ -76,8 +76,8 @@ def learning_table(learning: Mapping[str, Any]) -> Table:
         cells = [str(point["n"])]
         for place in ("all", "interior"):
             found = point[place]
-            cells += [units.percent(found[k], 3) if found else "–" for k in ("rms", "worst")]
-        rows.append([*cells, units.seconds(float(point["wall_s"]))])
+            cells += [percent(found[k], 3) if found else "–" for k in ("rms", "worst")]
+        rows.append([*cells, seconds(float(point["wall_s"]))])
     head = ["designs", "all, RMS", "all, worst", "interior, RMS", "interior, worst", "fit"]
     count, inside = len(learning["test"]), len(learning["interior"])
     note = (
@@ -97,11 +97,11 @@ def next_table(fitted: MetaFitted) -> Table | None:
     names = [parameter_words(name) for name in fitted.designs.names]
     rows = [
         [
-            str(number),
-            *(units.number(v * unit.factor, 4) for v, (_, unit) in zip(one.values, names, strict=True)),
-            units.percent(one.gain, 3),
+            str(index),
+            *(number(v * unit.factor, 4) for v, (_, unit) in zip(one.values, names, strict=True)),
+            percent(one.gain, 3),
         ]
-        for number, one in enumerate(fitted.proposals, start=1)
+        for index, one in enumerate(fitted.proposals, start=1)
     ]
     words = {
         "gain": "of the mean squared error that it removes",
@@ -109,7 +109,7 @@ def next_table(fitted: MetaFitted) -> Table | None:
         "distance": "of the range, to the nearest solved design",
     }
     last = words.get(fitted.proposals[0].basis, fitted.proposals[0].basis)
-    head = ["", *(f"{n} ({u.name})".replace(" ()", "") for n, u in names), last]
+    head = ["", *(f"{n} ({u.symbol})".replace(" ()", "") for n, u in names), last]
     return Table("Solve these next", head, rows)
 
 
@@ -119,18 +119,16 @@ def cost_table(fitted: MetaFitted) -> Table:
     states = sum(len(one) for one in fitted.designs.data)
     rows: list[Cells] = [["designs solved", f"{n}, {states} states, from {fitted.source}"]]
     if fitted.fem_s:
-        rows.append(["FEM, all designs", units.seconds(fitted.fem_s)])
-        rows.append(["FEM, one design", units.seconds(fitted.fem_s / n)])
-    rows.append(["fit of the model", units.seconds(fitted.fit_s)])
-    rows.append([f"scoring: {fitted.parts} refits without some designs", units.seconds(fitted.scoring_s)])
-    rows.append(["law of an unseen design, with its error bar", units.seconds(fitted.law_s)])
-    rows.append(
-        ["evaluations of it with slopes", f"{units.number(fitted.per_second / 1e6, 3)} million a second"]
-    )
+        rows.append(["FEM, all designs", seconds(fitted.fem_s)])
+        rows.append(["FEM, one design", seconds(fitted.fem_s / n)])
+    rows.append(["fit of the model", seconds(fitted.fit_s)])
+    rows.append([f"scoring: {fitted.parts} refits without some designs", seconds(fitted.scoring_s)])
+    rows.append(["law of an unseen design, with its error bar", seconds(fitted.law_s)])
+    rows.append(["evaluations of it with slopes", f"{number(fitted.per_second / 1e6, 3)} million a second"])
     if fitted.fem_s:
         each = fitted.fem_s / n
-        ratio = units.number(float(f"{each / fitted.law_s:.2g}"))
-        hours = units.number(1000 * (each - fitted.law_s) / 3600, 2)
+        ratio = number(float(f"{each / fitted.law_s:.2g}"))
+        hours = number(1000 * (each - fitted.law_s) / 3600, 2)
         rows.append(["a design by the model instead of FEM", f"{ratio} times faster"])
         rows.append(["FEM saved by every thousand further designs", f"{hours} hours of one core"])
     note = (
@@ -146,11 +144,11 @@ def settings_table(fitted: MetaFitted) -> Table | None:
         if isinstance(value, bool):
             text = "yes" if value else "no"
         elif isinstance(value, int | float):
-            text = units.number(value, 3)
+            text = number(value, 3)
         elif isinstance(value, str):
             text = value.replace("_", " ")
         elif isinstance(value, Mapping) and all(isinstance(v, int | float) for v in value.values()) and value:
-            text = ", ".join(f"{str(k).replace('_', ' ')} {units.number(v, 3)}" for k, v in value.items())
+            text = ", ".join(f"{str(k).replace('_', ' ')} {number(v, 3)}" for k, v in value.items())
         else:
             continue
         rows.append([name.replace("_", " "), text])
@@ -158,4 +156,4 @@ def settings_table(fitted: MetaFitted) -> Table | None:
 
 
 def _worst(share: float, lost: int) -> str:
-    return f"no equilibrium in {lost} states" if np.isinf(share) else units.percent(share, 3)
+    return f"no equilibrium in {lost} states" if np.isinf(share) else percent(share, 3)

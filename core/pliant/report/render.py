@@ -6,13 +6,12 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from pliant import __version__
+from pliant.formatting import units_of_page
 from pliant.report.document import Document, Page, Table
 from pliant.report.template import page_template
 
 if TYPE_CHECKING:
     from rich.table import Table as RichTable
-
-FOOTER = "Lengths in mm, pressures in kPa, world frame with z up"
 
 
 def terminal(document: Document) -> Iterator[RichTable | str]:
@@ -61,7 +60,7 @@ def page(document: Document, version: str = __version__) -> Page:
         warnings=document.warnings,
         sections=drawn.sections,
         version=version,
-        footer=document.footer or FOOTER,
+        footer=document.footer or units_of_page(lengths="m", pressures="Pa") + ", world frame with z up",
     )
     pictures = [p for section in drawn.sections for p in section.pictures]
     shown = [drawn.hero, *pictures] if drawn.hero is not None else pictures

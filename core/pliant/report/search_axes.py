@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from pliant.formatting import Unit, number
 from pliant.records.design import Array
-from pliant.report import units
 from pliant.units import strip_unit_suffix
 
 
@@ -31,7 +31,7 @@ class Axis:
 
     name: str
     label: str
-    unit: units.Unit
+    unit: Unit
     type: str
     low: float
     high: float
@@ -43,7 +43,7 @@ class Axis:
     @property
     def title(self) -> str:
         """Label and unit: ``radius (mm)``."""
-        return f"{self.label} ({self.unit.name})" if self.unit.name and not self.choices else self.label
+        return f"{self.label} ({self.unit.symbol})" if self.unit.symbol and not self.choices else self.label
 
     def place(self, value: Any) -> float:
         """Where a value of a `FoundDesign` stands: in the shown unit, or the index of a choice; NaN if nowhere."""
@@ -58,7 +58,7 @@ class Axis:
         if value is None:
             return "–"
         if isinstance(value, bool | str):
-            return units.number(value) if isinstance(value, bool) else value
+            return number(value) if isinstance(value, bool) else value
         if self.type == "integer" and not self.choices:
             value = round(value)
         return self.unit.text(value)
@@ -67,7 +67,7 @@ class Axis:
         """A value on the axis, without unit."""
         if self.choices:
             return self.choices[min(max(round(shown), 0), len(self.choices) - 1)]
-        return units.number(round(shown) if self.type == "integer" and not self.unit.name else shown, 4)
+        return number(round(shown) if self.type == "integer" and not self.unit.symbol else shown, 4)
 
     def share(self, shown: Array | float) -> Array:
         """Values as shares of the range, 0…1."""
@@ -83,14 +83,14 @@ class Objective:
 
     name: str
     label: str
-    unit: units.Unit
+    unit: Unit
     maximised: bool
     column: int = 0
 
     @property
     def title(self) -> str:
         """Label and unit."""
-        return f"{self.label} ({self.unit.name})" if self.unit.name else self.label
+        return f"{self.label} ({self.unit.symbol})" if self.unit.symbol else self.label
 
     @property
     def best_word(self) -> str:
@@ -106,16 +106,11 @@ class Objective:
         return self.unit.text(float(value), digits)
 
 
-def shown_unit(unit: str) -> units.Unit:
-    """The unit that people read for one of a study."""
-    return units.SHOWN.get(unit, units.Unit("" if unit == "dimensionless" else unit))
-
-
-def choice_text(choice: Any, unit: units.Unit) -> str:
+def choice_text(choice: Any, unit: Unit) -> str:
     """A choice as people read it."""
     if isinstance(choice, int | float) and not isinstance(choice, bool):
         return unit.text(choice)
-    return units.number(choice) if isinstance(choice, bool) else str(choice)
+    return number(choice) if isinstance(choice, bool) else str(choice)
 
 
 def short_labels(names: Sequence[str]) -> list[str]:

@@ -8,6 +8,7 @@ from typing import Any
 
 from pliant import __version__
 from pliant.config.study import Study
+from pliant.formatting import units_of_page
 from pliant.records.search import SearchResult
 from pliant.report.document import Section
 from pliant.report.facts import input_table
@@ -93,7 +94,7 @@ def render_search(study: Mapping[str, Any], result: SearchResult, drawn: Sequenc
         warnings=warned(read),
         sections=[section for section in made if section is not None],
         version=__version__,
-        footer="Lengths in mm, pressures in kPa, angles in degrees",
+        footer=units_of_page(lengths="m", pressures="Pa", angles="rad"),
     )
     return text
 

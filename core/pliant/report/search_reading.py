@@ -10,11 +10,11 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from pliant.formatting import Unit, display_unit, unit_of_field
 from pliant.records.design import Array
 from pliant.records.search import STATUSES, FoundDesign, SearchResult, VariableRecord
-from pliant.report import units
-from pliant.report.search_axes import Axis, Objective, choice_text, short_labels, shown_unit
-from pliant.search.spoken import acts, unit_of_objective
+from pliant.report.search_axes import Axis, Objective, choice_text, short_labels
+from pliant.search.metrics import acts, unit_of_objective
 from pliant.units import strip_unit_suffix
 
 OK = STATUSES.index("ok")
@@ -72,8 +72,8 @@ class SearchRead:
             zip(self.result.objectives, self.result.maximised, strict=True)
         ):
             metric = metrics.get(strip_unit_suffix(name))
-            own = shown_unit(unit_of_objective(name, self.result.variables, {}))
-            label, unit = units.of_field(metric) if metric else (name, own)
+            own = display_unit(unit_of_objective(name, self.result.variables, {}))
+            label, unit = unit_of_field(metric) if metric else (name, own)
             label = label.replace("_", " ") if metric else label
             short = label if len(label) <= LONGEST else f"{label[: LONGEST - 1]}…"
             found.append(Objective(name, short, unit, maximised, column))
@@ -107,7 +107,7 @@ class SearchRead:
         for name in history.values:
             if name not in known:
                 values = np.asarray(history.values[name], float)
-                found.append(Axis(name, short_labels([name])[0], units.Unit(""), "real", 0, 1, (), values))
+                found.append(Axis(name, short_labels([name])[0], Unit(""), "real", 0, 1, (), values))
         return tuple(found)
 
     def varied(self) -> list[Axis]:
@@ -145,7 +145,7 @@ class SearchRead:
             return [self.condition(design.context) for design in best]
         if len(best) == 1:
             return ["best design"]
-        return [f"design {number + 1}" for number in range(len(best))]
+        return [f"design {index + 1}" for index in range(len(best))]
 
     def value(self, design: FoundDesign, name: str) -> Any:
         """A variable's value in a design; None where another one sets its key in the design's condition."""
@@ -159,9 +159,9 @@ class SearchRead:
         names = self.result.conditions
         return names[context] if 0 <= context < len(names) else "all conditions"
 
-    def metric(self, name: str) -> tuple[str, units.Unit]:
+    def metric(self, name: str) -> tuple[str, Unit]:
         """A metric as people read it, and its unit."""
-        label, unit = units.of_field(name)
+        label, unit = unit_of_field(name)
         return label.replace("_", " "), unit
 
     @property
@@ -191,7 +191,7 @@ class SearchRead:
 
     def _axis(self, variable: VariableRecord, label: str) -> Axis:
         history = self.result.history
-        unit = shown_unit(variable.unit)
+        unit = display_unit(variable.unit)
         raw = variable.choices
         texts = tuple(choice_text(choice, unit) for choice in raw)
         if variable.name in history.values:

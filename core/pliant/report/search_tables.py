@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from pliant.report import units
+from pliant.formatting import number, percent, seconds
 from pliant.report.document import Cells, Table
 from pliant.report.figures.search_robust import measure_words
 from pliant.report.figures.search_slopes import by_influence, influence
@@ -52,7 +52,7 @@ def branch_table(read: SearchRead) -> Table | None:
         return None
     names, scores = read.branch_names(), read.scores()
     rows = [
-        [str(k + 1), names[branch], units.number(float(scores[row]), 4)]
+        [str(k + 1), names[branch], number(float(scores[row]), 4)]
         for k, (branch, row) in enumerate(read.best_of_branches()[:MOST_BRANCHES])
     ]
     empty = len(read.result.branches) - len(read.best_of_branches())
@@ -119,15 +119,13 @@ def _laws_table(read: SearchRead) -> Table | None:
         [
             str(law.get("name", f"design {k + 1}")),
             str(law.get("n_states", "–")),
-            units.percent(float(law.get("rmse_of_range", math.nan)), 3),
-            units.percent(float(law.get("worst_of_range", math.nan)), 3),
+            percent(float(law.get("rmse_of_range", math.nan)), 3),
+            percent(float(law.get("worst_of_range", math.nan)), 3),
         ]
         for k, law in enumerate(found.laws)
     ]
     head = ["module design", "FEM states", "RMSE, of the range of torque", "worst, of the range of torque"]
-    note = (
-        f"Direct FEM took {units.seconds(found.fem_wall_s)}, the whole check {units.seconds(found.wall_s)}."
-    )
+    note = f"Direct FEM took {seconds(found.fem_wall_s)}, the whole check {seconds(found.wall_s)}."
     return Table("What the search's laws miss of direct FEM", head, rows, note)
 
 
@@ -170,7 +168,7 @@ def robust_table(read: SearchRead) -> Table | None:
     o = read.objective
 
     def text(stated: float) -> str:
-        return units.number(stated * o.unit.factor, 4)
+        return number(stated * o.unit.factor, 4)
 
     rows: list[Cells] = [
         [f"{o.title}, nothing deviates", text(found.nominal_of_nominal), text(found.nominal_of_robust)],
@@ -187,7 +185,7 @@ def robust_table(read: SearchRead) -> Table | None:
 def cost_table(read: SearchRead) -> Table:
     """What the search took."""
     r = read.result
-    per = f", {units.seconds(r.wall_s / r.evaluations)} each" if r.evaluations else ""
+    per = f", {seconds(r.wall_s / r.evaluations)} each" if r.evaluations else ""
     rows: list[Cells] = [
         ["optimizer", r.optimizer],
         ["seed", str(r.seed)],
@@ -198,11 +196,11 @@ def cost_table(read: SearchRead) -> Table:
         ["failed", str(sum(r.failed.values()))],
         ["simulated, but break a constraint on metrics", str(int(read.broken.sum()))],
         ["searches", str(max(len(r.branches), 1))],
-        ["wall time, all sessions", units.seconds(r.wall_s)],
+        ["wall time, all sessions", seconds(r.wall_s)],
         ["why it ended", stopped_words(r)],
     ]
     if r.verification is not None:
-        rows.append(["check of the best design", units.seconds(r.verification.wall_s)])
+        rows.append(["check of the best design", seconds(r.verification.wall_s)])
     return Table("What it took", ["", ""], rows)
 
 
@@ -223,4 +221,4 @@ def _range(axis: Axis) -> str:
     if axis.choices:
         return ", ".join(axis.choices)
     each = ", each in a search of its own" if axis.each else ""
-    return f"{axis.tick(axis.low)} to {axis.tick(axis.high)} {axis.unit.name}".strip() + each
+    return f"{axis.tick(axis.low)} to {axis.tick(axis.high)} {axis.unit.symbol}".strip() + each

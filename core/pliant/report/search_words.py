@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import math
-import re
 
 import numpy as np
 
+from pliant.formatting import percent, unbroken
 from pliant.records.search import FoundDesign, Robustness, SearchResult
-from pliant.report import units
 from pliant.report.document import Warned
 from pliant.report.figures.search_robust import measure_words
 from pliant.report.search_axes import Objective
@@ -158,7 +157,7 @@ def _disagreement(read: SearchRead) -> list[Warned]:
         if off > FAR:
             warnings.append(
                 Warned(unbroken(f"In {engine} the verified {read.objective.label} is {read.objective.text(pair[1])}, "
-                                f"{units.percent(off)} off the predicted {read.objective.text(pair[0])}."))
+                                f"{percent(off)} off the predicted {read.objective.text(pair[0])}."))
             )  # fmt: skip
     return warnings
 
@@ -185,8 +184,3 @@ def found_where(read: SearchRead, design: FoundDesign) -> str:
 def count(number: int, noun: str) -> str:
     """``1 design``, ``1200 designs``."""
     return f"{number} {noun}{'' if number == 1 else 's'}"
-
-
-def unbroken(text: str) -> str:
-    """No line break before a unit."""
-    return re.sub(r"(?<=\d) (?=%|[kM]?Pa|[mµn]?m\b|g\b|N\b)", "\u00a0", text)

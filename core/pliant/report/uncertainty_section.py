@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from pliant.report import units
+from pliant.formatting import fixed, number, small_length, unit_of_field
 from pliant.report.document import Cells, Picture, Section, Table, Warned
 from pliant.report.figures.tip_cloud import COORDINATES, tip_cloud
 from pliant.report.folder import FinishedRun
@@ -25,7 +25,7 @@ def uncertainty_section(run: FinishedRun) -> Section | None:
         text = f"None of {spread['samples']} runs with drawn laws settled, so there is no interval."
         return Section(TITLE, text=(text,))
     failed = f"; {spread['failed']} of them did not settle" if spread["failed"] else ""
-    radius = units.small_length(float(spread["tip_radius_m"]))
+    radius = small_length(float(spread["tip_radius_m"]))
     text = (
         f"{level} of {spread['samples']} runs in {first.kind} with laws drawn from their error bars end within "
         f"{radius} of their mean tip{failed}. Modules of one design share one draw. What the laws leave out (friction, "
@@ -58,19 +58,17 @@ def _table(spread: Mapping[str, Any], run: FinishedRun) -> Table:
     for k, name in enumerate(COORDINATES):
         ends = [spread["tip_low_m"][k], first.markers_m[-1][k], spread["tip_high_m"][k]]
         half = (ends[2] - ends[0]) / 2
-        rows.append(
-            [f"tip {name} (mm)", *(units.fixed(1e3 * float(v), 4) for v in ends), units.small_length(half)]
-        )
+        rows.append([f"tip {name} (mm)", *(fixed(1e3 * float(v), 4) for v in ends), small_length(half)])
     for name, interval in spread.get("metrics", {}).items():
         if name in TIP or not interval["high"] > interval["low"]:
             continue
-        label, unit = units.of_field(name)
+        label, unit = unit_of_field(name)
         own = first.result.metrics.get(name)
-        factor = unit.factor if unit.name else 1.0
+        factor = unit.factor if unit.symbol else 1.0
         cells = [interval["low"], own, interval["high"]]
-        texts = [units.number(float(v) * factor, 5) if isinstance(v, int | float) else "–" for v in cells]
-        half = units.number((interval["high"] - interval["low"]) / 2 * factor, 2)
-        rows.append([label.replace("_", " ") + (f" ({unit.name})" if unit.name else ""), *texts, half])
+        texts = [number(float(v) * factor, 5) if isinstance(v, int | float) else "–" for v in cells]
+        half = number((interval["high"] - interval["low"]) / 2 * factor, 2)
+        rows.append([label.replace("_", " ") + (f" ({unit.symbol})" if unit.symbol else ""), *texts, half])
     level = f"{100 * float(spread['level']):g} %"
     head = ["", f"{level} from", "the laws themselves", "to", "half-width"]
     return Table("Intervals", head, rows)

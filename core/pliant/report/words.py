@@ -6,9 +6,19 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from pliant.formatting import (
+    Unit,
+    actuation_unit,
+    deformation_unit,
+    display_unit,
+    effort_unit,
+    fixed,
+    percent,
+    small_length,
+    unbroken,
+)
 from pliant.records.fem import PASSED, SELF_CONTACT, TRUSTED, FemDataset, ModuleData
-from pliant.report import units
-from pliant.report.document import Warned, unbroken
+from pliant.report.document import Warned
 from pliant.report.fem_reading import failed_place
 from pliant.report.folder import DesignResult, FinishedRun
 from pliant.report.reading import (
@@ -57,17 +67,13 @@ def _bend(run: FinishedRun) -> str:
     if engines[0].result.stills:
         return grasp_words(engines[0], actuation(run))
     joints = final.joint_angles
-    at = f" at {units.of_actuation(given[0]).text(given[1])}" if given else ""
+    at = f" at {actuation_unit(given[0]).text(given[1])}" if given else ""
     load = payload_kg(run)
-    under = f" with {units.SHOWN['kg'].text(load)} at its tip" if load else ""
+    under = f" with {display_unit('kg').text(load)} at its tip" if load else ""
     name = f"{len(joints)}-module finger" if len(joints) > 1 else "one-joint finger"
-    total = float(joints[:, main_axis(law)].sum())
+    unit, total = deformation_unit(law), float(joints[:, main_axis(law)].sum())
     verb = "extends by" if law.joint == "prismatic" else "bends"
-    size = (
-        f"{units.fixed(1e3 * total, 2)} mm"
-        if law.joint == "prismatic"
-        else f"{units.fixed(np.degrees(total), 1)}°"
-    )
+    size = unit.attached(fixed(total * unit.factor, 2 if law.joint == "prismatic" else 1))
     if not final.converged:
         return f"{name} did not settle{at}{under} in {engines[0].kind}"
     return f"{name} {verb} {size}{at}{under}{_to_target(engines[0])}"
@@ -78,19 +84,19 @@ def _to_target(engine: Ran) -> str:
     metrics = engine.result.metrics
     if "target_points_m" not in metrics:
         return ""
-    return f", {units.MILLIMETRES.text(float(metrics['rmse_m']), 3)} (RMS) from its target"
+    return f", {display_unit('m').text(float(metrics['rmse_m']), 3)} (RMS) from its target"
 
 
 def grasp_words(engine: Ran, given: tuple[str, float] | None) -> str:
     """A task with contact: how the grasp went."""
     measured = engine.result.metrics
-    at = f" at {units.of_actuation(given[0]).text(given[1])}" if given else ""
+    at = f" at {actuation_unit(given[0]).text(given[1])}" if given else ""
     mode, rise, share = (measured.get(name) for name in ("mode", "z_end_m", "success_share"))
     if not mode:
         return f"the scene was simulated{at}"
     parts = [f"the grasp{at} is '{mode}'"]
     if rise is not None:
-        parts.append(f"the object ends {units.MILLIMETRES.text(float(rise), 3)} above its place")
+        parts.append(f"the object ends {display_unit('m').text(float(rise), 3)} above its place")
     if share is not None and "trials" in measured:
         parts.append(f"{100 * float(share):.0f} % of {len(measured['trials']['mode'])} trials hold it")
     return ", ".join(parts)
@@ -101,7 +107,7 @@ def _agreement(engines: list[Ran]) -> str:
         return ""
     worst = max(float(d.max()) for d in distances_m(engines))
     numbers = {2: "two", 3: "three", 4: "four"}
-    return f"{numbers.get(len(engines), str(len(engines)))} engines agree within {units.small_length(worst)}"
+    return f"{numbers.get(len(engines), str(len(engines)))} engines agree within {small_length(worst)}"
 
 
 def _law_error(run: FinishedRun) -> str:
@@ -110,17 +116,17 @@ def _law_error(run: FinishedRun) -> str:
         return "the law is stated by its coefficients"
     worst = max(fit.worst_of_range for fit in fits)
     if any("meta_model" in fit.details for fit in fits):
-        return f"law of a meta-model, within {units.percent(worst)} of FEM on designs left out"
+        return f"law of a meta-model, within {percent(worst)} of FEM on designs left out"
     data = [d.fem for d in run.designs if d.fem is not None]
     source = "the table's states" if data and data[0].design.family == "table" else "FEM"
-    return f"law within {units.percent(worst)} of {source} on states left out"
+    return f"law within {percent(worst)} of {source} on states left out"
 
 
 def _engine_warnings(engine: Ran, run: FinishedRun) -> list[Warned]:
     final, law = engine.result.final, run.designs[0].law
     found = []
     if not final.converged:
-        unit = units.of_effort(law)
+        unit = effort_unit(law)
         residual = unit.text(final.residual, 2)
         found.append(Warned(f"{engine.kind} did not converge; unbalanced effort {residual}."))
     if final.stable is False:
@@ -130,7 +136,7 @@ def _engine_warnings(engine: Ran, run: FinishedRun) -> list[Warned]:
     if engine.result.not_reached:
         found.append(Warned(f"{engine.kind}: {engine.result.not_reached}"))
     if final.outside_domain:
-        p_unit, u_unit = units.of_actuation(law.actuation_name), units.of_deformation(law)
+        p_unit, u_unit = actuation_unit(law.actuation_name), deformation_unit(law)
         entries = sorted(final.outside_domain, key=lambda e: -abs(e.excess))
         items = [
             f"module {e.module}: {e.variable} by {_unit_of(e.variable, p_unit, u_unit).text(e.excess, 3)}"
@@ -142,7 +148,7 @@ def _engine_warnings(engine: Ran, run: FinishedRun) -> list[Warned]:
     return found
 
 
-def _unit_of(variable: str, actuation_unit: units.Unit, deformation_unit: units.Unit) -> units.Unit:
+def _unit_of(variable: str, actuation_unit: Unit, deformation_unit: Unit) -> Unit:
     """Actuations are named by their input, joint coordinates by their axis."""
     return actuation_unit if variable.endswith(("_pa", "_n")) or variable == "actuation" else deformation_unit
 

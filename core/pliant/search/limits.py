@@ -6,11 +6,12 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from pliant.formatting import quantity
 from pliant.records.search import FoundDesign, SearchHistory, Slope, VariableRecord
 from pliant.search import limits_of_the_run as run
+from pliant.search.metrics import unit_of_metric, unit_of_objective
 from pliant.search.problem import SearchProblem
 from pliant.search.sensitivity import STEP, sides
-from pliant.search.spoken import quantity, unit_of, unit_of_objective
 
 NOTHING = 1e-5  # of the objective
 NEARLY = 0.01  # of its scale: a constraint that so small a step breaks is active
@@ -106,7 +107,7 @@ def at_metrics(problem: SearchProblem, best: FoundDesign) -> list[str]:
         broken.update({text: max(amount, broken.get(text, 0.0)) for text, amount in before.items()})
         where = f" in {condition}" if len(best.conditions) > 1 else ""
         for name, value in metrics.items():
-            said = f"{quantity(value, unit_of(name, metrics))}{where}"
+            said = f"{quantity(value, unit_of_metric(name, metrics), 3)}{where}"
             for factor in (1.0 - NEARLY, 1.0 + NEARLY):
                 for text in problem.metric_violations(best.values, {**metrics, name: factor * value}):
                     active.setdefault(text, said)
@@ -150,5 +151,5 @@ def _amount(problem: SearchProblem, best: FoundDesign, variable: VariableRecord,
     unit = unit_of_objective(problem.objective_names[0], problem.records(), best.metrics)
     if variable.type == "integer":
         steps = gain / STEP / max(variable.high - variable.low, 1.0)
-        return f"{quantity(steps, unit)} for one more step of {variable.name}"
-    return f"{quantity(gain, unit)} per 1 % of the range of {variable.name}"
+        return f"{quantity(steps, unit, 3)} for one more step of {variable.name}"
+    return f"{quantity(gain, unit, 3)} per 1 % of the range of {variable.name}"

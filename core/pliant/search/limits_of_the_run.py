@@ -6,10 +6,11 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from pliant.formatting import quantities, quantity
 from pliant.records.design import Array
 from pliant.records.search import STATUSES, FoundDesign, SearchHistory
+from pliant.search.metrics import unit_of_objective
 from pliant.search.problem import SearchProblem
-from pliant.search.spoken import quantity, settings, unit_of_objective
 
 OUTSIDE = "outside_domain"  # metric: how many joints left the data of their law
 HALF = 0.5
@@ -45,7 +46,8 @@ def conditions(problem: SearchProblem, best: FoundDesign) -> list[str]:
     worst, easiest = max(found, key=lambda name: found[name]), min(found, key=lambda name: found[name])
     return [
         f"The hardest condition is {worst} ({problem.objective_names[0]} "
-        f"{quantity(sign * found[worst], unit)}), the easiest {easiest} ({quantity(sign * found[easiest], unit)})."
+        f"{quantity(sign * found[worst], unit, 3)}), the easiest {easiest} "
+        f"({quantity(sign * found[easiest], unit, 3)})."
     ]
 
 
@@ -64,9 +66,9 @@ def branches(problem: SearchProblem, best: FoundDesign, history: SearchHistory) 
     if len(order) < 2:
         return [empty.strip()] if empty else []
     units = {record.name: record.unit for record in problem.records()}
-    first, second = (settings(listed[k], units) for k in order[:2])
+    first, second = (quantities(listed[k], units) for k in order[:2])
     unit = unit_of_objective(problem.objective_names[0], problem.records(), best.metrics)
-    margin = quantity(found[order[1]] - found[order[0]], unit)
+    margin = quantity(found[order[1]] - found[order[0]], unit, 3)
     return [f"The best structure ({first}) leads the next one ({second}) by {margin}.{empty}"]
 
 
@@ -86,7 +88,7 @@ def budget(problem: SearchProblem, best: FoundDesign, history: SearchHistory) ->
     if not (np.isnan(before) or fell > STILL * abs(so_far[-1])):
         return []
     unit = unit_of_objective(problem.objective_names[0], problem.records(), best.metrics)
-    much = f"improved by {quantity(fell, unit)} in" if np.isfinite(fell) else "was first found in"
+    much = f"improved by {quantity(fell, unit, 3)} in" if np.isfinite(fell) else "was first found in"
     found = f"; the best is candidate {at} of {count}" if late else ""
     return [f"The objective {much} the last fifth of the candidates{found}: more of them would help."]
 

@@ -9,8 +9,9 @@ from typing import Any, TypeGuard
 import numpy as np
 
 from pliant.errors import UserError, closest
+from pliant.records.search import FoundDesign, VariableRecord
 from pliant.search.expressions import Expression
-from pliant.units import UNIT_SUFFIXES, strip_unit_suffix
+from pliant.units import UNIT_SUFFIXES, si_unit, strip_unit_suffix
 
 
 def with_metrics(
@@ -70,6 +71,27 @@ def metric_name(name: str, metrics: Mapping[str, Any]) -> str | None:
     """The metric that a name means, with or without its unit; None where there is none."""
     endings = ("", *UNIT_SUFFIXES)
     return next((name + ending for ending in endings if name + ending in metrics), None)
+
+
+def unit_of_metric(name: str, metrics: Mapping[str, Any]) -> str:
+    """The unit of a metric, written with or without its suffix; "" for a pure number or an expression."""
+    return si_unit(metric_name(name, metrics) or "")
+
+
+def unit_of_objective(name: str, variables: Sequence[VariableRecord], metrics: Mapping[str, Any]) -> str:
+    """The unit of an objective that is a metric, a variable or a key that one sets; "" for any other expression."""
+    own = (one.unit for one in variables if name in (one.name, *one.keys))
+    return next(own, None) or unit_of_metric(name, metrics)
+
+
+def acts(variable: VariableRecord, design: FoundDesign) -> bool:
+    """Whether a variable sets its keys in the one condition of a design: in others, another one may."""
+    if design.context < 0:
+        return True
+    value = design.values[variable.name]
+    own = {strip_unit_suffix(key): held for key, held in design.settings.items()}
+    keys = [strip_unit_suffix(key) for key in variable.keys]
+    return all(key in own and (isinstance(value, str) or own[key] == value) for key in keys)
 
 
 def _is_number(value: Any) -> TypeGuard[float]:

@@ -12,6 +12,7 @@ from pliant.config.search import SearchConfig
 from pliant.config.searched import Condition, SearchedVariable, search_conditions, search_variables
 from pliant.config.study import Study
 from pliant.errors import UserError
+from pliant.formatting import quantity
 from pliant.interfaces.optimizer import Context, Space, Value, Variable
 from pliant.records.search import VariableRecord
 from pliant.registry.discovery import Registry
@@ -22,7 +23,6 @@ from pliant.search.keys import KeyPath, StudySetter
 from pliant.search.metrics import require_metrics, with_metrics
 from pliant.search.names import Names
 from pliant.search.sharing import SharedVariable, expanded, shared_variables
-from pliant.search.spoken import quantity
 
 __all__ = ["Condition", "Objective", "SearchProblem", "SearchedVariable"]
 

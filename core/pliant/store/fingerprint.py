@@ -23,6 +23,7 @@ OURS = ("pliant", "pliant_plugins")
 MACHINERY = (
     "pliant",
     "pliant.errors",
+    "pliant.formatting",
     "pliant.units",
     "pliant.interfaces.base",
     "pliant.registry",

@@ -17,10 +17,10 @@ from pliant.diagnosis.diagnosis import Diagnosis, diagnose
 from pliant.diagnosis.words import headline, named
 from pliant.errors import closest
 from pliant.evidence.prediction import POSITION, Predictor
-from pliant.evidence.words import listed
 from pliant.experiments.menu import MenuRun
 from pliant.experiments.runs import BUILDERS, menu
 from pliant.experiments.scale import BenchScale
+from pliant.formatting import listed
 from pliant.interfaces.effect import EffectConfig, EffectParameter
 from pliant.pipeline.workbench import Workbench
 from pliant.records.chain import ChainModel

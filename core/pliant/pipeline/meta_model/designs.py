@@ -20,11 +20,11 @@ from pliant.interfaces.meta_model import enough_to_score
 from pliant.pipeline.meta_model.parameters import ROUNDING, is_number, material_parameters, parameters_of
 from pliant.pipeline.sweep import sweep_study
 from pliant.pipeline.sweep_records import SweepRun
-from pliant.pipeline.table_modules import read_labelled_designs
 from pliant.pipeline.workbench import Workbench
 from pliant.records.design import Array
 from pliant.records.fem import TRUSTED, ModuleData
 from pliant.records.solved import SolvedDesigns
+from pliant.tabular.fem_modules import read_labelled_designs
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,11 +9,12 @@ import numpy as np
 
 from pliant.config.study import written_name
 from pliant.errors import UserError
+from pliant.formatting import quantity
 from pliant.interfaces.family import FamilyConfig
 from pliant.interfaces.material import MaterialConfig
 from pliant.records.design import Array
 from pliant.records.solved import Parameter
-from pliant.units import SPOKEN, UNIT_SUFFIXES, strip_unit_suffix
+from pliant.units import si_unit, strip_unit_suffix
 
 # Of the width of the range: a design on its border is inside, however its table was rounded.
 ROUNDING = 1e-7
@@ -108,11 +109,7 @@ def _key(name: str, family: FamilyConfig, material: MaterialConfig | None) -> st
 
 def shown(name: str, value: Any) -> str:
     """A value with its unit, as people write it: 7.5 mm."""
-    if not is_number(value):
-        return f"{value}"
-    unit = next((unit for suffix, unit in UNIT_SUFFIXES.items() if name.endswith(suffix)), "")
-    factor, label = SPOKEN.get(unit, (1.0, unit))
-    return f"{factor * float(value):.6g} {label}".strip()
+    return quantity(value, si_unit(name), 6) if is_number(value) else str(value)
 
 
 def spoken(parameters: Mapping[str, Any]) -> str:

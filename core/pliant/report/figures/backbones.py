@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from pliant.formatting import display_unit
 from pliant.records.design import Array
 from pliant.records.rollout import TaskResult
-from pliant.report import units
 from pliant.report.figures import style
 
 FLAT = 0.02  # of the curves' size: less than this out of the plane needs no second view
@@ -63,7 +63,7 @@ def _under_loads(metrics: Mapping[str, Any]) -> list[Line]:
     shades = style.pressure_map()(np.linspace(0.0, 1.0, len(loads)))
     rings, curves = np.array(metrics["rings_m"]), np.array(metrics["backbone_points_m"])
     return [
-        Line(units.SHOWN["kg"].text(load, 3), curve, ring, shade)
+        Line(display_unit("kg").text(load, 3), curve, ring, shade)
         for load, curve, ring, shade in zip(loads, curves, rings, shades, strict=True)
     ]
 

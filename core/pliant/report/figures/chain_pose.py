@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from pliant.formatting import actuation_unit, display_unit
 from pliant.records.design import Array
-from pliant.report import units
 from pliant.report.figures import style
 from pliant.report.folder import FinishedRun
 from pliant.report.reading import (
@@ -87,7 +87,7 @@ def draw_poses(axes: Any, run: FinishedRun, plane: tuple[int, int], legend: bool
     axes.set_ylabel(f"world {NAMES[j]} (mm)")
     _annotate(axes, run, engines[0], plane)
     given = actuation(run)
-    title = f" at {units.of_actuation(given[0]).text(given[1])}" if given else ""
+    title = f" at {actuation_unit(given[0]).text(given[1])}" if given else ""
     if legend:
         axes.set_title(f"Settled pose{title}")
         axes.legend(loc="best", handlelength=2.6)
@@ -128,7 +128,7 @@ def draw_distances(axes: Any, engines: list[Ran]) -> None:
 
 def _levels(axes: Any, run: FinishedRun, engine: Ran, plane: tuple[int, int]) -> None:
     """Faint poses at lower levels; a level is labelled where its tip is clear of those labelled before."""
-    unit = units.of_actuation(run.designs[0].law.actuation_name)
+    unit = actuation_unit(run.designs[0].law.actuation_name)
     labelled = [np.array([v[-1] for v in _flat(engine.markers_m, plane)])]
     clear = 0.06 * 1e3 * float(np.ptp(_all_points(run), axis=0).max())
     for value, _, markers in reversed(history_levels(engine.result, LEVELS)):
@@ -171,7 +171,7 @@ def _annotate(axes: Any, run: FinishedRun, engine: Ran, plane: tuple[int, int]) 
     payload = payload_kg(run)
     if payload:
         axes.annotate(
-            f"{units.SHOWN['kg'].text(payload, 3)} hung",
+            f"{display_unit('kg').text(payload, 3)} hung",
             (x[-1], y[-1]),
             (12, 0),
             textcoords="offset points",

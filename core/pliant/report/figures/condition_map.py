@@ -9,7 +9,7 @@ from matplotlib.colors import Colormap, LinearSegmentedColormap, TwoSlopeNorm
 
 from pliant.evidence.bins import Bins
 from pliant.evidence.places import all_bins
-from pliant.evidence.words import number, shown
+from pliant.formatting import number, unit_of
 from pliant.records.design import Array
 from pliant.report.comparison_reading import Compared, fitting
 from pliant.report.figures import style
@@ -28,7 +28,7 @@ def condition_map(compared: Compared) -> style.Png | None:
     parts = []
     if len(compared.comparison.outputs) > 1:
         parts.append(
-            ("by output", [shown(o).label for o in compared.comparison.outputs], _by_output(compared, rows))
+            ("by output", [unit_of(o).label for o in compared.comparison.outputs], _by_output(compared, rows))
         )
     bins = _bins(compared)
     if bins is not None:

@@ -61,8 +61,8 @@ def _pair(axes: Any, fitted: MetaFitted, i: int, j: int, shares: Any, norm: LogN
             zorder=7,
         )  # fmt: skip
     axes.margins(0.1)
-    axes.set_xlabel(f"{x_name} ({x_unit.name})".replace(" ()", ""))
-    axes.set_ylabel(f"{y_name} ({y_unit.name})".replace(" ()", ""))
+    axes.set_xlabel(f"{x_name} ({x_unit.symbol})".replace(" ()", ""))
+    axes.set_ylabel(f"{y_name} ({y_unit.symbol})".replace(" ()", ""))
 
 
 def _against(axes: Any, fitted: MetaFitted, shares: Any, norm: LogNorm) -> None:
@@ -70,7 +70,7 @@ def _against(axes: Any, fitted: MetaFitted, shares: Any, norm: LogNorm) -> None:
     _scatter(axes, fitted.designs.values[:, 0] * unit.factor, shares, fitted, shares, norm)
     axes.set_yscale("log")
     style.log_labels(axes.yaxis)
-    axes.set_xlabel(f"{name} ({unit.name})".replace(" ()", ""))
+    axes.set_xlabel(f"{name} ({unit.symbol})".replace(" ()", ""))
     axes.set_ylabel("worst miss (% of the design's range)")
 
 

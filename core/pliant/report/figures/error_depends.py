@@ -9,7 +9,7 @@ import numpy as np
 
 from pliant.evidence.covariates import Covariate
 from pliant.evidence.places import Place
-from pliant.evidence.words import Shown, percent, shown
+from pliant.formatting import NamedUnit, unit_of, whole_percent
 from pliant.report.comparison_reading import Compared, fitting
 from pliant.report.diagnosis_reading import Diagnosed
 from pliant.report.figures import style
@@ -23,12 +23,12 @@ def error_depends(diagnosed: Diagnosed, output: str) -> style.Png | None:
     items = leading(diagnosed)
     if not items:
         return None
-    words = shown(output)
+    words = unit_of(output)
     with style.canvas(max(520 * len(items), 900), 520) as figure:
         axes = figure.subplots(1, len(items), squeeze=False, sharey=True)[0]
         for panel, item in zip(axes, items, strict=True):
             _panel(panel, diagnosed, item, output, words)
-        axes[0].set_ylabel(f"mean error ({words.unit})" if words.unit else "mean error")
+        axes[0].set_ylabel(f"mean error ({words.symbol})" if words.symbol else "mean error")
         handles, labels = axes[0].get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside upper left", ncols=len(labels))
         figure.set_layout_engine("constrained", w_pad=0.05, h_pad=0.05)
@@ -42,12 +42,12 @@ def leading(diagnosed: Diagnosed) -> list[Covariate]:
     return sorted(items, key=lambda item: -tells[item.name])[:MOST]
 
 
-def _panel(panel: Any, diagnosed: Diagnosed, item: Covariate, output: str, words: Shown) -> None:
+def _panel(panel: Any, diagnosed: Diagnosed, item: Covariate, output: str, words: NamedUnit) -> None:
     panel.axhline(0, color=style.SOFT, lw=0.8)
-    told = [percent(diagnosed.before.comparison.depends_on[item.name])]
+    told = [whole_percent(diagnosed.before.comparison.depends_on[item.name])]
     _means(panel, diagnosed.before, item, output, words, AS_IT_IS, "model as it is")
     if diagnosed.after is not None:
-        told.append(percent(diagnosed.after.comparison.depends_on.get(item.name, 0.0)))
+        told.append(whole_percent(diagnosed.after.comparison.depends_on.get(item.name, 0.0)))
         label = f"with {' + '.join(diagnosed.explanations[0])}"
         _means(panel, diagnosed.after, item, output, words, WITH[0], label)
     panel.set_title(f"{fitting(item.shown.label, 34)}\n", fontsize=9.5, pad=2)
@@ -58,7 +58,7 @@ def _panel(panel: Any, diagnosed: Diagnosed, item: Covariate, output: str, words
 
 
 def _means(
-    panel: Any, compared: Compared, item: Covariate, output: str, words: Shown, colour: str, label: str
+    panel: Any, compared: Compared, item: Covariate, output: str, words: NamedUnit, colour: str, label: str
 ) -> None:
     places = [p for p in compared.comparison.places if p.covariate == item.name and output in p.outputs]
     x = _positions(panel, places, item)

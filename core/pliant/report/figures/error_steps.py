@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from pliant.diagnosis.improvement import Improvement
-from pliant.evidence.words import number, shown
+from pliant.formatting import number, unit_of
 from pliant.report.figures import style
 
 MOST_OUTPUTS = 2
@@ -50,7 +50,7 @@ def outputs_by_error(found: Improvement) -> list[str]:
 
 
 def _panel(axes: Any, found: Improvement, name: str) -> None:
-    words, floor = shown(name), found.floors[name]
+    words, floor = unit_of(name), found.floors[name]
     places = np.arange(1, len(found.steps) + 1)
     locked = np.array([step.locked.rmse[name] for step in found.steps]) * words.factor
     training = np.array([step.training.rmse.get(name, np.nan) for step in found.steps]) * words.factor
@@ -78,7 +78,7 @@ def _panel(axes: Any, found: Improvement, name: str) -> None:
     axes.grid(visible=False, axis="x")
     axes.set_xlim(*ends)
     axes.set_ylim(0, 1.38 * float(np.nanmax([*(locked * (1 + share)), *training, level])))
-    axes.set_ylabel(f"rms error ({words.unit})")
+    axes.set_ylabel(f"rms error ({words.symbol})")
     axes.set_title(words.label)
     axes.legend(loc="upper right")
 

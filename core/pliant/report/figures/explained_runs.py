@@ -9,7 +9,7 @@ import numpy as np
 from pliant.diagnosis.table import NOTHING, Kinds
 from pliant.diagnosis.words import named
 from pliant.evidence.prediction import RunReadings
-from pliant.evidence.words import Shown, shown
+from pliant.formatting import NamedUnit, unit_of
 from pliant.records.measurement import MeasuredRun
 from pliant.report.comparison_reading import abscissa, clock, fitting, input_of, thin
 from pliant.report.diagnosis_reading import Diagnosed
@@ -70,9 +70,9 @@ def _lines(diagnosed: Diagnosed) -> list[Line]:
 
 def _column(
     panels: Any, diagnosed: Diagnosed, index: int, output: str, lines: list[Line],
-    driver: tuple[str, Shown] | None, first: bool,
+    driver: tuple[str, NamedUnit] | None, first: bool,
 ) -> None:  # fmt: skip
-    run, words = diagnosed.measurement.runs[index], shown(output)
+    run, words = diagnosed.measurement.runs[index], unit_of(output)
     time, label = clock(run)
     band = BAND * diagnosed.floor(output) * words.factor
     _draw(panels[0], run, index, output, lines, time)
@@ -93,7 +93,7 @@ def _column(
     )  # fmt: skip
     if first:
         panels[0].set_ylabel(words.axis)
-        panels[1].set_ylabel(f"error ({words.unit})" if words.unit else "error")
+        panels[1].set_ylabel(f"error ({words.symbol})" if words.symbol else "error")
     if driver is not None:
         name, across = driver
         _draw(panels[2], run, index, output, lines, across.factor * input_of(run, name))
@@ -104,7 +104,7 @@ def _column(
 
 def _draw(panel: Any, run: MeasuredRun, index: int, output: str, lines: list[Line], x: Any) -> None:
     """Readings and models over x."""
-    factor, pick = shown(output).factor, thin(len(run))
+    factor, pick = unit_of(output).factor, thin(len(run))
     marker = "o" if len(pick) < 40 else ""
     panel.plot(
         x[pick],

@@ -9,8 +9,8 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.lines import Line2D
 
+from pliant.formatting import Unit, actuation_unit, deformation_unit, effort_unit
 from pliant.records.fem import TRUSTED, FemDataset, ModuleData
-from pliant.report import units
 from pliant.report.figures import style
 from pliant.report.figures.state_groups import Groups
 
@@ -24,7 +24,7 @@ def states_picture(data: ModuleData) -> style.Png:
     panels = ["free", *axes_names]
     columns = len(panels) if len(panels) < 4 else 2
     rows = -(-len(panels) // columns)
-    p_unit = units.of_actuation(data.actuation_name)
+    p_unit = actuation_unit(data.actuation_name)
     norm = Normalize(0.0, (float(data.actuation.max()) or 1.0) * p_unit.factor)
     with style.canvas(1560, 560 * rows if rows > 1 else 640) as figure:
         grid = np.atleast_1d(figure.subplots(rows, columns)).ravel()
@@ -35,7 +35,7 @@ def states_picture(data: ModuleData) -> style.Png:
             place.set_axis_off()
         mapped = ScalarMappable(norm, style.pressure_map())
         bar = figure.colorbar(mapped, ax=grid.tolist(), fraction=0.03, pad=0.015)
-        bar.set_label(f"{actuation_word(data)} ({p_unit.name})")
+        bar.set_label(f"{actuation_word(data)} ({p_unit.symbol})")
         bar.outline.set_visible(False)
         _legend(figure, data)
         figure.set_layout_engine("constrained", w_pad=0.09, h_pad=0.09, wspace=0.03)
@@ -49,25 +49,27 @@ def actuation_word(data: ModuleData | FemDataset) -> str:
 
 def coordinate_words(data: ModuleData | FemDataset, axis: str) -> str:
     """The joint coordinate with its unit, for an axis label."""
-    unit = units.of_deformation(data)
+    unit = deformation_unit(data)
     if data.joint == "prismatic":
-        return f"extension $u$ ({unit.name})"
+        return f"extension $u$ ({unit.symbol})"
     several = len(getattr(data, "axes", ())) > 1
     return (
-        f"joint angle $u_{axis}$ about {axis} ({unit.name})" if several else f"joint angle $u$ ({unit.name})"
+        f"joint angle $u_{axis}$ about {axis} ({unit.symbol})"
+        if several
+        else f"joint angle $u$ ({unit.symbol})"
     )
 
 
 def _free(axes: Any, data: ModuleData, norm: Normalize) -> None:
     """u over the actuation, no external effort."""
     main = data.axis(data.main_axis)
-    p_unit, u_unit = units.of_actuation(data.actuation_name), units.of_deformation(data)
+    p_unit, u_unit = actuation_unit(data.actuation_name), deformation_unit(data)
     free = main.rows(main.branch == "free")
     order = np.argsort(free.actuation, kind="stable")
     p, u = free.actuation[order] * p_unit.factor, free.angle_rad[order] * u_unit.factor
     axes.plot(p, u, color=style.SOFT, lw=1.1, zorder=2)
     _points(axes, free, free.actuation * p_unit.factor, free.angle_rad * u_unit.factor, norm, p_unit)
-    axes.set_xlabel(f"{actuation_word(data)} ({p_unit.name})")
+    axes.set_xlabel(f"{actuation_word(data)} ({p_unit.symbol})")
     axes.set_ylabel(coordinate_words(data, data.main_axis))
     axes.set_title("Free branch: nothing holds the module")
 
@@ -75,8 +77,8 @@ def _free(axes: Any, data: ModuleData, norm: Normalize) -> None:
 def _held(axes: Any, data: ModuleData, name: str, norm: Normalize) -> None:
     """τ over u of one axis, with lines between states of one actuation, and failed states at the foot."""
     one = data.axis(name)
-    p_unit, u_unit = units.of_actuation(data.actuation_name), units.of_deformation(data)
-    effort = units.of_effort(data)
+    p_unit, u_unit = actuation_unit(data.actuation_name), deformation_unit(data)
+    effort = effort_unit(data)
     x, y = one.angle_rad * u_unit.factor, one.moment_n_m * effort.factor
     axes.axhline(0, color=style.SOFT, lw=0.9, zorder=1)
     colours = style.pressure_map()
@@ -97,13 +99,13 @@ def _held(axes: Any, data: ModuleData, name: str, norm: Normalize) -> None:
     several = len(data.axes) > 1
     axes.set_xlabel(coordinate_words(data, name))
     axes.set_ylabel(
-        rf"effort $\tau_{name}$ ({effort.name})" if several else rf"effort $\tau$ ({effort.name})"
+        rf"effort $\tau_{name}$ ({effort.symbol})" if several else rf"effort $\tau$ ({effort.symbol})"
     )
     follows = f"{data.main_axis} follows freely" if name != data.main_axis else "the others at zero"
     axes.set_title(f"Held about {name}; {follows}" if several else "Held: the effort that opposes actuation")
 
 
-def _points(axes: Any, data: FemDataset, x: Any, y: Any, norm: Normalize, p_unit: units.Unit) -> None:
+def _points(axes: Any, data: FemDataset, x: Any, y: Any, norm: Normalize, p_unit: Unit) -> None:
     """States as points: filled = to fit, open = check, cross = self-contact."""
     groups = Groups.of(data)
     shade = style.pressure_map()(norm(data.actuation * p_unit.factor))

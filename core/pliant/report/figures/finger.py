@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from pliant.formatting import actuation_unit
 from pliant.records.design import Array
-from pliant.report import units
 from pliant.report.figures import body, raster, shading, style
 from pliant.report.figures.body_row import show
 from pliant.report.figures.chain_pose import draw_poses, views
@@ -125,7 +125,7 @@ def draw_bodies(figure: Any, axes: Any, run: FinishedRun, bodies: Bodies) -> Non
     inset.xaxis.label.set_size(8)
     inset.xaxis.set_label_position("top")
     given = actuation(run)
-    pressure = units.of_actuation(given[0]).text(given[1]) if given else ""
+    pressure = actuation_unit(given[0]).text(given[1]) if given else ""
     count = len(bodies.path) - 1
     axes.set_title(f"{count} FEM module{'s' * (count > 1)}, at rest and at {pressure}")
 

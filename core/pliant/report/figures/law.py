@@ -9,10 +9,10 @@ import numpy as np
 from matplotlib.colors import Normalize
 from matplotlib.lines import Line2D
 
+from pliant.formatting import Unit, actuation_unit, deformation_unit, effort_unit, number, percent
 from pliant.records.design import Array
 from pliant.records.fem import FemDataset
 from pliant.records.law import JointLaw
-from pliant.report import units
 from pliant.report.figures import style
 from pliant.report.figures.state_groups import Groups
 from pliant.report.folder import DesignResult, FinishedRun
@@ -46,8 +46,8 @@ def law_picture(run: FinishedRun, design: DesignResult) -> style.Png:
 def draw_law(axes: Any, run: FinishedRun, design: DesignResult, compact: bool = False) -> None:
     """τ over u, one curve per level of actuation, with the states as points of the level's colour."""
     law, data = design.law, design.fem
-    p_unit, u_unit = units.of_actuation(law.actuation_name), units.of_deformation(law)
-    effort = units.of_effort(law)
+    p_unit, u_unit = actuation_unit(law.actuation_name), deformation_unit(law)
+    effort = effort_unit(law)
     levels, (low, high) = curve_levels(run, design), angle_range(run, design)
     u = np.linspace(low, high, 201)
     colours, norm = style.pressure_map(), Normalize(float(levels.min()), float(levels.max()) or 1.0)
@@ -73,8 +73,8 @@ def draw_law(axes: Any, run: FinishedRun, design: DesignResult, compact: bool = 
     axes.margins(x=0.03)
     left, right = axes.get_xlim()
     axes.set_xlim(left, right + (0.15 if compact else 0.1) * (right - left))
-    labels = [units.number(level * p_unit.factor, 3) for level in levels]
-    labels[-1] += f" {p_unit.name}"
+    labels = [number(level * p_unit.factor, 3) for level in levels]
+    labels[-1] += f" {p_unit.symbol}"
     for label, level, end, place in zip(labels, levels, ends, _apart(ends, axes.get_ylim()), strict=True):
         axes.annotate(
             label,
@@ -89,9 +89,11 @@ def draw_law(axes: Any, run: FinishedRun, design: DesignResult, compact: bool = 
     axis = law.axes[main_axis(law, data.axis if data else "y")]
     symbol = _symbol(law)
     axes.set_xlabel(
-        f"{symbol} $u$ about {axis} ({u_unit.name})" if len(law.axes) > 1 else f"{symbol} $u$ ({u_unit.name})"
+        f"{symbol} $u$ about {axis} ({u_unit.symbol})"
+        if len(law.axes) > 1
+        else f"{symbol} $u$ ({u_unit.symbol})"
     )
-    axes.set_ylabel(rf"effort $\tau$ ({effort.name})")
+    axes.set_ylabel(rf"effort $\tau$ ({effort.symbol})")
     source = "law and FEM states" if data is not None and data.design.family != "table" else "law and data"
     if data is None:
         source = "stated by its coefficients" if law.error is None else "of an unseen design"
@@ -115,7 +117,7 @@ def draw_residuals(axes: Any, design: DesignResult, of_study: bool = False) -> N
     else:
         predicted, half = _at_states(design, data)
     missed = 100 * (predicted - data.moment_n_m) / scale
-    groups, u_unit = Groups.of(data), units.of_deformation(design.law)
+    groups, u_unit = Groups.of(data), deformation_unit(design.law)
     size = 4 if len(data) > MANY else 26
     axes.axhline(0, color=style.SOFT, lw=0.9, zorder=1)
     x = data.angle_rad * u_unit.factor
@@ -140,13 +142,13 @@ def draw_residuals(axes: Any, design: DesignResult, of_study: bool = False) -> N
         )  # fmt: skip
         largest = max(largest, float(np.max(np.abs(missed[groups.check]) + bars)))
     axes.set_ylim(-1.22 * largest, 1.22 * largest)
-    axes.yaxis.set_major_formatter(lambda value, _: units.number(float(value), 2))
-    axes.set_xlabel(f"{_symbol(design.law)} $u$ ({u_unit.name})")
+    axes.yaxis.set_major_formatter(lambda value, _: number(float(value), 2))
+    axes.set_xlabel(f"{_symbol(design.law)} $u$ ({u_unit.symbol})")
     axes.set_ylabel("% of effort range")
     name = "Study's form − state" if of_study else "Law − state"
     left_out = groups.check.any()
     worst = float(np.abs(missed[groups.check]).max()) if left_out else worst
-    axes.set_title(f"{name}, worst {units.percent(worst / 100)}{' of those left out' if left_out else ''}")
+    axes.set_title(f"{name}, worst {percent(worst / 100)}{' of those left out' if left_out else ''}")
 
 
 def _at_states(design: DesignResult, data: FemDataset) -> tuple[Array, Array | None]:
@@ -215,9 +217,7 @@ def angle_range(run: FinishedRun, design: DesignResult) -> tuple[float, float]:
     return (low if np.isfinite(low) else -0.5 * largest), (high if np.isfinite(high) else 1.2 * largest)
 
 
-def _states(
-    axes: Any, data: FemDataset, colours: Any, norm: Any, u_unit: units.Unit, effort: units.Unit
-) -> None:
+def _states(axes: Any, data: FemDataset, colours: Any, norm: Any, u_unit: Unit, effort: Unit) -> None:
     groups = Groups.of(data)
     many = len(data) > MANY
     size = 3 if many else 24

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from matplotlib.ticker import FixedLocator, NullLocator
 
-from pliant.report import units
+from pliant.formatting import percent
 from pliant.report.figures import style
 
 SMALLEST = 1e-8
@@ -68,7 +68,7 @@ def _panel(axes: Any, title: str, curves: Sequence[Curve], mark: float | None) -
     if mark is not None:
         axes.axhline(100 * mark, color=style.SERIES[2], lw=1.2, zorder=1)
         axes.annotate(
-            units.percent(mark), (1, 100 * mark), (-4, 3), xycoords=("axes fraction", "data"),
+            percent(mark), (1, 100 * mark), (-4, 3), xycoords=("axes fraction", "data"),
             textcoords="offset points", ha="right", fontsize=8.5, color=style.SERIES[2],
         )  # fmt: skip
     axes.set_xscale("log")

@@ -8,7 +8,7 @@ import numpy as np
 
 from pliant.evidence.phases import phases
 from pliant.evidence.scores import GroupError
-from pliant.evidence.words import Shown, shown
+from pliant.formatting import NamedUnit, unit_of
 from pliant.records.design import Array
 from pliant.report.comparison_reading import (
     Compared,
@@ -37,7 +37,7 @@ def loops(compared: Compared, output: str) -> style.Png | None:
     driver, across = found
     conditions = sorted(compared.comparison.conditions, key=lambda c: -c.share_of_error / max(c.n, 1))[:MOST]
     rows, columns = grid(len(conditions), COLUMNS)
-    words = (across, shown(output))
+    words = (across, unit_of(output))
     with style.canvas(max(460 * columns, 900), 600 * rows + 90) as figure:
         axes = figure.subplots(
             2 * rows, columns, squeeze=False, sharex=True, gridspec_kw={"height_ratios": [2.2, 1.3] * rows}
@@ -59,7 +59,7 @@ def loops(compared: Compared, output: str) -> style.Png | None:
 
 def _pair(
     pair: tuple[Any, Any], compared: Compared, condition: GroupError, driver: str, output: str,
-    words: tuple[Shown, Shown],
+    words: tuple[NamedUnit, NamedUnit],
 ) -> None:  # fmt: skip
     top, bottom = pair
     across, up = words
@@ -105,14 +105,14 @@ def _error(panel: Any, x: Array, error: Array, direction: Array, pick: Any, dots
         )
 
 
-def _frame(pair: tuple[Any, Any], words: tuple[Shown, Shown], column: int, last: bool) -> None:
+def _frame(pair: tuple[Any, Any], words: tuple[NamedUnit, NamedUnit], column: int, last: bool) -> None:
     across, up = words
     top, bottom = pair
     top.tick_params(labelbottom=False, labelleft=column == 0)
     bottom.tick_params(labelbottom=last, labelleft=column == 0)
     if column == 0:
         top.set_ylabel(up.axis)
-        bottom.set_ylabel(f"error ({up.unit})" if up.unit else "error")
+        bottom.set_ylabel(f"error ({up.symbol})" if up.symbol else "error")
     if last:
         bottom.set_xlabel(across.axis)
 

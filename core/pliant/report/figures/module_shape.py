@@ -9,8 +9,8 @@ import numpy as np
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 
+from pliant.formatting import actuation_unit, deformation_unit, fixed
 from pliant.records.fem import FemDataset, ModuleShape
-from pliant.report import units
 from pliant.report.figures import body, shading, style
 from pliant.report.figures.body_row import in_a_row
 
@@ -70,7 +70,7 @@ def stretch_bar(
 
 def free_title(data: FemDataset, shape: ModuleShape) -> str:
     """Where on the free branch a shape is."""
-    value = units.of_actuation(data.actuation_name).text(shape.actuation)
-    unit = units.of_deformation(data)
-    u = units.fixed(shape.angle_rad * unit.factor, 1 if unit is units.DEGREES else 2)
-    return f"Free at {value}: u = {u}{'' if unit is units.DEGREES else ' '}{unit.name}"
+    value = actuation_unit(data.actuation_name).text(shape.actuation)
+    unit = deformation_unit(data)
+    u = fixed(shape.angle_rad * unit.factor, 2 if data.joint == "prismatic" else 1)
+    return f"Free at {value}: u = {unit.attached(u)}"

@@ -9,8 +9,8 @@ import numpy as np
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 
+from pliant.formatting import stress_unit
 from pliant.records.fem import FemDataset
-from pliant.report import units
 from pliant.report.figures import body, shading, style
 from pliant.report.figures.body_row import in_a_row
 from pliant.report.figures.module_shape import MESH_LINE, can_show, free_title, last_shape
@@ -43,7 +43,7 @@ def stress_caption(data: FemDataset) -> str:
     """What the picture shows and the largest stress of the skin."""
     stress = last_shape(data).von_mises_pa
     assert stress is not None
-    largest = units.of_stress(float(stress.max())).text(float(stress.max()), 3)
+    largest = stress_unit(float(stress.max())).text(float(stress.max()), 3)
     return (
         "Von Mises stress, Cauchy, at the mesh's nodes (values at Gauss points, fitted in each element, averaged); "
         f"largest on the skin {largest}. 'pliant fem --fields DIR' writes all fields for ParaView."
@@ -51,9 +51,9 @@ def stress_caption(data: FemDataset) -> str:
 
 
 def _bar(figure: Any, axes: Any, limit: float, largest: float) -> None:
-    unit = units.of_stress(limit)
+    unit = stress_unit(limit)
     mapped = ScalarMappable(Normalize(0.0, limit * unit.factor), style.stress_map())
     bar = figure.colorbar(mapped, cax=axes, extend="max" if largest > limit else "neither")
-    bar.set_label(f"von Mises stress ({unit.name})")
+    bar.set_label(f"von Mises stress ({unit.symbol})")
     bar.outline.set_visible(False)
     axes.grid(False)

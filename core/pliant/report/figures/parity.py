@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from pliant.report import units
+from pliant.formatting import deformation_unit, effort_unit, percent
 from pliant.report.figures import style
 from pliant.report.meta_reading import PLACES, MetaFitted
 
@@ -17,7 +17,7 @@ COLOURS = {"interior": style.SERIES[0], "border": style.SERIES[1]}
 def parity_picture(fitted: MetaFitted) -> style.Png:
     """One row for each axis: solved against predicted, interior and border apart, then misses of both."""
     data = fitted.designs.data[0]
-    effort = units.of_effort(data)
+    effort = effort_unit(data)
     names = fitted.axes
     with style.canvas(1560, 500 * len(names) + 40) as figure:
         figure.set_layout_engine("constrained", w_pad=0.09, h_pad=0.09, wspace=0.04)
@@ -32,14 +32,14 @@ def parity_picture(fitted: MetaFitted) -> style.Png:
                 axes.set_title(
                     f"{symbol}, {place}: {count} designs, R² {_r2(fitted, place, name)}", fontsize=9.5
                 )
-                axes.set_xlabel(f"solved {symbol} ({effort.name})")
-                axes.set_ylabel(f"predicted {symbol} ({effort.name})")
+                axes.set_xlabel(f"solved {symbol} ({effort.symbol})")
+                axes.set_ylabel(f"predicted {symbol} ({effort.symbol})")
             for place, rows in reversed(groups.items()):
                 tau = effort.factor * fitted.misses.tau[rows, a]
                 _dots(row[2], tau, 100 * fitted.shares[rows, a], COLOURS[place], place)
             row[2].axhline(0, color=style.SOFT, lw=0.9, zorder=1)
             row[2].set_title("Predicted − solved", fontsize=9.5)
-            row[2].set_xlabel(f"solved {symbol} ({effort.name})")
+            row[2].set_xlabel(f"solved {symbol} ({effort.symbol})")
             row[2].set_ylabel("% of the design's range")
             row[2].legend(loc="best", markerscale=1.6)
         return style.png(figure)
@@ -50,7 +50,7 @@ def free_picture(fitted: MetaFitted) -> style.Png | None:
     misses, data = fitted.misses, fitted.designs.data[0]
     if not len(misses.free_design):
         return None
-    unit = units.of_deformation(data)
+    unit = deformation_unit(data)
     word = "extension" if data.joint == "prismatic" else "angle"
     u, miss = unit.factor * misses.free_angle, unit.factor * misses.free_miss
     largest = np.array([np.abs(u[misses.free_design == d]).max() for d in misses.free_design])
@@ -66,12 +66,12 @@ def free_picture(fitted: MetaFitted) -> style.Png | None:
         right.axhline(0, color=style.SOFT, lw=0.9, zorder=1)
         every = fitted.scores["all"]
         left.set_title(
-            f"Free {word}: median miss {units.percent(every.free_median)}, worst {_worst(every.free_worst)}"
+            f"Free {word}: median miss {percent(every.free_median)}, worst {_worst(every.free_worst)}"
         )
-        left.set_xlabel(f"solved free {word} ({unit.name})")
-        left.set_ylabel(f"predicted free {word} ({unit.name})")
+        left.set_xlabel(f"solved free {word} ({unit.symbol})")
+        left.set_ylabel(f"predicted free {word} ({unit.symbol})")
         right.set_title("Predicted − solved")
-        right.set_xlabel(f"solved free {word} ({unit.name})")
+        right.set_xlabel(f"solved free {word} ({unit.symbol})")
         right.set_ylabel(f"% of the design's largest free {word}")
         right.legend(loc="best", markerscale=1.6)
         return style.png(figure)
@@ -111,4 +111,4 @@ def _r2(fitted: MetaFitted, place: str, axis: str) -> str:
 
 
 def _worst(share: float) -> str:
-    return "no equilibrium" if np.isinf(share) else units.percent(share)
+    return "no equilibrium" if np.isinf(share) else percent(share)

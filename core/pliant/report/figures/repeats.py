@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from pliant.evidence.words import Shown, shown
+from pliant.formatting import NamedUnit, unit_of
 from pliant.measurements.repeats import RepeatGroup, aligned, repeat_groups
 from pliant.records.design import Array
 from pliant.report.comparison_reading import clock, thin
@@ -27,12 +27,12 @@ def repeats(diagnosed: Diagnosed, output: str) -> style.Png | None:
     if not found:
         return None
     found = sorted(found, key=lambda item: -float(np.nanmean(item[1] ** 2)))[:MOST]
-    words = shown(output)
+    words = unit_of(output)
     with style.canvas(max(520 * len(found), 900), 430) as figure:
         axes = figure.subplots(1, len(found), squeeze=False, sharey=True)[0]
         for panel, (group, values) in zip(axes, found, strict=True):
             _panel(panel, diagnosed, group, values, output, words)
-        axes[0].set_ylabel(f"less their mean ({words.unit})" if words.unit else "less their mean")
+        axes[0].set_ylabel(f"less their mean ({words.symbol})" if words.symbol else "less their mean")
         figure.set_layout_engine("constrained", w_pad=0.05, h_pad=0.05)
         return style.png(figure)
 
@@ -47,7 +47,7 @@ def _scatter(diagnosed: Diagnosed, group: RepeatGroup, output: str) -> Array:
 
 
 def _panel(
-    panel: Any, diagnosed: Diagnosed, group: RepeatGroup, values: Array, output: str, words: Shown
+    panel: Any, diagnosed: Diagnosed, group: RepeatGroup, values: Array, output: str, words: NamedUnit
 ) -> None:
     runs = [diagnosed.measurement.runs[k] for k in group.runs]
     band = BAND * diagnosed.found.noise.floors[output].within * words.factor

@@ -10,8 +10,8 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import LogNorm
 from matplotlib.lines import Line2D
 
+from pliant.formatting import actuation_unit, deformation_unit, number, percent
 from pliant.pipeline.law_misses import Misses
-from pliant.report import units
 from pliant.report.figures import style
 from pliant.report.figures.fem_states import actuation_word, coordinate_words
 from pliant.report.fit_reading import Fitted
@@ -55,7 +55,7 @@ def residual_map(fitted: Fitted) -> style.Png:
             aspect=45,
         )
         bar.set_label("|law − state|, % of the effort's range")
-        bar.ax.yaxis.set_major_formatter(lambda value, _: units.number(float(value), 1))
+        bar.ax.yaxis.set_major_formatter(lambda value, _: number(float(value), 1))
         bar.outline.set_visible(False)
         _legend(figure, fitted)
         figure.set_layout_engine("constrained", w_pad=0.09, h_pad=0.09, wspace=0.03)
@@ -65,10 +65,10 @@ def residual_map(fitted: Fitted) -> style.Png:
 def _panel(axes: Any, fitted: Fitted, missed: Misses, name: str, title: str, norm: LogNorm) -> None:
     data, k = fitted.data, missed.axes.index(name)
     part = missed.rows(missed.axis == k)
-    p_unit, u_unit = units.of_actuation(data.actuation_name), units.of_deformation(data)
+    p_unit, u_unit = actuation_unit(data.actuation_name), deformation_unit(data)
     x = data.deformation[part.state, data.axes.index(name)] * u_unit.factor
     y = data.actuation[part.state] * p_unit.factor
-    percent = 100 * np.maximum(part.share, LOWEST)
+    shares = 100 * np.maximum(part.share, LOWEST)
     looks = (
         (~part.check & ~part.together, "o", 40),
         (~part.check & part.together, "s", 40),
@@ -77,18 +77,14 @@ def _panel(axes: Any, fitted: Fitted, missed: Misses, name: str, title: str, nor
     )
     for chosen, marker, size in looks:
         axes.scatter(
-            x[chosen], y[chosen], size, c=percent[chosen], cmap=style.error_map(), norm=norm, marker=marker,
+            x[chosen], y[chosen], size, c=shares[chosen], cmap=style.error_map(), norm=norm, marker=marker,
             edgecolor=style.INK, linewidths=[1.1 if marker in "DP" else 0.4], zorder=4 if marker in "DP" else 3,
         )  # fmt: skip
     axes.margins(0.07)
     axes.set_xlabel(coordinate_words(data, name))
-    axes.set_ylabel(f"{actuation_word(data)} ({p_unit.name})")
+    axes.set_ylabel(f"{actuation_word(data)} ({p_unit.symbol})")
     worst = part.rows(part.check).worst
-    says = (
-        f"worst {units.percent(worst)} left out"
-        if np.isfinite(worst)
-        else f"worst {units.percent(part.worst)}"
-    )
+    says = f"worst {percent(worst)} left out" if np.isfinite(worst) else f"worst {percent(part.worst)}"
     words = [f"axis {name}" if len(data.axes) > 1 else "", title]
     text = f"{', '.join(word for word in words if word)}:{' ' if len(fitted.study_misses) < 2 else chr(10)}{says}"
     axes.set_title(text[0].upper() + text[1:], fontsize=9)

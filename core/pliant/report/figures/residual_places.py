@@ -9,7 +9,7 @@ import numpy as np
 
 from pliant.evidence.covariates import Covariate
 from pliant.evidence.places import Place
-from pliant.evidence.words import Shown, percent, shown
+from pliant.formatting import NamedUnit, unit_of, whole_percent
 from pliant.report.comparison_reading import Compared, fitting, grid, hide_rest, thin
 from pliant.report.figures import style
 
@@ -25,7 +25,7 @@ def residual_places(compared: Compared, output: str) -> style.Png | None:
     if not items:
         return None
     rows, columns = grid(len(items), COLUMNS)
-    words = shown(output)
+    words = unit_of(output)
     with style.canvas(max(600 * columns, 900), 430 * rows + 90) as figure:
         axes = figure.subplots(rows, columns, squeeze=False)
         limits = _limits(compared, output, words)
@@ -34,7 +34,7 @@ def residual_places(compared: Compared, output: str) -> style.Png | None:
             _panel(panel, compared, item, output, words)
             panel.set_ylim(*limits)
             if k % columns == 0:
-                panel.set_ylabel(f"measured − model ({words.unit})" if words.unit else "measured − model")
+                panel.set_ylabel(f"measured − model ({words.symbol})" if words.symbol else "measured − model")
             else:
                 panel.tick_params(labelleft=False)
         hide_rest(list(axes.flat[len(items) :]))
@@ -48,12 +48,12 @@ def _in_order(compared: Compared) -> list[Covariate]:
     return sorted(compared.covariates.items, key=lambda item: -tells.get(item.name, 0.0))[:MOST]
 
 
-def _panel(panel: Any, compared: Compared, item: Covariate, output: str, words: Shown) -> None:
+def _panel(panel: Any, compared: Compared, item: Covariate, output: str, words: NamedUnit) -> None:
     places = [p for p in compared.comparison.places if p.covariate == item.name and output in p.outputs]
     told = compared.comparison.depends_on.get(item.name, 0.0)
     real = any(p.outputs[output].significant for p in places)
     loud = real and told >= LOUD
-    title = fitting(f"{item.shown.label}: {f'tells {percent(told)}' if real else 'noise'}", 46)
+    title = fitting(f"{item.shown.label}: {f'tells {whole_percent(told)}' if real else 'noise'}", 46)
     panel.set_title(title, fontsize=9.5, color=style.WARN if loud else style.INK)
     if item.numeric:
         places = [p for p in places if np.isfinite(p.centre)]
@@ -71,7 +71,9 @@ def _panel(panel: Any, compared: Compared, item: Covariate, output: str, words: 
     _means(panel, x, places, output, words)
 
 
-def _readings(panel: Any, compared: Compared, values: Any, output: str, words: Shown, numeric: bool) -> None:
+def _readings(
+    panel: Any, compared: Compared, values: Any, output: str, words: NamedUnit, numeric: bool
+) -> None:
     residual = np.concatenate([run[output] for run in compared.residuals]) * words.factor
     there = np.flatnonzero(np.isfinite(values) & np.isfinite(residual))
     pick = there[thin(len(there), POINTS)]
@@ -81,7 +83,7 @@ def _readings(panel: Any, compared: Compared, values: Any, output: str, words: S
     )
 
 
-def _means(panel: Any, x: Any, places: Sequence[Place], output: str, words: Shown) -> None:
+def _means(panel: Any, x: Any, places: Sequence[Place], output: str, words: NamedUnit) -> None:
     entries = [place.outputs[output] for place in places]
     mean = np.array([e.mean for e in entries]) * words.factor
     low, high = np.array([e.interval for e in entries]).reshape(-1, 2).T * words.factor
@@ -120,7 +122,7 @@ def _short(condition: str, item: Covariate) -> str:
     return condition.split()[0] if item.name == "direction" else fitting(condition, 14)
 
 
-def _limits(compared: Compared, output: str, words: Shown) -> tuple[float, float]:
+def _limits(compared: Compared, output: str, words: NamedUnit) -> tuple[float, float]:
     residual = np.concatenate([run[output] for run in compared.residuals]) * words.factor
     residual = residual[np.isfinite(residual)]
     low, high = np.quantile(residual, [0.003, 0.997]) if len(residual) else (0.0, 0.0)

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from pliant.evidence.words import Shown, shown
+from pliant.formatting import NamedUnit, unit_of
 from pliant.report.comparison_reading import Compared, clock, fitting, grid, thin
 from pliant.report.figures import style
 
@@ -20,7 +20,7 @@ def runs_in_time(compared: Compared, output: str) -> style.Png:
     """Small multiples: the reading in ink over the model in blue; below, measured − model over a band of ±2 floors."""
     names, _ = compared.worst_runs(MOST)
     rows, columns = grid(len(names), COLUMNS)
-    words, floor = shown(output), compared.comparison.outputs[output].noise_floor
+    words, floor = unit_of(output), compared.comparison.outputs[output].noise_floor
     with style.canvas(max(460 * columns, 900), 430 * rows + 90) as figure:
         ratios = [3.0, 1.25] * rows
         axes = figure.subplots(2 * rows, columns, squeeze=False, gridspec_kw={"height_ratios": ratios})
@@ -35,7 +35,7 @@ def runs_in_time(compared: Compared, output: str) -> style.Png:
             bottom.set_ylim(-reach, reach)
             if column == 0:
                 top.set_ylabel(words.axis)
-                bottom.set_ylabel(f"error ({words.unit})" if words.unit else "error")
+                bottom.set_ylabel(f"error ({words.symbol})" if words.symbol else "error")
             else:
                 top.tick_params(labelleft=False)
                 bottom.tick_params(labelleft=False)
@@ -52,7 +52,7 @@ def runs_in_time(compared: Compared, output: str) -> style.Png:
 
 
 def _panel(
-    top: Any, bottom: Any, compared: Compared, name: str, output: str, words: Shown, floor: float
+    top: Any, bottom: Any, compared: Compared, name: str, output: str, words: NamedUnit, floor: float
 ) -> None:
     run, model = compared.run(name)
     pick = thin(len(run))
@@ -97,7 +97,7 @@ def _reach(compared: Compared, names: list[str], output: str, floor: float) -> f
     return 1.12 * max(high, 2.4 * floor if np.isfinite(floor) else 0.0, 1e-12)
 
 
-def _span(compared: Compared, names: list[str], output: str, words: Shown) -> tuple[float, float]:
+def _span(compared: Compared, names: list[str], output: str, words: NamedUnit) -> tuple[float, float]:
     values = []
     for name in names:
         run, model = compared.run(name)

@@ -10,8 +10,8 @@ from matplotlib.collections import LineCollection
 from matplotlib.colors import Colormap, LinearSegmentedColormap
 from numpy.typing import NDArray
 
+from pliant.formatting import number
 from pliant.records.design import Array
-from pliant.report import units
 from pliant.report.figures import style
 from pliant.report.figures.search_answer import discrete
 from pliant.report.figures.search_history import shown_range
@@ -105,7 +105,7 @@ class _Scale:
         )
         for share, value in zip(shares, values, strict=True):
             axes.annotate(
-                units.number(float(value), 3), (share, level + 0.22), (0, -3), textcoords="offset points",
+                number(float(value), 3), (share, level + 0.22), (0, -3), textcoords="offset points",
                 ha="center", va="top", fontsize=8.5,
             )  # fmt: skip
 

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from pliant.formatting import number
 from pliant.records.search import Slope
-from pliant.report import units
 from pliant.report.figures import style
 from pliant.report.figures.search_small import small_png
 from pliant.report.search_axes import Axis
@@ -84,6 +84,6 @@ def _panel(axes: Any, read: SearchRead, slope: Slope, axis: Axis) -> None:
     if np.isfinite(slope.change):
         change = abs(slope.change) * read.objective.unit.factor
         axes.set_xlabel(
-            f"{units.number(change, 2)} {read.objective.unit.name}".strip() + " for 1 % of the range",
+            f"{number(change, 2)} {read.objective.unit.symbol}".strip() + " for 1 % of the range",
             fontsize=8,
         )

@@ -55,7 +55,7 @@ def search_verified(read: SearchRead) -> style.Png | None:
             axes.set_ylim(len(engines) - 0.5, -0.5)
             axes.margins(x=0.25)
             axes.locator_params(axis="x", nbins=4)
-            axes.set_title(textwrap.fill(f"{label} ({unit.name})" if unit.name else label, 28))
+            axes.set_title(textwrap.fill(f"{label} ({unit.symbol})" if unit.symbol else label, 28))
         figure.legend(loc="outside lower center", ncols=2)
         figure.set_layout_engine("constrained", w_pad=0.08, h_pad=0.06)
         return style.png(figure)

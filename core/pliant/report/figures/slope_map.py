@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 from matplotlib.ticker import MaxNLocator
 
+from pliant.formatting import actuation_unit, deformation_unit, effort_unit, number
 from pliant.records.design import Array
 from pliant.records.law import JointLaw
-from pliant.report import units
 from pliant.report.figures import style
 from pliant.report.figures.fem_states import actuation_word, coordinate_words
 from pliant.report.fit_reading import Fitted
@@ -51,9 +51,9 @@ def slope_map(fitted: Fitted) -> style.Png:
     """One panel for each axis that was explored."""
     law, data, names = fitted.law, fitted.data, fitted.explored
     p_unit, u_unit, effort = (
-        units.of_actuation(law.actuation_name),
-        units.of_deformation(law),
-        units.of_effort(law),
+        actuation_unit(law.actuation_name),
+        deformation_unit(law),
+        effort_unit(law),
     )
     per = "m" if law.joint == "prismatic" else "rad"
     with style.canvas(1000 if len(names) == 1 else 1560, 600) as figure:
@@ -77,15 +77,15 @@ def slope_map(fitted: Fitted) -> style.Png:
             _mark(axes, u[j] * u_unit.factor, p[i] * p_unit.factor)
             bar = figure.colorbar(mesh, ax=axes, pad=0.02)
             bar.outline.set_visible(False)
-            bar.ax.yaxis.set_major_formatter(lambda value, _: units.number(float(value), 4))
-            bar.set_label(rf"$\partial\tau/\partial u$ ({effort.name}/{per})")
+            bar.ax.yaxis.set_major_formatter(lambda value, _: number(float(value), 4))
+            bar.set_label(rf"$\partial\tau/\partial u$ ({effort.symbol}/{per})")
             axes.grid(False)
             axes.set_xlabel(coordinate_words(data, name))
-            axes.set_ylabel(f"{actuation_word(data)} ({p_unit.name})")
+            axes.set_ylabel(f"{actuation_word(data)} ({p_unit.symbol})")
             word = "softest" if shown.max() < 0 else "UNSTABLE"
             text = f"axis {name}: {word}" if len(names) > 1 else word
-            largest = units.number(float(shown.max()), 3)
-            axes.set_title(f"{text[0].upper()}{text[1:]} {largest} {effort.name}/{per}")
+            largest = number(float(shown.max()), 3)
+            axes.set_title(f"{text[0].upper()}{text[1:]} {largest} {effort.symbol}/{per}")
         return style.png(figure)
 
 

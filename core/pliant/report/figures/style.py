@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
 from numpy.typing import NDArray
 
-from pliant.report import units
+from pliant.formatting import number
 
 Png = NDArray[np.uint8]
 
@@ -107,7 +107,7 @@ def log_labels(axis: Any) -> None:
     low, high = axis.get_view_interval()
     axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if high < 500 * low else (1.0,), numticks=12))
     axis.set_minor_formatter(NullFormatter())
-    axis.set_major_formatter(lambda value, _: units.number(float(value), 1))
+    axis.set_major_formatter(lambda value, _: number(float(value), 1))
 
 
 def scale_bar(axes: Any, x: float, y: float, length: float, label: str) -> None:

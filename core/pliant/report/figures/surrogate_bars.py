@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from pliant.report import units
+from pliant.formatting import number
 from pliant.report.figures import style
 from pliant.report.fit_reading import Fitted
 
@@ -49,5 +49,5 @@ def _bars(axes: Any, names: Sequence[str], values: Any) -> None:
     style.log_labels(axes.xaxis)
     for place, value in zip(places, values, strict=True):
         axes.annotate(
-            units.number(float(value), 3), (value, place), (4, 0), textcoords="offset points", va="center", fontsize=8.5
+            number(float(value), 3), (value, place), (4, 0), textcoords="offset points", va="center", fontsize=8.5
         )  # fmt: skip

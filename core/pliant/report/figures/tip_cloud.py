@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from pliant.formatting import Unit, display_unit, number
 from pliant.records.design import Array
-from pliant.report import units
 from pliant.report.figures import style
 
 COORDINATES = "xyz"
@@ -43,7 +43,7 @@ def _cloud(
     mean: Array,
     tip_m: Array,
     plane: tuple[int, int],
-    unit: units.Unit,
+    unit: Unit,
 ) -> None:
     """Tips from the tip of the laws themselves, with the interval in each coordinate and the ball."""
     level = f"{100 * float(spread['level']):g} %"
@@ -68,13 +68,13 @@ def _cloud(
     )
     axes.set_aspect("equal", adjustable="datalim")
     axes.margins(0.12)
-    axes.set_xlabel(f"tip {COORDINATES[i]} from that of the laws ({unit.name})")
-    axes.set_ylabel(f"tip {COORDINATES[j]} from that of the laws ({unit.name})")
+    axes.set_xlabel(f"tip {COORDINATES[i]} from that of the laws ({unit.symbol})")
+    axes.set_ylabel(f"tip {COORDINATES[j]} from that of the laws ({unit.symbol})")
     axes.set_title("Where the tip may be")
     axes.legend(loc="best", fontsize=8)
 
 
-def _distance(axes: Any, spread: Mapping[str, Any], tips: Array, mean: Array, unit: units.Unit) -> None:
+def _distance(axes: Any, spread: Mapping[str, Any], tips: Array, mean: Array, unit: Unit) -> None:
     """Share of the runs within a distance of the mean tip."""
     reach = np.sort(np.linalg.norm(tips - mean, axis=1)) * unit.factor
     share = 100 * np.arange(1, len(reach) + 1) / len(reach)
@@ -82,16 +82,16 @@ def _distance(axes: Any, spread: Mapping[str, Any], tips: Array, mean: Array, un
     level, radius = 100 * float(spread["level"]), unit.factor * float(spread["tip_radius_m"])
     axes.plot([radius, radius, 0], [0, level, level], color=style.WARN, lw=1.1, ls="--")
     axes.annotate(
-        f"{level:g} % within {units.number(radius, 2)} {unit.name}", (0, level), (6, 4),
+        f"{level:g} % within {number(radius, 2)} {unit.symbol}", (0, level), (6, 4),
         textcoords="offset points", fontsize=9, color=style.WARN,
     )  # fmt: skip
     axes.set_xlim(0, 1.06 * float(max(reach.max(), radius)))
     axes.set_ylim(0, 104)
-    axes.set_xlabel(f"distance from the mean tip ({unit.name})")
+    axes.set_xlabel(f"distance from the mean tip ({unit.symbol})")
     axes.set_ylabel("runs (%)")
     axes.set_title("How far from the mean")
 
 
-def _unit(length_m: float) -> units.Unit:
+def _unit(length_m: float) -> Unit:
     """Millimetres, or micrometres where the cloud is smaller."""
-    return units.MILLIMETRES if length_m >= 1e-4 else units.Unit("µm", 1e6)
+    return display_unit("m") if length_m >= 1e-4 else Unit("µm", 1e6)

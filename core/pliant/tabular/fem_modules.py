@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pliant.errors import UserError
-from pliant.pipeline.table_checks import Row
-from pliant.pipeline.table_columns import ACTUATIONS, ALL, PRISMATIC, TRAVELS, Names, is_data
-from pliant.pipeline.table_reading import FAMILY, axis_words, names_in, number, parsed, table_rows, words
 from pliant.records.design import Array, Design
 from pliant.records.fem import COUPLING, ModuleData
 from pliant.records.law import JointKind
+from pliant.tabular.fem_checks import Row
+from pliant.tabular.fem_columns import ACTUATIONS, ALL, PRISMATIC, TRAVELS, Names, is_data
+from pliant.tabular.fem_reading import FAMILY, axis_words, names_in, number, parsed, table_rows, words
 
 DESIGN = "design"  # column with the design's number in a sweep's table
 Value = float | int | str | bool

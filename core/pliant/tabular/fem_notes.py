@@ -6,17 +6,15 @@ import hashlib
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Literal
 
-from pydantic import Field, StringConstraints
+from pydantic import Field
 
-from pliant.config.loading import load_notes
-from pliant.errors import UserError, closest
-from pliant.interfaces.base import FrozenModel
-from pliant.units import UnitError, parse_quantity
+from pliant.config.measurements import ColumnNotes, Name
+from pliant.errors import UserError
+from pliant.tabular.notes import check_named, noted, notes_beside
+from pliant.tabular.units import conversion, fits, stem, unit_at_the_end, unit_in
 
-ENDINGS = (".yaml", ".yml")
-Name = Annotated[str, StringConstraints(strip_whitespace=True, min_length=1)]
 # SI unit of what may come in another unit.
 UNITS = {
     **{"pressure_pa": "Pa", "tendon_force_n": "N", "angle_rad": "rad", "moment_n_m": "N*m"},
@@ -29,31 +27,13 @@ CALLED = {
     "angle_rad": r"th.*|phi|alpha|angle.*|rot.*|ur\d?|beta|winkel.*|joint_angle.*|half.*angle.*",
     "moment_n_m": r"m|mom.*|torque.*|rm\d?|mz|my|tau|drehmoment.*",
 }
-# Units as names end in them: pressure_kpa, angle_deg.
-SUFFIXES = {
-    "kpa": "kPa",
-    "mpa": "MPa",
-    "bar": "bar",
-    "mbar": "mbar",
-    "psi": "psi",
-    "deg": "deg",
-    "nmm": "N*mm",
-}
-SUFFIXES |= {"n_mm": "N*mm", "mnm": "mN*m", "mn_m": "mN*m", "nm": "N*m", "mn": "mN"}
 _OF_AXIS = re.compile(r"(angle|extension|moment|force)_[xyz]_(rad|m|n_m|n)")
 _SLOPE = re.compile(r"d(moment|force)(_[xyz])?_d([pu])(_[xyz])?")
-_BRACKET = re.compile(r"(.+?)\s*[(\[]\s*([^()\[\]]+?)\s*[)\]]$")
 
 
-class TableNotes(FrozenModel):
+class TableNotes(ColumnNotes):
     """What a table from elsewhere does not say of itself. The file `fem.yaml` beside `fem.csv` holds these keys."""
 
-    rename: dict[Name, Name] = Field(
-        default_factory=dict, description="the file's column: Pliant's name, e.g. {'p (kPa)': pressure_pa}"
-    )
-    units: dict[Name, Name] = Field(
-        default_factory=dict, description="unit that a column is written in, e.g. {pressure_pa: kPa}"
-    )
     angle: Literal["module", "half_module"] = Field(
         default="module", description="half_module: the angle is that of half a module and is doubled"
     )
@@ -66,17 +46,12 @@ class TableNotes(FrozenModel):
     )
 
 
-def notes_file(path: Path) -> Path | None:
-    """The YAML beside a table, or None; it may turn out to be a study."""
-    return next((f for end in ENDINGS if (f := path.with_suffix(end)) != path and f.is_file()), None)
-
-
 def table_digest(path: Path) -> str:
     """What keys a table's content, its notes included."""
     content = path.read_bytes()
-    beside = notes_file(path)
-    if beside is not None and load_notes(beside, TableNotes) is not None:
-        content += b"\0" + beside.read_bytes()
+    notes, file = notes_beside(path, TableNotes)
+    if notes is not None and file is not None:
+        content += b"\0" + file.read_bytes()
     return "sha256:" + hashlib.sha256(content).hexdigest()
 
 
@@ -85,19 +60,15 @@ class Columns:
 
     def __init__(self, path: Path, header: Sequence[str]) -> None:
         """Raises `UserError` for notes on columns that are not there, and for units that do not fit."""
-        beside = notes_file(path)
-        found = load_notes(beside, TableNotes) if beside else None
+        found, beside = notes_beside(path, TableNotes)
         self.file = (beside if found is not None and beside else path.with_suffix(".yaml")).name
         self.notes = found or TableNotes()
         self.written = list(header)
-        self._check(path)
+        named = [*header, *map(stem, header)]
+        check_named(path, self.file, "rename", self.notes.rename, named)
+        check_named(path, self.file, "units", self.notes.units, [*named, *self.notes.rename.values()])
         self.names = [self._name(written) for written in header]
-        for key in self.notes.between:
-            if key not in self.names:
-                hint = closest(key, self.names)
-                raise UserError(
-                    f"{self.file}: 'between' has '{key}', which is not a column of {path.name}{hint}"
-                )
+        check_named(path, self.file, "between", self.notes.between, self.names)
         self.stated: dict[str, str] = {}
         self.factors: dict[str, float] = {}
         for written, name in zip(header, self.names, strict=True):
@@ -131,22 +102,6 @@ class Columns:
                 continue
         return True
 
-    def _check(self, path: Path) -> None:
-        stems = {stem(name) for name in self.written}
-        for key in self.notes.rename:
-            if key not in self.written and key not in stems:
-                raise UserError(
-                    f"{self.file}: 'rename' has '{key}', which is not a column of {path.name}"
-                    f"{closest(key, self.written)}"
-                )
-        known = {*self.written, *stems, *self.notes.rename.values()}
-        for key in self.notes.units:
-            if key not in known:
-                hint = closest(key, sorted(known))
-                raise UserError(
-                    f"{self.file}: 'units' has '{key}', which is not a column of {path.name}{hint}"
-                )
-
     def _of_slope(self, effort: str, axis: str | None, by: str, along: str | None) -> float:
         """Factor to SI of a slope, which is in the units and signs of the columns that it is of."""
         effort_unit, deformation, unit = (
@@ -158,29 +113,25 @@ class Columns:
         return self.factors.get(of, 1.0) / self.factors.get(by_names[0] if by_names else "", 1.0)
 
     def _name(self, written: str) -> str:
-        rename = self.notes.rename
-        new = rename.get(written, rename.get(stem(written)))
+        new = noted(self.notes.rename, written, stem(written))
         return new or (stem(written) if stem(written) in UNITS else written)
 
     def _convert(self, path: Path, written: str, name: str) -> None:
         units = self.notes.units
-        unit = units.get(written, units.get(stem(written), units.get(name, unit_in(written))))
-        noted = next((key for key in (written, stem(written), name) if key in units), None)
+        unit = noted(units, written, stem(written), name) or unit_in(written)
+        noted_as = next((key for key in (written, stem(written), name) if key in units), None)
         if plain_name(name) not in UNITS:
-            if noted is not None:
+            if noted_as is not None:
                 slope = "; a slope is in the units of its columns" if _SLOPE.fullmatch(name) else ""
                 raise UserError(
-                    f"{self.file}: 'units' has '{noted}', which is read as it stands{slope}. Units are understood of "
-                    f"{', '.join(UNITS)}."
+                    f"{self.file}: 'units' has '{noted_as}', which is read as it stands{slope}. Units are "
+                    f"understood of {', '.join(UNITS)}."
                 )
             return
         if unit is None:
             return
-        try:
-            factor = parse_quantity(f"1 {unit.replace('·', '*')}", UNITS[plain_name(name)])
-        except UnitError as error:
-            where = f"{self.file}: 'units' of '{noted}'" if noted else f"{path}: column '{written}'"
-            raise UserError(f"{where}, which is taken for {name}: {error}") from None
+        where = f"{self.file}: 'units' of '{noted_as}'" if noted_as else f"{path}: column '{written}'"
+        factor, _ = conversion(unit, UNITS[plain_name(name)], f"{where}, which is taken for {name}")
         self.stated[name] = unit
         if factor != 1.0:
             self.factors[name] = factor
@@ -190,18 +141,6 @@ def plain_name(name: str) -> str:
     """The name of a column of one axis of several, without the axis: angle_x_rad is an angle_rad."""
     match = _OF_AXIS.fullmatch(name)
     return f"{match[1]}_{match[2]}" if match else name
-
-
-def stem(written: str) -> str:
-    """A name without the unit in brackets behind it."""
-    match = _BRACKET.match(written)
-    return match[1] if match else written
-
-
-def unit_in(written: str) -> str | None:
-    """The unit in brackets behind a name."""
-    match = _BRACKET.match(written)
-    return match[2] if match else None
 
 
 def lines_to_write(path: Path, header: Sequence[str], needed: Sequence[str]) -> str:
@@ -215,7 +154,7 @@ def lines_to_write(path: Path, header: Sequence[str], needed: Sequence[str]) -> 
             continue
         rename[written] = meant
         half = half or (meant == "angle_rad" and "half" in written.lower())
-        if unit_in(written) is None and (unit := _suffix(written)):
+        if unit_in(written) is None and (unit := unit_at_the_end(written)):
             units[written] = unit
     if not rename:
         return ""
@@ -232,24 +171,12 @@ def _block(key: str, pairs: Mapping[str, str]) -> str:
 
 def _meant(written: str) -> str | None:
     """The column that a name and its unit speak for."""
-    unit = unit_in(written) or _suffix(written)
+    unit = unit_in(written) or unit_at_the_end(written)
     plain = stem(written).lower().strip()
-    fitting = [name for name in CALLED if unit is None or _fits(unit, UNITS[name])]
+    fitting = [name for name in CALLED if unit is None or fits(unit, UNITS[name])]
+    if unit is not None and not fitting and unit_in(written) is None:  # an axis or a number, no unit
+        unit, fitting = None, list(CALLED)
     named = [name for name in fitting if re.fullmatch(CALLED[name], plain)]
     if unit is not None and fitting and not named:
         return fitting[0]
     return named[0] if named else None
-
-
-def _suffix(written: str) -> str | None:
-    low = written.lower()
-    ends = [end for end in SUFFIXES if low.endswith("_" + end)]
-    return SUFFIXES[max(ends, key=len)] if ends else None
-
-
-def _fits(written: str, unit: str) -> bool:
-    try:
-        parse_quantity(f"1 {written.replace('·', '*')}", unit)
-    except UnitError:
-        return False
-    return True

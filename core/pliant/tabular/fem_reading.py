@@ -10,15 +10,16 @@ from typing import Any
 import numpy as np
 
 from pliant.errors import UserError, closest
-from pliant.pipeline.table_checks import Row, check_agreement, check_pressure, check_slopes, check_tendon
-from pliant.pipeline.table_columns import ACTUATIONS, ALL, PRISMATIC, REVOLUTE, WORDS, Names, is_data
-from pliant.pipeline.table_notes import Columns, lines_to_write
-from pliant.pipeline.table_text import is_number, table_cells
 from pliant.records.design import Design
 from pliant.records.fem import FemDataset
+from pliant.tabular.fem_checks import Row, check_agreement, check_pressure, check_slopes, check_tendon
+from pliant.tabular.fem_columns import ACTUATIONS, ALL, PRISMATIC, REVOLUTE, WORDS, Names, is_data
+from pliant.tabular.fem_notes import Columns, lines_to_write
+from pliant.tabular.text import is_number, open_sheet
 
 FAMILY = "table"
 FULL_TURN = 2 * math.pi
+NEEDED = "pressure_pa (or tendon_force_n),angle_rad,moment_n_m"
 
 
 def read_table(path: Path, axis: str | None = None) -> FemDataset:
@@ -97,31 +98,19 @@ def table_rows(path: Path) -> tuple[list[str], list[Row]]:
 
 
 def _rows_of(path: Path) -> tuple[list[str], list[Row], Columns]:
-    number, written, cells = table_cells(path, _needs())
-    _check_repeats(path, number, written)
-    columns = Columns(path, written)
-    header = columns.names
-    if problem := _problem(path, header, columns):
-        raise UserError(f"{path}, line {number}: {problem}")
-    rows = [
-        (line, {name: columns.converted(name, cell) for name, cell in zip(header, row, strict=True)})
-        for line, row in cells
-    ]
+    with open_sheet(path, NEEDED) as sheet:
+        columns = Columns(path, sheet.header)
+        header = columns.names
+        if problem := _problem(path, header, columns):
+            raise UserError(f"{path}, line {sheet.header_line}: {problem}")
+        rows = [
+            (line, {name: columns.converted(name, cell) for name, cell in zip(header, row, strict=True)})
+            for line, row in sheet.rows()
+        ]
     rows = [(line, row) for line, row in rows if columns.keeps(row)]
     if not rows:
         raise UserError(f"{columns.file}: 'between' leaves no row of {path.name}")
     return header, rows, columns
-
-
-def _needs() -> str:
-    return "pressure_pa (or tendon_force_n), angle_rad and moment_n_m"
-
-
-def _check_repeats(path: Path, line: int, header: list[str]) -> None:
-    if repeated := sorted({name for name in header if header.count(name) > 1}):
-        raise UserError(
-            f"{path}, line {line}: column '{repeated[0]}' appears {header.count(repeated[0])} times"
-        )
 
 
 def _problem(path: Path, header: list[str], columns: Columns) -> str:

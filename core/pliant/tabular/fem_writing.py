@@ -1,4 +1,4 @@
-"""Data sets as CSV: data from elsewhere (COMSOL, Abaqus, a test bench) in, the FEM stage's states out."""
+"""The FEM stage's states as CSV, which `fem_reading` and `fem_modules` read back to the bit."""
 
 from __future__ import annotations
 
@@ -12,13 +12,10 @@ from typing import Any
 import numpy as np
 
 from pliant.errors import ContractError
-from pliant.pipeline.table_columns import ALL, EFFORTS, LABELS, TRAVELS, is_data, names_of
-from pliant.pipeline.table_reading import read_table, table_axes
 from pliant.records.design import Array, Design
 from pliant.records.fem import FemDataset, ModuleData
 from pliant.store.store import write_atomically
-
-__all__ = ["read_table", "table_axes", "write_table"]
+from pliant.tabular.fem_columns import ALL, EFFORTS, LABELS, TRAVELS, is_data, names_of
 
 
 def write_table(dataset: FemDataset | ModuleData, path: Path) -> None:

@@ -1,0 +1,248 @@
+"""SI numbers as people read them: numbers of a sensible length, quantities in display units, lists.
+
+`DISPLAY` decides in which unit each quantity is shown, on the terminal, on pages, in tables and in pictures:
+change it here and nowhere else. JSON, CSV and study files do not go through this module.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+from pliant.units import split_unit
+
+
+@dataclass(frozen=True)
+class Unit:
+    """A display unit: value shown = SI value × factor; `word` where a sentence spells the symbol out."""
+
+    symbol: str
+    factor: float = 1.0
+    word: str = ""
+
+    def text(self, value: float, digits: int = 4) -> str:
+        """An SI value in this unit, e.g. ``15 kPa``."""
+        return self.attached(number(value * self.factor, digits))
+
+    def attached(self, text: str) -> str:
+        """A text of numbers that are in this unit already, with the symbol: ``3 to 5 kPa``, ``12°``."""
+        return f"{text}{'' if self.symbol == '°' else ' '}{self.symbol}".strip()
+
+
+@dataclass(frozen=True)
+class NamedUnit(Unit):
+    """The display unit of a named quantity, such as a column of a table, and its name in words."""
+
+    label: str = ""
+
+    @property
+    def axis(self) -> str:
+        """The label of an axis or of a column: ``tip x (mm)``."""
+        return f"{self.label} ({self.symbol})" if self.symbol else self.label
+
+
+# SI unit → the unit that people read. What does not stand here is shown in SI.
+DISPLAY = {
+    "m": Unit("mm", 1e3),
+    "Pa": Unit("kPa", 1e-3),
+    "kg": Unit("g", 1e3),
+    "rad": Unit("°", 180 / math.pi, "degrees"),
+    "N*m": Unit("mN·m", 1e3),
+    "kg/m^3": Unit("kg/m³"),
+    "m/s^2": Unit("m/s²"),
+    "strain": Unit("%", 100.0),
+    "degC": Unit("°C"),
+    "K^-1": Unit("% per K", 100.0),
+    "dimensionless": Unit(""),
+    "1": Unit(""),
+}
+# Suffixes that only columns and outputs have; the fields of a study have those of `pliant.units` alone.
+OF_COLUMNS = {"_pa_s": "Pa/s", "_n_s": "N/s", "_m_s": "m/s", "_strain": "strain", "_c": "degC"}
+ROUNDING = 1e-20  # nothing that people read is this small
+LABELS = {"angle": "bend angle"}  # where the words of a column's name would not do
+
+
+def display_unit(si: str) -> Unit:
+    """The display unit of an SI unit, rates included: kPa for Pa, kPa/s for Pa/s."""
+    if si.endswith("/s") and si not in DISPLAY:
+        per = display_unit(si.removesuffix("/s"))
+        return Unit(f"{per.symbol}/s", per.factor)
+    return DISPLAY.get(si, Unit(si))
+
+
+def named_unit(label: str, si: str = "") -> NamedUnit:
+    """The display unit of an SI unit, under this label."""
+    unit = display_unit(si)
+    return NamedUnit(unit.symbol, unit.factor, label=label)
+
+
+def unit_of(name: str) -> NamedUnit:
+    """How a column or an output is shown, by its suffix: ``tip_x_m`` → "tip x" in mm."""
+    stem, si = split_unit(name)
+    for suffix, other in OF_COLUMNS.items():
+        if name.endswith(suffix):
+            stem, si = name.removesuffix(suffix), other
+    words = re.sub(r"_+", " ", stem).strip()
+    return named_unit(LABELS.get(words, words), si)
+
+
+def unit_of_field(field: str) -> tuple[str, Unit]:
+    """A field's name without its unit, and its display unit: ``wall_m`` → wall, mm."""
+    stem, si = split_unit(field)
+    return stem, display_unit(si)
+
+
+def quantity(value: Any, si: str = "", digits: int = 4) -> str:
+    """A value in this SI unit as people read it: ``7 mm``, ``0.12 mm``; words and switches as they are."""
+    if value is None or isinstance(value, str | bool):
+        return str(value)
+    return display_unit(si).text(float(value), digits)
+
+
+def quantities(values: Mapping[str, Any], units: Mapping[str, str]) -> str:
+    """Named values, each in its SI unit: ``n1 4, side 90°``."""
+    return ", ".join(f"{name} {quantity(value, units.get(name, ''))}" for name, value in values.items())
+
+
+def number(value: Any, digits: int = 4) -> str:
+    """A number with `digits` significant digits, without trailing zeros; ``–`` where there is none."""
+    if value is None or (isinstance(value, float) and not math.isfinite(value)):
+        return "–"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, int):
+        return minus(str(value))
+    value = float(value)
+    if abs(value) < ROUNDING:
+        return "0"
+    if 1e-4 <= abs(value) < 1e6:
+        decimals = max(digits - 1 - math.floor(math.log10(abs(value))), 0)
+        text = f"{value:.{decimals}f}"
+        return minus(text.rstrip("0").rstrip(".") if decimals else text)
+    mantissa, exponent = f"{value:.{min(digits, 2) - 1}e}".split("e")
+    return f"{minus(mantissa)}·10{str(int(exponent)).translate(SUPERSCRIPT)}"
+
+
+SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+
+def fixed(value: float, decimals: int) -> str:
+    """A number with this many decimals."""
+    text = f"{value:.{decimals}f}"
+    return minus(text.lstrip("-") if float(text) == 0 else text)
+
+
+def decimals_of_sd(value: float, sd: float, digits: int = 2) -> int | None:
+    """Decimals at which the sd's last significant digit stands, those of four digits of the value without an sd."""
+    size = sd if 0 < sd < math.inf else abs(value) * 1e-2
+    if not 0 < size < math.inf:
+        return None
+    return min(digits - 1 - math.floor(math.log10(size)), 15)
+
+
+def rounded_to_sd(value: float, sd: float, digits: int = 2) -> str:
+    """A value to the last digit of its standard deviation: 0.20 where that is 0.012, since "0.2" would hide a digit."""
+    decimals = decimals_of_sd(value, sd, digits)
+    return number(value, 3) if decimals is None else minus(f"{round(value, decimals):.{max(decimals, 0)}f}")
+
+
+def with_sd(value: float, sd: float, unit: Unit) -> str:
+    """An SI value ± its standard deviation in this unit: ``0.213 ± 0.004 kPa``."""
+    value, sd = value * unit.factor, sd * unit.factor
+    if not (math.isfinite(sd) and sd > 0):
+        return unit.attached(number(value, 3))
+    if sd > 10 * max(abs(value), 1e-300) or sd < 1e-9 * abs(value):
+        return unit.attached(f"{number(value, 3)} ± {number(sd, 2)}")
+    return unit.attached(f"{rounded_to_sd(value, sd)} ± {rounded_to_sd(sd, sd)}")
+
+
+def seconds(value: float) -> str:
+    """A duration: ``72.2 s``, ``14.0 ms``, ``3 min 20 s``."""
+    if value >= 120:
+        return f"{int(value // 60)} min {value % 60:.0f} s"
+    if value >= 0.1:
+        return f"{value:.1f} s"
+    return f"{1e3 * value:.1f} ms" if value >= 1e-4 else f"{1e6 * value:.0f} µs"
+
+
+def small_length(value_m: float) -> str:
+    """A distance in mm, µm or nm."""
+    for name, factor in (("mm", 1e3), ("µm", 1e6), ("nm", 1e9)):
+        if abs(value_m) * factor >= 1:
+            return f"{number(value_m * factor, 2)} {name}"
+    return "less than 1 nm" if value_m else "0 mm"
+
+
+def percent(share: float, digits: int = 2) -> str:
+    """A share as a percentage; what is below a millionth is said so."""
+    if math.isfinite(share) and 0 < abs(share) < 1e-6:
+        return "less than 0.0001 %"
+    return f"{number(100 * share, digits)} %"
+
+
+def whole_percent(share: float) -> str:
+    """A probability or a share of cases in whole percent; "less than 1 %" where it would read as nothing."""
+    if 0 < share < 0.01:
+        return "less than 1 %"
+    return f"{100 * share:.0f} %"
+
+
+def listed(texts: Sequence[str]) -> str:
+    """The texts as an English list: ``a, b and c``."""
+    return " and ".join(filter(None, (", ".join(texts[:-1]), *texts[-1:])))
+
+
+def plural(count: int, noun: str) -> str:
+    """A count with its noun: ``1 row``, ``2 rows``."""
+    return f"{count} {noun}{'' if count == 1 else 's'}"
+
+
+def units_of_page(**kinds: str) -> str:
+    """The footer of a page: ``Lengths in mm, angles in degrees`` from ``lengths="m", angles="rad"``."""
+    units = {word: display_unit(si) for word, si in kinds.items()}
+    text = ", ".join(f"{word} in {unit.word or unit.symbol}" for word, unit in units.items())
+    return text[:1].upper() + text[1:]
+
+
+def unbroken(text: str) -> str:
+    """The text without a line break between a number and its unit."""
+    symbols = sorted({"%", "m", "µm", "nm", "N", *(u.symbol for u in DISPLAY.values())} - {""}, reverse=True)
+    known = "|".join(map(re.escape, symbols))
+    return re.sub(rf"(?<=\d) (?=(?:{known})(?!\w))", "\u00a0", text)
+
+
+def minus(text: str) -> str:
+    """The text with a typographic minus."""
+    return text.replace("-", "−")
+
+
+def actuation_unit(name: str) -> Unit:
+    """Display unit of an actuation such as ``pressure_pa``, numbered ones included."""
+    return display_unit("N" if name.endswith("_n") else "Pa")
+
+
+class Jointed(Protocol):
+    """A law, or data, of a joint."""
+
+    @property
+    def joint(self) -> str:
+        """Kind of the joint: "revolute", "spherical" or "prismatic"."""
+        ...
+
+
+def deformation_unit(law: Jointed) -> Unit:
+    """Display unit of a joint coordinate."""
+    return display_unit("m" if law.joint == "prismatic" else "rad")
+
+
+def effort_unit(law: Jointed) -> Unit:
+    """Display unit of a joint's effort."""
+    return display_unit("N" if law.joint == "prismatic" else "N*m")
+
+
+def stress_unit(largest_pa: float) -> Unit:
+    """Display unit of stresses up to this one: that of pressures, or MPa."""
+    return Unit("MPa", 1e-6) if largest_pa >= 1e6 else display_unit("Pa")

@@ -1,0 +1,132 @@
+"""One reader of tables: what it takes from one use it takes from all of them."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pliant.calibration.reading import read_bench_data
+from pliant.errors import UserError
+from pliant.measurements.reading import read_measurement
+from pliant.tabular import text
+from pliant.tabular.fem_reading import read_table
+from pliant.tabular.text import is_number, open_sheet
+
+ROWS = "0.5,0.1,0.2\n1.5,0.25,0.125\n"
+MARKS = {",": ("latin-1", "."), ";": ("utf-16", ","), "\t": ("utf-8-sig", ",")}
+
+
+def fem(path: Path) -> np.ndarray:
+    found = read_table(path)
+    return np.column_stack([found.actuation, found.angle_rad, found.moment_n_m])
+
+
+def measured(path: Path) -> np.ndarray:
+    run = read_measurement(path).runs[0]
+    return np.column_stack(
+        [run.history.actuation["pressure_pa"], run.outputs["angle_rad"], run.history.moment_n_m]
+    )
+
+
+def free_curve(path: Path) -> np.ndarray:
+    found = read_bench_data(path)
+    return np.column_stack([found.x, found.y, [0.2, 0.125]])
+
+
+READERS = {
+    "fit": (fem, "pressure_pa,angle_rad,moment_n_m"),
+    "compare": (measured, "pressure_pa,angle_rad,moment_n_m"),
+    "calibrate": (free_curve, "pressure_pa,angle_rad,Kraft für nichts"),
+}
+
+
+@pytest.mark.parametrize("use", READERS)
+@pytest.mark.parametrize("separator", MARKS)
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "latin-1", "utf-16", "utf-16-le", "utf-16-be"])
+def test_every_use_takes_every_separator_and_encoding(tmp_path, use, separator, encoding):
+    read, header = READERS[use]
+    rows = ROWS if separator == "," else ROWS.replace(",", separator).replace(".", ",")
+    path = tmp_path / "bench.csv"
+    path.write_bytes(f"# Büro, 20 °C\n{header.replace(',', separator)}\n{rows}".encode(encoding))
+    assert np.array_equal(read(path), [[0.5, 0.1, 0.2], [1.5, 0.25, 0.125]])
+
+
+@pytest.mark.parametrize("use", READERS)
+def test_units_stand_in_brackets_or_at_the_end_of_a_name(tmp_path, use):
+    read, header = READERS[use]
+    path = tmp_path / "bench.csv"
+    for pressure, angle in (("pressure_kpa", "angle_deg"), ("pressure_pa (kPa)", "angle_rad [deg]")):
+        if use == "fit" and pressure == "pressure_kpa":
+            continue  # a law's table has its units in brackets or in the notes, and is told so
+        path.write_text(header.replace("pressure_pa", pressure).replace("angle_rad", angle) + "\n" + ROWS)
+        found = read(path)
+        assert np.allclose(found[:, 0], [500, 1500]) and np.allclose(found[:, 1], np.radians([0.1, 0.25]))
+
+
+def test_a_german_table_with_notes_is_compared(tmp_path):
+    (tmp_path / "bench.yaml").write_text(
+        "rename: {Messung: run, 'Zeit [ms]': time_s, 'Druck [mbar]': pressure_pa, 'Winkel [deg]': angle_rad}\n"
+    )
+    path = tmp_path / "bench.csv"
+    path.write_bytes("Messung;Zeit [ms];Druck [mbar];Winkel [deg]\nA;0;0;0\nA;2,5;10;18\n".encode("latin-1"))
+    run = read_measurement(path).runs[0]
+    assert run.name == "A" and np.allclose(run.history.time_s, [0, 2.5e-3])
+    assert np.allclose(run.history.actuation["pressure_pa"], [0, 1000])
+    assert np.allclose(run.outputs["angle_rad"], [0, np.pi / 10])
+
+
+@pytest.mark.parametrize("use", READERS)
+@pytest.mark.parametrize(
+    ("content", "place"),
+    [
+        (b"%PDF-1.7", ""),
+        (b"PK\x03\x04sheet", ""),
+        (b"\x00\x01\x02\x03\x04", ""),
+        (b"", ""),
+        (b"{head}\n", ""),
+        (b"1,2,3\n4,5,6\n", "line 1"),
+        (b"{head}\n1,2,3\n1,2\n", "line 3"),
+        (b"{head}\n1,0.1,3\n1,abc,3\n", "line 3"),
+        (b'{head},"open\n1,2,3,4\n', "line 1"),
+    ],
+)
+def test_a_mistake_is_told_with_file_and_row_in_every_use(tmp_path, use, content, place):
+    read, header = READERS[use]
+    path = tmp_path / "bench.csv"
+    path.write_bytes(content.replace(b"{head}", header.encode()))
+    with pytest.raises(UserError) as caught:
+        read(path)
+    assert str(path) in str(caught.value) and place in str(caught.value)
+
+
+def test_a_decimal_that_may_be_read_in_two_ways_is_a_mistake(tmp_path):
+    path = tmp_path / "bench.csv"
+    path.write_text("pressure_pa;angle_rad;moment_n_m\n1.234,5;0,1;0\n")
+    for read in (fem, measured):
+        with pytest.raises(UserError, match="line 2.*two ways"):
+            read(path)
+
+
+def test_a_quoted_cell_may_run_over_lines_and_blocks_end_anywhere(tmp_path, monkeypatch):
+    path = tmp_path / "t.csv"
+    path.write_text('name,value\n"two\nlines",1\nplain,2\n\n# end\nlast,3\n')
+    with open_sheet(path, "name,value") as sheet:
+        assert list(sheet.rows()) == [(3, ["two\nlines", "1"]), (4, ["plain", "2"]), (7, ["last", "3"])]
+    path.write_text("name,value\n" + "a,1\n" * 50)
+    monkeypatch.setattr(text, "BLOCK", 16)
+    with open_sheet(path, "name,value") as sheet:
+        assert [line for line, _ in sheet.rows()] == list(range(2, 52))
+
+
+def test_comsol_writes_its_header_into_the_last_comment(tmp_path):
+    path = tmp_path / "t.csv"
+    path.write_text("% Model: finger\n% p,u\n1,2\n3,4\n")
+    with open_sheet(path, "p,u") as sheet:
+        assert sheet.header == ["p", "u"] and [line for line, _ in sheet.rows()] == [3, 4]
+
+
+@pytest.mark.parametrize(
+    ("cell", "holds"), [("1e-3", True), ("nan", True), ("1_5", False), ("", False), ("1,5", False)]
+)
+def test_what_a_number_is(cell, holds):
+    assert is_number(cell) is holds
