@@ -27,8 +27,7 @@ from scipy.optimize import minimize_scalar
 
 from pliant.errors import MissingDependencyError
 from pliant.records.fem import FemState
-from pliant_plugins.families.bellow_bending.config import BellowBendingConfig
-from pliant_plugins.families.bellow_bending.family import BellowBending
+from pliant_plugins.families.bellow_bending.family import BellowBending, BellowBendingConfig
 from pliant_plugins.fem.skfem.backend import Skfem, SkfemSolver
 from pliant_plugins.fem.skfem.config import SkfemConfig
 from pliant_plugins.materials.neo_hookean import NeoHookean, NeoHookeanConfig

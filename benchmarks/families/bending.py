@@ -28,8 +28,7 @@ from scipy.optimize import minimize_scalar
 
 from pliant.records.design import Array
 from pliant.records.fem import FemState
-from pliant_plugins.families.bellow_bending.config import BellowBendingConfig
-from pliant_plugins.families.bellow_bending.family import BellowBending
+from pliant_plugins.families.bellow_bending.family import BellowBending, BellowBendingConfig
 from pliant_plugins.fem.skfem.backend import Skfem, SkfemSolver
 from pliant_plugins.fem.skfem.condense import Control
 from pliant_plugins.fem.skfem.config import SkfemConfig

@@ -32,8 +32,7 @@ from benchmarks.families.spatial import asymmetry, energy_error, free_states, ro
 from benchmarks.physics.output import Bar, write
 
 from pliant.records.fem import ModuleProblem
-from pliant_plugins.families.bellow_helical.config import BellowHelicalConfig
-from pliant_plugins.families.bellow_helical.family import BellowHelical
+from pliant_plugins.families.bellow_helical.family import BellowHelical, BellowHelicalConfig
 
 DESIGN = {
     "inner_radius": "3.09 mm",

@@ -28,14 +28,10 @@ import numpy as np
 from pliant.interfaces.family import ActuatorFamily
 from pliant.interfaces.fem import FEMBackend, ModuleSolver
 from pliant.records.fem import FemState, ModuleProblem
-from pliant_plugins.families.bellow_bending.config import BellowBendingConfig
-from pliant_plugins.families.bellow_bending.family import BellowBending
-from pliant_plugins.families.bellow_helical.config import BellowHelicalConfig
-from pliant_plugins.families.bellow_helical.family import BellowHelical
-from pliant_plugins.families.bellow_translational.config import BellowTranslationalConfig
-from pliant_plugins.families.bellow_translational.family import BellowTranslational
-from pliant_plugins.families.tendon_joint.config import TendonJointConfig
-from pliant_plugins.families.tendon_joint.family import TendonJoint
+from pliant_plugins.families.bellow_bending.family import BellowBending, BellowBendingConfig
+from pliant_plugins.families.bellow_helical.family import BellowHelical, BellowHelicalConfig
+from pliant_plugins.families.bellow_translational.family import BellowTranslational, BellowTranslationalConfig
+from pliant_plugins.families.tendon_joint.family import TendonJoint, TendonJointConfig
 from pliant_plugins.fem.ngsolve.backend import Ngsolve
 from pliant_plugins.fem.ngsolve.config import NgsolveConfig
 from pliant_plugins.fem.skfem.backend import Skfem

@@ -32,8 +32,7 @@ from scipy.interpolate import CubicHermiteSpline
 from scipy.optimize import minimize_scalar
 
 from pliant.interfaces.fem import StateNotConvergedError
-from pliant_plugins.families.tendon_joint.config import TendonJointConfig
-from pliant_plugins.families.tendon_joint.family import TendonJoint
+from pliant_plugins.families.tendon_joint.family import TendonJoint, TendonJointConfig
 from pliant_plugins.fem.skfem.backend import Skfem, SkfemSolver
 from pliant_plugins.fem.skfem.config import SkfemConfig
 from pliant_plugins.manifest import TENDON_JOINT

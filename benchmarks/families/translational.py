@@ -13,8 +13,7 @@ from typing import Any
 from benchmarks.families.published_y import solver_of
 from benchmarks.physics.output import Bar, write
 
-from pliant_plugins.families.bellow_translational.config import BellowTranslationalConfig
-from pliant_plugins.families.bellow_translational.family import BellowTranslational
+from pliant_plugins.families.bellow_translational.family import BellowTranslational, BellowTranslationalConfig
 
 DESIGN = {"inner_radius": "5 mm", "average_radius": "8 mm", "wall": "1.5 mm", "module_length": "10 mm"}
 PRESSURES = (2e3, 4e3, 7.5e3, 10e3, 12.5e3, 15e3)

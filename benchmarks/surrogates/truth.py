@@ -12,8 +12,7 @@ from scipy.stats import qmc
 
 from pliant.records.design import Array
 from pliant.records.fem import FemState
-from pliant_plugins.families.bellow_bending.config import BellowBendingConfig
-from pliant_plugins.families.bellow_bending.family import BellowBending
+from pliant_plugins.families.bellow_bending.family import BellowBending, BellowBendingConfig
 
 MU_PA = 240e3
 PRESSURE_PA = 15e3

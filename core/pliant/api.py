@@ -20,11 +20,11 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from pliant.calibration.calibration import Calibration
 from pliant.calibration.calibration import calibrate as calibrate_with
 from pliant.calibration.law_of_runs import LawOfRuns
 from pliant.calibration.law_of_runs import law_of_runs as law_of_runs_with
 from pliant.calibration.reading import read_bench_data
+from pliant.calibration.result import Calibration
 from pliant.config.loading import load_study
 from pliant.config.problems import sentences
 from pliant.config.study import Study, varied

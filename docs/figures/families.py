@@ -15,8 +15,7 @@ from matplotlib.patches import Circle, Rectangle
 
 from pliant_plugins.families.bellow.profile import BellowProfile
 from pliant_plugins.families.bellow_bending.geometry import BellowGeometry
-from pliant_plugins.families.bellow_helical.config import OFFSET, BellowHelicalConfig
-from pliant_plugins.families.bellow_helical.family import BellowHelical
+from pliant_plugins.families.bellow_helical.family import OFFSET, BellowHelical, BellowHelicalConfig
 from pliant_plugins.families.tendon_joint.geometry import JointGeometry
 
 OUT = Path(__file__).parent.parent / "pictures"

@@ -59,7 +59,7 @@ def _modules() -> list[Component]:
         Component(
             interface="family",
             kind="bellow_bending",
-            config=f"{HERE}.families.bellow_bending.config:BellowBendingConfig",
+            config=f"{HERE}.families.bellow_bending.family:BellowBendingConfig",
             implementation=f"{HERE}.families.bellow_bending.family:BellowBending",
             summary="bellow with a strain-limiting plate on one side; pressure bends it",
             example=FINGER,
@@ -67,7 +67,7 @@ def _modules() -> list[Component]:
         Component(
             interface="family",
             kind="bellow_helical",
-            config=f"{HERE}.families.bellow_helical.config:BellowHelicalConfig",
+            config=f"{HERE}.families.bellow_helical.family:BellowHelicalConfig",
             implementation=f"{HERE}.families.bellow_helical.family:BellowHelical",
             summary="bellow with a constraint inside along one side; pressure bends it, on three axes",
             example=HELIX_MODULE,
@@ -75,7 +75,7 @@ def _modules() -> list[Component]:
         Component(
             interface="family",
             kind="bellow_translational",
-            config=f"{HERE}.families.bellow_translational.config:BellowTranslationalConfig",
+            config=f"{HERE}.families.bellow_translational.family:BellowTranslationalConfig",
             implementation=f"{HERE}.families.bellow_translational.family:BellowTranslational",
             summary="bellow without a constraint; pressure extends it",
             example=EXTENDING,
@@ -83,7 +83,7 @@ def _modules() -> list[Component]:
         Component(
             interface="family",
             kind="tendon_joint",
-            config=f"{HERE}.families.tendon_joint.config:TendonJointConfig",
+            config=f"{HERE}.families.tendon_joint.family:TendonJointConfig",
             implementation=f"{HERE}.families.tendon_joint.family:TendonJoint",
             summary="rigid links with a soft flexure between them; a tendon below it bends it",
             example=TENDON_JOINT,

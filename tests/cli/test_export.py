@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 from pliant.registry.component import Component
-from pliant_plugins.families.bellow_bending.config import BellowBendingConfig
-from pliant_plugins.families.bellow_bending.family import BellowBending
+from pliant_plugins.families.bellow_bending.family import BellowBending, BellowBendingConfig
 
 BELLOW = """\
 pliant: 1

@@ -53,13 +53,20 @@ def test_the_generated_pages_are_fresh():
     assert result.returncode == 0, result.stdout
 
 
-def test_the_freshness_check_can_fail(tmp_path):
+def test_the_freshness_check_can_fail(monkeypatch, capsys):
+    """A page whose text differs and a page that is not there are both named."""
     spec = importlib.util.spec_from_file_location("generate", DOCS / "generate.py")
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     made = module.pages(REGISTRY)
     for component in SHIPPED:
         assert DOCS / "reference" / component.interface / f"{component.kind}.md" in made
+    changed, missing = next(iter(made)), DOCS / "reference" / "no_such_page.md"
+    stale = {changed: made[changed] + "one line more", missing: "a page"}
+    monkeypatch.setattr(module, "pages", lambda registry: {**made, **stale})
+    monkeypatch.setattr(sys, "argv", ["generate.py", "--check"])
+    assert module.main() == 1
+    assert {Path(line.split(" is missing")[0]) for line in capsys.readouterr().out.splitlines()} == set(stale)
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda p: str(p.relative_to(ROOT)))

@@ -10,8 +10,7 @@ from pliant.records.history import History
 from pliant.testing.histories import Motion, drive
 from pliant.testing.samples import linear_law, sample_chain, softening_law
 from pliant_plugins.effects.wall_thickness import WallThickness, WallThicknessConfig
-from pliant_plugins.families.bellow_bending.config import BellowBendingConfig
-from pliant_plugins.families.bellow_bending.family import BellowBending
+from pliant_plugins.families.bellow_bending.family import BellowBending, BellowBendingConfig
 from pliant_plugins.fem.skfem.backend import Skfem
 from pliant_plugins.fem.skfem.config import SkfemConfig
 from pliant_plugins.materials.neo_hookean import NeoHookean, NeoHookeanConfig

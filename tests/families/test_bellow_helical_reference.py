@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from benchmarks.families.published_y import CURVE, published, relative_rms, solver_of
 
-from pliant_plugins.families.bellow_helical.config import BellowHelicalConfig
-from pliant_plugins.families.bellow_helical.family import BellowHelical
+from pliant_plugins.families.bellow_helical.family import BellowHelical, BellowHelicalConfig
 
 MU = 193.4e3  # of the free curve and the 15 kPa moments, see the benchmark
 DESIGN = {

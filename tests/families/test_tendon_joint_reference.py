@@ -8,8 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pliant_plugins.families.tendon_joint.config import TendonJointConfig
-from pliant_plugins.families.tendon_joint.family import TendonJoint
+from pliant_plugins.families.tendon_joint.family import TendonJoint, TendonJointConfig
 from pliant_plugins.fem.skfem.backend import Skfem, SkfemSolver
 from pliant_plugins.fem.skfem.config import SkfemConfig
 from pliant_plugins.manifest import TENDON_JOINT

@@ -11,8 +11,7 @@ import pytest
 
 from pliant.errors import InvalidDesignError
 from pliant.meshing.hexahedra import boundary_faces, enclosed_volume, quadrature
-from pliant_plugins.families.bellow_bending.config import BellowBendingConfig
-from pliant_plugins.families.bellow_bending.family import BellowBending
+from pliant_plugins.families.bellow_bending.family import BellowBending, BellowBendingConfig
 from pliant_plugins.families.bellow_bending.geometry import BellowGeometry
 from pliant_plugins.families.bellow_bending.mesh import build_mesh
 

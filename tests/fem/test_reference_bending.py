@@ -10,8 +10,7 @@ import pytest
 from scipy.interpolate import CubicSpline
 from scipy.optimize import minimize_scalar
 
-from pliant_plugins.families.bellow_bending.config import BellowBendingConfig
-from pliant_plugins.families.bellow_bending.family import BellowBending
+from pliant_plugins.families.bellow_bending.family import BellowBending, BellowBendingConfig
 from pliant_plugins.fem.skfem.backend import Skfem
 from pliant_plugins.fem.skfem.config import SkfemConfig
 from pliant_plugins.materials.neo_hookean import NeoHookean, NeoHookeanConfig

@@ -27,8 +27,8 @@ from pliant_plugins.fem.skfem.backend import Skfem, SkfemSolver
 from pliant_plugins.fem.skfem.config import SkfemConfig
 from pliant_plugins.fem.skfem.fields import at_nodes
 from pliant_plugins.fem.skfem.kinematics import placed
-from pliant_plugins.fem.skfem.tendon import drawn
-from pliant_plugins.fem.skfem.terms import Terms
+from pliant_plugins.fem.skfem.pattern import Terms
+from pliant_plugins.fem.skfem.potentials import drawn
 from pliant_plugins.fem.skfem.unknowns import constraints
 
 MATERIAL = sample_material()

@@ -6,12 +6,10 @@ import numpy as np
 import pytest
 
 from pliant.errors import ContractError
-from pliant.meshing.discs import half_disc
 from pliant.meshing.hexahedra import FACE_CENTRE, cell_volumes, enclosed_volume, gauss, lagrange
-from pliant.meshing.stacking import capped, mirrored_mesh, stacked
+from pliant.meshing.stacking import capped, half_disc, mirrored_mesh, stacked
 from pliant.records.fem import ModuleMesh
-from pliant_plugins.families.bellow_bending.config import BellowBendingConfig
-from pliant_plugins.families.bellow_bending.family import BellowBending
+from pliant_plugins.families.bellow_bending.family import BellowBending, BellowBendingConfig
 from pliant_plugins.families.bellow_bending.geometry import BellowGeometry
 
 

@@ -13,8 +13,7 @@ from pliant.meshing.surfaces import box, half_boxes, half_skins, merged, stretch
 from pliant.records.design import Array
 from pliant.records.shape import Shape, TriangleMesh
 from pliant.report.figures.stills import outline
-from pliant_plugins.families.bellow_bending.config import BellowBendingConfig
-from pliant_plugins.families.bellow_bending.family import BellowBending
+from pliant_plugins.families.bellow_bending.family import BellowBending, BellowBendingConfig
 from pliant_plugins.solids import read_solid, write_stl
 
 ALONG_X = exp_map(np.array([0.0, np.pi / 2, 0.0]))

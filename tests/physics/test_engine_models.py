@@ -19,7 +19,7 @@ from pliant.records.chain import ChainModel
 from pliant_plugins.physics.mujoco.mjcf import chain_mjcf
 from pliant_plugins.physics.pybullet.backend import Pybullet
 from pliant_plugins.physics.pybullet.config import PybulletConfig
-from pliant_plugins.physics.pybullet.xml_values import roll_pitch_yaw
+from pliant_plugins.physics.pybullet.urdf import roll_pitch_yaw
 
 
 def turn(axis: int, angle: float) -> np.ndarray:

@@ -19,7 +19,7 @@ from pliant.testing.samples import linear_law, linear_spherical_law, sample_chai
 from pliant_plugins.physics.quasistatic import joint_effort
 from pliant_plugins.physics.quasistatic.backend import Quasistatic
 from pliant_plugins.physics.quasistatic.config import QuasistaticConfig
-from pliant_plugins.physics.quasistatic.law_table import tabulate
+from pliant_plugins.physics.quasistatic.packing import tabulate
 from pliant_plugins.physics.stepping import step_through
 
 STRENGTHS = {**VALUES, **MORE_VALUES}

@@ -18,7 +18,7 @@ from pliant.records.law import Domain, Effort, JointLaw, LawRecord, ScalarLaw
 from pliant.records.rollout import Cord, Inputs, PointForce
 from pliant_plugins.physics.mujoco.backend import Mujoco
 from pliant_plugins.physics.mujoco.config import MujocoConfig
-from pliant_plugins.physics.mujoco.engine import MujocoChain
+from pliant_plugins.physics.mujoco.simulation import MujocoChain
 
 INPUTS = Inputs({"pressure_pa": 9e3})
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pliant.errors import UserError
+from pliant.errors import ContractError, UserError
 from pliant.mechanics.rotations import exp_map
 from pliant.mechanics.statics import ChainStatics, Loads
 from pliant.records.chain import Actuator
@@ -35,7 +35,7 @@ from pliant.testing.scenes import (
 from pliant_plugins.physics.pybullet.backend import Pybullet
 from pliant_plugins.physics.pybullet.config import PybulletConfig
 from pliant_plugins.physics.pybullet.scaling import WorldScale
-from pliant_plugins.physics.pybullet.scene_efforts import SceneEfforts
+from pliant_plugins.physics.pybullet.scene import SceneEfforts
 from pliant_plugins.physics.quasistatic.backend import Quasistatic
 from pliant_plugins.physics.quasistatic.config import QuasistaticConfig
 
@@ -242,7 +242,7 @@ def test_runaway_arms_are_an_error_with_advice() -> None:
 
 def test_wrong_inputs_are_told() -> None:
     with engine().build_scene(pinch_scene()) as simulation:
-        with pytest.raises(UserError, match="2 arms and was given inputs of 1"):
+        with pytest.raises(ContractError, match="2 arms and got inputs for 1"):
             simulation.apply(pinching()[:1])
         with pytest.raises(UserError, match="pressure_pa"):
             simulation.apply([Inputs({"tendon_force_n": 1.0})] * 2)

@@ -10,7 +10,7 @@ from pliant.execution.executors import FuturesExecutor, InlineExecutor, executor
 from pliant.pipeline import simulate
 from pliant.search import check_runs
 from pliant.search.check_runs import run_ahead
-from pliant.search.verification import verify
+from pliant.search.verify.verification import verify
 
 CONDITIONS = {"soft": {"task.pressure": "5 kPa"}, "hard": {"task.pressure": "10 kPa"}}
 BOTH = ("physics: quasistatic", "physics: quasistatic\ncross_check: [mujoco]")

@@ -7,10 +7,12 @@ from tests.search.toy_search import ToyEvaluator, searched, setup_of, told
 
 from pliant.errors import NotReachedError, UserError
 from pliant.execution.jobs import KILLED
+from pliant.interfaces.optimizer import Trial
 from pliant.pipeline import remote
 from pliant.pipeline.remote import RemoteStudy
 from pliant.search import workers
-from pliant.search.outcome import Task, Told
+from pliant.search.run.journal import Generation
+from pliant.search.stage_keys import MODULES
 from pliant.search.workers import Setup, work
 
 VALUES = {"a": 0.5, "b": 0.0, "n": 2}
@@ -28,10 +30,10 @@ def test_who_kills_workers_fails_and_the_others_are_evaluated(tmp_path):
     *_, second, largest = sorted(row.values["a"] for row in alone.rows)
     deadly = (second + largest) / 2  # one of the first batch: every death costs two new processes
     (branch,) = searched(tmp_path / "a", workers=2, budget=6, deadly=deadly, killed=str(killed))
-    dead = [row for row in branch.rows if row.values["a"] > deadly]
+    dead = [row for row in branch.trials if row.values["a"] > deadly]
     assert [row.values["a"] for row in dead] == [largest]
-    assert all((row.status, row.cause) == ("failed", KILLED) for row in dead)
-    assert all(row.status == "ok" for row in branch.rows if row not in dead)
+    assert all((row.state, row.cause) == ("failed", KILLED) for row in dead)
+    assert all(row.state == "ok" for row in branch.trials if row not in dead)
     assert branch.evaluated == 6
     times = killed.read_text().splitlines()
     assert all(2 <= times.count(repr(row.values["a"])) <= 3 for row in dead)
@@ -44,33 +46,33 @@ def test_an_executor_that_breaks_is_said_and_what_was_told_is_kept(tmp_path):
 
 
 def test_a_worker_builds_its_evaluator_once():
-    first = work(setup_of(delay_s=0.0), Task(0, VALUES))
+    first = work(setup_of(delay_s=0.0), Trial(0, VALUES))
     assert first.objectives == ToyEvaluator().evaluate(VALUES).objectives
     kept = workers._KEPT.evaluator
-    work(setup_of(delay_s=0.0), Task(1, VALUES))
+    work(setup_of(delay_s=0.0), Trial(1, VALUES))
     assert workers._KEPT.evaluator is kept
-    work(setup_of(delay_s=1e-4), Task(1, VALUES))
+    work(setup_of(delay_s=1e-4), Trial(1, VALUES))
     assert workers._KEPT.evaluator is not kept
 
 
 @pytest.mark.parametrize(
     ("study", "words"),
     [
-        (RemoteStudy("{}", (), "/", workers.MODULES, "abc"), "another version"),
+        (RemoteStudy("{}", (), "/", MODULES, "abc"), "another version"),
         (RemoteStudy("{}", (), "/nowhere"), "does not see"),
     ],
 )
 def test_a_worker_elsewhere_says_what_it_lacks(study, words, monkeypatch):
     monkeypatch.setattr(remote, "SEEN_WITHIN_S", 0.0)
     with pytest.raises(UserError, match=words):
-        work(Setup(study), Task(0, VALUES))
+        work(Setup(study), Trial(0, VALUES))
 
 
 def test_an_outcome_survives_its_journal():
-    row = Told(
+    row = Trial(
         3,
-        1,
         {"a": 0.1 + 0.2, "n": 2, "k": "x"},
+        1,
         "ok",
         (1 / 3, 2.0),
         0.25,
@@ -81,4 +83,5 @@ def test_an_outcome_survives_its_journal():
         7,
         0.5,
     )
-    assert Told.of_list(row.as_list()) == row
+    generation = Generation(4, 6, (row,), 2.5)
+    assert Generation.of_line(generation.line().encode()) == generation

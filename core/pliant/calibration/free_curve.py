@@ -13,7 +13,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.interpolate import CubicHermiteSpline
+import scipy
 
 from pliant.calibration.constants import constants_of
 from pliant.errors import NotReachedError
@@ -63,7 +63,9 @@ class _Curve:
         """u (n,) at actuation / modulus (n,), a cubic through values and slopes."""
         x = [state.actuation / self.modulus_pa for state in self.states]
         slopes = [self.modulus_pa * free_slope(state) for state in self.states]
-        return np.asarray(CubicHermiteSpline(x, [s.angle_rad for s in self.states], slopes)(ratio), float)
+        return np.asarray(
+            scipy.interpolate.CubicHermiteSpline(x, [s.angle_rad for s in self.states], slopes)(ratio), float
+        )
 
 
 def free_slope(state: FemState) -> float:

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import CubicSpline
+import scipy
 
 from pliant.errors import NotReachedError
 from pliant.interfaces.material import Material, MaterialConfig
@@ -51,6 +51,6 @@ class HomogeneousTests:
                 stress[rows] = nominal_stress(material, places, mode)[back]
             else:
                 nodes = np.geomspace(places[0], places[-1], NODES)
-                spline = CubicSpline(np.log(nodes), nominal_stress(material, nodes, mode))
+                spline = scipy.interpolate.CubicSpline(np.log(nodes), nominal_stress(material, nodes, mode))
                 stress[rows] = spline(np.log(stretch))
         return stress

@@ -20,8 +20,6 @@ from pliant.cli.options import (
     Workers,
     workers_or_scheduler,
 )
-from pliant.cli.search_files import BEST, HISTORY, JSON, copy_exported, search_json, write_history
-from pliant.cli.search_words import best_said, lines
 from pliant.cli.session import Session, check_writable, plain, session
 from pliant.cli.studies import OutFolder
 from pliant.config.study import OF_OPTIMIZE, Study
@@ -30,10 +28,14 @@ from pliant.pipeline.study import physics_of_study
 from pliant.pipeline.workbench import Workbench
 from pliant.records.search import FoundDesign, SearchResult
 from pliant.registry.discovery import Registry
-from pliant.search.checking import converged
-from pliant.search.problem import SearchProblem
-from pliant.search.searching import nothing_found, problem_of
+from pliant.report.search import search_document, write_search_page
+from pliant.report.search_files import BEST, HISTORY, JSON, copy_exported, write_history
+from pliant.report.search_lines import best_said
+from pliant.search.evaluate.evaluator import problem_of
+from pliant.search.problem.search_problem import SearchProblem
+from pliant.search.run.search import nothing_found
 from pliant.search.stage import files_folder, search_study
+from pliant.search.verify.check import converged
 from pliant.store.store import Artifact, write_atomically
 
 UNFIT = re.compile(r"[^\w.-]")  # in the name of a file
@@ -85,7 +87,7 @@ def _write(
     result: SearchResult = made.value
     problem = problem_of(bench, study)
     engine: str = physics_of_study(bench, study).kind
-    here.result.update(search_json(result, engine))
+    here.show(search_document(study.canonical(), result, engine=engine))
     write_history(result, folder / HISTORY)
     exported = copy_exported(result.files, files_folder(bench, made), folder)
     here.result["files"] = [str(file) for file in exported]
@@ -94,8 +96,6 @@ def _write(
     if result.best:
         _write_designs(source, folder, study, problem, result)
         here.result["best_study"] = str(folder / BEST)
-        for line in lines(result, engine):
-            here.say(line)
         here.say(f"study    {folder / BEST}, every candidate in {folder / HISTORY}")
         if not converged(result, study, engine):
             here.exit_code = NotReachedError.exit_code
@@ -134,8 +134,6 @@ def _each(problem: SearchProblem, result: SearchResult) -> list[tuple[FoundDesig
 def _write_page(
     here: Session, bench: Workbench, folder: Path, study: Study, problem: SearchProblem, result: SearchResult
 ) -> None:
-    from pliant.report.search_page import write_search_page  # matplotlib takes a second to import
-
     page = write_search_page(folder, study, result, drawn_designs(bench, study, problem, result))
     here.result["report"] = str(page)
     here.say(f"report   {page}")

@@ -20,7 +20,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import logsumexp
+import scipy
 
 from pliant.diagnosis.counts_candidates import Knob
 from pliant.diagnosis.table import NOTHING, UNKNOWN, Kinds
@@ -60,7 +60,7 @@ class Explanation:
     def log_evidence(self) -> float:
         """log of the mean likelihood over the grid."""
         total = self.log_likelihood.sum(axis=1)
-        return float(logsumexp(total) - np.log(len(total)))
+        return float(scipy.special.logsumexp(total) - np.log(len(total)))
 
     @property
     def best(self) -> int:
@@ -71,7 +71,7 @@ class Explanation:
     def weights(self) -> Array:
         """(points,) posterior probability of each point."""
         total = self.log_likelihood.sum(axis=1)
-        weights: Array = np.exp(total - logsumexp(total))
+        weights: Array = np.exp(total - scipy.special.logsumexp(total))
         return weights
 
     @property
@@ -86,7 +86,7 @@ class Explanation:
         """(conditions,) log probability of each condition's count when the others alone choose the point."""
         total = self.log_likelihood.sum(axis=1, keepdims=True)
         others = total - self.log_likelihood
-        left: Array = logsumexp(total, axis=0) - logsumexp(others, axis=0)
+        left: Array = scipy.special.logsumexp(total, axis=0) - scipy.special.logsumexp(others, axis=0)
         return left
 
 
@@ -172,6 +172,6 @@ def probabilities(log_evidence: Mapping[Kinds, float], scatter: float = 1.0) -> 
         kinds: value / temper - (0.0 if kinds in (NOTHING, UNKNOWN) else np.log(listed))
         for kinds, value in log_evidence.items()
     }
-    total = float(logsumexp(list(scores.values())))
+    total = float(scipy.special.logsumexp(list(scores.values())))
     found = {kinds: float(np.exp(score - total)) for kinds, score in scores.items()}
     return dict(sorted(found.items(), key=lambda item: -item[1]))

@@ -9,7 +9,7 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
-from scipy.special import betaln, chdtrc, gammaln, ndtri
+import scipy
 
 from pliant.records.design import Array
 
@@ -21,7 +21,9 @@ MOST_TABLES = 20_000  # of an exact test of repeats
 def log_choose(n: Any, k: Any) -> Array:
     """log of n over k, numbers or arrays of them."""
     n, k = np.asarray(n, float), np.asarray(k, float)
-    chosen: Array = gammaln(n + 1) - gammaln(k + 1) - gammaln(n - k + 1)
+    chosen: Array = (
+        scipy.special.gammaln(n + 1) - scipy.special.gammaln(k + 1) - scipy.special.gammaln(n - k + 1)
+    )
     return chosen
 
 
@@ -33,7 +35,11 @@ def log_predictive(measured: Count, simulated: Count) -> float:
     simulated trials no measured count is impossible, and none is certain.
     """
     (s, n), (t, m) = measured, simulated
-    return float(log_choose(n, s) + betaln(s + t + 1, n - s + m - t + 1) - betaln(t + 1, m - t + 1))
+    return float(
+        log_choose(n, s)
+        + scipy.special.betaln(s + t + 1, n - s + m - t + 1)
+        - scipy.special.betaln(t + 1, m - t + 1)
+    )
 
 
 def log_own(measured: Count) -> float:
@@ -73,7 +79,7 @@ def repeats_agree(sets: Sequence[Count]) -> float:
         return 1.0
     statistic = chi_square(sets)
     if np.prod(np.minimum(n[:-1], s.sum()) + 1) > MOST_TABLES:
-        return float(chdtrc(len(sets) - 1, statistic))
+        return float(scipy.special.chdtrc(len(sets) - 1, statistic))
     trials = [one[1] for one in sets]
     tables = np.array(list(_tables(trials, int(s.sum()))), float)
     log_p = log_choose(n, tables).sum(axis=1) - log_choose(n.sum(), s.sum())
@@ -102,7 +108,7 @@ def holm(p: Sequence[float]) -> list[float]:
 def wilson(count: Count, level: float = 0.95) -> tuple[float, float]:
     """Interval of the probability of success (Wilson 1927)."""
     s, n = count
-    z = float(ndtri(0.5 + level / 2))
+    z = float(scipy.special.ndtri(0.5 + level / 2))
     centre = (s + z * z / 2) / (n + z * z)
     half = z / (n + z * z) * float(np.sqrt(s * (n - s) / n + z * z / 4))
     return 0.0 if s == 0 else centre - half, 1.0 if s == n else centre + half
@@ -112,7 +118,7 @@ def signed_z(a: Count, b: Count) -> float:
     """Normal score of the exact test, positive where the first share is larger."""
     p = max(fisher_p(a, b), 1e-300)
     sign = np.sign(a[0] / a[1] - b[0] / b[1])
-    return float(sign * -ndtri(p / 2)) if p < 1.0 else 0.0
+    return float(sign * -scipy.special.ndtri(p / 2)) if p < 1.0 else 0.0
 
 
 def _tables(trials: Sequence[int], total: int) -> Iterator[tuple[int, ...]]:

@@ -9,8 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from scipy.stats import norm
-from scipy.stats import t as student_t
+import scipy
 
 from pliant.records.design import Array
 
@@ -57,6 +56,6 @@ def interval(
     values = values[np.isfinite(values)]
     if len(values) < REPLICATES // 2:
         return NONE
-    tail = norm.cdf(np.sqrt(m / (m - 1)) * student_t.ppf((1 - confidence) / 2, m - 1))
+    tail = scipy.stats.norm.cdf(np.sqrt(m / (m - 1)) * scipy.stats.t.ppf((1 - confidence) / 2, m - 1))
     low, high = np.quantile(values, [tail, 1 - tail])
     return float(low), float(high)

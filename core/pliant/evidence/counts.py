@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import chdtrc
+import scipy
 
 from pliant.evidence.binomial import (
     Count,
@@ -207,4 +207,4 @@ def _overdispersion(sets: Sequence[Sequence[Count]]) -> tuple[float, float]:
     if not freedom:
         return float("nan"), 1.0
     total = sum(chi_square(one) for one in informative)
-    return total / freedom, float(chdtrc(freedom, total))
+    return total / freedom, float(scipy.special.chdtrc(freedom, total))

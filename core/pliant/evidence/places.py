@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import t as student_t
+import scipy
 
 from pliant.evidence.bins import PAIRS, Bins, binned, crossed
 from pliant.evidence.covariates import Covariates
@@ -211,7 +211,7 @@ def _places_of(
 
 def _place_output(means: BinMeans, squares: Array, k: int, flag: bool) -> PlaceOutput:
     n, mean, error = int(means.n[k]), float(means.mean[k]), float(means.standard_error[k])
-    reach = float(student_t.ppf(0.975, means.freedom[k])) * error
+    reach = float(scipy.stats.t.ppf(0.975, means.freedom[k])) * error
     z = (
         float(means.z[k])
         if np.isfinite(means.z[k])

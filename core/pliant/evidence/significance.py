@@ -15,8 +15,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.signal import lfilter
-from scipy.stats import t as student_t
+import scipy
 
 from pliant.evidence.bins import Codes
 from pliant.evidence.noise import Noise
@@ -67,7 +66,7 @@ def bin_means(
         z = np.clip(mean / error, -LARGEST_Z, LARGEST_Z)
         effective = n**2 / coloured
     freedom = np.where(np.isfinite(freedom), np.maximum(freedom, 1.0), 1e9)
-    p = 2 * student_t.sf(np.abs(z), freedom)
+    p = 2 * scipy.stats.t.sf(np.abs(z), freedom)
     return BinMeans(n, effective, mean, error, freedom, z, p)
 
 
@@ -79,7 +78,7 @@ def coloured_count(code: Codes, there: Array, n_bins: int, correlation: float) -
     if correlation <= 0:
         return np.asarray(member.sum(axis=0), float)
     weight = member.astype(float)
-    reach = lfilter([1.0], [1.0, -correlation], weight, axis=0)
+    reach = scipy.signal.lfilter([1.0], [1.0, -correlation], weight, axis=0)
     return np.asarray((weight * (2 * reach - weight)).sum(axis=0))
 
 

@@ -19,10 +19,10 @@ from pliant.pipeline.remote import RemoteStudy
 from pliant.pipeline.study import laws_of_study
 from pliant.pipeline.workbench import Workbench
 from pliant.records.search import FoundDesign
-from pliant.search.direct_fem import direct_studies, solvable
-from pliant.search.problem import SearchProblem
-from pliant.search.verification import cases_of, engines_of, run_in
-from pliant.search.workers import MODULES
+from pliant.search.problem.search_problem import SearchProblem
+from pliant.search.stage_keys import MODULES
+from pliant.search.verify.direct_fem import direct_studies, solvable
+from pliant.search.verify.verification import cases_of, engines_of, run_in
 
 WORTH_S = 10.0  # of what is left, on one processor; processes take two or three to begin
 

@@ -17,26 +17,24 @@ from pliant.pipeline.meta_model.stage import meta_model_stage
 from pliant.pipeline.workbench import Workbench
 from pliant.records.search import SearchResult
 from pliant.registry.component import Component
-from pliant.search.checking import checked
-from pliant.search.confirming import require_confirming
-from pliant.search.direct_fem import check_verifiable
-from pliant.search.evaluation import OF_EVERY_TASK
-from pliant.search.feasibility import require_feasible
-from pliant.search.from_nominal import begun_at
-from pliant.search.halving import require_halving
-from pliant.search.problem import SearchProblem
-from pliant.search.reach import require_reach
-from pliant.search.searching import Search, evaluator_of_study, problem_of
-from pliant.search.stage_keys import ENDS, components_of, content_of
-from pliant.search.tolerances import tolerance_notes
-from pliant.search.workers import MODULES
+from pliant.search.evaluate.evaluator import OF_EVERY_TASK, evaluator_of_study, problem_of
+from pliant.search.evaluate.scenarios import tolerance_notes
+from pliant.search.problem.feasibility import require_feasible, require_reachable
+from pliant.search.problem.reevaluation_problem import require_reevaluation
+from pliant.search.problem.search_problem import SearchProblem
+from pliant.search.run.halving import require_halving
+from pliant.search.run.search import Search
+from pliant.search.run.warm_start import warm_started
+from pliant.search.stage_keys import ENDS, MODULES, components_of, content_of
+from pliant.search.verify.check import checked
+from pliant.search.verify.direct_fem import check_verifiable
 from pliant.store.fingerprint import code_fingerprint
 from pliant.store.store import Artifact
 
 DEFAULT_OPTIMIZER = "cmaes"
 STAGE, JOURNALS, FILES = "search", "search_journals", "search_files"
 # What is found out when the search has ended: not what candidates come to.
-AFTERWARDS = ("pliant.search.confirming", "pliant.search.sensitivity", "pliant.search.limits")
+AFTERWARDS = ("pliant.search.run.reevaluation", "pliant.search.analyse.post_analysis")
 
 
 def search_study(
@@ -102,10 +100,10 @@ def _checked(bench: Workbench, study: Study) -> SearchProblem:
     _require_measured(bench, problem)
     if len(problem.objective_names) > 1:
         _require_several(bench, study)
-    require_confirming(problem)
+    require_reevaluation(problem)
     require_halving(problem, bench.build("optimizer", study.optimizer))  # type: ignore[arg-type]
     check_verifiable(study, problem.registry)
-    require_reach(problem, bench)
+    require_reachable(problem, bench)
     return problem
 
 
@@ -157,7 +155,7 @@ def _searched(bench: Workbench, study: Study, executor: Executor) -> Artifact:
     components = components_of(bench, study)
     before = nominal.value if nominal else None
     # The nominal search has a budget of its own; what the robust one depends on is where it begins.
-    begun = begun_at(before, problem, problem.space()).start if before else {}
+    begun = warm_started(before, problem, problem.space()).start if before else {}
     continued = {name: key for name, key in inputs.items() if name != "nominal"}
     kept = bench.store.root / JOURNALS / _digest([content_of(study, ENDS), continued, begun], components)
 

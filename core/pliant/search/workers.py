@@ -13,13 +13,13 @@ from functools import partial
 from pliant.config.study import Study
 from pliant.execution.executors import Executor, InlineExecutor
 from pliant.execution.jobs import Finished, JobQueue
+from pliant.interfaces.optimizer import Trial
 from pliant.pipeline.remote import RemoteStudy
 from pliant.pipeline.workbench import Workbench
-from pliant.search.outcome import Evaluates, Task, Told, evaluated
+from pliant.search.evaluate.evaluator import Evaluates, evaluated, evaluator_of_study
+from pliant.search.stage_keys import MODULES
 
-# The code that a search depends on; what it imports counts too.
-MODULES = ("pliant.search.searching", "pliant.search.evaluation", "pliant.search.problem")
-MAKE = "pliant.search.searching:evaluator_of"
+MAKE = "pliant.search.workers:evaluator_of"
 _KEPT = threading.local()  # the evaluator of the search that this thread works for
 
 
@@ -49,20 +49,25 @@ class Setup:
         return made
 
 
-def queue_of(executor: Executor, setup: Setup, here: Evaluates) -> JobQueue[Task, Told]:
+def queue_of(executor: Executor, setup: Setup, here: Evaluates) -> JobQueue[Trial, Trial]:
     """Candidates before an executor; this process takes the evaluator that it has."""
     function = partial(evaluated, here) if isinstance(executor, InlineExecutor) else partial(work, setup)
     return JobQueue(executor, function)
 
 
-def told_of(one: Finished[Task, Told]) -> Told:
+def told_of(one: Finished[Trial, Trial]) -> Trial:
     """What a candidate came to; one that has no result has failed."""
     return one.unwrap() if one.failure is None else one.item.failed(one.failure.cause)
 
 
-def work(setup: Setup, task: Task) -> Told:
+def work(setup: Setup, trial: Trial) -> Trial:
     """In a worker: evaluate a candidate; raises only what every candidate would meet."""
-    return evaluated(_kept(setup), task)
+    return evaluated(_kept(setup), trial)
+
+
+def evaluator_of(setup: Setup) -> Evaluates:
+    """In a worker: the evaluator of a setup; raises `UserError` as `RemoteStudy.open` does."""
+    return evaluator_of_study(*setup.study.open(), setup.confirm)
 
 
 def _kept(setup: Setup) -> Evaluates:

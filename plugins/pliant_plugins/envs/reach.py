@@ -1,4 +1,6 @@
-"""Reach a point with the tip, under loads that differ from episode to episode."""
+"""Reach a point with the tip, under loads that differ from episode to episode.
+
+``gymnasium.make("pliant/FreeBending-v0")``, and so ``TipLoad``, ``HelicalHang`` and ``TendonFinger``."""
 
 from __future__ import annotations
 
@@ -10,6 +12,8 @@ from pliant.records.design import Array
 from pliant.records.rollout import Inputs
 from pliant_plugins.envs.chain_env import ChainEnv, vector_option
 
+WEIGHT_N_KG = 9.81
+TIP_LOADS_KG = (0.0, 0.01, 0.02, 0.05)
 LEAST_SHARE = 0.1  # of the actuation: targets below hardly differ from rest
 
 
@@ -52,3 +56,43 @@ class ReachEnv(ChainEnv):
 
     def _metrics(self) -> dict[str, Any]:
         return {**super()._metrics(), "target_m": self._target.copy(), "tip_force_n": self._force.copy()}
+
+
+class FreeBendingEnv(ReachEnv):
+    """Bend a finger of eight modules until its tip is at the target; nothing hangs at it."""
+
+    default_study: ClassVar[str] = "free_bending"
+
+
+class TipLoadEnv(ReachEnv):
+    """The same with a dead force at the tip, in any direction of the bending plane and up to `force_scale_n`."""
+
+    default_study: ClassVar[str] = "tip_load"
+    force_scale_n: ClassVar[float] = 0.13
+
+    def _draw_force(self) -> Array:
+        size, angle = self.np_random.uniform(0.0, self.force_scale_n), self.np_random.uniform(0.0, 2 * np.pi)
+        plane = self.chain.base_rotation[:, [0, 2]]  # chain x and z: bending is about y
+        return np.asarray(size * plane @ [np.cos(angle), np.sin(angle)])
+
+
+class HelicalHangEnv(ReachEnv):
+    """Hold the tip of a helical actuator at the target with 0, 10, 20 or 50 g hung there, or the study's `loads`."""
+
+    default_study: ClassVar[str] = "helical_hang"
+    force_scale_n: ClassVar[float] = TIP_LOADS_KG[-1] * WEIGHT_N_KG
+
+    def _draw_force(self) -> Array:
+        config = getattr(self.plant.task, "config", None)
+        loads = getattr(config, "loads_kg", TIP_LOADS_KG)
+        return np.array([0.0, 0.0, -WEIGHT_N_KG * self.np_random.choice(loads)])
+
+
+class TendonFingerEnv(ReachEnv):
+    """Pull the tendon until the tip is at the target; up to 50 g hang at the tip, another weight each time."""
+
+    default_study: ClassVar[str] = "tendon_finger"
+    force_scale_n: ClassVar[float] = 0.05 * WEIGHT_N_KG
+
+    def _draw_force(self) -> Array:
+        return np.array([0.0, 0.0, -self.np_random.uniform(0.0, self.force_scale_n)])

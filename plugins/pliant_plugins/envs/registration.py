@@ -4,10 +4,10 @@ from __future__ import annotations
 
 HERE = "pliant_plugins.envs"
 ENVIRONMENTS = {
-    "pliant/FreeBending-v0": f"{HERE}.free_bending:FreeBendingEnv",
-    "pliant/TipLoad-v0": f"{HERE}.tip_load:TipLoadEnv",
-    "pliant/HelicalHang-v0": f"{HERE}.helical_hang:HelicalHangEnv",
-    "pliant/TendonFinger-v0": f"{HERE}.tendon_finger:TendonFingerEnv",
+    "pliant/FreeBending-v0": f"{HERE}.reach:FreeBendingEnv",
+    "pliant/TipLoad-v0": f"{HERE}.reach:TipLoadEnv",
+    "pliant/HelicalHang-v0": f"{HERE}.reach:HelicalHangEnv",
+    "pliant/TendonFinger-v0": f"{HERE}.reach:TendonFingerEnv",
     "pliant/FollowShape-v0": f"{HERE}.follow_shape:FollowShapeEnv",
     "pliant/Grasp-v0": f"{HERE}.grasp:GraspEnv",
 }

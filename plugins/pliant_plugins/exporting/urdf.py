@@ -14,9 +14,16 @@ from pliant.records.chain import ChainModel
 from pliant.records.design import MassProperties
 from pliant_plugins.exporting.stiffness import THE_LAW, stiffness_at_rest
 from pliant_plugins.exporting.surfaces import SurfaceFiles, shapes_of
-from pliant_plugins.physics.pybullet.collisions import CollisionWriter, add_primitive
-from pliant_plugins.physics.pybullet.urdf import add_joint, add_link, chain_tree, document, floored
-from pliant_plugins.physics.pybullet.xml_values import add_origin
+from pliant_plugins.physics.pybullet.urdf import (
+    CollisionWriter,
+    add_joint,
+    add_link,
+    add_origin,
+    add_primitive,
+    chain_tree,
+    document,
+    floored,
+)
 
 
 def write_urdf(chain: ChainModel, path: Path, looks: ChainModel | None = None) -> tuple[Path, ...]:

@@ -1,18 +1,22 @@
-"""What simulations in dynamics engines share: inputs, settling by relaxation, time and snapshots."""
+"""What simulations in dynamics engines share: inputs, settling by relaxation, time and snapshots; loads of scenes."""
 
 from __future__ import annotations
 
 import time
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import Protocol
 
+from pliant.errors import ContractError
 from pliant.interfaces.physics import Simulation, SimulationState
+from pliant.mechanics.efforts import actuation_values
 from pliant.mechanics.relaxation import Mover, relax
 from pliant.mechanics.statics import ChainStatics, Loads
 from pliant.mechanics.terms import Memory
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
-from pliant.records.rollout import Equilibrium, Inputs
+from pliant.records.rollout import Equilibrium, Inputs, OutsideDomain
+from pliant.records.scene import Scene
 
 
 class Engine(Mover, Protocol):
@@ -113,3 +117,30 @@ class DynamicSimulation(Simulation):
 
     def close(self) -> None:
         self._engine.close()
+
+
+def loads_of_arms(scene: Scene, chains: Sequence[ChainModel], inputs: Sequence[Inputs]) -> list[Loads]:
+    """Loads of each arm of a scene, whose chains may be changed for an engine.
+
+    Raises:
+        ContractError: inputs for another number of arms.
+        UserError: an input of a chain has no value.
+    """
+    if len(inputs) != len(scene.arms):
+        raise ContractError(f"the scene has {len(scene.arms)} arms and got inputs for {len(inputs)}")
+    for chain, given in zip(chains, inputs, strict=True):
+        actuation_values(chain.actuators, given.actuation)
+    return [Loads.of(chain, given) for chain, given in zip(chains, inputs, strict=True)]
+
+
+def arms_outside_domain(
+    statics: Sequence[ChainStatics], coordinates: Iterable[Array], loads: Iterable[Loads], time_s: float
+) -> tuple[OutsideDomain, ...]:
+    """Where laws of a scene's arms are used outside their domain; joints are numbered through all arms."""
+    entries: list[OutsideDomain] = []
+    before = 0
+    for arm, q, load in zip(statics, coordinates, loads, strict=True):
+        outside = arm.efforts.outside_domain(q, load.actuation, time_s)
+        entries += [replace(entry, module=entry.module + before) for entry in outside]
+        before += arm.geometry.n_joints
+    return tuple(entries)

@@ -20,8 +20,7 @@ from pliant.records.design import Array
 from pliant.records.rollout import TaskResult
 from pliant.units import Angle, Length
 from pliant_plugins.tasks import curves
-from pliant_plugins.tasks.levels import MEASURED, as_list
-from pliant_plugins.tasks.measures import backbone
+from pliant_plugins.tasks.levels import MEASURED, as_list, backbone
 from pliant_plugins.tasks.ramp import DriveConfig, ramp
 
 # A bent centre line is longer than the straight chain where its joints stand beside it: a helical module of 5 mm whose

@@ -14,8 +14,16 @@ from pliant.records.chain import GRAVITY_M_S2
 from pliant.records.rollout import Inputs, TaskResult
 from pliant.units import Mass
 from pliant_plugins.tasks.curves import DRAWN, resampled
-from pliant_plugins.tasks.levels import MEASURED, Level, as_list, result_of, settle_levels, why_not_held
-from pliant_plugins.tasks.measures import backbone, ring_positions
+from pliant_plugins.tasks.levels import (
+    MEASURED,
+    Level,
+    as_list,
+    backbone,
+    result_of,
+    ring_positions,
+    settle_levels,
+    why_not_held,
+)
 from pliant_plugins.tasks.ramp import DriveConfig, ramp_levels
 
 

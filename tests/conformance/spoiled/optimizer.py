@@ -11,13 +11,12 @@ from typing import Any, Literal
 import numpy as np
 
 from pliant.interfaces.optimizer import (
-    Candidate,
     Context,
     Optimizer,
     OptimizerCapabilities,
     OptimizerConfig,
-    Outcome,
     Space,
+    Trial,
     Value,
     Variable,
 )
@@ -40,16 +39,16 @@ class Search(Optimizer):
 
     def start(self, space: Space, seed: int) -> None:
         self.space, self.seed, self.asked = space, seed, 0
-        self.open: dict[int, Candidate] = {}
+        self.open: dict[int, Trial] = {}
         self.best: list[list[Scored]] = [[] for _ in space.contexts or (None,)]
 
-    def ask(self, count: int) -> Sequence[Candidate]:
+    def ask(self, count: int) -> Sequence[Trial]:
         asked = [self.candidate(k) for k in range(self.asked, self.asked + count)]
         self.asked += count
         self.open.update({c.number: c for c in asked})
         return asked
 
-    def candidate(self, number: int) -> Candidate:
+    def candidate(self, number: int) -> Trial:
         generator = np.random.default_rng([self.seed, number])
         context = number % len(self.best)
         near = self.best[context]
@@ -57,7 +56,7 @@ class Search(Optimizer):
         if near and generator.random() < 0.8:
             centre = near[int(generator.integers(len(near)))][1]
         values = {v.name: self.value(v, generator, centre.get(v.name)) for v in self.space.variables}
-        return Candidate(number, values, context)
+        return Trial(number, values, context)
 
     def value(self, variable: Variable, generator: np.random.Generator, centre: Value | None) -> Value:
         if variable.type == "categorical":
@@ -69,25 +68,25 @@ class Search(Optimizer):
         drawn = min(max(float(drawn), low), high)
         return round(drawn) if variable.type == "integer" else drawn
 
-    def tell(self, outcomes: Sequence[Outcome]) -> None:
-        for outcome in sorted(outcomes, key=lambda o: o.number):
-            candidate = self.open.pop(outcome.number)
-            scores = self.scores(outcome)
+    def tell(self, trials: Sequence[Trial]) -> None:
+        for trial in sorted(trials, key=lambda o: o.number):
+            candidate = self.open.pop(trial.number)
+            scores = self.scores(trial)
             if all(map(math.isfinite, scores)):
                 self.keep(candidate, scores)
 
-    def scores(self, outcome: Outcome) -> list[float]:
-        return [math.nan if outcome.violation > 0 else outcome.objective, *outcome.further]
+    def scores(self, trial: Trial) -> list[float]:
+        return [math.nan if trial.violation > 0 else trial.objective, *trial.objectives[1:]]
 
-    def keep(self, candidate: Candidate, scores: list[float]) -> None:
+    def keep(self, candidate: Trial, scores: list[float]) -> None:
         """Into the front of its context, if nothing there is as good in every objective."""
         front = self.best[candidate.context]
         if not any(all(a <= b for a, b in zip(kept[2], scores, strict=True)) for kept in front):
             front[:] = [k for k in front if not all(a >= b for a, b in zip(k[2], scores, strict=True))]
             front.append((candidate.number, dict(candidate.values), scores))
 
-    def recommend(self) -> Sequence[Candidate]:
-        return [Candidate(-1, f[-1][1], context) for context, f in enumerate(self.best) if f]
+    def recommend(self) -> Sequence[Trial]:
+        return [Trial(-1, f[-1][1], context) for context, f in enumerate(self.best) if f]
 
     def export(self, folder: Path) -> Sequence[Path]:
         (folder / "best.json").write_text(json.dumps(self.best))
@@ -110,7 +109,7 @@ class Search(Optimizer):
         contexts = tuple(Context(name, tuple(features)) for name, features in state["contexts"])
         self.start(Space(variables, state["objectives"], contexts, state["start"]), state["seed"])
         self.asked, self.best = state["asked"], state["best"]
-        self.open = {number: Candidate(number, *rest) for number, *rest in state["open"]}
+        self.open = {number: Trial(number, *rest) for number, *rest in state["open"]}
 
 
 spoils = Spoils(
@@ -156,7 +155,7 @@ class NoBatch(Search):
 class NumbersByBatch(Search):
     """Numbers start anew in each batch."""
 
-    def ask(self, count: int) -> Sequence[Candidate]:
+    def ask(self, count: int) -> Sequence[Trial]:
         asked = [replace(c, number=i) for i, c in enumerate(super().ask(count))]
         self.open = {c.number: c for c in asked}
         return asked
@@ -164,9 +163,9 @@ class NumbersByBatch(Search):
 
 @spoils.by("answers_before_all_is_told", "RuntimeError")
 class InStep(Search):
-    """Waits for every outcome."""
+    """Waits for every trial."""
 
-    def ask(self, count: int) -> Sequence[Candidate]:
+    def ask(self, count: int) -> Sequence[Trial]:
         if self.open:
             raise RuntimeError(f"{len(self.open)} outcomes are missing")
         return super().ask(count)
@@ -197,14 +196,14 @@ class GlobalSeed(Search):
         np.random.seed(seed + random.Random(seed).randrange(9))
 
 
-@spoils.by("order_of_outcomes_does_not_matter", "depend on the order")
+@spoils.by("order_of_results_does_not_matter", "depend on the order")
 class LastOneCounts(Search):
-    """Goes on from the outcome that came last."""
+    """Goes on from the trial that came last."""
 
-    def tell(self, outcomes: Sequence[Outcome]) -> None:
-        for outcome in outcomes:
-            candidate = self.open.pop(outcome.number)
-            self.best[candidate.context] = [(outcome.number, dict(candidate.values), [outcome.objective])]
+    def tell(self, trials: Sequence[Trial]) -> None:
+        for trial in trials:
+            candidate = self.open.pop(trial.number)
+            self.best[candidate.context] = [(trial.number, dict(candidate.values), [trial.objective])]
 
 
 @spoils.by("continues_after_an_interruption", "the state leaves something out")
@@ -219,8 +218,8 @@ class Forgets(Search):
 class Fragile(Search):
     """Ranks outcomes as integers."""
 
-    def tell(self, outcomes: Sequence[Outcome]) -> None:
-        self.ranked = sorted(int(outcome.objective) for outcome in outcomes)
+    def tell(self, trials: Sequence[Trial]) -> None:
+        self.ranked = sorted(int(trial.objective) for trial in trials)
 
 
 @spoils.by("begins_at_a_guess", "KeyError")
@@ -236,7 +235,7 @@ class WholeGuess(Search):
 class FarRecommendation(Search):
     """Recommends what it extrapolates."""
 
-    def recommend(self) -> Sequence[Candidate]:
+    def recommend(self) -> Sequence[Trial]:
         found = super().recommend()
         return [replace(c, values={**c.values, "modules": 99}) for c in found]
 
@@ -254,7 +253,7 @@ class ExportsBeside(Search):
 class Stubborn(Search):
     """Proposes the first candidate for ever."""
 
-    def candidate(self, number: int) -> Candidate:
+    def candidate(self, number: int) -> Trial:
         self.best = [[]]
         return replace(super().candidate(0), number=number)
 
@@ -263,31 +262,31 @@ class Stubborn(Search):
 class ZeroForNothing(Search):
     """Fills in zero where there is no objective."""
 
-    def scores(self, outcome: Outcome) -> list[float]:
-        return [0.0 if math.isnan(score) else score for score in super().scores(outcome)]
+    def scores(self, trial: Trial) -> list[float]:
+        return [0.0 if math.isnan(score) else score for score in super().scores(trial)]
 
 
 @spoils.by("avoids_what_is_refused", "whatever its objective")
 class Unruly(Search):
     """Goes by the objective of candidates that break a constraint on metrics."""
 
-    def scores(self, outcome: Outcome) -> list[float]:
-        return [outcome.objective, *outcome.further]
+    def scores(self, trial: Trial) -> list[float]:
+        return list(trial.objectives)
 
 
-@spoils.by("finds_a_front", "`further` too")
+@spoils.by("finds_a_front", "the second too")
 class OneSided(Search):
     """Claims several objectives and looks at the first."""
 
-    def scores(self, outcome: Outcome) -> list[float]:
-        return [outcome.objective]
+    def scores(self, trial: Trial) -> list[float]:
+        return [trial.objective]
 
 
 @spoils.by("contexts_are_in_range", "were tried")
 class OneContext(Search):
     """Never tries the second context."""
 
-    def candidate(self, number: int) -> Candidate:
+    def candidate(self, number: int) -> Trial:
         return replace(super().candidate(number), context=0)
 
 
@@ -295,6 +294,6 @@ class OneContext(Search):
 class OneAnswer(Search):
     """Learns from all contexts as if they were one."""
 
-    def keep(self, candidate: Candidate, scores: list[float]) -> None:
+    def keep(self, candidate: Trial, scores: list[float]) -> None:
         super().keep(replace(candidate, context=0), scores)
         self.best = [self.best[0]] * len(self.best)

@@ -20,8 +20,8 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.special import ndtri
 
 from pliant.pipeline.meta_model.leaving_out import Misses, box_of, effort_size
 from pliant.records.design import Array
@@ -275,7 +275,9 @@ class _Axis:
         reached = np.cumsum(weight[order])
         levels = np.asarray(levels, float)
         place = np.searchsorted(reached, levels - 1e-12)
-        growth = ndtri((1 + np.maximum(levels, n / (n + 1))) / 2) / ndtri((1 + n / (n + 1)) / 2)
+        growth = scipy.special.ndtri((1 + np.maximum(levels, n / (n + 1))) / 2) / scipy.special.ndtri(
+            (1 + n / (n + 1)) / 2
+        )
         found: Array = score[order][np.minimum(place, len(order) - 1)] * growth
         return found
 

@@ -16,8 +16,8 @@ from itertools import product
 from pathlib import Path
 
 import numpy as np
+import scipy
 from pydantic import ValidationError
-from scipy.stats import qmc
 
 from pliant.config.designs import sweep_designs
 from pliant.config.study import Study, varied
@@ -158,7 +158,7 @@ def _in_range(bench: Workbench, study: Study, designs: SolvedDesigns, count: int
     low, width = designs.box[:, 0], designs.scale
     d = len(designs.names)
     corners = np.array(list(product((0.0, 1.0), repeat=d)) if d <= MOST_CORNERS else []).reshape(-1, d)
-    shares = np.concatenate([corners, qmc.Sobol(d, seed=seed).random(count)])
+    shares = np.concatenate([corners, scipy.stats.qmc.Sobol(d, seed=seed).random(count)])
     rows = [_rounded(row) for row in low + shares * width]
     return np.array([row for row in rows if _possible(bench, study, designs, row)]).reshape(-1, d)
 

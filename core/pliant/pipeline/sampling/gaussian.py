@@ -14,9 +14,8 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.linalg import solve_triangular
-from scipy.optimize import minimize
 
 from pliant.records.design import Array
 
@@ -80,10 +79,10 @@ class Process:
         """Whitened trend L⁻¹H = QR as (L⁻¹H, R), its coefficients and the whitened rest of the values."""
         assert self._factor is not None
         H = _monomials(self.points, self.orders, self._trend_orders)
-        both = solve_triangular(self._factor, np.column_stack([H, self.values]), lower=True)
+        both = scipy.linalg.solve_triangular(self._factor, np.column_stack([H, self.values]), lower=True)
         trend, values = both[:, :-1], both[:, -1]
         Q, R = np.linalg.qr(trend)
-        coefficients = solve_triangular(R, Q.T @ values)
+        coefficients = scipy.linalg.solve_triangular(R, Q.T @ values)
         return trend, R, coefficients, values - trend @ coefficients
 
     @cached_property
@@ -110,7 +109,7 @@ class Process:
         assert self._factor is not None
         trend, _, _, rest = self._whitened
         Q, _ = np.linalg.qr(trend)
-        inverse = solve_triangular(self._factor, np.eye(len(rest)), lower=True)
+        inverse = scipy.linalg.solve_triangular(self._factor, np.eye(len(rest)), lower=True)
         across = Q.T @ inverse
         P, known = inverse.T @ inverse - across.T @ across, inverse.T @ rest
         a = len(self.orders)
@@ -124,10 +123,10 @@ class Process:
         """Mean and standard deviation, both (m, b), of derivatives `orders` (b, d) at `points` (m, d)."""
         trend, R, coefficients, rest = self._whitened
         crossed = _covariance(self.points, self.orders, points, orders, self.lengths)
-        V = solve_triangular(self._factor, crossed, lower=True)
+        V = scipy.linalg.solve_triangular(self._factor, crossed, lower=True)
         H = _monomials(points, orders, self._trend_orders)
         mean = H @ coefficients + V.T @ rest
-        T = solve_triangular(R, (H - V.T @ trend).T, trans=1)
+        T = scipy.linalg.solve_triangular(R, (H - V.T @ trend).T, trans=1)
         here = points[:1]
         prior = np.diag(_covariance(here, orders, here, orders, self.lengths))
         unknown = np.tile(prior, len(points)) - np.einsum("ij,ij->j", V, V)
@@ -144,7 +143,7 @@ def fit(points: Array, orders: Orders, values: Array, near: Array | None = None)
         return Process(points, orders, values, np.exp(logarithms)).cost()
 
     start = np.full(points.shape[1], FIRST_LENGTH) if near is None else near
-    best = minimize(cost, np.log(start), method="L-BFGS-B", bounds=bounds, options=SEARCH)
+    best = scipy.optimize.minimize(cost, np.log(start), method="L-BFGS-B", bounds=bounds, options=SEARCH)
     lengths = np.exp(best.x)
     while Process(points, orders, values, lengths)._factor is None:
         lengths = 0.7 * lengths  # shorter ones are always positive definite

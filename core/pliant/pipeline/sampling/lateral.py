@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.stats import qmc
+import scipy
 
 from pliant.interfaces.fem import FemConfig
 from pliant.pipeline.sampling.adaptive import Box, check_error, corners, refine
@@ -86,7 +86,7 @@ class Lateral:
             return
         sides = [(0.0, self.limit)]
         sides += [main_box if axis == self.main_axis else (-self.reach, self.reach) for axis in self.axes]
-        sequence = qmc.Sobol(len(sides), scramble=True, seed=self.config.seed)
+        sequence = scipy.stats.qmc.Sobol(len(sides), scramble=True, seed=self.config.seed)
         points = sequence.random_base2(int(np.ceil(np.log2(count))))[:count]
         low, high = np.array(sides).T
         for point in low + (high - low) * points:

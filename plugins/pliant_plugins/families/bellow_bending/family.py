@@ -1,21 +1,38 @@
-"""The bending bellow as an `ActuatorFamily`."""
+"""The bending bellow as an `ActuatorFamily`, and its parameters."""
 
 from __future__ import annotations
 
 from functools import cached_property
+from typing import Literal
 
-from pliant.interfaces.family import ActuatorFamily
+import numpy as np
+from pydantic import Field
+
+from pliant.interfaces.family import ActuatorFamily, FamilyConfig
 from pliant.meshing.masses import half_masses
 from pliant.meshing.surfaces import half_skins
 from pliant.records.design import ModuleMass
 from pliant.records.fem import ModuleMesh, ModuleProblem
-from pliant.records.shape import HalfShapes, HalfSurfaces
+from pliant.records.shape import HalfShapes, HalfSurfaces, Shape
 from pliant.records.structure import StructureProblem
-from pliant_plugins.families.bellow_bending.config import BellowBendingConfig
+from pliant.units import Length
+from pliant_plugins.families.bellow.module import tube
 from pliant_plugins.families.bellow_bending.geometry import BellowGeometry
-from pliant_plugins.families.bellow_bending.mesh import build_mesh
-from pliant_plugins.families.bellow_bending.shapes import half_shapes
-from pliant_plugins.families.bellow_bending.structure import build_structure
+from pliant_plugins.families.bellow_bending.mesh import build_mesh, build_structure
+
+
+class BellowBendingConfig(FamilyConfig):
+    """A bellow whose wall has thickness t outside a profile of radii r (trough) and 2R − r (crest).
+
+    Which values make a valid design is the family's own check (`BellowGeometry.check`), so that its message
+    can name the inequality.
+    """
+
+    kind: Literal["bellow_bending"] = "bellow_bending"
+    inner_radius_m: Length = Field(description="r: inner radius of the trough")
+    average_radius_m: Length = Field(description="R: mean of the inner radii of trough and crest")
+    wall_m: Length = Field(description="t: wall thickness; the plate is 2t thick")
+    module_length_m: Length = Field(description="l: length of one convolution, the module")
 
 
 class BellowBending(ActuatorFamily):
@@ -71,3 +88,20 @@ class BellowBending(ActuatorFamily):
     def mass(self, density_kg_m3: float) -> ModuleMass:
         """Masses of the two halves, by Gauss quadrature over the mesh and its mirror images."""
         return half_masses(self._mesh, density_kg_m3)
+
+
+def half_shapes(geometry: BellowGeometry) -> HalfShapes:
+    """For each half a box, the plate, 2R wide and 2t thick, and a cylinder around the crests, of radius Rc + t.
+
+    Pressure turns the tip toward −z: the plate's face z = −t is the side that grips.
+    """
+
+    def half(start_m: float) -> tuple[Shape, Shape]:
+        quarter = geometry.half_length_m / 2
+        plate = (quarter, geometry.average_radius_m, geometry.wall_m)
+        return (
+            Shape("box", plate, np.array([start_m + quarter, 0.0, 0.0]), np.eye(3)),
+            tube(geometry, start_m, geometry.wall_m, geometry.axis_height_m),
+        )
+
+    return HalfShapes(start=half(-geometry.half_length_m), end=half(0.0))

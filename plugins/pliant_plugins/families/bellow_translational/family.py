@@ -1,24 +1,25 @@
-"""The translational bellow as an `ActuatorFamily`."""
+"""The translational bellow as an `ActuatorFamily`, and its parameters."""
 
 from __future__ import annotations
 
-from functools import cached_property
-from typing import ClassVar
+from typing import ClassVar, Literal
 
-from pliant.interfaces.family import ActuatorFamily
-from pliant.meshing.masses import half_masses
-from pliant.meshing.surfaces import half_skins
-from pliant.records.design import ModuleMass
 from pliant.records.fem import ModuleMesh, ModuleProblem
 from pliant.records.law import JointKind
-from pliant.records.shape import HalfShapes, HalfSurfaces
-from pliant_plugins.families.bellow.profile import BellowProfile
+from pliant_plugins.families.bellow.module import MidSurfaceBellow, MidSurfaceConfig
 from pliant_plugins.families.bellow.revolved import Counts, sector
-from pliant_plugins.families.bellow.shapes import half_tubes
-from pliant_plugins.families.bellow_translational.config import BellowTranslationalConfig
 
 
-class BellowTranslational(ActuatorFamily):
+class BellowTranslationalConfig(MidSurfaceConfig):
+    """A bellow whose wall is the mid-surface of radii r (trough) and 2R − r (crest) ± t/2.
+
+    Which values make a valid design is the family's own check (`BellowProfile.check_mid_surface`).
+    """
+
+    kind: Literal["bellow_translational"] = "bellow_translational"
+
+
+class BellowTranslational(MidSurfaceBellow):
     """One design of the translational bellow.
 
     A module runs from mid-trough to mid-trough with its joint at mid-crest, on the tube's axis. The joint slides
@@ -29,17 +30,6 @@ class BellowTranslational(ActuatorFamily):
     joint: ClassVar[JointKind] = "prismatic"
     axes: ClassVar[tuple[str, ...]] = ("x",)
     main_axis: ClassVar[str] = "x"
-
-    def __init__(self, config: BellowTranslationalConfig) -> None:
-        super().__init__(config)
-        self.geometry = BellowProfile(
-            config.inner_radius_m, config.average_radius_m, config.wall_m, config.module_length_m
-        )
-        self.geometry.check_mid_surface(config.kind)
-
-    @property
-    def module_length_m(self) -> float:
-        return self.geometry.module_length_m
 
     def problem(self, refinement: int = 1, axes: tuple[str, ...] | None = None) -> ModuleProblem:
         """Half a module, a quarter of its section: u is twice the piece's extension, the energy eight times its."""
@@ -59,18 +49,5 @@ class BellowTranslational(ActuatorFamily):
         """Finer than a bellow that bends: stretching it strains the whole circumference."""
         return Counts.of(self.geometry, refinement, arc=3, quarter=4)
 
-    @cached_property
     def _half_section(self) -> ModuleMesh:
         return sector(self.geometry, self._counts(), quarters=2)
-
-    def shapes(self) -> HalfShapes:
-        """Cylinders around the crests of the two halves."""
-        return half_tubes(self.geometry)
-
-    def surface(self) -> HalfSurfaces:
-        """The undulating wall, open at both ends as the modules are."""
-        return half_skins(self._half_section)
-
-    def mass(self, density_kg_m3: float) -> ModuleMass:
-        """Masses of the two halves, by Gauss quadrature over the mesh and its mirror images."""
-        return half_masses(self._half_section, density_kg_m3)

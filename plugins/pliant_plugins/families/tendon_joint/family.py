@@ -1,22 +1,46 @@
-"""The tendon joint as an `ActuatorFamily`."""
+"""The tendon joint as an `ActuatorFamily`, and its parameters."""
 
 from __future__ import annotations
 
 from dataclasses import fields
 from functools import cached_property
-from typing import ClassVar
+from typing import ClassVar, Literal
 
-from pliant.interfaces.family import ActuatorFamily
+from pydantic import Field
+
+from pliant.interfaces.family import ActuatorFamily, FamilyConfig
 from pliant.meshing.masses import half_masses, meshed_mass, mirrored
 from pliant.meshing.surfaces import half_skins
 from pliant.meshing.surfaces import mirrored as mirrored_surface
 from pliant.records.design import ModuleMass
 from pliant.records.fem import ModuleMesh, ModuleProblem, Tendon
 from pliant.records.shape import HalfShapes, HalfSurfaces
-from pliant_plugins.families.tendon_joint.config import TendonJointConfig
+from pliant.units import Angle, Density, Length
 from pliant_plugins.families.tendon_joint.geometry import JointGeometry
-from pliant_plugins.families.tendon_joint.links import half_shapes, link_mesh, link_surface
-from pliant_plugins.families.tendon_joint.mesh import build_mesh
+from pliant_plugins.families.tendon_joint.mesh import build_mesh, half_shapes, link_mesh, link_surface
+
+
+class TendonJointConfig(FamilyConfig):
+    """A strip between two rigid links, and a tendon that crosses the gap below it between two holes.
+
+    Which values make a valid design is the family's own check (`JointGeometry.check`), so that its message can
+    name the inequality.
+    """
+
+    kind: Literal["tendon_joint"] = "tendon_joint"
+    module_length_m: Length = Field(description="l: from mid-link to mid-link")
+    flexure_length_m: Length = Field(description="gap between the links that the flexure bridges")
+    flexure_thickness_m: Length = Field(description="the flexure's height along z")
+    flexure_width_m: Length = Field(description="the flexure's width along y")
+    tendon_offset_m: Length = Field(description="of the tendon's holes, below the flexure's mid-plane")
+    tendon_setback_m: Length = Field(
+        description="of the tendon's holes, from the flexure's end into the link"
+    )
+    link_height_m: Length = Field(description="the links' height along z, centred on the flexure")
+    link_width_m: Length = Field(description="the links' width along y")
+    link_density_kg_m3: Density = Field(gt=0, description="mean mass per volume of the links")
+    closing_angle_rad: Angle = Field(description="joint angle at which the links touch below the flexure")
+    opening_angle_rad: Angle = Field(description="joint angle the other way at which they touch above it")
 
 
 class TendonJoint(ActuatorFamily):

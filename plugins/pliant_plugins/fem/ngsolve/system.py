@@ -19,6 +19,7 @@ from scipy import sparse
 
 from pliant.records.design import Array
 from pliant.records.fem import IntArray
+from pliant_plugins.fem.newton import SingularMatrixError
 from pliant_plugins.fem.ngsolve.constraints import Elimination
 from pliant_plugins.fem.ngsolve.forms import Forms
 from pliant_plugins.fem.ngsolve.library import SparseMatrixd, ngs
@@ -26,10 +27,6 @@ from pliant_plugins.fem.ngsolve.library import SparseMatrixd, ngs
 # NGSolve's assembly lets other Python threads run and has one heap for all of them.
 ONE_AT_A_TIME = threading.RLock()
 ACCURATE = 1e-6  # relative residual of a linear solution; refined once where it is larger
-
-
-class SingularMatrixError(ArithmeticError):
-    """The matrix could not be factorised."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,17 +18,13 @@ from pliant.interfaces.material import Material
 from pliant.records.design import Array
 from pliant.records.fem import IntArray, ModuleProblem
 from pliant_plugins.fem.skfem.basis import cell_data, face_data
-from pliant_plugins.fem.skfem.cavity import volume
 from pliant_plugins.fem.skfem.config import Dilatation
 from pliant_plugins.fem.skfem.dilatation import mixed, pointwise
 from pliant_plugins.fem.skfem.kinematics import Motion, Pointwise, Variables, motion, strain_energy
-from pliant_plugins.fem.skfem.pattern import Scatter, sparsity
-from pliant_plugins.fem.skfem.ribbon import ribbon_energy
-from pliant_plugins.fem.skfem.tendon import drawn
-from pliant_plugins.fem.skfem.terms import Terms
+from pliant_plugins.fem.skfem.pattern import Scatter, Terms, sparsity
+from pliant_plugins.fem.skfem.potentials import drawn, ribbon_energy, volume
 from pliant_plugins.fem.skfem.unknowns import Globals, constraints
 
-__all__ = ["Assembler", "Terms"]
 Rows = tuple[Array, ...]
 
 

@@ -17,8 +17,7 @@ from numpy.typing import NDArray
 
 from pliant.records.design import Array
 from pliant_plugins.fem.skfem.linear import LinearSolver
-from pliant_plugins.fem.skfem.pattern import Pattern
-from pliant_plugins.fem.skfem.terms import Terms
+from pliant_plugins.fem.skfem.pattern import Pattern, Terms
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,11 +14,8 @@ from scipy import sparse
 
 from pliant.errors import MissingDependencyError
 from pliant.records.design import Array
+from pliant_plugins.fem.newton import SingularMatrixError
 from pliant_plugins.fem.skfem.pattern import Pattern
-
-
-class SingularMatrixError(ArithmeticError):
-    """The matrix could not be factorised."""
 
 
 class LinearSolver(Protocol):

@@ -1,4 +1,4 @@
-"""Newton's method from one equilibrium to a neighbouring one, under control of actuation and joint axes."""
+"""Equilibria of one module under control of actuation and joint axes; see `pliant_plugins.fem.newton`."""
 
 from __future__ import annotations
 
@@ -7,13 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from pliant.records.design import Array
+from pliant_plugins.fem.newton import DivergedError, Iteration, SingularMatrixError, Tolerance, in_load_steps
 from pliant_plugins.fem.skfem.assembly import Assembler
 from pliant_plugins.fem.skfem.condense import Control, Point, Reduced, newton_step
-from pliant_plugins.fem.skfem.linear import LinearSolver, SingularMatrixError
-
-TOO_LONG = 0.05  # strain (root mean square) of the first correction: beyond, two half steps are cheaper
-ON_THE_WAY = 1e-3  # strain at which an intermediate step is good enough to go on from
-SHORTEST = 1 / 32  # fraction of a Newton step below which the line search gives up
+from pliant_plugins.fem.skfem.config import SkfemConfig
+from pliant_plugins.fem.skfem.linear import LinearSolver
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,107 +23,75 @@ class Equilibrium:
     iterations: int
 
 
-class DivergedError(ArithmeticError):
-    """Newton's method did not converge, even in the smallest load steps."""
-
-
 class Newton:
     """Solves the equilibria of one assembled problem."""
 
-    def __init__(
-        self,
-        assembler: Assembler,
-        solver: LinearSolver,
-        tolerance: float,
-        max_iterations: int,
-        max_halvings: int,
-    ) -> None:
+    def __init__(self, assembler: Assembler, solver: LinearSolver, config: SkfemConfig) -> None:
         self.assembler, self.solver = assembler, solver
-        self.max_iterations, self.max_halvings = max_iterations, max_halvings
         shear = assembler.material.evaluate(np.eye(3)).tangent[0, 1, 0, 1]
-        # a uniform shear of that size stores this much: the decrement's natural scale
-        self._unit = float(shear * assembler.volume_m3)
-        self._enough = tolerance**2 * self._unit
+        # a uniform shear of 1 stores this much: the natural scale of a correction's work
+        unit = float(shear * assembler.volume_m3)
+        self.tolerance = Tolerance(unit, config.tolerance, config.max_iterations, config.max_halvings)
 
     def at(self, x: Array, actuation: float) -> Equilibrium:
         """The system at x, which the caller knows to be an equilibrium."""
-        point = self._evaluate(x, actuation)
+        point = self.evaluate(x, actuation)
         if point is None:
             raise DivergedError("the state to start from has inverted cells")
-        return Equilibrium(point, self._reduce(point), 0)
+        return Equilibrium(point, self.reduce(point), 0)
 
     def advance(self, start: Equilibrium, target: Control) -> Equilibrium:
-        """Equilibrium at `target`, in one step or, where that fails or is too long, in shorter ones.
+        """Equilibrium at `target`. Raises `DivergedError`."""
 
-        Raises `DivergedError`.
-        """
-        here, reached, length, count = start, 0.0, 1.0, 0
-        while reached < 1.0:
-            goal = min(reached + length, 1.0)
-            try:
-                last = length <= 0.5**self.max_halvings
-                here = self._step(here, _between(start.point, target, goal), goal == 1.0, last)
-            except (DivergedError, SingularMatrixError, np.linalg.LinAlgError) as error:
-                length /= 2
-                if length < 0.5**self.max_halvings:
-                    raise DivergedError(f"{error}; stopped after {reached:.0%} of the load step") from error
-                continue
-            reached, count, length = goal, count + here.iterations, 2 * length
-        return Equilibrium(here.point, here.reduced, count)
+        def step(here: Equilibrium, goal: float, patient: bool) -> tuple[Equilibrium, int]:
+            return self._step(here, _between(start.point, target, goal), goal == 1.0, patient)
 
-    def _step(self, start: Equilibrium, target: Control, final: bool, patient: bool) -> Equilibrium:
-        """One load step: tangent predictor, then Newton with a line search.
+        end, count = in_load_steps(start, step, self.tolerance.max_halvings)
+        return Equilibrium(end.point, end.reduced, count)
 
-        A step that is not `final` ends near equilibrium. Unless `patient`, a step is given up at once where the
-        predictor leaves much to correct.
-        """
-        enough = self._enough if final else max(self._enough, ON_THE_WAY**2 * self._unit)
+    def _step(
+        self, start: Equilibrium, target: Control, final: bool, patient: bool
+    ) -> tuple[Equilibrium, int]:
+        """One load step: tangent predictor, then corrections."""
         step = newton_step(start.point, start.reduced, self.assembler.pattern, target)
-        point = self._evaluate(start.point.x + step, target.actuation)
-        for iteration in range(1, self.max_iterations + 1):
-            if point is None:
-                raise DivergedError("the tangent predictor inverts cells")
-            reduced = self._reduce(point)
-            step = newton_step(point, reduced, self.assembler.pattern, target)
-            decrement = self._work(point, step, target)
-            if decrement <= enough:
-                found = self._evaluate(point.x + step, target.actuation)
-                if found is None:
-                    raise DivergedError("the last step inverts cells")
-                return Equilibrium(found, self._reduce(found), iteration + 1)
-            if iteration == 1 and not patient and decrement > TOO_LONG**2 * self._unit:
-                raise DivergedError("the load step is too long")
-            point = self._search(point, step, decrement, target)
-        raise DivergedError(f"no convergence in {self.max_iterations} Newton steps")
+        predicted = self.evaluate(start.point.x + step, target.actuation)
+        point, count = _ToControl(self, target).converged(predicted, self.tolerance, final, patient)
+        return Equilibrium(point, self.reduce(point), count + 1), count + 1
 
-    def _search(self, point: Point, step: Array, decrement: float, target: Control) -> Point:
-        """The first of 1, ½, ¼ … of the step after which the residual works less along it."""
-        length = 1.0
-        while length >= SHORTEST:
-            trial = self._evaluate(point.x + length * step, target.actuation)
-            if trial is not None and self._work(trial, step, target) <= 0.9 * decrement:
-                return trial
-            length /= 2
-        raise DivergedError("the line search found no better point")
-
-    def _work(self, point: Point, step: Array, target: Control) -> float:
-        """|residual · step| over the unknowns, in J; multipliers count with the other sign."""
-        residual, G = point.residual, point.globals
-        residual[-G:] = np.where(target.held, 0.0, residual[-G:] + target.effort)
-        residual[self.assembler.pressures] *= -1
-        return abs(float(residual @ step))
-
-    def _evaluate(self, x: Array, actuation: float) -> Point | None:
+    def evaluate(self, x: Array, actuation: float) -> Point | None:
+        """U and W to second order at x; None where a cell is inverted."""
         if not (np.all(np.isfinite(x)) and self.assembler.globals.split(x)[1] > -1):
             return None
         energy = self.assembler.elastic_energy(x)
         return None if energy is None else Point(x, actuation, energy, self.assembler.travel(x))
 
-    def _reduce(self, point: Point) -> Reduced:
+    def reduce(self, point: Point) -> Reduced:
+        """The point's system in the globals. Raises `SingularMatrixError`."""
         reduced = point.reduce(self.assembler.pattern, self.solver)
         if not np.all(np.isfinite(reduced.solved)):
             raise SingularMatrixError("the tangent stiffness is singular")
         return reduced
+
+
+@dataclass(frozen=True, eq=False)
+class _ToControl(Iteration[Point, Array]):
+    """The iteration to one control."""
+
+    newton: Newton
+    target: Control
+
+    def correction(self, point: Point) -> Array:
+        return newton_step(point, self.newton.reduce(point), self.newton.assembler.pattern, self.target)
+
+    def work(self, point: Point, step: Array) -> float:
+        """|residual · step| over the unknowns; multipliers count with the other sign."""
+        residual, G = point.residual, point.globals
+        residual[-G:] = np.where(self.target.held, 0.0, residual[-G:] + self.target.effort)
+        residual[self.newton.assembler.pressures] *= -1
+        return abs(float(residual @ step))
+
+    def moved(self, point: Point, step: Array, length: float) -> Point | None:
+        return self.newton.evaluate(point.x + length * step, self.target.actuation)
 
 
 def _between(start: Point, target: Control, fraction: float) -> Control:

@@ -17,10 +17,11 @@ from pliant.interfaces.material import Material
 from pliant.records.design import Array
 from pliant.records.fem import ModuleProblem
 from pliant.records.structure import StructureProblem, StructureState
-from pliant_plugins.fem.skfem.assembly import Assembler, Terms
+from pliant_plugins.fem.newton import DivergedError, Iteration, SingularMatrixError, Tolerance, in_load_steps
+from pliant_plugins.fem.skfem.assembly import Assembler
 from pliant_plugins.fem.skfem.config import SkfemConfig
-from pliant_plugins.fem.skfem.linear import SingularMatrixError, linear_solver
-from pliant_plugins.fem.skfem.newton import ON_THE_WAY, SHORTEST, TOO_LONG, DivergedError
+from pliant_plugins.fem.skfem.linear import linear_solver
+from pliant_plugins.fem.skfem.pattern import Terms
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +42,7 @@ class Load:
 
 
 @dataclass(frozen=True, eq=False)
-class Point:
+class BodyPoint:
     """A trial state x with U and V to second order."""
 
     x: Array
@@ -68,14 +69,15 @@ class SkfemStructure(StructureSolver):
         )
         self.assembler = Assembler(as_module, material, config.dilatation)
         self.linear = linear_solver(config.linear_solver, self.assembler.pattern)
-        self._unit = material.shear_modulus_pa * self.assembler.volume_m3
+        unit = material.shear_modulus_pa * self.assembler.volume_m3
+        self.tolerance = Tolerance(unit, config.tolerance, config.max_iterations, config.max_halvings)
         self._spread = np.zeros((self.assembler.size, 3))
         for component in range(3):
             self._spread[3 * problem.tip + component, component] = self.share * problem.tip_shares
 
     def rest(self) -> StructureState:
         """The body as it was made."""
-        point = self._point(np.zeros(self.assembler.size))
+        point = self.point(np.zeros(self.assembler.size))
         assert point is not None  # the mesh is sound
         return self._state(point, Load(0.0, np.zeros(3)), 0, time.perf_counter())
 
@@ -85,72 +87,47 @@ class SkfemStructure(StructureSolver):
         if start.solution.shape != (self.assembler.size,):
             raise UserError("the start state belongs to another body: its number of unknowns differs.")
         target = Load(pressure_pa, np.asarray(tip_force_n, float))
-        here, load = self._point(start.solution), Load(start.pressure_pa, start.tip_force_n)
+        here, before = self.point(start.solution), Load(start.pressure_pa, start.tip_force_n)
         assert here is not None
-        reached, length, count, first = 0.0, 1.0, 0, load
-        while reached < 1.0:
-            goal = min(reached + length, 1.0)
-            patient = length <= 0.5**self.config.max_halvings
-            try:
-                there = first.towards(target, goal)
-                here, steps = self._step(here, load, there, goal == 1.0, patient)
-            except (DivergedError, SingularMatrixError) as error:
-                length /= 2
-                if length < 0.5**self.config.max_halvings:
-                    raise StateNotConvergedError(
-                        f"no equilibrium of the body at {pressure_pa:.6g} Pa and "
-                        f"{np.round(tip_force_n, 4).tolist()} N: {error}; stopped after {reached:.0%} of the load step."
-                    ) from error
-                continue
-            reached, count, length, load = goal, count + steps, 2 * length, there
-        return self._state(here, target, count, begun)
+
+        def step(
+            state: tuple[BodyPoint, Load], goal: float, patient: bool
+        ) -> tuple[tuple[BodyPoint, Load], int]:
+            load = before.towards(target, goal)
+            point, count = self._step(*state, load, goal == 1.0, patient)
+            return (point, load), count
+
+        try:
+            (end, _), count = in_load_steps((here, before), step, self.tolerance.max_halvings)
+        except DivergedError as error:
+            raise StateNotConvergedError(
+                f"no equilibrium of the body at {pressure_pa:.6g} Pa and "
+                f"{np.round(tip_force_n, 4).tolist()} N: {error}."
+            ) from error
+        return self._state(end, target, count, begun)
 
     def deformed_nodes(self, state: StructureState) -> Array:
         """(n, 3) node positions in m."""
         return self.assembler.positions(state.solution)
 
-    def _step(self, start: Point, before: Load, load: Load, final: bool, patient: bool) -> tuple[Point, int]:
-        """Tangent predictor and Newton with a line search; a step that is not `final` ends near equilibrium."""
-        enough = self.config.tolerance**2 * self._unit
-        if not final:
-            enough = max(enough, ON_THE_WAY**2 * self._unit)
-        rise = self._push(start, load) - self._push(start, before)
-        point = self._point(start.x - self._solve(start, before, self._residual(start, before) - rise))
-        for iteration in range(1, self.config.max_iterations + 1):
-            if point is None:
-                raise DivergedError("the tangent predictor inverts cells")
-            residual = self._residual(point, load)
-            step = -self._solve(point, load, residual)
-            decrement = abs(float(residual @ step))
-            if decrement <= enough:
-                found = self._point(point.x + step)
-                if found is None:
-                    raise DivergedError("the last step inverts cells")
-                return found, iteration
-            if iteration == 1 and not patient and decrement > TOO_LONG**2 * self._unit:
-                raise DivergedError("the load step is too long")
-            point = self._search(point, step, decrement, load)
-        raise DivergedError(f"no convergence in {self.config.max_iterations} Newton steps")
+    def _step(
+        self, start: BodyPoint, before: Load, load: Load, final: bool, patient: bool
+    ) -> tuple[BodyPoint, int]:
+        """Tangent predictor, then corrections."""
+        rise = self.push(start, load) - self.push(start, before)
+        predicted = self.point(start.x - self.solve(start, before, self.residual(start, before) - rise))
+        return _ToLoad(self, load).converged(predicted, self.tolerance, final, patient)
 
-    def _search(self, point: Point, step: Array, decrement: float, load: Load) -> Point:
-        length = 1.0
-        while length >= SHORTEST:
-            trial = self._point(point.x + length * step)
-            if trial is not None and abs(float(self._residual(trial, load) @ step)) <= 0.9 * decrement:
-                return trial
-            length /= 2
-        raise DivergedError("the line search found no better point")
-
-    def _push(self, point: Point, load: Load) -> Array:
+    def push(self, point: BodyPoint, load: Load) -> Array:
         """Generalised force of the loads at a point."""
         force: Array = load.pressure * point.cavity.gradient + self._spread @ load.force
         return force
 
-    def _residual(self, point: Point, load: Load) -> Array:
+    def residual(self, point: BodyPoint, load: Load) -> Array:
         """∂Π/∂v."""
-        return point.energy.gradient - self._push(point, load)
+        return point.energy.gradient - self.push(point, load)
 
-    def _solve(self, point: Point, load: Load, right: Array) -> Array:
+    def solve(self, point: BodyPoint, load: Load, right: Array) -> Array:
         """K⁻¹ right on the free displacements, zero on the others."""
         pattern = self.assembler.pattern
         potential = point.energy.plus(-load.pressure, point.cavity)
@@ -159,13 +136,14 @@ class SkfemStructure(StructureSolver):
             raise SingularMatrixError("the tangent stiffness is singular")
         return out
 
-    def _point(self, x: Array) -> Point | None:
+    def point(self, x: Array) -> BodyPoint | None:
+        """U and V to second order at x; None where a cell is inverted."""
         if not np.all(np.isfinite(x)):
             return None
         energy = self.assembler.strain_energy(x)
-        return None if energy is None else Point(x, energy, self.assembler.cavity(x))
+        return None if energy is None else BodyPoint(x, energy, self.assembler.cavity(x))
 
-    def _state(self, point: Point, load: Load, iterations: int, begun: float) -> StructureState:
+    def _state(self, point: BodyPoint, load: Load, iterations: int, begun: float) -> StructureState:
         nodes = self.assembler.positions(point.x)
         across = np.array([nodes[section[-1]] - nodes[section[0]] for section in self.problem.sections])
         markers = nodes[self.problem.markers]
@@ -181,3 +159,20 @@ class SkfemStructure(StructureSolver):
             wall_s=time.perf_counter() - begun,
             solution=point.x,
         )
+
+
+@dataclass(frozen=True, eq=False)
+class _ToLoad(Iteration[BodyPoint, Array]):
+    """The iteration to one load; a step is a change of all displacements."""
+
+    body: SkfemStructure
+    load: Load
+
+    def correction(self, point: BodyPoint) -> Array:
+        return -self.body.solve(point, self.load, self.body.residual(point, self.load))
+
+    def work(self, point: BodyPoint, step: Array) -> float:
+        return abs(float(self.body.residual(point, self.load) @ step))
+
+    def moved(self, point: BodyPoint, step: Array, length: float) -> BodyPoint | None:
+        return self.body.point(point.x + length * step)

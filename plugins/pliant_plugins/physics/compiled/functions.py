@@ -1,15 +1,27 @@
-"""Plain scalar Python functions of plugins as compiled function pointers."""
+"""Plain scalar Python functions of plugins as compiled function pointers; a chain's law terms as arrays of them."""
 
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
 from types import FunctionType
 from typing import Any
 
-from numba import cfunc
+import numpy as np
+from numba import cfunc, types
 from numba.extending import register_jitable
 
 from pliant.errors import UserError
+from pliant.records.design import Array
+from pliant.records.term import LawTerm, TermFunction, numbers_of
+
+_F, _A = types.float64, types.float64[::1]
+# Of a law term: u, rate, duration of the step, net input, temperature, old and new memory, parameters.
+TERM_SIGNATURE = _F(_F, _F, _F, _F, _F, _A, _A, _A)
+# The roles of law terms, as the compiled loops number them.
+ROLES = ("moment", "elastic", "actuation", "rest")
 
 
 def compile_function(function: Any, signature: Any, what: str) -> Any:
@@ -60,3 +72,52 @@ def _why_not(function: Any, error: Exception, what: str) -> str:
 def _on_disk(function: Any) -> bool:
     """Whether numba can cache it: functions made inside others have no stable name."""
     return "<" not in function.__qualname__ and not function.__code__.co_filename.startswith("<")
+
+
+@dataclass(frozen=True, eq=False)
+class CompiledTerms:
+    """The law terms of a chain of n joints.
+
+    Attributes:
+        addresses: (m,) int64, machine code of each term; it lives as long as the process.
+        rows: (m, 5) int64: role, first and last (exclusive) parameter, first and last (exclusive) state.
+        parameters: (n, P) of all terms, one term after another, by joint.
+        keeps: (states,) whether a state outlasts the rest between runs.
+    """
+
+    addresses: Any
+    rows: Any
+    parameters: Array
+    keeps: Any
+
+    @staticmethod
+    def of(terms: Sequence[LawTerm], n_joints: int) -> CompiledTerms:
+        """Compiled once in a process and kept on disk.
+
+        Raises:
+            UserError: a term that cannot be compiled.
+        """
+        addresses = [int(_compiled_term(term.function).address) for term in terms]
+        ends = np.cumsum([0, *(term.n_parameters for term in terms)])
+        states = np.cumsum([0, *(term.n_states for term in terms)])
+        rows = [[ROLES.index(t.role), *ends[k : k + 2], *states[k : k + 2]] for k, t in enumerate(terms)]
+        return CompiledTerms(
+            np.array(addresses, np.int64),
+            np.array(rows, np.int64).reshape(-1, 5),
+            numbers_of(terms, n_joints),
+            np.array([term.keeps for term in terms for _ in range(term.n_states)], np.bool_),
+        )
+
+
+def compiled_terms(terms: Sequence[LawTerm], n_joints: int) -> tuple[Any, Any, Array] | None:
+    """Addresses, rows and parameters as `compiled.motion` takes them; None where a term cannot be compiled."""
+    try:
+        compiled = CompiledTerms.of(terms, n_joints)
+    except UserError:  # it runs in plain Python then
+        return None
+    return compiled.addresses, compiled.rows, compiled.parameters
+
+
+@cache
+def _compiled_term(function: TermFunction) -> Any:
+    return compile_function(function, TERM_SIGNATURE, "law term")

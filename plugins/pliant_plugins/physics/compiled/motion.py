@@ -13,13 +13,10 @@ from llvmlite import ir
 from numba import njit, types
 from numba.extending import intrinsic
 
+from pliant.mechanics.terms import STEP as SLOPE_STEP
 from pliant_plugins.physics.compiled.dof_forces import drive_axes, drive_balls, rotation_vector, to_torque
 from pliant_plugins.physics.compiled.efforts import efforts
-
-_F, _A = types.float64, types.float64[::1]
-TERM_SIGNATURE = _F(_F, _F, _F, _F, _F, _A, _A, _A)
-# Half-width of the central difference for slopes of terms, as in `pliant.mechanics.terms`.
-SLOPE_STEP = 1e-6
+from pliant_plugins.physics.compiled.functions import TERM_SIGNATURE
 
 
 @intrinsic
@@ -28,10 +25,10 @@ def call_term(typing_context, address, u, rate, dt, actuation, temperature, old,
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         kinds = [context.get_value_type(kind) for kind in TERM_SIGNATURE.args]
-        function = ir.FunctionType(context.get_value_type(_F), kinds)
+        function = ir.FunctionType(context.get_value_type(types.float64), kinds)
         return builder.call(builder.inttoptr(arguments[0], function.as_pointer()), arguments[1:])
 
-    return _F(types.int64, *TERM_SIGNATURE.args), generate
+    return types.float64(types.int64, *TERM_SIGNATURE.args), generate
 
 
 @intrinsic

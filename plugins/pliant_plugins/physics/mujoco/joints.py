@@ -12,6 +12,7 @@ force and the damping c, counted once.
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import mujoco
 import numpy as np
@@ -28,8 +29,9 @@ from pliant.mechanics.terms import Memory
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
 from pliant_plugins.physics.compiled.dof_forces import drive_axes, drive_balls
+from pliant_plugins.physics.compiled.functions import compiled_terms
 from pliant_plugins.physics.compiled.laws import CompiledLaws
-from pliant_plugins.physics.mujoco.with_terms import LawsWithTerms
+from pliant_plugins.physics.compiled.motion import drive_step, remember_step
 
 NOT_NEEDED = np.empty(0)
 
@@ -61,9 +63,12 @@ class ChainJoints:
             self._qpos, self._qvel = self._qpos.reshape(n, 4), self._qvel.reshape(n, 3)
             self._applied, self._damping = self._applied.reshape(n, 3), self._damping.reshape(n, 3)
         self.order, self._none = np.argmax(self._geometry.basis, axis=0), np.zeros(n)
-        compiled = CompiledLaws.of(chain)
-        self.laws = None if compiled is None or chain.terms else compiled.arrays
-        self.with_terms = LawsWithTerms.of(chain, compiled, self)
+        # Compiled forms, None where a law or a term has none; `laws` those of a chain without terms.
+        self.compiled, self.terms = CompiledLaws.of(chain), compiled_terms(chain.terms, n)
+        self.laws = None if self.compiled is None or chain.terms else self.compiled.arrays
+        self.steps_compiled = bool(chain.terms) and self.compiled is not None and self.terms is not None
+        self.layout = (self.ball, np.resize(self.order, 3).astype(np.int64), self.main)
+        self._views = self.views()[:4]
         self._loads: Loads | None = None
         self._values = self._none
 
@@ -118,8 +123,8 @@ class ChainJoints:
         the end of the step of `loads.memory`; where that is infinite, as in a slow motion.
         """
         extra = self._none if extra_stiffness is None else extra_stiffness
-        if self.with_terms is not None and extra_stiffness is None and caution == 1.0 and _timed(loads):
-            self.with_terms.drive(loads, damping)
+        if self.steps_compiled and extra_stiffness is None and caution == 1.0 and _timed(loads):
+            self._drive_terms(loads, damping)
         elif self.laws is None or loads.memory is not None:
             self._drive_plainly(loads, damping, extra, caution)
         else:
@@ -135,6 +140,26 @@ class ChainJoints:
             drive_balls(self.laws, self._qpos, *order, *before, self._applied, self._damping)
         else:
             drive_axes(self.laws, self._qpos, *before, self._applied, self._damping)
+
+    def _drive_terms(self, loads: Loads, damping: float) -> None:
+        """Force and damping of the dofs for the step to come, with compiled laws and law terms."""
+        assert loads.memory is not None and self.compiled is not None
+        past, options = (loads.memory.previous, loads.memory.states), (loads.memory.dt_s, damping)
+        given = (self.layout, self._views, self._inputs(loads, loads.memory), options, past)
+        drive_step(self.compiled.arrays, self.terms, *given)
+
+    def _remember_terms(self, loads: Loads, memory: Memory) -> Memory:
+        """The memory after a step that ended where the chain is."""
+        assert self.compiled is not None
+        past = memory.previous.copy(), memory.states.copy()
+        given = (self.layout, self._views[0], self._inputs(loads, memory), memory.dt_s, past)
+        remember_step(self.compiled.arrays, self.terms, *given)
+        return replace(memory, previous=past[0], states=past[1])
+
+    def _inputs(self, loads: Loads, memory: Memory) -> tuple[Array, float, float]:
+        """Values of the actuators, end moment, temperature."""
+        values = self.statics.efforts.values(loads.actuation)
+        return values, float(loads.moment_n_m), float(memory.temperature_c)
 
     def _drive_plainly(self, loads: Loads, damping: float, extra: Array, caution: float) -> None:
         """The same without machine code: laws or terms without a compiled form, terms in a slow motion."""
@@ -163,8 +188,8 @@ class ChainJoints:
         """The loads after a step that ended where the chain is: with what law terms then know of the past."""
         if loads.memory is None:
             return loads
-        if self.with_terms is not None and _timed(loads):
-            return loads.after(self.with_terms.advance(loads))
+        if self.steps_compiled and _timed(loads):
+            return loads.after(self._remember_terms(loads, loads.memory))
         return loads.after(self.statics.efforts.advance(self.q, loads.actuation, loads.memory))
 
     def _push(self, loads: Loads) -> None:

@@ -1,15 +1,27 @@
-"""MJCF of a chain: nested bodies, one joint each, exact inertias, shapes where they collide."""
+"""MJCF of a chain, and of a scene with every pair of shapes that may touch.
+
+A chain is nested bodies, one joint each, with exact inertias. A scene is arms on a carriage, free objects and a floor.
+Pairs are written out one by one, because the scene's friction rule is the product of both coefficients and
+MuJoCo's own is the larger. The carriage is a body on three slides of enormous inertia, whose velocity is
+prescribed: unlike a mocap body's it is seen by the contact solver, so what is held moves with it."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import combinations
 from xml.etree.ElementTree import Element, SubElement, tostring
+
+import numpy as np
 
 from pliant.mechanics.inertia import regular
 from pliant.mechanics.kinematics import ChainGeometry
 from pliant.mechanics.rotations import quaternion_of_matrix
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array, MassProperties
+from pliant.records.scene import Part, Scene
+from pliant.records.shape import Shape
+from pliant_plugins.physics.mujoco.config import MujocoConfig
 
 JOINT_TYPES = {"revolute": "hinge", "spherical": "ball", "prismatic": "slide"}
 # A moving body must have inertia: these floors keep the mass matrix regular. A body without mass is also
@@ -74,3 +86,152 @@ def add_inertia(body: Element, piece: MassProperties) -> None:
 def text(values: Iterable[float]) -> str:
     """Numbers as MJCF writes them, exact."""
     return " ".join(repr(float(value)) for value in values)
+
+
+# The heaviest arm cannot slow a carriage of this inertia: 1 N changes its speed by 2e-9 m/s in 2 ms.
+CARRIAGE_KG = 1e6
+CARRIAGE_DOFS = 3
+# MuJoCo's own 1e-8 lets what is held jitter, and slip below its limit.
+SOLVER_TOLERANCE = 1e-12
+# A ball's rolling resistance and a patch's resistance to spinning are not in the scene's rule.
+POINT_FRICTION = 3
+
+
+@dataclass(frozen=True)
+class Geom:
+    """A shape in the document: its name, the body of the scene that carries it, its coefficient of friction."""
+
+    name: str
+    part: Part
+    friction: float
+
+
+@dataclass(frozen=True)
+class SceneDocument:
+    """The document, and its geoms in MuJoCo's order."""
+
+    mjcf: str
+    geoms: tuple[Geom, ...]
+
+
+def arm_prefix(arm: int) -> str:
+    """What the names of an arm's bodies begin with."""
+    return f"arm_{arm}_"
+
+
+def object_name(index: int) -> str:
+    """The name of an object's body."""
+    return f"object_{index}"
+
+
+def scene_mjcf(scene: Scene, config: MujocoConfig) -> SceneDocument:
+    """The document of a scene with the config's contact settings."""
+    root = document("scene")
+    _add_options(root, scene, config)
+    assets, world = SubElement(root, "asset"), SubElement(root, "worldbody")
+    geoms = _Geoms(assets)
+    if scene.floor_m is not None:
+        geoms.add_floor(world, scene.floor_m, scene.floor_friction)
+    carriage = _add_carriage(world)
+    for number, arm in enumerate(scene.arms):
+        bodies = add_chain(carriage, arm.chain, arm_prefix(number))
+        for index, (body, shapes) in enumerate(zip(bodies, arm.chain.shapes, strict=False)):
+            geoms.add(body, Part("arm", number, index), shapes, arm.friction)
+    for number, free in enumerate(scene.objects):
+        body = add_body(world, object_name(number), free.position_m, free.rotation)
+        SubElement(body, "freejoint")
+        add_inertia(body, free.mass)
+        geoms.add(body, Part("object", number), free.shapes, free.friction)
+    contact = SubElement(root, "contact")
+    for one, other in _touching(geoms.found):
+        _add_pair(contact, one, other, config)
+    return SceneDocument(tostring(root, encoding="unicode"), tuple(geoms.found))
+
+
+def _add_options(root: Element, scene: Scene, config: MujocoConfig) -> None:
+    option = SubElement(
+        root,
+        "option",
+        integrator="discrete",
+        gravity=text(scene.gravity_m_s2),
+        jacobian="dense",
+        cone="elliptic",
+        impratio=repr(config.impratio),
+        tolerance=repr(SOLVER_TOLERANCE),
+        noslip_iterations=str(config.noslip_iterations),
+    )
+    SubElement(option, "flag", autoreset="disable")
+
+
+def _add_carriage(world: Element) -> Element:
+    body = SubElement(world, "body", name="carriage", gravcomp="1")
+    inertia = text([INERTIA_FLOOR_KG_M2] * 3)
+    SubElement(body, "inertial", pos="0 0 0", mass=repr(MASS_FLOOR_KG), diaginertia=inertia)
+    for axis in np.eye(CARRIAGE_DOFS):
+        SubElement(body, "joint", type="slide", axis=text(axis), armature=repr(CARRIAGE_KG))
+    return body
+
+
+class _Geoms:
+    """Adds shapes to bodies and remembers them in order."""
+
+    def __init__(self, assets: Element) -> None:
+        self.found: list[Geom] = []
+        self._assets = assets
+
+    def add_floor(self, world: Element, height_m: float, friction: float) -> None:
+        geom = self._element(world, Part("floor"), friction)
+        geom.set("type", "plane")
+        geom.set("size", "0 0 1")
+        geom.set("pos", text((0.0, 0.0, height_m)))
+
+    def add(self, body: Element, part: Part, shapes: Sequence[Shape], friction: float) -> None:
+        for shape in shapes:
+            geom = self._element(body, part, friction)
+            geom.set("type", shape.kind)
+            geom.set("pos", text(shape.position_m))
+            geom.set("quat", text(quaternion_of_matrix(np.asarray(shape.rotation, float))))
+            if shape.mesh is None:
+                geom.set("size", text(shape.size_m))
+            else:
+                geom.set("mesh", self._mesh(shape))
+
+    def _element(self, parent: Element, part: Part, friction: float) -> Element:
+        name = f"geom_{len(self.found)}"
+        self.found.append(Geom(name, part, friction))
+        # contype 0: nothing touches but the pairs that are written out.
+        return SubElement(parent, "geom", name=name, mass="0", contype="0", conaffinity="0")
+
+    def _mesh(self, shape: Shape) -> str:
+        """A mesh stands for its convex hull; its faces are MuJoCo's own."""
+        assert shape.mesh is not None
+        name = f"mesh_{len(self.found)}"
+        vertices = text(np.asarray(shape.mesh.vertices_m, float).ravel())
+        SubElement(self._assets, "mesh", name=name, vertex=vertices, inertia="convex")
+        return name
+
+
+def _touching(geoms: Sequence[Geom]) -> Iterator[tuple[Geom, Geom]]:
+    """Pairs that collide: objects with arms, floor and other objects; arms with the floor."""
+    for one, other in combinations(geoms, 2):
+        kinds = {one.part.kind, other.part.kind}
+        if ("object" in kinds and one.part != other.part) or kinds == {"arm", "floor"}:
+            yield one, other
+
+
+def _add_pair(contact: Element, one: Geom, other: Geom, config: MujocoConfig) -> None:
+    coefficient = one.friction * other.friction
+    stiffness, damping = config.contact_stiffness, config.contact_damping
+    SubElement(
+        contact,
+        "pair",
+        geom1=one.name,
+        geom2=other.name,
+        condim=str(POINT_FRICTION if coefficient > 0.0 else 1),
+        friction=text([coefficient, coefficient, 0.0, 0.0, 0.0]),
+        # Negative numbers are MuJoCo's direct format: the penetration does not depend on the step.
+        solref=text((-stiffness, -damping)),
+        solreffriction=text((-stiffness, -config.slip_damping)),
+        solimp=text((config.contact_impedance, config.contact_impedance, 1e-3, 0.5, 2.0)),
+        gap=repr(config.near_m) if "arm" in (one.part.kind, other.part.kind) else "0",
+    )

@@ -21,7 +21,6 @@ from pliant.records.design import Array
 from pliant.records.history import REFERENCE_TEMPERATURE_C, History
 from pliant_plugins.physics.compiled.laws import CompiledLaws
 from pliant_plugins.physics.compiled.motion import move
-from pliant_plugins.physics.compiled.terms import compiled_terms
 from pliant_plugins.physics.mujoco.joints import ChainJoints
 
 
@@ -94,15 +93,11 @@ class CompiledMotion:
     ) -> None:
         self._addresses, self._laws, self._terms = addresses, laws.arrays, terms
         self._joints = joints
-        self._axes = np.resize(joints.order, 3).astype(np.int64)
 
     @staticmethod
-    def of(
-        model: mujoco.MjModel, data: mujoco.MjData, chain: ChainModel, joints: ChainJoints
-    ) -> CompiledMotion | None:
+    def of(model: mujoco.MjModel, data: mujoco.MjData, joints: ChainJoints) -> CompiledMotion | None:
         """None where MuJoCo's functions have no address, or a law or term is not compiled."""
-        functions, laws = _functions(), CompiledLaws.of(chain)
-        terms = compiled_terms(chain.terms, chain.n_joints)
+        functions, laws, terms = _functions(), joints.compiled, joints.terms
         if functions is None or laws is None or terms is None or not hasattr(model, "_address"):
             return None
         return CompiledMotion((*functions, model._address, data._address), laws, terms, joints)
@@ -134,7 +129,7 @@ class CompiledMotion:
                 self._addresses,
                 self._laws,
                 self._terms,
-                (joints.ball, self._axes, joints.main),
+                joints.layout,
                 views,
                 tuple(
                     np.ascontiguousarray(column[here])

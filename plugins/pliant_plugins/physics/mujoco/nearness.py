@@ -13,7 +13,7 @@ from pliant.records.design import Array
 from pliant.records.scene import Scene
 from pliant.records.shape import Shape
 from pliant_plugins.physics.mujoco.config import MujocoConfig
-from pliant_plugins.physics.mujoco.scene_mjcf import CARRIAGE_DOFS, Geom
+from pliant_plugins.physics.mujoco.mjcf import CARRIAGE_DOFS, Geom
 
 # An object that is slower rests.
 REST_M_S = 2e-3

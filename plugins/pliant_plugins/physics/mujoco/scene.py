@@ -10,23 +10,25 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import mujoco
 import numpy as np
 
-from pliant.errors import ContractError, UserError
+from pliant.errors import UserError
 from pliant.interfaces.physics import SceneSimulation
 from pliant.mechanics.rotations import matrix_of_quaternion, quaternion_of_matrix
 from pliant.mechanics.statics import ChainStatics, Loads
+from pliant.mechanics.terms import Memory
 from pliant.records.design import Array
 from pliant.records.rollout import Inputs, OutsideDomain
-from pliant.records.scene import Contact, Scene, SceneState
-from pliant_plugins.physics.mujoco.arms import Arms
+from pliant.records.scene import Contact, Part, Scene, SceneState
+from pliant_plugins.physics.compiled.dof_forces import drive_arms
+from pliant_plugins.physics.dynamic import arms_outside_domain, loads_of_arms
 from pliant_plugins.physics.mujoco.config import MujocoConfig
-from pliant_plugins.physics.mujoco.contacts import ContactReader
 from pliant_plugins.physics.mujoco.joints import ChainJoints
+from pliant_plugins.physics.mujoco.mjcf import CARRIAGE_DOFS, CARRIAGE_KG, Geom, arm_prefix, scene_mjcf
 from pliant_plugins.physics.mujoco.nearness import Nearness
-from pliant_plugins.physics.mujoco.scene_mjcf import CARRIAGE_DOFS, CARRIAGE_KG, arm_prefix, scene_mjcf
 from pliant_plugins.physics.mujoco.warned import silent, unstable
 
 # Everything that the next step depends on but inputs, which the snapshot's user gives again.
@@ -73,11 +75,7 @@ class MujocoScene(SceneSimulation):
         self._near = self._nearness.is_near(data)
 
     def apply(self, inputs: Sequence[Inputs]) -> None:
-        if len(inputs) != len(self._arms):
-            raise ContractError(f"the scene has {len(self._arms)} arms and got inputs for {len(inputs)}")
-        for joints, given in zip(self._arms, inputs, strict=True):
-            joints.statics.efforts.values(given.actuation)
-        self._loads = [Loads.of(arm.chain, given) for arm, given in zip(self.scene.arms, inputs, strict=True)]
+        self._loads = loads_of_arms(self.scene, [arm.chain for arm in self.scene.arms], inputs)
         self._driver.apply(self._loads)
 
     def carry(self, velocity_m_s: Array) -> None:
@@ -183,10 +181,110 @@ class MujocoScene(SceneSimulation):
         return self._reader.read()
 
     def outside_domain(self) -> tuple[OutsideDomain, ...]:
-        found: list[OutsideDomain] = []
-        before = 0
-        for arm, joints, loads in zip(self.scene.arms, self._arms, self._loads, strict=True):
-            of_arm = joints.statics.efforts.outside_domain(joints.q, loads.actuation, self._time_s)
-            found += [replace(entry, module=entry.module + before) for entry in of_arm]
-            before += arm.chain.n_joints
+        statics, coordinates = [arm.statics for arm in self._arms], [arm.q for arm in self._arms]
+        return arms_outside_domain(statics, coordinates, self._loads, self._time_s)
+
+
+# Which of two bodies comes first.
+RANK = {"arm": 0, "floor": 1, "object": 2}
+
+
+class ContactReader:
+    """Reads what the last solve left in `data`."""
+
+    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, geoms: Sequence[Geom]) -> None:
+        self._model, self._data = model, data
+        self._parts: dict[int, Part] = {model.geom(geom.name).id: geom.part for geom in geoms}
+
+    def read(self) -> tuple[Contact, ...]:
+        """Active contacts in MuJoCo's order; its normal and its force are those on the second geom."""
+        data = self._data
+        found = []
+        for index in np.flatnonzero(data.contact.efc_address >= 0).tolist():
+            contact = data.contact[index]
+            first, second = (self._parts[int(geom)] for geom in contact.geom)
+            frame, force = contact.frame.reshape(3, 3), np.zeros(6)
+            mujoco.mj_contactForce(self._model, data, index, force)
+            sign = 1.0
+            if (RANK[first.kind], first.number) > (RANK[second.kind], second.number):
+                first, second, sign = second, first, -1.0
+            found.append(
+                Contact(
+                    first,
+                    second,
+                    position_m=contact.pos.copy(),
+                    normal=sign * frame[0],
+                    normal_n=float(force[0]),
+                    friction_n=sign * (force[1:3] @ frame[1:]),
+                )
+            )
         return tuple(found)
+
+
+class Arms:
+    """The arms of a scene as its steps drive them."""
+
+    def __init__(
+        self, model: mujoco.MjModel, data: mujoco.MjData, joints: Sequence[ChainJoints], damping: float
+    ) -> None:
+        self._joints, self._physical = joints, damping
+        self._model = model
+        self._qpos, self._applied, self._damping = data.qpos, data.qfrc_applied, model.dof_damping
+        self._laws = _joined(joints)
+        table, last = [], 0
+        for arm in joints:
+            first, last = last, last + arm.n_joints
+            table.append([first, last, arm.coordinate, arm.dof, arm.ball, arm.main])
+        self._table = np.array(table, np.int64).reshape(-1, 6)
+        self._axes = np.array([np.resize(arm.order, 3) for arm in joints], np.int64).reshape(-1, 3)
+        self._loads: Sequence[Loads] = ()
+        # What law terms know of the past, arm by arm; None where an arm has none.
+        self.memories: list[Memory | None] = [arm.rested() for arm in joints]
+        self._pulled = False
+
+    def apply(self, loads: Sequence[Loads]) -> None:
+        """Loads of each arm from now on."""
+        self._loads = loads
+        self._pulled = any(of_arm.forces or of_arm.cords for of_arm in loads)
+        for arm, of_arm in zip(self._joints, loads, strict=True):
+            arm.push_tip(of_arm)
+        if self._laws is not None:
+            pairs = zip(self._joints, loads, strict=True)
+            self._values = np.array([arm.statics.efforts.values(of_arm.actuation) for arm, of_arm in pairs])
+            self._moments = np.array([of_arm.moment_n_m for of_arm in loads])
+
+    def drive(self, step_s: float) -> None:
+        """Forces of laws and loads for a step of this length, which the model has too."""
+        if self._laws is None or self._pulled:
+            for arm, loads, memory in zip(self._joints, self._loads, self.memories, strict=True):
+                arm.drive(loads if memory is None else loads.after(memory.over(step_s)), self._physical)
+            return
+        given = (self._values, self._moments, self._physical, step_s)
+        drive_arms(self._laws, self._table, self._axes, *given, self._qpos, self._applied, self._damping)
+
+    def remember(self, step_s: float) -> None:
+        """Let law terms remember a step of this length that has ended where the arms are."""
+        for k, (arm, loads, memory) in enumerate(zip(self._joints, self._loads, self.memories, strict=True)):
+            if memory is not None:
+                self.memories[k] = arm.remember(loads.after(memory.over(step_s))).memory
+
+    def recall(self, states: Sequence[Array | None]) -> None:
+        """Set what law terms remember, for arms that are where they were then; rested where nothing is given."""
+        self.memories = [arm.rested() for arm in self._joints]
+        for k, (arm, memory) in enumerate(zip(self._joints, self.memories, strict=True)):
+            known = states[k] if k < len(states) else None
+            if memory is not None:
+                given = memory.states if known is None else known.copy()
+                self.memories[k] = replace(memory, previous=arm.q, states=given)
+
+
+def _joined(joints: Sequence[ChainJoints]) -> Any:
+    """Laws of all arms in a row; None where one has none, or actuators differ."""
+    each = [arm.laws for arm in joints]
+    known = [laws for laws in each if laws is not None]
+    if not known or len(known) < len(each) or any(not np.array_equal(k[3], known[0][3]) for k in known):
+        return None
+    before = np.cumsum([0, *(len(laws[2]) for laws in known)])
+    spans = [laws[1] + start for laws, start in zip(known, before, strict=False)]
+    join = np.concatenate
+    return join([k[0] for k in known]), join(spans), join([k[2] for k in known]), known[0][3]

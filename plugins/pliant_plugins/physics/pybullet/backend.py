@@ -13,8 +13,7 @@ from pliant.records.scene import Scene
 from pliant_plugins.exporting.urdf import write_urdf
 from pliant_plugins.physics.dynamic import DynamicSimulation
 from pliant_plugins.physics.pybullet.config import PybulletConfig
-from pliant_plugins.physics.pybullet.engine import BulletChain
-from pliant_plugins.physics.pybullet.published import PublishedChain
+from pliant_plugins.physics.pybullet.engine import BulletChain, PublishedChain
 
 
 class Pybullet(PhysicsBackend):

@@ -5,23 +5,27 @@ from __future__ import annotations
 import math
 import tempfile
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 
 from pliant.errors import UserError
 from pliant.interfaces.physics import SceneSimulation
+from pliant.mechanics.efforts import JointEfforts
 from pliant.mechanics.inertia import longest_explicit_step, mass_matrix
 from pliant.mechanics.statics import ChainStatics, Loads
+from pliant.records.chain import ChainModel
 from pliant.records.design import Array
 from pliant.records.rollout import Inputs, OutsideDomain
 from pliant.records.scene import Contact, Scene, SceneState
+from pliant_plugins.physics.compiled.efforts import efforts
+from pliant_plugins.physics.compiled.laws import CompiledLaws
+from pliant_plugins.physics.dynamic import arms_outside_domain, loads_of_arms
 from pliant_plugins.physics.pybullet.config import PybulletConfig
-from pliant_plugins.physics.pybullet.contacts import read_contacts
-from pliant_plugins.physics.pybullet.scene_efforts import SceneEfforts
 from pliant_plugins.physics.pybullet.urdf import floored
-from pliant_plugins.physics.pybullet.world import BulletWorld
+from pliant_plugins.physics.pybullet.world import BulletWorld, read_contacts
 
 # A joint beyond this has been thrown around, not bent.
 UNBOUNDED = 50.0
@@ -51,11 +55,7 @@ class BulletScene(SceneSimulation):
         self._take([Loads.unactuated(chain) for chain in self._chains])
 
     def apply(self, inputs: Sequence[Inputs]) -> None:
-        if len(inputs) != len(self._chains):
-            raise UserError(f"the scene has {len(self._chains)} arms and was given inputs of {len(inputs)}")
-        for statics, given in zip(self._statics, inputs, strict=True):
-            statics.efforts.values(given.actuation)
-        self._take([Loads.of(chain, given) for chain, given in zip(self._chains, inputs, strict=True)])
+        self._take(loads_of_arms(self.scene, self._chains, inputs))
 
     def carry(self, velocity_m_s: Array) -> None:
         self._velocity = np.array(velocity_m_s, float)
@@ -112,13 +112,8 @@ class BulletScene(SceneSimulation):
         return read_contacts(world.bullet, world.client, world.parts, world.scale)
 
     def outside_domain(self) -> tuple[OutsideDomain, ...]:
-        found: list[OutsideDomain] = []
-        before = 0
-        for arm, statics, loads in zip(self._world.arms, self._statics, self._loads, strict=True):
-            entries = statics.efforts.outside_domain(arm.state()[0], loads.actuation, self._time_s)
-            found += [replace(entry, module=entry.module + before) for entry in entries]
-            before += statics.geometry.n_joints
-        return tuple(found)
+        coordinates = [arm.state()[0] for arm in self._world.arms]
+        return arms_outside_domain(self._statics, coordinates, self._loads, self._time_s)
 
     def close(self) -> None:
         self._world.close()
@@ -214,3 +209,77 @@ class BulletScene(SceneSimulation):
             path = Path(folder) / "world.bullet"
             path.write_bytes(np.asarray(saved, np.uint8).tobytes())
             world.bullet.restoreState(fileName=str(path), physicsClientId=world.client)
+
+
+class SceneEfforts:
+    """Evaluates the laws of all arms at once: arms under the same actuation are one list of joints.
+
+    Coordinates of an arm have shape (n, a).
+    """
+
+    def __init__(self, chains: Sequence[ChainModel]) -> None:
+        self._chains = chains
+        self._joined: dict[tuple[int, ...], _Joined] = {}
+        self._groups: list[tuple[tuple[int, ...], Loads]] = []
+
+    def under(self, loads: Sequence[Loads]) -> None:
+        """Actuation and end moments of every arm from now on."""
+        groups: list[tuple[list[int], Loads]] = []
+        for number, load in enumerate(loads):
+            for members, theirs in groups:
+                if self._alike(members[0], number) and theirs.actuation == load.actuation:
+                    members.append(number)
+                    break
+            else:
+                groups.append(([number], load))
+        self._groups = [(tuple(members), load) for members, load in groups]
+        for key, _ in self._groups:
+            if key not in self._joined:
+                self._joined[key] = _Joined.of([self._chains[k] for k in key])
+
+    def evaluate(self, coordinates: Sequence[Array]) -> list[Array]:
+        """(n, a) efforts of the laws of each arm, without end moments."""
+        found: list[Array] = [np.empty(0)] * len(coordinates)
+        for members, load in self._groups:
+            joined = self._joined[members]
+            tau = joined.evaluate(np.concatenate([coordinates[k] for k in members]), load)
+            for k, joints in zip(members, joined.joints, strict=True):
+                found[k] = tau[joints]
+        return found
+
+    def _alike(self, one: int, other: int) -> bool:
+        a, b = self._chains[one], self._chains[other]
+        same_joints = a.laws[0].joint == b.laws[0].joint and a.axes == b.axes
+        return same_joints and a.actuators == b.actuators and a.terms == b.terms
+
+
+@dataclass(frozen=True, eq=False)
+class _Joined:
+    """Joints of several arms as one list; `joints` are those of each arm in it."""
+
+    laws: CompiledLaws | None
+    efforts: JointEfforts
+    joints: tuple[slice, ...]
+
+    @staticmethod
+    def of(chains: Sequence[ChainModel]) -> _Joined:
+        laws = list(dict.fromkeys(law for chain in chains for law in chain.laws))
+        joints = tuple(
+            replace(joint, law=laws.index(chain.laws[joint.law]))
+            for chain in chains
+            for joint in chain.joints
+        )
+        joined = chains[0].with_(joints=joints, laws=tuple(laws))
+        compiled = None if joined.terms else CompiledLaws.of(joined)
+        ends = np.cumsum([0, *(chain.n_joints for chain in chains)]).tolist()
+        spans = tuple(slice(first, last) for first, last in pairwise(ends))
+        return _Joined(compiled, JointEfforts(joined), spans)
+
+    def evaluate(self, q: Array, load: Loads) -> Array:
+        if self.laws is None:
+            return self.efforts.evaluate(q, load.actuation).tau
+        n, a = q.shape
+        values = self.efforts.values(load.actuation)
+        tau = np.empty((n, a))
+        efforts(self.laws.arrays, q, values, tau, np.empty((len(values), n, a)), np.empty((n, a, a)))
+        return tau

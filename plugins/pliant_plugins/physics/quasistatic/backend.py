@@ -31,13 +31,11 @@ from pliant.records.design import Array
 from pliant.records.history import History
 from pliant.records.rollout import Equilibrium, Inputs, OutsideDomain, Sensitivity
 from pliant_plugins.physics.quasistatic.config import QuasistaticConfig
-from pliant_plugins.physics.quasistatic.newton import NewtonOptions, Solution
-from pliant_plugins.physics.quasistatic.solver import PlainSolver, Solver
+from pliant_plugins.physics.quasistatic.newton import NewtonOptions, PlainSolver, Solution, Solver
 from pliant_plugins.physics.stepping import Paths, step_through
 
 if TYPE_CHECKING:
-    from pliant_plugins.physics.compiled.packs import Packs
-    from pliant_plugins.physics.quasistatic.compiled_solver import CompiledSolver
+    from pliant_plugins.physics.quasistatic.compiled_solver import CompiledSolver, Packs
     from pliant_plugins.physics.quasistatic.histories import HingeFollower
 
 # Cases that a thread takes at a time.
@@ -186,8 +184,10 @@ class Quasistatic(PhysicsBackend):
         """The compiled way; None for chains with law terms or laws that cannot be compiled."""
         if chain.terms or (self._packs is None and any(law.scalar() is None for law in chain.laws)):
             return None
-        from pliant_plugins.physics.compiled.packs import Packs  # numba takes a second
-        from pliant_plugins.physics.quasistatic.compiled_solver import CompiledSolver
+        from pliant_plugins.physics.quasistatic.compiled_solver import (
+            CompiledSolver,
+            Packs,  # numba takes a second
+        )
 
         self._packs = self._packs or Packs()
         return CompiledSolver.of(chain, newton_options(chain, self.config), self._packs)

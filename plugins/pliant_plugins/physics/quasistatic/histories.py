@@ -15,12 +15,12 @@ from pliant.records.chain import ChainModel
 from pliant.records.design import Array
 from pliant.records.history import Followed, History
 from pliant.records.law import JointLaw
-from pliant.records.term import LawTerm, TermFunction
+from pliant.records.term import LawTerm
 from pliant_plugins.physics.compiled.body import Body
+from pliant_plugins.physics.compiled.functions import CompiledTerms
 from pliant_plugins.physics.quasistatic.config import QuasistaticConfig
 from pliant_plugins.physics.quasistatic.kernel import follow
-from pliant_plugins.physics.quasistatic.law_table import LawTable, tabulate
-from pliant_plugins.physics.quasistatic.packing import Clock, Drive, Terms
+from pliant_plugins.physics.quasistatic.packing import Clock, Drive, LawTable, tabulate
 from pliant_plugins.physics.stepping import Paths
 
 # Tables reach this much beyond the actuation that occurs, so that fits may scale and shift it.
@@ -30,10 +30,9 @@ MOST_TABLES = 64
 
 @dataclass(eq=False)
 class HingeFollower:
-    """The compiled loop with what it need not prepare twice: law tables and compiled terms."""
+    """The compiled loop with the law tables that it need not make twice."""
 
     config: QuasistaticConfig
-    compiled: dict[TermFunction, Any] = field(default_factory=dict)
     tables: dict[tuple[int, float, float], tuple[JointLaw, LawTable]] = field(default_factory=dict)
 
     def follow(self, chain: ChainModel, histories: Sequence[History], towards: Sequence[Variation]) -> Paths:
@@ -73,7 +72,7 @@ class HingeFollower:
         towards: Sequence[ChainModel],
         changes: Sequence[Drive],
     ) -> tuple[Array, Array, Any]:
-        body, terms = Body.of(chain), Terms.of(chain.terms, chain.n_joints, self.compiled)
+        body, terms = Body.of(chain), CompiledTerms.of(chain.terms, chain.n_joints)
         tables = [self._table(law, drive.pressure) for law in chain.laws]
         n, m = drive.pressure.shape
         axis = int(body.axes[0])
@@ -83,7 +82,7 @@ class HingeFollower:
         def stack(rows: list[Array], *shape: int) -> Array:
             return np.ascontiguousarray(np.array(rows, float).reshape(len(rows), *shape))
 
-        parameters = [Terms.of(c.terms, c.n_joints, self.compiled).parameters for c in towards]
+        parameters = [CompiledTerms.of(c.terms, c.n_joints).parameters for c in towards]
         result: tuple[Array, Array, Any] = follow(
             (
                 terms.addresses,

@@ -13,9 +13,10 @@ from numba import njit, types
 from numba.extending import intrinsic
 from numba.np.arrayobj import make_array, populate_array
 
+from pliant.mechanics.terms import STEP as SLOPE_STEP
+from pliant_plugins.physics.compiled.functions import TERM_SIGNATURE
+
 _F, _A, _I = types.float64, types.float64[::1], types.int64
-TERM_SIGNATURE = _F(_F, _F, _F, _F, _F, _A, _A, _A)
-SLOPE_STEP = 1e-6
 
 
 @intrinsic
@@ -76,8 +77,9 @@ def combine(model, joint, u, before, dt, net, t, old, old_at, new, new_at):  # t
     moment, elastic, actuation, rest = 0.0, 1.0, 1.0, 0.0
     for k in range(len(addresses)):
         number, o, w = model[5][2] * joint + terms[k, 1], old_at + terms[k, 3], new_at + terms[k, 3]
-        c = (numbers, number, terms[k, 2])
-        value = call_term(addresses[k], u, rate, dt, net, t, old, o, new, w, terms[k, 4], *c)
+        c = (numbers, number, terms[k, 2] - terms[k, 1])
+        states = terms[k, 4] - terms[k, 3]
+        value = call_term(addresses[k], u, rate, dt, net, t, old, o, new, w, states, *c)
         if terms[k, 0] == 0:
             moment += value
         elif terms[k, 0] == 1:

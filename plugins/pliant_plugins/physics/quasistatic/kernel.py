@@ -24,13 +24,15 @@ from numba.core import cgutils
 from numba.extending import intrinsic
 from numba.np.arrayobj import make_array, populate_array
 
+from pliant_plugins.physics.compiled import functions
 from pliant_plugins.physics.compiled.freshness import discard_stale
 from pliant_plugins.physics.quasistatic.dense import copy, copy_rows, is_positive, solve, substitute
 from pliant_plugins.physics.quasistatic.joint_effort import combine, effort, net_input, slope
 from pliant_plugins.physics.quasistatic.loads import pose, weigh
 
-SOURCES = tuple(
-    Path(__file__).with_name(f"{name}.py") for name in ("kernel", "joint_effort", "loads", "dense")
+SOURCES = (
+    Path(functions.__file__),
+    *(Path(__file__).with_name(f"{name}.py") for name in ("kernel", "joint_effort", "loads", "dense")),
 )
 RAMP_STEPS = 4
 MAX_HALVINGS = 8
@@ -382,7 +384,7 @@ def follow(model, keeps, laws, body, gravity, drive, clock, others, options):  #
 
     Args:
         model: addresses, terms, numbers (n·P,), cells, grid, size (cells by actuation and by angle, P), signs, split:
-            see `Terms` and `LawTable`; `split` where a term has another role than `moment`.
+            see `CompiledTerms` and `LawTable`; `split` where a term has another role than `moment`.
         keeps: (states,) whether a memory outlasts the rest between runs.
         laws: (n,) the law of each joint.
         body: position, bases (N, 3, 3), offsets, rests, which rests are none (n,), arms, masses: see `Body`; the third

@@ -12,23 +12,13 @@ from typing import Protocol
 
 import numpy as np
 
-from pliant.mechanics.statics import Balance, unstable_mode
+from pliant.mechanics.statics import Balance, ChainStatics, Loads, unstable_mode
 from pliant.records.design import Array
 
 SUFFICIENT_DECREASE = 1e-4
 MAX_HALVINGS = 30
 # An equilibrium that is a saddle is left along its most negative mode by this share of the longest step.
 PUSH = 0.2
-
-
-class Problem(Protocol):
-    """A chain under fixed loads, seen from its joint coordinates (n, a)."""
-
-    def balance(self, q: Array) -> Balance:
-        """Residual and stiffness."""
-
-    def potential(self, q: Array) -> float:
-        """Total potential in J."""
 
 
 @dataclass(frozen=True)
@@ -56,9 +46,9 @@ class Solution:
     inside: bool = False
 
 
-def minimise(problem: Problem, q: Array, options: NewtonOptions) -> Solution:
+def minimise(statics: ChainStatics, loads: Loads, q: Array, options: NewtonOptions) -> Solution:
     """Descend from q (n, a) to a stable equilibrium; `converged` is False if none is reached."""
-    balance = problem.balance(q)
+    balance = statics.balance(q, loads)
     for iteration in range(options.max_iterations):
         size = _size(balance)
         if not np.isfinite(size):
@@ -68,14 +58,14 @@ def minimise(problem: Problem, q: Array, options: NewtonOptions) -> Solution:
             mode = None if positive else unstable_mode(balance.stiffness)
             if mode is None:
                 return Solution(q, size, True, True, iteration)
-            q = _leave_saddle(problem, q, mode.reshape(q.shape), PUSH * options.max_step)
-            balance = problem.balance(q)
+            q = _leave_saddle(statics, loads, q, mode.reshape(q.shape), PUSH * options.max_step)
+            balance = statics.balance(q, loads)
             continue
         step = _step(balance, positive).reshape(q.shape)
         longest = float(np.abs(step).max())
         if longest > options.max_step:
             step *= options.max_step / longest
-        moved = _search(problem, q, balance, step, positive)
+        moved = _search(statics, loads, q, balance, step, positive)
         if moved is None:
             return Solution(q, size, False, positive, iteration + 1)
         q, balance = moved
@@ -107,29 +97,48 @@ def _step(balance: Balance, positive: bool) -> Array:
 
 
 def _search(
-    problem: Problem, q: Array, balance: Balance, step: Array, positive: bool
+    statics: ChainStatics, loads: Loads, q: Array, balance: Balance, step: Array, positive: bool
 ) -> tuple[Array, Balance] | None:
     """The accepted point and its balance, or None when no step along the direction helps."""
-    trial = problem.balance(q + step)
+    trial = statics.balance(q + step, loads)
     norm = np.linalg.norm(balance.residual)
     if positive and np.linalg.norm(trial.residual) <= 0.5 * norm:
         return q + step, trial
     slope = float(np.sum(balance.residual * step))
-    start = problem.potential(q)
+    start = statics.potential(q, loads)
     rounding = 1e-14 * max(abs(start), 1e-12)
     share = 1.0
     for _ in range(MAX_HALVINGS):
-        drop = start - problem.potential(q + share * step)
+        drop = start - statics.potential(q + share * step, loads)
         if drop >= SUFFICIENT_DECREASE * share * slope - rounding:
-            return q + share * step, trial if share == 1.0 else problem.balance(q + share * step)
+            return q + share * step, trial if share == 1.0 else statics.balance(q + share * step, loads)
         share *= 0.5
     if np.linalg.norm(trial.residual) < norm:
         return q + step, trial
     return None
 
 
-def _leave_saddle(problem: Problem, q: Array, mode: Array, length: float) -> Array:
+def _leave_saddle(statics: ChainStatics, loads: Loads, q: Array, mode: Array, length: float) -> Array:
     """Of the two pushes along an unstable mode, the one that goes lower."""
     push = mode * (length / np.abs(mode).max())
     up, down = q + push, q - push
-    return up if problem.potential(up) <= problem.potential(down) else down
+    return up if statics.potential(up, loads) <= statics.potential(down, loads) else down
+
+
+class Solver(Protocol):
+    """The equilibrium of one chain under any loads."""
+
+    def solve(self, q: Array, loads: Loads) -> Solution:
+        """The stable equilibrium reached from coordinates q (n, a)."""
+
+
+@dataclass(frozen=True, eq=False)
+class PlainSolver:
+    """`minimise` of any chain: any law, law terms with memory."""
+
+    statics: ChainStatics
+    options: NewtonOptions
+
+    def solve(self, q: Array, loads: Loads) -> Solution:
+        """See `Solver`."""
+        return minimise(self.statics, loads, q, self.options)

@@ -18,10 +18,9 @@ from pliant.records.rollout import Equilibrium, TaskResult
 from pliant.records.scene import Scene, SceneFrames, SceneStill
 from pliant_plugins.tasks.grasp.config import GraspConfig
 from pliant_plugins.tasks.grasp.episode import Episode, play
-from pliant_plugins.tasks.grasp.metrics import TrialMetrics, summary, trial_lists, trial_metrics
+from pliant_plugins.tasks.grasp.metrics import TrialMetrics, reward, summary, trial_lists, trial_metrics
 from pliant_plugins.tasks.grasp.objects import GraspObject, grasp_object
 from pliant_plugins.tasks.grasp.placement import Draw, grasp_scene
-from pliant_plugins.tasks.grasp.reward import reward
 
 STILLS = {"lower": "lowered", "hold": "actuated", "final": "lifted"}
 

@@ -1,0 +1,79 @@
+"""What bellows share whose wall is the profile as mid-surface ± t/2; what of a bellow collides."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from functools import cached_property
+
+import numpy as np
+from pydantic import Field
+
+from pliant.interfaces.family import ActuatorFamily, FamilyConfig
+from pliant.mechanics.rotations import exp_map
+from pliant.meshing.masses import half_masses
+from pliant.meshing.surfaces import half_skins
+from pliant.records.design import ModuleMass
+from pliant.records.fem import ModuleMesh
+from pliant.records.shape import HalfShapes, HalfSurfaces, Shape
+from pliant.units import Length
+from pliant_plugins.families.bellow.profile import BellowProfile
+
+ALONG_X = exp_map(np.array([0.0, np.pi / 2, 0.0]))
+
+
+def tube(profile: BellowProfile, start_m: float, outside_m: float, axis_height_m: float) -> Shape:
+    """Cylinder from x = `start_m` over half a module, around crests whose outer side is `outside_m` off the profile.
+
+    It fills the troughs, into which nothing reaches that is larger than a module.
+    """
+    quarter = profile.half_length_m / 2
+    size = (profile.crest_radius_m + outside_m, quarter)
+    return Shape("cylinder", size, np.array([start_m + quarter, 0.0, axis_height_m]), ALONG_X)
+
+
+class MidSurfaceConfig(FamilyConfig):
+    """Parameters of a bellow whose wall is the mid-surface of radii r (trough) and 2R − r (crest) ± t/2."""
+
+    inner_radius_m: Length = Field(description="r: radius of the mid-surface at the trough")
+    average_radius_m: Length = Field(description="R: mean of the mid-surface's radii at trough and crest")
+    wall_m: Length = Field(description="t: wall thickness")
+    module_length_m: Length = Field(description="l: length of one convolution, the module")
+
+
+class MidSurfaceBellow(ActuatorFamily):
+    """A bellow whose wall is the profile ± t/2; a module runs from mid-trough to mid-trough."""
+
+    config: MidSurfaceConfig
+
+    def __init__(self, config: MidSurfaceConfig) -> None:
+        super().__init__(config)
+        self.geometry = BellowProfile(
+            config.inner_radius_m, config.average_radius_m, config.wall_m, config.module_length_m
+        )
+        self.geometry.check_mid_surface(config.kind)
+
+    @property
+    def module_length_m(self) -> float:
+        return self.geometry.module_length_m
+
+    @abstractmethod
+    def _half_section(self) -> ModuleMesh:
+        """The end half of the module, y ≥ 0."""
+
+    @cached_property
+    def _half(self) -> ModuleMesh:
+        return self._half_section()
+
+    def shapes(self) -> HalfShapes:
+        """Cylinders around the crests of the two halves."""
+        half, outside, height = self.geometry.half_length_m, self.geometry.wall_m / 2, self.offset_m
+        start, end = (tube(self.geometry, x, outside, height) for x in (-half, 0.0))
+        return HalfShapes(start=(start,), end=(end,))
+
+    def surface(self) -> HalfSurfaces:
+        """The undulating wall, open at both ends as the modules are."""
+        return half_skins(self._half)
+
+    def mass(self, density_kg_m3: float) -> ModuleMass:
+        """Masses of the two halves, by Gauss quadrature over the mesh and its mirror images."""
+        return half_masses(self._half, density_kg_m3)
