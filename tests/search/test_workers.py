@@ -27,7 +27,7 @@ def test_processes_find_what_one_process_finds(tmp_path):
 def test_who_kills_workers_fails_and_the_others_are_evaluated(tmp_path):
     killed = tmp_path / "killed"
     (alone,) = searched(tmp_path / "alone", budget=6)
-    *_, second, largest = sorted(row.values["a"] for row in alone.rows)
+    *_, second, largest = sorted(row.values["a"] for row in alone.trials)
     deadly = (second + largest) / 2  # one of the first batch: every death costs two new processes
     (branch,) = searched(tmp_path / "a", workers=2, budget=6, deadly=deadly, killed=str(killed))
     dead = [row for row in branch.trials if row.values["a"] > deadly]
