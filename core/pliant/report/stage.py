@@ -54,7 +54,7 @@ class StoredPage:
             "report",
             compute,
             components=self.components,
-            modules=[self.module, "pliant.report.render"],
+            modules=[self.module, "pliant.report.render", "pliant.formatting"],
             config={
                 **self.config,
                 "libraries": {"pliant": __version__, **versions(["matplotlib", "jinja2"])},

@@ -56,14 +56,21 @@ def code_fingerprint(modules: Iterable[str], packages: Iterable[str] = ()) -> st
 
 
 def code_closure(modules: Iterable[str], packages: Iterable[str] = ()) -> dict[str, Path]:
-    """Module name → source file of everything that `modules` import within our, their own and these packages."""
-    start = list(modules)
+    """Module name → source file of everything that `modules` import within our, their own and these packages.
+
+    `MACHINERY` counts only where it is among `modules`: pages depend on how numbers are written, states do not.
+    """
+    start = tuple(modules)
     followed = {*OURS, *packages, *(name.partition(".")[0] for name in start)}
     found: dict[str, Path] = {}
-    queue = start
+    queue = [*start]
     while queue:
         name = queue.pop()
-        if name in found or name.partition(".")[0] not in followed or _is_machinery(name):
+        if (
+            name in found
+            or name.partition(".")[0] not in followed
+            or (_is_machinery(name) and name not in start)
+        ):
             continue
         path = _source(name)
         if path is None:
