@@ -87,7 +87,7 @@ def test_what_breaks_constraints_is_told_but_not_simulated(tmp_path):
         assert (row.state == "refused") == (over > 0)
         if over > 0:
             assert row.violation == pytest.approx(over)
-            outcome = row.outcome(1)
+            outcome = row.told(1)
             assert np.isnan(outcome.objective)
             assert outcome.violation > 0
     refused, failed = counts_of(rows([branch]))
