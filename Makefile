@@ -6,7 +6,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 PIP_INSTALL := PIP_CONSTRAINT=$(CURDIR)/constraints.txt $(BIN)/python -m pip install --quiet --disable-pip-version-check
 
-.PHONY: demo test test-all lint types imports check bench bench-laws bench-surrogates bench-families bench-physics bench-grasp bench-evidence bench-real study-shape study-gripper docs freeze clean
+.PHONY: demo test test-all mutants lint types imports check bench bench-laws bench-surrogates bench-families bench-physics bench-grasp bench-evidence bench-real study-shape study-gripper docs freeze clean
 
 demo: $(VENV)/.run  ## FEM → law → finger in three engines → report
 	$(BIN)/pliant run examples/first_finger/finger.yaml --out runs/first-finger
@@ -17,6 +17,9 @@ test: $(VENV)/.dev  ## the fast suite
 
 test-all: $(VENV)/.dev  ## the slow suite too
 	$(BIN)/python -m pytest -n 2 --dist loadfile -m ""
+
+mutants: $(VENV)/.dev  ## whether the tests notice wrong code: hours, resumable
+	$(BIN)/python -m tests.mutants.run $(MUTANTS)
 
 lint: $(VENV)/.dev
 	$(BIN)/ruff check .

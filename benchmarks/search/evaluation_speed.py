@@ -23,9 +23,9 @@ import numpy as np
 
 from pliant import api
 from pliant.pipeline.study import simulate_study
-from pliant.search.evaluation import Evaluator
-from pliant.search.problem import SearchProblem
-from pliant.search.scenarios import draw_scenarios
+from pliant.search.evaluate.evaluator import Evaluator
+from pliant.search.evaluate.scenarios import draw_scenarios
+from pliant.search.problem.search_problem import SearchProblem
 
 ROOT = Path(__file__).resolve().parents[2]
 OUT = ROOT / "benchmarks" / "out"
@@ -68,7 +68,7 @@ class Clock:
         self.spent: dict[str, float] = defaultdict(float)
 
     def __call__(self, part: str, work: Callable[[], Any]) -> Any:
-        """See `pliant.search.quick_path.Timer`."""
+        """See `pliant.search.evaluate.fast_path.Timer`."""
         begun = time.process_time()
         try:
             return work()
@@ -149,7 +149,7 @@ def timed(one: api.OpenStudy, problem: SearchProblem, count: int) -> dict[str, A
         run = simulate_study(one.bench, problem.apply(drawn(problem, seed), 0))
         told = run.engines[0].result
         assert told is not None
-        if found[seed].status == "ok":
+        if found[seed].state == "ok":
             assert abs(told.metrics["rmse_m"] - found[seed].metrics["rmse_m"]) < 1e-12
     store = 1e3 * (time.process_time() - begun) / through
     parts = {name: 1e3 * spent / count for name, spent in clock.spent.items()}
@@ -168,7 +168,7 @@ def robust(one: api.OpenStudy, problem: SearchProblem) -> dict[str, Any]:
     found = [evaluator.evaluate(drawn(problem, seed)) for seed in range(3)]
     total = 1e3 * (time.process_time() - begun) / len(found)
     parts = {name: 1e3 * spent / len(found) for name, spent in clock.spent.items()}
-    return {"total_ms": total, "parts_ms": parts, "status": [one.status for one in found]}
+    return {"total_ms": total, "parts_ms": parts, "status": [one.state for one in found]}
 
 
 def few_steps(one: api.OpenStudy, problem: SearchProblem, count: int) -> dict[str, Any]:

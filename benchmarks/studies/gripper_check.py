@@ -10,11 +10,9 @@ from pliant.config.study import Study
 from pliant.errors import PliantError
 from pliant.pipeline.study import simulate_study
 from pliant.pipeline.workbench import Workbench
-from pliant.search.changes import changed
-from pliant.search.direct_fem import direct_studies, solvable
-from pliant.search.evaluation import measured, numbers
-from pliant.search.keys import StudySetter
-from pliant.search.searching import problem_of
+from pliant.search.evaluate.evaluator import measured, numbers, problem_of
+from pliant.search.problem.study_setter import StudySetter, changed
+from pliant.search.verify.direct_fem import direct_studies, solvable
 
 
 def baseline(bench: Workbench, study: Study) -> dict[str, Any]:

@@ -38,7 +38,7 @@ from benchmarks.studies.published import GRIPPER
 from benchmarks.studies.searched import Asked, searched
 
 from pliant import api
-from pliant.search.searching import problem_of
+from pliant.search.evaluate.evaluator import problem_of
 
 NAME = "gripper_codesign"
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples" / NAME

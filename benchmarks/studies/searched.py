@@ -15,12 +15,12 @@ from rich.console import Console
 
 from pliant import __version__, api
 from pliant.cli.bars import TerminalProgress
-from pliant.cli.search_files import search_json
 from pliant.cli.session import plain
 from pliant.errors import NotReachedError
 from pliant.pipeline.study import DEFAULT_PHYSICS
 from pliant.records.search import STATUSES, SearchResult
-from pliant.search.searching import nothing_found
+from pliant.report.search_files import search_json
+from pliant.search.run.search import nothing_found
 from pliant.search.stage import search_study
 
 MOST_ROWS, MOST_POINTS = 300, 40

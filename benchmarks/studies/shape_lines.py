@@ -10,8 +10,8 @@ from benchmarks.studies.searched import MOST_POINTS, brief, spread
 from pliant import api
 from pliant.pipeline.study import simulate_study
 from pliant.records.search import SearchResult
-from pliant.search.direct_fem import direct_studies
-from pliant.search.searching import problem_of
+from pliant.search.evaluate.evaluator import problem_of
+from pliant.search.verify.direct_fem import direct_studies
 
 
 def winner_lines(opened: api.OpenStudy, result: SearchResult) -> dict[str, Any]:

@@ -25,7 +25,7 @@ from benchmarks.studies.spoken import number
 from pliant import api
 from pliant.errors import UserError
 from pliant.records.search import FoundDesign, SearchHistory, SearchResult
-from pliant.search.problem import SearchProblem
+from pliant.search.problem.search_problem import SearchProblem
 
 CONTRACT = ("best", "objective", "history", "evaluations", "wall_s", "verified", "machine", "published")
 SMALL = shape_matching.SMALL[0].file

@@ -14,8 +14,9 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parent))
 from calibration_tables import Bar, BarBench, config, stress, study, write
 
-from pliant.calibration.calibration import Calibration, calibrate
+from pliant.calibration.calibration import calibrate
 from pliant.calibration.reading import read_bench_data
+from pliant.calibration.result import Calibration
 from pliant.config.study import Study
 
 TRUTH: dict[str, dict[str, Any]] = {

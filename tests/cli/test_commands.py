@@ -129,6 +129,19 @@ def test_plugins_lists_kinds_and_schema_is_a_schema(pliant, read):
     assert read("s.json")["schema"]["properties"]["physics"]["oneOf"]
 
 
+def test_plugins_into_a_pipe_is_plain_text(pliant, monkeypatch):
+    """What misses a package says so in words; rich's own tags and escapes stay out."""
+    monkeypatch.setattr(
+        "pliant.registry.component.Component.missing",
+        lambda self, lazy=False: "optuna" if self.kind == "optuna" else None,
+    )
+    text = " ".join(pliant("plugins").out.split())
+    assert "(unavailable: needs optuna: pip install 'pliant[search]')" in text
+    assert "[yellow]" not in text
+    assert "[/]" not in text
+    assert "\\[" not in text
+
+
 def test_check_runs_the_conformance_suite(pliant, read):
     call = pliant("check", "effect", "stiffness", "--json", "c.json")
     assert call.code == 0

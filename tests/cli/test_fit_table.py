@@ -6,6 +6,7 @@ import re
 import numpy as np
 import pytest
 
+from pliant import formatting
 from pliant.tabular.fem_writing import write_table
 from pliant.testing.samples import softening_law, table_of
 
@@ -43,6 +44,22 @@ def test_a_table_becomes_a_law_with_its_errors(pliant, workplace):
         "falls with u everywhere",
     ):
         assert word in done.out
+
+
+def test_a_display_unit_of_torque_changes_everywhere_from_one_table(pliant, workplace, monkeypatch):
+    """Terminal, page and the tables in it; JSON stays SI."""
+    written(workplace)
+    usual = pliant("fit", "bench.csv", "--out", "usual", "--no-learning", "--json", "usual.json")
+    monkeypatch.setitem(formatting.DISPLAY, "N*m", formatting.Unit("N·cm", 100.0))
+    done = pliant("fit", "bench.csv", "--out", "law", "--no-learning", "--json", "law.json", "--store", "s")
+    for old, new in (
+        (usual.out, done.out),
+        ((workplace / "usual/fit.html").read_text(), (workplace / "law/fit.html").read_text()),
+    ):
+        assert "mN·m" in old and "N·cm" not in old
+        assert "N·cm" in new and "mN·m" not in new
+    kept = [json.loads((workplace / f"{name}.json").read_text())["heldout"] for name in ("usual", "law")]
+    assert kept[0] == kept[1]
 
 
 def test_the_written_study_runs(pliant, workplace):

@@ -29,7 +29,7 @@ def real_page():
 def page_or_none(request, monkeypatch):
     if "real_page" not in request.fixturenames:
         monkeypatch.setattr(
-            "pliant.report.search_page.write_search_page", lambda folder, *_: folder / "search.html"
+            "pliant.cli.optimize.write_search_page", lambda folder, *_: folder / "search.html"
         )
 
 
@@ -102,7 +102,7 @@ def test_designs_spread_over_a_front_are_drawn(optimize, workplace, monkeypatch)
     pytest.importorskip("optuna")
     pages = []
     monkeypatch.setattr(
-        "pliant.report.search_page.write_search_page", lambda *page: pages.append(page) or workplace
+        "pliant.cli.optimize.write_search_page", lambda *page: pages.append(page) or workplace
     )
     objectives = "search.objective=[tip_x, {maximize: tip_z}]"
     assert optimize("optimizer={kind: optuna, sampler: random}", objectives, "search.budget=60").code == 0
@@ -250,7 +250,7 @@ def test_the_best_design_is_not_written_over_the_study(pliant, write, workplace)
 
 
 def test_the_history_of_a_very_long_search_is_thinned_to_its_end(optimize, read, monkeypatch):
-    monkeypatch.setattr("pliant.cli.search_files.MOST_ROWS", 7)
+    monkeypatch.setattr("pliant.report.search_files.MOST_ROWS", 7)
     assert optimize("--json", "out.json", "search.verify=null").code == 0
     result = read("out.json")
     rows = [row["row"] for row in result["history"]]

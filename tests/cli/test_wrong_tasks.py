@@ -77,6 +77,6 @@ def test_a_grasp_says_where_it_left_the_law_s_data(pliant, write, stated):
     domain = "surrogate.domain={actuation: [0 kPa, 10 kPa], deformation: [-1, 1]}"
     call = pliant("simulate", study, "physics=mujoco", domain, *small)
     assert call.code == 0, call.err
-    assert "outside the law's domain at" in call.out
+    assert "used the law outside its domain at" in call.out
     assert "pressure_pa by 5 kPa" in call.out
     assert "compiling" not in call.err

@@ -19,6 +19,7 @@ from pliant.formatting import (
     whole_percent,
     with_sd,
 )
+from pliant.store.fingerprint import code_closure
 
 NAN = math.nan
 
@@ -86,10 +87,7 @@ def test_no_line_breaks_before_a_unit():
 
 
 def test_a_display_unit_changes_in_one_place(monkeypatch):
-    """Terminal, tables, pictures' axes and footers follow `DISPLAY`, which nobody copies at import."""
-    from pliant.cli.fit_table import Scores, _lines  # noqa: F401 (imported before the change)
-    from pliant.evidence.covariates import Covariate  # noqa: F401
-    from pliant.report import fem_tables, fit_page, words  # noqa: F401
+    """Quantities, columns, footers and line breaks do; pages and terminal: tests/cli/test_fit_table.py."""
 
     class Law:
         joint = "revolute"
@@ -101,3 +99,8 @@ def test_a_display_unit_changes_in_one_place(monkeypatch):
     assert display_unit("N*m/s").text(0.25) == "25 N·cm/s"
     assert units_of_page(moments="N*m", angles="rad") == "Moments in N·cm, angles in degrees"
     assert unbroken("25 N·cm") == "25\u00a0N·cm"
+
+
+def test_a_page_is_made_anew_when_the_formatting_changes_and_a_solved_state_is_not():
+    assert "pliant.formatting" not in code_closure(["pliant.report.fit_page"])
+    assert "pliant.formatting" in code_closure(["pliant.report.fit_page", "pliant.formatting"])

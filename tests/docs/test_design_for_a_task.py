@@ -10,12 +10,12 @@ import pytest
 from typer.testing import CliRunner
 
 from pliant import api
-from pliant.cli.search_words import lines
 from pliant.cli.verbs import app
 from pliant.config.loading import load_study
 from pliant.config.search import SearchConfig
 from pliant.records.search import Verification
 from pliant.registry.discovery import discover
+from pliant.report.search_lines import lines
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs/design_for_a_task.md").read_text(encoding="utf-8")
@@ -154,7 +154,7 @@ def test_lines_about_the_fem_have_the_form_of_the_page(reached, place):
     (note,) = [line.removeprefix("note: ") for line in shown if line.startswith("note: ")]
     law = {"name": name, "rmse_of_range": 1e-3, "worst_of_range": 2e-3, "n_states": 25}
     check = Verification({}, {"quasistatic": dict(result.best[0].metrics)}, {}, (law,), 1.0, 1.0, (note,))
-    same_lines(shown, lines(replace(result, verification=check), "quasistatic"), ("law", "note"))
+    same_lines(shown, lines(replace(result, verification=check), "quasistatic"), ("law",))
 
 
 def test_robust_lines_have_the_form_of_the_page(run):

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pliant.interfaces.optimizer import Outcome, Space, Variable
+from pliant.interfaces.optimizer import Space, Variable
 from pliant.registry.discovery import discover
 from pliant.registry.files import with_files
 from pliant.testing.suite import run_checks
@@ -50,7 +50,7 @@ def searched(optimizer, score, batches, space=Space(PLANE), violation=lambda v: 
             told = math.nan if broken > 0 else score(candidate.values)
             asked.append(candidate.values)
             best = min(best, told) if told == told else best
-            outcomes.append(Outcome(candidate.number, told, violation=broken))
+            outcomes.append(candidate.scored(told, violation=broken))
         optimizer.tell(outcomes)
     return best, asked
 

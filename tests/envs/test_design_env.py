@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -12,7 +12,7 @@ gymnasium = pytest.importorskip("gymnasium")
 
 import pliant_plugins.envs  # noqa: E402, F401 - registers them
 from pliant.errors import UserError  # noqa: E402
-from pliant.interfaces.optimizer import Context, Space, Variable  # noqa: E402
+from pliant.interfaces.optimizer import Context, Space, Trial, Variable  # noqa: E402
 
 NAME = "pliant_plugins.envs:pliant/Design-v0"  # processes that import nothing know it by this name
 VARIABLES = (Variable("a", "real", 0.0, 1.0), Variable("n", "integer", 2, 6))
@@ -36,25 +36,15 @@ class StandInProblem:
         return metrics["score"] <= 0.1
 
 
-@dataclass
-class Found:
-    """The fields of an `Evaluation` that matter here."""
-
-    status: str
-    objectives: tuple[float, ...]
-    metrics: dict = field(default_factory=dict)
-    cause: str = ""
-    violation: float = 0.0
-
-
 class StandInEvaluator:
     def evaluate(self, values, context=-1):
+        trial = Trial(-1, values, context)
         if values["n"] > 5:
-            return Found("refused", (), cause="n <= 5", violation=values["n"] - 5.0)
+            return trial.refused({"n <= 5": values["n"] - 5.0})
         if values["a"] < 0.05:
-            return Found("failed", (), cause="it did not settle")
+            return trial.failed("it did not settle")
         score = abs(values["a"] - BEST[context]) + values["k"] - 1
-        return Found("ok", (score, 7.0), {"score": score})
+        return replace(trial.scored(score, 7.0), metrics={"score": score})
 
 
 def opened(study):

@@ -15,8 +15,8 @@ from pliant import api
 from pliant.errors import UserError
 from pliant.pipeline.chain_length import chain_length_m
 from pliant.pipeline.study import simulate_study
-from pliant.search.problem import SearchProblem
-from pliant.search.reach import require_reach
+from pliant.search.problem.feasibility import require_reachable
+from pliant.search.problem.search_problem import SearchProblem
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 GRASPS = 14_400
@@ -145,9 +145,9 @@ def test_a_target_longer_than_any_chain_is_refused_before_the_search(tmp_path: P
     # 8 · 4 · 6 mm = 192 mm straight; three turns of 30 mm radius are 568.7 mm long
     opened, problem = longer(tmp_path, "{radius: 30 mm, turns: 3}")
     with pytest.raises(UserError, match=r"568.* mm long, and the longest chain .* 192 mm"):
-        require_reach(problem, opened.bench)
+        require_reachable(problem, opened.bench)
     opened, problem = longer(tmp_path, "{radius: 25 mm}")
-    require_reach(problem, opened.bench)
+    require_reachable(problem, opened.bench)
 
 
 def make(study: str = "gripper_codesign") -> ModuleType:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from pliant.interfaces.optimizer import Candidate, Optimizer, Outcome, Space, Value, Variable
+from pliant.interfaces.optimizer import Optimizer, Space, Trial, Value, Variable
 
 NAN = float("nan")
 MIXED = Space(
@@ -49,18 +49,18 @@ def line(values: Mapping[str, Any]) -> tuple[float, float]:
     return (float(x.sum()), 0.0) if excess <= 0 else (NAN, excess)
 
 
-def scored(candidate: Candidate, objective: Callable[[Mapping[str, Value]], Any]) -> Outcome:
-    """Its outcome; the objective may give a number, or a number and a violation."""
-    given = objective(candidate.values)
+def scored(trial: Trial, objective: Callable[[Mapping[str, Value]], Any]) -> Trial:
+    """Its result; the objective may give a number, or a number and a violation."""
+    given = objective(trial.values)
     value, violation = given if isinstance(given, tuple) else (given, 0.0)
-    return Outcome(candidate.number, value, violation=violation)
+    return trial.scored(value, violation=violation)
 
 
 def search(
     optimizer: Optimizer, objective: Callable[[Mapping[str, Value]], Any], candidates: int
-) -> list[tuple[Candidate, Outcome]]:
+) -> list[tuple[Trial, Trial]]:
     """Ask and tell, in batches, until at least so many candidates are told."""
-    done: list[tuple[Candidate, Outcome]] = []
+    done: list[tuple[Trial, Trial]] = []
     while len(done) < candidates:
         asked = optimizer.ask(optimizer.batch)
         outcomes = [scored(c, objective) for c in asked]
@@ -69,7 +69,7 @@ def search(
     return done
 
 
-def best(done: list[tuple[Candidate, Outcome]]) -> tuple[Candidate, Outcome]:
+def best(done: list[tuple[Trial, Trial]]) -> tuple[Trial, Trial]:
     """The lowest objective."""
     return min(
         (pair for pair in done if pair[1].objective == pair[1].objective), key=lambda p: p[1].objective

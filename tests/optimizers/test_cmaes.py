@@ -12,7 +12,7 @@ import pytest
 import tests.optimizers.optimizer_searches as searches
 from tests.optimizers.optimizer_searches import MIXED, NAN, best, box, scored, search
 
-from pliant.interfaces.optimizer import Outcome, Space, Variable
+from pliant.interfaces.optimizer import Space, Variable
 from pliant_plugins.optimizers.cmaes.config import CmaesConfig
 
 pytest.importorskip("cma")
@@ -103,7 +103,7 @@ def test_goes_on_after_an_interruption_as_if_there_was_none(at: int) -> None:
     waiting = optimizer.ask(3)
     optimizer.tell([scored(waiting[1], searches.mixed)])
     again = resumed(optimizer)
-    late = [scored(waiting[0], searches.mixed), Outcome(waiting[2].number, NAN)]
+    late = [scored(waiting[0], searches.mixed), waiting[2].scored(NAN)]
     traces = []
     for one in (optimizer, again):
         one.tell(late)

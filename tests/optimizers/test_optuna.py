@@ -21,7 +21,7 @@ from pydantic import ValidationError
 from tests.optimizers.optimizer_searches import MIXED, NAN, best, box, scored, search
 
 from pliant.errors import MissingDependencyError, UserError
-from pliant.interfaces.optimizer import Outcome, Space, Variable
+from pliant.interfaces.optimizer import Space, Trial, Variable
 from pliant.testing.optimizer_bench import TWO_ENDS, hypervolume, two_ends
 from pliant.testing.optimizer_learning import CORNER, IDEAL
 from pliant_plugins.optimizers.optuna.config import OptunaConfig
@@ -62,7 +62,7 @@ def patchy(values: Any) -> tuple[float, float]:
     return (NAN if values["n"] % 5 == 0 else searches.mixed(values)), 0.0
 
 
-def trace(done: list[tuple[Any, Outcome]]) -> list[tuple[int, dict[str, Any]]]:
+def trace(done: list[tuple[Any, Trial]]) -> list[tuple[int, dict[str, Any]]]:
     return [(c.number, dict(c.values)) for c, _ in done]
 
 
@@ -107,7 +107,7 @@ def test_several_objectives_give_a_front(sampler: str) -> None:
     while len(points) < 160:
         outcomes = [two_ends(c) for c in optimizer.ask(optimizer.batch)]
         optimizer.tell(outcomes)
-        points += [(o.objective, *o.further) for o in outcomes]
+        points += [o.objectives for o in outcomes]
     first, last = (hypervolume(np.array(p), CORNER) for p in (points[:48], points[-48:]))
     assert last > first + 0.3 * (IDEAL - first), (first, last)
 

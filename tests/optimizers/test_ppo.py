@@ -19,7 +19,7 @@ pytest.importorskip("stable_baselines3")
 pytest.importorskip("tensorboard")
 
 from pliant.errors import MissingDependencyError, UserError  # noqa: E402
-from pliant.interfaces.optimizer import Context, Outcome, Space, Variable  # noqa: E402
+from pliant.interfaces.optimizer import Context, Space, Trial, Variable  # noqa: E402
 from pliant.registry.discovery import discover  # noqa: E402
 from pliant_plugins.optimizers.ppo.actions import action_of, values_of  # noqa: E402
 from pliant_plugins.optimizers.ppo.config import PpoConfig  # noqa: E402
@@ -61,7 +61,7 @@ def played(optimizer, candidates, score=mixed_score, count=32):
     proposed = []
     while len(proposed) < candidates:
         asked = optimizer.ask(min(count, candidates - len(proposed)))
-        optimizer.tell([Outcome(c.number, score(c)) for c in asked])
+        optimizer.tell([c.scored(score(c)) for c in asked])
         proposed += [(c.number, c.context, dict(c.values)) for c in asked]
     return proposed
 
@@ -101,13 +101,13 @@ def test_a_restored_search_goes_on_exactly():
     first = started()
     played(first, 72, count=11)
     waiting = first.ask(7)
-    first.tell([Outcome(c.number, mixed_score(c)) for c in waiting[:3]])
+    first.tell([c.scored(mixed_score(c)) for c in waiting[:3]])
     text = json.dumps(first.state(), allow_nan=False)
     print(f"{len(text)} bytes")
     second = Ppo(PpoConfig())
     second.restore(json.loads(text))
     for optimizer in (first, second):
-        optimizer.tell([Outcome(c.number, mixed_score(c)) for c in waiting[3:]])
+        optimizer.tell([c.scored(mixed_score(c)) for c in waiting[3:]])
     assert played(first, 96) == played(second, 96)
     assert json.dumps(first.state()) == json.dumps(second.state())
     assert first.recommend() == second.recommend()
@@ -117,11 +117,11 @@ def test_neither_the_order_of_outcomes_nor_the_size_of_asks_matters():
     together, apart = started(), started()
     for _ in range(3):
         asked = together.ask(32)
-        together.tell([Outcome(c.number, mixed_score(c)) for c in asked])
+        together.tell([c.scored(mixed_score(c)) for c in asked])
         piecewise = [c for n in (1, 20, 11) for c in apart.ask(n)]
         assert asked == piecewise
         for candidate in reversed(piecewise):
-            apart.tell([Outcome(candidate.number, mixed_score(candidate))])
+            apart.tell([candidate.scored(mixed_score(candidate))])
     assert together.ask(32) == apart.ask(32)
 
 
@@ -129,21 +129,21 @@ def test_candidates_may_be_asked_for_before_the_batch_is_told():
     optimizer = started()
     asked = [c for _ in range(3) for c in optimizer.ask(20)]
     assert [c.number for c in asked] == list(range(20 + 12 + 20))
-    optimizer.tell([Outcome(c.number, mixed_score(c)) for c in asked[40:]])
+    optimizer.tell([c.scored(mixed_score(c)) for c in asked[40:]])
     before = optimizer.recommend()
-    optimizer.tell([Outcome(c.number, mixed_score(c)) for c in asked[1:40]])
+    optimizer.tell([c.scored(mixed_score(c)) for c in asked[1:40]])
     assert optimizer.recommend() == before  # the first batch still lacks one
-    optimizer.tell([Outcome(0, 1.0)])
+    optimizer.tell([Trial(0, {}).scored(1.0)])
     assert optimizer.recommend() != before
 
 
 def test_an_outcome_that_nobody_waits_for_is_an_error():
     optimizer = started()
     (candidate,) = optimizer.ask(1)
-    optimizer.tell([Outcome(candidate.number, 1.0)])
+    optimizer.tell([candidate.scored(1.0)])
     for number in (candidate.number, 77):
         with pytest.raises(UserError, match=f"candidate {number} is not waiting"):
-            optimizer.tell([Outcome(number, 1.0)])
+            optimizer.tell([Trial(number, {}).scored(1.0)])
 
 
 def test_global_generators_and_threads_are_left_alone():
@@ -213,7 +213,7 @@ def test_refused_candidates_count_as_failed():
     for optimizer, refused in zip(searches, (-100.0, float("nan")), strict=True):
         for candidate in (asked := optimizer.ask(32)):
             bad = candidate.number % 2
-            optimizer.tell([Outcome(candidate.number, refused if bad else 1.0, violation=float(bad))])
+            optimizer.tell([candidate.scored(refused if bad else 1.0, violation=float(bad))])
         assert len(asked) == 32
     assert searches[0].ask(5) == searches[1].ask(5)
 
@@ -307,7 +307,7 @@ def test_a_violation_that_is_no_number_is_as_bad_as_any():
     for optimizer, violation in zip(searches, (float("nan"), 1e9), strict=True):
         for candidate in optimizer.ask(32):
             bad = candidate.number % 2
-            optimizer.tell([Outcome(candidate.number, 1.0, violation=violation if bad else 0.0)])
+            optimizer.tell([candidate.scored(1.0, violation=violation if bad else 0.0)])
             json.dumps(optimizer.state(), allow_nan=False)
     assert searches[0].ask(5) == searches[1].ask(5)
 

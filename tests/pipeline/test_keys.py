@@ -9,13 +9,14 @@ import pytest
 from pydantic import Field
 
 from pliant.config.loading import load_study
+from pliant.execution.progress import Silent
 from pliant.interfaces.base import FrozenModel
 from pliant.pipeline.chain import family_module
-from pliant.pipeline.progress import Silent
 from pliant.pipeline.study import simulate_study
 from pliant.pipeline.workbench import Workbench, content
 from pliant.registry.discovery import discover
-from pliant.report.stage import report_stage
+from pliant.report.folder import finished
+from pliant.report.run import run_document, stored_run_page
 from pliant.store.store import ArtifactStore
 
 REGISTRY = discover()
@@ -151,6 +152,11 @@ def test_without_a_density_a_module_has_that_of_water():
     assert none.mass.start.mass_kg == water.mass.start.mass_kg
 
 
+def render_stored(bench, run):
+    read = finished(run, {})
+    stored_run_page(bench, run, read).render(run_document(read))
+
+
 def test_the_page_is_drawn_anew_when_an_artifact_was_made_anew(run_of, folder, tmp_path):
     class Notes(Silent):
         def note(self, text):
@@ -158,10 +164,10 @@ def test_the_page_is_drawn_anew_when_an_artifact_was_made_anew(run_of, folder, t
 
     bench = Workbench(REGISTRY, ArtifactStore(folder / "store"), Notes())
     run = run_of()
-    report_stage(bench, run, {}, tmp_path)
+    render_stored(bench, run)
     pages = set((folder / "store" / "report").glob("[0-9a-f]*[0-9a-f]"))
-    report_stage(bench, run_of(), {}, tmp_path)
+    render_stored(bench, run_of())
     assert set((folder / "store" / "report").glob("[0-9a-f]*[0-9a-f]")) == pages
     (run.engines[0].artifact.folder / "value.json").unlink()
-    report_stage(bench, run_of(), {}, tmp_path)
+    render_stored(bench, run_of())
     assert len(set((folder / "store" / "report").glob("[0-9a-f]*[0-9a-f]")) - pages) == 1

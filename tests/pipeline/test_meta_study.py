@@ -2,6 +2,7 @@
 
 import json
 import shutil
+from html import unescape
 
 import numpy as np
 import pytest
@@ -15,8 +16,9 @@ from pliant.errors import UserError
 from pliant.pipeline.meta_model.bars import LEVELS
 from pliant.pipeline.meta_model.parameters import values_of
 from pliant.pipeline.study import laws_of_study
-from pliant.report.folder import read_folder, write_folder
-from pliant.report.stage import report_stage
+from pliant.report.folder import finished, read_folder, write_folder
+from pliant.report.render import page
+from pliant.report.run import run_document
 
 RADIUS, LENGTH = 4.7e-3, 8.6e-3
 
@@ -222,10 +224,10 @@ def test_the_run_folder_gives_the_law_on_another_machine(folder, tmp_path):
 
 
 @pytest.mark.slow
-def test_the_page_says_where_the_law_came_from(folder, tmp_path):
+def test_the_page_says_where_the_law_came_from(folder):
     here = opened(folder)
-    page = report_stage(here.bench, api.simulate(here), {"study": "unseen"}, tmp_path)
-    assert "meta-model" in page.read_text()
+    document = run_document(finished(api.simulate(here), {"study": "unseen"}))
+    assert "meta-model" in document.sentence and document.sentence in unescape(page(document).html)
 
 
 def test_a_notebook_has_laws_scores_and_the_next_design(folder):

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from pliant.formatting import number, percent, seconds, small_length, unit_of_field
-from pliant.report.figures import body, raster, shading
+from pliant.report.figures import body, rendering
 
 LENGTH, FREE = 0.011, 0.36
 
@@ -64,14 +64,14 @@ def test_shape_between_levels_is_interpolated(kit: Any) -> None:
 def test_picture_of_a_face_has_its_area_and_faces_away_are_not_drawn() -> None:
     x, y = np.meshgrid([0.0, 0.5, 1.0], [0.0, 0.5, 1.0])
     points = np.stack([x.ravel(), y.ravel(), 0 * x.ravel()], axis=1)
-    square = raster.Surface(points, np.arange(9)[None], np.ones(9))
-    camera = raster.Camera.looking(np.array([0.0, 0.0, 1.0]), np.array([0.0, 1.0, 0.0]))
-    window = raster.Window((-0.5, 1.5, -0.5, 1.5), 100)
-    image = raster.draw(square, camera, window, shading.Look())
+    square = rendering.Surface(points, np.arange(9)[None], np.ones(9))
+    camera = rendering.Camera.looking(np.array([0.0, 0.0, 1.0]), np.array([0.0, 1.0, 0.0]))
+    window = rendering.Window((-0.5, 1.5, -0.5, 1.5), 100)
+    image = rendering.draw(square, camera, window, rendering.Look())
     assert image.shape == (200, 200, 4)
     assert image[..., 3].sum() == pytest.approx(100 * 100, rel=0.02)
-    away = raster.Surface(points, np.arange(9)[None][:, raster.TRANSPOSED], np.ones(9))
-    assert raster.draw(away, camera, window, shading.Look())[..., 3].sum() == 0
+    away = rendering.Surface(points, np.arange(9)[None][:, rendering.TRANSPOSED], np.ones(9))
+    assert rendering.draw(away, camera, window, rendering.Look())[..., 3].sum() == 0
 
 
 @pytest.mark.parametrize(

@@ -14,8 +14,10 @@ from pliant.errors import UserError
 from pliant.pipeline.study import StudyRun, simulate_study
 from pliant.pipeline.workbench import Workbench
 from pliant.registry.discovery import discover
-from pliant.report.folder import finished, read_folder, write_folder
-from pliant.report.page import render
+from pliant.report.document import Page
+from pliant.report.folder import FinishedRun, finished, read_folder, write_folder
+from pliant.report.render import page as page_of
+from pliant.report.run import run_document
 from pliant.report.stage import NAMES, write_page
 from pliant.store.store import ArtifactStore
 from pliant.tabular.fem_writing import write_table
@@ -34,14 +36,18 @@ task: {kind: free_bending, pressure: 15 kPa}
 """
 
 
+def shown(run: FinishedRun) -> Page:
+    return page_of(run_document(run))
+
+
 def test_folder_gives_the_same_page(tmp_path: Path) -> None:
     (tmp_path / "study.yaml").write_text(STUDY)
     registry = discover()
     bench = Workbench(registry, ArtifactStore(tmp_path / "store"))
     run = simulate_study(bench, load_study(tmp_path / "study.yaml", registry, ()))
-    page = render(finished(run, {"unused": []}))
+    page = shown(finished(run, {"unused": []}))
     write_folder(tmp_path / "out", run, {"unused": []})
-    again = render(read_folder(tmp_path / "out", registry))
+    again = shown(read_folder(tmp_path / "out", registry))
     assert again.html == page.html
     assert "bends 164.9° at 15\u00a0kPa" in page.html
 
@@ -89,14 +95,14 @@ def test_a_folder_carried_elsewhere_gives_the_same_page(tmp_path: Path, text: st
     home = tmp_path / "home"
     home.mkdir()
     run = run_of(home, text)
-    page = render(finished(run, {}))
+    page = shown(finished(run, {}))
     write_folder(home / "out", run, {})
     elsewhere = tmp_path / "anders wo ü"
     shutil.copytree(home / "out", elsewhere)
     shutil.rmtree(home)
     read = read_folder(elsewhere, discover())
     assert read.segment_designs == run.segment_designs
-    again = render(read)
+    again = shown(read)
     assert again.html == page.html
     assert sorted(again.pictures) == sorted(page.pictures)
 
@@ -151,7 +157,7 @@ def test_pictures_of_an_earlier_report_go_and_a_users_own_stay(tmp_path: Path) -
 
 def test_every_picture_of_a_page_has_a_known_name(tmp_path: Path) -> None:
     text = TWO_DESIGNS.replace("SURROGATE", "{kind: polynomial, data: law.csv}")
-    page = render(finished(run_of(tmp_path, text), {}))
+    page = shown(finished(run_of(tmp_path, text), {}))
     assert {re.sub(r"_\d+$", "", name) for name in page.pictures} <= NAMES
 
 
@@ -187,8 +193,8 @@ def test_drawn_laws_are_kept_in_the_folder(tmp_path: Path) -> None:
     again = read_folder(tmp_path / "out", registry)
     assert again.uncertainty is not None and run.uncertainty is not None
     assert np.array_equal(again.uncertainty["tips_m"], run.uncertainty.value["tips_m"])
-    page = render(again)
-    assert page.html == render(finished(run, {})).html and "tip_cloud" in page.pictures
+    page = shown(again)
+    assert page.html == shown(finished(run, {})).html and "tip_cloud" in page.pictures
     write_page(tmp_path / "out", page.html, page.pictures)
     assert (tmp_path / "out" / "pictures" / "tip_cloud.png").is_file() and "tip_cloud" in NAMES
     without = load_study(tmp_path / "study.yaml", registry, ["uncertainty=null"])

@@ -18,13 +18,12 @@ from pliant.report.figures.search_policy import last_rows, search_policy
 from pliant.report.figures.search_robust import search_robust
 from pliant.report.figures.search_slopes import by_influence, influence, search_slopes
 from pliant.report.figures.search_verified import search_successes, search_verified, success_counts
-from pliant.report.search_axes import short_labels
 from pliant.report.search_folder import Drawing
-from pliant.report.search_reading import SearchRead, log_suits
+from pliant.report.search_view import SearchView, log_suits, short_labels
 
 
-def read(result: SearchResult) -> SearchRead:
-    return SearchRead(result, samples.STUDY)
+def read(result: SearchResult) -> SearchView:
+    return SearchView(result, samples.STUDY)
 
 
 def test_thinning_keeps_the_best_tenth_and_spreads_the_rest_by_rank() -> None:

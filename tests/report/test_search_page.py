@@ -18,11 +18,12 @@ from pliant.config.loading import load_study
 from pliant.errors import UserError
 from pliant.records.search import SearchResult
 from pliant.registry.discovery import discover
+from pliant.report import render
+from pliant.report.search import rebuild_search_page, search_document, write_search_page
 from pliant.report.search_folder import Drawing, is_search
-from pliant.report.search_page import rebuild_search_page, render_search, write_search_page
-from pliant.report.search_reading import SearchRead
+from pliant.report.search_sentences import answer, late, price, warned
 from pliant.report.search_tables import design_table, robust_table
-from pliant.report.search_words import answer, late, price, warned
+from pliant.report.search_view import SearchView
 
 LARGEST = 1_500_000
 
@@ -49,7 +50,7 @@ MAKERS: dict[str, tuple[Callable[[], SearchResult], int, tuple[str, ...]]] = {
 @cache
 def page(name: str) -> str:
     drawn = [Drawing.of(samples.curved(f"design {k}")) for k in (1, 2)] if name == "one" else []
-    return render_search(samples.STUDY, MAKERS[name][0](), drawn)
+    return render.page(search_document(samples.STUDY, MAKERS[name][0](), drawn)).html
 
 
 def words(html: str) -> str:
@@ -80,7 +81,7 @@ def test_sections_stand_in_order() -> None:
 
 def test_fifty_thousand_candidates_and_sixteen_long_names_stay_small() -> None:
     wide = samples.one_branch(50_000, samples.wide_variables())
-    html = render_search(samples.STUDY, wide)
+    html = render.page(search_document(samples.STUDY, wide)).html
     assert len(html) < LARGEST
     assert "3 family outer convolution d radius of curvature" in words(html)
 
@@ -88,11 +89,11 @@ def test_fifty_thousand_candidates_and_sixteen_long_names_stay_small() -> None:
 def test_the_answer_says_what_is_predicted_and_what_is_verified() -> None:
     one = samples.one_branch()
     best = float(one.best[0].objectives["rmse"])
-    predicted = answer(SearchRead(one, samples.STUDY))
+    predicted = answer(SearchView(one, samples.STUDY))
     assert f"rmse {1e3 * best:.4g}\u00a0mm, predicted and not verified" in predicted
-    unverified = [w.sentence for w in warned(SearchRead(one, samples.STUDY))]
+    unverified = [w.sentence for w in warned(SearchView(one, samples.STUDY))]
     assert any("Nothing was verified" in sentence for sentence in unverified)
-    sentences = [w.sentence for w in warned(SearchRead(checked(), samples.STUDY))]
+    sentences = [w.sentence for w in warned(SearchView(checked(), samples.STUDY))]
     assert any("13\u00a0%" in s and "1.93\u00a0mm" in s for s in sentences)
     assert "PyBullet has no wheel for this Python." in sentences
     assert not any("Nothing was verified" in s for s in sentences)
@@ -102,12 +103,12 @@ def test_a_check_that_verified_nothing_has_no_section() -> None:
     one = replace(
         samples.verification(), verified={}, conditions={}, laws=(), notes=("Nothing that FEM could check.",)
     )
-    html = render_search(samples.STUDY, replace(samples.one_branch(40), verification=one))
+    html = render.page(search_document(samples.STUDY, replace(samples.one_branch(40), verification=one))).html
     assert "<h2>Predicted and verified</h2>" not in html and "Nothing that FEM could check." in html
 
 
 def test_an_objective_stands_once_among_the_designs() -> None:
-    table = design_table(SearchRead(samples.two_objectives(150), samples.STUDY))
+    table = design_table(SearchView(samples.two_objectives(150), samples.STUDY))
     assert table is not None
     rows = [row[0] for row in table.rows]
     assert len(rows) == len(set(rows)) and {"rmse", "work", "e max"} <= set(rows)
@@ -115,28 +116,28 @@ def test_an_objective_stands_once_among_the_designs() -> None:
 
 def test_a_best_design_at_the_end_of_the_budget_is_warned_of() -> None:
     one = samples.one_branch()
-    assert late(SearchRead(one, {}))
-    assert not late(SearchRead(replace(one, stopped="until"), {}))
+    assert late(SearchView(one, {}))
+    assert not late(SearchView(replace(one, stopped="until"), {}))
     objectives = one.history.objectives.copy()
     objectives[3] = 1e-4
     early = replace(one, history=replace(one.history, objectives=objectives))
-    assert not late(SearchRead(early, {}))
+    assert not late(SearchView(early, {}))
 
 
 def test_the_price_of_robustness_has_the_right_sign() -> None:
     one = checked()
-    text = price(SearchRead(one, {}))
+    text = price(SearchView(one, {}))
     assert "costs 0.5\u00a0mm" in text and "improves the mean of the worst 20\u00a0%" in text
     assert one.robustness is not None
     free = replace(one.robustness, nominal_of_robust=1.6e-3, robust_of_robust=9e-3)
-    text = price(SearchRead(replace(one, robustness=free), {}))
+    text = price(SearchView(replace(one, robustness=free), {}))
     assert "costs nothing where nothing deviates (" in text and "does not improve" in text
 
 
 def test_a_design_of_one_condition_shows_what_acts_in_it() -> None:
     one = samples.contextual(60)
     design, variable = one.best[0], one.variables[0]
-    read = SearchRead(one, {})
+    read = SearchView(one, {})
     assert read.value(design, variable.name) == design.values[variable.name]
     others = dict.fromkeys(variable.keys, -1.0)
     elsewhere = replace(design, settings={**design.settings, **others})
@@ -150,7 +151,7 @@ def test_the_prices_of_a_maximised_objective_are_as_stated() -> None:
     spread = {"nominal": np.array([0.9, 0.2]), "robust": np.array([0.8, 0.7])}
     found = replace(samples.robustness(one.best[0]), measure="worst", nominal_of_nominal=0.9, robust_of_nominal=0.2,
                     nominal_of_robust=0.8, robust_of_robust=0.7, spread=spread)  # fmt: skip
-    robust = SearchRead(replace(one, robustness=found), {})
+    robust = SearchView(replace(one, robustness=found), {})
     text = price(robust)
     assert "costs 0.1 of reward" in text and "(0.9 of the nominal design, 0.8 of the robust one)" in text
     assert "improves the worst" in text and "by 0.5 (0.2 against 0.7)" in text

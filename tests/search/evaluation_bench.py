@@ -7,7 +7,7 @@ import numpy as np
 from tests.pipeline import meta_bench
 
 from pliant import api
-from pliant.search.problem import SearchProblem
+from pliant.search.problem.search_problem import SearchProblem
 
 ROOT = Path(__file__).resolve().parents[2]
 # One hinge without weight: it turns by k_n p / b_e, 0.05 rad per kPa.

@@ -72,10 +72,10 @@ class Evaluator:
     def evaluate(self, values, context=-1):
         self.asked.append((dict(values), context))
         if self.problem.violated(values):
-            return SimpleNamespace(status="refused", objectives=(), violation=1.0)
+            return SimpleNamespace(state="refused", objectives=(), violation=1.0)
         found = self.formula(values)
         return SimpleNamespace(
-            status="ok" if np.isfinite(found) else "not_a_number", objectives=(found,), violation=0.0
+            state="ok" if np.isfinite(found) else "not_a_number", objectives=(found,), violation=0.0
         )
 
 

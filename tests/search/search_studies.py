@@ -4,7 +4,7 @@ from pathlib import Path
 
 from pliant.config.loading import load_study
 from pliant.registry.discovery import discover
-from pliant.search.problem import SearchProblem
+from pliant.search.problem.search_problem import SearchProblem
 
 REGISTRY = discover()
 BASE = """\

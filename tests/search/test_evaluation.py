@@ -6,7 +6,7 @@ from tests.search import evaluation_bench as bench
 
 from pliant.errors import UserError
 from pliant.pipeline.study import simulate_study
-from pliant.search.evaluation import Evaluator
+from pliant.search.evaluate.evaluator import Evaluator
 
 ANGLE = """\
 variables:
@@ -46,7 +46,7 @@ def same_as_simulated(one, problem, seeds):
         values = bench.drawn(problem, seed)
         found = evaluator.evaluate(values)
         stages = simulate_study(one.bench, problem.apply(values, 0)).engines[0].result
-        assert found.status == "ok", found.cause
+        assert found.state == "ok", found.cause
         assert found.simulations == 1
         told = {n: v for n, v in stages.metrics.items() if isinstance(v, int | float)}
         assert set(told) <= set(found.metrics)
@@ -99,10 +99,10 @@ def test_a_broken_constraint_is_refused_without_simulation(tmp_path):
     one, problem = bench.hinge(tmp_path, f"{ANGLE}constraints: [pressure <= 12 kPa]\n")
     evaluator = Evaluator(one.bench, problem)
     found = evaluator.evaluate({"pressure": 15e3})
-    assert (found.status, found.simulations, found.objectives) == ("refused", 0, ())
+    assert (found.state, found.simulations, found.objectives) == ("refused", 0, ())
     assert found.violation == pytest.approx(sum(problem.violated({"pressure": 15e3}).values()))
     assert "pressure <= 12 kPa" in found.cause
-    assert evaluator.evaluate({"pressure": 11e3}).status == "ok"
+    assert evaluator.evaluate({"pressure": 11e3}).state == "ok"
 
 
 def test_an_impossible_design_is_refused(tmp_path):
@@ -110,7 +110,7 @@ def test_an_impossible_design_is_refused(tmp_path):
     one, problem = bench.springs(tmp_path, search)
     values = {"family.radius": 5e-3, "family.length": 4e-3, "chain.modules": 2}
     found = Evaluator(one.bench, problem).evaluate(values)
-    assert (found.status, found.simulations) == ("refused", 0)
+    assert (found.state, found.simulations) == ("refused", 0)
     assert "springs needs length ≥ radius" in found.cause
 
 
@@ -119,14 +119,14 @@ def test_a_design_outside_the_meta_model_fails_with_its_sentence(tmp_path):
     one, problem = bench.springs(tmp_path, search)
     values = {"family.radius": 5e-3, "family.length": 15e-3, "chain.modules": 2}
     found = Evaluator(one.bench, problem).evaluate(values)
-    assert found.status == "failed"
+    assert found.state == "failed"
     assert "outside the meta-model's range" in found.cause
 
 
 def test_a_chain_that_folds_fails_with_what_was_not_reached(tmp_path):
     one, problem = bench.hinge(tmp_path, ANGLE.replace("20 kPa", "200 kPa"))
     found = Evaluator(one.bench, problem).evaluate({"pressure": 180e3})
-    assert found.status == "failed"
+    assert found.state == "failed"
     assert "folds" in found.cause
 
 
@@ -139,7 +139,7 @@ def test_an_engine_that_raises_is_survived_and_named(tmp_path, monkeypatch):
 
     monkeypatch.setattr(evaluator.path, "result", breaks)
     found = evaluator.evaluate({"pressure": 8e3})
-    assert (found.status, found.cause) == ("failed", "FloatingPointError: overflow in a joint")
+    assert (found.state, found.cause) == ("failed", "FloatingPointError: overflow in a joint")
 
 
 def test_ctrl_c_inside_compiled_code_stops_the_search(tmp_path, monkeypatch):
@@ -157,7 +157,7 @@ def test_ctrl_c_inside_compiled_code_stops_the_search(tmp_path, monkeypatch):
 def test_an_objective_that_is_no_number_is_counted_as_such(tmp_path):
     one, problem = bench.hinge(tmp_path, ANGLE.replace("{maximize: bend_angle}", "log(tip_y - 1)"))
     found = Evaluator(one.bench, problem).evaluate({"pressure": 8e3})
-    assert found.status == "not_a_number"
+    assert found.state == "not_a_number"
     assert "log(tip_y - 1)" in found.cause
     assert found.simulations == 1
     assert found.metrics == {}
@@ -183,7 +183,7 @@ HANG = ("free_bending, pressure: 10 kPa", "helical_hang, loads: [60 g], pressure
 def test_what_every_task_measures_is_a_number_whatever_its_own_lists_are_called(tmp_path):
     one, problem = bench.hinge(tmp_path, f"{ANGLE}constraints: [converged >= 1]\n", HANG)
     found = Evaluator(one.bench, problem).evaluate({"pressure": 8e3})
-    assert (found.status, found.metrics["converged"], found.violation) == ("ok", 1.0, 0.0)
+    assert (found.state, found.metrics["converged"], found.violation) == ("ok", 1.0, 0.0)
 
 
 CONDITIONS = """\
@@ -219,7 +219,7 @@ def test_a_metric_constraint_counts_by_the_condition_that_breaks_it_most(tmp_pat
     evaluator = Evaluator(one.bench, problem)
     both = evaluator.evaluate({"pressure": 10e3})
     soft, stiff = (evaluator.evaluate({"pressure": 10e3}, context).violation for context in (0, 1))
-    assert both.status == "ok"
+    assert both.state == "ok"
     assert soft > stiff > 0
     assert both.violation == pytest.approx(soft)
     assert evaluator.evaluate({"pressure": 3e3}).violation == 0.0
@@ -229,7 +229,7 @@ def test_a_failing_condition_is_named(tmp_path):
     search = CONDITIONS.replace("20 kPa", "200 kPa").replace("0.02", "0.001")
     one, problem = bench.hinge(tmp_path, search)
     found = Evaluator(one.bench, problem).evaluate({"pressure": 60e3})
-    assert found.status == "failed"
+    assert found.state == "failed"
     assert found.cause.startswith("soft: ")
 
 
@@ -239,7 +239,7 @@ def test_use_outside_the_data_is_a_metric(tmp_path):
     evaluator = Evaluator(one.bench, problem)
     assert evaluator.evaluate({"pressure": 11e3}).violation == 0.0
     beyond = evaluator.evaluate({"pressure": 14e3})
-    assert (beyond.status, beyond.metrics["outside_domain"]) == ("ok", 1.0)
+    assert (beyond.state, beyond.metrics["outside_domain"]) == ("ok", 1.0)
     assert beyond.violation > 0
 
 
@@ -255,7 +255,7 @@ def test_fem_for_each_candidate_is_said_once(tmp_path):
     object.__setattr__(one.bench, "progress", Noted(notes))
     evaluator = Evaluator(one.bench, problem)
     found = [evaluator.evaluate({"family.radius": radius}) for radius in (4.2e-3, 4.5e-3, 4.8e-3)]
-    assert [one.status for one in found] == ["ok"] * 3, found
+    assert [one.state for one in found] == ["ok"] * 3, found
     assert np.all(np.diff([one.metrics["bend_angle_rad"] for one in found]) < 0)  # thicker is stiffer
     assert len([note for note in notes if "FEM of its own" in note]) == 1
 

@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pliant.errors import UserError
-from pliant.search.expressions import parse
-from pliant.search.formula import Symbol
+from pliant.search.expressions.formula import Symbol
+from pliant.search.expressions.parser import parse
 
 SYMBOLS = {
     "x": Symbol("x", "variable", exact=False),

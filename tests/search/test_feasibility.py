@@ -4,7 +4,7 @@ import pytest
 from tests.search.search_studies import search_problem
 
 from pliant.errors import UserError
-from pliant.search.feasibility import require_feasible
+from pliant.search.problem.feasibility import require_feasible
 
 SEARCH = """
 variables:

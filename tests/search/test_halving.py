@@ -11,7 +11,7 @@ from tests.search.test_journal import StopError, Stopping
 
 from pliant import api
 from pliant.errors import UserError
-from pliant.search.halving import FILE, Halving
+from pliant.search.run.halving import FILE, Halving
 
 PLUGIN = Path(__file__).with_name("narrowing_plugin.py")
 SEARCHES, BUDGET = 9, 6

@@ -12,8 +12,8 @@ from pathlib import Path
 import pytest
 from tests.search.toy_search import Narrowing, ToyProblem, searched, told
 
-from pliant.search import branch as branch_module
-from pliant.search.journal import Journal, keep_journals, take_journals
+from pliant.search.run import branch as branch_module
+from pliant.search.run.journal import Journal, keep_journals, take_journals
 
 EACH = ({"s": 0}, {"s": 1}, {"s": 2})
 

@@ -7,7 +7,7 @@ from tests.search.search_studies import BASE, REGISTRY
 
 from pliant.config.loading import load_study
 from pliant.errors import InvalidDesignError, UserError
-from pliant.search.keys import StudySetter, study_key
+from pliant.search.problem.study_setter import StudySetter, study_key
 
 EXAMPLES = sorted(Path(__file__).parents[2].glob("examples/*/*.yaml"))
 

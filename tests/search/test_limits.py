@@ -4,9 +4,19 @@ import numpy as np
 import pytest
 from tests.search.found_stand_ins import COUNT, WIDTH, Evaluator, Problem, found, history
 
-from pliant.search.limits import FREE, at_bounds, at_constraints, at_metrics, limits
-from pliant.search.limits_of_the_run import branches, budget, conditions, outside_data, turned_away
-from pliant.search.sensitivity import slopes
+from pliant.search.analyse.limits import (
+    FREE,
+    at_bounds,
+    at_constraints,
+    at_metrics,
+    hardest_condition,
+    lead_of_structure,
+    limits,
+    outside_data,
+    turned_away,
+    unfinished,
+)
+from pliant.search.analyse.sensitivity import slopes
 
 CONVERGED = 1e-3 + 1e-2 * np.exp(-np.arange(60))
 
@@ -87,57 +97,57 @@ def test_inside_everything_nothing_holds_it():
 
 def test_a_search_that_still_falls_wants_more():
     problem, best = Problem((WIDTH,)), found({"width": 3e-3})
-    (sentence,) = budget(problem, best, history(np.linspace(5e-3, 1e-3, 60)))
+    (sentence,) = unfinished(problem, best, history(np.linspace(5e-3, 1e-3, 60)))
     assert "candidate 60 of 60" in sentence
     assert "more of them would help" in sentence
-    assert budget(problem, best, history(CONVERGED)) == []
+    assert unfinished(problem, best, history(CONVERGED)) == []
 
 
 def test_a_late_best_that_gains_nothing_wants_no_more():
     problem, best = Problem((WIDTH,)), found({"width": 3e-3})
-    assert budget(problem, best, history(1e-3 - 1e-9 * np.arange(60))) == []
+    assert unfinished(problem, best, history(1e-3 - 1e-9 * np.arange(60))) == []
 
 
 def test_a_first_design_found_at_the_end():
     objective = np.full(40, np.nan)
     objective[-1] = 1e-3
-    (sentence,) = budget(Problem((WIDTH,)), found({"width": 3e-3}), history(objective))
+    (sentence,) = unfinished(Problem((WIDTH,)), found({"width": 3e-3}), history(objective))
     assert "first found in the last fifth" in sentence
 
 
 def test_a_search_that_reached_its_goal_says_so():
     problem, best = Problem((WIDTH,), goal=2e-3), found({"width": 3e-3})
-    assert "ended at its goal" in budget(problem, best, history(np.linspace(5e-3, 1e-3, 60)))[0]
+    assert "ended at its goal" in unfinished(problem, best, history(np.linspace(5e-3, 1e-3, 60)))[0]
 
 
 def test_candidates_that_break_a_constraint_have_no_objective_and_do_not_count():
     falling = np.concatenate([[2e-3, 1e-3], np.full(58, 1.5e-3)])
     falling[50:] = np.nan
-    assert budget(Problem((WIDTH,)), found({"width": 3e-3}), history(falling)) == []
+    assert unfinished(Problem((WIDTH,)), found({"width": 3e-3}), history(falling)) == []
 
 
 def test_the_lead_of_the_best_structure():
     structures = ({"n1": 4}, {"n1": 5}, {"n1": 6})
     problem = Problem((WIDTH,), structures=structures)
     told = history([3e-3, 2e-3, 2.5e-3, 1e-3, np.nan, np.nan], branch=[0, 0, 1, 1, 2, 2])
-    (sentence,) = branches(problem, found({"width": 3e-3, "n1": 5}, branch=1), told)
+    (sentence,) = lead_of_structure(problem, found({"width": 3e-3, "n1": 5}, branch=1), told)
     assert "(n1 5) leads the next one (n1 4) by 1 mm" in sentence
     assert "1 of 3 structures gave no design" in sentence
-    assert branches(Problem((WIDTH,)), found({"width": 3e-3}), told) == []
+    assert lead_of_structure(Problem((WIDTH,)), found({"width": 3e-3}), told) == []
 
 
 def test_the_lead_counts_recommendations_and_the_designs_own_condition():
     problem = Problem((WIDTH,), structures=({"n1": 4}, {"n1": 5}))
     told = history([3e-3, 2e-3, 0.1e-3], branch=[0, 1, 1], context=np.array([0, 0, 1]))
-    (sentence,) = branches(problem, found({"width": 3e-3}, branch=0, context=0), told)
+    (sentence,) = lead_of_structure(problem, found({"width": 3e-3}, branch=0, context=0), told)
     assert "(n1 4) leads the next one (n1 5) by 1 mm" in sentence
 
 
 def test_the_hardest_condition_is_the_lowest_of_what_is_maximised():
     each = {"egg": {"rmse_m": 3e-3}, "tube": {"rmse_m": 1e-3}}
     best = found({"width": 3e-3}, conditions=each)
-    assert "hardest condition is egg (rmse 3 mm), the easiest tube" in conditions(Problem(), best)[0]
-    upward = conditions(Problem(maximised=(True,)), best)[0]
+    assert "hardest condition is egg (rmse 3 mm), the easiest tube" in hardest_condition(Problem(), best)[0]
+    upward = hardest_condition(Problem(maximised=(True,)), best)[0]
     assert "hardest condition is tube (rmse 1 mm), the easiest egg" in upward
 
 

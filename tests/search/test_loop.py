@@ -8,23 +8,21 @@ import pytest
 from tests.search.toy_search import PLANE, Contextual, Narrowing, ToyProblem, searched, told
 
 from pliant.errors import ContractError
-from pliant.interfaces.optimizer import Candidate, Context, Space
-from pliant.pipeline.crews import Given
-from pliant.pipeline.progress import Silent
-from pliant.search.found import best_of, counts_of, front_of, history_of
-from pliant.search.outcome import Told
-from pliant.search.workers import work
+from pliant.execution.executors import InlineExecutor
+from pliant.execution.progress import Silent
+from pliant.interfaces.optimizer import Context, Space, Trial
+from pliant.search.run.results import best_of, counts_of, front_of, history_of
 
 EACH = tuple({"s": s} for s in range(5))
 
 
 def rows(branches):
-    return [(branch.index, row) for branch in branches for row in branch.rows]
+    return [(branch.index, row) for branch in branches for row in branch.trials]
 
 
 def test_a_search_spends_its_budget_and_finds_the_optimum(tmp_path):
     (branch,) = searched(tmp_path, budget=300)
-    assert (branch.evaluated, branch.stopped, len(branch.rows)) == (300, "budget", 300)
+    assert (branch.evaluated, branch.stopped, len(branch.trials)) == (300, "budget", 300)
     best = best_of(rows([branch]))[1]
     assert best.objectives[0] < 2e-3
     assert best.values["n"] == 2
@@ -45,17 +43,16 @@ def test_the_seed_decides_and_branches_differ(tmp_path):
     first, again = searched(tmp_path / "a", branches=EACH), searched(tmp_path / "b", branches=EACH)
     assert told(first) == told(again)
     assert told(searched(tmp_path / "c", branches=EACH, seed=4)) != told(first)
-    starts = {branch.rows[0].values["a"] for branch in first}
+    starts = {branch.trials[0].values["a"] for branch in first}
     assert len(starts) == len(EACH)
-    assert [{row.values["s"] for row in branch.rows} for branch in first] == [{s} for s in range(5)]
+    assert [{row.values["s"] for row in branch.trials} for branch in first] == [{s} for s in range(5)]
 
 
 def test_workers_and_their_timing_change_nothing(tmp_path):
     alone = searched(tmp_path / "alone", branches=EACH[:3], budget=20)
     with ThreadPoolExecutor(4) as pool:
-        crew = Given(pool, work)
-        threads = searched(tmp_path / "threads", branches=EACH[:3], budget=20, crew=crew, delay_s=0.003)
-        one = searched(tmp_path / "one", budget=20, crew=crew, delay_s=0.003)
+        threads = searched(tmp_path / "threads", branches=EACH[:3], budget=20, executor=pool, delay_s=0.003)
+        one = searched(tmp_path / "one", budget=20, executor=pool, delay_s=0.003)
     assert told(threads) == told(alone)
     assert told(one) == told(searched(tmp_path / "other", budget=20))
 
@@ -64,7 +61,7 @@ def test_until_ends_its_own_branch_only(tmp_path):
     problem = ToyProblem(good=0.02)
     branches = searched(tmp_path, branches=({"s": 0}, {"s": 100}), budget=200, problem=problem)
     assert [branch.stopped for branch in branches] == ["until", "budget"]
-    assert min(row.objectives[0] for row in branches[0].rows) <= 0.02
+    assert min(row.objectives[0] for row in branches[0].trials) <= 0.02
     assert branches[0].evaluated < 200 == branches[1].evaluated
 
 
@@ -72,10 +69,10 @@ def test_until_is_asked_of_every_condition_that_has_a_design_of_its_own(tmp_path
     space = Space(PLANE, contexts=(Context("one"), Context("two")))
     problem = ToyProblem(good=0.05)
     (branch,) = searched(tmp_path, budget=400, problem=problem, space=space, make=Contextual)
-    met = [row.context for row in branch.rows if row.objectives[0] <= 0.05]
+    met = [row.context for row in branch.trials if row.objectives[0] <= 0.05]
     assert branch.stopped == "until"
     assert set(met) == {0, 1}
-    before = [row.context for row in branch.rows[: branch.evaluated - 6] if row.objectives[0] <= 0.05]
+    before = [row.context for row in branch.trials[: branch.evaluated - 6] if row.objectives[0] <= 0.05]
     assert len(set(before)) == 1  # the last batch was needed, and one condition had its design earlier
     (again,) = searched(tmp_path, budget=400, problem=problem, space=space, make=Contextual)
     assert (again.stopped, told([again])) == ("until", told([branch]))
@@ -85,12 +82,12 @@ def test_what_breaks_constraints_is_told_but_not_simulated(tmp_path):
     (branch,) = searched(tmp_path, budget=60, problem=ToyProblem(most=-0.2))
     assert branch.evaluated == 60
     assert branch.refused > 0
-    for row in branch.rows:
+    for row in branch.trials:
         over = row.values["a"] + row.values["b"] + 0.2
-        assert (row.status == "refused") == (over > 0)
+        assert (row.state == "refused") == (over > 0)
         if over > 0:
             assert row.violation == pytest.approx(over)
-            outcome = row.outcome(1)
+            outcome = row.told(1)
             assert np.isnan(outcome.objective)
             assert outcome.violation > 0
     refused, failed = counts_of(rows([branch]))
@@ -125,7 +122,7 @@ def test_nan_and_errors_count_and_are_survived(tmp_path):
 def test_contexts_are_tried_in_their_one_condition(tmp_path):
     space = Space(PLANE, contexts=(Context("x"), Context("y")))
     (branch,) = searched(tmp_path, budget=60, space=space)
-    assert [row.context for row in branch.rows[:4]] == [0, 1, 0, 1]
+    assert [row.context for row in branch.trials[:4]] == [0, 1, 0, 1]
     best = [best_of(r for r in rows([branch]) if r[1].context == c)[1] for c in (0, 1)]
     assert [row.values["n"] for row in best] == [2, 3]
 
@@ -149,7 +146,7 @@ class Cancelling(ThreadPoolExecutor):
 
 def test_a_job_that_the_cluster_cancels_runs_again(tmp_path):
     with Cancelling() as pool:
-        cancelled = searched(tmp_path / "a", branches=EACH[:2], budget=20, crew=Given(pool, work))
+        cancelled = searched(tmp_path / "a", branches=EACH[:2], budget=20, executor=pool)
     assert told(cancelled) == told(searched(tmp_path / "b", branches=EACH[:2], budget=20))
 
 
@@ -157,7 +154,7 @@ class Unruly(Narrowing):
     """Proposes a variable that nobody asked for."""
 
     def ask(self, count):
-        return [Candidate(c.number, {**c.values, "x": 1.0}) for c in super().ask(count)]
+        return [Trial(c.number, {**c.values, "x": 1.0}) for c in super().ask(count)]
 
 
 class Many(Narrowing):
@@ -211,7 +208,7 @@ def test_the_bar_tells_totals_and_the_best(tmp_path):
     branches = searched(tmp_path, branches=({"s": 0}, {"s": 100}), problem=problem, budget=100, progress=bar)
     assert bar.total == bar.steps == sum(branch.evaluated for branch in branches)
     assert bar.ended
-    lowest = min(row.objectives[0] for branch in branches for row in branch.rows if row.feasible)
+    lowest = min(row.objectives[0] for branch in branches for row in branch.trials if row.feasible)
     assert bar.texts[-1].startswith(f"best {lowest:.4g}")
     assert "refused" in bar.texts[-1]
 
@@ -219,16 +216,12 @@ def test_the_bar_tells_totals_and_the_best(tmp_path):
 def test_the_time_that_workers_take_to_begin_counts_for_nothing(tmp_path):
     begun, slow_s = [], 0.4
 
-    class Slow:
+    class Slow(InlineExecutor):
         size = 2
 
-        def submit(self, job):
-            time.sleep(0.0 if job.tasks else slow_s / self.size)
-            future = Future()
-            future.set_result(work(job))
-            return future
-
-        def stop(self, at_once): ...
+        def submit(self, function, *values):
+            time.sleep(0.0 if values[-1] else slow_s / self.size)
+            return super().submit(function, *values)
 
     class Titles(Silent):
         def begin(self, title, total, done=0):
@@ -236,7 +229,7 @@ def test_the_time_that_workers_take_to_begin_counts_for_nothing(tmp_path):
             return self
 
     started = time.perf_counter()
-    (branch,) = searched(tmp_path, budget=12, crew=Slow(), progress=Titles())
+    (branch,) = searched(tmp_path, budget=12, executor=Slow(), progress=Titles())
     assert [title for title, _ in begun] == ["workers begin", "searching"]
     assert begun[1][1] - started >= slow_s
     assert 0.0 < branch.wall_s < time.perf_counter() - started - slow_s
@@ -250,21 +243,21 @@ def test_the_bar_counts_what_was_refused_in_batches_of_nothing_else(tmp_path):
             texts.append(text)
 
     (branch,) = searched(tmp_path, budget=4, problem=ToyProblem(most=-2.0), progress=Texts())
-    assert any(all(row.status == "refused" for row in branch.rows[k : k + 6]) for k in range(0, 60, 6))
+    assert any(all(row.state == "refused" for row in branch.trials[k : k + 6]) for k in range(0, 60, 6))
     assert texts[-1].endswith(f", {branch.refused} refused")
 
 
 def test_the_front_holds_what_nothing_beats():
     scores = [(1.0, 5.0), (2.0, 3.0), (2.0, 4.0), (3.0, 3.0), (4.0, 1.0), (4.0, 1.0), (5.0, 0.5)]
-    told_rows = [(0, Told(k, -1, {}, "ok", one)) for k, one in enumerate(scores)]
-    broken = (0, Told(9, -1, {}, "ok", (0.0, 0.0), violation=1.0))
+    told_rows = [(0, Trial(k, {}, -1, "ok", one)) for k, one in enumerate(scores)]
+    broken = (0, Trial(9, {}, -1, "ok", (0.0, 0.0), violation=1.0))
     front = front_of([*reversed(told_rows), broken])
     assert [row.objectives for _, row in front] == [(1.0, 5.0), (2.0, 3.0), (4.0, 1.0), (5.0, 0.5)]
 
 
 def test_causes_that_differ_in_numbers_are_counted_as_one():
     def failed(cause, status="failed", violation=0.0):
-        return (0, Told(0, -1, {}, status, (), cause=cause, violation=violation))
+        return (0, Trial(0, {}, -1, status, cause=cause, violation=violation))
 
     rows_ = [failed(f"joint {k} stands {10 * k + 0.5} % outside.") for k in range(4)]
     rows_ += [failed("the chain did not settle.")] * 2

@@ -226,7 +226,7 @@ def test_a_study_without_a_search_says_so(tmp_path):
     from tests.search.search_studies import REGISTRY
 
     from pliant.config.loading import load_study
-    from pliant.search.problem import SearchProblem
+    from pliant.search.problem.search_problem import SearchProblem
 
     (tmp_path / "a.yaml").write_text(BASE)
     with pytest.raises(UserError, match="has no 'search' block"):

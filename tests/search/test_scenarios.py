@@ -9,8 +9,8 @@ from tests.search import evaluation_bench as bench
 from pliant.config.search import RobustConfig
 from pliant.errors import UserError
 from pliant.pipeline.study import laws_of_study
-from pliant.search.evaluation import Evaluator
-from pliant.search.scenarios import draw_scenarios, measure
+from pliant.search.evaluate.evaluator import Evaluator
+from pliant.search.evaluate.scenarios import draw_scenarios, measure
 
 SLOPE = bench.GAIN / bench.STIFFNESS  # rad of the hinge per Pa
 SEARCH = """\
@@ -99,7 +99,7 @@ def test_an_effects_parameter_is_off_as_the_evidence_loop_says(tmp_path):
     vary = {"effects.0.factor": {"sd": 0.03}}
     _, scenarios, evaluator = searched(tmp_path, bench.HINGE + effects, vary=vary)
     found = evaluator.evaluate({"pressure": 10e3})
-    assert found.status == "ok", found.cause
+    assert found.state == "ok", found.cause
     assert found.scenarios == pytest.approx(SLOPE * 10e3 / (0.9 + amounts(scenarios)), rel=1e-6)
 
 
@@ -112,7 +112,7 @@ def test_a_family_key_is_off_in_segments_with_their_own_value_too(tmp_path):
     text = text.replace("TASK", "task: {kind: free_bending, pressure: 10 kPa, steps: 1}")
     _, scenarios, evaluator = searched(tmp_path, text, vary={"family.radius": "0.2 mm"})
     found = evaluator.evaluate({"pressure": 10e3})
-    assert found.status == "ok", found.cause
+    assert found.state == "ok", found.cause
     expected = [
         sum(bench.meta_bench.free_angle(r + off, 8.6e-3, 10e3) for r in (4.7e-3, 5e-3))
         for off in amounts(scenarios)
@@ -127,7 +127,7 @@ def test_drawn_laws_spread_by_their_error_bar_and_share_numbers_between_candidat
     scenarios = draw_scenarios(problem, one.bench.registry, problem.config.robust)
     evaluator = Evaluator(one.bench, problem, scenarios)
     near = [evaluator.evaluate({"family.radius": radius}) for radius in (4.7e-3, 4.7e-3 + 1e-8)]
-    assert [found.status for found in near] == ["ok", "ok"], near
+    assert [found.state for found in near] == ["ok", "ok"], near
     off = [np.array(found.scenarios) - found.metrics["bend_angle_rad"] for found in near]
     assert np.ptp(off[0]) > 0
     assert off[1] == pytest.approx(off[0], abs=0.01 * np.ptp(off[0]))
@@ -152,7 +152,7 @@ def test_a_scenario_that_fails_makes_the_candidate_fail_by_name(tmp_path):
     first = next(
         one for one, off in zip(scenarios, amounts(scenarios), strict=True) if SLOPE * (62e3 + off) > np.pi
     )
-    assert found.status == "failed"
+    assert found.state == "failed"
     assert found.cause.startswith(f"{first.name}: ")
     assert (found.objectives, found.scenarios) == ((), ())
 

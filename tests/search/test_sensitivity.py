@@ -9,10 +9,10 @@ from tests.search.found_stand_ins import COUNT, SIDE, WIDTH, Evaluator, Problem,
 from pliant import api
 from pliant.interfaces.optimizer import Variable
 from pliant.records.search import VariableRecord
-from pliant.search.evaluation import Evaluator as RealEvaluator
-from pliant.search.limits import limits
-from pliant.search.problem import SearchProblem
-from pliant.search.sensitivity import probes_of, sides, slopes
+from pliant.search.analyse.limits import limits
+from pliant.search.analyse.sensitivity import probes_of, sides, slopes
+from pliant.search.evaluate.evaluator import Evaluator as RealEvaluator
+from pliant.search.problem.search_problem import SearchProblem
 
 REAL = Variable("width", "real", 2e-3, 4e-3)
 

@@ -11,15 +11,15 @@ from tests.search.test_evaluation import Noted
 from tests.search.toy_search import Narrowing
 
 from pliant import api
-from pliant.cli.search_words import lines
 from pliant.errors import UserError
 from pliant.records.search import Verification
-from pliant.report.search_reading import SearchRead
+from pliant.report.search_lines import lines
 from pliant.report.search_sections import robust_section
-from pliant.report.search_words import price
-from pliant.search.checking import converged, merged
+from pliant.report.search_sentences import price
+from pliant.report.search_view import SearchView
 from pliant.search.stage import JOURNALS, files_folder, search_study
 from pliant.search.stage_keys import components_of
+from pliant.search.verify.check import converged, merged
 
 PLUGIN = Path(__file__).with_name("narrowing_plugin.py")
 LOADED = "search.conditions={light: {chain.payload: 0 g}, heavy: {chain.payload: 5 g}}"
@@ -270,8 +270,8 @@ def test_where_the_nominal_design_is_the_most_robust_the_words_say_so(opened):
     assert result.nominal_is_robust
     (said,) = [line for line in lines(result, "quasistatic") if line.startswith("robust ")]
     assert said.endswith("the best nominal design, nothing more robust was found")
-    assert "best nominal design is the most robust one" in price(SearchRead(result, {}))
-    assert robust_section(SearchRead(result, {})).tables == ()
+    assert "best nominal design is the most robust one" in price(SearchView(result, {}))
+    assert robust_section(SearchView(result, {})).tables == ()
 
 
 def test_a_robust_search_goes_on_where_the_nominal_design_stays(opened):

@@ -5,9 +5,9 @@ from tests.search import evaluation_bench as bench
 from tests.search.test_evaluation import Noted
 
 from pliant.errors import UserError
-from pliant.search.searching import evaluator_of_study
+from pliant.search.evaluate.evaluator import evaluator_of_study
+from pliant.search.evaluate.scenarios import tolerance_notes
 from pliant.search.stage import search_study
-from pliant.search.tolerances import tolerance_notes
 
 # The table's radii are 4 mm to 5.5 mm, its lengths 8 mm to 10 mm; the study's own 4.7 mm and 8.6 mm.
 SEARCH = "variables: {{R: {{key: family.radius, low: {low}, high: {high}}}}}\nobjective: bend_angle\n{more}"

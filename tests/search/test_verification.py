@@ -12,12 +12,11 @@ from tests.search.found_stand_ins import found
 from pliant import api
 from pliant.config.search import VerifyConfig
 from pliant.errors import UserError
-from pliant.search import verification
-from pliant.search.changes import changed
-from pliant.search.direct_fem import check_verifiable, default_fem, direct_studies, solvable
-from pliant.search.law_check import law_misses
-from pliant.search.problem import SearchProblem
-from pliant.search.verification import verify
+from pliant.search.problem.search_problem import SearchProblem
+from pliant.search.problem.study_setter import changed
+from pliant.search.verify import verification
+from pliant.search.verify.direct_fem import check_verifiable, default_fem, direct_studies, solvable
+from pliant.search.verify.verification import law_errors, verify
 
 SPRINGS = (
     "fem: {kind: springs_fem, pressure_max: 15 kPa, sampling: grid, pressures: 3, angles: 5, check_states: 2}"
@@ -214,7 +213,7 @@ def test_misses_of_a_law_that_is_off_by_a_known_share(tmp_path):
         def band(self, p, u, level):
             return None
 
-    found_misses = law_misses(Off(), data, "off")
+    found_misses = law_errors(Off(), data, "off")
     assert found_misses["rmse_of_largest"] == pytest.approx(0.01)
     assert found_misses["worst_of_largest"] == pytest.approx(0.01)
     assert found_misses["largest_effort"] == pytest.approx(np.abs(data.tau).max())

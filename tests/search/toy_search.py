@@ -7,47 +7,31 @@ import os
 import sys
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import astuple, replace
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 
+from pliant.execution.executors import executor_for
+from pliant.execution.progress import Silent
 from pliant.interfaces.optimizer import (
-    Candidate,
     Context,
     Optimizer,
     OptimizerCapabilities,
     OptimizerConfig,
-    Outcome,
     Space,
+    Trial,
     Value,
     Variable,
 )
-from pliant.pipeline.crews import Processes
-from pliant.pipeline.progress import Silent
-from pliant.search.branch import Branch
-from pliant.search.journal import Journal
-from pliant.search.loop import Loop
-from pliant.search.team import Team
-from pliant.search.workers import Inline, Setup, work
+from pliant.pipeline.remote import RemoteStudy
+from pliant.search.run.branch import Branch
+from pliant.search.run.journal import Journal
+from pliant.search.run.loop import Loop
+from pliant.search.workers import Setup, queue_of
 
 PLANE = (Variable("a", "real", -1.0, 2.0), Variable("b", "real", -2.0, 1.0), Variable("n", "integer", 0, 4))
-
-
-@dataclass(frozen=True)
-class ToyEvaluation:
-    """As `pliant.search.evaluation.Evaluation`."""
-
-    status: str
-    objectives: tuple[float, ...]
-    metrics: Mapping[str, float] = field(default_factory=dict)
-    conditions: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
-    cause: str = ""
-    violation: float = 0.0
-    simulations: int = 1
-    wall_s: float = 0.001
-    scenarios: tuple[float, ...] = ()
 
 
 class ToyEvaluator:
@@ -58,10 +42,11 @@ class ToyEvaluator:
     ) -> None:
         self.delay_s, self.log, self.deadly, self.killed, self.wrong = delay_s, log, deadly, killed, wrong
 
-    def evaluate(self, values: Mapping[str, Value], context: int = -1) -> ToyEvaluation:
+    def evaluate(self, values: Mapping[str, Value], context: int = -1) -> Trial:
         if self.log:
             with Path(self.log).open("a") as file:
                 file.write(f"{values['a']!r}\n")
+        trial = Trial(-1, values, context, simulations=1, wall_s=0.001)
         a, b, n = (float(values[name]) for name in ("a", "b", "n"))
         time.sleep(self.delay_s * (1.5 + np.sin(1e3 * a)))
         if a > self.deadly:
@@ -69,11 +54,11 @@ class ToyEvaluator:
                 file.write(f"{a!r}\n")
             os._exit(9)
         if a < self.wrong.get("nan_below", -9.0):
-            return ToyEvaluation("not_a_number", (np.nan,), cause="rmse is not a number")
+            return replace(trial, state="not_a_number", objectives=(np.nan,), cause="rmse is not a number")
         if b < self.wrong.get("raises_below", -9.0):
             raise ZeroDivisionError("b")
         if b > self.wrong.get("refused_above", 9.0):
-            return ToyEvaluation("refused", (), cause="too high", violation=b, simulations=0)
+            return replace(trial, state="refused", cause="too high", violation=b, simulations=0)
         bowl = (
             (a - 0.3) ** 2
             + (b + 0.4) ** 2
@@ -81,7 +66,7 @@ class ToyEvaluator:
             + 0.01 * float(values.get("s", 0))
         )
         metrics = {"rmse_m": bowl, "a_m": a}
-        return ToyEvaluation("ok", (bowl,), metrics, {"": metrics})
+        return replace(trial, state="ok", objectives=(bowl,), metrics=metrics, conditions={"": metrics})
 
 
 class ToyProblem:
@@ -114,17 +99,17 @@ class Narrowing(Optimizer):
         self.best: tuple[float, dict[str, Value]] | None = None
         self.open: dict[int, dict[str, Value]] = {}
 
-    def ask(self, count: int) -> Sequence[Candidate]:
+    def ask(self, count: int) -> Sequence[Trial]:
         made = [self._candidate(number) for number in range(self.asked, self.asked + count)]
         self.asked += count
         self.open = {candidate.number: dict(candidate.values) for candidate in made}
         return made
 
-    def _candidate(self, number: int) -> Candidate:
+    def _candidate(self, number: int) -> Trial:
         drawn = np.random.default_rng([self.seed, number, int(1e6 * abs(self.told))])
         width = 1.0 if self.best is None else 0.97**number
         values = {v.name: self._value(v, drawn, width) for v in self.space.variables}
-        return Candidate(number, values, number % len(self.space.contexts) if self.space.contexts else 0)
+        return Trial(number, values, number % len(self.space.contexts) if self.space.contexts else 0)
 
     def _value(self, variable: Variable, drawn: np.random.Generator, width: float) -> Value:
         if variable.type == "integer":
@@ -134,13 +119,13 @@ class Narrowing(Optimizer):
             at = float(self.best[1][variable.name]) * (1 - width) + width * at
         return float(min(max(at, variable.low), variable.high))
 
-    def tell(self, outcomes: Sequence[Outcome]) -> None:
-        for outcome in sorted(outcomes, key=lambda one: one.number):
-            if outcome.violation > 0 or not np.isfinite(outcome.objective):
+    def tell(self, trials: Sequence[Trial]) -> None:
+        for trial in sorted(trials, key=lambda one: one.number):
+            if trial.violation > 0 or not np.isfinite(trial.objective):
                 continue
-            self.told = 0.5 * self.told + outcome.objective
-            if self.best is None or outcome.objective < self.best[0]:
-                self.best = (outcome.objective, self.open[outcome.number])
+            self.told = 0.5 * self.told + trial.objective
+            if self.best is None or trial.objective < self.best[0]:
+                self.best = (trial.objective, self.open[trial.number])
 
     def state(self) -> Mapping[str, Any]:
         return {
@@ -189,9 +174,9 @@ class Contextual(Narrowing):
 
     capabilities = OptimizerCapabilities(contexts=True)
 
-    def recommend(self) -> Sequence[Candidate]:
+    def recommend(self) -> Sequence[Trial]:
         values = dict(self.best[1]) if self.best else {}
-        return [Candidate(-1, values, k) for k, _ in enumerate(self.space.contexts)] if values else []
+        return [Trial(-1, values, k) for k, _ in enumerate(self.space.contexts)] if values else []
 
 
 class Front(Narrowing):
@@ -203,18 +188,18 @@ class Front(Narrowing):
 class Knowing(Narrowing):
     """Knows what brings the tip of `search_study` to 10 mm, and recommends it."""
 
-    def recommend(self) -> Sequence[Candidate]:
-        return [Candidate(-1, {"task.pressure": 6.16245e3, "chain.module_length": 10.5e-3})]
+    def recommend(self) -> Sequence[Trial]:
+        return [Trial(-1, {"task.pressure": 6.16245e3, "chain.module_length": 10.5e-3})]
 
 
 def evaluator_of(setup: Setup) -> ToyEvaluator:
     """For workers: the setup's study is the evaluator's settings."""
-    return ToyEvaluator(**json.loads(setup.study))
+    return ToyEvaluator(**json.loads(setup.study.study))
 
 
 def setup_of(**settings: Any) -> Setup:
     """What `evaluator_of` reads."""
-    return Setup(json.dumps(settings), (), "", make="tests.search.toy_search:evaluator_of")
+    return Setup(RemoteStudy(json.dumps(settings), (), ""), make="tests.search.toy_search:evaluator_of")
 
 
 def searched(
@@ -228,7 +213,7 @@ def searched(
     seed: int = 3,
     generations: int | None = None,
     progress: Any = None,
-    crew: Any = None,
+    executor: Any = None,
     space: Space | None = None,
     **settings: Any,
 ) -> list[Branch]:
@@ -239,16 +224,17 @@ def searched(
         Branch(k, values, make, rules, axes, Journal(folder, f"branch-{k}"), seed, budget, generations)
         for k, values in enumerate(branches)
     ]
-    if crew is None:
-        crew = Processes(workers, work) if workers > 1 else Inline(ToyEvaluator(**settings))
-    with Team(crew, setup_of(**settings)) as team:
-        Loop(made, team, progress or Silent(), "searching", lambda branch: None).run()
+    with (
+        executor_for(executor or workers) as running,
+        queue_of(running, setup_of(**settings), ToyEvaluator(**settings)) as queue,
+    ):
+        Loop(made, queue, progress or Silent(), "searching", lambda branch: None).run()
     return made
 
 
 def told(branches: Sequence[Branch]) -> list[list[Any]]:
     """Everything but the time, branch by branch."""
-    return [[row.as_list()[:-1] for row in branch.rows] for branch in branches]
+    return [[astuple(replace(trial, wall_s=0.0)) for trial in branch.trials] for branch in branches]
 
 
 if __name__ == "__main__":  # a process to kill: folder, workers, settings

@@ -11,7 +11,7 @@ from pliant_pymoo import encoding
 from pliant_pymoo.config import DeConfig, Nsga2Config
 from pliant_pymoo.evolution import De, Evolution, Nsga2
 
-from pliant.interfaces.optimizer import Candidate, Outcome, Space, Variable
+from pliant.interfaces.optimizer import Space, Trial, Variable
 
 VARIABLES = (
     Variable("r", "real", 2e-3, 4e-3),
@@ -25,9 +25,9 @@ def searches() -> list[Evolution]:
     return [De(DeConfig()), Nsga2(Nsga2Config(population=12))]
 
 
-def bowl(candidate: Candidate) -> Outcome:
+def bowl(candidate: Trial) -> Trial:
     a, b = (float(candidate.values[name]) for name in "ab")
-    return Outcome(candidate.number, (a - 1.3) ** 2 + (b + 0.4) ** 2)
+    return candidate.scored((a - 1.3) ** 2 + (b + 0.4) ** 2)
 
 
 def best_of(search: Evolution, candidates: int, score: Any = bowl) -> float:
@@ -72,9 +72,9 @@ def test_differential_evolution_comes_close_to_the_bottom() -> None:
 
 
 def test_refused_candidates_lead_back_to_what_is_allowed() -> None:
-    def score(candidate: Candidate) -> Outcome:
+    def score(candidate: Trial) -> Trial:
         over = float(candidate.values["a"]) - 0.5
-        return Outcome(candidate.number, float("nan"), violation=over) if over > 0 else bowl(candidate)
+        return candidate.scored(float("nan"), violation=over) if over > 0 else bowl(candidate)
 
     for search in searches():
         search.start(BOWL, 2)
@@ -82,9 +82,9 @@ def test_refused_candidates_lead_back_to_what_is_allowed() -> None:
 
 
 def test_failed_evaluations_are_left_behind() -> None:
-    def score(candidate: Candidate) -> Outcome:
+    def score(candidate: Trial) -> Trial:
         failed = float(candidate.values["b"]) < -1
-        return Outcome(candidate.number, float("nan")) if failed else bowl(candidate)
+        return candidate.scored(float("nan")) if failed else bowl(candidate)
 
     for search in searches():
         search.start(BOWL, 2)
@@ -114,8 +114,6 @@ def test_a_front_has_both_ends() -> None:
     search.start(Space(BOWL.variables, objectives=2), 4)
     for _ in range(20):
         asked = search.ask(search.batch)
-        search.tell(
-            [Outcome(c.number, float(c.values["a"]) ** 2, ((float(c.values["a"]) - 1) ** 2,)) for c in asked]
-        )
+        search.tell([c.scored(float(c.values["a"]) ** 2, (float(c.values["a"]) - 1) ** 2) for c in asked])
     ends = [float(c.values["a"]) for c in search.ask(search.batch)]
     assert min(ends) < 0.1 and max(ends) > 0.9

@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Protocol
 
 import numpy as np
 
-from pliant.calibration.certainty import Certainty, certainty, hidden_by_model_error, undetermined
+from pliant.calibration.certainty import certainty, hidden_by_model_error, undetermined
 from pliant.calibration.constants import Constant, changed, chosen, constants_of, moduli_scaled
 from pliant.calibration.fitting import Fit, Problem, minimised
 from pliant.calibration.free_curve import FreeCurves
 from pliant.calibration.plausible import check_modulus
 from pliant.calibration.reading import BenchData
+from pliant.calibration.result import Calibration, remarks_of
 from pliant.calibration.tensile import HomogeneousTests
-from pliant.calibration.words import remarks_of
 from pliant.config.study import Study
 from pliant.errors import NotReachedError, UserError
 from pliant.interfaces.family import ActuatorFamily
@@ -35,46 +35,6 @@ class Model(Protocol):
     def predict(self, config: MaterialConfig) -> Array | None:
         """(n,) in SI; None where the constants make no sense."""
         ...
-
-
-@dataclass(frozen=True, eq=False)
-class Calibration:
-    """Fitted constants of a material.
-
-    Attributes:
-        config: the material's block with the fitted constants.
-        constants: those that were fitted, with their values.
-        certainty: their covariance, in the same order.
-        undetermined: those among them that the data do not decide.
-        shear_modulus_pa, shear_modulus_sd_pa: μ₀ of the fitted law.
-        data: what was fitted.
-        predicted: (n,) the law's values at the data's rows.
-        converged: whether the search ended at a minimum.
-        fem_states: how many FEM states it took.
-        remarks: what the reader should know before using the constants.
-    """
-
-    config: MaterialConfig
-    constants: tuple[Constant, ...]
-    certainty: Certainty
-    undetermined: tuple[Constant, ...]
-    shear_modulus_pa: float
-    shear_modulus_sd_pa: float
-    data: BenchData
-    predicted: Array
-    converged: bool
-    fem_states: int
-    remarks: tuple[str, ...]
-
-    @property
-    def rmse(self) -> float:
-        """Root mean square of the law's misfit, in SI."""
-        return float(np.sqrt(np.mean((self.predicted - self.data.y) ** 2)))
-
-    @property
-    def rmse_of_range(self) -> float:
-        """The same over the span of the measured column, 0 included."""
-        return self.rmse / float(np.ptp(np.append(self.data.y, 0.0)))
 
 
 def calibrate(

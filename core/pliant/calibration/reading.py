@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
@@ -20,38 +20,31 @@ from pliant.errors import UserError, closest
 from pliant.formatting import plural
 from pliant.mechanics.homogeneous import MODES
 from pliant.records.design import Array
-from pliant.tabular.text import Problems, Sheet, lines_text, open_sheet
-from pliant.tabular.units import ENDINGS, conversion, stem, unit_in
+from pliant.tabular.schema import Column, Known, Schema, Values, read_columns
+from pliant.tabular.text import Problems, lines_text, open_sheet
 
 Kind = Literal["tensile", "free"]
 TESTS = (*MODES, "free")
-# Column without its unit → unit in SI, "" for a pure number.
-UNITS = {
-    **{"stretch": "", "strain": "", "nominal_stress": "Pa"},
-    **{"pressure": "Pa", "tendon_force": "N", "angle": "rad", "extension": "m", "moment": "N*m"},
-}
-SUFFIXES = {"Pa": "_pa", "N": "_n", "rad": "_rad", "m": "_m", "N*m": "_n_m", "": ""}
-TEXTS = ("specimen", "test")
+KNOWN = (
+    Known("specimen", "", "", "text"),
+    Known("test", "", "", "text"),
+    Known("stretch", "", "dimensionless", "input"),
+    Known("strain", "", "dimensionless", "input"),
+    Known("pressure", "_pa", "Pa", "input"),
+    Known("tendon_force", "_n", "N", "input"),
+    Known("moment", "_n_m", "N*m", "condition"),
+    Known("nominal_stress", "_pa", "Pa", "output"),
+    Known("angle", "_rad", "rad", "output"),
+    Known("extension", "_m", "m", "output"),
+)
 OF_KIND: dict[Kind, tuple[tuple[str, ...], tuple[str, ...]]] = {
-    "tensile": (("stretch", "strain"), ("nominal_stress",)),
-    "free": (("pressure", "tendon_force"), ("angle", "extension")),
+    "tensile": (("stretch", "strain"), ("nominal_stress_pa",)),
+    "free": (("pressure_pa", "tendon_force_n"), ("angle_rad", "extension_m")),
 }
-EXAMPLES: dict[Kind, str] = {"tensile": "stretch,nominal_stress_pa", "free": "pressure_pa,angle_rad"}
-
-
-@dataclass(frozen=True)
-class Column:
-    """A column of the file: what it holds without its unit, and value in SI = scale · written value."""
-
-    written: str
-    stem: str
-    scale: float
-    sigma: bool = False
-
-    @property
-    def name(self) -> str:
-        """The name in SI."""
-        return self.stem + SUFFIXES[UNITS[self.stem]]
+SCHEMAS = {
+    "tensile": Schema(KNOWN, "stretch,nominal_stress_pa"),
+    "free": Schema(KNOWN, "pressure_pa,angle_rad"),
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,15 +78,6 @@ class BenchData:
         return len(self.y)
 
 
-@dataclass
-class _Rows:
-    """Columns as they are read: texts and numbers by name, and the line of each row."""
-
-    texts: dict[str, list[str]] = field(default_factory=dict)
-    numbers: dict[str, list[float]] = field(default_factory=dict)
-    lines: list[int] = field(default_factory=list)
-
-
 def read_bench_data(path: Path, test: str | None = None) -> BenchData:
     """Read a table.
 
@@ -107,18 +91,18 @@ def read_bench_data(path: Path, test: str | None = None) -> BenchData:
     path = Path(path)
     if test is not None and test not in TESTS:
         raise UserError(f"--test {test}: it is one of {', '.join(TESTS)}{closest(test, TESTS)}")
-    with open_sheet(path, EXAMPLES["free" if test == "free" else "tensile"]) as sheet:
+    schema = SCHEMAS["free" if test == "free" else "tensile"]
+    with open_sheet(path, schema.example) as sheet:
         sheet.problems.advice = ADVICE
-        columns = _columns(path, sheet.header)
+        columns = schema.matched(path, sheet.header)
         kind = _kind(path, sheet.header, columns, test)
         x, y = _needed(path, sheet.header, columns, kind)
-        rows = _read(sheet, columns)
-    sheet.problems.raise_if_any()
-    remarks = _unread(sheet.header, columns)
+        rows = read_columns(sheet, columns)
+    remarks = rows.remarks
     kept = _kept(path, rows, (x, y), remarks)
     found = _assembled(path, kind, columns, (x, y), rows, kept, test)
     check = check_tensile if kind == "tensile" else check_free
-    lines = np.array(rows.lines)[kept]
+    lines = rows.lines[kept]
     remarks += check(path, x.written, y.written, found[0], found[1], lines)
     return BenchData(
         source=path.name,
@@ -135,48 +119,12 @@ def read_bench_data(path: Path, test: str | None = None) -> BenchData:
     )
 
 
-def _columns(path: Path, header: Sequence[str]) -> dict[str, Column]:
-    """By their names in SI (`sigma_` before it for a standard deviation)."""
-    found: dict[str, Column] = {}
-    for written in filter(None, header):
-        column = _column(written)
-        if column is None:
-            continue
-        key = ("sigma_" if column.sigma else "") + column.name
-        if key in found:
-            raise UserError(
-                f"{path}: columns '{found[key].written}' and '{written}' both mean {key}; keep one."
-            )
-        found[key] = column
-    return found
-
-
-def _column(written: str) -> Column | None:
-    """`nominal_stress_mpa` → the nominal stress, in 1e6 Pa; None for a name that is not known."""
-    plain = stem(written).lower().replace(" ", "_")
-    bracket = unit_in(written)
-    sigma = plain.startswith("sigma_")
-    plain = plain.removeprefix("sigma_")
-    for name, unit in sorted(UNITS.items(), key=lambda item: -len(item[0])):
-        given = ENDINGS.get(plain.removeprefix(f"{name}_")) if plain.startswith(f"{name}_") else None
-        if plain == name + SUFFIXES[unit]:
-            given = None
-        elif given is None and not (plain == name and bracket):
-            continue
-        if (given := bracket or given) is None:
-            return Column(written, name, 1.0, sigma)
-        scale, _ = conversion(given, unit or "dimensionless", f"column '{written}'")
-        return Column(written, name, scale, sigma)
-    return None
-
-
 def _kind(path: Path, header: Sequence[str], columns: dict[str, Column], test: str | None) -> Kind:
     if test is not None:
         return "free" if test == "free" else "tensile"
-    stems = {column.stem for column in columns.values() if not column.sigma}
     for place in (1, 0):  # what was measured says more than what was set
         for kind, columns_of_kind in OF_KIND.items():
-            if stems & set(columns_of_kind[place]):
+            if set(columns) & set(columns_of_kind[place]):
                 return kind
     raise UserError(
         f"{path}: it is neither a tensile test (stretch or strain, nominal_stress_pa) nor a free curve (pressure_pa or "
@@ -189,22 +137,19 @@ def _needed(
 ) -> tuple[Column, Column]:
     """What was set and what was measured, one column each."""
     found = []
-    for stems in OF_KIND[kind]:
-        given = [c for c in columns.values() if c.stem in stems and not c.sigma]
-        names = [stem + SUFFIXES[UNITS[stem]] for stem in stems]
+    for names in OF_KIND[kind]:
+        given = [columns[name] for name in names if name in columns]
         if not given:
-            unknown = [name for name in header if name and _column(name) is None]
-            raise UserError(f"{path}: column '{_or(names)}' is missing{_meant(names, unknown)}")
+            read = {column.written for column in columns.values()}
+            unknown = [name for name in header if name and name not in read]
+            wanted = "' or '".join(names)
+            raise UserError(f"{path}: column '{wanted}' is missing{_meant(names, unknown)}")
         if len(given) > 1:
             raise UserError(
                 f"{path}: columns '{given[0].written}' and '{given[1].written}'; keep one of them."
             )
         found.append(given[0])
     return found[0], found[1]
-
-
-def _or(names: Sequence[str]) -> str:
-    return "' or '".join(names)
 
 
 def _meant(names: Sequence[str], unknown: Sequence[str]) -> str:
@@ -223,35 +168,15 @@ def _meant(names: Sequence[str], unknown: Sequence[str]) -> str:
     return "."
 
 
-def _read(sheet: Sheet, columns: dict[str, Column]) -> _Rows:
-    rows = _Rows({name: [] for name in TEXTS if name in sheet.header}, {key: [] for key in columns})
-    for block in sheet.blocks():
-        rows.lines += block.lines.tolist()
-        for name, texts in rows.texts.items():
-            texts += [cell.strip() for cell in block.columns[sheet.header.index(name)]]
-        for key, column in columns.items():
-            values = block.numbers(sheet.header.index(column.written), column.written)
-            rows.numbers[key] += (column.scale * values).tolist()
-    return rows
-
-
-def _unread(header: Sequence[str], columns: dict[str, Column]) -> list[str]:
-    known = {*TEXTS, *(column.written for column in columns.values())}
-    unknown = [name for name in header if name and name not in known]
-    if not unknown:
-        return []
-    return [f"Not read: {plural(len(unknown), 'column')} {', '.join(unknown)}."]
-
-
-def _kept(path: Path, rows: _Rows, needed: tuple[Column, Column], remarks: list[str]) -> np.ndarray:
+def _kept(path: Path, rows: Values, needed: tuple[Column, Column], remarks: list[str]) -> np.ndarray:
     """Rows that have both numbers and no moment; what is left out is said."""
-    values = [np.array(rows.numbers[column.name]) for column in needed]
+    values = [rows.numbers[column.name] for column in needed]
     kept = np.isfinite(values[0]) & np.isfinite(values[1])
     if not np.all(kept):
         lines = [rows.lines[i] for i in np.flatnonzero(~kept)]
         remarks.append(f"Left out: {plural(len(lines), 'row')} with a blank ({lines_text(lines)}).")
     if "moment_n_m" in rows.numbers:
-        loaded = kept & (np.nan_to_num(np.array(rows.numbers["moment_n_m"])) != 0)
+        loaded = kept & (np.nan_to_num(rows.numbers["moment_n_m"]) != 0)
         if loaded.any():
             lines = [rows.lines[i] for i in np.flatnonzero(loaded)]
             remarks.append(
@@ -268,15 +193,15 @@ def _assembled(
     kind: Kind,
     columns: dict[str, Column],
     needed: tuple[Column, Column],
-    rows: _Rows,
+    rows: Values,
     kept: np.ndarray,
     test: str | None,
 ) -> tuple[Array, Array, np.ndarray, Array | None, np.ndarray]:
     """x, y, mode, sigma and specimen of the rows that are kept."""
-    x, y = (np.array(rows.numbers[column.name])[kept] for column in needed)
-    if needed[0].stem == "strain":
+    x, y = (rows.numbers[column.name][kept] for column in needed)
+    if needed[0].name == "strain":
         x = 1 + x
-    lines = np.array(rows.lines)[kept]
+    lines = rows.lines[kept]
     problems = Problems(path, advice=ADVICE)
     default = "" if kind == "free" else (test or "uniaxial")
     words = np.array(rows.texts.get("test", [""] * len(rows.lines)), dtype=str)[kept]
@@ -288,7 +213,7 @@ def _assembled(
             )
     sigma = None
     if f"sigma_{needed[1].name}" in columns:
-        sigma = np.array(rows.numbers[f"sigma_{needed[1].name}"])[kept]
+        sigma = rows.numbers[f"sigma_{needed[1].name}"][kept]
         for line in lines[~(sigma > 0)].tolist():
             problems.add(line, f"column sigma_{needed[1].name}: it must be a number above 0 in every row")
     problems.raise_if_any()

@@ -5,24 +5,23 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
-from rich.table import Table
 
-from pliant.calibration.calibration import Calibration
 from pliant.calibration.calibration import calibrate as calibrate_with
 from pliant.calibration.constants import Constant, changed
 from pliant.calibration.reading import BenchData, read_bench_data
-from pliant.calibration.words import range_text
+from pliant.calibration.result import Calibration
 from pliant.cli.new_study import Force, Full, check_target
 from pliant.cli.options import DEFAULT_STORE, JsonFile, Overrides, Quiet, StoreFolder, StudyFile
-from pliant.cli.session import Session, session
+from pliant.cli.session import session
 from pliant.config.study import Study, written_name
 from pliant.config.writing import StudyDraft
 from pliant.errors import UserError
-from pliant.formatting import display_unit, number, rounded_to_sd, unit_of
+from pliant.formatting import number
 from pliant.registry.discovery import Registry
+from pliant.report.calibration import calibration_document
 from pliant.units import parse_quantity
 
 BenchFile = Annotated[
@@ -74,9 +73,8 @@ def calibrate(
         if out is not None:
             check_target(study, out, force)
         found = calibrate_with(here.bench(store), loaded, read_bench_data(data, test), fit)
-        here.result |= {"study": loaded.name, **calibration_json(found), "out": None}
-        here.result["wall_s"] = time.perf_counter() - begun
-        _say(here, found)
+        here.show(calibration_document(loaded.name, found))
+        here.result |= {"study": loaded.name, "out": None, "wall_s": time.perf_counter() - begun}
         if found.undetermined:
             if out is not None:
                 here.say("No study was written.")
@@ -85,64 +83,6 @@ def calibrate(
             write_study(study, out, loaded, overrides or (), found, installed, full)
             here.result["out"] = str(out)
             here.say(f"study    {out}")
-
-
-def calibration_json(found: Calibration) -> dict[str, Any]:
-    """The keys of docs/calibrate_a_material.md."""
-    data, sd = found.data, found.certainty.sd.tolist()
-    return {
-        "data": data.source,
-        "data_sha256": data.sha256,
-        "test": data.kind,
-        "material": found.config.kind,
-        "parameters": {
-            c.name: {"value": c.value, "sd": s, "unit": c.unit}
-            for c, s in zip(found.constants, sd, strict=True)
-        },
-        "correlation": found.certainty.correlation,
-        "shear_modulus": {
-            "value": found.shear_modulus_pa,
-            "sd": found.shear_modulus_sd_pa,
-            "unit": "Pa",
-        },
-        "rmse": found.rmse,
-        "rmse_unit": "Pa" if data.kind == "tensile" else data.y_name.rpartition("_")[2],
-        "rmse_of_range": found.rmse_of_range,
-        "n": len(data),
-        "n_effective": found.certainty.n_effective,
-        "sd_from": found.certainty.source,
-        "range": {data.x_name: [float(data.x.min()), float(data.x.max())]},
-        "undetermined": [c.name for c in found.undetermined],
-        "converged": found.converged,
-        "fem_states": found.fem_states,
-        "remarks": list(found.remarks),
-    }
-
-
-def _say(here: Session, found: Calibration) -> None:
-    table = Table(box=None, pad_edge=False, header_style="bold")
-    table.add_column("constant")
-    for name in ("value", "sd", "unit"):
-        table.add_column(name, justify="right", no_wrap=True)
-    for constant, sd in zip(found.constants, found.certainty.sd.tolist(), strict=True):
-        table.add_row(constant.written, *_cells(constant.value, sd, constant.is_modulus))
-    if len(found.constants) > 1:
-        table.add_row("shear modulus", *_cells(found.shear_modulus_pa, found.shear_modulus_sd_pa, True))
-    here.say(table)
-    error = unit_of("nominal_stress_pa" if found.data.kind == "tensile" else found.data.y_name).text(
-        found.rmse
-    )
-    here.say(
-        f"{len(found.data)} rows, {range_text(found)}; rms error {error}, {100 * found.rmse_of_range:.2g} % of the "
-        "range"
-    )
-    for remark in found.remarks:
-        here.say(f"note: {remark}")
-
-
-def _cells(value: float, sd: float, modulus: bool) -> tuple[str, str, str]:
-    unit = display_unit("Pa" if modulus else "")
-    return rounded_to_sd(value * unit.factor, sd * unit.factor), number(sd * unit.factor, 2), unit.symbol
 
 
 def write_study(
@@ -158,7 +98,7 @@ def write_study(
     rounded = changed(found.config, found.constants, [_rounded(c) for c in found.constants])
     assert rounded is not None
     draft = StudyDraft(source, overrides)
-    draft.set(("material", "kind"), rounded.kind, _note(found.data, range_text(found)))
+    draft.set(("material", "kind"), rounded.kind, _note(found.data, found.covered))
     for field in dict.fromkeys(c.field for c in found.constants):
         key, modulus = written_name(type(rounded), field), field.endswith("_pa")
         value = getattr(rounded, field)

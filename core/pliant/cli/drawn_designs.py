@@ -8,9 +8,9 @@ from pliant.interfaces.task import SceneTask
 from pliant.pipeline.workbench import Workbench
 from pliant.records.search import FoundDesign, SearchResult
 from pliant.report.search_folder import DrawnDesign
-from pliant.report.search_reading import spread_of
-from pliant.search.problem import SearchProblem
-from pliant.search.quick_path import QuickPath
+from pliant.report.search_view import spread_of
+from pliant.search.evaluate.fast_path import FastPath
+from pliant.search.problem.search_problem import SearchProblem
 
 OF_A_FRONT = 4
 OF_CONDITIONS = 6
@@ -23,7 +23,7 @@ def drawn_designs(
 
     One that cannot be simulated again is left out, and a note says why.
     """
-    path, found = QuickPath(bench, study), []
+    path, found = FastPath(bench, study), []
     for label, design, condition in _chosen(problem, result):
         winner = problem.apply(design.values, condition)
         scene = isinstance(bench.build("task", winner.noisy_task()), SceneTask)

@@ -7,7 +7,6 @@ from typing import Annotated
 
 import typer
 
-from pliant.cli import summaries
 from pliant.cli.fit_meta import Next, fit_meta
 from pliant.cli.fit_table import fit_table
 from pliant.cli.options import DEFAULT_STORE, JsonFile, Overrides, Quiet, StoreFolder
@@ -15,7 +14,7 @@ from pliant.cli.session import Session, check_writable, session
 from pliant.config.study import Study
 from pliant.errors import UserError
 from pliant.pipeline.study import DEFAULT_SURROGATE, laws_of_study
-from pliant.report.fit_stage import fit_report_stage, pieces_of
+from pliant.report.fit import fitted_designs, laws_document, stored_fit_page
 
 # Endings of what is meant as a table; those that are none are told so when they are read.
 TABLES = (".csv", ".txt", ".tsv", ".dat", ".pdf", ".xls", ".xlsx")
@@ -92,14 +91,8 @@ def _fit_study(here: Session, loaded: Study, out: Path | None, store: Path, lear
         check_writable(out)
     bench = here.bench(store)
     designs = laws_of_study(bench, loaded)
-    results = [summaries.fit(design) for design in designs]
-    here.result.update(results[0] if len(results) == 1 else {"designs": results})
-    for design in designs:
-        for line in summaries.fit_lines(design):
-            here.say(line)
-    if out is not None:
-        page = fit_report_stage(
-            bench, loaded.name, pieces_of(bench, designs, learning), loaded.canonical(), out
-        )
-        here.result["report"] = page
-        here.say(f"report   {page}")
+    shown = [d for d in designs if out is not None or d.law.report is not None]
+    fitted = fitted_designs(bench, shown, learning and out is not None)
+    inputs = loaded.canonical()
+    document = laws_document(loaded.name, designs, fitted, inputs)
+    here.show(document, out, stored_fit_page(bench, document, fitted, inputs))

@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
-from pliant.cli import meta_models
 from pliant.cli.session import Session, check_writable
 from pliant.config.study import Study
 from pliant.errors import MissingDependencyError, UserError
-from pliant.pipeline.meta_model.next_design import Proposal, check_count, designs_to_solve, write_proposals
+from pliant.pipeline.meta_model.learning import design_learning_stage
+from pliant.pipeline.meta_model.next_design import check_count, designs_to_solve, write_proposals
 from pliant.pipeline.meta_model.stage import MetaModelStage, meta_model_stage
 from pliant.pipeline.workbench import Workbench
-from pliant.report.meta_stage import meta_report_stage
+from pliant.report.meta import meta_document, stored_meta_page
 
 TABLE = "next.csv"
 STUDYS_WAY = {"kind": "coefficients", "form": "study"}
@@ -50,20 +49,18 @@ def fit_meta(
         check_writable(folder)
     bench = here.bench(store)
     stage = meta_model_stage(bench, study)
-    here.result.update(meta_models.result(stage))
-    for line in meta_models.lines(stage):
-        here.say(line)
     beside = _beside(here, bench, study, stage) if compare else []
     found = designs_to_solve(bench, study, stage, count) if count is not None else []
+    curve = design_learning_stage(bench, stage) if learning and out is not None else None
+    inputs: Any = study.canonical()
+    more: Any = {"learning": curve, "proposals": found, "compared": beside}
+    document = meta_document(study.name, stage, inputs, **more)
+    here.show(document, out, stored_meta_page(bench, document, stage, inputs, **more))
     if found:
-        _say_next(here, found, folder)
-    if out is not None:
-        inputs = study.canonical()
-        page = meta_report_stage(
-            bench, study.name, stage, inputs, out, learning=learning, proposals=found, compared=beside
-        )
-        here.result["report"] = page
-        here.say(f"report   {page}")
+        table = folder / TABLE
+        write_proposals(found, table)
+        here.result["csv"] = str(table)
+        here.say(f"table    {table}, for 'sweep: {{designs: {TABLE}}}'")
 
 
 def _beside(here: Session, bench: Workbench, study: Study, stage: MetaModelStage) -> list[MetaModelStage]:
@@ -80,17 +77,4 @@ def _beside(here: Session, bench: Workbench, study: Study, stage: MetaModelStage
     here.result["compared"] = {
         STUDYS_WAY["kind"]: {"scores": {place: one.as_values() for place, one in other.scores.items()}}
     }
-    here.say("beside   the study's way, a network from parameters to coefficients of its form:")
-    for line in meta_models.lines(other)[2:]:
-        here.say(line)
     return [other]
-
-
-def _say_next(here: Session, found: Sequence[Proposal], folder: Path) -> None:
-    """Designs to solve next, and their table."""
-    table = folder / TABLE
-    write_proposals(found, table)
-    here.result.update({**meta_models.proposals(found), "csv": str(table)})
-    for line in meta_models.proposal_lines(found):
-        here.say(line)
-    here.say(f"table    {table}, for 'sweep: {{designs: {TABLE}}}'")

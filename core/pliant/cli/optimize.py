@@ -3,48 +3,43 @@
 from __future__ import annotations
 
 import re
-from contextlib import nullcontext
 from dataclasses import dataclass
 from json import dumps
 from pathlib import Path
-from typing import Annotated
-
-import typer
 
 from pliant.cli.best_study import write_best
 from pliant.cli.drawn_designs import drawn_designs
-from pliant.cli.options import DEFAULT_STORE, JsonFile, Overrides, Quiet, StoreFolder, StudyFile
-from pliant.cli.search_files import BEST, HISTORY, JSON, copy_exported, search_json, write_history
-from pliant.cli.search_words import best_said, lines
+from pliant.cli.options import (
+    DEFAULT_STORE,
+    JsonFile,
+    Overrides,
+    Quiet,
+    Scheduler,
+    StoreFolder,
+    StudyFile,
+    Workers,
+    workers_or_scheduler,
+)
 from pliant.cli.session import Session, check_writable, plain, session
 from pliant.cli.studies import OutFolder
 from pliant.config.study import OF_OPTIMIZE, Study
 from pliant.errors import NotReachedError, UserError
-from pliant.pipeline.crews import checked_workers, cluster
 from pliant.pipeline.study import physics_of_study
 from pliant.pipeline.workbench import Workbench
 from pliant.records.search import FoundDesign, SearchResult
 from pliant.registry.discovery import Registry
-from pliant.search.checking import converged
-from pliant.search.problem import SearchProblem
-from pliant.search.searching import nothing_found, problem_of
+from pliant.report.search import search_document, write_search_page
+from pliant.report.search_files import BEST, HISTORY, JSON, copy_exported, write_history
+from pliant.report.search_lines import best_said
+from pliant.search.evaluate.evaluator import problem_of
+from pliant.search.problem.search_problem import SearchProblem
+from pliant.search.run.search import nothing_found
 from pliant.search.stage import files_folder, search_study
+from pliant.search.verify.check import converged
 from pliant.store.store import Artifact, write_atomically
 
 UNFIT = re.compile(r"[^\w.-]")  # in the name of a file
 WRITTEN = re.compile(r"best(-.*)?\.yaml")  # studies of found designs
-Workers = Annotated[
-    int | None,
-    typer.Option("--workers", metavar="N", help="Processes that evaluate; by default one for each CPU."),
-]
-Scheduler = Annotated[
-    str | None,
-    typer.Option(
-        "--scheduler",
-        metavar="ADDRESS",
-        help="Evaluate on a dask cluster: tcp://host:8786, or the scheduler's file.",
-    ),
-]
 
 
 def optimize(
@@ -62,17 +57,13 @@ def optimize(
         installed = here.registry
         loaded = here.study(study, overrides, uses=OF_OPTIMIZE)
         loaded.need("search", "'pliant optimize'")
-        if workers is not None and scheduler is not None:
-            raise UserError("give --workers or --scheduler, not both; a cluster's workers are its own.")
-        if workers is not None:
-            checked_workers(workers)
+        chosen = workers_or_scheduler(workers, scheduler)
         folder = out or Path("runs") / loaded.name
         check_writable(folder)
         if folder.resolve() == study.resolve().parent and WRITTEN.fullmatch(study.name):
             raise UserError(f"the best design would be written over {study}; give another --out.")
         bench = here.bench(store)
-        with nullcontext() if scheduler is None else cluster(scheduler) as executor:
-            made = search_study(bench, loaded, executor=executor, workers=workers)
+        made = search_study(bench, loaded, executor=chosen)
         here.result["study"], here.result["out"] = loaded.name, str(folder)
         here.result["stages"] = [{"stage": "search", "key": made.key, "cached": made.cached}]
         _write(here, bench, made, loaded, folder, _Source(study, tuple(overrides or ()), installed))
@@ -96,7 +87,7 @@ def _write(
     result: SearchResult = made.value
     problem = problem_of(bench, study)
     engine: str = physics_of_study(bench, study).kind
-    here.result.update(search_json(result, engine))
+    here.show(search_document(study.canonical(), result, engine=engine))
     write_history(result, folder / HISTORY)
     exported = copy_exported(result.files, files_folder(bench, made), folder)
     here.result["files"] = [str(file) for file in exported]
@@ -105,8 +96,6 @@ def _write(
     if result.best:
         _write_designs(source, folder, study, problem, result)
         here.result["best_study"] = str(folder / BEST)
-        for line in lines(result, engine):
-            here.say(line)
         here.say(f"study    {folder / BEST}, every candidate in {folder / HISTORY}")
         if not converged(result, study, engine):
             here.exit_code = NotReachedError.exit_code
@@ -145,8 +134,6 @@ def _each(problem: SearchProblem, result: SearchResult) -> list[tuple[FoundDesig
 def _write_page(
     here: Session, bench: Workbench, folder: Path, study: Study, problem: SearchProblem, result: SearchResult
 ) -> None:
-    from pliant.report.search_page import write_search_page  # matplotlib takes a second to import
-
     page = write_search_page(folder, study, result, drawn_designs(bench, study, problem, result))
     here.result["report"] = str(page)
     here.say(f"report   {page}")

@@ -179,6 +179,6 @@ def _write_film(
 
 
 def _write_backbone(done: StudyRun, out: Path) -> None:
-    from pliant.report.figures.backbone import backbone  # matplotlib takes a second to import
+    from pliant.report.figures.backbones import backbone  # matplotlib takes a second to import
 
     backbone(done, out)

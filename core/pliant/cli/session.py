@@ -27,7 +27,7 @@ from pliant.registry.discovery import Registry, discover
 from pliant.registry.files import blamed, with_files
 from pliant.report.document import Document
 from pliant.report.render import page, terminal
-from pliant.report.stage import write_page
+from pliant.report.stage import StoredPage, write_page
 from pliant.store.store import ArtifactStore, write_atomically
 
 LONGEST_NAME = 80
@@ -54,14 +54,14 @@ class Session:
         if not self.quiet:
             self.out.print(text, markup=markup)
 
-    def show(self, document: Document, folder: Path | None = None) -> None:
-        """Print a document, keep its JSON, and write its page where there is a folder for it."""
+    def show(self, document: Document, folder: Path | None = None, stored: StoredPage | None = None) -> None:
+        """Print a document, keep its JSON, and write its page, `stored` or not, where there is a folder for it."""
         self.result.update(document.data)
         for block in terminal(document):
             self.say(block)
         if folder is not None:
-            made = page(document)
-            written = write_page(folder, made.html, made.pictures)
+            made = page(document) if stored is None else stored.render(document)
+            written = write_page(folder, made.html, made.pictures, document.page)
             self.result.update(out=str(folder), report=str(written))
             self.say(f"report   {written}")
 

@@ -4,17 +4,25 @@ from __future__ import annotations
 
 import time
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
-from pliant.cli import summaries
 from pliant.cli.fields import DEFAULT_WHICH, FieldsFolder, FieldsOf, fields_request, write_fields
-from pliant.cli.options import DEFAULT_STORE, JsonFile, Overrides, Quiet, StoreFolder, StudyFile
+from pliant.cli.options import (
+    DEFAULT_STORE,
+    JsonFile,
+    Overrides,
+    Quiet,
+    Scheduler,
+    StoreFolder,
+    StudyFile,
+    Workers,
+)
 from pliant.cli.session import Session, check_writable, plain, session
-from pliant.cli.sweeps import Scheduler, Workers, fem_of_sweep
+from pliant.cli.sweeps import fem_of_sweep
 from pliant.errors import UserError
-from pliant.formatting import quantity
+from pliant.formatting import seconds
 from pliant.pipeline.study import (
     StudyRun,
     check_study,
@@ -22,9 +30,10 @@ from pliant.pipeline.study import (
     laws_of_study,
     simulate_study,
 )
-from pliant.report.folder import read_folder, table_name, write_folder
+from pliant.report.fem import fem_document, stored_fem_page
+from pliant.report.folder import finished, read_folder, table_name, write_folder
+from pliant.report.run import run_document, run_json, run_lines, simulation_document, stored_run_page
 from pliant.report.search_folder import is_search
-from pliant.report.stage import fem_report_stage, report_stage, write_page
 from pliant.tabular.fem_writing import write_table
 
 OutFolder = Annotated[
@@ -53,12 +62,12 @@ def run(
             done = StudyRun(loaded, laws_of_study(bench, loaded))
         else:
             done = simulate_study(bench, loaded)
-        here.result.update(_run_result(done, folder))
-        write_folder(folder, done, plain(here.result))
-        page = report_stage(bench, done, plain(here.result), folder)
-        _say_run(here, done)
+        summary = plain(run_json(done, folder))
+        write_folder(folder, done, summary)
+        read = finished(done, summary)
+        here.show(run_document(read, run_lines(done)), folder, stored_run_page(bench, done, read))
         here.result["wall_s"] = time.perf_counter() - started
-        here.say(f"report   {page}   ({here.result['wall_s']:.1f} s in all)")
+        here.say(f"time     {seconds(here.result['wall_s'])} in all")
         _exit_unless_converged(here, done)
 
 
@@ -96,14 +105,10 @@ def fem(
         tables = [folder / table_name(number) for number in range(len(artifacts))]
         for artifact, table in zip(artifacts, tables, strict=True):
             write_table(artifact.value, table)
-        here.result.update(summaries.fem(artifacts, [str(t) for t in tables]))
-        for line in summaries.fem_lines(artifacts):
-            here.say(line)
-        here.say(f"table    {', '.join(map(str, tables))}")
         if request is not None:
             write_fields(here, bench, loaded, artifacts, request)
-        here.result["report"] = fem_report_stage(bench, loaded, artifacts, folder)
-        here.say(f"report   {here.result['report']}")
+        document = fem_document(loaded, artifacts, [str(table) for table in tables])
+        here.show(document, folder, stored_fem_page(bench, loaded, artifacts))
         if here.result["failed"]:
             here.exit_code = NOT_CONVERGED
 
@@ -119,14 +124,7 @@ def simulate(
     with session("simulate", json, quiet) as here:
         loaded = here.study(study, overrides).model_copy(update={"cross_check": ()})
         done = simulate_study(here.bench(store), loaded)
-        here.result.update(summaries.simulation(done.engines[0]))
-        for line in summaries.simulation_lines(done.engines[0]):
-            here.say(line)
-        if done.uncertainty is not None:
-            here.result["uncertainty"] = summaries.uncertainty(done.uncertainty)
-            here.say(summaries.uncertainty_line(done.uncertainty))
-        for line in summaries.metric_lines(done.engines[0].result.metrics if done.engines[0].result else {}):
-            here.say(line)
+        here.show(simulation_document(done))
         _exit_unless_converged(here, done)
 
 
@@ -140,53 +138,15 @@ def report(
     """A self-contained HTML report of a finished run or search."""
     with session("report", json, quiet) as here:
         if is_search(folder):
-            from pliant.report.search_page import rebuild_search_page  # matplotlib takes a second to import
+            from pliant.report.search import rebuild_search_page  # matplotlib takes a second to import
 
             check_writable(folder)
             here.result["report"] = rebuild_search_page(folder)
             here.say(f"report   {here.result['report']}")
             return
-        from pliant.report.page import render
-
         run_read = read_folder(folder, here.registry)
         check_writable(folder)
-        made = render(run_read)
-        page = write_page(folder, made.html, made.pictures)
-        here.result["report"] = page
-        here.say(f"report   {page}")
-
-
-def _run_result(done: StudyRun, folder: Path) -> dict[str, Any]:
-    result: dict[str, Any] = {"study": done.study.name, "out": str(folder)}
-    artifacts = [d.fem for d in done.designs if d.fem is not None]
-    if artifacts:
-        tables = [str(folder / table_name(n)) for n, d in enumerate(done.designs) if d.fem is not None]
-        result["fem"] = summaries.fem(artifacts, tables)
-    fits = [summaries.fit(design) for design in done.designs]
-    result["fit"] = fits[0] if len(fits) == 1 else fits
-    if done.engines:
-        result["simulate"] = summaries.simulation(done.engines[0])
-        result["cross_check"] = [summaries.simulation(engine) for engine in done.engines[1:]]
-        result["largest_marker_distance_m"] = summaries.largest_distance_m(done.engines)
-    if done.uncertainty is not None:
-        result["uncertainty"] = summaries.uncertainty(done.uncertainty)
-    result["unused"] = list(done.unused)
-    return result
-
-
-def _say_run(here: Session, done: StudyRun) -> None:
-    for design in done.designs:
-        lines = summaries.fem_lines([design.fem]) if design.fem else []
-        for line in lines + summaries.fit_lines(design):
-            here.say(line)
-    for engine in done.engines:
-        for line in summaries.simulation_lines(engine):
-            here.say(line)
-    if done.uncertainty is not None:
-        here.say(summaries.uncertainty_line(done.uncertainty))
-    distance = summaries.largest_distance_m(done.engines)
-    if distance is not None:
-        here.say(f"engines  agree within {quantity(distance, 'm', 3)}")
+        here.show(run_document(run_read), folder)
 
 
 def _exit_unless_converged(here: Session, done: StudyRun) -> None:

@@ -12,7 +12,7 @@ from pliant.config.measurements import MeasurementNotes
 from pliant.config.task_keys import TaskKey, find_key, known_keys, need_key
 from pliant.errors import UserError, closest
 from pliant.interfaces.task import TaskConfig
-from pliant.measurements.columns import find
+from pliant.measurements.columns import MEASUREMENT
 from pliant.tabular.notes import check_named
 from pliant.tabular.units import ENDINGS
 
@@ -42,7 +42,7 @@ class Layout:
 
 
 def readings_among(names: Sequence[str]) -> list[str]:
-    known = {name: find(name) for name in names}
+    known = {name: MEASUREMENT.find(name) for name in names}
     return [name for name, column in known.items() if column is not None and column.role == "output"]
 
 
@@ -101,7 +101,7 @@ def _condition(
         return ConditionOf(written, found, unit or found.unit, {})
     known = [key.removeprefix("task.") for key in known_keys(task)]
     slip = difflib.get_close_matches(name.lower(), known, n=1, cutoff=SLIP)
-    if find(name.lower()) is None and ("." in name or slip):
+    if MEASUREMENT.find(name.lower()) is None and ("." in name or slip):
         need_key(task, name, ENDINGS, f"{path}: there is a column")
     return None
 

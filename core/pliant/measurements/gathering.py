@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from pliant.errors import UserError
-from pliant.measurements.columns import Column
 from pliant.records.design import Array
+from pliant.tabular.schema import Column
 from pliant.tabular.text import Cells, Problems
 
 MOST_RUNS = 10_000

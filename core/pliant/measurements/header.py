@@ -8,8 +8,9 @@ from pathlib import Path
 
 from pliant.config.measurements import MeasurementNotes
 from pliant.errors import UserError, closest
-from pliant.measurements.columns import EXAMPLES, Column, column_of
+from pliant.measurements.columns import EXAMPLES, MEASUREMENT
 from pliant.tabular.notes import check_named, noted
+from pliant.tabular.schema import Column
 from pliant.tabular.units import stem
 
 ALIASES = {"moment_nm": "moment_n_m"}
@@ -67,7 +68,7 @@ def read_header(
     for name in filter(None, written):
         renamed = noted(notes.rename, name, stem(name)) or name
         unit = noted(notes.units, name, stem(name), renamed)
-        column = column_of(name, ALIASES.get(renamed, renamed), unit, inputs)
+        column = MEASUREMENT.column_of(name, ALIASES.get(renamed, renamed), unit, inputs)
         if column is None:
             unknown.append(name)
         elif column.name in found:

@@ -11,17 +11,17 @@ import numpy as np
 
 from pliant.config.measurements import MOST_SAMPLES, MeasurementNotes, MeasurementsConfig
 from pliant.errors import UserError
+from pliant.execution.progress import Progress, Silent
 from pliant.formatting import plural
 from pliant.measurements.assembly import assembled
+from pliant.measurements.columns import MEASUREMENT
 from pliant.measurements.gathering import Gatherer
 from pliant.measurements.header import Header, read_header
-from pliant.pipeline.progress import Progress, Silent
 from pliant.records.measurement import Measurement
 from pliant.tabular.notes import notes_beside
 from pliant.tabular.text import Sheet, count_lines, lines_text, open_sheet
 
 LARGE_FILE = 20_000_000  # bytes: from here on reading shows its progress
-EXAMPLE = "run,time_s,pressure_pa,angle_rad"
 
 
 def read_measurement(
@@ -50,7 +50,7 @@ def read_measurement(
     """
     path = Path(path)
     notes, notes_name = notes_of(path, settings)
-    with open_sheet(path, EXAMPLE) as sheet:
+    with open_sheet(path, MEASUREMENT.example) as sheet:
         header = read_header(path, sheet.header, notes, notes_name, actuation)
         gatherer = _gathered(
             sheet, header, settings.max_samples if settings else MOST_SAMPLES, progress or Silent()

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pliant.errors import UserError
+from pliant.errors import NotReachedError, UserError
 from pliant.interfaces.family import ActuatorFamily, FamilyConfig
 from pliant.interfaces.fem import FEMBackend, FemConfig, ModuleSolver
 from pliant.interfaces.material import Material, MaterialConfig
@@ -16,8 +16,10 @@ from pliant.pipeline.sampling import FULL, MAIN, Piece, Sampled, Sampling, sampl
 from pliant.pipeline.sampling.study import loads_of
 from pliant.pipeline.workbench import Workbench, content
 from pliant.records.design import Array
-from pliant.records.fem import FemState, IntArray, ModuleData, ModuleProblem, ModuleShape
+from pliant.records.fem import TRUSTED, FemState, IntArray, ModuleData, ModuleProblem, ModuleShape
 from pliant.store.store import Artifact
+
+AGREEMENT = 1e-6  # of a column's largest value; Newton ends at 1e-9 and less
 
 
 def fem_stage(bench: Workbench, family: FamilyConfig, material: MaterialConfig, fem: FemConfig) -> Artifact:
@@ -28,12 +30,13 @@ def fem_stage(bench: Workbench, family: FamilyConfig, material: MaterialConfig, 
     for remark in substance.remarks():
         bench.progress.note(remark)
 
+    def pieces_of(problems: Mapping[str, ModuleProblem]) -> list[Piece]:
+        return [piece_of(name, one, backend.solver(one, substance)) for name, one in problems.items()]
+
     def compute(partial: Path) -> ModuleData:
         problems = module_problems(built, fem.refinement)
         main = problems[MAIN]
-        pieces = [
-            piece_of(name, problem, backend.solver(problem, substance)) for name, problem in problems.items()
-        ]
+        pieces = pieces_of(problems)
         loads = loads_of(fem, problems.get(FULL, main)) if fem.sampling == "study" else {}
         limit = fem.actuation_max(main.actuation)
         return as_data(built, problems, pieces, sample(pieces, fem, limit, partial, bench.progress, loads))
@@ -53,6 +56,52 @@ def fem_stage(bench: Workbench, family: FamilyConfig, material: MaterialConfig, 
             "fem": content(fem),
         },
         inputs={},
+        agrees=lambda data: same_physics(data, pieces_of(module_problems(built, fem.refinement))),
+    )
+
+
+def same_physics(data: ModuleData, pieces: Sequence[Piece]) -> bool:
+    """Whether solvers give the data's states again: for each piece one, the farthest that is trusted.
+
+    Deformation, effort, both slopes and energy must agree to `AGREEMENT` of the data's largest. A data set of an
+    older layout, and a state that does not converge from rest, do not agree.
+    """
+    try:
+        for piece in pieces:
+            rows = np.flatnonzero(np.isin(data.status, TRUSTED) & (data.branch == "constrained"))
+            rows = rows[(data.explored[rows] == data.main_axis) == (piece.name == MAIN)]
+            if not len(rows):
+                return False
+            reach = np.maximum(np.abs(data.deformation).max(axis=0), np.finfo(float).tiny)
+            size = np.abs(data.deformation[rows] / reach).sum(axis=1)
+            row = rows[np.argmax(size * data.actuation[rows])]
+            if not _agrees(data, int(row), _solved_again(data, int(row), piece), piece):
+                return False
+    except (NotReachedError, UserError, AttributeError, ValueError, IndexError):
+        return False
+    return True
+
+
+def _solved_again(data: ModuleData, row: int, piece: Piece) -> FemState:
+    """The state of a row, from rest over the free branch."""
+    held = {axis: float(data.deformation[row, data.axes.index(axis)]) for axis in piece.axes}
+    actuation = float(data.actuation[row])
+    state = piece.solver.rest()
+    for share in (0.5, 1.0):
+        state = piece.solver.free(share * actuation, state)
+    return piece.solver.constrained(actuation, held, state)
+
+
+def _agrees(data: ModuleData, row: int, state: FemState, piece: Piece) -> bool:
+    """Whether a state is the row, in the coordinates that the piece has."""
+    places = [data.axes.index(axis) for axis in piece.axes]
+    pairs: list[tuple[Array, Array | float]] = [(data.energy_j, state.energy_j)]
+    for name in ("deformation", "tau", "dtau_dp"):
+        pairs.append((getattr(data, name)[:, places], getattr(state, name)))
+    pairs.append((data.dtau_du[:, places][:, :, places], state.dtau_du))
+    return all(
+        bool(np.all(np.abs(column[row] - value) <= AGREEMENT * np.nanmax(np.abs(column))))
+        for column, value in pairs
     )
 
 

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from pliant.execution.progress import Progress, Silent
 from pliant.interfaces.base import ComponentConfig, FrozenModel
-from pliant.pipeline.progress import Progress, Silent
 from pliant.registry.component import Component
 from pliant.registry.discovery import Registry
 from pliant.store.fingerprint import code_fingerprint, versions
@@ -61,6 +61,7 @@ class Workbench:
         modules: Sequence[str],
         config: Mapping[str, Any],
         inputs: Mapping[str, str],
+        agrees: Callable[[Any], bool] | None = None,
     ) -> Artifact:
         """Run one stage through the store.
 
@@ -71,10 +72,11 @@ class Workbench:
             modules: Pliant's own modules whose code it depends on.
             config: JSON values it depends on; see `content` for those of a plugin's config.
             inputs: name → key of the artifacts it is made from.
+            agrees: see `ArtifactStore.make`.
         """
         places = [place for c in components for place in (c.config, c.implementation)]
         packages = {c.implementation.partition(".")[0] for c in self.registry.components}
         code = code_fingerprint([*modules, *(place.partition(":")[0] for place in places)], packages)
         libraries = versions([module for c in components for module in (*c.requires, *c.lazy)])
         recipe = Recipe(stage, config, inputs, code, libraries)
-        return self.store.make(recipe, compute, self.progress.note)
+        return self.store.make(recipe, compute, self.progress.note, agrees)

@@ -8,11 +8,13 @@ from __future__ import annotations
 
 import base64
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
+
+from pliant import __version__
 
 Row = TypeVar("Row")
 Cells = Sequence[str]
@@ -68,6 +70,11 @@ def page_table(
     return Table(
         title, [c.head for c in shown], [[c.cell(row) for c in shown] for row in rows], note, numeric
     )
+
+
+def brief(table: Table) -> Table:
+    """A page's table for the terminal, without title and note."""
+    return replace(table, title="", note="")
 
 
 def brief_table(columns: Sequence[Column[Row]], rows: Sequence[Row], note: str = "") -> Table:
@@ -136,6 +143,8 @@ class Document:
         warnings: what limits the result, the gravest first.
         draw: makes hero and sections; called where a page is written only.
         footer: the page's last line.
+        page: the name of the page's file.
+        version: of Pliant that made what the page shows.
     """
 
     kind: str
@@ -147,6 +156,8 @@ class Document:
     warnings: tuple[Warned, ...] = ()
     draw: Callable[[], Drawn] = nothing_drawn
     footer: str = ""
+    page: str = "report.html"
+    version: str = __version__
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,6 +166,11 @@ class Page:
 
     html: str
     pictures: Mapping[str, NDArray[np.uint8]]
+
+
+def numbered(name: str, number: int) -> str:
+    """A picture's name in a page of several designs."""
+    return name if number == 0 else f"{name}_{number + 1}"
 
 
 def capital(text: str) -> str:

@@ -1,78 +1,283 @@
-"""The page of `pliant fem`: the data set alone, self-contained."""
+"""The page of FEM data: the module, its states, how they were chosen, what they cost; also part of a run's page."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from pliant import __version__
-from pliant.formatting import actuation_unit, deformation_unit, fixed, percent, units_of_page
-from pliant.records.fem import ModuleData
-from pliant.report.document import Picture, Section
-from pliant.report.facts import input_table, provenance_table
-from pliant.report.fem_reading import axis_record
-from pliant.report.fem_section import Solved, data_sections, shape_section
-from pliant.report.folder import FinishedRun
-from pliant.report.template import page_template
-from pliant.report.words import data_warnings
+from pliant.formatting import Unit, actuation_unit, deformation_unit, effort_unit, number, percent, seconds
+from pliant.records.fem import PASSED, TRUSTED, FemDataset, ModuleData
+from pliant.report.document import Cells, Drawn, Picture, Section, Table, numbered
+from pliant.report.fem_view import (
+    Solved,
+    axis_record,
+    explored_kinds,
+    failed_place,
+    foretold_axes,
+    solved_rows,
+)
+from pliant.report.figures.fem import cost_picture, sampling_picture, states_picture
+from pliant.report.figures.module import can_show, has_stress, module_shape, module_stress, stress_caption
+from pliant.report.provenance import Manifests, closing_sections
 
-
-def render_fem(
-    study: Mapping[str, Any], designs: Sequence[Solved], provenance: Sequence[Mapping[str, Any]]
-) -> str:
-    """The page as HTML with its pictures inside. The same data give the same bytes."""
-    named = [(d.name, d.data.axis(d.data.main_axis)) for d in designs]
-    hero, *rest = data_sections(designs)
-    first, *others = hero.pictures
-    shapes = shape_section(named)
-    sections = [*([shapes] if shapes else []), _without(hero, others), *rest]
-    page = FinishedRun({}, study, (), (), tuple(provenance))
-    sections.append(Section("Inputs", tables=(input_table(page),)))
-    if provenance:
-        sections.append(Section("Provenance", tables=(provenance_table(page),)))
-    several = len(designs) > 1
-    warned = [w for d in designs for w in data_warnings(d.data, f"{d.name}: " if several else "")]
-    text: str = page_template().render(
-        title=str(study.get("name", "Pliant FEM data")),
-        kind="Pliant FEM data",
-        sentence=" ".join(_sentence(d, several) for d in designs[:3]),
-        hero=Picture(first.name, first.caption, first.png),
-        warnings=warned,
-        sections=sections,
-        version=provenance[0].get("pliant", __version__) if provenance else __version__,
-        footer=units_of_page(pressures="Pa", forces="N", moments="N*m", angles="rad", extensions="m"),
-    )
-    return text
+SHOWN = 6  # designs whose pictures are drawn
+IMAGES = {0: "the whole is solved", 1: "half is solved", 2: "a quarter is solved", 3: "an eighth is solved"}
+ROUNDED = 9  # decimals of a coordinate in rad or m that are more than rounding
+FAILURES = 20  # failed states that are spelt out
+STRATEGIES = {"adaptive": "one by one", "grid": "grid", "study": "published study's loads"}
 
 
-def free_reach(data: ModuleData) -> str:
-    """How far the free branch goes, e.g. ``bends 23.1° at 15 kPa``; empty without one."""
-    main = data.axis(data.main_axis)
-    free = main.branch == "free"
-    if not free.any():
-        return ""
-    last = int(np.argmax(np.where(free, main.actuation, -np.inf)))
-    unit, given = deformation_unit(data), actuation_unit(data.actuation_name)
-    verb = "extends by" if data.joint == "prismatic" else "bends"
-    u = fixed(float(main.angle_rad[last]) * unit.factor, 2)
-    return f"{verb} {unit.attached(u)} at {given.text(float(main.actuation[last]))}"
+def fem_drawn(study: Mapping[str, Any], designs: Sequence[Solved], manifests: Manifests) -> Drawn:
+    """The states of the first design on top, then all of them."""
+    shapes = shape_section([(d.name, d.data.axis(d.data.main_axis)) for d in designs])
+    states, *rest = data_sections(designs)
+    hero, *others = states.pictures
+    sections = [shapes, replace(states, pictures=tuple(others)), *rest, *closing_sections(study, manifests)]
+    return Drawn(hero, tuple(section for section in sections if section is not None))
 
 
-def _sentence(design: Solved, named: bool) -> str:
-    """Free deformation, number of states, whether the stated error was reached."""
-    data = design.data
-    record = axis_record(data, data.main_axis)
-    parts = [f"the free module {free_reach(data)}", f"{len(data)} states"]
-    if record.get("stated_error") is not None:
-        word = (
-            "reached" if record.get("reached") else f"NOT reached (wanted {percent(float(record['error']))})"
+def shape_section(designs: Sequence[tuple[str, FemDataset]]) -> Section | None:
+    """Meshes at rest and deformed, and the stress, of designs whose data have shapes; None without any."""
+    pictures = []
+    for n, (name, data) in enumerate([d for d in designs if can_show(d[1])][:SHOWN]):
+        link = (
+            " The rigid links beside the flexure are not drawn."
+            if data.actuation_name == "tendon_force_n"
+            else ""
         )
-        parts.append(f"stated error {percent(float(record['stated_error']))} of the effort's range, {word}")
-    text = "; ".join(parts) + "."
-    return f"{design.name}: {text}" if named else text[0].upper() + text[1:]
+        mirrors = data.shapes[0].mirrors
+        images = IMAGES[len(mirrors)] + ("; the rest are mirror images." if mirrors else ".")
+        caption = f"{name}: the mesh at rest and on the free branch, orthographic, one scale; {images}{link}"
+        pictures.append(Picture(numbered("module_shape", n), caption, module_shape(data)))
+        if has_stress(data):
+            stress = Picture(numbered("module_stress", n), stress_caption(data), module_stress(data))
+            pictures.append(stress)
+    return Section("One module, undeformed and deformed", tuple(pictures)) if pictures else None
 
 
-def _without(section: Section, pictures: Sequence[Picture]) -> Section:
-    return Section(section.title, tuple(pictures), section.tables, section.note, section.text)
+def data_sections(designs: Sequence[Solved], remark: str = "") -> list[Section]:
+    """States, sampling and cost of each design; empty without any. `remark` ends the section of the states."""
+    if not designs:
+        return []
+    shown = designs[:SHOWN]
+    note = f"Pictures of the first {SHOWN} of {len(designs)} designs. " if len(designs) > SHOWN else ""
+    states = Section(
+        "The FEM data",
+        tuple(
+            Picture(numbered("fem_states", n), _states_caption(d), states_picture(d.data))
+            for n, d in enumerate(shown)
+        ),
+        _named(designs, [(states_table(d.data), failed_table(d.data)) for d in designs]),
+        (note + remark).strip(),
+    )
+    chosen = Section(
+        "How the states were chosen",
+        tuple(
+            Picture(numbered("fem_sampling", n), _sampling_caption(d), sampling_picture(d.data))
+            for n, d in enumerate(shown)
+            if foretold_axes(d.data)
+        ),
+        _named(designs, [(sampling_table(d.data), coupling_table(d.data)) for d in designs]),
+    )
+    cost = Section(
+        "What the FEM cost",
+        tuple(
+            Picture(
+                numbered("fem_cost", n), _prefix(d, designs) + "Seconds as measured when it was solved.", p
+            )
+            for n, d in enumerate(shown)
+            if solved_rows(d.data).any() and (p := cost_picture(d.data)) is not None
+        ),
+        _named(designs, [(cost_table(d.data, d.backend),) for d in designs]),
+    )
+    return [states, chosen, cost]
+
+
+def _named(designs: Sequence[Solved], tables: Sequence[Sequence[Table | None]]) -> tuple[Table, ...]:
+    """All tables in a row; those of several designs carry their names."""
+    found = []
+    for design, some in zip(designs, tables, strict=True):
+        for table in some:
+            if table is not None:
+                title = _prefix(design, designs) + table.title
+                found.append(replace(table, title=title))
+    return tuple(found)
+
+
+def _prefix(design: Solved, designs: Sequence[Solved]) -> str:
+    return f"{design.name}: " if len(designs) > 1 else ""
+
+
+def _states_caption(design: Solved) -> str:
+    word = "forces in N, extensions in mm" if design.data.joint == "prismatic" else "moments of one module"
+    return f"{design.name}: every solved state; {word}. Thin lines join states of one actuation that are to be fitted."
+
+
+def _sampling_caption(design: Solved) -> str:
+    return (
+        f"{design.name}. Left: blue with number = states chosen where the law was least certain, grey = free branch "
+        "and corners, open = check states, cross = self-contact. Right: each new state against what was foretold of it."
+    )
+
+
+def states_table(data: ModuleData) -> Table:
+    """How many states of each sort, and what they span."""
+    p_unit, u_unit, effort = (
+        actuation_unit(data.actuation_name),
+        deformation_unit(data),
+        effort_unit(data),
+    )
+    rows: list[Cells] = []
+    for kind in explored_kinds(data):
+        chosen = data.explored == kind
+        if kind == "coupling":
+            spans = ["all axes held", "–", "–"]
+        else:
+            k = data.axes.index(kind)
+            u, tau = data.deformation[chosen, k], data.tau[chosen, k]
+            spans = [kind, _span(u, u_unit), _span(tau, effort)]
+        count = _counts(data, chosen)
+        rows.append([spans[0], *count, _span(data.actuation[chosen], p_unit), *spans[1:]])
+    head = ["axis", "to fit", "check", "self-contact", "actuation", "u", "effort τ"]
+    copies = int(np.sum(~solved_rows(data)))
+    note = "States in self-contact are marked, since the FEM has no contact."
+    if passed := int(np.sum(data.status == PASSED)):
+        note += f" In {passed} states convolutions pass through each other, as 'fem.self_contact: pass' lets them."
+    if copies > 1:  # the rest state may cost nothing either
+        note += (
+            f" {copies} states are copies: mirror images at −u, and free states that belong to several axes."
+        )
+    return Table("States", head, rows, note)
+
+
+def sampling_table(data: ModuleData) -> Table:
+    """How the states of each axis were chosen and what error that left."""
+    rows: list[Cells] = []
+    kind = str(data.sampling.get("kind", ""))
+    for axis in data.explored_axes():
+        record = axis_record(data, axis)
+        tests = record.get("tests") or []
+        last = [percent(float(t["miss"])) for t in tests[-2:]]
+        one_by_one = "stated_error" in record
+        rows.append(
+            [
+                axis,
+                STRATEGIES["adaptive"] if one_by_one else STRATEGIES.get(kind, kind or "–"),
+                percent(float(record["error"])) if one_by_one else "–",
+                _share(record.get("stated_error")),
+                ", ".join(last) or "–",
+                ("yes" if record.get("reached") else "NO") if one_by_one else "–",
+                _share(record.get("check_error")),
+                _sides(record),
+            ]
+        )
+    head = ["axis", "states chosen", "wanted", "stated error", "last misses", "reached", "at check states"]
+    note = (
+        "Errors are shares of the effort's range in the data. Stated error: twice the largest deviation of a Gaussian "
+        "process of all states and slopes, widened by its own misses. Reached: stated error and the last two misses "
+        "are below the wanted one."
+        if any("stated_error" in axis_record(data, axis) for axis in data.explored_axes())
+        else "States at fixed places: no error is stated; the law's errors on the check states tell."
+    )
+    return Table("How the states were chosen", [*head, "±u alike"], rows, note, numeric=2)
+
+
+def coupling_table(data: ModuleData) -> Table | None:
+    """How strongly the axes depend on each other; None for one axis."""
+    found = data.sampling.get("coupling")
+    if not isinstance(found, Mapping) or "largest" not in found:
+        return None
+    p_unit, u_unit = actuation_unit(data.actuation_name), deformation_unit(data)
+    first, second = (str(name) for name in found["between"])
+    u = ", ".join(
+        f"{axis} {u_unit.text(round(float(value), ROUNDED), 3)}"
+        for axis, value in zip(data.axes, found["deformation"], strict=True)
+    )
+    place = f"{p_unit.text(float(found['actuation']))}; {u}"
+    differ = found.get("pieces_differ")
+    rows = [
+        [
+            "largest off-diagonal slope",
+            f"{number(float(found['largest']), 3)} between {first} and {second}",
+        ],
+        ["found at", place],
+        ["asymmetry of ∂τ/∂u", _tiny(float(found["largest_asymmetry"]))],
+        ["free angle, piece of one axis against the whole", "–" if differ is None else _tiny(float(differ))],
+        ["states of the whole module", str(found["n_states"])],
+    ]
+    note = (
+        "Off-diagonal slopes ∂τᵢ/∂uⱼ by √(∂τᵢ/∂uᵢ ∂τⱼ/∂uⱼ): 0 for axes that do not know of each other. An energy makes "
+        "the slopes symmetric, so their asymmetry is the solver's error."
+    )
+    return Table("Coupling of the axes", ["", "value"], rows, note, numeric=9)
+
+
+def cost_table(data: ModuleData, backend: str) -> Table:
+    """Mesh and effort."""
+    rows = solved_rows(data)
+    wall, steps = data.wall_s[rows], data.iterations[rows]
+    table: list[Cells] = [["FEM code", backend or "–"]]
+    pieces = data.sampling.get("pieces")
+    for name, size in (pieces if isinstance(pieces, Mapping) else {}).items():
+        label = {"main": "mesh", "full": "mesh of the whole module"}.get(str(name), str(name))
+        table.append([label, f"{size['n_cells']} elements of 27 nodes, {size['n_nodes']} nodes"])
+    table += [
+        ["states solved", str(int(rows.sum()))],
+        ["time of all states", seconds(float(wall.sum()))],
+        ["time of a state", _mean_and_largest([float(w) for w in wall], seconds)],
+        [
+            "Newton steps of a state",
+            _mean_and_largest([float(s) for s in steps], lambda s: number(s, 3)),
+        ],
+        ["Newton steps in all", str(int(steps.sum()))],
+    ]
+    return Table("Cost", ["", "value"], table, numeric=9)
+
+
+def failed_table(data: ModuleData) -> Table | None:
+    """States that were not reached, with their causes."""
+    if not data.failed:
+        return None
+    rows: list[Cells] = [
+        [*failed_place(entry, data), str(entry.get("cause", "–"))] for entry in data.failed[:FAILURES]
+    ]
+    more = len(data.failed) - FAILURES
+    note = f"{more} more in the JSON result." if more > 0 else ""
+    return Table("Failed states", ["actuation", "held", "cause"], rows, note, numeric=9)
+
+
+def _counts(data: ModuleData, chosen: NDArray[np.bool_]) -> list[str]:
+    trusted, check = np.isin(data.status, TRUSTED), data.role == "check"
+    groups = (chosen & trusted & ~check, chosen & trusted & check, chosen & ~trusted)
+    return [str(int(g.sum())) for g in groups]
+
+
+def _span(values: NDArray[np.float64], unit: Unit) -> str:
+    low, high = (number(float(v) * unit.factor, 4) for v in (values.min(), values.max()))
+    return unit.attached(f"{low} to {high}")
+
+
+def _share(value: Any) -> str:
+    return "–" if value is None else percent(float(value))
+
+
+def _tiny(value: float) -> str:
+    return number(value, 2) if value else "0"
+
+
+def _sides(record: Mapping[str, Any]) -> str:
+    if "symmetric" not in record:
+        return "–"
+    apart = record.get("difference_of_sides")
+    word = "yes" if record["symmetric"] else "no"
+    return word if apart is None else f"{word} ({_tiny(float(apart))})"
+
+
+def _mean_and_largest(values: Sequence[float], text: Any) -> str:
+    if not values:
+        return "–"
+    return f"{text(sum(values) / len(values))} on average, {text(max(values))} at most"

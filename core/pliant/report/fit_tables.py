@@ -10,8 +10,12 @@ import numpy as np
 from pliant.formatting import Unit, effort_unit, number, percent, seconds
 from pliant.pipeline.law_misses import Misses
 from pliant.pipeline.learning import states_needed
-from pliant.report.document import Cells, Table
-from pliant.report.fit_reading import STUDY_FORMS, Calibration, Fitted, calibration
+from pliant.records.design import Array
+from pliant.records.fem import ModuleData
+from pliant.records.law import JointLaw
+from pliant.report.document import Cells, Column, Table
+from pliant.report.fit_view import STUDY_FORMS, BandCoverage, Fitted, unstable_places
+from pliant.report.provenance import short_text, words
 
 PUBLISHED = 0.0826
 PUBLISHED_NOTE = (
@@ -21,7 +25,8 @@ PUBLISHED_NOTE = (
 MARKS = (1e-3, 1e-4, 1e-5)
 # Details that have tables or pictures of their own, or are too long for a cell.
 TOLD = {
-    "parameters", "residuals", "cross_validation", "held_out", "axes", "excluded", "slope_errors", *STUDY_FORMS,
+    "parameters", "residuals", "cross_validation", "held_out", "axes", "excluded", "slope_errors", "error_bar",
+    *STUDY_FORMS,
 }  # fmt: skip
 
 
@@ -32,7 +37,7 @@ def errors_table(fitted: Fitted) -> Table:
         [
             f"{fitted.kind} ({report.n_fitted} states fitted)",
             str(report.n_heldout),
-            *_scores(vars(report), effort),
+            *score_cells(vars(report), effort),
         ]
     ]
     for key, title in STUDY_FORMS.items():
@@ -40,7 +45,7 @@ def errors_table(fitted: Fitted) -> Table:
         for axis, form in forms.items():
             label = f"{title}, axis {axis}" if len(fitted.explored) > 1 else title
             held_out = fitted.axis_details(axis).get("n_heldout", report.n_heldout)
-            rows.append([label, str(held_out), *_scores(form, effort)])
+            rows.append([label, str(held_out), *score_cells(form, effort)])
     if not any(fitted.study_forms(key) for key in STUDY_FORMS):
         rows += [_beside(title, missed, effort) for title, missed in fitted.study_misses.items()]
     for axis in fitted.explored:
@@ -52,29 +57,22 @@ def errors_table(fitted: Fitted) -> Table:
     if fitted.law.joint == "revolute" and fitted.law.actuation_name == "pressure_pa":
         rows.append(["published study, its own data", "–", "–", "–", percent(PUBLISHED, 3), "–"])
         note = f"{note} {PUBLISHED_NOTE}".strip()
-    head = [
-        "law",
-        "states left out",
-        f"RMSE ({effort.symbol})",
-        f"worst ({effort.symbol})",
-        "worst, of effort range",
-        "R²",
-    ]
+    head = ["law", "states left out", *score_heads(effort)]
     return Table("Errors on states that the law has not seen", head, rows, note)
 
 
-def axes_table(fitted: Fitted) -> Table | None:
-    """Errors by axis; None for a law of one axis."""
-    if len(fitted.law.axes) == 1:
+def axes_table(data: ModuleData, law: JointLaw, ranges: Array | None = None) -> Table | None:
+    """Errors of τ by axis at trusted states; None for a law of one axis. `ranges` (k,) stand for those of the data."""
+    if len(law.axes) == 1:
         return None
-    effort, missed = effort_unit(fitted.law), fitted.misses
+    effort, missed = effort_unit(law), Misses.of_law(data, law, ranges=ranges)
     rows: list[Cells] = []
     for together in (False, True):
-        for k, axis in enumerate(fitted.law.axes):
+        for k, axis in enumerate(law.axes):
             part = missed.rows((missed.axis == k) & (missed.together == together))
             if len(part.state):
                 rows.append([f"all held: {axis}" if together else axis, *_by_role(part, effort)])
-    whole = Misses.of_law(fitted.data, fitted.law, every=True, ranges=fitted.ranges)
+    whole = Misses.of_law(data, law, every=True, ranges=ranges)
     rows.append(["every axis in every state", *_by_role(whole, effort)])
     head = ["axis", "fitted, worst of range", "left out, RMS of range", "left out, worst of range"]
     note = (
@@ -97,7 +95,7 @@ def choice_table(fitted: Fitted, axis: str) -> Table | None:
     ]
     title = "What the fit chose from" + (f", axis {axis}" if len(fitted.explored) > 1 else "")
     note = "Errors of states left out in turn, as shares of the effort's range."
-    return Table(title, [*(_words(name) for name in names), ""], rows, note, numeric=0)
+    return Table(title, [*(words(name) for name in names), ""], rows, note, numeric=0)
 
 
 def settings_table(fitted: Fitted) -> Table | None:
@@ -106,13 +104,13 @@ def settings_table(fitted: Fitted) -> Table | None:
     for axis in fitted.explored if isinstance(fitted.report.details.get("axes"), Mapping) else ("",):
         details = fitted.axis_details(axis) if axis else fitted.report.details
         for name, value in details.items():
-            text = _plain(value)
+            text = short_text(value)
             if name not in TOLD and not name.startswith("n_") and text and name not in vars(fitted.report):
-                rows.append([f"{axis}: {_words(name)}" if axis else _words(name), text])
+                rows.append([f"{axis}: {words(name)}" if axis else words(name), text])
     return Table("What the fit tells", ["", "value"], rows, numeric=9) if rows else None
 
 
-def calibration_table(curves: Sequence[Calibration]) -> Table | None:
+def coverage_table(curves: Sequence[BandCoverage]) -> Table | None:
     """Shares covered by level; None without bars."""
     if not curves:
         return None
@@ -182,39 +180,47 @@ def cost_table(fitted: Fitted) -> Table:
     return Table("Cost", ["", "value"], rows, note, numeric=9)
 
 
-def comparison_table(fitted: Sequence[Fitted]) -> Table:
-    """Surrogates on the same states, side by side."""
-    effort = effort_unit(fitted[0].law)
-    rows: list[Cells] = []
-    for one in fitted:
-        bars = one.law.error is not None
-        rows.append(
-            [
-                one.name,
-                str(one.report.n_fitted),
-                str(one.report.n_heldout),
-                *_scores(vars(one.report), effort),
-                percent(_coverage(one), 3) if bars else "–",
-                seconds(one.wall_s),
-                number(one.per_second / 1e6, 3),
-            ]
-        )
-    head = [
-        "surrogate",
-        "fitted",
-        "left out",
-        f"RMSE ({effort.symbol})",
-        f"worst ({effort.symbol})",
+SURROGATES: tuple[Column[Fitted], ...] = (
+    Column(lambda f: f.name, head="surrogate", brief="kind"),
+    Column(lambda f: f.report.n_fitted, head="fitted"),
+    Column(lambda f: f.report.n_heldout, head="left out"),
+    Column(
+        lambda f: f.report.worst_of_range,
+        "worst_of_range",
         "worst, of range",
-    ]
-    head += ["R²", "in its 90 % band", "fit", "million evaluations a second"]
-    return Table("Surrogates side by side", head, rows)
-
-
-def _coverage(fitted: Fitted) -> float:
-    """Share of the states left out that lie in the 90 % band, all axes together."""
-    curves = calibration(fitted)
-    return curves[0].at(0.9) if curves else float("nan")
+        "worst",
+        lambda f: percent(f.report.worst_of_range),
+    ),
+    Column(
+        lambda f: f.report.rmse / f.report.effort_range,
+        "rmse_of_range",
+        "RMSE, of range",
+        "rmse",
+        lambda f: percent(f.report.rmse / f.report.effort_range),
+    ),
+    Column(lambda f: f.report.worst, head="worst", text=lambda f: effort_unit(f.law).text(f.report.worst, 3)),
+    Column(lambda f: f.report.rmse, head="RMSE", text=lambda f: effort_unit(f.law).text(f.report.rmse, 3)),
+    Column(lambda f: f.report.r2, "r2", "R²", "R²", lambda f: r2_text(f.report.r2)),
+    Column(
+        lambda f: f.coverage[0].at(0.9) if f.coverage else None,
+        "covered",
+        "in its 90 % band",
+        "in band",
+        lambda f: percent(f.coverage[0].at(0.9), 3) if f.coverage else "–",
+    ),
+    Column(
+        lambda f: not unstable_places(f.law),
+        "stable",
+        brief="stable",
+        text=lambda f: number(not unstable_places(f.law)),
+    ),
+    Column(lambda f: f.wall_s, "wall_s", "fit", "fit", lambda f: seconds(f.wall_s)),
+    Column(
+        lambda f: f.per_second,
+        head="million evaluations a second",
+        text=lambda f: number(f.per_second / 1e6, 3),
+    ),
+)
 
 
 def _by_role(part: Misses, effort: Unit) -> list[str]:
@@ -236,17 +242,27 @@ def _beside(title: str, missed: Misses, effort: Unit) -> Cells:
     part = missed.rows(missed.check)
     rmse, worst = float(np.sqrt(np.mean(part.miss**2))), float(np.abs(part.miss).max(initial=0.0))
     values = {"rmse": rmse, "worst": worst, "worst_of_range": part.worst}
-    return [title, str(len(np.unique(part.state))), *_scores(values, effort)]
+    return [title, str(len(np.unique(part.state))), *score_cells(values, effort)]
 
 
-def _scores(scores: Mapping[str, Any], effort: Unit) -> list[str]:
-    r2 = float(scores.get("r2", float("nan")))
+def score_heads(effort: Unit) -> list[str]:
+    """Headings of `score_cells`."""
+    return [f"RMSE ({effort.symbol})", f"worst ({effort.symbol})", "worst, of effort range", "R²"]
+
+
+def score_cells(scores: Mapping[str, Any], effort: Unit) -> list[str]:
+    """Errors of a law, from a report or from what it says of the study's form."""
     return [
         number(scores["rmse"] * effort.factor, 3),
         number(scores["worst"] * effort.factor, 3),
         percent(scores["worst_of_range"], 3),
-        f"{r2:.7f}" if np.isfinite(r2) else "–",
+        r2_text(float(scores.get("r2", float("nan")))),
     ]
+
+
+def r2_text(r2: float) -> str:
+    """R² with seven decimals; one state, or states of one moment, have none."""
+    return f"{r2:.7f}" if np.isfinite(r2) else "–"
 
 
 def _cell(name: str, value: Any) -> str:
@@ -255,25 +271,3 @@ def _cell(name: str, value: Any) -> str:
     if isinstance(value, float):
         return percent(value) if name.endswith(("of_range", "standard_error")) else number(value, 3)
     return number(value) if isinstance(value, int) or value is None else str(value)
-
-
-def _plain(value: Any) -> str:
-    """A value in a few words; empty where it is no single one."""
-    if isinstance(value, bool):
-        return "yes" if value else "no"
-    if isinstance(value, float | int):
-        return number(value, 3)
-    if isinstance(value, str):
-        return value
-    if (
-        isinstance(value, list | tuple)
-        and value
-        and len(value) <= 8
-        and all(isinstance(v, float | int) for v in value)
-    ):
-        return ", ".join(number(v, 3) for v in value)
-    return ""
-
-
-def _words(name: str) -> str:
-    return name.replace("_", " ")

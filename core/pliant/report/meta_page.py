@@ -1,107 +1,48 @@
-"""The page of `pliant fit` for a meta-model: errors on designs left out, bars, cost; self-contained."""
+"""The page of a meta-model: errors on designs left out, bars, learning, cost."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-import numpy as np
-
-from pliant import __version__
-from pliant.formatting import percent, seconds, units_of_page
-from pliant.report.document import Picture, Section, Warned
-from pliant.report.facts import input_table, provenance_table
-from pliant.report.figures.design_bars import design_bars
-from pliant.report.figures.design_errors import design_errors
+from pliant.report.document import Drawn, Picture, Section, page_table
+from pliant.report.figures.designs import design_errors, free_picture, parity_picture
+from pliant.report.figures.error_bars import design_bars
 from pliant.report.figures.learning import Curve, learning_picture
-from pliant.report.figures.parity import free_picture, parity_picture
-from pliant.report.folder import FinishedRun
-from pliant.report.meta_reading import MetaFitted
 from pliant.report.meta_tables import (
+    PUBLISHED,
+    SCORES,
     cost_table,
     coverage_table,
     learning_table,
     next_table,
-    scores_table,
+    score_rows,
     settings_table,
     worst_table,
 )
-from pliant.report.template import page_template
+from pliant.report.meta_view import MetaFitted
+from pliant.report.provenance import Manifests, closing_sections
 
-FAR = 0.05  # of the range: a worst error beyond this is warned of
 LEFT_OUT = "Every design was predicted by a model that had not seen it."
 
 
-def render_meta(
-    title: str,
-    fitted: MetaFitted,
-    study: Mapping[str, Any],
-    provenance: Sequence[Mapping[str, Any]],
-    compared: Sequence[MetaFitted] = (),
-) -> str:
-    """The page as HTML with its pictures inside; `compared` are other models of the same designs."""
+def meta_drawn(fitted: Sequence[MetaFitted], study: Mapping[str, Any], manifests: Manifests) -> Drawn:
+    """The first of `fitted` on top and in all sections; the others stand beside its scores."""
+    one = fitted[0]
     caption = (
         f"{LEFT_OUT} Left and middle: predicted against solved torque, inside the range of designs and on its border, "
         "where the model extrapolates. Right: what is missed."
     )
-    hero = Picture("meta_parity", caption, parity_picture(fitted))
-    sections = [
-        s for s in (_scores(fitted, compared), _free(fitted), _space(fitted), _bars(fitted)) if s is not None
-    ]
-    sections += [s for s in (_learning(fitted), _cost(fitted)) if s is not None]
-    page = FinishedRun({}, study, (), (), tuple(provenance))
-    sections.append(Section("Inputs", tables=(input_table(page),)))
-    if provenance:
-        sections.append(Section("Provenance", tables=(provenance_table(page),)))
-    text: str = page_template().render(
-        title=title,
-        kind="Pliant fit: meta-model",
-        sentence=sentence(fitted),
-        hero=hero,
-        warnings=warned(fitted),
-        sections=sections,
-        version=provenance[0].get("pliant", __version__) if provenance else __version__,
-        footer=units_of_page(lengths="m", pressures="Pa", moments="N*m", angles="rad"),
-    )
-    return text
+    sections = [_scores(fitted), _free(one), _space(one), _bars(one), _learning(one)]
+    cost = Section("Cost", tables=(cost_table(one),))
+    kept = [section for section in sections if section is not None]
+    hero = Picture("meta_parity", caption, parity_picture(one))
+    return Drawn(hero, (*kept, cost, *closing_sections(study, manifests)))
 
 
-def sentence(fitted: MetaFitted) -> str:
-    """How well laws of unseen designs do, and how fast they come."""
-    inner = fitted.scores.get("interior", fitted.scores["all"])
-    where = "inside the range" if "interior" in fitted.scores else "left out"
-    parts = [
-        f"laws of designs {where} that the model has not seen miss torques by at most "
-        f"{percent(inner.worst_of_range)} of the range, R² {inner.r2:.5f}"
-    ]
-    if np.isfinite(inner.free_median):
-        parts.append(f"free angles by {percent(inner.free_median)} at the median")
-    if "border" in fitted.scores:
-        parts.append(f"on the border of the range by up to {percent(fitted.scores['border'].worst_of_range)}")
-    if (band := fitted.coverage.get("all", {}).get("0.9")) is not None:
-        parts.append(f"the 90 % band holds {percent(band, 3)}")
-    parts.append(f"a law takes {seconds(fitted.law_s)}")
-    text = "; ".join(parts) + "."
-    return text[0].upper() + text[1:]
-
-
-def warned(fitted: MetaFitted) -> list[Warned]:
-    """What limits the model."""
-    found = []
-    for place, scores in fitted.scores.items():
-        if place != "all" and scores.worst_of_range > FAR:
-            text = (
-                f"Designs {'on the border' if place == 'border' else 'inside the range'} are missed by up to "
-            )
-            found.append(Warned(f"{text}{percent(scores.worst_of_range)} of their range of torque."))
-    if lost := fitted.scores["all"].free_lost:
-        found.append(Warned(f"In {lost} states the law of a design left out has no free equilibrium."))
-    return found
-
-
-def _scores(fitted: MetaFitted, compared: Sequence[MetaFitted]) -> Section:
-    models = [fitted, *(one for one in compared if one is not fitted)]
-    tables = [scores_table(models), worst_table(fitted), settings_table(fitted)]
+def _scores(fitted: Sequence[MetaFitted]) -> Section:
+    scores = page_table("Scores on designs left out", SCORES, score_rows(fitted), PUBLISHED)
+    tables = [scores, worst_table(fitted[0]), settings_table(fitted[0])]
     return Section("Scores on designs left out", tables=tuple(t for t in tables if t is not None))
 
 
@@ -155,7 +96,3 @@ def _learning(fitted: MetaFitted) -> Section | None:
         (Picture("meta_learning", caption, picture),),
         (learning_table(learning),),
     )
-
-
-def _cost(fitted: MetaFitted) -> Section:
-    return Section("Cost", tables=(cost_table(fitted),))

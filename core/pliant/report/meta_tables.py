@@ -1,59 +1,94 @@
-"""Tables of a meta-model: scores on designs left out, the worst designs, learning, what to solve next, cost."""
+"""Tables of a meta-model: scores on designs left out, the worst designs, bars, learning, what to solve next, cost."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from pliant.formatting import number, percent, seconds
-from pliant.report.document import Cells, Table
-from pliant.report.meta_reading import MetaFitted, parameter_words
+from pliant.pipeline.meta_model.scoring import AxisScores, Scores
+from pliant.report.document import Cells, Column, Table
+from pliant.report.meta_view import MetaFitted, parameter_unit
+from pliant.report.provenance import short_text, words
 
 PUBLISHED = (
-    "Published for the study's meta-models: R² above 0.99 (coefficients) and above 0.999 (network), both on the "
-    "designs that they were fitted to; here every design was left out of the fit that predicts it."
+    "Of each design's own range of effort, and of its largest free angle. Published for the study's meta-models: R² "
+    "above 0.99 (coefficients) and above 0.999 (network), both on the designs that they were fitted to; here every "
+    "design was left out of the fit that predicts it."
 )
 WORST = 5
+WORTH = {
+    "gain": "of the mean squared error that solving it would remove",
+    "doubt": "of the largest doubt in the range",
+    "distance": "of the range, to the nearest solved design",
+}
 
 
-def scores_table(fitted: Sequence[MetaFitted]) -> Table:
+class ScoreRow(NamedTuple):
+    """Scores of one axis of a group of designs; `first` where it is the group's first row."""
+
+    label: str
+    scores: Scores
+    axis: AxisScores
+    first: bool
+
+
+SCORES: tuple[Column[ScoreRow], ...] = (
+    Column(lambda r: r.label, head="designs left out", brief="designs left out"),
+    Column(lambda r: r.scores.n_designs, head="designs", brief="designs"),
+    Column(lambda r: r.axis.n_states, head="states"),
+    Column(lambda r: r.axis.r2, head="R²", brief="R²", text=lambda r: f"{r.axis.r2:.6f}"),
+    Column(
+        lambda r: r.axis.rmse_of_range,
+        head="RMS of range",
+        brief="RMS",
+        text=lambda r: percent(r.axis.rmse_of_range, 3),
+    ),
+    Column(
+        lambda r: r.axis.worst_of_range,
+        head="worst of range",
+        brief="worst",
+        text=lambda r: percent(r.axis.worst_of_range, 3),
+    ),
+    Column(
+        lambda r: r.scores.free_median,
+        head="free angle, median",
+        brief="free: median",
+        text=lambda r: percent(r.scores.free_median, 3) if r.first else "",
+    ),
+    Column(
+        lambda r: r.scores.free_worst,
+        head="free angle, worst",
+        brief="worst",
+        text=lambda r: _worst(r.scores.free_worst, r.scores.free_lost) if r.first else "",
+    ),
+)
+
+
+def score_rows(fitted: Sequence[MetaFitted]) -> list[ScoreRow]:
     """Torque and free angle on designs left out, interior and border apart, one block for each model."""
-    rows: list[Cells] = []
-    several = len(fitted) > 1
+    rows = []
     for one in fitted:
         for place, scores in one.scores.items():
-            for axis, of_axis in scores.axes.items():
-                label = f"{one.name}: {place}" if several else place
-                first = axis == next(iter(scores.axes))
-                rows.append(
-                    [
-                        label + (f", axis {axis}" if len(scores.axes) > 1 else ""),
-                        str(scores.n_designs),
-                        str(of_axis.n_states),
-                        f"{of_axis.r2:.6f}",
-                        percent(of_axis.rmse_of_range, 3),
-                        percent(of_axis.worst_of_range, 3),
-                        percent(scores.free_median, 3) if first else "",
-                        _worst(scores.free_worst, scores.free_lost) if first else "",
-                    ]
-                )
-    head = ["designs left out", "designs", "states", "R²", "RMS of range", "worst of range"]
-    note = f"Of each design's own range of effort, and of its largest free angle. {PUBLISHED}"
-    return Table("Scores on designs left out", [*head, "free angle, median", "free angle, worst"], rows, note)
+            label = f"{one.name}: {place}" if len(fitted) > 1 else place
+            for count, (axis, of_axis) in enumerate(scores.axes.items()):
+                name = f"{label}, axis {axis}" if len(scores.axes) > 1 else label
+                rows.append(ScoreRow(name, scores, of_axis, count == 0))
+    return rows
 
 
 def worst_table(fitted: MetaFitted) -> Table:
     """The designs that are missed most."""
-    names = [parameter_words(name) for name in fitted.designs.names]
+    names = [parameter_unit(name) for name in fitted.designs.names]
     rows: list[Cells] = []
     for design in fitted.worst_designs(WORST):
         values = fitted.designs.values[design]
-        cells = [number(float(v) * unit.factor, 4) for v, (_, unit) in zip(values, names, strict=True)]
+        cells = [number(float(v) * unit.factor, 4) for v, unit in zip(values, names, strict=True)]
         place = "border" if fitted.border[design] else "interior"
         rows.append([percent(float(fitted.worst[design]), 3), place, *cells])
-    head = ["worst of range", "place", *(f"{n} ({u.symbol})".replace(" ()", "") for n, u in names)]
+    head = ["worst of range", "place", *(unit.axis for unit in names)]
     return Table("Designs that were missed most", head, rows, numeric=2)
 
 
@@ -94,22 +129,17 @@ def next_table(fitted: MetaFitted) -> Table | None:
     """Designs that should be solved next; None where nobody asked."""
     if not fitted.proposals:
         return None
-    names = [parameter_words(name) for name in fitted.designs.names]
+    names = [parameter_unit(name) for name in fitted.designs.names]
     rows = [
         [
-            str(index),
-            *(number(v * unit.factor, 4) for v, (_, unit) in zip(one.values, names, strict=True)),
+            str(count),
+            *(number(v * unit.factor, 4) for v, unit in zip(one.values, names, strict=True)),
             percent(one.gain, 3),
         ]
-        for index, one in enumerate(fitted.proposals, start=1)
+        for count, one in enumerate(fitted.proposals, start=1)
     ]
-    words = {
-        "gain": "of the mean squared error that it removes",
-        "doubt": "of the largest doubt",
-        "distance": "of the range, to the nearest solved design",
-    }
-    last = words.get(fitted.proposals[0].basis, fitted.proposals[0].basis)
-    head = ["", *(f"{n} ({u.symbol})".replace(" ()", "") for n, u in names), last]
+    basis = fitted.proposals[0].basis
+    head = ["", *(unit.axis for unit in names), WORTH.get(basis, basis)]
     return Table("Solve these next", head, rows)
 
 
@@ -139,19 +169,7 @@ def cost_table(fitted: MetaFitted) -> Table:
 
 def settings_table(fitted: MetaFitted) -> Table | None:
     """What the fit tells in one word or number."""
-    rows: list[Cells] = []
-    for name, value in fitted.details.items():
-        if isinstance(value, bool):
-            text = "yes" if value else "no"
-        elif isinstance(value, int | float):
-            text = number(value, 3)
-        elif isinstance(value, str):
-            text = value.replace("_", " ")
-        elif isinstance(value, Mapping) and all(isinstance(v, int | float) for v in value.values()) and value:
-            text = ", ".join(f"{str(k).replace('_', ' ')} {number(v, 3)}" for k, v in value.items())
-        else:
-            continue
-        rows.append([name.replace("_", " "), text])
+    rows = [[words(name), text] for name, value in fitted.details.items() if (text := short_text(value))]
     return Table("What the fit tells", ["", "value"], rows, numeric=9) if rows else None
 
 

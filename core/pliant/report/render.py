@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from pliant import __version__
 from pliant.formatting import units_of_page
 from pliant.report.document import Document, Page, Table
 from pliant.report.template import page_template
@@ -45,7 +44,7 @@ def rich_table(table: Table) -> RichTable:
     return made
 
 
-def page(document: Document, version: str = __version__) -> Page:
+def page(document: Document) -> Page:
     """The document as one self-contained HTML page: no script, no network, pictures inside.
 
     The same document gives the same bytes. Every text is escaped.
@@ -59,7 +58,7 @@ def page(document: Document, version: str = __version__) -> Page:
         hero=drawn.hero,
         warnings=document.warnings,
         sections=drawn.sections,
-        version=version,
+        version=document.version,
         footer=document.footer or units_of_page(lengths="m", pressures="Pa") + ", world frame with z up",
     )
     pictures = [p for section in drawn.sections for p in section.pictures]

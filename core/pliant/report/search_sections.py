@@ -19,7 +19,7 @@ from pliant.report.figures.search_verified import search_successes, search_verif
 from pliant.report.figures.stills import still_pictures
 from pliant.report.figures.style import Png
 from pliant.report.search_folder import Drawing
-from pliant.report.search_reading import SearchRead
+from pliant.report.search_sentences import price
 from pliant.report.search_tables import (
     branch_table,
     cause_table,
@@ -29,15 +29,15 @@ from pliant.report.search_tables import (
     slope_table,
     verified_tables,
 )
-from pliant.report.search_words import price
+from pliant.report.search_view import SearchView
 
 
-def hero_picture(read: SearchRead) -> Picture:
+def hero_picture(read: SearchView) -> Picture:
     """The best designs in their ranges; the history where there are none."""
     return _picture("search_answer", _answer_caption(read), search_answer(read)) or _history_picture(read)
 
 
-def _answer_caption(read: SearchRead) -> str:
+def _answer_caption(read: SearchView) -> str:
     marks = "Marks are the best designs" if len(read.result.best) > 1 else "The mark is the best design"
     return (
         f"{marks}; each bar is the range that was searched, ticks are whole numbers and choices. A mark at an end of "
@@ -45,7 +45,7 @@ def _answer_caption(read: SearchRead) -> str:
     )
 
 
-def answer_section(read: SearchRead) -> Section | None:
+def answer_section(read: SearchView) -> Section | None:
     """The best designs in numbers; None where there is none."""
     table = design_table(read)
     if table is None:
@@ -59,7 +59,7 @@ def answer_section(read: SearchRead) -> Section | None:
     return Section("The answer", tables=(table,), text=(how,))
 
 
-def _contextual_words(read: SearchRead) -> str:
+def _contextual_words(read: SearchView) -> str:
     if any(design.number < 0 for design in read.result.best):
         return (
             "The optimizer recommends one design for each condition: the middle of what it has learned, which need not "
@@ -72,7 +72,7 @@ def _contextual_words(read: SearchRead) -> str:
     )
 
 
-def history_section(read: SearchRead) -> Section:
+def history_section(read: SearchView) -> Section:
     """Candidates in order, and the best of every branch."""
     searches = len(read.result.branches)
     strip = branch_strip(read)
@@ -96,7 +96,7 @@ def history_section(read: SearchRead) -> Section:
     return Section("How the search went", tuple(pictures), (table,) if table else (), text=(text,))
 
 
-def _history_picture(read: SearchRead) -> Picture:
+def _history_picture(read: SearchView) -> Picture:
     lines = "The lines are the best so far"
     if read.contextual:
         lines = "The lines are moving medians of each condition"
@@ -108,7 +108,7 @@ def _history_picture(read: SearchRead) -> Picture:
     return Picture("search_history", caption[0].upper() + caption[1:], search_history(read))
 
 
-def parallel_section(read: SearchRead) -> Section | None:
+def parallel_section(read: SearchView) -> Section | None:
     """All candidates over all variables."""
     caption = (
         f"Each line is a candidate, each row a variable, the last row {read.objective.label}: dark lines are good, the "
@@ -149,7 +149,7 @@ def drawn_section(drawn: Sequence[Drawing]) -> Section | None:
     return Section("The best designs", tuple(pictures), text=(text,))
 
 
-def slopes_section(read: SearchRead) -> Section | None:
+def slopes_section(read: SearchView) -> Section | None:
     """The objective about the best design."""
     caption = (
         f"{read.objective.title} about the best design (star), one variable changed at a time, the most influential "
@@ -166,7 +166,7 @@ def slopes_section(read: SearchRead) -> Section | None:
     return Section("What the objective is sensitive to", (picture,), (table,) if table else (), text=(text,))
 
 
-def verified_section(read: SearchRead) -> Section | None:
+def verified_section(read: SearchView) -> Section | None:
     """Predicted against verified; None where nothing was, which the page's notes explain."""
     found = read.result.verification
     if found is None or not found.verified:
@@ -196,7 +196,7 @@ def verified_section(read: SearchRead) -> Section | None:
     )
 
 
-def robust_section(read: SearchRead) -> Section | None:
+def robust_section(read: SearchView) -> Section | None:
     """Nominal against robust design."""
     found = read.result.robustness
     if found is None:
@@ -216,7 +216,7 @@ def robust_section(read: SearchRead) -> Section | None:
     )
 
 
-def policy_section(read: SearchRead) -> Section | None:
+def policy_section(read: SearchView) -> Section | None:
     """Designs by condition."""
     caption = (
         "Designs tried for each condition in the last quarter of the search: dots, 5 to 95 % as a thin line, the "
@@ -232,7 +232,7 @@ def policy_section(read: SearchRead) -> Section | None:
     return Section("Which design for which condition", (picture,), text=(text,))
 
 
-def front_section(read: SearchRead) -> Section | None:
+def front_section(read: SearchView) -> Section | None:
     """Several objectives."""
     caption = (
         "Every candidate by its objectives; orange are designs that no other candidate beats in all of them."
@@ -242,7 +242,7 @@ def front_section(read: SearchRead) -> Section | None:
     return Section("The front", (picture,), text=(text,)) if picture is not None else None
 
 
-def cost_section(read: SearchRead) -> Section:
+def cost_section(read: SearchView) -> Section:
     """What the search took, and why candidates fell out."""
     causes: Table | None = cause_table(read)
     text = "Wall times are those of the machine that searched; the counts are the same on every machine."

@@ -8,19 +8,17 @@ import numpy as np
 
 from pliant.formatting import number, percent, seconds
 from pliant.report.document import Cells, Table
-from pliant.report.figures.search_robust import measure_words
 from pliant.report.figures.search_slopes import by_influence, influence
 from pliant.report.figures.search_verified import checked_metrics, success_counts
-from pliant.report.search_axes import Axis
-from pliant.report.search_reading import SearchRead, spread_of
-from pliant.report.search_words import found_where, stopped_words
+from pliant.report.search_sentences import found_where, measure_words, stopped_words
+from pliant.report.search_view import Axis, SearchView, spread_of
 
 MOST_COLUMNS = 8  # designs side by side
 MOST_BRANCHES = 10
 MOST_METRICS = 12
 
 
-def design_table(read: SearchRead) -> Table | None:
+def design_table(read: SearchView) -> Table | None:
     """Variables, objectives and metrics of the best designs, a column each."""
     best = spread_of(len(read.result.best), MOST_COLUMNS)
     if not best:
@@ -46,7 +44,7 @@ def design_table(read: SearchRead) -> Table | None:
     return Table("The designs", ["", *(names[k] for k in best), "searched"], rows, note)
 
 
-def branch_table(read: SearchRead) -> Table | None:
+def branch_table(read: SearchView) -> Table | None:
     """The best branches."""
     if len(read.result.branches) < 2:
         return None
@@ -62,7 +60,7 @@ def branch_table(read: SearchRead) -> Table | None:
     )
 
 
-def slope_table(read: SearchRead) -> Table | None:
+def slope_table(read: SearchView) -> Table | None:
     """What each variable does to the objective."""
     axes = {axis.name: axis for axis in read.axes}
     unit = read.objective.unit
@@ -90,12 +88,12 @@ def slope_table(read: SearchRead) -> Table | None:
     return Table("What each variable does", head, rows)
 
 
-def verified_tables(read: SearchRead) -> list[Table]:
+def verified_tables(read: SearchView) -> list[Table]:
     """Metrics predicted and verified, laws, conditions."""
     return [t for t in (_metrics_table(read), _laws_table(read), _conditions_table(read)) if t is not None]
 
 
-def _metrics_table(read: SearchRead) -> Table | None:
+def _metrics_table(read: SearchView) -> Table | None:
     found = read.result.verification
     if found is None:
         return None
@@ -111,7 +109,7 @@ def _metrics_table(read: SearchRead) -> Table | None:
     return Table("Predicted against verified", head, rows, numeric=2) if rows else None
 
 
-def _laws_table(read: SearchRead) -> Table | None:
+def _laws_table(read: SearchView) -> Table | None:
     found = read.result.verification
     if found is None or not found.laws:
         return None
@@ -129,7 +127,7 @@ def _laws_table(read: SearchRead) -> Table | None:
     return Table("What the search's laws miss of direct FEM", head, rows, note)
 
 
-def _conditions_table(read: SearchRead) -> Table | None:
+def _conditions_table(read: SearchView) -> Table | None:
     """Successes as counts; else the objective's metric, by condition and engine."""
     found, counts = read.result.verification, success_counts(read)
     if found is None or not found.conditions:
@@ -160,7 +158,7 @@ def _conditions_table(read: SearchRead) -> Table | None:
     return Table(f"Verified {read.objective.label} by condition", ["condition", *engines], rows)
 
 
-def robust_table(read: SearchRead) -> Table | None:
+def robust_table(read: SearchView) -> Table | None:
     """Both designs, without deviations and by the measure, and where they differ."""
     found, best = read.result.robustness, read.best
     if found is None:
@@ -182,7 +180,7 @@ def robust_table(read: SearchRead) -> Table | None:
     return Table("Nominal and robust design", ["", "nominal", "robust"], rows, note)
 
 
-def cost_table(read: SearchRead) -> Table:
+def cost_table(read: SearchView) -> Table:
     """What the search took."""
     r = read.result
     per = f", {seconds(r.wall_s / r.evaluations)} each" if r.evaluations else ""
@@ -204,7 +202,7 @@ def cost_table(read: SearchRead) -> Table:
     return Table("What it took", ["", ""], rows)
 
 
-def cause_table(read: SearchRead) -> Table | None:
+def cause_table(read: SearchView) -> Table | None:
     """Causes of refusal and failure, most frequent first."""
     listed = [("refused", read.result.refused), ("failed", read.result.failed)]
     rows = [

@@ -11,6 +11,12 @@ from pliant.pipeline.study import DEFAULT_PHYSICS, DEFAULT_SURROGATE
 from pliant.pipeline.workbench import Workbench, content
 from pliant.registry.component import Component
 
+# The code that a search depends on; what it imports counts too.
+MODULES = (
+    "pliant.search.run.search",
+    "pliant.search.evaluate.evaluator",
+    "pliant.search.problem.search_problem",
+)
 # What does not change what a search finds.
 APART = ("pliant", "name", "cross_check", "measurements", "uncertainty", "protocols", "plugins")
 # What a search may be continued beyond.

@@ -28,12 +28,17 @@ MACHINERY = (
     "pliant.interfaces.base",
     "pliant.registry",
     "pliant.store",
-    "pliant.pipeline.progress",
+    "pliant.execution",
     "pliant.pipeline.workbench",
 )
 # Files in a package that no result depends on; the code itself is hashed module by module.
 NO_DATA = {".py", ".pyi", ".pyc", ".pyo", ".typed", ".md", ".rst"}
-DOCUMENTATION = {"description", "title", "examples"}  # arguments of pydantic's Field
+DOCUMENTATION = {
+    "description",
+    "title",
+    "examples",
+}  # arguments of the functions that declare a config's field
+FIELDS = {"Field", "parameter"}
 MODULE_NAME = re.compile(r"\.*[A-Za-z_]\w*(\.[A-Za-z_]\w*)*", re.ASCII)
 
 
@@ -56,14 +61,21 @@ def code_fingerprint(modules: Iterable[str], packages: Iterable[str] = ()) -> st
 
 
 def code_closure(modules: Iterable[str], packages: Iterable[str] = ()) -> dict[str, Path]:
-    """Module name → source file of everything that `modules` import within our, their own and these packages."""
-    start = list(modules)
+    """Module name → source file of everything that `modules` import within our, their own and these packages.
+
+    `MACHINERY` counts only where it is among `modules`: pages depend on how numbers are written, states do not.
+    """
+    start = tuple(modules)
     followed = {*OURS, *packages, *(name.partition(".")[0] for name in start)}
     found: dict[str, Path] = {}
-    queue = start
+    queue = [*start]
     while queue:
         name = queue.pop()
-        if name in found or name.partition(".")[0] not in followed or _is_machinery(name):
+        if (
+            name in found
+            or name.partition(".")[0] not in followed
+            or (_is_machinery(name) and name not in start)
+        ):
             continue
         path = _source(name)
         if path is None:
@@ -75,7 +87,7 @@ def code_closure(modules: Iterable[str], packages: Iterable[str] = ()) -> dict[s
 
 
 def _is_machinery(name: str) -> bool:
-    return name in MACHINERY or name.startswith(("pliant.registry.", "pliant.store."))
+    return name in MACHINERY or name.startswith(("pliant.registry.", "pliant.store.", "pliant.execution."))
 
 
 def source_digest(source: bytes) -> str:
@@ -137,7 +149,7 @@ def _parsed(source: bytes, package: str) -> tuple[str, tuple[str, ...]]:
     for node in ast.walk(tree):
         if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
             _drop_docstring(node)
-        elif isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "Field":
+        elif isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in FIELDS:
             node.keywords = [k for k in node.keywords if k.arg not in DOCUMENTATION]
     return hashlib.sha256(ast.dump(tree).encode()).hexdigest(), tuple(_imports(tree, package))
 

@@ -7,7 +7,8 @@
 
 A result is written to a temporary folder and renamed, so a reader sees all of it or nothing. A lock per key
 lets two processes share a store: the second waits and reads what the first wrote. What is there already is
-read without writing, so a store without write permission serves what it holds.
+read without writing, so a store without write permission serves what it holds. What other code made of the same
+config and inputs is adopted where the caller can show that today's code agrees.
 """
 
 from __future__ import annotations
@@ -82,7 +83,11 @@ class ArtifactStore:
         self.root = root
 
     def make(
-        self, recipe: Recipe, compute: Callable[[Path], Any], note: Callable[[str], None] = lambda text: None
+        self,
+        recipe: Recipe,
+        compute: Callable[[Path], Any],
+        note: Callable[[str], None] = lambda text: None,
+        agrees: Callable[[Any], bool] | None = None,
     ) -> Artifact:
         """Load the artifact of a recipe, or compute and store it.
 
@@ -91,6 +96,8 @@ class ArtifactStore:
             compute: called with a folder for finished parts; what it leaves there survives an interruption
                 and is given to the next attempt.
             note: receives a sentence when something was found corrupted, or when another process computes.
+            agrees: whether today's code gives the same as a value that other code made of the same config and
+                inputs; such a value is adopted under the new key instead of computed. None adopts nothing.
 
         Raises:
             UserError: the store cannot be read or written.
@@ -107,13 +114,21 @@ class ArtifactStore:
             found = self._load_or_discard(folder, note)  # another process may have finished it
             if found is not None:
                 return found
+            of_other_code = self._adoptable(recipe, agrees) if agrees is not None else None
+            if of_other_code is not None:
+                value, wall_s = of_other_code.value, float(of_other_code.manifest["wall_s"])
+                note(
+                    f"{recipe.stage}: what other code of Pliant made ({of_other_code.key[:8]}) is taken over; "
+                    "a part of it was computed again and agrees."
+                )
+            else:
+                with writing_in(folder.parent):
+                    partial.mkdir(exist_ok=True)
+                started = time.perf_counter()
+                value = compute(partial)
+                wall_s = time.perf_counter() - started
             with writing_in(folder.parent):
-                partial.mkdir(exist_ok=True)
-            started = time.perf_counter()
-            value = compute(partial)
-            wall_s = time.perf_counter() - started
-            with writing_in(folder.parent):
-                self._write(folder, recipe, value, wall_s)
+                self._write(folder, recipe, value, wall_s, of_other_code.key if of_other_code else "")
             shutil.rmtree(partial, ignore_errors=True)
         # Read back, so that the first run goes on with exactly what later runs will find.
         return replace(load_artifact(folder), cached=False)
@@ -139,6 +154,20 @@ class ArtifactStore:
         except (OSError, NotImplementedError):  # `make` says so
             return False
 
+    def _adoptable(self, recipe: Recipe, agrees: Callable[[Any], bool]) -> Artifact | None:
+        """An artifact of the same config, inputs and libraries by other code, the newest that agrees."""
+        alike = json.loads(json.dumps([recipe.config, dict(recipe.inputs), dict(recipe.libraries)]))
+        found = []
+        for file in (self.root / recipe.stage).glob(f"*/{MANIFEST}"):
+            try:
+                manifest = json.loads(file.read_text())
+                if [manifest["config"], manifest["inputs"], manifest["libraries"]] == alike:
+                    found.append((manifest["created"], file.parent))
+            except (OSError, ValueError, KeyError, TypeError):  # damaged, or being written
+                continue
+        sound = (_sound(folder) for _, folder in sorted(found, reverse=True))
+        return next((artifact for artifact in sound if artifact is not None and agrees(artifact.value)), None)
+
     def _load_or_discard(self, folder: Path, note: Callable[[str], None]) -> Artifact | None:
         """The artifact, if it is sound; a damaged one is set aside. Only for the holder of the lock."""
         if not folder.exists():
@@ -155,7 +184,7 @@ class ArtifactStore:
             folder.rename(aside)
         return None
 
-    def _write(self, folder: Path, recipe: Recipe, value: Any, wall_s: float) -> None:
+    def _write(self, folder: Path, recipe: Recipe, value: Any, wall_s: float, adopted: str) -> None:
         for left in folder.parent.glob(f".writing-{folder.name}-*"):  # by a process that was killed
             shutil.rmtree(left, ignore_errors=True)
         temporary = folder.with_name(f".writing-{folder.name}-{uuid.uuid4().hex}")
@@ -176,6 +205,7 @@ class ArtifactStore:
                 "platform": platform.platform(),
                 "versions": versions(["numpy", "scipy", "pydantic"]),
                 "files": digests(temporary),
+                **({"adopted": adopted} if adopted else {}),
             }
             manifest["digest"] = _json_digest(manifest)
             (temporary / MANIFEST).write_text(json.dumps(manifest, indent=1))

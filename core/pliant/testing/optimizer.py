@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pliant.interfaces.optimizer import Optimizer, OptimizerCapabilities, Outcome, Value
+from pliant.interfaces.optimizer import Optimizer, OptimizerCapabilities, Value
 from pliant.testing.optimizer_bench import (
     BATCH,
     MIXED,
@@ -79,7 +79,7 @@ def answers_before_all_is_told(subject: Subject) -> None:
         require_within(MIXED, candidate.values)
 
 
-@suite.check("same seed, space and outcomes give the same proposals.")
+@suite.check("same seed, space and results give the same proposals.")
 def seed_decides_everything(subject: Subject) -> None:
     require(
         proposals(started(subject)) == proposals(started(subject)),
@@ -105,14 +105,14 @@ def leaves_global_random_state_alone(subject: Subject) -> None:
     )
 
 
-@suite.check("outcomes may be told in any order.")
-def order_of_outcomes_does_not_matter(subject: Subject) -> None:
+@suite.check("results may be told in any order.")
+def order_of_results_does_not_matter(subject: Subject) -> None:
     searches = [started(subject), started(subject)]
     for direction, optimizer in zip((1, -1), searches, strict=True):
         for _ in range(2):
             optimizer.tell([sphere(c) for c in optimizer.ask(BATCH)][::direction])
     first, second = ([dict(c.values) for c in o.ask(BATCH)] for o in searches)
-    require(first == second, "proposals depend on the order in which a batch's outcomes arrived")
+    require(first == second, "proposals depend on the order in which a batch's results arrived")
 
 
 @suite.check("`state` is JSON and `restore` continues the search exactly where it was taken.")
@@ -134,10 +134,10 @@ def continues_after_an_interruption(subject: Subject) -> None:
 @suite.check("NaN objectives are survived: the search goes on within bounds.")
 def survives_failed_evaluations(subject: Subject) -> None:
     optimizer = started(subject)
-    generation(optimizer, lambda candidate: Outcome(candidate.number, float("nan")))
+    generation(optimizer, lambda trial: trial.scored(float("nan")))
     generation(
         optimizer,
-        lambda c: Outcome(c.number, float("nan") if c.number % 2 else squares(c)),
+        lambda t: t.scored(float("nan") if t.number % 2 else squares(t)),
     )
     for candidate in optimizer.ask(BATCH):
         require_within(MIXED, candidate.values)

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from pliant.interfaces.optimizer import Candidate, Context, Optimizer, Outcome, Space, Value, Variable
+from pliant.interfaces.optimizer import Context, Optimizer, Space, Trial, Value, Variable
 from pliant.records.design import Array
 from pliant.testing.suite import Finding, Subject, require
 
@@ -25,7 +25,7 @@ TWO_PLACES = Space(
     contexts=(Context("left", (-1.0,)), Context("right", (1.0,))),
 )
 BATCH = 8
-Score = Callable[[Candidate], Outcome]
+Score = Callable[[Trial], Trial]
 
 
 def started(subject: Subject, space: Space = MIXED, seed: int = 3) -> Optimizer:
@@ -35,40 +35,40 @@ def started(subject: Subject, space: Space = MIXED, seed: int = 3) -> Optimizer:
     return optimizer
 
 
-def squares(candidate: Candidate) -> float:
+def squares(trial: Trial) -> float:
     """Sum of the squares of all numbers."""
-    return sum(float(v) ** 2 for v in candidate.values.values() if not isinstance(v, str))
+    return sum(float(v) ** 2 for v in trial.values.values() if not isinstance(v, str))
 
 
-def sphere(candidate: Candidate) -> Outcome:
+def sphere(trial: Trial) -> Trial:
     """Its minimum is where every number is 0."""
-    return Outcome(candidate.number, squares(candidate))
+    return trial.scored(squares(trial))
 
 
-def two_ends(candidate: Candidate) -> Outcome:
+def two_ends(trial: Trial) -> Trial:
     """Squared distances to two points: the best compromises lie between them, f₁ = 4 t², f₂ = 4 (1 − t)²."""
-    x = np.array([float(v) for v in candidate.values.values()])
-    return Outcome(candidate.number, float(np.sum((x - 0.5) ** 2)), (float(np.sum((x + 0.5) ** 2)),))
+    x = np.array([float(v) for v in trial.values.values()])
+    return trial.scored(float(np.sum((x - 0.5) ** 2)), float(np.sum((x + 0.5) ** 2)))
 
 
-def two_places(candidate: Candidate) -> Outcome:
+def two_places(trial: Trial) -> Trial:
     """A bowl whose bottom is at a = −0.5 in the first context and at a = +0.5 in the second."""
-    bottom = 0.5 if candidate.context else -0.5
-    a, b = float(candidate.values["a"]), float(candidate.values["b"])
-    return Outcome(candidate.number, (a - bottom) ** 2 + b**2)
+    bottom = 0.5 if trial.context else -0.5
+    a, b = float(trial.values["a"]), float(trial.values["b"])
+    return trial.scored((a - bottom) ** 2 + b**2)
 
 
-def half_plane(candidate: Candidate) -> Outcome:
+def half_plane(trial: Trial) -> Trial:
     """A bowl in the corner of the plane where a + b ≤ −1; the other 78 % are refused, half of them after they were
     evaluated, as where a metric breaks the constraint: to an objective below all that are allowed.
     """
-    a, b = float(candidate.values["a"]), float(candidate.values["b"])
+    a, b = float(trial.values["a"]), float(trial.values["b"])
     if a + b > -1:
-        return Outcome(candidate.number, -1.0 if candidate.number % 2 else math.nan, violation=a + b + 1)
-    return Outcome(candidate.number, (a + 0.7) ** 2 + (b + 1.3) ** 2)
+        return trial.scored(-1.0 if trial.number % 2 else math.nan, violation=a + b + 1)
+    return trial.scored((a + 0.7) ** 2 + (b + 1.3) ** 2)
 
 
-def generation(optimizer: Optimizer, score: Score = sphere, count: int = BATCH) -> Sequence[Candidate]:
+def generation(optimizer: Optimizer, score: Score = sphere, count: int = BATCH) -> Sequence[Trial]:
     """Ask, score, tell; the candidates."""
     asked = optimizer.ask(count)
     optimizer.tell([score(c) for c in asked])

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from pliant.interfaces.optimizer import Candidate, Optimizer, Outcome
+from pliant.interfaces.optimizer import Optimizer, Trial
 from pliant.testing.optimizer_bench import (
     BATCH,
     PLANE,
@@ -54,14 +54,14 @@ def avoids_what_is_refused(subject: Subject) -> None:
     optimizer = started(subject, PLANE)
     refused: list[bool] = []
     while len(refused) < ENOUGH_OF_ONE:
-        for outcome in _round(optimizer, half_plane):
-            refused.append(outcome.violation > 0)
+        for trial in _round(optimizer, half_plane):
+            refused.append(trial.violation > 0)
         share = float(np.mean(refused[-WINDOW:]))
         if len(refused) >= 2 * WINDOW and share <= 0.5 * BLIND_SHARE:
             return
     raise Finding(
         f"{share:.0%} of the last {WINDOW} candidates break a constraint that a blind search breaks in "
-        f"{BLIND_SHARE:.0%}: is an outcome with `violation` above 0, whatever its objective, or with NaN, taken for a "
+        f"{BLIND_SHARE:.0%}: is a trial with `violation` above 0, whatever its objective, or with NaN, taken for a "
         "good one?"
     )
 
@@ -73,7 +73,7 @@ def finds_a_front(subject: Subject) -> None:
     optimizer = started(subject, TWO_ENDS)
     points: list[tuple[float, float]] = []
     while len(points) < ENOUGH_OF_TWO:
-        points += [(o.objective, *o.further) for o in _round(optimizer, two_ends)]  # type: ignore[misc]
+        points += [(t.objectives[0], t.objectives[1]) for t in _round(optimizer, two_ends)]
         if len(points) < 2 * WINDOW:
             continue
         first, last = (hypervolume(np.array(p), CORNER) for p in (points[:WINDOW], points[-WINDOW:]))
@@ -81,7 +81,7 @@ def finds_a_front(subject: Subject) -> None:
             return
     raise Finding(
         f"the last {WINDOW} candidates have the hypervolume {last:.1f}, the first had {first:.1f} of {IDEAL:.1f}: "
-        "are all objectives used, `further` too?"
+        "are all objectives used, the second too?"
     )
 
 
@@ -125,15 +125,15 @@ def _require_contexts(subject: Subject) -> None:
         raise CheckSkipped(f"{subject.component.label} knows no contexts")
 
 
-def _place(candidates: Sequence[Candidate], context: int) -> float:
+def _place(candidates: Sequence[Trial], context: int) -> float:
     """Mean of `a` in a context; NaN where no candidate is for it."""
     found = [float(c.values["a"]) for c in candidates if c.context == context]
     return float(np.mean(found)) if found else float("nan")
 
 
-def _round(optimizer: Optimizer, score: Score) -> list[Outcome]:
+def _round(optimizer: Optimizer, score: Score) -> list[Trial]:
     """A batch of the optimizer's own size."""
     asked = optimizer.ask(optimizer.batch)
-    outcomes = [score(c) for c in asked]
-    optimizer.tell(outcomes)
-    return outcomes
+    trials = [score(c) for c in asked]
+    optimizer.tell(trials)
+    return trials

@@ -12,17 +12,17 @@ import numpy as np
 
 from pliant.api import DEFAULT_STORE, open_study
 from pliant.errors import UserError, closest
-from pliant.interfaces.optimizer import Space, Value
-from pliant.search.evaluation import Evaluation, Evaluator
-from pliant.search.problem import SearchProblem
-from pliant.search.scenarios import draw_scenarios
+from pliant.interfaces.optimizer import Space, Trial, Value
+from pliant.search.evaluate.evaluator import Evaluator
+from pliant.search.evaluate.scenarios import draw_scenarios
+from pliant.search.problem.search_problem import SearchProblem
 from pliant_plugins.optimizers.ppo.actions import Numbers, values_of
 from pliant_plugins.optimizers.ppo.episode import episode_spaces
 from pliant_plugins.optimizers.ppo.observations import observations_of
 
 
 class Problem(Protocol):
-    """What the environment asks of a `pliant.search.problem.SearchProblem`."""
+    """What the environment asks of a `pliant.search.problem.search_problem.SearchProblem`."""
 
     @property
     def until(self) -> object | None:
@@ -38,14 +38,14 @@ class Problem(Protocol):
         ...
 
     def reached(self, values: Mapping[str, Value], metrics: Mapping[str, float]) -> bool:
-        """Whether `until` holds."""
+        """Whether these values and metrics satisfy the search's `until`."""
         ...
 
 
 class Judge(Protocol):
-    """What it asks of a `pliant.search.evaluation.Evaluator`."""
+    """What it asks of a `pliant.search.evaluate.evaluator.Evaluator`."""
 
-    def evaluate(self, values: Mapping[str, Value], context: int = -1) -> Evaluation:
+    def evaluate(self, values: Mapping[str, Value], context: int = -1) -> Trial:
         """What a candidate comes to; never raises for a bad one."""
         ...
 
@@ -129,12 +129,12 @@ class DesignEnv(gymnasium.Env[Numbers, Numbers]):
     def _scored(self, values: Mapping[str, Value]) -> tuple[float, dict[str, Any]]:
         found = self.evaluator.evaluate(values, self._condition)
         info = {
-            "status": found.status,
+            "status": found.state,
             "metrics": dict(found.metrics),
             "cause": found.cause,
             "violation": float(found.violation),
         }
-        good = found.status == "ok" and found.violation <= 0
+        good = found.state == "ok" and found.violation <= 0
         if self.problem.until is not None:
             info["is_success"] = bool(good and self.problem.reached(values, found.metrics))
         return (-float(found.objectives[0]) if good else self.failed_reward), info

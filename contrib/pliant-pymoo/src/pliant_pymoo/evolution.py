@@ -1,6 +1,6 @@
 """pymoo's algorithms as ask and tell, a generation at a time.
 
-pymoo's own state cannot be written as JSON; with the same seed and the same outcomes it does the same again, so the
+pymoo's own state cannot be written as JSON; with the same seed and the same results it does the same again, so the
 state is what was told, and `restore` tells it once more.
 """
 
@@ -20,7 +20,7 @@ from pymoo.core.termination import NoTermination
 from pymoo.problems.static import StaticProblem
 from scipy.stats import qmc
 
-from pliant.interfaces.optimizer import Candidate, Optimizer, OptimizerCapabilities, Outcome, Space
+from pliant.interfaces.optimizer import Optimizer, OptimizerCapabilities, Space, Trial
 from pliant.records.design import Array
 from pliant_pymoo import encoding
 from pliant_pymoo.config import DeConfig, Nsga2Config
@@ -65,7 +65,7 @@ class Evolution(Optimizer):
     def algorithm(self, sample: Array) -> Any:
         """pymoo's algorithm with this first generation (members, coordinates)."""
 
-    def ask(self, count: int) -> Sequence[Candidate]:
+    def ask(self, count: int) -> Sequence[Trial]:
         """What is left of the generation, `count` at most; random candidates when nothing is left."""
         free = [k for k in range(len(self._population)) if k not in self._numbers.values()][:count]
         if free:
@@ -74,11 +74,11 @@ class Evolution(Optimizer):
         numbers = range(self._count, self._count + count)
         return [self._candidate(np.random.default_rng([self._seed, 1, k]).random(n)) for k in numbers]
 
-    def tell(self, outcomes: Sequence[Outcome]) -> None:
-        """Keep the generation's outcomes; learn once it is complete."""
-        for outcome in outcomes:
-            if outcome.number in self._numbers:
-                self._told[self._numbers[outcome.number]] = _told(outcome)
+    def tell(self, trials: Sequence[Trial]) -> None:
+        """Keep the generation's results; learn once it is complete."""
+        for trial in trials:
+            if trial.number in self._numbers:
+                self._told[self._numbers[trial.number]] = _told(trial)
         if len(self._told) == len(self._population):
             self._learn([self._told[k] for k in range(len(self._population))])
 
@@ -102,12 +102,12 @@ class Evolution(Optimizer):
         self._numbers = {int(number): int(member) for number, member in state["numbers"]}
         self._told = {int(member): (tuple(o), float(v)) for member, o, v in state["told"]}
 
-    def _candidate(self, x: Array, member: int | None = None) -> Candidate:
+    def _candidate(self, x: Array, member: int | None = None) -> Trial:
         number = self._count
         self._count += 1
         if member is not None:
             self._numbers[number] = member
-        return Candidate(number, encoding.decoded(self._space.variables, np.asarray(x, float)))
+        return Trial(number, encoding.decoded(self._space.variables, np.asarray(x, float)))
 
     def _next_generation(self) -> None:
         self._population = self._algorithm.ask()
@@ -156,9 +156,9 @@ class Nsga2(Evolution):
         return NSGA2(pop_size=len(sample), sampling=sample)
 
 
-def _told(outcome: Outcome) -> Told:
-    violation = float(outcome.violation)
+def _told(trial: Trial) -> Told:
+    violation = float(trial.violation)
     if not violation <= 0:
         return (), violation if math.isfinite(violation) else 1e300
-    objectives = (float(outcome.objective), *(float(value) for value in outcome.further))
+    objectives = tuple(map(float, trial.objectives))
     return (objectives, 0.0) if all(math.isfinite(value) for value in objectives) else ((), FAILED)

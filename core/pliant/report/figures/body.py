@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from pliant.records.design import Array
 from pliant.records.fem import IntArray, ModuleShape
-from pliant.report.figures.raster import Surface
+from pliant.report.figures.rendering import Surface
 
 STRAIGHT = 1e-7  # rad
 

@@ -10,7 +10,7 @@ from pliant.formatting import actuation_unit, display_unit
 from pliant.records.design import Array
 from pliant.report.figures import style
 from pliant.report.folder import FinishedRun
-from pliant.report.reading import (
+from pliant.report.run_view import (
     Ran,
     actuation,
     distances_m,

@@ -9,14 +9,13 @@ import numpy as np
 
 from pliant.formatting import actuation_unit
 from pliant.records.design import Array
-from pliant.report.figures import body, raster, shading, style
-from pliant.report.figures.body_row import show
+from pliant.report.figures import body, rendering, style
 from pliant.report.figures.chain_pose import draw_poses, views
 from pliant.report.figures.law import draw_law
-from pliant.report.figures.module_shape import can_show, stretch_bar, stretch_limits
+from pliant.report.figures.module import can_show, show, stretch_bar, stretch_limits
 from pliant.report.figures.stills import draw_side
 from pliant.report.folder import FinishedRun
-from pliant.report.reading import (
+from pliant.report.run_view import (
     actuation,
     base_pose,
     chain_config,
@@ -36,9 +35,9 @@ AZIMUTH, ELEVATION = np.radians(-24.0), np.radians(12.0)
 class Bodies:
     """The finger at rest, on the way, and settled, with the settled modules' shapes and its path of ends."""
 
-    rest: raster.Surface
-    between: list[tuple[float, raster.Surface, Array]]
-    settled: raster.Surface
+    rest: rendering.Surface
+    between: list[tuple[float, rendering.Surface, Array]]
+    settled: rendering.Surface
     sections: list[body.SectionShape]
     path: Array
 
@@ -84,7 +83,7 @@ def finger_bodies(run: FinishedRun) -> Bodies | None:
     position, rotation = base_pose(run)
     designs, turns = modules
 
-    def at(value: float, angles: Array) -> tuple[list[body.SectionShape], raster.Surface, Array]:
+    def at(value: float, angles: Array) -> tuple[list[body.SectionShape], rendering.Surface, Array]:
         pieces = [body.at_actuation(s, c, value) for s, c in zip(shapes, sections, strict=True)]
         surface, path = body.finger([pieces[d] for d in designs], angles, np.array(turns), position, rotation)
         return pieces, surface, path
@@ -101,19 +100,19 @@ def finger_bodies(run: FinishedRun) -> Bodies | None:
 def draw_bodies(figure: Any, axes: Any, run: FinishedRun, bodies: Bodies) -> None:
     """Rest and intermediate poses as ghosts, the settled finger coloured by the stretch of its skin."""
     camera = finger_camera(run)
-    left, right, bottom, top = raster.box_of(
+    left, right, bottom, top = rendering.box_of(
         [bodies.rest, bodies.settled, *(b for _, b, _ in bodies.between)], camera, 0.002
     )
     foot = bottom - 0.13 * (top - bottom)  # room for the scales
     scale = BODY_PX / max(top - foot, 0.9 * (right - left))
-    window = raster.Window((left, right, bottom, top), scale)
+    window = rendering.Window((left, right, bottom, top), scale)
     rough, limits = replace(window, fine=1), stretch_limits(bodies.sections)
-    image = raster.draw(bodies.rest, camera, rough, shading.Look(colour="#e3e6ec", opacity=0.5))
+    image = rendering.draw(bodies.rest, camera, rough, rendering.Look(colour="#e3e6ec", opacity=0.5))
     for number, (_, surface, _) in enumerate(bodies.between):
-        ghost = shading.Look(colour="#e9dcc6", opacity=0.22 + 0.1 * number)
-        image = raster.over(raster.draw(surface, camera, rough, ghost), image)
-    look = shading.Look(style.stretch_map(), limits)
-    image = raster.over(raster.draw(bodies.settled, camera, window, look), image)
+        ghost = rendering.Look(colour="#e9dcc6", opacity=0.22 + 0.1 * number)
+        image = rendering.over(rendering.draw(surface, camera, rough, ghost), image)
+    look = rendering.Look(style.stretch_map(), limits)
+    image = rendering.over(rendering.draw(bodies.settled, camera, window, look), image)
     show(axes, image, window)
     axes.set_ylim(1e3 * foot, 1e3 * top)
     axes.set_anchor("N")
@@ -130,7 +129,7 @@ def draw_bodies(figure: Any, axes: Any, run: FinishedRun, bodies: Bodies) -> Non
     axes.set_title(f"{count} FEM module{'s' * (count > 1)}, at rest and at {pressure}")
 
 
-def finger_camera(run: FinishedRun) -> raster.Camera:
+def finger_camera(run: FinishedRun) -> rendering.Camera:
     """A view onto the bending plane, from a little beside and above it."""
     _, rotation = base_pose(run)
     toward, along = rotation[:, 1], rotation[:, 0]
@@ -139,4 +138,4 @@ def finger_camera(run: FinishedRun) -> raster.Camera:
         up = -gravity(run)
     if np.linalg.norm(np.cross(up, toward)) < 0.3 * np.linalg.norm(up):
         up = -along
-    return raster.Camera.looking(toward, up).tilted(AZIMUTH, ELEVATION)
+    return rendering.Camera.looking(toward, up).tilted(AZIMUTH, ELEVATION)

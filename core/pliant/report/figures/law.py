@@ -14,9 +14,9 @@ from pliant.records.design import Array
 from pliant.records.fem import FemDataset
 from pliant.records.law import JointLaw
 from pliant.report.figures import style
-from pliant.report.figures.state_groups import Groups
+from pliant.report.figures.fem import Groups
 from pliant.report.folder import DesignResult, FinishedRun
-from pliant.report.reading import actuation, band_of, law_of, main_axis, ran, study_form, study_form_effort
+from pliant.report.run_view import actuation, band_of, law_of, main_axis, ran, study_form, study_form_effort
 
 CURVES = 7  # levels that are drawn where the data have more
 MANY = 400  # states beyond which points are drawn small

@@ -10,8 +10,7 @@ import numpy as np
 from pliant.records.search import FoundDesign
 from pliant.report.figures import style
 from pliant.report.figures.search_small import small_png
-from pliant.report.search_axes import Axis
-from pliant.report.search_reading import SearchRead
+from pliant.report.search_view import Axis, SearchView
 
 ROW_PX, WIDTH_PX = 62, 1500
 LABEL = 34  # characters of a variable's name on one line
@@ -19,7 +18,7 @@ MARKS = ("o", "s", "D", "^", "v", "P", "X", "*")
 MOST = 8  # designs that get a colour and a mark of their own
 
 
-def search_answer(read: SearchRead) -> style.Png | None:
+def search_answer(read: SearchView) -> style.Png | None:
     """Ranges as bars, the best designs as marks on them; None without a design."""
     axes_of = [
         a for a in read.axes if any(np.isfinite(a.place(read.value(d, a.name))) for d in read.result.best)
@@ -62,7 +61,7 @@ def _range(axes: Any, axis: Axis, row: int) -> None:
 
 
 def _design(
-    axes: Any, axes_of: list[Axis], design: FoundDesign, number: int, read: SearchRead, several: bool
+    axes: Any, axes_of: list[Axis], design: FoundDesign, number: int, read: SearchView, several: bool
 ) -> None:
     """One design's marks; a single one is written out at the right."""
     count = len(read.result.best)

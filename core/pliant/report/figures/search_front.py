@@ -10,12 +10,12 @@ import numpy as np
 from pliant.report.figures import style
 from pliant.report.figures.search_history import shown_range
 from pliant.report.figures.search_small import small_png
-from pliant.report.search_reading import SearchRead
+from pliant.report.search_view import SearchView
 
 MOST_PAIRS = 3
 
 
-def search_front(read: SearchRead) -> style.Png | None:
+def search_front(read: SearchView) -> style.Png | None:
     """A panel per pair of objectives; None for one objective."""
     pairs = list(itertools.combinations(range(len(read.objectives)), 2))[:MOST_PAIRS]
     if not pairs or not read.result.best:
@@ -29,7 +29,7 @@ def search_front(read: SearchRead) -> style.Png | None:
         return small_png(figure)
 
 
-def _panel(axes: Any, read: SearchRead, pair: tuple[int, int]) -> None:
+def _panel(axes: Any, read: SearchView, pair: tuple[int, int]) -> None:
     one, other = (read.objectives[k] for k in pair)
     axes.scatter(
         read.scores(pair[0]), read.scores(pair[1]), 10, color="#8fb3d0", lw=0, alpha=0.6, label="candidate"

@@ -12,7 +12,7 @@ from pliant.records.design import Array
 from pliant.records.search import STATUSES
 from pliant.report.figures import style
 from pliant.report.figures.search_small import small_png
-from pliant.report.search_reading import SearchRead, log_suits
+from pliant.report.search_view import SearchView, log_suits
 
 WIDTH_PX, HEIGHT_PX = 1560, 620
 NAMED = 24  # branches that stand with their names; of more, the first few are named
@@ -23,7 +23,7 @@ WINDOW = 0.05  # of the search, over which a moving median is taken
 CAUSES = (("refused", style.SERIES[4]), ("failed", style.SERIES[1]), ("not_a_number", style.SERIES[3]))
 
 
-def search_history(read: SearchRead) -> style.Png:
+def search_history(read: SearchView) -> style.Png:
     """Candidates against their number, failures at the rim, best so far; with contexts a moving median."""
     scores, branches = read.scores(), len(read.result.branches)
     x: Array = _within(read) if branches > 1 else np.arange(1.0, len(scores) + 1)
@@ -45,7 +45,7 @@ def search_history(read: SearchRead) -> style.Png:
         return small_png(figure)
 
 
-def branch_strip(read: SearchRead) -> style.Png | None:
+def branch_strip(read: SearchView) -> style.Png | None:
     """The best of every branch, sorted; None for one branch, or where none has a design."""
     found = read.best_of_branches()
     if len(read.result.branches) < 2 or not found:
@@ -90,7 +90,7 @@ def _ranked(axes: Any, values: Array, labels: list[str]) -> None:
     axes.set_xlabel("rank of the search")
 
 
-def _limits(axes: Any, read: SearchRead, scores: Array) -> None:
+def _limits(axes: Any, read: SearchView, scores: Array) -> None:
     """A log axis where it helps; else the axis leaves out the worst few, which stand at its edge."""
     finite = scores[np.isfinite(scores)]
     if not len(finite):
@@ -117,7 +117,7 @@ def shown_range(scores: Array, maximised: bool) -> tuple[float, float]:
     return (low, cut) if high - low > 2.5 * (cut - low) > 0 else (low, high)
 
 
-def _candidates(axes: Any, read: SearchRead, x: Array, scores: Array) -> None:
+def _candidates(axes: Any, read: SearchView, x: Array, scores: Array) -> None:
     n = int(np.isfinite(scores).sum())
     size, alpha = (14, 0.8) if n < 500 else ((7, 0.5) if n < 6000 else (2.5, 0.25))
     low, high = axes.get_ylim()
@@ -137,7 +137,7 @@ def _candidates(axes: Any, read: SearchRead, x: Array, scores: Array) -> None:
     axes.scatter(x, np.clip(scores, low, high), size, color="#8fb3d0", lw=0, alpha=alpha, label="candidate")
 
 
-def _best_so_far(axes: Any, read: SearchRead, x: Array, scores: Array) -> None:
+def _best_so_far(axes: Any, read: SearchView, x: Array, scores: Array) -> None:
     better = np.fmax if read.objective.maximised else np.fmin
     best = better.accumulate(scores)
     axes.plot(x, best, color=style.SERIES[0], lw=1.8, drawstyle="steps-post", label="best so far")
@@ -146,7 +146,7 @@ def _best_so_far(axes: Any, read: SearchRead, x: Array, scores: Array) -> None:
         axes.plot([x[row]], [scores[row]], "*", ms=13, color=style.WARN, mec="white", zorder=6, label="best")
 
 
-def _branch_lines(axes: Any, read: SearchRead, x: Array, scores: Array) -> None:
+def _branch_lines(axes: Any, read: SearchView, x: Array, scores: Array) -> None:
     """Best so far of every branch, that of the winner in front."""
     better = np.fmax if read.objective.maximised else np.fmin
     branch = np.asarray(read.result.history.branch)
@@ -163,7 +163,7 @@ def _branch_lines(axes: Any, read: SearchRead, x: Array, scores: Array) -> None:
             axes.plot([x[row]], [scores[row]], "*", ms=13, color=style.WARN, mec="white", zorder=6)
 
 
-def _medians(axes: Any, read: SearchRead, x: Array, scores: Array) -> None:
+def _medians(axes: Any, read: SearchView, x: Array, scores: Array) -> None:
     """Moving median of each condition: what a policy would give at that time."""
     context = np.asarray(read.result.history.context)
     for k in np.unique(context[context >= 0]).tolist():
@@ -183,7 +183,7 @@ def moving_median(x: Array, values: Array) -> tuple[Array, Array]:
     )
 
 
-def _rim(axes: Any, read: SearchRead, x: Array) -> None:
+def _rim(axes: Any, read: SearchView, x: Array) -> None:
     """Candidates without an objective, as ticks at the upper rim: one row per status."""
     status = np.asarray(read.result.history.status)
     row = 0
@@ -216,7 +216,7 @@ def _shaded(axes: Any, x: Array, mine: NDArray[np.bool_], top: float, colour: st
     axes.plot([], [], "s", ms=4, color=colour, label=label)
 
 
-def _within(read: SearchRead) -> Array:
+def _within(read: SearchView) -> Array:
     """(n,) number of a candidate within its own branch, from 1."""
     branch = np.asarray(read.result.history.branch)
     number = np.zeros(len(branch))

@@ -16,8 +16,7 @@ from pliant.report.figures import style
 from pliant.report.figures.search_answer import discrete
 from pliant.report.figures.search_history import shown_range
 from pliant.report.figures.search_small import small_png
-from pliant.report.search_axes import Axis
-from pliant.report.search_reading import SearchRead, log_suits
+from pliant.report.search_view import Axis, SearchView, log_suits
 
 MOST_LINES = 400
 BEST_SHARE = 0.1
@@ -26,7 +25,7 @@ LABEL = 32  # characters of a variable's name on one line
 JITTER = 0.03  # of the range: candidates with the same integer or choice lie beside one another
 
 
-def search_parallel(read: SearchRead) -> style.Png | None:
+def search_parallel(read: SearchView) -> style.Png | None:
     """A row per variable, the objective in the last one; None where fewer than two candidates have an objective."""
     rows, axes_of = thinned(read.order()), read.varied()
     if len(rows) < 2 or not axes_of:
@@ -79,7 +78,7 @@ class _Scale:
         self.best, self.worst, self.log = best, worst, log
 
     @staticmethod
-    def of(read: SearchRead) -> _Scale:
+    def of(read: SearchView) -> _Scale:
         scores, up = read.scores(), read.objective.maximised
         log = log_suits(scores)
         finite = scores[np.isfinite(scores)]

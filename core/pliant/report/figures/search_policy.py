@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 from pliant.report.figures import style
 from pliant.report.figures.search_answer import discrete
 from pliant.report.figures.search_small import small_png
-from pliant.report.search_axes import Axis
-from pliant.report.search_reading import SearchRead
+from pliant.report.search_view import Axis, SearchView
 
 LAST = 0.25  # of the search
 COLUMNS = 3
@@ -20,7 +19,7 @@ MOST_DOTS = 150  # of a condition
 LABEL = 22
 
 
-def search_policy(read: SearchRead) -> style.Png | None:
+def search_policy(read: SearchView) -> style.Png | None:
     """One panel per variable, one row per condition; None for searches without contexts."""
     axes_of = read.varied()
     if not read.contextual or not axes_of:
@@ -40,14 +39,14 @@ def search_policy(read: SearchRead) -> style.Png | None:
         return small_png(figure)
 
 
-def last_rows(read: SearchRead, context: int) -> NDArray[np.int64]:
+def last_rows(read: SearchView, context: int) -> NDArray[np.int64]:
     """Rows of a condition's evaluated candidates in the last quarter of the search."""
     own = np.asarray(read.result.history.context) == context
     late = np.arange(len(own)) >= (1 - LAST) * len(own)
     return np.flatnonzero(own & late & read.ok)
 
 
-def _panel(axes: Any, read: SearchRead, axis: Axis) -> None:
+def _panel(axes: Any, read: SearchView, axis: Axis) -> None:
     for context in range(len(read.result.conditions)):
         rows, colour = last_rows(read, context), style.SERIES[context % 6]
         values = axis.values[rows][np.isfinite(axis.values[rows])]

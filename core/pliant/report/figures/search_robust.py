@@ -6,21 +6,14 @@ from typing import Any
 
 import numpy as np
 
-from pliant.records.search import Robustness
 from pliant.report.figures import style
-from pliant.report.search_reading import SearchRead
+from pliant.report.search_sentences import measure_words
+from pliant.report.search_view import SearchView
 
 LOOKS = {"nominal": style.SERIES[1], "robust": style.SERIES[0]}
 
 
-def measure_words(found: Robustness) -> str:
-    """The measure in words."""
-    if found.measure == "cvar":
-        return f"mean of the worst {100 * (1 - found.level):.3g} %"
-    return {"mean": "mean", "worst": "worst"}[found.measure]
-
-
-def search_robust(read: SearchRead) -> style.Png | None:
+def search_robust(read: SearchView) -> style.Png | None:
     """Left: share of scenarios up to an objective. Right: every scenario of both designs as a dot."""
     found = read.result.robustness
     if found is None or not found.spread:

@@ -11,14 +11,13 @@ from pliant.formatting import number
 from pliant.records.search import Slope
 from pliant.report.figures import style
 from pliant.report.figures.search_small import small_png
-from pliant.report.search_axes import Axis
-from pliant.report.search_reading import SearchRead
+from pliant.report.search_view import Axis, SearchView
 
 COLUMNS, PANEL_PX = 4, 390
 LABEL = 26
 
 
-def by_influence(read: SearchRead) -> list[Slope]:
+def by_influence(read: SearchView) -> list[Slope]:
     """Slopes of known variables, those whose range changes the objective most first."""
     known = {axis.name for axis in read.axes}
     return sorted((s for s in read.result.slopes if s.name in known), key=lambda s: -influence(s))
@@ -30,7 +29,7 @@ def influence(slope: Slope) -> float:
     return float(np.ptp(finite)) if len(finite) else 0.0
 
 
-def search_slopes(read: SearchRead) -> style.Png | None:
+def search_slopes(read: SearchView) -> style.Png | None:
     """Small multiples on one scale of the objective; None where nothing was tried."""
     slopes, best = by_influence(read), read.best
     if not slopes or best is None:
@@ -50,7 +49,7 @@ def search_slopes(read: SearchRead) -> style.Png | None:
         return small_png(figure)
 
 
-def _panel(axes: Any, read: SearchRead, slope: Slope, axis: Axis) -> None:
+def _panel(axes: Any, read: SearchView, slope: Slope, axis: Axis) -> None:
     shares, objective = np.asarray(slope.shares, float), read.objective.stated(slope.objective)
     x = shares if axis.choices else axis.low + shares * (axis.high - axis.low)
     good = np.isfinite(objective)

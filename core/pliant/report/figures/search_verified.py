@@ -6,13 +6,13 @@ import textwrap
 
 from pliant.report.figures import style
 from pliant.report.figures.success_shares import Series, success_shares
-from pliant.report.search_reading import SearchRead
+from pliant.report.search_view import SearchView
 
 MOST = 4  # metrics that get a panel
 NO_RESULT = ("trials", "outside_domain")  # of the check, but nothing that it measures
 
 
-def search_verified(read: SearchRead) -> style.Png | None:
+def search_verified(read: SearchView) -> style.Png | None:
     """A panel per metric, a row per engine; None where nothing was verified."""
     found = read.result.verification
     if found is None:
@@ -61,7 +61,7 @@ def search_verified(read: SearchRead) -> style.Png | None:
         return style.png(figure)
 
 
-def checked_metrics(read: SearchRead) -> list[str]:
+def checked_metrics(read: SearchView) -> list[str]:
     """Metrics with a prediction and a check in one engine, that of the objective first."""
     found = read.result.verification
     if found is None:
@@ -73,7 +73,7 @@ def checked_metrics(read: SearchRead) -> list[str]:
     return sorted(known, key=lambda name: name != read.objective_metric)
 
 
-def success_counts(read: SearchRead) -> dict[str, dict[str, tuple[int, int]]]:
+def success_counts(read: SearchView) -> dict[str, dict[str, tuple[int, int]]]:
     """Engine → condition → (stable grasps, trials); empty where no whole number of trials says so."""
     found = read.result.verification
     if found is None:
@@ -88,7 +88,7 @@ def success_counts(read: SearchRead) -> dict[str, dict[str, tuple[int, int]]]:
     return counts
 
 
-def search_successes(read: SearchRead) -> style.Png | None:
+def search_successes(read: SearchView) -> style.Png | None:
     """Success of every condition in every engine with the interval of counting; None where nothing is counted."""
     counts = success_counts(read)
     conditions = list(dict.fromkeys(name for one in counts.values() for name in one))

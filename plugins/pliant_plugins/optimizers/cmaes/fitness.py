@@ -1,4 +1,4 @@
-"""Outcomes as the numbers that pycma ranks: evaluated ones, then failed ones, then refused ones by their amount."""
+"""Trials as the numbers that pycma ranks: evaluated ones, then failed ones, then refused ones by their amount."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from pliant.interfaces.optimizer import Outcome
+from pliant.interfaces.optimizer import Trial
 
 
 @dataclass(frozen=True)
@@ -17,12 +17,12 @@ class Result:
     violation: float = 0.0
 
     @classmethod
-    def of(cls, outcome: Outcome) -> Result:
+    def of(cls, trial: Trial) -> Result:
         """Infinite objectives count as failed, NaN violations as the largest."""
-        violation = float(outcome.violation)
+        violation = float(trial.violation)
         if not violation <= 0:
             return cls(None, violation if math.isfinite(violation) else 1e300)
-        return cls(float(outcome.objective) if math.isfinite(outcome.objective) else None)
+        return cls(float(trial.objective) if math.isfinite(trial.objective) else None)
 
 
 FAILED = Result(None)

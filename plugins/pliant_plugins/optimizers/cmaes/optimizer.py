@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from pliant.interfaces.optimizer import Candidate, Optimizer, Outcome, Space
+from pliant.interfaces.optimizer import Optimizer, Space, Trial
 from pliant.records.design import Array
 from pliant_plugins.optimizers.cmaes.config import CmaesConfig
 from pliant_plugins.optimizers.cmaes.encoding import Encoding
@@ -28,7 +28,7 @@ class Member:
 class Cmaes(Optimizer):
     """A generation is sampled at once, handed out as it is asked for and learned when all of it is told.
 
-    Asked for more while outcomes of a generation are missing, it draws surplus candidates from the same distribution;
+    Asked for more while results of a generation are missing, it draws surplus candidates from the same distribution;
     they take part in the next generations. `recommend` stays empty: the scenarios of a search are the same for all
     candidates, so the best that was tried is known to be good, while the distribution's mean may break a constraint.
     """
@@ -52,7 +52,7 @@ class Cmaes(Optimizer):
         self._set_space(space, seed)
         self._begin_run(0)
 
-    def ask(self, count: int) -> Sequence[Candidate]:
+    def ask(self, count: int) -> Sequence[Trial]:
         """What is left of the generation, `count` at most; surplus candidates when nothing is left."""
         free = [m for m in self._members if m.number == NOT_ASKED][:count]
         if not free:
@@ -61,12 +61,12 @@ class Cmaes(Optimizer):
         for member in free:
             member.number = self._asked
             self._asked += 1
-        return [Candidate(m.number, self._encoding.decoded(m.sample)) for m in free]
+        return [Trial(m.number, self._encoding.decoded(m.sample)) for m in free]
 
-    def tell(self, outcomes: Sequence[Outcome]) -> None:
-        """Keep outcomes; learn once a generation is complete. Outcomes of an earlier run are ignored."""
+    def tell(self, trials: Sequence[Trial]) -> None:
+        """Keep results; learn once a generation is complete. Results of an earlier run are ignored."""
         known = {m.number for m in (*self._members, *self._surplus)}
-        self._results.update({o.number: Result.of(o) for o in outcomes if o.number in known})
+        self._results.update({t.number: Result.of(t) for t in trials if t.number in known})
         while self._complete():
             self._learn()
 

@@ -10,7 +10,7 @@ import optuna
 from optuna.storages import InMemoryStorage
 from optuna.trial import TrialState
 
-from pliant.interfaces.optimizer import Outcome, Space, Value
+from pliant.interfaces.optimizer import Space, Trial, Value
 from pliant_plugins.optimizers.cmaes.fitness import Result, fitness
 from pliant_plugins.optimizers.optuna import trials
 from pliant_plugins.optimizers.optuna.quiet import quiet
@@ -62,21 +62,21 @@ class Memory:
             trial = self._study.ask(self._ranges)
             return trial.number, trials.plain_values(self._space, trial.params)
 
-    def tell(self, outcome: Outcome) -> tuple[tuple[float, ...] | None, float]:
+    def tell(self, trial: Trial) -> tuple[tuple[float, ...] | None, float]:
         """Its objectives, None where it failed or was refused, and its violation."""
-        values = (float(outcome.objective), *map(float, outcome.further))
-        violation = float(outcome.violation)
+        values = tuple(map(float, trial.objectives))
+        violation = float(trial.violation)
         violation = 0.0 if violation <= 0 else min(violation, LARGEST) if violation == violation else LARGEST
         good = violation == 0 and all(map(math.isfinite, values)) and len(values) == self._space.objectives
         if good:
             self._worst = [max(pair) for pair in zip(self._worst or values, values, strict=True)]
-            self._finish(outcome.number, values, 0.0)
+            self._finish(trial.number, values, 0.0)
             return values, 0.0
         if self._constraints:
             standing = self._worst or [0.0] * self._space.objectives
         else:
             standing = fitness([Result(None, violation)], self._worst[0] if self._worst else None)
-        self._finish(outcome.number, standing, violation or FAILED_VIOLATION)
+        self._finish(trial.number, standing, violation or FAILED_VIOLATION)
         return None, violation
 
     def values(self, number: int) -> dict[str, Value]:

@@ -9,7 +9,7 @@ from typing import Any
 
 from optuna.trial import FrozenTrial
 
-from pliant.interfaces.optimizer import Candidate, Optimizer, OptimizerCapabilities, Outcome, Space
+from pliant.interfaces.optimizer import Optimizer, OptimizerCapabilities, Space, Trial
 from pliant_plugins.optimizers.optuna import trials
 from pliant_plugins.optimizers.optuna.board import Board
 from pliant_plugins.optimizers.optuna.config import OptunaConfig
@@ -22,7 +22,7 @@ from pliant_plugins.optimizers.optuna.samplers import (
 )
 
 EXPORT = "optuna.log"
-Told = tuple[int, tuple[float, ...] | None, float]  # number, objectives, violation
+Learned = tuple[int, tuple[float, ...] | None, float]  # number, objectives, violation
 
 
 class Optuna(Optimizer):
@@ -31,7 +31,7 @@ class Optuna(Optimizer):
     capabilities = OptimizerCapabilities(several_objectives=True)
     config: OptunaConfig
     _memory: Memory
-    _told: list[Told]
+    _told: list[Learned]
     _board: Board | None
 
     @property
@@ -55,21 +55,21 @@ class Optuna(Optimizer):
         if self.config.storage is not None:
             self._board = Board.new(self.config.storage, self.config.study, self._owner, space.objectives)
 
-    def ask(self, count: int) -> Sequence[Candidate]:
+    def ask(self, count: int) -> Sequence[Trial]:
         """`count` candidates; those that are not told yet count as bad ones to tpe (a constant liar)."""
         asked = []
         for _ in range(count):
             number, values = self._memory.ask(sampler_for(self.config, self._seed, self._asked))
             self._asked += 1
-            asked.append(Candidate(number, values))
+            asked.append(Trial(number, values))
         return asked
 
-    def tell(self, outcomes: Sequence[Outcome]) -> None:
+    def tell(self, trials: Sequence[Trial]) -> None:
         """Learn, and write to the storage."""
         fresh = []
-        for outcome in sorted(outcomes, key=lambda o: o.number):
-            if self._memory.is_open(outcome.number):
-                fresh.append((outcome.number, *self._memory.tell(outcome)))
+        for trial in sorted(trials, key=lambda one: one.number):
+            if self._memory.is_open(trial.number):
+                fresh.append((trial.number, *self._memory.tell(trial)))
         self._told += fresh
         if self._board is not None:
             self._board.write(self._shown(*told) for told in fresh)

@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from pliant.errors import UserError
-from pliant.interfaces.optimizer import Candidate, Optimizer, OptimizerCapabilities, Outcome, Space
+from pliant.interfaces.optimizer import Optimizer, OptimizerCapabilities, Space, Trial
 from pliant_plugins.native import load_torch
 from pliant_plugins.optimizers.ppo.actions import action_of, values_of
 from pliant_plugins.optimizers.ppo.config import PpoConfig
@@ -30,7 +30,7 @@ ALL_BROKEN = 1.0  # violation from which on `Rewards` sees no difference
 class Ppo(Optimizer):
     """See `PpoConfig`.
 
-    Candidates fill batches in the order of their numbers; a batch whose outcomes are all told is learned from. When
+    Candidates fill batches in the order of their numbers; a batch whose results are all told is learned from. When
     candidates of the next batch are asked for before that, the policy of that moment draws them, and PPO weighs them
     by the density which they were drawn with.
     """
@@ -68,28 +68,28 @@ class Ppo(Optimizer):
         self._waiting: dict[int, Sample] = {}  # drawn and not learned from
         self._told: dict[int, tuple[float, float]] = {}  # objective, NaN for failed ones, and violation
 
-    def ask(self, count: int) -> Sequence[Candidate]:
+    def ask(self, count: int) -> Sequence[Trial]:
         """Up to `count` draws, no more than the batch has room for."""
         room = self.batch - self._asked % self.batch
         numbers = range(self._asked, self._asked + min(count, room))
         self._asked = numbers.stop
         return [self._drawn(number) for number in numbers]
 
-    def _drawn(self, number: int) -> Candidate:
+    def _drawn(self, number: int) -> Trial:
         context = context_of(number, len(self._space.contexts), self._seed)
         sample = self._learner.sample(self._seen[context], number)
         self._waiting[number] = sample
-        return Candidate(number, values_of(sample.action, self._space.variables), context)
+        return Trial(number, values_of(sample.action, self._space.variables), context)
 
-    def tell(self, outcomes: Sequence[Outcome]) -> None:
-        """Take outcomes in; learn from each batch that they complete."""
-        for outcome in outcomes:
-            if outcome.number not in self._waiting or outcome.number in self._told:
-                raise UserError(f"candidate {outcome.number} is not waiting for an outcome.")
-            good = outcome.violation <= 0 and abs(outcome.objective) <= LARGEST
-            objective = float(outcome.objective) if good else float("nan")
-            violation = float(outcome.violation) if np.isfinite(outcome.violation) else ALL_BROKEN
-            self._told[outcome.number] = objective, violation
+    def tell(self, trials: Sequence[Trial]) -> None:
+        """Take results in; learn from each batch that they complete."""
+        for trial in trials:
+            if trial.number not in self._waiting or trial.number in self._told:
+                raise UserError(f"candidate {trial.number} is not waiting for a result.")
+            good = trial.violation <= 0 and abs(trial.objective) <= LARGEST
+            objective = float(trial.objective) if good else float("nan")
+            violation = float(trial.violation) if np.isfinite(trial.violation) else ALL_BROKEN
+            self._told[trial.number] = objective, violation
         while all(number in self._told for number in self._next_batch):
             self._learn()
 
@@ -107,10 +107,10 @@ class Ppo(Optimizer):
             self._live = self._live or LiveLog(Path(self.ppo.tensorboard))
             self._live.add(numbers.stop, logged)
 
-    def recommend(self) -> Sequence[Candidate]:
+    def recommend(self) -> Sequence[Trial]:
         """The policy's mean design in each context; their numbers are −1."""
         means = [values_of(self._learner.mean(seen), self._space.variables) for seen in self._seen]
-        return [Candidate(-1, values, context) for context, values in enumerate(means)]
+        return [Trial(-1, values, context) for context, values in enumerate(means)]
 
     def export(self, folder: Path) -> Sequence[Path]:
         """`policy.zip` (stable-baselines3's), `policy.json` (what its numbers mean), `tensorboard/`."""

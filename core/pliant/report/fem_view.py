@@ -1,0 +1,116 @@
+"""What sentences, tables and pictures read out of a module's FEM data."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pliant.formatting import actuation_unit, deformation_unit, effort_unit, fixed
+from pliant.records.fem import PASSED, SELF_CONTACT, TRUSTED, FemDataset, ModuleData
+from pliant.report.document import Warned
+
+LISTED = 12  # entries that a warning spells out
+
+
+@dataclass(frozen=True, eq=False)
+class Solved:
+    """The FEM data of a design, under its name; `backend` is the kind of the code that solved it."""
+
+    name: str
+    data: ModuleData
+    backend: str = ""
+
+
+def axis_record(data: ModuleData, axis: str) -> Mapping[str, Any]:
+    """What the sampler recorded of an axis; empty where it recorded nothing."""
+    axes = data.sampling.get("axes")
+    found = axes.get(axis, {}) if isinstance(axes, Mapping) else {}
+    return found if isinstance(found, Mapping) else {}
+
+
+def foretold_axes(data: ModuleData) -> list[str]:
+    """Axes whose states were chosen one by one."""
+    return [name for name in data.explored_axes() if axis_record(data, name).get("tests")]
+
+
+def solved_rows(data: ModuleData) -> NDArray[np.bool_]:
+    """(n,) states that were solved; copies by symmetry took no time."""
+    return np.asarray((data.wall_s > 0) | (data.iterations > 0))
+
+
+def explored_kinds(data: ModuleData) -> list[str]:
+    """Axes with states of their own, the main one first, then "coupling" where several axes were held."""
+    return [*data.explored_axes(), *(["coupling"] if np.any(data.explored == "coupling") else [])]
+
+
+def failed_place(entry: Mapping[str, object], data: ModuleData | FemDataset) -> tuple[str, str]:
+    """Where a state failed: its actuation, and what was held."""
+    value, angle = entry.get("actuation"), entry.get("angle_rad")
+    actuation = actuation_unit(data.actuation_name)
+    where = actuation.text(float(value)) if isinstance(value, int | float) else "unknown actuation"
+    u_unit, effort = deformation_unit(data), effort_unit(data)
+    held, load = entry.get("held"), entry.get("effort")
+    if isinstance(load, Mapping) and load:
+        return where, ", ".join(f"τ {axis} {effort.text(float(v), 3)}" for axis, v in load.items())
+    if isinstance(held, Mapping) and held:
+        return where, ", ".join(f"{axis} {u_unit.text(float(v), 3)}" for axis, v in held.items())
+    return where, u_unit.text(float(angle), 3) if isinstance(angle, int | float) else "free"
+
+
+def free_reach(data: ModuleData) -> str:
+    """How far the free branch goes, e.g. ``bends 23.1° at 15 kPa``; empty without one."""
+    main = data.axis(data.main_axis)
+    free = main.branch == "free"
+    if not free.any():
+        return ""
+    last = int(np.argmax(np.where(free, main.actuation, -np.inf)))
+    unit, given = deformation_unit(data), actuation_unit(data.actuation_name)
+    verb = "extends by" if data.joint == "prismatic" else "bends"
+    u = fixed(float(main.angle_rad[last]) * unit.factor, 2)
+    return f"{verb} {unit.attached(u)} at {given.text(float(main.actuation[last]))}"
+
+
+def data_warnings(data: FemDataset | ModuleData, prefix: str = "") -> list[Warned]:
+    """What limits a data set: self-contact, states that are not trusted, states that failed."""
+    found = []
+    contact = int(np.sum(data.status == SELF_CONTACT))
+    if contact:
+        found.append(
+            Warned(
+                f"{prefix}{contact} of {len(data)} states have {_touching(data)}. The model has no "
+                "contact: the law's domain ends where they take over, and inside it they are too soft."
+            )
+        )
+    if passed := int(np.sum(data.status == PASSED)):
+        found.append(
+            Warned(
+                f"{prefix}In {passed} of {len(data)} states convolutions pass through each other, as "
+                "'fem.self_contact: pass' lets them: a real module is stiffer there."
+            )
+        )
+    other = ~np.isin(data.status, (*TRUSTED, SELF_CONTACT))
+    if other.any():
+        names = ", ".join(sorted(set(data.status[other].tolist())))
+        found.append(Warned(f"{prefix}{int(other.sum())} states are not trusted ({names})."))
+    failed = data.failed
+    if failed:
+        items = tuple(_failed(entry, data) for entry in failed[:LISTED])
+        found.append(Warned(f"{prefix}{len(failed)} states failed{rest_of_list(len(failed))}.", items))
+    return found
+
+
+def _touching(data: FemDataset | ModuleData) -> str:
+    return "links that would meet" if data.actuation_name == "tendon_force_n" else "touching convolutions"
+
+
+def _failed(entry: Mapping[str, object], data: FemDataset | ModuleData) -> str:
+    return f"{', '.join(failed_place(entry, data))}: {entry.get('cause', 'no cause recorded')}"
+
+
+def rest_of_list(count: int) -> str:
+    """What a sentence says of a list that is cut."""
+    return f" (the first {LISTED} are listed)" if count > LISTED else ""

@@ -1,0 +1,254 @@
+"""What the page of a fit reads out of a law, its report and the states behind it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from pliant.interfaces.surrogate import SurrogateConfig
+from pliant.pipeline.law_misses import Misses
+from pliant.pipeline.law_speed import evaluations_per_second
+from pliant.records.design import Array
+from pliant.records.fem import ModuleData
+from pliant.records.law import FitReport, JointLaw
+from pliant.report.fem_view import solved_rows
+from pliant.report.run_view import study_form_effort
+from pliant.store.store import Artifact
+
+# Where a report may hold the published study's form, and what the page calls it.
+STUDY_FORMS = {
+    "study_form": "the study's form, least squares",
+    "study_finite_differences": "the study's form, its finite differences",
+}
+POINTS = 81  # of a grid of slopes, along each side of the box
+LEVELS = (0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.99)
+
+
+@dataclass(frozen=True, eq=False)
+class Fitted:
+    """A law with all that its page shows.
+
+    Attributes:
+        name: of the design, or of the surrogate where several are compared.
+        kind: of the surrogate.
+        report: errors on states left out.
+        data: the states; those that the report scores have the role "check".
+        wall_s: of the fit.
+        learning: result of `pliant.pipeline.learning.learning_curve`, or None.
+        source: where the states come from, in words.
+        study_law: the study's form on the same states, where the report itself has none.
+        config: of the surrogate.
+        artifacts: what it was made from, for the page's provenance.
+    """
+
+    name: str
+    kind: str
+    law: JointLaw
+    report: FitReport
+    data: ModuleData
+    wall_s: float
+    learning: Mapping[str, Any] | None = None
+    source: str = "FEM"
+    study_law: JointLaw | None = None
+    config: SurrogateConfig | None = None
+    artifacts: tuple[Artifact, ...] = ()
+
+    @cached_property
+    def per_second(self) -> float:
+        """Evaluations with slopes, measured when a page asks."""
+        return evaluations_per_second(self.law)
+
+    @cached_property
+    def coverage(self) -> list[BandCoverage]:
+        """The law's bands at its check states, all of them first, then by axis; empty without an error bar."""
+        return _coverage(self)
+
+    @cached_property
+    def least_stable(self) -> float:
+        """The largest slope of `least_stable`."""
+        return least_stable(self.law)
+
+    @cached_property
+    def misses(self) -> Misses:
+        """What the law misses, by state and axis."""
+        return Misses.of_law(self.data, self.law, ranges=self.ranges)
+
+    @cached_property
+    def ranges(self) -> Array | None:
+        """(k,) range of each axis' effort as the report has them, so that shares agree; None where it tells none."""
+        if len(self.law.axes) == 1:
+            return np.array([self.report.effort_range])
+        found = [self.axis_details(axis).get("effort_range") for axis in self.law.axes]
+        return np.array(found, float) if all(isinstance(one, float | int) for one in found) else None
+
+    @cached_property
+    def study_misses(self) -> dict[str, Misses]:
+        """What each of the study's forms misses at the same states, by its title."""
+        box = np.vstack([self.law.domain.actuation, self.law.domain.deformation])
+        found = {}
+        for key, title in STUDY_FORMS.items():
+            forms = self.study_forms(key)
+            if len(forms) == len(self.explored):
+                found[title] = Misses.of(
+                    self.data, self.law.axes, _efforts(forms, self.law.axes), box, ranges=self.ranges
+                )
+        if not found and self.study_law is not None and self.study_law.axes == self.law.axes:
+            beside = self.study_law
+            title = STUDY_FORMS["study_form"]
+            found[title] = Misses.of(
+                self.data, beside.axes, lambda p, u: beside.evaluate(p, u).tau, box, ranges=self.ranges
+            )
+        return found
+
+    @property
+    def explored(self) -> tuple[str, ...]:
+        """The law's axes with states of their own, the main one first."""
+        return tuple(axis for axis in self.data.explored_axes() if axis in self.law.axes)
+
+    def axis_details(self, axis: str) -> Mapping[str, Any]:
+        """The report's details of one axis: its own where the axes were fitted one by one."""
+        each = self.report.details.get("axes")
+        if isinstance(each, Mapping):
+            found = each.get(axis, {})
+            return found if isinstance(found, Mapping) else {}
+        return self.report.details if len(self.law.axes) == 1 else {}
+
+    def study_forms(self, key: str) -> dict[str, Mapping[str, Any]]:
+        """By axis, scores and parameters of one of the study's forms, where it could be fitted."""
+        found = {}
+        for axis in self.explored:
+            form = self.axis_details(axis).get(key)
+            if isinstance(form, Mapping) and "parameters" in form:
+                found[axis] = form
+        return found
+
+    @property
+    def fem_s(self) -> float:
+        """Seconds of the solver behind the states; 0 where nobody knows."""
+        return float(np.nansum(self.data.wall_s))
+
+    @property
+    def solved(self) -> int:
+        """States that were solved; all of them where nobody knows."""
+        rows = solved_rows(self.data)
+        return int(rows.sum()) or len(self.data)
+
+
+@dataclass(frozen=True, eq=False)
+class BandCoverage:
+    """How often bands hold what they should: stated `levels` (l,) against `covered` (l,) of n states.
+
+    `half_width` and `missed` (n,) are the band of 90 % and the miss at each state, as shares of the range of the
+    axis' effort; `effort_range` (n,) is that range, N·m or N.
+    """
+
+    label: str
+    levels: Array
+    covered: Array
+    n: int
+    half_width: Array = field(repr=False)
+    missed: Array = field(repr=False)
+    effort_range: Array = field(repr=False)
+
+    def at(self, level: float) -> float:
+        """Share covered at one of the levels."""
+        return float(self.covered[int(np.argmin(np.abs(self.levels - level)))])
+
+
+def _coverage(fitted: Fitted) -> list[BandCoverage]:
+    if fitted.law.error is None:
+        return []
+    data, law, missed = fitted.data, fitted.law, fitted.misses
+    columns = [data.axes.index(axis) for axis in law.axes]
+    part = missed.rows(missed.check)
+    if not len(part.state):
+        return []
+    p, u = data.actuation[part.state], data.deformation[part.state][:, columns]
+    widths = [law.band(p, u, level) for level in LEVELS]
+    every, ranges = np.arange(len(part.state)), missed.ranges[part.axis]
+    bands = np.array([w[every, part.axis] / ranges for w in widths if w is not None])
+    groups = {"states left out": np.ones(len(every), bool)}
+    if len(law.axes) > 1:
+        groups = {"all axes": groups["states left out"]}
+        groups |= {f"axis {axis}": part.axis == k for k, axis in enumerate(law.axes)}
+    return [
+        BandCoverage(
+            label,
+            np.array(LEVELS),
+            np.mean(part.share[rows] <= bands[:, rows], axis=1),
+            int(rows.sum()),
+            bands[LEVELS.index(0.9), rows],
+            part.share[rows],
+            ranges[rows],
+        )
+        for label, rows in groups.items()
+        if rows.any()
+    ]
+
+
+def slope_grid(law: JointLaw, axis: str) -> tuple[Array, Array, Array]:
+    """p (m,), u (m,) and ∂τ_axis/∂u_axis (m, m) over the law's box, the other axes at zero."""
+    k = law.axes.index(axis)
+    p = _even_places(law.domain.actuation)
+    u = _even_places(law.domain.deformation[k])
+    P, V = np.meshgrid(p, u, indexing="ij")
+    deformation = np.zeros((P.size, len(law.axes)))
+    deformation[:, k] = V.ravel()
+    slopes = law.evaluate(P.ravel(), deformation).dtau_du[:, k, k]
+    return p, u, slopes.reshape(P.shape)
+
+
+def _even_places(limits: Array) -> Array:
+    return np.linspace(float(limits[0]), float(limits[1]), POINTS)
+
+
+def least_stable(law: JointLaw, count: int = 4000) -> float:
+    """The largest eigenvalue of the symmetric part of ∂τ/∂u in the box: below 0 the joint is stable everywhere.
+
+    Looked for at `count` random places and, axis by axis, on the grid of `slope_grid`.
+    """
+    box = np.vstack([law.domain.actuation, law.domain.deformation])
+    values = box[:, 0] + np.ptp(box, axis=1) * np.random.default_rng(0).random((count, len(box)))
+    slopes = law.evaluate(values[:, 0], values[:, 1:]).dtau_du
+    largest = float(np.linalg.eigvalsh((slopes + np.swapaxes(slopes, 1, 2)) / 2).max())
+    return max(largest, *(float(slope_grid(law, axis)[2].max()) for axis in law.axes))
+
+
+def _efforts(
+    forms: Mapping[str, Mapping[str, Any]], axes: tuple[str, ...]
+) -> Callable[[Array, Array], Array]:
+    def predict(actuation: Array, u: Array) -> Array:
+        tau = np.full(u.shape, np.nan)
+        for axis, form in forms.items():
+            k = axes.index(axis)
+            tau[:, k] = study_form_effort(form, actuation, u[:, k])
+        return tau
+
+    return predict
+
+
+def unstable_places(law: JointLaw) -> list[dict[str, Any]]:
+    """For each axis along which the effort rises (∂τ/∂u ≥ 0), where it rises most; the other axes at rest.
+
+    SI: actuation (Pa or N), deformation (rad or m), slope. Empty for a law without a finite domain.
+    """
+    if not all(np.all(np.isfinite(side)) for side in (law.domain.actuation, law.domain.deformation)):
+        return []
+    found = []
+    for axis in law.axes:
+        p, u, slopes = slope_grid(law, axis)
+        i, j = np.unravel_index(int(np.argmax(slopes)), slopes.shape)
+        if slopes[i, j] >= 0:
+            found.append(
+                {
+                    "axis": axis,
+                    "actuation": float(p[i]),
+                    "deformation": float(u[j]),
+                    "slope": float(slopes[i, j]),
+                }
+            )
+    return found

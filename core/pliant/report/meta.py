@@ -1,0 +1,203 @@
+"""A meta-model as a document: scores on designs left out, error bars, what to solve next; terminal, page and JSON."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from pliant.formatting import percent, seconds, units_of_page
+from pliant.pipeline.meta_model.leaving_out import Misses
+from pliant.pipeline.meta_model.next_design import Proposal
+from pliant.pipeline.meta_model.parameters import shown, spoken
+from pliant.pipeline.meta_model.stage import MetaModelStage
+from pliant.pipeline.workbench import Workbench
+from pliant.report.document import Document, Drawn, Table, Warned, brief, brief_table, capital
+from pliant.report.meta_tables import SCORES, coverage_table, next_table, score_rows
+from pliant.report.meta_view import MetaFitted
+from pliant.report.provenance import made_by, stage_json
+from pliant.report.stage import StoredPage
+from pliant.store.store import Artifact
+
+PAGE = "fit.html"
+FAR = 0.05  # of the range: a worst error beyond this is warned of
+
+
+def meta_document(
+    title: str,
+    stage: MetaModelStage,
+    study: Mapping[str, Any],
+    *,
+    learning: Artifact | None = None,
+    proposals: Sequence[Proposal] = (),
+    compared: Sequence[MetaModelStage] = (),
+) -> Document:
+    """The document of `pliant fit` for a meta-model.
+
+    Args:
+        title: the study's name.
+        stage: the model.
+        study: inputs to list.
+        learning: curve over designs, where one was made.
+        proposals: designs that should be solved next, where they were asked for.
+        compared: other meta-models of the same designs, such as the study's way, to stand beside this one.
+    """
+    own = fitted_model(stage, learning.value if learning is not None else None, proposals)
+    every = [own, *(fitted_model(one) for one in compared)]
+    manifests = _manifests(stage, learning, compared)
+
+    def draw() -> Drawn:
+        from pliant.report.meta_page import meta_drawn  # matplotlib takes a second to import
+
+        return meta_drawn(every, study, manifests)
+
+    data = meta_json(stage)
+    if proposals:
+        data["next"] = [{"parameters": one.parameters, one.basis: one.gain} for one in proposals]
+    return Document(
+        kind="Pliant fit: meta-model",
+        title=title,
+        sentence=meta_sentence(own),
+        data=data,
+        brief=_blocks(stage, every),
+        warnings=tuple(meta_warnings(own)),
+        draw=draw,
+        footer=units_of_page(lengths="m", pressures="Pa", moments="N*m", angles="rad"),
+        page=PAGE,
+        version=made_by(manifests),
+    )
+
+
+def stored_meta_page(
+    bench: Workbench,
+    document: Document,
+    stage: MetaModelStage,
+    study: Mapping[str, Any],
+    *,
+    learning: Artifact | None = None,
+    proposals: Sequence[Proposal] = (),
+    compared: Sequence[MetaModelStage] = (),
+) -> StoredPage:
+    """What the page of a meta-model depends on; arguments as those of `meta_document`."""
+    config = {
+        "title": document.title,
+        "study": dict(study),
+        "source": stage.solved.source,
+        "proposals": [[*one.values, one.gain, one.basis] for one in proposals],
+    }
+    components = [bench.component("meta_model", one.config) for one in (stage, *compared)]
+    manifests = _manifests(stage, learning, compared)
+    return StoredPage(bench, manifests, components, "pliant.report.meta_page", config)
+
+
+def _manifests(
+    stage: MetaModelStage, learning: Artifact | None, compared: Sequence[MetaModelStage]
+) -> list[Mapping[str, Any]]:
+    curve = [learning.manifest] if learning is not None else []
+    return [*(one.artifact.manifest for one in (stage, *compared)), *curve]
+
+
+def fitted_model(
+    stage: MetaModelStage, learning: Mapping[str, Any] | None = None, proposals: Sequence[Proposal] = ()
+) -> MetaFitted:
+    """A stage as its document reads it."""
+    study = getattr(stage.config, "form", None) == "study"
+    return MetaFitted(
+        name=f"{stage.config.kind}, the study's form" if study else stage.config.kind,
+        kind=stage.config.kind,
+        designs=stage.designs,
+        misses=Misses.of_values(stage.artifact.value["misses"]),
+        scores=stage.scores,
+        coverage=stage.coverage,
+        details=stage.details,
+        parts=stage.parts,
+        fit_s=stage.fit_s,
+        scoring_s=stage.scoring_s,
+        law_at=stage.law,
+        learning=learning,
+        proposals=proposals,
+        source=stage.solved.source,
+    )
+
+
+def meta_json(stage: MetaModelStage) -> dict[str, Any]:
+    """The `fit` result of a meta-model."""
+    every, designs = stage.scores["all"], stage.designs
+    return {
+        "kind": stage.config.kind,
+        "heldout": {
+            "rmse": max(one.rmse for one in every.axes.values()),
+            "worst": max(one.worst for one in every.axes.values()),
+            "worst_of_range": every.worst_of_range,
+            "r2": every.r2,
+            "n": sum(one.n_states for one in every.axes.values()),
+        },
+        "parameters": {"names": list(designs.names), "fixed": dict(designs.fixed)},
+        "domain": {name: list(limits) for name, limits in zip(designs.names, designs.box, strict=True)},
+        "wall_s": stage.artifact.manifest["wall_s"],
+        "designs": len(designs),
+        "designs_left_out_of_fit": stage.solved.left_out,
+        "n_states": sum(len(one) for one in designs.data),
+        "scores": {place: one.as_values() for place, one in stage.scores.items()},
+        "coverage": {place: dict(one) for place, one in stage.coverage.items()},
+        "parts": stage.parts,
+        "fit_wall_s": stage.fit_s,
+        "scoring_wall_s": stage.scoring_s,
+        "fem_wall_s": float(sum(np.nansum(one.wall_s) for one in designs.data)),
+        "details": dict(stage.details),
+        "stages": [stage_json(stage.artifact)],
+    }
+
+
+def _blocks(stage: MetaModelStage, fitted: Sequence[MetaFitted]) -> tuple[Table | str, ...]:
+    own = fitted[0]
+    left = f", {stage.solved.left_out} without data or twice" if stage.solved.left_out else ""
+    spans = zip(own.designs.names, own.designs.box, strict=True)
+    ranges = ", ".join(f"{spoken({name: low})} to {shown(name, high)}" for name, (low, high) in spans)
+    times = f"one fit {seconds(own.fit_s)}, all {seconds(own.scoring_s + own.fit_s)}"
+    times += f"; FEM of the designs {seconds(own.fem_s)}" if own.fem_s else ""
+    times += "; from the store" if stage.artifact.cached else ""
+    regressor = stage.details.get("regressor")
+    blocks: list[Table | str] = [
+        f"designs  {len(own.designs)} from {own.source}{left}: {ranges}",
+        f"model    {own.kind}, refitted {own.parts} times without some of the designs ({times})"
+        + (f"; {str(regressor).replace('_', ' ')}" if regressor else ""),
+    ]
+    for one in fitted:
+        blocks += [f"beside   {one.name}:"] if one is not own else []
+        blocks.append(brief_table(SCORES, score_rows([one])))
+        blocks += [brief(coverage_table(one))] if one.coverage else []
+    asked = next_table(own)
+    return (*blocks, *([brief(asked)] if asked else []))
+
+
+def meta_sentence(fitted: MetaFitted) -> str:
+    """How well laws of unseen designs do."""
+    inner = fitted.scores.get("interior", fitted.scores["all"])
+    where = "inside the range" if "interior" in fitted.scores else "left out"
+    parts = [
+        f"laws of designs {where} that the model has not seen miss torques by at most "
+        f"{percent(inner.worst_of_range)} of the range, R² {inner.r2:.5f}"
+    ]
+    if np.isfinite(inner.free_median):
+        parts.append(f"free angles by {percent(inner.free_median)} at the median")
+    if "border" in fitted.scores:
+        parts.append(f"on the border of the range by up to {percent(fitted.scores['border'].worst_of_range)}")
+    if (band := fitted.coverage.get("all", {}).get("0.9")) is not None:
+        parts.append(f"the 90 % band holds {percent(band, 3)}")
+    return capital("; ".join(parts)) + "."
+
+
+def meta_warnings(fitted: MetaFitted) -> list[Warned]:
+    """What limits the model."""
+    found = []
+    for place, scores in fitted.scores.items():
+        if place != "all" and scores.worst_of_range > FAR:
+            text = (
+                f"Designs {'on the border' if place == 'border' else 'inside the range'} are missed by up to "
+            )
+            found.append(Warned(f"{text}{percent(scores.worst_of_range)} of their range of torque."))
+    if lost := fitted.scores["all"].free_lost:
+        found.append(Warned(f"In {lost} states the law of a design left out has no free equilibrium."))
+    return found

@@ -1,0 +1,317 @@
+"""A run as a document: what the engines came to, how well the law fits; shared by `run`, `simulate` and `report`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pliant.formatting import (
+    Unit,
+    actuation_unit,
+    deformation_unit,
+    display_unit,
+    effort_unit,
+    fixed,
+    number,
+    percent,
+    small_length,
+    unbroken,
+)
+from pliant.pipeline.study import EngineRun, StudyRun, law_components
+from pliant.pipeline.workbench import Workbench
+from pliant.records.rollout import TaskResult
+from pliant.report.document import Document, Drawn, Warned, capital
+from pliant.report.fem import fem_json, fem_lines
+from pliant.report.fem_view import LISTED, data_warnings, rest_of_list
+from pliant.report.fit import UNSTABLE_LAW, law_json, law_lines
+from pliant.report.folder import DesignResult, FinishedRun, finished, table_name
+from pliant.report.provenance import duration, made_by, stage_json
+from pliant.report.run_view import (
+    Ran,
+    actuation,
+    distances_m,
+    main_axis,
+    payload_kg,
+    ran,
+    skipped,
+    spread_sentence,
+)
+from pliant.report.stage import StoredPage
+
+
+def run_document(run: FinishedRun, lines: Sequence[str] = ()) -> Document:
+    """The document of a run; `lines` are what a terminal prints before its sentence."""
+
+    def draw() -> Drawn:
+        from pliant.report.run_page import run_drawn  # matplotlib takes a second to import
+
+        return run_drawn(run)
+
+    return Document(
+        kind="Pliant report",
+        title=str(run.study.get("name", "Pliant run")),
+        sentence=result_sentence(run),
+        data=run.summary,
+        brief=tuple(lines),
+        warnings=tuple(warnings(run)),
+        draw=draw,
+        version=made_by(run.provenance),
+    )
+
+
+def simulation_document(done: StudyRun) -> Document:
+    """The document of `pliant simulate`: its first engine, with what the task measures."""
+    engine = done.engines[0]
+    data = simulation_json(engine)
+    if done.uncertainty is not None:
+        data["uncertainty"] = {**done.uncertainty.value, "stages": [stage_json(done.uncertainty)]}
+    metrics = metric_lines(engine.result.metrics) if engine.result is not None else []
+    return run_document(finished(done, data), [*engine_lines(done), *metrics])
+
+
+def stored_run_page(bench: Workbench, done: StudyRun, run: FinishedRun) -> StoredPage:
+    """What the page of a run depends on."""
+    return StoredPage(
+        bench,
+        run.provenance,
+        law_components(bench, done.designs),
+        "pliant.report.run_page",
+        {"study": done.study.canonical(), "skipped": [engine.skipped for engine in done.engines]},
+    )
+
+
+def run_json(done: StudyRun, folder: Path) -> dict[str, Any]:
+    """The `run` result of docs/command_line.md."""
+    result: dict[str, Any] = {"study": done.study.name, "out": str(folder)}
+    artifacts = [d.fem for d in done.designs if d.fem is not None]
+    if artifacts:
+        tables = [str(folder / table_name(n)) for n, d in enumerate(done.designs) if d.fem is not None]
+        result["fem"] = fem_json(artifacts, tables)
+    fits = [law_json(design) for design in done.designs]
+    result["fit"] = fits[0] if len(fits) == 1 else fits
+    if done.engines:
+        result["simulate"] = simulation_json(done.engines[0])
+        result["cross_check"] = [simulation_json(engine) for engine in done.engines[1:]]
+        markers = [e.result.final.markers_m for e in done.engines if e.result is not None]
+        apart = [float(np.linalg.norm(m - markers[0], axis=1).max()) for m in markers[1:]]
+        result["largest_marker_distance_m"] = max(apart, default=None)
+    if done.uncertainty is not None:
+        result["uncertainty"] = {**done.uncertainty.value, "stages": [stage_json(done.uncertainty)]}
+    result["unused"] = list(done.unused)
+    return result
+
+
+def simulation_json(engine: EngineRun) -> dict[str, Any]:
+    """The `simulate` result of one engine."""
+    if engine.artifact is None:
+        return {"kind": engine.kind, "skipped": engine.skipped}
+    result: TaskResult = engine.artifact.value
+    final = result.final
+    angles = final.joint_angles
+    return {
+        "kind": engine.kind,
+        "tip_m": final.tip_m,
+        "markers_m": final.markers_m,
+        "joint_angles_rad": angles[:, 0] if angles.shape[1] == 1 else angles,
+        "converged": final.converged,
+        "stable": final.stable,
+        "residual": final.residual,
+        "wall_s": final.wall_s,
+        "outside_domain": [vars(entry) for entry in final.outside_domain],
+        "not_reached": result.not_reached,
+        "metrics": result.metrics,
+        "stages": [stage_json(engine.artifact)],
+    }
+
+
+def run_lines(done: StudyRun) -> list[str]:
+    """Data, laws and engines of a run, for the terminal."""
+    lines = []
+    for design in done.designs:
+        lines += fem_lines([design.fem]) if design.fem else []
+        lines += law_lines(design)
+    return lines + engine_lines(done)
+
+
+def engine_lines(done: StudyRun) -> list[str]:
+    """Where each engine settled, and how sure the tip is, for the terminal."""
+    lines = [_engine_line(engine) for engine in done.engines]
+    first = done.engines[0].kind if done.engines else ""
+    if done.uncertainty is not None:
+        text = spread_sentence(done.uncertainty.value, first).rstrip(".")
+        lines.append(f"error bar    {text}; {duration(done.uncertainty)}")
+    return lines
+
+
+def _engine_line(engine: EngineRun) -> str:
+    if engine.artifact is None:
+        return f"{engine.kind:<12} skipped: {engine.skipped}"
+    result: TaskResult = engine.artifact.value
+    if result.stills:  # contact holds the arms: their tips and residuals say little
+        numbers = [f"{name} {v:.4g}" for name, v in result.metrics.items() if isinstance(v, float)]
+        if "mode" in result.metrics:
+            grasped = ("z_end_m", "success_share")
+            numbers = [f"{result.metrics['mode']}", *(n for n in numbers if n.startswith(grasped))]
+        return f"{engine.kind:<12} {', '.join((*numbers[:3], duration(engine.artifact)))}"
+    length = display_unit("m")
+    tip = ", ".join(f"{length.factor * x:.3f}" for x in result.final.tip_m)
+    state = "settled" if result.final.converged else "NOT CONVERGED"
+    return (
+        f"{engine.kind:<12} tip ({tip}) {length.symbol}, {state}, residual {result.final.residual:.1e}, "
+        f"{duration(engine.artifact, result.final.wall_s)}"
+    )
+
+
+def metric_lines(metrics: Mapping[str, Any]) -> list[str]:
+    """A task's metrics in SI for the terminal; curves and tables stand in the JSON result."""
+    return [f"  {name:<24} {_metric(value)}" for name, value in metrics.items() if not _is_table(value)]
+
+
+def _is_table(value: Any) -> bool:
+    items = value.values() if isinstance(value, Mapping) else value if isinstance(value, list) else ()
+    return any(isinstance(item, list) for item in items)
+
+
+def _metric(value: Any) -> str:
+    if isinstance(value, list):
+        return ", ".join(_metric(item) for item in value)
+    if isinstance(value, Mapping):
+        return ", ".join(f"{name} {_metric(item)}" for name, item in value.items())
+    if isinstance(value, bool):
+        return number(value)
+    return f"{value:.6g}" if isinstance(value, float) else f"{value}"
+
+
+def result_sentence(run: FinishedRun) -> str:
+    """What came out: the bend, how well the engines agree, how well the law fits."""
+    parts = [_bend(run), _agreement(ran(run)), _law_error(run)]
+    text = "; ".join(part for part in parts if part)
+    return capital(unbroken(text)) + "."
+
+
+def warnings(run: FinishedRun) -> list[Warned]:
+    """Everything that limits the result, the gravest first."""
+    found: list[Warned] = []
+    for engine in ran(run):
+        found += _engine_warnings(engine, run)
+    for design in run.designs:
+        found += _law_warnings(design, len(run.designs) > 1)
+    for other in skipped(run):
+        found.append(Warned(f"Engine {other.kind} was skipped: {other.skipped or 'no cause was given'}"))
+    unused = run.summary.get("unused") or []
+    if unused:
+        found.append(Warned(f"The study sets {', '.join(unused)}, which no stage of this version reads."))
+    if run.uncertainty is not None and run.uncertainty["failed"]:
+        failed, samples = run.uncertainty["failed"], run.uncertainty["samples"]
+        found.append(
+            Warned(f"{failed} of {samples} runs with laws drawn from their error bars did not settle.")
+        )
+    return found
+
+
+def _bend(run: FinishedRun) -> str:
+    engines, given = ran(run), actuation(run)
+    law = run.designs[0].law
+    if not engines:
+        return f"a joint law of one module, no chain simulated ({run.study.get('name', 'study')})"
+    final = engines[0].result.final
+    if engines[0].result.stills:
+        return grasp_words(engines[0], actuation(run))
+    joints = final.joint_angles
+    at = f" at {actuation_unit(given[0]).text(given[1])}" if given else ""
+    load = payload_kg(run)
+    under = f" with {display_unit('kg').text(load)} at its tip" if load else ""
+    name = f"{len(joints)}-module finger" if len(joints) > 1 else "one-joint finger"
+    total = float(joints[:, main_axis(law)].sum())
+    verb = "extends by" if law.joint == "prismatic" else "bends"
+    unit = deformation_unit(law)
+    size = unit.attached(fixed(unit.factor * total, 2 if law.joint == "prismatic" else 1))
+    if not final.converged:
+        return f"{name} did not settle{at}{under} in {engines[0].kind}"
+    return f"{name} {verb} {size}{at}{under}{_to_target(engines[0])}"
+
+
+def _to_target(engine: Ran) -> str:
+    """How far a backbone ended from the curve that it was to follow."""
+    metrics = engine.result.metrics
+    if "target_points_m" not in metrics:
+        return ""
+    return f", {display_unit('m').text(float(metrics['rmse_m']), 3)} (RMS) from its target"
+
+
+def grasp_words(engine: Ran, given: tuple[str, float] | None) -> str:
+    """A task with contact: how the grasp went."""
+    measured = engine.result.metrics
+    at = f" at {actuation_unit(given[0]).text(given[1])}" if given else ""
+    mode, rise, share = (measured.get(name) for name in ("mode", "z_end_m", "success_share"))
+    if not mode:
+        return f"the scene was simulated{at}"
+    parts = [f"the grasp{at} is '{mode}'"]
+    if rise is not None:
+        parts.append(f"the object ends {display_unit('m').text(float(rise), 3)} above its place")
+    if share is not None and "trials" in measured:
+        parts.append(f"{100 * float(share):.0f} % of {len(measured['trials']['mode'])} trials hold it")
+    return ", ".join(parts)
+
+
+def _agreement(engines: list[Ran]) -> str:
+    if len(engines) < 2 or engines[0].result.stills:
+        return ""
+    worst = max(float(d.max()) for d in distances_m(engines))
+    numbers = {2: "two", 3: "three", 4: "four"}
+    return f"{numbers.get(len(engines), str(len(engines)))} engines agree within {small_length(worst)}"
+
+
+def _law_error(run: FinishedRun) -> str:
+    fits = [d.fit for d in run.designs if d.fit is not None]
+    if not fits:
+        return "the law is stated by its coefficients"
+    worst = max(fit.worst_of_range for fit in fits)
+    if any("meta_model" in fit.details for fit in fits):
+        return f"law of a meta-model, within {percent(worst)} of FEM on designs left out"
+    data = [d.fem for d in run.designs if d.fem is not None]
+    source = "the table's states" if data and data[0].design.family == "table" else "FEM"
+    return f"law within {percent(worst)} of {source} on states left out"
+
+
+def _engine_warnings(engine: Ran, run: FinishedRun) -> list[Warned]:
+    final, law = engine.result.final, run.designs[0].law
+    found = []
+    if not final.converged:
+        unit = effort_unit(law)
+        residual = unit.text(final.residual, 2)
+        found.append(Warned(f"{engine.kind} did not converge; unbalanced effort {residual}."))
+    if final.stable is False:
+        found.append(
+            Warned(f"{engine.kind} settled in an unstable equilibrium: the energy has no minimum there.")
+        )
+    if engine.result.not_reached:
+        found.append(Warned(f"{engine.kind}: {engine.result.not_reached}"))
+    if final.outside_domain:
+        p_unit, u_unit = actuation_unit(law.actuation_name), deformation_unit(law)
+        entries = sorted(final.outside_domain, key=lambda e: -abs(e.excess))
+        items = [
+            f"module {e.module}: {e.variable} by {_unit_of(e.variable, p_unit, u_unit).text(e.excess, 3)}"
+            for e in entries[:LISTED]
+        ]
+        places = f"{len(entries)} places" if len(entries) > 1 else "one place"
+        sentence = f"{engine.kind} used the law outside its domain at {places}"
+        found.append(Warned(sentence + rest_of_list(len(entries)) + ".", tuple(items)))
+    return found
+
+
+def _unit_of(variable: str, actuation_unit: Unit, deformation_unit: Unit) -> Unit:
+    """Actuations are named by their input, joint coordinates by their axis."""
+    return actuation_unit if variable.endswith(("_pa", "_n")) or variable == "actuation" else deformation_unit
+
+
+def _law_warnings(design: DesignResult, named: bool) -> list[Warned]:
+    found = []
+    prefix = f"{design.name}: " if named else ""
+    if design.fit is not None and design.fit.details.get("stable") is False:
+        found.append(Warned(f"{prefix}{UNSTABLE_LAW}"))
+    data = design.fem if design.module is None else design.module
+    return found if data is None else found + data_warnings(data, prefix)

@@ -1,0 +1,341 @@
+"""A search as its page shows it: variables and objectives with labels, display units and places on axes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pliant.formatting import Unit, display_unit, number, unit_of_field
+from pliant.records.design import Array
+from pliant.records.search import STATUSES, FoundDesign, SearchResult, VariableRecord
+from pliant.search.problem.names import acts, unit_of_objective
+from pliant.units import strip_unit_suffix
+
+
+@dataclass(frozen=True, eq=False)
+class Axis:
+    """A variable in its shown unit.
+
+    Attributes:
+        name: in the study.
+        label: short, without unit.
+        unit: that it is shown in.
+        type: real, integer or categorical.
+        low, high: ends of the range in that unit; first and last index of choices.
+        choices: texts; empty for a range.
+        values: (n,) of every candidate, choices by their index; NaN where it has none.
+        raw: the choices as the record has them.
+        each: whether a search was made for each of its values.
+    """
+
+    name: str
+    label: str
+    unit: Unit
+    type: str
+    low: float
+    high: float
+    choices: tuple[str, ...]
+    values: Array
+    raw: tuple[Any, ...] = ()
+    each: bool = False
+
+    @property
+    def title(self) -> str:
+        """Label and unit: ``radius (mm)``."""
+        return f"{self.label} ({self.unit.symbol})" if self.unit.symbol and not self.choices else self.label
+
+    def place(self, value: Any) -> float:
+        """Where a value of a `FoundDesign` stands: in the shown unit, or the index of a choice; NaN if nowhere."""
+        if value is None:
+            return float("nan")
+        if self.choices:
+            return float(next((k for k, choice in enumerate(self.raw) if _same(choice, value)), np.nan))
+        return float(value) * self.unit.factor
+
+    def text(self, value: Any) -> str:
+        """A value of a `FoundDesign` with its unit."""
+        if value is None:
+            return "–"
+        if isinstance(value, bool | str):
+            return number(value) if isinstance(value, bool) else value
+        if self.type == "integer" and not self.choices:
+            value = round(value)
+        return self.unit.text(value)
+
+    def tick(self, shown: float) -> str:
+        """A value on the axis, without unit."""
+        if self.choices:
+            return self.choices[min(max(round(shown), 0), len(self.choices) - 1)]
+        return number(round(shown) if self.type == "integer" and not self.unit.symbol else shown, 4)
+
+    def share(self, shown: Array | float) -> Array:
+        """Values as shares of the range, 0…1."""
+        width = self.high - self.low
+        return (
+            (np.asarray(shown, float) - self.low) / width if width > 0 else 0.5 + 0 * np.asarray(shown, float)
+        )
+
+
+@dataclass(frozen=True)
+class Objective:
+    """An objective: its text in the study, its unit where it is a metric with one, and its direction."""
+
+    name: str
+    label: str
+    unit: Unit
+    maximised: bool
+    column: int = 0
+
+    @property
+    def title(self) -> str:
+        """Label and unit."""
+        return f"{self.label} ({self.unit.symbol})" if self.unit.symbol else self.label
+
+    @property
+    def best_word(self) -> str:
+        """Whether low or high is better."""
+        return "higher is better" if self.maximised else "lower is better"
+
+    def stated(self, minimised: Array | float) -> Array:
+        """As the study states it, in the shown unit, from values as they are minimised (SI)."""
+        return np.asarray(minimised, float) * self.unit.factor * (-1.0 if self.maximised else 1.0)
+
+    def text(self, value: float, digits: int = 4) -> str:
+        """A value as stated (SI) with its unit."""
+        return self.unit.text(float(value), digits)
+
+
+def choice_text(choice: Any, unit: Unit) -> str:
+    """A choice as people read it."""
+    if isinstance(choice, int | float) and not isinstance(choice, bool):
+        return unit.text(choice)
+    return number(choice) if isinstance(choice, bool) else str(choice)
+
+
+def short_labels(names: Sequence[str]) -> list[str]:
+    """Last parts of dotted names as words; as many parts as tell them apart."""
+    words = [[strip_unit_suffix(part) for part in name.split(".")] for name in names]
+    found = []
+    for parts in words:
+        for count in range(1, len(parts) + 1):
+            if sum(other[-count:] == parts[-count:] for other in words) == 1:
+                break
+        found.append(" ".join(parts[-count:]).replace("_", " "))
+    return found
+
+
+def _same(choice: Any, value: Any) -> bool:
+    if isinstance(choice, int | float) and isinstance(value, int | float):
+        return bool(np.isclose(choice, value, rtol=1e-9, atol=1e-12))
+    return bool(choice == value)
+
+
+OK = STATUSES.index("ok")
+LONGEST = 40  # characters of an objective in a label
+
+Shape = Literal["one", "contextual", "front", "none"]
+
+
+@dataclass(frozen=True, eq=False)
+class SearchView:
+    """A search's record with the study that asked for it (all defaults, SI)."""
+
+    result: SearchResult
+    study: Mapping[str, Any]
+
+    @cached_property
+    def shape(self) -> Shape:
+        """What came out: one best design, one per condition, a front, or nothing."""
+        if not self.result.best:
+            return "none"
+        if len(self.result.objectives) > 1:
+            return "front"
+        return "contextual" if self.contextual else "one"
+
+    @property
+    def contextual(self) -> bool:
+        """Whether each candidate was tried in one of the conditions."""
+        return bool((np.asarray(self.result.history.context) >= 0).any()) and len(self.result.conditions) > 1
+
+    @cached_property
+    def ok(self) -> NDArray[np.bool_]:
+        """(n,) candidates with a number for each objective."""
+        history = self.result.history
+        objectives = np.asarray(history.objectives, float).reshape(len(history), -1)
+        found: NDArray[np.bool_] = (np.asarray(history.status) == OK) & np.isfinite(objectives).all(axis=1)
+        return found
+
+    @property
+    def broken(self) -> NDArray[np.bool_]:
+        """(n,) candidates that were evaluated and break a constraint on metrics."""
+        found: NDArray[np.bool_] = (np.asarray(self.result.history.status) == OK) & ~self.ok
+        return found
+
+    @property
+    def best(self) -> FoundDesign | None:
+        """The design that the page speaks of first."""
+        return self.result.best[0] if self.result.best else None
+
+    @cached_property
+    def objectives(self) -> tuple[Objective, ...]:
+        """In the study's order."""
+        metrics = {strip_unit_suffix(name): name for name in self._metrics()}
+        found = []
+        for column, (name, maximised) in enumerate(
+            zip(self.result.objectives, self.result.maximised, strict=True)
+        ):
+            metric = metrics.get(strip_unit_suffix(name))
+            own = display_unit(unit_of_objective(name, self.result.variables, {}))
+            label, unit = unit_of_field(metric) if metric else (name, own)
+            label = label.replace("_", " ") if metric else label
+            short = label if len(label) <= LONGEST else f"{label[: LONGEST - 1]}…"
+            found.append(Objective(name, short, unit, maximised, column))
+        return tuple(found)
+
+    @property
+    def objective(self) -> Objective:
+        """The first."""
+        return self.objectives[0]
+
+    def scores(self, column: int = 0) -> Array:
+        """(n,) an objective of every candidate as stated, in its unit; NaN where there is none."""
+        history = self.result.history
+        column_of = np.asarray(history.objectives, float).reshape(len(history), -1)[:, column]
+        return np.where(self.ok, self.objectives[column].stated(column_of), np.nan)
+
+    def order(self) -> NDArray[np.int64]:
+        """Rows of the evaluated candidates, best first by the first objective."""
+        rows = np.flatnonzero(self.ok)
+        minimised = np.asarray(self.result.history.objectives, float).reshape(len(self.ok), -1)[rows, 0]
+        found: NDArray[np.int64] = rows[np.argsort(minimised, kind="stable")]
+        return found
+
+    @cached_property
+    def axes(self) -> tuple[Axis, ...]:
+        """The variables; what an optimizer with contexts merged comes last, as shares of its range."""
+        history, variables = self.result.history, self.result.variables
+        labels = short_labels([v.name for v in variables])
+        found = [self._axis(v, label) for v, label in zip(variables, labels, strict=True)]
+        known = {v.name for v in variables}
+        for name in history.values:
+            if name not in known:
+                values = np.asarray(history.values[name], float)
+                found.append(Axis(name, short_labels([name])[0], Unit(""), "real", 0, 1, (), values))
+        return tuple(found)
+
+    def varied(self) -> list[Axis]:
+        """Axes that at least one candidate has a value on."""
+        return [axis for axis in self.axes if np.isfinite(axis.values).any()]
+
+    def branch_names(self) -> list[str]:
+        """Every branch by its values: ``5 · 6 · 7``."""
+        axes = {axis.name: axis for axis in self.axes}
+        return [
+            " · ".join(
+                axes[name].text(value) if name in axes else str(value) for name, value in branch.items()
+            )
+            for branch in self.result.branches
+        ]
+
+    def branch_title(self) -> str:
+        """What the parts of a branch's name are."""
+        axes = {axis.name: axis.label for axis in self.axes}
+        return " · ".join(
+            axes.get(name, name) for name in (self.result.branches[0] if self.result.branches else ())
+        )
+
+    def best_of_branches(self) -> list[tuple[int, int]]:
+        """(branch, row of its best candidate), best first; branches without one are left out."""
+        found: dict[int, int] = {}
+        for row in self.order().tolist():
+            found.setdefault(int(self.result.history.branch[row]), row)
+        return list(found.items())
+
+    def design_names(self) -> list[str]:
+        """What the best designs are called."""
+        best = self.result.best
+        if self.shape == "contextual":
+            return [self.condition(design.context) for design in best]
+        if len(best) == 1:
+            return ["best design"]
+        return [f"design {index + 1}" for index in range(len(best))]
+
+    def value(self, design: FoundDesign, name: str) -> Any:
+        """A variable's value in a design; None where another one sets its key in the design's condition."""
+        variable = next((v for v in self.result.variables if v.name == name), None)
+        if variable is not None and name in design.values and not acts(variable, design):
+            return None
+        return design.values.get(name)
+
+    def condition(self, context: int) -> str:
+        """Name of a condition."""
+        names = self.result.conditions
+        return names[context] if 0 <= context < len(names) else "all conditions"
+
+    def metric(self, name: str) -> tuple[str, Unit]:
+        """A metric as people read it, and its unit."""
+        label, unit = unit_of_field(name)
+        return label.replace("_", " "), unit
+
+    @property
+    def objective_metric(self) -> str:
+        """The metric that is the first objective; empty where that is an expression."""
+        return self.metric_of(self.objective)
+
+    def metric_of(self, objective: Objective) -> str:
+        """The metric that is an objective; empty where that is an expression."""
+        wanted = strip_unit_suffix(objective.name)
+        return next((name for name in self._metrics() if strip_unit_suffix(name) == wanted), "")
+
+    def trials(self, metrics: Mapping[str, float]) -> int | None:
+        """Trials behind these metrics of the check: their own count, else the study's; None without any."""
+        if metrics.get("trials"):
+            return round(metrics["trials"])
+        check = (self.study.get("search") or {}).get("verify") or {}
+        changed = (check.get("change") or {}).get("task.trials")
+        stated = changed if changed is not None else (self.study.get("task") or {}).get("trials")
+        return int(stated) if stated is not None else None
+
+    def _metrics(self) -> list[str]:
+        names = dict.fromkeys(self.result.history.metrics)
+        for design in self.result.best:
+            names.update(dict.fromkeys(design.metrics))
+        return list(names)
+
+    def _axis(self, variable: VariableRecord, label: str) -> Axis:
+        history = self.result.history
+        unit = display_unit(variable.unit)
+        raw = variable.choices
+        texts = tuple(choice_text(choice, unit) for choice in raw)
+        if variable.name in history.values:
+            values = np.asarray(history.values[variable.name], float) * (1.0 if raw else unit.factor)
+        else:
+            values = np.full(len(history), np.nan)
+        ends = (
+            (0.0, float(len(raw) - 1)) if raw else (variable.low * unit.factor, variable.high * unit.factor)
+        )
+        axis = Axis(variable.name, label, unit, variable.type, *ends, texts, values, raw, variable.each)
+        if variable.name not in history.values and variable.each and len(history):
+            placed = np.array([axis.place(b.get(variable.name)) for b in self.result.branches])
+            values[:] = placed[np.asarray(history.branch, int)]
+        return axis
+
+
+def spread_of(count: int, most: int) -> list[int]:
+    """At most `most` of the numbers below `count`, evenly spread, both ends among them."""
+    if count <= most:
+        return list(range(count))
+    return [int(k) for k in np.unique(np.linspace(0, count - 1, most).round())]
+
+
+def log_suits(values: Array) -> bool:
+    """Whether positive values spread over so much that a log axis shows more."""
+    finite = values[np.isfinite(values)]
+    if not len(finite) or finite.min() <= 0:
+        return False
+    return bool(np.percentile(finite, 90) > 8 * finite.min())

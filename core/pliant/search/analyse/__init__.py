@@ -1,0 +1,1 @@
+"""What limits the best design, and how the objective changes about it."""

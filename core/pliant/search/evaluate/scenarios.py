@@ -1,0 +1,283 @@
+"""What is uncertain about a design, as scenarios that every candidate is tried in.
+
+The scenarios are drawn once from a seed: all candidates meet the same ones (common random numbers), so that two of
+them differ by what they are and not by luck. Each varied key gets a Latin hypercube of its own stream (McKay, Beckman,
+Conover, Technometrics 21, 1979): any number of samples covers each key's range evenly, ends included, and for effects
+that add up, as those of small tolerances nearly do, the mean is far surer than that of independent draws (Stein,
+Technometrics 29, 1987). Sobol points would do as well for powers of two only.
+"""
+
+from __future__ import annotations
+
+import math
+import zlib
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from statistics import NormalDist
+from typing import Any
+
+import numpy as np
+
+from pliant.config.search import RobustConfig
+from pliant.config.study import Study
+from pliant.errors import UserError
+from pliant.pipeline.meta_model.designs import solved_designs
+from pliant.pipeline.meta_model.parameters import MATERIAL, ROUNDING, shown
+from pliant.pipeline.workbench import Workbench
+from pliant.records.design import Array
+from pliant.registry.discovery import Registry
+from pliant.search.evaluate.fast_path import LawDraw
+from pliant.search.problem.search_problem import SearchProblem
+from pliant.search.problem.study_setter import (
+    KeyPath,
+    StudyKey,
+    number_at,
+    overridden,
+    study_key,
+    written_path,
+)
+from pliant.units import UnitError, parse_quantity
+
+# A normal deviation is cut off at so many standard deviations.
+CUT = 3.0
+TINY = float(np.finfo(float).tiny)
+FORMS = "'5 %' (half width, relative), '0.1 mm' (half width) or {sd: 0.03} (normal deviation)"
+
+
+@dataclass(frozen=True)
+class Deviation:
+    """How far a key may be off: a half width, uniform, or the standard deviation of a normal one.
+
+    Attributes:
+        key: as the study writes it.
+        path: of the key.
+        size: in the key's SI unit, or a share of its value.
+        relative: whether it is a share.
+        normal: whether it is a standard deviation.
+    """
+
+    key: str
+    path: KeyPath
+    size: float
+    relative: bool
+    normal: bool
+
+    def amounts(self, count: int, seed: int) -> Array:
+        """(count,) amounts of one Latin hypercube, in the unit of `size`; a stream of its own for each key."""
+        random = np.random.default_rng([seed, zlib.crc32(self.key.encode())])
+        shares = (random.permutation(count) + random.random(count)) / count
+        if not self.normal:
+            uniform: Array = self.size * (2.0 * shares - 1.0)
+            return uniform
+        normal = NormalDist()
+        low = normal.cdf(-CUT)
+        return np.array([self.size * normal.inv_cdf(low + share * (1 - 2 * low)) for share in shares])
+
+    def moved(self, value: float, amount: float) -> float:
+        """The value, off by an amount."""
+        return value * (1.0 + amount) if self.relative else value + amount
+
+    @property
+    def reach(self) -> float:
+        """The largest amount, in the unit of `size`."""
+        return CUT * self.size if self.normal else self.size
+
+    def room(self, box: tuple[float, float]) -> tuple[float, float]:
+        """The positive values that stay within a range, however far they are off."""
+        low, high = box
+        if self.relative:
+            return low / max(1.0 - self.reach, TINY), high / (1.0 + self.reach)
+        return low + self.reach, high - self.reach
+
+    @property
+    def parameter(self) -> str:
+        """The parameter of a meta-model that it moves (`wall_m`, `material.shear_modulus_pa`); "" for other keys."""
+        head, *rest = self.path
+        if head == "family" or (self.path[:2] == ("chain", "segments") and self.path[3:4] == ("family",)):
+            return str(rest[-1])
+        return f"{MATERIAL}{rest[0]}" if head == "material" else ""
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """One way in which things may turn out.
+
+    Attributes:
+        name: for messages.
+        deviations: key by key, with the amount in this scenario.
+        law: which drawn law of each design; None takes the laws as they are.
+    """
+
+    name: str
+    deviations: tuple[tuple[Deviation, float], ...] = ()
+    law: LawDraw | None = None
+
+    def changes(self, study: Study) -> dict[KeyPath, float]:
+        """The keys of a candidate's study that are different here, relative to the candidate's own values.
+
+        A key of `family` is off in the segments that have a value of their own too, each from its own.
+
+        Raises:
+            UserError: the study holds no number there.
+        """
+        found: dict[KeyPath, float] = {}
+        for deviation, amount in self.deviations:
+            for path in (deviation.path, *overridden(study, deviation.path)):
+                found[path] = deviation.moved(number_at(study, path), amount)
+        return found
+
+
+def draw_scenarios(problem: SearchProblem, registry: Registry, config: RobustConfig) -> tuple[Scenario, ...]:
+    """The scenarios of a robust search; `problem` is its `SearchProblem`.
+
+    Raises:
+        UserError: nothing is varied, or a key that cannot be.
+    """
+    if not config.laws and not config.vary:
+        raise UserError("search.robust varies nothing: set 'laws: true', or name keys in 'vary'.")
+    deviations = [_deviation(problem.study, registry, key, said) for key, said in config.vary.items()]
+    amounts = [one.amounts(config.samples, config.seed) for one in deviations]
+    return tuple(
+        Scenario(
+            f"scenario {k + 1}",
+            tuple((one, float(column[k])) for one, column in zip(deviations, amounts, strict=True)),
+            LawDraw(k, config.samples, config.seed) if config.laws else None,
+        )
+        for k in range(config.samples)
+    )
+
+
+def measure(values: Sequence[float], config: RobustConfig) -> float:
+    """Mean, worst or CVaR of minimised objectives over scenarios; NaN where one of them is NaN.
+
+    CVaR is the mean of the worst 1 − level (Rockafellar, Uryasev, J. Risk 2, 2000): where (1 − level) n is not whole,
+    the last scenario counts in part.
+    """
+    ordered = np.sort(np.asarray(values, float))[::-1]
+    if not len(ordered) or np.isnan(ordered).any():
+        return math.nan
+    if config.measure == "mean":
+        return float(ordered.mean())
+    if config.measure == "worst":
+        return float(ordered[0])
+    tail = (1.0 - config.level) * len(ordered)
+    weights = np.clip(tail - np.arange(len(ordered)), 0.0, 1.0)
+    weights[0] = max(weights[0], TINY)
+    with np.errstate(invalid="ignore"):  # an infinite objective that does not count is 0 · ∞
+        return float(np.sum(np.where(weights > 0, weights * ordered, 0.0)) / weights.sum())
+
+
+def _deviation(study: Study, registry: Registry, written: str, said: Any) -> Deviation:
+    place = f"search.robust.vary.{written}"
+    if "." not in written:
+        raise UserError(
+            f"{place}: name a key of the study by dots, such as task.friction or effects.0.factor."
+        )
+    key = study_key(study, registry, written, "search.robust.vary")
+    if key.sort != "real":
+        raise UserError(f"{place}: only numbers with decimals can be varied, and this key holds none.")
+    normal = isinstance(said, Mapping)
+    if normal and set(said) != {"sd"}:
+        raise UserError(f"{place} is {dict(said)}; write {FORMS}.")
+    size, relative = _size(said["sd"] if isinstance(said, Mapping) else said, key, place)
+    return Deviation(written, key.path, size, relative, normal)
+
+
+def _size(said: Any, key: StudyKey, place: str) -> tuple[float, bool]:
+    """A width in SI, and whether it is relative to the value."""
+    relative = isinstance(said, str) and said.strip().endswith("%")
+    try:
+        if isinstance(said, str):
+            size = parse_quantity(said, "dimensionless" if relative or not key.unit else key.unit)
+        elif isinstance(said, int | float) and not isinstance(said, bool):
+            size = float(said)
+        else:
+            raise UnitError(f"{said!r} is no width")
+    except UnitError as error:
+        raise UserError(f"{place}: {error}; write {FORMS}.") from None
+    if not (math.isfinite(size) and size > 0):
+        raise UserError(f"{place} is {said}; a width is above 0: write {FORMS}.")
+    return size, relative
+
+
+Range = tuple[float, float]
+
+
+def tolerance_notes(bench: Workbench, problem: SearchProblem, scenarios: tuple[Scenario, ...]) -> list[str]:
+    """Which tolerances take candidates out of the meta-model's range, where they fail, and what to do about it.
+
+    Args:
+        bench: plugins and store; designs of a sweep that are not solved yet are solved now.
+        problem: of the robust search.
+        scenarios: of it; all have the same keys.
+
+    Raises:
+        UserError: no candidate stays inside.
+    """
+    block = problem.study.meta_model
+    deviations = [one for one, _ in scenarios[0].deviations if one.parameter]
+    if block is None or block.extrapolate or not deviations:
+        return []
+    designs = solved_designs(bench, problem.study).designs
+    boxes = dict(zip(designs.names, designs.box.tolist(), strict=True))
+    return [
+        note
+        for deviation in deviations
+        if deviation.parameter in boxes
+        for path in _paths(problem, deviation)
+        if (note := _note(problem, deviation, path, boxes[deviation.parameter]))
+    ]
+
+
+def _note(problem: SearchProblem, deviation: Deviation, path: KeyPath, box: Range) -> str:
+    """A sentence where the key at a path leaves the box; empty where it stays inside."""
+    held = list(_held(problem, path))
+    names = [name for name, _ in held if name]
+    low, high = (choose(value for _, ends in held for value in ends) for choose in (min, max))
+    reached = deviation.moved(low, -deviation.reach), deviation.moved(high, deviation.reach)
+    slack = ROUNDING * (box[1] - box[0])
+    if box[0] - slack <= reached[0] and reached[1] <= box[1] + slack:
+        return ""
+
+    def said(ends: Range) -> str:
+        return " to ".join(dict.fromkeys(shown(deviation.parameter, end) for end in ends))
+
+    key = written_path(path)
+    who = f"{key} ({', '.join(names)})" if names and names != [key] else key
+    leaves = (
+        f"search.robust.vary: with its tolerance {who}, {said((low, high))}, comes to {said(reached)}, outside the "
+        f"meta-model's range {said(box)}"
+    )
+    room = deviation.room(box)
+    inside = max(room[0], low), min(room[1], high)
+    remedy = "solve designs beyond, or set meta_model.extrapolate: true."
+    if inside[0] > inside[1] + slack:
+        raise UserError(f"{leaves}, and no candidate stays inside; make the tolerance smaller, {remedy}")
+    return f"{leaves}, where candidates fail; keep it within {said(inside)}, {remedy}"
+
+
+def _paths(problem: SearchProblem, deviation: Deviation) -> tuple[KeyPath, ...]:
+    """The key, and a family's in the segments that give it, or may be given, a value of their own."""
+    own = [
+        key
+        for variable in problem.variables
+        for key in variable.keys
+        if deviation.path[0] == "family" and key[:2] == ("chain", "segments") and key[3:] == deviation.path
+    ]
+    return tuple(dict.fromkeys((deviation.path, *overridden(problem.study, deviation.path), *own)))
+
+
+def _held(problem: SearchProblem, path: KeyPath) -> Iterator[tuple[str, Range]]:
+    """(variable or "", lowest and highest value) that the key may hold undisturbed."""
+    everywhere = False
+    for one in problem.variables:
+        if path in one.keys:
+            everywhere |= len(one.conditions) == len(problem.conditions)
+            values = one.settings.values() or (one.variable.low, one.variable.high)
+            yield one.name, (min(values), max(values))
+    stated = [condition.changes[path] for condition in problem.conditions if path in condition.changes]
+    if stated:
+        yield "", (min(stated), max(stated))
+    if not everywhere and len(stated) < len(problem.conditions):
+        value = number_at(problem.study, path)
+        yield "", (value, value)

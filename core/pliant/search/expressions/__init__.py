@@ -1,0 +1,1 @@
+"""Formulas of a search: read from text, computed."""

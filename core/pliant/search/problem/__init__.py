@@ -1,0 +1,1 @@
+"""What a study's `search` block states."""

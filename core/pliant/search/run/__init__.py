@@ -1,0 +1,1 @@
+"""The search itself: proposals, journals, results."""

@@ -1,0 +1,200 @@
+"""A search on disk: every generation that was told, one JSON line each, and now and then the optimizer's state.
+
+A line is handed to the system before the optimizer is told, so that whatever ends the process, what was evaluated is
+known; down to the disk it goes once a second, which is what a machine that stops may lose. A line that was cut off is
+dropped. The state only saves time: without it the search is repeated from the first line, asking and telling without
+evaluating.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import time
+import uuid
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from io import BufferedWriter
+from pathlib import Path
+from typing import Any
+
+from pliant.interfaces.optimizer import PROPOSED, Trial
+from pliant.store.store import write_atomically, writing_in
+
+# What a line keeps of a trial, in this order since the first version.
+KEPT = (
+    *("number", "context", "values", "state", "objectives", "violation", "cause", "metrics", "conditions"),
+    *("scenarios", "simulations", "wall_s"),
+)
+LINES, STATE = ".jsonl", ".state.json"
+SYNC_EVERY_S = 1.0
+
+
+@dataclass(frozen=True)
+class Generation:
+    """The trials that an optimizer proposes, and is told, at once.
+
+    Attributes:
+        asked: how many trials the optimizer was asked for.
+        size: its own batch then; `asked` is smaller where the budget ended.
+        trials: sorted by number.
+        wall_s: of the search until all were evaluated, all sessions together.
+    """
+
+    asked: int
+    size: int
+    trials: tuple[Trial, ...]
+    wall_s: float = 0.0
+
+    @property
+    def evaluated(self) -> int:
+        """Trials that were simulated."""
+        return sum(trial.simulated for trial in self.trials)
+
+    @property
+    def open(self) -> tuple[Trial, ...]:
+        """Trials that wait for their evaluation."""
+        return tuple(trial for trial in self.trials if trial.state == PROPOSED)
+
+    def line(self) -> str:
+        """One line of JSON; NaN is written as such."""
+        rows = [[getattr(trial, name) for name in KEPT] for trial in self.trials]
+        plain = {"asked": self.asked, "size": self.size, "wall_s": self.wall_s, "rows": rows}
+        return json.dumps(plain, separators=(",", ":"), default=_plain) + "\n"
+
+    @classmethod
+    def of_line(cls, line: bytes) -> Generation:
+        """The reverse of `line`."""
+        plain = json.loads(line)
+        rows = [dict(zip(KEPT, row, strict=True)) for row in plain["rows"]]
+        trials = tuple(
+            Trial(**{**row, "objectives": tuple(row["objectives"]), "scenarios": tuple(row["scenarios"])})
+            for row in rows
+        )
+        return cls(int(plain["asked"]), int(plain["size"]), trials, float(plain["wall_s"]))
+
+
+def _plain(value: Any) -> Any:
+    """Mappings and numbers of numpy as JSON values."""
+    return dict(value) if isinstance(value, Mapping) else value.item()
+
+
+@dataclass(frozen=True)
+class Snapshot:
+    """An optimizer's state after so many batches."""
+
+    batches: int
+    state: Mapping[str, Any]
+
+
+class Journal:
+    """The journal of one branch: `<name>.jsonl` and `<name>.state.json` in a folder."""
+
+    def __init__(self, folder: Path, name: str) -> None:
+        self._folder = folder
+        self._lines, self._state = folder / f"{name}{LINES}", folder / f"{name}{STATE}"
+        self._synced = time.monotonic()
+
+    def read(self) -> list[Generation]:
+        """All whole lines; what follows a damaged one is cut off the file."""
+        self._synced = time.monotonic()
+        generations: list[Generation] = []
+        good = 0
+        for line in self._whole_lines():
+            try:
+                generations.append(Generation.of_line(line))
+            except (ValueError, KeyError, TypeError):
+                break
+            good += len(line)
+        if self._lines.exists() and self._lines.stat().st_size > good:
+            self._cut(good)
+        return generations
+
+    def keep(self, batches: int) -> None:
+        """Forget all but the first batches."""
+        self._cut(sum(len(line) for _, line in zip(range(batches), self._whole_lines(), strict=False)))
+
+    def append(self, generation: Generation) -> None:
+        """Write a generation; every now and then down to the disk."""
+        with writing_in(self._folder), self._lines.open("ab") as file:
+            file.write(generation.line().encode())
+            if time.monotonic() - self._synced >= SYNC_EVERY_S:
+                self._sync(file)
+
+    def sync(self) -> None:
+        """What was written goes down to the disk."""
+        if self._lines.exists():
+            with writing_in(self._folder), self._lines.open("ab") as file:
+                self._sync(file)
+
+    def _sync(self, file: BufferedWriter) -> None:
+        file.flush()
+        os.fsync(file.fileno())
+        self._synced = time.monotonic()
+
+    def snapshot(self) -> Snapshot | None:
+        """The optimizer's state, or None where there is none that can be read."""
+        try:
+            plain = json.loads(self._state.read_text(encoding="utf-8"))
+            return Snapshot(int(plain["batches"]), dict(plain["state"]))
+        except (OSError, ValueError, KeyError, TypeError):
+            return None
+
+    def save(self, snapshot: Snapshot) -> None:
+        """Replace the state, whole or not at all."""
+        text = json.dumps({"batches": snapshot.batches, "state": snapshot.state})
+        with writing_in(self._folder):
+            write_atomically(self._state, text)
+
+    def forget_snapshot(self) -> None:
+        """Without it the search is repeated from the first line."""
+        self._state.unlink(missing_ok=True)
+
+    def clear(self) -> None:
+        """Begin anew."""
+        self._lines.unlink(missing_ok=True)
+        self.forget_snapshot()
+
+    def _whole_lines(self) -> Iterator[bytes]:
+        if not self._lines.exists():
+            return
+        with self._lines.open("rb") as file:
+            for line in file:
+                if line.endswith(b"\n"):
+                    yield line
+
+    def _cut(self, size: int) -> None:
+        if self._lines.exists():
+            with writing_in(self._folder):
+                os.truncate(self._lines, size)
+
+
+def keep_journals(partial: Path, kept: Path) -> None:
+    """Put a finished search's journals where one with a larger budget finds them; only a help, so never an error."""
+    temporary = kept.with_name(f".writing-{kept.name}-{uuid.uuid4().hex}")
+    try:
+        temporary.mkdir(parents=True)
+        for file in _journals(partial):
+            shutil.copy2(file, temporary / file.name)
+        shutil.rmtree(kept, ignore_errors=True)
+        temporary.rename(kept)
+    except OSError:
+        shutil.rmtree(temporary, ignore_errors=True)
+
+
+def take_journals(kept: Path, partial: Path) -> bool:
+    """Copy kept journals into the folder of a search that has none of its own; whether there were any."""
+    if not kept.is_dir() or any(_journals(partial)):
+        return False
+    files = _journals(kept)
+    try:
+        for file in files:
+            shutil.copy2(file, partial / file.name)
+    except OSError:
+        return False
+    return bool(files)
+
+
+def _journals(folder: Path) -> list[Path]:
+    return sorted(file for file in folder.iterdir() if file.name.endswith((LINES, STATE)))

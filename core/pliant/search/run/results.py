@@ -1,0 +1,149 @@
+"""Outcomes become the records of a search: its history, its best designs, its counts."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from pliant.interfaces.optimizer import OK, REFUSED, Trial, Value, Variable
+from pliant.records.search import STATUSES, FoundDesign, SearchHistory
+from pliant.search.problem.search_problem import SearchProblem
+
+NAN = float("nan")
+Row = tuple[int, Trial]  # with its branch
+
+
+def history_of(variables: Sequence[Variable], rows: Sequence[Row], objectives: int) -> SearchHistory:
+    """Every candidate, branch by branch in the order of telling.
+
+    The objective of a candidate that breaks a constraint on metrics is NaN, its metrics are there.
+    """
+    names = sorted({name for _, row in rows for name in row.metrics})
+    scores = [row.objectives if row.feasible else (NAN,) * objectives for _, row in rows]
+    return SearchHistory(
+        np.array([branch for branch, _ in rows], int),
+        np.array([row.context for _, row in rows], int),
+        {v.name: np.array([_number(v, row.values[v.name]) for _, row in rows], float) for v in variables},
+        np.array([STATUSES.index(row.state) for _, row in rows], int),
+        np.array(scores, float).reshape(len(rows), objectives),
+        {
+            name: np.array([row.metrics.get(name, NAN) if row.state == OK else NAN for _, row in rows], float)
+            for name in names
+        },
+        np.array([row.wall_s for _, row in rows], float),
+    )
+
+
+def _number(variable: Variable, value: Value) -> float:
+    if variable.type == "categorical":
+        return float(variable.choices.index(value)) if value in variable.choices else NAN
+    return float(value)
+
+
+def best_of(rows: Iterable[Row]) -> Row | None:
+    """The lowest objective, the first of equal ones; None where nothing is feasible."""
+    feasible = [row for row in rows if row[1].feasible]
+    return min(feasible, key=lambda row: row[1].objectives[0], default=None)
+
+
+def front_of(rows: Iterable[Row]) -> list[Row]:
+    """What nothing beats in all objectives, each vector once, by the first objective."""
+    feasible = sorted((row for row in rows if row[1].feasible), key=lambda row: row[1].objectives)
+    front: list[Row] = []
+    kept = np.empty((0, len(feasible[0][1].objectives) if feasible else 0))
+    for row in feasible:  # whoever beats a row stands before it
+        scores = np.array(row[1].objectives)
+        if not np.any(np.all(kept <= scores, axis=1)):
+            front.append(row)
+            kept = np.vstack([kept, scores])
+    return front
+
+
+def counts_of(rows: Iterable[Row]) -> tuple[dict[str, int], dict[str, int]]:
+    """Cause → how often, of what was refused and of what failed; the most frequent first.
+
+    Constraints are told apart by their numbers; other causes that differ in numbers only are one.
+    """
+    constraints: Counter[str] = Counter()
+    refused: list[str] = []
+    failed: list[str] = []
+    for _, row in rows:
+        if row.state == REFUSED and row.violation > 0:
+            constraints[row.cause or "refused"] += 1
+        elif row.state == REFUSED:
+            refused.append(row.cause or "refused")
+        elif row.state != OK:
+            failed.append(row.cause or "the objective is not a number")
+    constraints.update(counted(refused))
+    return dict(constraints.most_common()), counted(failed)
+
+
+def design_of(problem: SearchProblem, row: Row) -> FoundDesign:
+    """A candidate as a design; `problem` is the `SearchProblem`."""
+    branch, told = row
+    signs = [-1.0 if maximised else 1.0 for maximised in problem.maximised]
+    stated, first = (
+        dict(
+            zip(
+                problem.objective_names,
+                (sign * one for sign, one in zip(signs, found, strict=True)),
+                strict=True,
+            )
+        )
+        for found in (told.objectives, told.first or told.objectives)
+    )
+    return FoundDesign(
+        dict(problem.full(told.values)),
+        settings_of(problem, told.values, told.context),
+        stated,
+        dict(told.metrics),
+        {name: dict(metrics) for name, metrics in told.conditions.items()},
+        branch,
+        told.context,
+        told.number,
+        first if told.first else {},
+    )
+
+
+def settings_of(problem: SearchProblem, values: Mapping[str, Value], context: int) -> dict[str, Any]:
+    """Key → value of what the variables set; "key [condition]" where conditions differ in it."""
+    conditions = problem.conditions
+    numbers = range(len(conditions)) if context < 0 else (context,)
+    searched = {key for variable in problem.variables for key in variable.keys}
+    by_key: dict[str, dict[int, Any]] = {}
+    for number in numbers:
+        for key, value in problem.changes(values, number).items():
+            if key in searched:
+                by_key.setdefault(".".join(map(str, key)), {})[number] = value
+    settings: dict[str, Any] = {}
+    for name, found in by_key.items():
+        if len(found) == len(numbers) and len({repr(value) for value in found.values()}) == 1:
+            settings[name] = next(iter(found.values()))
+        else:
+            settings |= {f"{name} [{conditions[n].name}]": value for n, value in found.items()}
+    return settings
+
+
+NUMBERS = re.compile(r"(?<![\w.])[-+\u2212]?\d+(?:[.,]\d+)*(?:[eE][-+]?\d+)?")  # not the 1 of n1
+ALIKE = ", or the like"
+
+
+def counted(causes: Iterable[str]) -> dict[str, int]:
+    """Cause → how often, the most frequent first; of causes that differ in numbers the first, `ALIKE` behind it.
+
+    "joint 1 stands 35 % outside" and "joint 4 stands 2 % outside" are one cause.
+    """
+    texts: dict[str, str] = {}
+    counts: dict[str, int] = {}
+    differ: set[str] = set()
+    for cause in causes:
+        words = NUMBERS.sub("#", cause)
+        if texts.setdefault(words, cause) != cause:
+            differ.add(words)
+        counts[words] = counts.get(words, 0) + 1
+    order = sorted(counts, key=lambda words: -counts[words])
+    return {(texts[w].rstrip(".") + ALIKE if w in differ else texts[w]): counts[w] for w in order}

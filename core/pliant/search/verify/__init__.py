@@ -1,0 +1,1 @@
+"""The check of the best design by direct FEM."""

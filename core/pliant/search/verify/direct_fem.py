@@ -1,0 +1,135 @@
+"""The study whose laws are fitted to direct FEM of its own designs: what the check of a winner runs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from pliant.config.study import Study
+from pliant.errors import UserError
+from pliant.interfaces.family import ActuatorFamily
+from pliant.interfaces.fem import FemConfig
+from pliant.pipeline.meta_model.designs import solved_designs
+from pliant.pipeline.study import DEFAULT_SURROGATE
+from pliant.pipeline.workbench import Workbench
+from pliant.records.fem import PASSED, ModuleData
+from pliant.registry.discovery import Registry
+from pliant.search.problem.study_setter import changed
+
+DEFAULT_FEM = "skfem"
+MARGIN = 1.05  # of the task's own actuation: a law is not used at the very end of its data
+LIMITS = {"pressure_pa": "pressure_max_pa", "tendon_force_n": "tendon_force_max_n"}
+
+
+def check_verifiable(study: Study, registry: Registry | None = None) -> None:
+    """Raise `UserError` where the check of the winner would fail for the study's sake, before hours of search.
+
+    Args:
+        study: has `search`.
+        registry: with it `verify.change` is tried too.
+
+    Raises:
+        UserError: direct FEM is wanted and the study has no material; or `verify.change` names no key of the study.
+    """
+    config = study.search.verify if study.search is not None else None
+    if config is not None and registry is not None:
+        changed(registry, study, config.change)
+    if solvable(study) and study.material is None:
+        raise UserError(
+            f"study '{study.name}' has no 'material' block, which the check of the best design by FEM needs; give the "
+            "material of the meta-model's designs, or set search.verify: null."
+        )
+
+
+def solvable(study: Study) -> bool:
+    """Whether laws of this study depend on its design, so that direct FEM of a design can check them."""
+    wanted = study.search is not None and study.search.verify is not None and study.search.verify.fem
+    return wanted and study.family is not None and (study.meta_model is not None or study.fem is not None)
+
+
+def direct_studies(bench: Workbench, studies: Sequence[Study]) -> tuple[list[Study], list[str]]:
+    """The studies with laws from FEM of their own designs instead of a meta-model's, and what was chosen for the user.
+
+    A study without a `fem` block gets one that covers the tasks and the meta-model's own data; one whose surrogate
+    needs no FEM gets the default one. Segments with a surrogate of their own keep it.
+
+    Args:
+        bench: the plugins.
+        studies: of one family and material, as a search makes them of one study.
+
+    Raises:
+        UserError: the meta-model's own data cannot be read.
+    """
+    first, sentences = studies[0], list[str]()
+    changes: dict[str, Any] = {"meta_model": None}
+    if first.fem is None:
+        changes["fem"] = default_fem(bench, studies)
+        sentences.append(_said(changes["fem"]))
+    surrogate = first.surrogate
+    if surrogate is not None and not bench.build("surrogate", surrogate).needs_fem():
+        default = bench.registry.get("surrogate", DEFAULT_SURROGATE).config_model()
+        changes["surrogate"] = default(kind=DEFAULT_SURROGATE)
+        sentences.append(
+            f"The study's surrogate '{surrogate.kind}' states a law or has data of its own; the check fits "
+            f"'{DEFAULT_SURROGATE}' to FEM instead."
+        )
+    return [study.model_copy(update=changes) for study in studies], sentences
+
+
+def default_fem(bench: Workbench, studies: Sequence[Study]) -> FemConfig:
+    """An FEM block for designs of a meta-model's table: as wide as the table and as the studies' tasks.
+
+    States that overlap are passed where the table passes them.
+    """
+    family: ActuatorFamily = bench.build("family", studies[0].need("family", "FEM"))
+    data = solved_designs(bench, studies[0]).designs.data
+    tasks = [_driven(study, family.actuation) for study in studies]
+    most = max(*(float(one.actuation.max()) for one in data), *tasks)
+    keys = {LIMITS[family.actuation]: most, "lateral_angle_rad": _lateral(data)}
+    passed = any(np.any(one.status == PASSED) for one in data)
+    config: Any = (
+        bench.registry.get("fem", DEFAULT_FEM)
+        .config_model()
+        .model_validate(
+            {"kind": DEFAULT_FEM, "self_contact": "pass" if passed else "stop"}
+            | {key: value for key, value in keys.items() if value is not None}
+        )
+    )
+    found: FemConfig = config
+    return found
+
+
+def _driven(study: Study, actuation: str) -> float:
+    """The largest actuation that the task gives a module, noise and margin included."""
+    task = study.noisy_task()
+    full = abs(float(getattr(task, actuation, None) or 0.0))
+    noise = float(getattr(getattr(task, "noise", None), actuation, 0.0))
+    segments = study.chain.as_segments() if study.chain is not None else ()
+    share = max((segment.actuation_share for segment in segments), default=1.0)
+    return MARGIN * (full + noise) * share
+
+
+def _lateral(data: Sequence[ModuleData]) -> float | None:
+    """The largest angle about lateral axes in the states that explore them; None without such."""
+    angles = [
+        float(np.abs(one.deformation[one.explored == axis, k]).max())
+        for one in data
+        for k, axis in enumerate(one.axes)
+        if axis != one.main_axis and np.any(one.explored == axis)
+    ]
+    return max(angles) if angles else None
+
+
+def _said(fem: FemConfig) -> str:
+    """What was chosen, for people."""
+    if fem.pressure_max_pa is not None:
+        limit = f"pressure_max: {fem.pressure_max_pa / 1e3:g} kPa"
+    else:
+        limit = f"tendon_force_max: {fem.tendon_force_max_n:g} N"
+    passed = ", self_contact: pass" if fem.self_contact == "pass" else ""
+    return (
+        f"The study has no 'fem' block; the check used {{kind: {fem.kind}, {limit}{passed}}}, which covers the "
+        "meta-model's data and the task."
+    )

@@ -1,0 +1,11 @@
+"""A config module that imports what only its implementation needs."""
+
+import sqlite3
+
+from broken.material import SolidConfig
+
+LIMIT = sqlite3.SQLITE_LIMIT_LENGTH
+
+
+class HeavyConfig(SolidConfig):
+    """The same config, expensive to import."""

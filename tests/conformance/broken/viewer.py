@@ -1,0 +1,70 @@
+"""A good viewer that marks the joints as dots, and viewers that break one rule each."""
+
+from collections.abc import Iterator
+from typing import Literal
+
+import numpy as np
+
+from broken import Variants
+from pliant.errors import UserError
+from pliant.interfaces.viewer import Handle, Picture, View, Viewer, ViewerConfig
+from pliant.mechanics.kinematics import ChainGeometry
+from pliant.records.motion import Motion
+from pliant.registry.component import Component
+
+PIXELS_PER_M = 1500.0
+
+
+class DotsConfig(ViewerConfig):
+    """No settings."""
+
+    kind: Literal["small"] = "small"
+
+
+class Dots(Viewer):
+    """A black square of 5 pixels for every marker, seen along world y."""
+
+    shift = 0
+    """Pixels that the camera moves from frame to frame."""
+
+    def pictures(self, motion: Motion, size: tuple[int, int], view: View) -> Iterator[Picture]:
+        geometry = ChainGeometry.of(motion.scene.arms[0].chain)
+        for number, q in enumerate(motion.frames.coordinates[0]):
+            picture = np.full((size[1], size[0], 3), 255, np.uint8)
+            for x, _, z in (geometry.markers(q) * PIXELS_PER_M).astype(int):
+                row, column = -z + 5, x + size[0] // 2 + number * self.shift
+                picture[max(row - 2, 0) : row + 3, max(column - 2, 0) : column + 3] = 0
+            yield picture
+
+    def require_display(self) -> None:
+        raise UserError("dots have no window")
+
+    def show(self, motion: Motion, handle: Handle | None = None) -> None:
+        raise AssertionError("asked to show without a display")
+
+
+variants = Variants(Component("viewer", "small", "broken.viewer:DotsConfig", "broken.viewer:Dots", "dots"))
+
+
+@variants.by("gives_a_picture_per_frame", r"is \(\(96, 64, 3\)")
+class Turned(Dots):
+    """Width and height mixed up."""
+
+    def pictures(self, motion: Motion, size: tuple[int, int], view: View) -> Iterator[Picture]:
+        yield from super().pictures(motion, size[::-1], view)
+
+
+@variants.by("shows_the_motion", "differ in 0.00%")
+class Frozen(Dots):
+    """Always the first frame."""
+
+    def pictures(self, motion: Motion, size: tuple[int, int], view: View) -> Iterator[Picture]:
+        first, *others = super().pictures(motion, size, view)
+        yield from (first for _ in (first, *others))
+
+
+@variants.by("draws_a_pose_always_alike", "two pictures of one pose differ")
+class Travelling(Dots):
+    """A camera that moves."""
+
+    shift = 4

@@ -1,0 +1,161 @@
+"""Whether the tests notice wrong code: each mutant must make one of them fail. `make mutants`
+
+    python -m tests.mutants.run              all mutants; goes on where an interrupted run was
+    python -m tests.mutants.run --list       prints them
+    python -m tests.mutants.run --room fem   those of one room
+    python -m tests.mutants.run --fresh      forgets earlier answers
+
+A mutant is written into a copy of the sources, and the tests whose modules import the changed one, the nearest first,
+run until one fails. Answers are kept by the text of the changed file and of those tests, in .pliant/mutants.json.
+Exit code 1 where less than 95 % are caught.
+"""
+
+from __future__ import annotations
+
+import argparse
+import ast
+import hashlib
+import json
+import os
+import shutil
+import subprocess
+import sys
+import time
+from collections import defaultdict
+from pathlib import Path
+
+from benchmarks.house import Module, imports, modules
+from tests.mutants.chosen import CHOSEN
+from tests.mutants.mutant import ROOT, Mutant, drawn
+
+SEED, DRAWN = 20, 40
+ENOUGH = 0.95
+MOST_FILES = 14  # of tests for one mutant
+LIMIT_S = 900.0
+ANSWERS = ROOT / ".pliant" / "mutants.json"
+COPY = ROOT / ".pliant" / "mutants"
+
+
+def test_files(known: dict[str, Module]) -> dict[str, list[Path]]:
+    """Source module → test files that reach it by imports, the nearest first."""
+    tests = {}
+    for file in sorted((ROOT / "tests").rglob("*.py")):
+        name = ".".join(file.relative_to(ROOT).with_suffix("").parts)
+        tests[name] = _module(name, file)
+    everything = {**known, **tests}
+    users: dict[str, set[str]] = defaultdict(set)
+    for name, module in everything.items():
+        for target in imports(module, everything):
+            users[target].add(name)
+    return {name: _nearest(name, users) for name in known}
+
+
+def _module(name: str, file: Path) -> Module:
+    return Module(name, "tests", ast.parse(file.read_text(encoding="utf-8")), False)
+
+
+def _nearest(name: str, users: dict[str, set[str]]) -> list[Path]:
+    """Test files by their distance; those in a folder called like the module's room come before others."""
+    room = set(name.split(".")[1:3])
+    seen, layer, found = {name}, {name}, []
+    while layer and len(found) < 4 * MOST_FILES:
+        layer = {user for one in layer for user in users[one]} - seen
+        seen |= layer
+        here = [one for one in sorted(layer) if one.split(".")[-1].startswith("test_")]
+        found += sorted(here, key=lambda one: not room & set(one.split(".")))
+    return [ROOT / (one.replace(".", "/") + ".py") for one in found[:MOST_FILES]]
+
+
+def caught_by(mutant: Mutant, files: list[Path]) -> str:
+    """The test that fails for a mutant; "" where none does."""
+    _copy_sources()
+    (COPY / mutant.file).write_text(mutant.applied(), encoding="utf-8")
+    paths = os.pathsep.join(str(COPY / part) for part in ("core", "plugins"))
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join([paths, str(ROOT)]), "OMP_NUM_THREADS": "1"}
+    command = [sys.executable, "-m", "pytest", "-x", "-q", "--no-header", "-p", "no:cacheprovider", "-m", ""]
+    try:
+        for file in files:
+            done = subprocess.run(
+                [*command, str(file)],
+                cwd=ROOT,
+                env=environment,
+                capture_output=True,
+                text=True,
+                check=False,
+                timeout=LIMIT_S,
+            )
+            if done.returncode in (1, 2, 3, 4):
+                lines = [line for line in done.stdout.splitlines() if line.startswith(("FAILED", "ERROR"))]
+                return lines[0].partition(" - ")[0] if lines else f"{file.name} ends with {done.returncode}"
+    except subprocess.TimeoutExpired:
+        return f"{file.name} does not end"
+    finally:
+        shutil.copy2(ROOT / mutant.file, COPY / mutant.file)
+    return ""
+
+
+def _copy_sources() -> None:
+    """Today's sources; what has not changed stays, so that compiled loops are found again."""
+    for part in ("core", "plugins"):
+        for file in (ROOT / part).rglob("*"):
+            target = COPY / file.relative_to(ROOT)
+            if not file.is_file() or "__pycache__" in file.parts:
+                continue
+            if not target.exists() or target.stat().st_mtime_ns != file.stat().st_mtime_ns:
+                target.parent.mkdir(parents=True, exist_ok=True)
+                shutil.copy2(file, target)
+        for target in (COPY / part).rglob("*.py"):
+            if not (ROOT / target.relative_to(COPY)).exists():
+                target.unlink()
+
+
+def _key(mutant: Mutant, files: list[Path]) -> str:
+    digest = hashlib.sha256(mutant.applied().encode())
+    for file in files:
+        digest.update(file.read_bytes())
+    return digest.hexdigest()[:24]
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--list", action="store_true")
+    parser.add_argument("--room", default="")
+    parser.add_argument("--fresh", action="store_true")
+    given = parser.parse_args()
+    mutants = [m for m in (*CHOSEN, *drawn(DRAWN, SEED)) if given.room in ("", m.room)]
+    for mutant in mutants:
+        mutant.applied()  # a chosen place that has moved is said before hours of work
+    if given.list:
+        print("\n".join(map(str, mutants)))
+        return 0
+    tests = test_files(modules())
+    answers = json.loads(ANSWERS.read_text()) if ANSWERS.exists() and not given.fresh else {}
+    survivors = []
+    for number, mutant in enumerate(mutants, 1):
+        files = tests[_dotted(mutant.file)]
+        key = _key(mutant, files)
+        if key not in answers:
+            begun = time.monotonic()
+            answers[key] = caught_by(mutant, files)
+            ANSWERS.parent.mkdir(exist_ok=True)
+            ANSWERS.write_text(json.dumps(answers, indent=1))
+            print(
+                f"{number}/{len(mutants)} {mutant}: {answers[key] or 'SURVIVES'} ({time.monotonic() - begun:.0f} s)",
+                flush=True,
+            )
+        if not answers[key]:
+            survivors.append(mutant)
+    share = 1 - len(survivors) / len(mutants)
+    print(f"{len(mutants) - len(survivors)} of {len(mutants)} mutants caught ({100 * share:.1f} %)")
+    for mutant in survivors:
+        print(f"survives: {mutant}")
+    return 0 if share >= ENOUGH else 1
+
+
+def _dotted(file: str) -> str:
+    parts = Path(file).with_suffix("").parts[1:]
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
