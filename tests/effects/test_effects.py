@@ -33,7 +33,7 @@ from pliant_plugins.manifest import pliant_components
 
 SHIPPED = [c for c in pliant_components() if c.interface == "effect"]
 ALL = pytest.mark.parametrize("component", SHIPPED, ids=[c.kind for c in SHIPPED])
-# The kinds of contracts.md, and two that chains need beside them.
+# The kinds of docs/reference/effects.md, and two that chains need beside them.
 KINDS = {
     *("stiffness", "wall_thickness", "bimodulus", "actuation_gain", "pressure_offset", "dead_zone", "leak"),
     *("supply_lag", "viscous_damping", "viscoelastic", "friction_hysteresis", "mullins", "permanent_set"),

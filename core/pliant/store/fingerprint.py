@@ -28,7 +28,7 @@ MACHINERY = (
     "pliant.interfaces.base",
     "pliant.registry",
     "pliant.store",
-    "pliant.pipeline.progress",
+    "pliant.execution",
     "pliant.pipeline.workbench",
 )
 # Files in a package that no result depends on; the code itself is hashed module by module.
@@ -87,7 +87,7 @@ def code_closure(modules: Iterable[str], packages: Iterable[str] = ()) -> dict[s
 
 
 def _is_machinery(name: str) -> bool:
-    return name in MACHINERY or name.startswith(("pliant.registry.", "pliant.store."))
+    return name in MACHINERY or name.startswith(("pliant.registry.", "pliant.store.", "pliant.execution."))
 
 
 def source_digest(source: bytes) -> str:
