@@ -11,7 +11,7 @@ from pliant.diagnosis.counts_candidates import effect_parameters, task_parameter
 from pliant.diagnosis.counts_diagnosis import count_evidence, judge_counts
 from pliant.errors import UserError
 from pliant.evidence.counts import CountedStudy, compare_counted, counted_study
-from pliant.pipeline.crews import checked_workers
+from pliant.execution.executors import checked_workers
 from pliant.pipeline.workbench import Workbench
 from pliant.report.counts import counts_document
 from pliant.report.counts_diagnosis import counts_diagnosis_document

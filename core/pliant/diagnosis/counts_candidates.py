@@ -66,20 +66,19 @@ def effect_parameters(
     Effects of rate and memory have several parameters and are tried only where they are asked for: their other
     parameters stay at typical values.
     """
-    parameters = []
+    varied = []
     for kind in kinds if kinds is not None else registry.kinds("effect"):
         component = registry.get("effect", kind)
         effect = component.implementation_class()
         model = cast(type[EffectConfig], component.config_model())
-        strengths = [p for p in effect.parameters if p.role == "strength"]
-        if kinds is None and (effect.place == "output" or len(effect.parameters) != 1):
+        parameters = model.fit_parameters()
+        strengths = [p for p in parameters if p.role == "strength"]
+        if kinds is None and (effect.place == "output" or len(parameters) != 1):
             continue
         for p in strengths:
             levels = levels_of(p.plausible[0], p.plausible[1], p.neutral, steps)
-            parameters.append(
-                VariedParameter(kind, f"{kind}.{p.name}", p.unit, levels, p.neutral, model, p.name)
-            )
-    return parameters
+            varied.append(VariedParameter(kind, f"{kind}.{p.name}", p.unit, levels, p.neutral, model, p.name))
+    return varied
 
 
 def task_parameters(

@@ -27,6 +27,7 @@ from pliant.diagnosis.verdict import NOT_PREDICTIVE, NOTHING, UNKNOWN, Kinds, Ve
 from pliant.evidence.binomial import Count, fisher_p, holm, log_own, log_predictive
 from pliant.evidence.counts import CountComparison, CountedStudy, compare_counts
 from pliant.evidence.trials import Setting, simulate_trials
+from pliant.execution.executors import Workers
 from pliant.pipeline.workbench import Workbench
 from pliant.records.design import Array
 
@@ -108,7 +109,10 @@ class CountEvidence:
 
 
 def count_evidence(
-    bench: Workbench, counted: CountedStudy, hypotheses: Sequence[Sequence[VariedParameter]], workers: int = 1
+    bench: Workbench,
+    counted: CountedStudy,
+    hypotheses: Sequence[Sequence[VariedParameter]],
+    workers: Workers = 1,
 ) -> CountEvidence:
     """Simulate every hypothesis at every level under all conditions, and weigh them.
 
@@ -116,7 +120,7 @@ def count_evidence(
         bench: plugins, store, progress; every setting is an artifact of the store, so that the scan can be resumed.
         counted: the study and the counts.
         hypotheses: parameters that are moved together; the model as it is takes part always.
-        workers: processes.
+        workers: see `executor_for`.
     """
     points = [((), ())] + [
         (tuple(parameters), levels)

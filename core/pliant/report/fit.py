@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from pliant import __version__
 from pliant.errors import UserError
 from pliant.formatting import (
     Unit,
@@ -35,14 +34,13 @@ from pliant.report.fem_view import data_warnings
 from pliant.report.fit_tables import SURROGATES
 from pliant.report.fit_view import Fitted, unstable_places
 from pliant.report.meta_view import law_of_meta_json, law_of_meta_lines
-from pliant.report.provenance import duration, stage_json
+from pliant.report.provenance import duration, made_by, stage_json
 from pliant.report.stage import StoredPage
 from pliant.tabular.fem_modules import has_several_axes, read_module_table
 from pliant.tabular.fem_reading import read_table
 from pliant.units import split_unit
 
 PAGE = "fit.html"
-FOOTER = units_of_page(pressures="Pa", forces="N", moments="N*m", angles="rad", extensions="m")
 SHOWN = 4  # laws that are drawn in full
 LEVEL = 0.9
 UNSTABLE_LAW = (
@@ -85,9 +83,9 @@ def fit_document(
         brief=tuple(brief),
         warnings=tuple(w for one in fitted for w in fit_warnings(one, several)),
         draw=draw,
-        footer=FOOTER,
+        footer=units_of_page(pressures="Pa", forces="N", moments="N*m", angles="rad", extensions="m"),
         page=PAGE,
-        version=str(manifests[0].get("pliant", __version__)) if manifests else __version__,
+        version=made_by(manifests),
     )
 
 
