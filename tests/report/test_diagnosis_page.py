@@ -226,7 +226,7 @@ def test_values_have_units_for_people_and_the_digits_that_are_known(entry, text)
 def test_what_is_printed_is_the_value_to_a_twentieth_of_its_deviation(value, share):
     """Two digits of the deviation: what is rounded off is at most a twentieth of it, a hundredth of large numbers."""
     sd = share * value
-    printed = float(value_text({"value": value, "sd": sd, "si": "1"}).split()[0])
+    printed = float(value_text(value, sd, "1").split()[0])
     assert abs(printed - value) <= max(0.051 * sd, 0.006 * value if sd >= 10 else 0.0)
 
 
