@@ -19,7 +19,6 @@ from pliant.report.stage import StoredPage
 from pliant.store.store import Artifact
 
 PAGE = "fem.html"  # beside fem.csv; `pliant run` in the same folder writes report.html
-FOOTER = units_of_page(pressures="Pa", forces="N", moments="N*m", angles="rad", extensions="m")
 SENTENCES = 3  # designs that the page's first sentence speaks of
 TOLD_OF_AXIS = ("error", "stated_error", "reached", "check_error", "symmetric")
 
@@ -52,7 +51,7 @@ def fem_document(study: Study, artifacts: Sequence[Artifact], tables: Sequence[s
         brief=(*fem_lines(artifacts), f"table    {', '.join(tables)}"),
         warnings=tuple(w for d in designs for w in data_warnings(d.data, f"{d.name}: " if several else "")),
         draw=draw,
-        footer=FOOTER,
+        footer=units_of_page(pressures="Pa", forces="N", moments="N*m", angles="rad", extensions="m"),
         page=PAGE,
         version=str(manifests[0].get("pliant", __version__)),
     )

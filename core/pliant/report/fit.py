@@ -42,7 +42,6 @@ from pliant.tabular.fem_reading import read_table
 from pliant.units import split_unit
 
 PAGE = "fit.html"
-FOOTER = units_of_page(pressures="Pa", forces="N", moments="N*m", angles="rad", extensions="m")
 SHOWN = 4  # laws that are drawn in full
 LEVEL = 0.9
 UNSTABLE_LAW = (
@@ -85,7 +84,7 @@ def fit_document(
         brief=tuple(brief),
         warnings=tuple(w for one in fitted for w in fit_warnings(one, several)),
         draw=draw,
-        footer=FOOTER,
+        footer=units_of_page(pressures="Pa", forces="N", moments="N*m", angles="rad", extensions="m"),
         page=PAGE,
         version=str(manifests[0].get("pliant", __version__)) if manifests else __version__,
     )

@@ -22,7 +22,6 @@ from pliant.report.stage import StoredPage
 from pliant.store.store import Artifact
 
 PAGE = "fit.html"
-FOOTER = units_of_page(lengths="m", pressures="Pa", moments="N*m", angles="rad")
 FAR = 0.05  # of the range: a worst error beyond this is warned of
 
 
@@ -65,7 +64,7 @@ def meta_document(
         brief=_blocks(stage, every),
         warnings=tuple(meta_warnings(own)),
         draw=draw,
-        footer=FOOTER,
+        footer=units_of_page(lengths="m", pressures="Pa", moments="N*m", angles="rad"),
         page=PAGE,
         version=str(manifests[0].get("pliant", __version__)),
     )
