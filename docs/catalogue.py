@@ -5,11 +5,11 @@ from __future__ import annotations
 import inspect
 import sys
 from collections.abc import Sequence
-from typing import get_args
+from typing import cast, get_args
 
 from pliant.experiments.runs import menu
 from pliant.experiments.scale import BenchScale
-from pliant.interfaces.effect import Effect, EffectParameter, Place
+from pliant.interfaces.effect import Effect, EffectConfig, EffectParameter, Place
 from pliant.registry.component import Component
 from pliant.testing.samples import PRESSURE_PA, sample_chain
 from pliant.units import strip_unit_suffix
@@ -60,8 +60,8 @@ def facts(component: Component, page: str = "") -> list[str]:
     `page` is the address of the catalogue, for links from other pages.
     """
     effect: type[Effect] = component.implementation_class()
-    notes, fields = effect.notes, component.config_model().model_fields
-    rows = [_row(p, fields[p.name].description or "") for p in effect.parameters]
+    notes, config = effect.notes, cast(type[EffectConfig], component.config_model())
+    rows = [_row(p, config.model_fields[p.name].description or "") for p in config.fit_parameters()]
     where = [f"**Makes sense for** {notes.where}"] if notes.where else []
     return [
         "\n".join([HEAD, *rows]),

@@ -1,5 +1,9 @@
-"""Settings of all tests."""
+"""Settings of all tests, and FEM states for those that need some but do not test the FEM."""
 
+import csv
+from pathlib import Path
+
+import pytest
 from hypothesis import HealthCheck, settings
 
 # The same examples on every machine and no clock: a loaded machine must not fail a test.
@@ -7,3 +11,11 @@ settings.register_profile(
     "pliant", derandomize=True, deadline=None, suppress_health_check=[HealthCheck.too_slow]
 )
 settings.load_profile("pliant")
+
+
+@pytest.fixture(scope="session")
+def fem_states() -> list[dict[str, float]]:
+    """Solved states of the first finger's module, SI; `solve_fem_states.py` writes them."""
+    table = Path(__file__).parent / "data" / "fem_states.csv"
+    with table.open(encoding="utf-8", newline="") as file:
+        return [{name: float(value) for name, value in row.items()} for row in csv.DictReader(file)]

@@ -113,9 +113,9 @@ def _run(bench: Bench, plan: Plan, scheduler: str | None) -> None:
     if scheduler is None:
         run(bench, plan)
         return
-    from pliant.pipeline.crews import cluster
+    from pliant.execution.executors import executor_for
 
-    with cluster(scheduler) as executor:
+    with executor_for(scheduler) as executor:
         run(bench, plan, executor)
 
 

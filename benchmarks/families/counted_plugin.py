@@ -13,6 +13,8 @@ from pliant.registry.hookspecs import hookimpl
 from pliant_plugins.fem.skfem.backend import Skfem, SkfemSolver
 from pliant_plugins.fem.skfem.config import SkfemConfig
 
+CONTRACT = 2
+
 
 class CountedConfig(SkfemConfig):
     """As skfem."""

@@ -24,8 +24,8 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
+from pliant.execution.progress import Silent
 from pliant.pipeline.dataset import as_data, module_problems
-from pliant.pipeline.progress import Silent
 from pliant.pipeline.sampling import Piece, sample
 from pliant.records.fem import COLUMNS, FemDataset, ModuleData
 from pliant.registry.discovery import Registry, discover

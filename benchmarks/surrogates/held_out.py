@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
+from pliant.execution.progress import Silent
 from pliant.interfaces.meta_model import DesignLaws, FittedMetaModel, MetaModel, MetaModelConfig
 from pliant.pipeline.meta_model.designs import from_table
 from pliant.pipeline.meta_model.leaving_out import Misses, misses_left_out, parts_of
 from pliant.pipeline.meta_model.scoring import Scores, scores_of
-from pliant.pipeline.progress import Silent
 from pliant.records.law import LawRecord
 from pliant.records.solved import SolvedDesigns
 

@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping, Sequence
-from concurrent.futures import Executor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -42,9 +41,10 @@ from pliant.evidence.counted_study import compare_counted, counted_study
 from pliant.evidence.counts import CountComparison
 from pliant.evidence.measured import measurement_of_study
 from pliant.evidence.prediction import Predictor
+from pliant.execution.executors import Workers
+from pliant.execution.progress import Progress, Silent
 from pliant.experiments.protocols import own_runs
 from pliant.pipeline.meta_model import MetaModelStage, Proposal, Scores, designs_to_solve, meta_model_stage
-from pliant.pipeline.progress import Progress, Silent
 from pliant.pipeline.study import StudyRun, simulate_study
 from pliant.pipeline.sweep import sweep_study
 from pliant.pipeline.sweep_records import SweepRun
@@ -94,12 +94,13 @@ def open_study(
     return OpenStudy(study, Workbench(registry, ArtifactStore(Path(store)), progress or Silent()))
 
 
-def sweep(opened: OpenStudy, executor: Executor | None = None, workers: int | None = None) -> SweepRun:
+def sweep(opened: OpenStudy, executor: Workers = None, workers: int | None = None) -> SweepRun:
     """The FEM data of all designs of the study's `sweep`: `pliant fem`.
 
     Args:
         opened: the study.
-        executor: any `concurrent.futures.Executor`, a dask client's `get_executor()` among them.
+        executor: any `concurrent.futures.Executor`, a dask client's `get_executor()` among them; or the address or
+            the file of a dask scheduler.
         workers: processes of our own instead, one for each CPU by default; 1 solves in this process.
 
     A script that starts processes needs `if __name__ == "__main__":`.
@@ -158,12 +159,13 @@ def simulate(opened: OpenStudy) -> StudyRun:
     return simulate_study(opened.bench, opened.study)
 
 
-def optimize(opened: OpenStudy, executor: Executor | None = None, workers: int | None = None) -> SearchResult:
+def optimize(opened: OpenStudy, executor: Workers = None, workers: int | None = None) -> SearchResult:
     """The study's search and the check of its winner: `pliant optimize`.
 
     Args:
         opened: the study; it has `search`.
-        executor: any `concurrent.futures.Executor`, a dask client's `get_executor()` among them.
+        executor: any `concurrent.futures.Executor`, a dask client's `get_executor()` among them; or the address or
+            the file of a dask scheduler.
         workers: processes of our own instead, one for each CPU by default; 1 evaluates in this process.
 
     Raises:
@@ -193,7 +195,9 @@ def compare(opened: OpenStudy, data: Data = None) -> Comparison:
     return compare_with(model.measurement, model.predict())
 
 
-def compare_counts(opened: OpenStudy, data: str | Path | None = None, *, workers: int = 1) -> CountComparison:
+def compare_counts(
+    opened: OpenStudy, data: str | Path | None = None, *, workers: Workers = 1
+) -> CountComparison:
     """The study's task against a file of successes and trials: `pliant compare` on counts."""
     counted = counted_study(opened.study, None if data is None else Path(data))
     return compare_counted(opened.bench, counted, workers)

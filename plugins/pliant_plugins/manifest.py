@@ -9,6 +9,7 @@ from typing import Any
 from pliant.registry.component import Component
 from pliant.registry.hookspecs import hookimpl
 
+CONTRACT = 2
 HERE = "pliant_plugins"
 FINGER = {
     "inner_radius": "2 mm",

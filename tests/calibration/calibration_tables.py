@@ -69,7 +69,7 @@ class BarBench:
     """A workbench whose family and FEM are the bar."""
 
     def __init__(self, ribbon_pa: float = 0.0) -> None:
-        from pliant.pipeline.progress import Silent
+        from pliant.execution.progress import Silent
 
         self.progress, self.ribbon_pa = Silent(), ribbon_pa
         self.solvers: list[Bar] = []

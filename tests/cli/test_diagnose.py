@@ -84,20 +84,17 @@ def test_ctrl_c_inside_compiled_code_is_an_interrupt(pliant, bench, monkeypatch)
 OWN = """\
 from typing import Literal
 
-from pydantic import Field
-
-from pliant.interfaces.effect import Effect, EffectConfig, EffectParameter, Model
+from pliant.interfaces.effect import Effect, EffectConfig, Model, parameter
 from pliant.records.term import LawTerm
 
 
 class OwnConfig(EffectConfig):
     kind: Literal["own"] = "own"
-    rise: float = Field(default=0.0, ge=0.0, le=5.0)
+    rise: float = parameter(unit="rad^-2", neutral=0.0, bounds=(0.0, 5.0), plausible=(0.5, 4.0))
 
 
 class Own(Effect):
     place = "law"
-    parameters = (EffectParameter("rise", "rad^-2", neutral=0.0, bounds=(0.0, 5.0), plausible=(0.5, 4.0)),)
     config: OwnConfig
 
     def apply(self, model: Model) -> Model:
@@ -113,11 +110,12 @@ def factor(angle, rate, dt_s, actuation, temperature_c, old, new, parameters):
     ("right", "wrong", "says"),
     [
         (
-            '("rise", "rad',
-            '("lift", "rad',
-            "'own' was left out: The parameters of effect 'own' and the fields",
+            "    rise: float =",
+            "    from typing import Annotated\n    from pydantic import Field\n"
+            "    rise: Annotated[float, Field(le=3.0)] =",
+            "rise: Input should be less than or equal to 3",
         ),
-        ("le=5.0", "le=3.0", "rise: Input should be less than or equal to 3"),
+        ("(0.5, 4.0)", "(0.5, 40.0)", "OwnConfig.rise: plausible"),
         ("1.0 + parameters[0] *", "1.0 / (angle - angle) *", "'own' could not be judged"),
         ("parameters[0]", "parameter[0]", "'own' was left out: "),
     ],

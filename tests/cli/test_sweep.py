@@ -188,7 +188,7 @@ def test_a_wrong_table_names_its_line(fem, workplace, text, sentence):
 )
 def test_a_scheduler_that_does_not_answer(fem, monkeypatch, scheduler, sentence):
     pytest.importorskip("distributed")
-    monkeypatch.setattr("pliant.pipeline.crews.CONNECT_S", 0.5)
+    monkeypatch.setattr("pliant.execution.executors.CONNECT_S", 0.5)
     call = fem(GRID, "--scheduler", scheduler, workers=None)
     assert call.code == 2
     assert sentence in call.err

@@ -1,4 +1,4 @@
-"""Makes the small plugins of `spoiled/` importable: components name them as "spoiled.material:Ciarlet"."""
+"""Makes the small plugins of `broken/` importable: components name them as "broken.material:Ciarlet"."""
 
 import sys
 from pathlib import Path

@@ -4,33 +4,61 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import broken
 import numpy as np
 import pytest
-import spoiled
 
 from pliant.registry.component import INTERFACES
-from pliant.testing import CheckFailure, CheckSkipped, bound_checks, check_component, checks_for, run_checks
+from pliant.testing import CheckFailure, CheckSkipped, check_component, checks_for, run_checks
 from pliant.testing.suite import Finding, require_close
 
 
 def test_outcomes_name_every_check_of_the_interface() -> None:
-    outcomes = run_checks(spoiled.good("material"))
+    outcomes = run_checks(broken.good("material"))
     assert [o.name for o in outcomes] == [c.name for c in checks_for("material")]
     assert {o.status for o in outcomes} == {"passed"}
     assert all(o.message == "" and o.wall_s >= 0 for o in outcomes)
 
 
-def test_a_spoiled_component_is_reported_and_the_rest_still_runs() -> None:
-    spoil = next(s for s in spoiled.of("material") if s.check == "tangent_is_symmetric")
-    outcomes = {o.name: o for o in run_checks(spoil.component)}
+def test_a_broken_component_is_reported_and_the_rest_still_runs() -> None:
+    case = next(s for s in broken.of("material") if s.check == "tangent_is_symmetric")
+    outcomes = {o.name: o for o in run_checks(case.component)}
     assert outcomes["tangent_is_symmetric"].status == "failed"
     assert outcomes["stress_is_the_energys_slope"].status == "passed"
     with pytest.raises(CheckFailure, match="tangent_is"):
-        check_component(spoil.component)
+        check_component(case.component)
+
+
+def test_a_misspelt_key_of_the_example_gives_one_failure_in_one_sentence() -> None:
+    misspelt = replace(broken.good("effect"), example={"gian": 1.1})
+    (failed,) = [o for o in run_checks(misspelt) if o.status == "failed"]
+    assert failed.name == "example_is_valid"
+    assert "gian" in failed.message
+    assert len(failed.message.splitlines()) == 1
+    with pytest.raises(CheckFailure) as failure:
+        check_component(misspelt)
+    assert str(failure.value) == failed.message
+
+
+def test_a_misspelt_parameter_in_the_code_gives_one_failure() -> None:
+    misspelt = replace(broken.good("effect"), implementation="broken.effect:Misspelt")
+    outcomes = run_checks(misspelt)
+    (failed,) = [o for o in outcomes if o.status == "failed"]
+    assert "has no attribute 'gian'" in failed.message
+    assert any(o.message == f"it fails where '{failed.name}' does" for o in outcomes)
+
+
+def test_what_is_declared_wrongly_stops_the_rest() -> None:
+    case = next(c for c in broken.of("effect") if c.check == "declares_place_and_parameters")
+    outcomes = run_checks(case.component)
+    first = next(k for k, o in enumerate(outcomes) if o.status == "failed")
+    assert outcomes[first].name == case.check
+    assert {o.status for o in outcomes[:first]} == {"passed"}
+    assert {o.message for o in outcomes[first + 1 :]} == {f"not run: '{case.check}' fails first"}
 
 
 def test_a_missing_package_skips_with_what_to_install() -> None:
-    lacking = replace(spoiled.good("task"), requires=("no_such_package",), install="pip install it")
+    lacking = replace(broken.good("task"), requires=("no_such_package",), install="pip install it")
     outcomes = run_checks(lacking)
     skipped = [o for o in outcomes if o.status == "skipped"]
     assert "task 'small' needs no_such_package: pip install it" in skipped[0].message
@@ -41,16 +69,10 @@ def test_a_missing_package_skips_with_what_to_install() -> None:
 
 
 def test_a_component_that_cannot_be_imported_fails_in_words() -> None:
-    absent = replace(spoiled.good("effect"), implementation="spoiled.effect:NoSuchClass")
-    failed = [o for o in run_checks(absent) if o.status == "failed"]
-    assert failed[0].name == "implementation_fills_the_interface"
-    assert "NoSuchClass" in failed[0].message
-
-
-def test_ids_are_readable() -> None:
-    ids = [check.id for check in bound_checks([spoiled.good("physics")])]
-    assert "physics-small-settles_in_equilibrium" in ids
-    assert len(set(ids)) == len(ids)
+    absent = replace(broken.good("effect"), implementation="broken.effect:NoSuchClass")
+    (failed,) = [o for o in run_checks(absent) if o.status == "failed"]
+    assert failed.name == "implementation_fills_the_interface"
+    assert "NoSuchClass" in failed.message
 
 
 @pytest.mark.parametrize("interface", INTERFACES)

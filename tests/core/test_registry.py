@@ -1,18 +1,20 @@
 """Discovery: a broken plugin is named, never fatal; a kind defined twice names both packages."""
 
 import importlib.metadata
+import re
 from types import ModuleType
 
 import pytest
 
 from pliant.errors import ContractError, MissingDependencyError, UserError
+from pliant.interfaces.base import CONTRACT_VERSION
 from pliant.registry import discovery
 from pliant.registry.component import Component
 from pliant.registry.discovery import discover
 from pliant.registry.hookspecs import hookimpl
 
 
-def module_with(components, name="some_package"):
+def module_with(components, name="some_package", contract=CONTRACT_VERSION):
     module = ModuleType(name)
 
     @hookimpl
@@ -20,6 +22,8 @@ def module_with(components, name="some_package"):
         return components
 
     module.pliant_components = pliant_components
+    if contract is not None:
+        module.CONTRACT = contract
     return module
 
 
@@ -76,6 +80,40 @@ def test_a_broken_plugin_is_remembered_with_its_cause(monkeypatch, error, cause)
     assert "bellow_bending" in registry.kinds("family")
 
 
+@pytest.mark.parametrize(
+    ("contract", "cause"),
+    [
+        (None, r"some_package states no contract.*`parameter\(…\)`.*CONTRACT = 2"),
+        (1, r"states CONTRACT = 1.*`parameter\(…\)`.*CONTRACT = 2"),
+        (CONTRACT_VERSION + 1, r"CONTRACT = 3, this Pliant has 2: update Pliant"),
+        ("2", r"CONTRACT = '2', this Pliant has 2"),
+    ],
+)
+def test_a_plugin_of_another_contract_is_named_and_stops_nothing_else(monkeypatch, contract, cause):
+    old = module_with([effect("former")], contract=contract)
+    registry = discover_with(monkeypatch, FakeEntry("old", lambda: old))
+    (failure,) = registry.failures
+    assert (failure.name, failure.kinds) == ("old", (("effect", "former"),))
+    assert re.search(cause, failure.cause)
+    assert "bellow_bending" in registry.kinds("family")
+    with pytest.raises(UserError, match="^effect 'former' of unknown package cannot be used: ") as error:
+        registry.get("effect", "former")
+    assert len(str(error.value).splitlines()) == 1
+
+
+def test_an_old_manifest_that_cannot_be_read_any_more_is_named_all_the_same(monkeypatch):
+    old = ModuleType("old_package")
+
+    @hookimpl
+    def pliant_components():
+        return [Component("effect", "former", "old:Config", "old:Effect", "old", contract=1)]
+
+    old.pliant_components = pliant_components
+    (failure,) = discover_with(monkeypatch, FakeEntry("old", lambda: old)).failures
+    assert "states no contract" in failure.cause
+    assert failure.kinds == ()
+
+
 def test_ctrl_c_during_discovery_is_not_swallowed(monkeypatch):
     with pytest.raises(KeyboardInterrupt):
         discover_with(monkeypatch, FakeEntry("slow", fail(KeyboardInterrupt())))
@@ -86,7 +124,6 @@ def test_ctrl_c_during_discovery_is_not_swallowed(monkeypatch):
     [
         (["no component"], "which is no Component"),
         ([effect(interface="efect")], "interface 'efect'"),
-        ([effect(contract=99)], "written for contract 99"),
         ([effect(None)], "has kind None"),
         ([effect(["mine"])], "has kind ['mine']"),
         ([effect("")], "has kind ''"),

@@ -77,7 +77,7 @@ def test_a_detectable_strength_is_found_and_a_fifth_of_it_is_not(kind: str) -> N
     clean = measured(CHAIN, rich(), seed=7)
     kinds = ["stiffness", "actuation_gain", "sensor_bias", "mullins"]
     limit = {d.kind: d for d in diagnose(predictor_of(CHAIN, clean), kinds=kinds).detectable}[kind]
-    neutral = REGISTRY.get("effect", kind).implementation_class().parameters[0].neutral
+    neutral = REGISTRY.get("effect", kind).config_model().fit_parameters()[0].neutral
 
     def verdict(share: float) -> tuple[str, ...]:
         hidden = effect(kind, **{limit.parameter: neutral + share * (limit.value - neutral)})

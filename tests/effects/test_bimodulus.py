@@ -10,7 +10,7 @@ from pliant.records.chain import Actuator, ChainModel
 from pliant.records.history import History
 from pliant.testing.histories import Motion, drive
 from pliant.testing.samples import linear_law, sample_chain, softening_law
-from pliant_plugins.effects.bimodulus import BOUNDS, Bimodulus, BimodulusConfig
+from pliant_plugins.effects.bimodulus import Bimodulus, BimodulusConfig
 from pliant_plugins.physics.quasistatic.backend import Quasistatic
 from pliant_plugins.physics.quasistatic.config import QuasistaticConfig
 
@@ -52,7 +52,7 @@ def test_opposed_chambers_bend_farther_to_the_soft_side() -> None:
     np.testing.assert_allclose(angles, GAIN * P / (2 * K) * np.array([1 / 1.2, -1 / 0.8]), rtol=1e-5)
 
 
-@pytest.mark.parametrize("b", BOUNDS)
+@pytest.mark.parametrize("b", BimodulusConfig.fit_parameters()[0].bounds)
 @pytest.mark.parametrize("law", [linear_law(GAIN, K), softening_law()], ids=["linear", "softening"])
 def test_a_joint_is_stable_up_to_the_bounds(b: float, law: object) -> None:
     chain = sample_chain(law, modules=1)  # type: ignore[arg-type]

@@ -16,12 +16,13 @@ from pydantic import ValidationError
 from pliant.errors import UserError
 from pliant.experiments.runs import menu
 from pliant.experiments.scale import BenchScale
-from pliant.interfaces.effect import Effect, Model
+from pliant.interfaces.effect import Effect, EffectConfig, Model, parameter
 from pliant.records.chain import Actuator
 from pliant.records.history import History
 from pliant.registry.component import Component
 from pliant.testing.effect_bench import SIGHTS
 from pliant.testing.samples import PRESSURE_PA, linear_law, sample_chain, softening_law
+from pliant.units import Angle
 from pliant_plugins.effects.actuation_gain import ActuationGain, ActuationGainConfig
 from pliant_plugins.effects.dead_zone import DeadZone, DeadZoneConfig
 from pliant_plugins.effects.gravity_scale import GravityScale, GravityScaleConfig
@@ -32,7 +33,7 @@ from pliant_plugins.manifest import pliant_components
 
 SHIPPED = [c for c in pliant_components() if c.interface == "effect"]
 ALL = pytest.mark.parametrize("component", SHIPPED, ids=[c.kind for c in SHIPPED])
-# The kinds of contracts.md, and two that chains need beside them.
+# The kinds of docs/reference/effects.md, and two that chains need beside them.
 KINDS = {
     *("stiffness", "wall_thickness", "bimodulus", "actuation_gain", "pressure_offset", "dead_zone", "leak"),
     *("supply_lag", "viscous_damping", "viscoelastic", "friction_hysteresis", "mullins", "permanent_set"),
@@ -74,15 +75,52 @@ def test_the_kinds_of_the_contract_ship() -> None:
 
 
 @ALL
-def test_defaults_are_neutral_or_typical_and_bounds_are_the_config_s(component: Component) -> None:
+def test_defaults_are_neutral_and_bounds_are_the_config_s(component: Component) -> None:
     config = component.config_model()
-    for parameter in type(example(component)).parameters:
-        assert getattr(config(kind=component.kind), parameter.name) == parameter.neutral
-        for bound, outward in zip(parameter.bounds, (-1.0, 1.0), strict=True):
-            assert getattr(config.model_validate({parameter.name: bound}), parameter.name) == bound
+    for one in config.fit_parameters():  # type: ignore[attr-defined]
+        assert getattr(config(kind=component.kind), one.name) == one.neutral
+        for bound, outward in zip(one.bounds, (-1.0, 1.0), strict=True):
+            assert getattr(config.model_validate({one.name: bound}), one.name) == bound
             beyond = bound + outward * 1e-3 * max(abs(bound), 1.0)
             with pytest.raises(ValidationError):
-                config.model_validate({parameter.name: beyond})
+                config.model_validate({one.name: beyond})
+
+
+@pytest.mark.parametrize(
+    ("changes", "says"),
+    [
+        ({"plausible": (0.8, 0.2)}, "is not an ordered range"),
+        ({"plausible": (0.2, 8.0)}, "is not an ordered range within the bounds"),
+        ({"bounds": (2.0, 1.0)}, "are not ordered"),
+        ({"neutral": 3.0}, "outside the bounds"),
+        ({"role": "strenght"}, "is not one of strength, shape"),
+        ({"prior": "uniform"}, "is not one of normal, log_normal"),
+        ({"prior": "log_normal", "plausible": (0.0, 1.0)}, "has no room for 0"),
+        ({"unit": ""}, "has no unit"),
+    ],
+)
+def test_a_parameter_that_cannot_be_is_refused_where_it_is_declared(
+    changes: dict[str, Any], says: str
+) -> None:
+    given = {"unit": "s^-1", "neutral": 0.0, "bounds": (0.0, 2.0), "plausible": (0.2, 0.8), **changes}
+    with pytest.raises(TypeError, match=f"Declared.value: .*{says}"):
+
+        class Declared(EffectConfig):
+            value: float = parameter(**given)
+
+
+def test_a_parameter_has_the_unit_of_its_type() -> None:
+    class Declared(EffectConfig):
+        gap_rad: Angle = parameter(neutral=0.0, bounds=(0.0, 2.0), plausible=(0.2, 0.8), description="a gap")
+
+    (one,) = Declared.fit_parameters()
+    assert (one.name, one.unit) == ("gap_rad", "rad")
+    assert Declared.model_validate({"kind": "any", "gap": "90 deg"}).gap_rad == pytest.approx(np.pi / 2)  # type: ignore[attr-defined]
+    assert Declared.model_json_schema()["properties"]["gap"]["description"] == "a gap"
+    with pytest.raises(TypeError, match="unit 's' is not that of its type, 'rad'"):
+
+        class Other(EffectConfig):
+            gap_rad: Angle = parameter(unit="s", neutral=0.0, bounds=(0.0, 2.0), plausible=(0.2, 0.8))
 
 
 @ALL

@@ -166,18 +166,17 @@ def test_a_process_that_waits_goes_on_where_the_killed_one_stopped(tmp_path):
 EFFECT = """
 from typing import ClassVar, Literal
 
-from pliant.interfaces.effect import Effect, EffectConfig, EffectParameter
+from pliant.interfaces.effect import Effect, EffectConfig, parameter
 from edited_plugin import helper
 
 
 class LeakyConfig(EffectConfig):
     kind: Literal["leaky"] = "leaky"
-    share: float = 0.1
+    share: float = parameter(unit="1", neutral=0.0, bounds=(0.0, 1.0), plausible=(0.0, 0.3))
 
 
 class Leaky(Effect):
     place: ClassVar = "input"
-    parameters: ClassVar = (EffectParameter("share", "", 0.0, (0.0, 1.0), (0.0, 0.3)),)
 
     def apply(self, model):
         return model.with_(inputs=(*model.inputs, helper.scaled(1 - self.config.share)))
@@ -194,6 +193,8 @@ def scaled(factor):
 MANIFEST = """
 from pliant.registry.component import Component
 from pliant.registry.hookspecs import hookimpl
+
+CONTRACT = 2
 
 
 @hookimpl

@@ -1,4 +1,4 @@
-"""Mooney–Rivlin, Yeoh and Ogden: limits, closed forms of incompressible bars, refusals, stability."""
+"""Every material: derivatives, objectivity, Hooke's limit, closed forms of incompressible bars, refusals, stability."""
 
 from __future__ import annotations
 
@@ -17,6 +17,50 @@ F = np.eye(3) + 0.2 * np.random.default_rng(1).uniform(-1, 1, (5, 4, 3, 3))
 def law(kind: str, **keys: object) -> Material:
     component = REGISTRY.get("material", kind)
     return component.build(component.config_model().model_validate({"kind": kind, **keys}))
+
+
+LAWS = {
+    "neo_hookean": {"shear_modulus": MU},
+    "mooney_rivlin": {"c10": 90e3, "c01": 30e3},
+    "yeoh": {"c10": 120e3, "c20": -4e3, "c30": 1.5e3},
+    "ogden": {"mu": [200e3, 40e3], "alpha": [1.8, -2.5]},
+}
+
+
+@pytest.fixture(params=LAWS)
+def solid(request: pytest.FixtureRequest) -> Material:
+    """Each material, of the shear modulus MU at rest."""
+    return law(request.param, **LAWS[request.param])
+
+
+def test_stress_and_tangent_are_slopes_of_the_energy(solid: Material) -> None:
+    d, h = np.random.default_rng(2).standard_normal(F.shape), 1e-6
+    here, ahead, behind = (solid.evaluate(F + s * h * d) for s in (0, 1, -1))
+    np.testing.assert_allclose(solid.energy(F), here.energy, rtol=1e-13)
+    slope = (ahead.energy - behind.energy) / (2 * h)
+    np.testing.assert_allclose(np.sum(here.stress * d, axis=(-2, -1)), slope, rtol=1e-6, atol=1e-3)
+    turned = np.einsum("...ijkl,...kl->...ij", here.tangent, d)
+    np.testing.assert_allclose(turned, (ahead.stress - behind.stress) / (2 * h), rtol=1e-6, atol=1e-1)
+    matrix = here.tangent.reshape(5, 4, 9, 9)
+    np.testing.assert_allclose(matrix, np.swapaxes(matrix, -1, -2), atol=1e-9 * np.abs(matrix).max())
+
+
+def test_rotation_costs_nothing_and_turns_the_stress(solid: Material) -> None:
+    Q = np.linalg.qr(np.random.default_rng(3).standard_normal((3, 3)))[0]
+    Q = Q * np.sign(np.linalg.det(Q))
+    here, turned = solid.evaluate(F), solid.evaluate(Q @ F)
+    np.testing.assert_allclose(turned.energy, here.energy, rtol=1e-10)
+    np.testing.assert_allclose(turned.stress, Q @ here.stress, atol=1e-10 * np.abs(here.stress).max())
+
+
+def test_rest_is_stress_free_with_hooke_s_moduli(solid: Material) -> None:
+    rest, nu = solid.evaluate(np.eye(3)), 0.49
+    assert rest.energy == pytest.approx(0, abs=1e-9)
+    np.testing.assert_allclose(rest.stress, 0, atol=1e-9)
+    lame = 2 * MU * nu / (1 - 2 * nu)
+    assert rest.tangent[0, 1, 0, 1] == pytest.approx(MU)
+    assert rest.tangent[0, 0, 1, 1] == pytest.approx(lame)
+    assert rest.tangent[0, 0, 0, 0] == pytest.approx(lame + 2 * MU)
 
 
 REDUCTIONS = {
@@ -77,12 +121,13 @@ FORMS = {
 
 
 @pytest.mark.parametrize("mode", FORMS)
-@pytest.mark.parametrize("kind", ["mooney_rivlin", "yeoh", "ogden"])
+@pytest.mark.parametrize("kind", LAWS)
 def test_homogeneous_tests_have_their_closed_forms(kind: str, mode: str) -> None:
     shape, I1, power = FORMS[mode]
     c10, c01, c20, c30 = 90e3, 30e3, -2e3, 500.0
     second = {"uniaxial": 1 / STRETCH, "equibiaxial": STRETCH**2, "planar": np.ones(5)}[mode]
     keys, wanted = {
+        "neo_hookean": ({"shear_modulus": 2 * c10}, 2 * shape * c10),
         "mooney_rivlin": ({"c10": c10, "c01": c01}, 2 * shape * (c10 + c01 * second)),
         "yeoh": (
             {"c10": c10, "c20": c20, "c30": c30},
@@ -104,6 +149,8 @@ def test_homogeneous_tests_have_their_closed_forms(kind: str, mode: str) -> None
 @pytest.mark.parametrize(
     ("kind", "keys", "says"),
     [
+        ("neo_hookean", {"shear_modulus": 0}, "greater than 0"),
+        ("neo_hookean", {"shear_modulus": 1e5, "poisson_ratio": 0.5}, "less than or equal to 0.4995"),
         ("mooney_rivlin", {"c10": 1e5, "c01": -1e5}, "2 \\(C10 \\+ C01\\), is 0 Pa"),
         ("mooney_rivlin", {"c10": -1e5, "c01": 5e4}, "must be positive"),
         ("yeoh", {"c10": 0}, "2 C10, is 0 Pa"),

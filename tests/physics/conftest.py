@@ -29,7 +29,7 @@ needs_pybullet = pytest.mark.skipif(
 
 
 class StudyLaw(JointLaw):
-    """τ = k_n p + (m_a p + b_a) u − (m_e u|u|/2 + b_e u), the odd form of contracts.md."""
+    """τ = k_n p + (m_a p + b_a) u − (m_e u|u|/2 + b_e u), the odd form of docs/conventions.md."""
 
     joint = "revolute"
     axes = ("y",)

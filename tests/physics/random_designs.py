@@ -27,7 +27,7 @@ class SoftSpatial(SpatialLaw):
 
 
 def random_law(random: np.random.Generator) -> JointLaw:
-    """Laws around the worked number of contracts.md, which soften as pressure rises."""
+    """Laws around the worked number of docs/conventions.md, which soften as pressure rises."""
     kind = random.choice(["revolute", "spherical", "prismatic"], p=[0.4, 0.5, 0.1])
     if kind == "prismatic":
         return ScalarStretch()

@@ -13,13 +13,13 @@ from pydantic import ValidationError
 
 from pliant.config.loading import load_study
 from pliant.errors import UserError
+from pliant.execution.progress import Silent
 from pliant.interfaces.effect import Effect, EffectConfig, Model
 from pliant.interfaces.physics import PhysicsBackend
 from pliant.interfaces.task import Task
 from pliant.mechanics.kinematics import ChainGeometry
 from pliant.mechanics.rotations import exp_map
 from pliant.mechanics.statics import ChainStatics, Loads
-from pliant.pipeline.progress import Silent
 from pliant.pipeline.simulate import run_task
 from pliant.pipeline.study import chain_of_study
 from pliant.pipeline.workbench import Workbench

@@ -3,6 +3,8 @@
 from pliant.registry.component import Component
 from pliant.registry.hookspecs import hookimpl
 
+CONTRACT = 2
+
 PLACE = "pliant.testing.meta_model_stand_in"
 
 

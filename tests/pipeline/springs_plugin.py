@@ -22,6 +22,8 @@ from pliant.registry.component import Component
 from pliant.registry.hookspecs import hookimpl
 from pliant.units import Length
 
+CONTRACT = 2
+
 LOG = "SPRINGS_LOG"
 Defect = Literal["none", "stuck", "some_states", "raises", "dies", "dies_once", "exits"]
 

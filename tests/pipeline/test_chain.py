@@ -1,4 +1,4 @@
-"""Modules become a chain: frames, masses, segments, base poses (contracts.md)."""
+"""Modules become a chain: frames, masses, segments, base poses (docs/conventions.md)."""
 
 from dataclasses import replace
 

@@ -9,9 +9,9 @@ import pytest
 from pydantic import Field
 
 from pliant.config.loading import load_study
+from pliant.execution.progress import Silent
 from pliant.interfaces.base import FrozenModel
 from pliant.pipeline.chain import family_module
-from pliant.pipeline.progress import Silent
 from pliant.pipeline.study import simulate_study
 from pliant.pipeline.workbench import Workbench, content
 from pliant.registry.discovery import discover

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from pliant.errors import NotReachedError
+from pliant.execution.progress import Silent
 from pliant.interfaces.fem import FemConfig, ModuleSolver, StateNotConvergedError
-from pliant.pipeline.progress import Silent
 from pliant.pipeline.sampling import Piece, levels
 from pliant.pipeline.sampling import sample as sample_pieces
 from pliant.records.fem import FemState

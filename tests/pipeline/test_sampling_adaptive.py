@@ -7,8 +7,8 @@ import pytest
 from tests.pipeline.analytic import Analytic, Potential, bellow, power
 
 from pliant.errors import NotReachedError
+from pliant.execution.progress import Silent
 from pliant.interfaces.fem import FemConfig
-from pliant.pipeline.progress import Silent
 from pliant.pipeline.sampling import Piece, Sampling, sample
 from pliant.pipeline.sampling.adaptive import Box, interpolated
 from pliant.pipeline.sampling.law_view import law_view

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from tests.pipeline.analytic import Analytic, Potential, helix
 
+from pliant.execution.progress import Silent
 from pliant.interfaces.fem import FemConfig
-from pliant.pipeline.progress import Silent
 from pliant.pipeline.rows import module_rows
 from pliant.pipeline.sampling import Piece, sample
 from pliant.records.design import Design

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
+from pliant.execution.progress import Silent
 from pliant.interfaces.fem import FemConfig, Held, ModuleSolver
-from pliant.pipeline.progress import Silent
 from pliant.pipeline.sampling import MAIN, Piece, sample
 from pliant.records.design import Array
 from pliant.records.fem import FemState

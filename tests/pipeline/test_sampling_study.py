@@ -9,9 +9,9 @@ import pytest
 from tests.pipeline.analytic import Analytic, bellow, helix
 
 from pliant.errors import UserError
+from pliant.execution.progress import Silent
 from pliant.interfaces.fem import FemConfig, StateNotConvergedError
 from pliant.interfaces.study_loads import STUDY_LOADS, StudyLoads
-from pliant.pipeline.progress import Silent
 from pliant.pipeline.sampling import Piece, sample
 from pliant.pipeline.sampling.study import loads_of, steps
 

@@ -13,9 +13,9 @@ import pytest
 
 from pliant.config.loading import load_study
 from pliant.errors import UserError
+from pliant.execution.progress import Silent
 from pliant.mechanics.kinematics import ChainGeometry
 from pliant.mechanics.statics import ChainStatics, Loads
-from pliant.pipeline.progress import Silent
 from pliant.pipeline.study import StudyRun, chain_of_study, simulate_study
 from pliant.pipeline.workbench import Workbench
 from pliant.records.chain import ChainModel

@@ -12,17 +12,15 @@ from multiprocessing import get_context
 
 import numpy as np
 import pytest
-from filelock import FileLock
 from tests.pipeline import sweep_bench as bench
 
 from pliant import api
 from pliant.config.designs import sweep_designs
 from pliant.errors import NotReachedError, UserError
-from pliant.pipeline import crews
-from pliant.pipeline.desk import FOLDER, LOCK
-from pliant.pipeline.progress import Silent
+from pliant.execution.progress import Silent
+from pliant.pipeline import remote, sweep
 from pliant.pipeline.sweep_table import write_sweep_table
-from pliant.pipeline.sweep_worker import Job, solve
+from pliant.pipeline.sweep_worker import SweepJob, solve
 from pliant.tabular.fem_reading import read_table
 
 GRID = "{radius: [5 mm, 6 mm], length: [9 mm, 11 mm]}"
@@ -206,18 +204,21 @@ def test_an_executor_that_breaks_says_so(tmp_path):
 
 
 def job(opened, folder, **changes):
-    """A job for the first design, at a desk that exists."""
+    """A job for the first design, with a progress folder that exists."""
     family, material, fem = (
         getattr(opened.study, name).canonical() for name in ("family", "material", "fem")
     )
     configs = {"family": family, "material": material, "fem": fem}
-    (folder / "desk").mkdir()
-    plain = Job(0, configs, (str(bench.PLUGIN),), str(folder / "store"), str(folder / "desk"), "0" * 32)
+    (folder / "progress").mkdir()
+    plain = SweepJob(
+        0, configs, (str(bench.PLUGIN),), str(folder / "store"), str(folder / "progress"), "0" * 32
+    )
     return replace(plain, **changes)
 
 
-def test_a_worker_that_does_not_see_the_store_says_so(tmp_path):
-    answer = solve(job(bench.opened(tmp_path, GRID), tmp_path, desk="/nowhere/desk"))
+def test_a_worker_that_does_not_see_the_store_says_so(tmp_path, monkeypatch):
+    monkeypatch.setattr(remote, "SEEN_WITHIN_S", 0.0)
+    answer = solve(job(bench.opened(tmp_path, GRID), tmp_path, progress="/nowhere/progress"))
     assert answer.status == "stop"
     assert "does not see the store" in answer.cause
     assert "shared file system" in answer.cause
@@ -230,19 +231,12 @@ def test_a_worker_with_other_code_is_refused(tmp_path):
 
 
 def test_a_stop_ends_the_sweep_with_the_workers_sentence(tmp_path, monkeypatch):
-    monkeypatch.setattr(crews, "solve", lambda job, say=None: solve(replace(job, desk="/nowhere/desk")))
+    monkeypatch.setattr(remote, "SEEN_WITHIN_S", 0.0)
+    monkeypatch.setattr(
+        sweep, "solve", lambda job, say=None: solve(replace(job, progress="/nowhere/progress"))
+    )
     with pytest.raises(UserError, match="does not see the store"):
         api.sweep(bench.opened(tmp_path, GRID), workers=1)
-
-
-def test_desks_go_with_their_sweep_and_those_of_killed_ones_with_the_next(tmp_path):
-    desks = tmp_path / "store" / FOLDER
-    for name in ("killed", "busy"):
-        (desks / name).mkdir(parents=True)
-        (desks / name / LOCK).touch()
-    with FileLock(desks / "busy" / LOCK):
-        api.sweep(bench.opened(tmp_path, "{radius: [5 mm]}"), workers=1)
-    assert [path.name for path in desks.iterdir()] == ["busy"]
 
 
 HOLDER = """\
@@ -301,15 +295,6 @@ def test_the_table_has_the_states_of_all_designs(tmp_path):
         for name in ("radius_m", "length_m", "material.shear_modulus_pa"):
             assert {float(row[name]) for row in own} == {outcome.design.parameters[name]}
     assert len(read_table(tmp_path / "fem.csv")) == len(rows)
-
-
-def test_workers_have_one_thread_each_unless_the_user_says_otherwise(monkeypatch):
-    for name in crews.THREADS:
-        monkeypatch.delenv(name, raising=False)
-    monkeypatch.setenv("OMP_NUM_THREADS", "3")
-    with crews._one_thread_each():
-        assert [os.environ[name] for name in crews.THREADS] == ["3", "1", "1", "1"]
-    assert [name in os.environ for name in crews.THREADS] == [True, False, False, False]
 
 
 DRIVER = """\

@@ -17,14 +17,21 @@ ROOT = Path(__file__).parents[2]
 BROKEN = {
     "broken_import": "import a_module_that_nobody_has\n",
     "broken_answer": (
-        "from pliant.registry.hookspecs import hookimpl\n\n\n"
+        "from pliant.registry.hookspecs import hookimpl\n\nCONTRACT = 2\n\n\n"
         "@hookimpl\ndef pliant_components():\n    return ['effect']\n"
     ),
     "broken_twice": (
         "from pliant.registry.component import Component\n"
-        "from pliant.registry.hookspecs import hookimpl\n\n\n"
+        "from pliant.registry.hookspecs import hookimpl\n\nCONTRACT = 2\n\n\n"
         "@hookimpl\ndef pliant_components():\n"
         "    return [Component('family', 'bellow_bending', 'none:Config', 'none:Family', 'mine')]\n"
+    ),
+    # The manifest that `new-plugin` wrote under contract 1.
+    "broken_old": (
+        "from pliant.registry.component import Component\n"
+        "from pliant.registry.hookspecs import hookimpl\n\n\n"
+        "@hookimpl\ndef pliant_components():\n"
+        "    return [Component('effect', 'old_gain', 'broken_old.config:C', 'broken_old.effect:E', 'a gain')]\n"
     ),
 }
 

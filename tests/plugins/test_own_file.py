@@ -29,9 +29,7 @@ EFFECT = '''\
 
 from typing import Literal
 
-from pydantic import Field
-
-from pliant.interfaces.effect import Effect, EffectConfig, EffectParameter, Model
+from pliant.interfaces.effect import Effect, EffectConfig, Model, parameter
 from pliant.records.term import LawTerm
 
 
@@ -39,14 +37,13 @@ class RiseConfig(EffectConfig):
     """a."""
 
     kind: Literal["rise"] = "rise"
-    rise: float = Field(default=0.0, ge=0.0, le=50.0)
+    rise: float = parameter(unit="rad^-2", neutral=0.0, bounds=(0.0, 50.0), plausible=(0.5, 5.0))
 
 
 class Rise(Effect):
     """Scales the elastic part."""
 
     place = "law"
-    parameters = (EffectParameter("rise", "rad^-2", 0.0, (0.0, 50.0), (0.5, 5.0)),)
     exciting = ("slow_cycles", "passive_load_steps")
     config: RiseConfig
 
@@ -205,6 +202,8 @@ def test_a_hook_in_the_file_is_asked(folder: Path) -> None:
 from pliant.registry.component import Component
 from pliant.registry.hookspecs import hookimpl
 
+CONTRACT = 2
+
 
 @hookimpl
 def pliant_components():
@@ -234,14 +233,21 @@ def test_the_config_may_be_named_by_init_or_be_the_only_one(folder: Path) -> Non
 @pytest.mark.parametrize(
     ("old", "new", "says"),
     [
-        ("def factor(", "def factor((", r"rise.py, line 30: this is not Python"),
-        ("import LawTerm", "import LawTrem", r"rise.py, line 8: the file fails when it is loaded .*LawTrem"),
-        ("    parameters = (Eff", "    parameters = 1 / 0, (Eff", r"rise.py, line 22: .*ZeroDivisionError"),
+        ("def factor(", "def factor((", r"rise.py, line 27: this is not Python"),
+        ("import LawTerm", "import LawTrem", r"rise.py, line 6: the file fails when it is loaded .*LawTrem"),
+        ('    place = "law"', "    place = 1 / 0", r"rise.py, line 19: .*ZeroDivisionError"),
+        ('unit="rad^-2", ', "", r"rise.py, line 9: .*RiseConfig.rise: it has no unit"),
+        ("(0.5, 5.0)", "(0.5, 500.0)", r"rise.py, line 9: .*RiseConfig.rise: plausible"),
+        (
+            '    place = "law"',
+            "    parameters = ()",
+            r"rise.py, line 16: Rise is written for contract 1.*`parameter",
+        ),
         ("class Rise(Effect)", "class Rise", "rise.py: it holds no effect; define a subclass of"),
         ("def apply", "def aply", "rise.py: it holds no effect; class Rise has no method apply"),
-        ("    config: RiseConfig", "    config: Risen", r"rise.py, line 18: Rise: NameError.*Risen"),
-        ("(EffectConfig)", "", r"rise.py, line 18: Rise does not say which config it has"),
-        ('Literal["rise"] = "rise"', "str", r"rise.py, line 11: RiseConfig does not say its kind"),
+        ("    config: RiseConfig", "    config: Risen", r"rise.py, line 16: Rise: NameError.*Risen"),
+        ("(EffectConfig)", "", r"rise.py, line 16: Rise does not say which config it has"),
+        ('Literal["rise"] = "rise"', "str", r"rise.py, line 9: RiseConfig does not say its kind"),
         (
             'Literal["rise"] = "rise"',
             'Literal["mullins"] = "mullins"',
@@ -264,8 +270,8 @@ def test_mistakes_in_the_file_are_told_with_their_line(folder: Path, old: str, n
 @pytest.mark.parametrize(
     ("old", "new", "says"),
     [
-        ("angle * angle", "new[0]", "rise.py, line 31: 'factor' fails (IndexError: "),
-        ("LawTerm(", "LawTrem(", "rise.py, line 27: 'apply' fails (NameError: name 'LawTrem'"),
+        ("angle * angle", "new[0]", "rise.py, line 28: 'factor' fails (IndexError: "),
+        ("LawTerm(", "LawTrem(", "rise.py, line 24: 'apply' fails (NameError: name 'LawTrem'"),
     ],
 )
 def test_what_fails_while_it_runs_is_told_with_its_line(folder: Path, old: str, new: str, says: str) -> None:
@@ -299,7 +305,7 @@ def test_a_term_that_cannot_be_compiled_is_told_by_the_check(folder: Path) -> No
     write(folder, EFFECT.replace("angle * angle", "float(str(angle)) ** 2"))
     checked = call("check", "effect", "rise", "--file", "rise.py")
     assert checked.exit_code == 3
-    assert "rise.py, line 30: the law term 'factor' cannot be compiled" in " ".join(checked.output.split())
+    assert "rise.py, line 27: the law term 'factor' cannot be compiled" in " ".join(checked.output.split())
 
 
 @pytest.mark.parametrize(

@@ -58,6 +58,18 @@ def test_broken_package_is_named_with_its_cause(
     assert failed[name]["cause"] == cause
 
 
+def test_a_package_of_contract_1_is_named_with_what_to_change(
+    listed: dict[str, Any], environment: Any, tmp_path: Path
+) -> None:
+    (old,) = [failure for failure in listed["failed"] if failure["name"] == "broken_old"]
+    assert "states no contract" in old["cause"]
+    assert "CONTRACT = 2" in old["cause"]
+    done = environment.run("-m", "pliant", "check", "effect", "old_gain", cwd=tmp_path)
+    assert done.returncode == 2
+    assert done.stderr.count("effect 'old_gain' of") == 1
+    assert "Traceback" not in done.stderr
+
+
 def test_kind_defined_twice_names_both_packages(listed: dict[str, Any]) -> None:
     (clash,) = [failure for failure in listed["failed"] if "bellow_bending" in failure["name"]]
     assert "defined twice" in clash["cause"]

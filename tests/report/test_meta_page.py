@@ -12,13 +12,13 @@ import numpy as np
 import pytest
 from tests.report.pages import check_sound
 
+from pliant.execution.progress import Silent
 from pliant.formatting import percent
 from pliant.pipeline.meta_model.bars import Bars
 from pliant.pipeline.meta_model.learning import design_learning
 from pliant.pipeline.meta_model.leaving_out import misses_left_out, parts_of
 from pliant.pipeline.meta_model.next_design import Proposal
 from pliant.pipeline.meta_model.scoring import scores_of
-from pliant.pipeline.progress import Silent
 from pliant.records.design import Array
 from pliant.records.law import JointLaw
 from pliant.records.solved import SolvedDesigns

@@ -3,6 +3,8 @@
 from pliant.registry.component import Component
 from pliant.registry.hookspecs import hookimpl
 
+CONTRACT = 2
+
 HERE = "tests.search.toy_search"
 
 

@@ -6,10 +6,10 @@ import pytest
 from tests.search.found_stand_ins import found
 from tests.search.test_verification import Problem, springs
 
+from pliant.execution.executors import FuturesExecutor, InlineExecutor, executor_for
 from pliant.pipeline import simulate
 from pliant.search import check_runs
 from pliant.search.check_runs import run_ahead
-from pliant.search.run.search import Hands
 from pliant.search.verify.verification import verify
 
 CONDITIONS = {"soft": {"task.pressure": "5 kPa"}, "hard": {"task.pressure": "10 kPa"}}
@@ -25,7 +25,7 @@ def however_short(monkeypatch):
 @pytest.fixture
 def threads():
     with ThreadPoolExecutor(2) as pool:
-        yield Hands(pool)
+        yield FuturesExecutor(pool)
 
 
 def never(*given):
@@ -48,7 +48,8 @@ def test_processes_run_the_designs_of_several_conditions(tmp_path, monkeypatch):
     opened = springs(tmp_path)
     problem = Problem(opened, CONDITIONS)
     designs = [found({"family.radius": radius}, context=k) for k, radius in enumerate((4.7e-3, 5.1e-3))]
-    run_ahead(opened.bench, problem, designs, Hands(workers=2))
+    with executor_for(2) as executor:
+        run_ahead(opened.bench, problem, designs, executor)
     monkeypatch.setattr(simulate, "run_task", never)
     angles = [
         verify(opened.bench, problem, design).verified["quasistatic"]["max_joint_angle_rad"]
@@ -66,11 +67,14 @@ def test_a_design_that_fem_does_not_solve_is_told_by_the_check(tmp_path, threads
     )
 
 
-@pytest.mark.parametrize("conditions, hands", [(CONDITIONS, Hands(workers=1)), (None, Hands(workers=2))])
-def test_one_process_and_a_single_run_are_left_to_the_check(tmp_path, monkeypatch, conditions, hands):
+@pytest.mark.parametrize("conditions, alone", [(CONDITIONS, True), (None, False)])
+def test_one_process_and_a_single_run_are_left_to_the_check(
+    tmp_path, monkeypatch, threads, conditions, alone
+):
     opened = springs(tmp_path)
     monkeypatch.setattr(check_runs, "run_in", never)
-    run_ahead(opened.bench, Problem(opened, conditions), [found(RADIUS)], hands)
+    executor = InlineExecutor() if alone else threads
+    run_ahead(opened.bench, Problem(opened, conditions), [found(RADIUS)], executor)
     assert not (opened.bench.store.root / "simulate").exists()
 
 

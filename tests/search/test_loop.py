@@ -8,11 +8,10 @@ import pytest
 from tests.search.toy_search import PLANE, Contextual, Narrowing, ToyProblem, searched, told
 
 from pliant.errors import ContractError
+from pliant.execution.executors import InlineExecutor
+from pliant.execution.progress import Silent
 from pliant.interfaces.optimizer import Context, Space, Trial
-from pliant.pipeline.crews import Given
-from pliant.pipeline.progress import Silent
 from pliant.search.run.results import best_of, counts_of, front_of, history_of
-from pliant.search.workers import work
 
 EACH = tuple({"s": s} for s in range(5))
 
@@ -52,9 +51,8 @@ def test_the_seed_decides_and_branches_differ(tmp_path):
 def test_workers_and_their_timing_change_nothing(tmp_path):
     alone = searched(tmp_path / "alone", branches=EACH[:3], budget=20)
     with ThreadPoolExecutor(4) as pool:
-        crew = Given(pool, work)
-        threads = searched(tmp_path / "threads", branches=EACH[:3], budget=20, crew=crew, delay_s=0.003)
-        one = searched(tmp_path / "one", budget=20, crew=crew, delay_s=0.003)
+        threads = searched(tmp_path / "threads", branches=EACH[:3], budget=20, executor=pool, delay_s=0.003)
+        one = searched(tmp_path / "one", budget=20, executor=pool, delay_s=0.003)
     assert told(threads) == told(alone)
     assert told(one) == told(searched(tmp_path / "other", budget=20))
 
@@ -89,7 +87,7 @@ def test_what_breaks_constraints_is_told_but_not_simulated(tmp_path):
         assert (row.state == "refused") == (over > 0)
         if over > 0:
             assert row.violation == pytest.approx(over)
-            outcome = row.outcome(1)
+            outcome = row.told(1)
             assert np.isnan(outcome.objective)
             assert outcome.violation > 0
     refused, failed = counts_of(rows([branch]))
@@ -148,7 +146,7 @@ class Cancelling(ThreadPoolExecutor):
 
 def test_a_job_that_the_cluster_cancels_runs_again(tmp_path):
     with Cancelling() as pool:
-        cancelled = searched(tmp_path / "a", branches=EACH[:2], budget=20, crew=Given(pool, work))
+        cancelled = searched(tmp_path / "a", branches=EACH[:2], budget=20, executor=pool)
     assert told(cancelled) == told(searched(tmp_path / "b", branches=EACH[:2], budget=20))
 
 
@@ -218,16 +216,12 @@ def test_the_bar_tells_totals_and_the_best(tmp_path):
 def test_the_time_that_workers_take_to_begin_counts_for_nothing(tmp_path):
     begun, slow_s = [], 0.4
 
-    class Slow:
+    class Slow(InlineExecutor):
         size = 2
 
-        def submit(self, job):
-            time.sleep(0.0 if job.tasks else slow_s / self.size)
-            future = Future()
-            future.set_result(work(job))
-            return future
-
-        def stop(self, at_once): ...
+        def submit(self, function, *values):
+            time.sleep(0.0 if values[-1] else slow_s / self.size)
+            return super().submit(function, *values)
 
     class Titles(Silent):
         def begin(self, title, total, done=0):
@@ -235,7 +229,7 @@ def test_the_time_that_workers_take_to_begin_counts_for_nothing(tmp_path):
             return self
 
     started = time.perf_counter()
-    (branch,) = searched(tmp_path, budget=12, crew=Slow(), progress=Titles())
+    (branch,) = searched(tmp_path, budget=12, executor=Slow(), progress=Titles())
     assert [title for title, _ in begun] == ["workers begin", "searching"]
     assert begun[1][1] - started >= slow_s
     assert 0.0 < branch.wall_s < time.perf_counter() - started - slow_s

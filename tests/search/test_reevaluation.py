@@ -12,8 +12,8 @@ from tests.cli.search_study import STUDY
 
 from pliant import api
 from pliant.errors import UserError
+from pliant.execution.progress import Silent
 from pliant.interfaces.optimizer import Trial, Variable
-from pliant.pipeline.progress import Silent
 from pliant.report.search_files import search_json
 from pliant.report.search_lines import lines
 from pliant.search import workers

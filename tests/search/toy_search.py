@@ -13,6 +13,8 @@ from typing import Any, Literal
 
 import numpy as np
 
+from pliant.execution.executors import executor_for
+from pliant.execution.progress import Silent
 from pliant.interfaces.optimizer import (
     Context,
     Optimizer,
@@ -23,13 +25,11 @@ from pliant.interfaces.optimizer import (
     Value,
     Variable,
 )
-from pliant.pipeline.crews import Processes
-from pliant.pipeline.progress import Silent
+from pliant.pipeline.remote import RemoteStudy
 from pliant.search.run.branch import Branch
 from pliant.search.run.journal import Journal
 from pliant.search.run.loop import Loop
-from pliant.search.team import Team
-from pliant.search.workers import Inline, Setup, work
+from pliant.search.workers import Setup, queue_of
 
 PLANE = (Variable("a", "real", -1.0, 2.0), Variable("b", "real", -2.0, 1.0), Variable("n", "integer", 0, 4))
 
@@ -194,12 +194,12 @@ class Knowing(Narrowing):
 
 def evaluator_of(setup: Setup) -> ToyEvaluator:
     """For workers: the setup's study is the evaluator's settings."""
-    return ToyEvaluator(**json.loads(setup.study))
+    return ToyEvaluator(**json.loads(setup.study.study))
 
 
 def setup_of(**settings: Any) -> Setup:
     """What `evaluator_of` reads."""
-    return Setup(json.dumps(settings), (), "", make="tests.search.toy_search:evaluator_of")
+    return Setup(RemoteStudy(json.dumps(settings), (), ""), make="tests.search.toy_search:evaluator_of")
 
 
 def searched(
@@ -213,7 +213,7 @@ def searched(
     seed: int = 3,
     generations: int | None = None,
     progress: Any = None,
-    crew: Any = None,
+    executor: Any = None,
     space: Space | None = None,
     **settings: Any,
 ) -> list[Branch]:
@@ -224,10 +224,11 @@ def searched(
         Branch(k, values, make, rules, axes, Journal(folder, f"branch-{k}"), seed, budget, generations)
         for k, values in enumerate(branches)
     ]
-    if crew is None:
-        crew = Processes(workers, work) if workers > 1 else Inline(ToyEvaluator(**settings))
-    with Team(crew, setup_of(**settings)) as team:
-        Loop(made, team, progress or Silent(), "searching", lambda branch: None).run()
+    with (
+        executor_for(executor or workers) as running,
+        queue_of(running, setup_of(**settings), ToyEvaluator(**settings)) as queue,
+    ):
+        Loop(made, queue, progress or Silent(), "searching", lambda branch: None).run()
     return made
 
 

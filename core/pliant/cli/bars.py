@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from datetime import timedelta
 
 from rich.console import Console
@@ -16,7 +15,7 @@ from rich.progress import Progress as RichProgress
 from rich.progress import Task as RichTask
 from rich.text import Text
 
-LINE_EVERY_S = 20.0
+from pliant.execution.progress import LogBar, ProgressBar, Silent
 
 
 class _Rate(ProgressColumn):
@@ -69,74 +68,19 @@ class _Bar:
         self.rich.stop()
 
 
-class _Lines:
-    """A line now and then, for logs of batch systems."""
-
-    def __init__(self, console: Console, title: str, total: int, done: int) -> None:
-        self.console, self.title, self.total = console, title, total
-        self.first, self.done = done, done
-        self.within = ""
-        self.started = self.said = time.monotonic()
-        if done:
-            console.print(f"{title}: going on from {done}/{total}")
-
-    def advance(self, steps: int = 1) -> None:
-        self.done += steps
-        self.total = max(self.total, self.done)
-        self._say()
-
-    def describe(self, text: str) -> None:
-        self.within = f" ({text})" if text else ""
-        self._say()
-
-    def expect(self, total: int) -> None:
-        self.total = total
-
-    def _say(self) -> None:
-        now = time.monotonic()
-        if now - self.said <= LINE_EVERY_S:
-            return
-        self.said = now
-        line = f"{self.title}: {self.done}/{self.total}{self.within}"
-        if self.done > self.first:
-            each = (now - self.started) / (self.done - self.first)
-            line += f", {each:.2f} s each"
-            if self.total > self.done:
-                line += f", about {each * (self.total - self.done):.0f} s left"
-        self.console.print(line)
-
-    def finish(self) -> None:
-        elapsed = time.monotonic() - self.started
-        self.console.print(f"{self.title}: {self.done}/{self.total} in {elapsed:.1f} s")
-
-
 class TerminalProgress:
-    """`pliant.pipeline.progress.Progress` on standard error."""
+    """`pliant.execution.progress.Progress` on standard error."""
 
     def __init__(self, console: Console, quiet: bool) -> None:
         self.console, self.quiet = console, quiet
 
-    def begin(self, title: str, total: int, done: int = 0) -> _Bar | _Lines | _Nothing:
+    def begin(self, title: str, total: int, done: int = 0) -> ProgressBar:
         if self.quiet:
-            return _Nothing()
+            return Silent()
         if self.console.is_terminal:
             return _Bar(self.console, title, total, done)
-        return _Lines(self.console, title, total, done)
+        return LogBar(self.console.print, title, total, done)
 
     def note(self, text: str) -> None:
         # A corrupted artifact or a skipped engine must be heard even with --quiet.
         self.console.print(f"note: {text}", highlight=False, soft_wrap=True, markup=False)
-
-
-class _Nothing:
-    def advance(self, steps: int = 1) -> None:
-        pass
-
-    def describe(self, text: str) -> None:
-        pass
-
-    def expect(self, total: int) -> None:
-        pass
-
-    def finish(self) -> None:
-        pass

@@ -11,8 +11,8 @@ from pliant.config.study import Study
 from pliant.evidence.counted_study import compare_counted, counted_study
 from pliant.evidence.counts import CountComparison
 from pliant.evidence.counts_words import counted, counts_json, interpret_counts
+from pliant.execution.executors import checked_workers
 from pliant.formatting import number
-from pliant.pipeline.crews import checked_workers
 from pliant.pipeline.workbench import Workbench
 from pliant.report.stage import write_page
 

@@ -23,8 +23,8 @@ from pliant.diagnosis.table import UNKNOWN
 from pliant.diagnosis.words import named
 from pliant.errors import UserError
 from pliant.evidence.counted_study import counted_study
+from pliant.execution.executors import checked_workers
 from pliant.formatting import number
-from pliant.pipeline.crews import checked_workers
 from pliant.pipeline.workbench import Workbench
 from pliant.report.diagnosis_words import probability_text
 from pliant.report.stage import write_page

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from pliant.cli.session import Session
-from pliant.pipeline.progress import Task
+from pliant.execution.progress import ProgressBar
 
 
 class FittingBar:
@@ -37,7 +37,7 @@ class FittingBar:
         self._task.expect(self._done)
         self._task.finish()
 
-    def _begun(self, title: str) -> Task:
+    def _begun(self, title: str) -> ProgressBar:
         return self._here.progress.begin(title, 1 + self._kinds)
 
 

@@ -121,6 +121,7 @@ def _texts(names: Names, interface: str) -> dict[str, str]:
         "example": example,
         "summary": summary,
         "pliant": __version__,
+        "next_pliant": _next_minor(__version__),
     }
     texts = {}
     for folder in ("common", interface):
@@ -128,6 +129,12 @@ def _texts(names: Names, interface: str) -> dict[str, str]:
             where = path.removesuffix(".txt").replace("PACKAGE", names.package)
             texts[where] = Template(template).substitute(values)
     return dict(sorted(texts.items()))
+
+
+def _next_minor(version: str) -> str:
+    """The first version that may change what a plugin relies on: 0.1.3 → 0.2."""
+    major, minor = version.split(".")[:2]
+    return f"{major}.{int(minor) + 1}"
 
 
 def _files(folder: Traversable, prefix: str = "") -> list[tuple[str, str]]:

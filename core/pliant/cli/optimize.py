@@ -3,22 +3,27 @@
 from __future__ import annotations
 
 import re
-from contextlib import nullcontext
 from dataclasses import dataclass
 from json import dumps
 from pathlib import Path
-from typing import Annotated
-
-import typer
 
 from pliant.cli.best_study import write_best
 from pliant.cli.drawn_designs import drawn_designs
-from pliant.cli.options import DEFAULT_STORE, JsonFile, Overrides, Quiet, StoreFolder, StudyFile
+from pliant.cli.options import (
+    DEFAULT_STORE,
+    JsonFile,
+    Overrides,
+    Quiet,
+    Scheduler,
+    StoreFolder,
+    StudyFile,
+    Workers,
+    workers_or_scheduler,
+)
 from pliant.cli.session import Session, check_writable, plain, session
 from pliant.cli.studies import OutFolder
 from pliant.config.study import OF_OPTIMIZE, Study
 from pliant.errors import NotReachedError, UserError
-from pliant.pipeline.crews import checked_workers, cluster
 from pliant.pipeline.study import physics_of_study
 from pliant.pipeline.workbench import Workbench
 from pliant.records.search import FoundDesign, SearchResult
@@ -35,18 +40,6 @@ from pliant.store.store import Artifact, write_atomically
 
 UNFIT = re.compile(r"[^\w.-]")  # in the name of a file
 WRITTEN = re.compile(r"best(-.*)?\.yaml")  # studies of found designs
-Workers = Annotated[
-    int | None,
-    typer.Option("--workers", metavar="N", help="Processes that evaluate; by default one for each CPU."),
-]
-Scheduler = Annotated[
-    str | None,
-    typer.Option(
-        "--scheduler",
-        metavar="ADDRESS",
-        help="Evaluate on a dask cluster: tcp://host:8786, or the scheduler's file.",
-    ),
-]
 
 
 def optimize(
@@ -64,17 +57,13 @@ def optimize(
         installed = here.registry
         loaded = here.study(study, overrides, uses=OF_OPTIMIZE)
         loaded.need("search", "'pliant optimize'")
-        if workers is not None and scheduler is not None:
-            raise UserError("give --workers or --scheduler, not both; a cluster's workers are its own.")
-        if workers is not None:
-            checked_workers(workers)
+        chosen = workers_or_scheduler(workers, scheduler)
         folder = out or Path("runs") / loaded.name
         check_writable(folder)
         if folder.resolve() == study.resolve().parent and WRITTEN.fullmatch(study.name):
             raise UserError(f"the best design would be written over {study}; give another --out.")
         bench = here.bench(store)
-        with nullcontext() if scheduler is None else cluster(scheduler) as executor:
-            made = search_study(bench, loaded, executor=executor, workers=workers)
+        made = search_study(bench, loaded, executor=chosen)
         here.result["study"], here.result["out"] = loaded.name, str(folder)
         here.result["stages"] = [{"stage": "search", "key": made.key, "cached": made.cached}]
         _write(here, bench, made, loaded, folder, _Source(study, tuple(overrides or ()), installed))

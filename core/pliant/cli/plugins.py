@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.markup import escape
 from rich.table import Table
+from rich.text import Text
 
 from pliant.cli.new_plugin import EXAMPLES, create_package
 from pliant.cli.options import JsonFile, PluginFiles, Quiet
@@ -50,15 +50,15 @@ def plugins(
                         "unavailable": state,
                     }
                 )
-                text = escape(component.summary) + (
-                    f" [yellow](unavailable: {escape(state)})[/]" if state else ""
-                )
+                text = Text(component.summary)
+                if state:
+                    text.append(f" (unavailable: {state})", "yellow")
                 table.add_row(interface, component.kind, component.package, text)
         here.say(table)
         failures = [vars(failure) for failure in here.registry.failures]
         for failure in failures:
-            text = f"{failure['name']} ({failure['package']}): {failure['cause']}"
-            here.say(f"[red]failed[/]   {escape(text)}", markup=True)
+            line = f"{failure['name']} ({failure['package']}): {failure['cause']}"
+            here.say(Text.assemble(("failed", "red"), f"   {line}"))
         here.result.update({"components": rows, "failed": failures})
 
 

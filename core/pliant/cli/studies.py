@@ -9,9 +9,18 @@ from typing import Annotated
 import typer
 
 from pliant.cli.fields import DEFAULT_WHICH, FieldsFolder, FieldsOf, fields_request, write_fields
-from pliant.cli.options import DEFAULT_STORE, JsonFile, Overrides, Quiet, StoreFolder, StudyFile
+from pliant.cli.options import (
+    DEFAULT_STORE,
+    JsonFile,
+    Overrides,
+    Quiet,
+    Scheduler,
+    StoreFolder,
+    StudyFile,
+    Workers,
+)
 from pliant.cli.session import Session, check_writable, plain, session
-from pliant.cli.sweeps import Scheduler, Workers, fem_of_sweep
+from pliant.cli.sweeps import fem_of_sweep
 from pliant.errors import UserError
 from pliant.formatting import seconds
 from pliant.pipeline.study import (

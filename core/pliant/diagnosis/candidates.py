@@ -6,6 +6,7 @@ import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import cast
 
 import numpy as np
 from pydantic import ValidationError
@@ -105,12 +106,13 @@ class Candidate:
     def of(registry: Registry, kinds: Sequence[str]) -> Candidate:
         """Raises `UserError` for an unknown kind, and for one whose config refuses its own parameters or bounds."""
         components = [registry.get("effect", kind) for kind in kinds]
+        models = tuple(cast(type[EffectConfig], component.config_model()) for component in components)
         knobs = tuple(
             Knob(index, kind, parameter)
-            for index, (kind, component) in enumerate(zip(kinds, components, strict=True))
-            for parameter in component.implementation_class().parameters
+            for index, (kind, model) in enumerate(zip(kinds, models, strict=True))
+            for parameter in model.fit_parameters()
         )
-        found = Candidate(tuple(kinds), knobs, tuple(c.config_model() for c in components))  # type: ignore[misc]
+        found = Candidate(tuple(kinds), knobs, models)
         for end in found.limits():
             found.configs(np.where(np.isfinite(end), end, 0.0))
         return found

@@ -69,8 +69,9 @@ def effect_knobs(registry: Registry, kinds: Sequence[str] | None, steps: int = S
         component = registry.get("effect", kind)
         effect = component.implementation_class()
         model = cast(type[EffectConfig], component.config_model())
-        strengths = [p for p in effect.parameters if p.role == "strength"]
-        if kinds is None and (effect.place == "output" or len(effect.parameters) != 1):
+        parameters = model.fit_parameters()
+        strengths = [p for p in parameters if p.role == "strength"]
+        if kinds is None and (effect.place == "output" or len(parameters) != 1):
             continue
         for p in strengths:
             levels = levels_of(p.plausible[0], p.plausible[1], p.neutral, steps)

@@ -28,6 +28,7 @@ from pliant.evidence.binomial import Count, log_own, log_predictive
 from pliant.evidence.counted_study import CountedStudy
 from pliant.evidence.counts import CountComparison, compare_counts
 from pliant.evidence.trials import Setting, simulate_trials
+from pliant.execution.executors import Workers
 from pliant.pipeline.workbench import Workbench
 from pliant.records.design import Array
 
@@ -109,7 +110,7 @@ class CountEvidence:
 
 
 def count_evidence(
-    bench: Workbench, counted: CountedStudy, hypotheses: Sequence[Sequence[Knob]], workers: int = 1
+    bench: Workbench, counted: CountedStudy, hypotheses: Sequence[Sequence[Knob]], workers: Workers = 1
 ) -> CountEvidence:
     """Simulate every hypothesis at every level under all conditions, and weigh them.
 
@@ -117,7 +118,7 @@ def count_evidence(
         bench: plugins, store, progress; every setting is an artifact of the store, so that the scan can be resumed.
         counted: the study and the counts.
         hypotheses: knobs that are moved together; the model as it is takes part always.
-        workers: processes.
+        workers: see `executor_for`.
     """
     points = [((), ())] + [
         (tuple(knobs), levels)

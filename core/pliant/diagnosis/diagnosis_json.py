@@ -17,7 +17,7 @@ from pliant.records.design import Array
 
 
 def diagnosis_json(found: Diagnosis) -> dict[str, Any]:
-    """Keys of contracts.md, and beside them what the verdict rests on."""
+    """Keys of docs/formats.md, and beside them what the verdict rests on."""
     judgement = found.judgement
     return {
         "verdict": judgement.verdict,

@@ -27,7 +27,7 @@ class Judgement:
     """A verdict with what it rests on.
 
     Attributes:
-        verdict: see docs/contracts of `pliant diagnose`.
+        verdict: see docs/which_effect.md.
         probability: of every hypothesis, the largest first.
         selected: effects of the verdict; empty unless it is `missing_effect`.
         credible: hypotheses that hold 90 %.

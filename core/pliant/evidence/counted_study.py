@@ -11,6 +11,7 @@ from pliant.config.task_keys import changed_task
 from pliant.errors import UserError
 from pliant.evidence.counts import CountComparison, compare_counts
 from pliant.evidence.trials import Setting, simulate_trials
+from pliant.execution.executors import Workers
 from pliant.interfaces.task import TaskConfig
 from pliant.measurements.counts_reading import counts_trials, holds_counts, read_counts
 from pliant.pipeline.workbench import Workbench
@@ -60,7 +61,7 @@ def counted_study(study: Study, data: Path | None = None) -> CountedStudy:
     return CountedStudy(study, task, read_counts(path, task, settings), settings.trials)
 
 
-def compare_counted(bench: Workbench, counted: CountedStudy, workers: int = 1) -> CountComparison:
+def compare_counted(bench: Workbench, counted: CountedStudy, workers: Workers = 1) -> CountComparison:
     """Simulate every condition under the study's noise, each an artifact of the store, and compare."""
     settings = [
         Setting(counted.task_of(condition), counted.study.effects) for condition in counted.counts.conditions

@@ -8,7 +8,8 @@ from pydantic import AliasGenerator, BaseModel, ConfigDict
 
 from pliant.units import strip_unit_suffix
 
-CONTRACT_VERSION = 1
+# The number that a plugin's manifest states; docs/plugin_contract.md says what it covers.
+CONTRACT_VERSION = 2
 
 
 class FrozenModel(BaseModel):

@@ -5,12 +5,16 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar, Literal, get_args
+
+from pydantic import Field
+from pydantic.fields import FieldInfo
 
 from pliant.interfaces.base import ComponentConfig
 from pliant.records.chain import ChainModel
 from pliant.records.history import History, held
 from pliant.records.term import LawTerm
+from pliant.units import Quantity
 
 Place = Literal["input", "law", "chain", "output"]
 # Readings by name: numbers, lists of them or arrays over time.
@@ -19,17 +23,17 @@ InputMap = Callable[[History], History]
 OutputMap = Callable[[Readings], Readings]
 
 
-class EffectConfig(ComponentConfig):
-    """Base of an effect's config: one field per parameter of the effect."""
+Role = Literal["strength", "shape"]
+Prior = Literal["normal", "log_normal"]
 
 
 @dataclass(frozen=True)
 class EffectParameter:
-    """A number that calibration may fit.
+    """A number that calibration may fit, as a field of an effect's config declares it by `parameter`.
 
     Attributes:
         name: the config's field.
-        unit: its SI unit.
+        unit: its SI unit; "1" for a pure number.
         neutral: the value at which the effect vanishes; for a `shape`, any typical value.
         bounds: hard limits.
         plausible: the range that would not surprise an expert: the central 90 % of the prior.
@@ -42,8 +46,83 @@ class EffectParameter:
     neutral: float
     bounds: tuple[float, float]
     plausible: tuple[float, float]
-    role: Literal["strength", "shape"] = "strength"
-    prior: Literal["normal", "log_normal"] = "normal"
+    role: Role = "strength"
+    prior: Prior = "normal"
+
+    def problem(self) -> str | None:
+        """What is wrong with the declaration, or None."""
+        (low, high), (least, most) = self.bounds, self.plausible
+        if not low < high:
+            return f"bounds {self.bounds} are not ordered"
+        if not low <= self.neutral <= high:
+            return f"neutral {self.neutral:g} is outside the bounds {self.bounds}"
+        if not low <= least < most <= high:
+            return f"plausible {self.plausible} is not an ordered range within the bounds {self.bounds}"
+        for what, value, known in (("role", self.role, Role), ("prior", self.prior, Prior)):
+            if value not in get_args(known):
+                return f"{what} '{value}' is not one of {', '.join(get_args(known))}"
+        if self.prior == "log_normal" and least <= 0:
+            return f"a log-normal prior has no room for {least:g}"
+        return None
+
+
+def parameter(
+    *,
+    neutral: float,
+    bounds: tuple[float, float],
+    plausible: tuple[float, float],
+    unit: str = "",
+    role: Role = "strength",
+    prior: Prior = "normal",
+    description: str = "",
+) -> Any:
+    """A field of an `EffectConfig` that calibration may fit: the one declaration of an `EffectParameter`.
+
+    The field's default is `neutral`, its hard limits are `bounds`, both ends included. A field of a quantity
+    (`play_rad: Angle`) has that quantity's unit; a plain float states its `unit`. `EffectConfig.fit_parameters` raises
+    `TypeError` for a declaration that cannot be.
+    """
+    field: FieldInfo = Field(default=neutral, ge=bounds[0], le=bounds[1], description=description)  # type: ignore[assignment]
+    field.metadata.append(EffectParameter("", unit, neutral, bounds, plausible, role, prior))
+    return field
+
+
+class EffectConfig(ComponentConfig):
+    """Base of an effect's config: a field for each number of the effect, by `parameter` where it may be fitted."""
+
+    @classmethod
+    def __pydantic_init_subclass__(cls, **kwargs: Any) -> None:
+        """Refuse a wrong declaration where it is written."""
+        super().__pydantic_init_subclass__(**kwargs)
+        cls.fit_parameters()
+
+    @classmethod
+    def fit_parameters(cls) -> tuple[EffectParameter, ...]:
+        """The numbers that calibration may fit, in the order of their fields.
+
+        Raises:
+            TypeError: a declaration that cannot be, such as a plausible range outside the bounds.
+        """
+        declared = []
+        for name, field in cls.model_fields.items():
+            for item in field.metadata:
+                if isinstance(item, EffectParameter):
+                    declared.append(replace(item, name=name, unit=_unit(cls, name, item.unit)))
+        for one in declared:
+            if (problem := one.problem()) is not None:
+                raise TypeError(f"{cls.__name__}.{one.name}: {problem}")
+        return tuple(declared)
+
+
+def _unit(model: type[EffectConfig], name: str, stated: str) -> str:
+    """The unit of a field's quantity, or the stated one of a plain number; raises `TypeError` where they part."""
+    quantity = next((m.unit for m in model.model_fields[name].metadata if isinstance(m, Quantity)), "")
+    quantity = "1" if quantity == "dimensionless" else quantity
+    if not (stated or quantity):
+        raise TypeError(f"{model.__name__}.{name}: it has no unit; write unit=…, or a type such as Angle")
+    if stated and quantity and stated != quantity:
+        raise TypeError(f"{model.__name__}.{name}: unit '{stated}' is not that of its type, '{quantity}'")
+    return stated or quantity
 
 
 @dataclass(frozen=True)
@@ -120,7 +199,6 @@ class Effect(ABC):
     """
 
     place: ClassVar[Place]
-    parameters: ClassVar[tuple[EffectParameter, ...]]
     notes: ClassVar[EffectNotes] = EffectNotes()
     exciting: ClassVar[tuple[str, ...]] = ()
     actuation: ClassVar[str] = ""

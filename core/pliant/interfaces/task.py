@@ -69,11 +69,11 @@ class SceneTask(ABC):
         return chain
 
     def check_reach(self, length_m: float) -> None:
-        """As that of `Task`."""
+        """Refuse what no chain of this straight length (m) can do; see `Task.check_reach`."""
         return
 
     def measures(self) -> tuple[str, ...]:
-        """As that of `Task`."""
+        """Names of the numbers that `run` may measure; see `Task.measures`."""
         return ()
 
     @abstractmethod

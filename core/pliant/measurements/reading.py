@@ -11,12 +11,12 @@ import numpy as np
 
 from pliant.config.measurements import MOST_SAMPLES, MeasurementNotes, MeasurementsConfig
 from pliant.errors import UserError
+from pliant.execution.progress import Progress, Silent
 from pliant.formatting import plural
 from pliant.measurements.assembly import assembled
 from pliant.measurements.columns import MEASUREMENT
 from pliant.measurements.gathering import Gatherer
 from pliant.measurements.header import Header, read_header
-from pliant.pipeline.progress import Progress, Silent
 from pliant.records.measurement import Measurement
 from pliant.tabular.notes import notes_beside
 from pliant.tabular.text import Sheet, count_lines, lines_text, open_sheet

@@ -83,8 +83,7 @@ class ChainGeometry:
 
     def rotation_vectors(self, q: Array) -> Array:
         """(n, 3) rotation vectors of the joints."""
-        vectors: Array = q @ self.basis.T
-        return vectors
+        return np.asarray(q @ self.basis.T)
 
     def forward(self, q: Array) -> Pose:
         """The pose at joint coordinates q (n, a)."""

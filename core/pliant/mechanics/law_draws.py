@@ -63,8 +63,7 @@ def _sizes(law: JointLaw, box: Array, a: int, nodes: Array) -> Array:
     deformation[:, a] = u.ravel()
     band = law.band(p.ravel(), deformation, ONE_SIGMA)
     assert band is not None
-    sizes: Array = band[:, a].reshape(p.shape)
-    return sizes
+    return np.asarray(band[:, a].reshape(p.shape))
 
 
 def _unit_function(random: np.random.Generator, nodes: Array) -> Array:

@@ -97,5 +97,4 @@ def relax(
 def _joint_bounds(statics: ChainStatics, q: Array, loads: Loads) -> Array:
     """(n,) half the row sums of |load stiffness|: a mode descends if the metric has half its stiffness."""
     rows = np.abs(statics.load_stiffness(q, loads)).sum(axis=1).reshape(q.shape)
-    bounds: Array = 0.5 * rows.max(axis=1)
-    return bounds
+    return np.asarray(0.5 * rows.max(axis=1))

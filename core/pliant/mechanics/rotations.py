@@ -100,8 +100,7 @@ def vector_of_quaternion(quaternion: Array) -> Array:
     # angle / length → 2 / w as the rotation vanishes.
     tiny = length < 1e-9
     ratio = np.where(tiny, 2.0 / np.where(tiny, q[..., 0], 1.0), angle / np.where(tiny, 1.0, length))
-    vector: Array = ratio[..., None] * q[..., 1:]
-    return vector
+    return np.asarray(ratio[..., None] * q[..., 1:])
 
 
 def quaternion_of_matrix(rotation: Array) -> Array:
@@ -147,8 +146,7 @@ def _half_sinc(theta: Array) -> Array:
 
 def _square(phi: Array, theta_sq: Array) -> Array:
     """K² = φ φᵀ − θ² I."""
-    square: Array = phi[..., :, None] * phi[..., None, :] - theta_sq[..., None, None] * np.eye(3)
-    return square
+    return np.asarray(phi[..., :, None] * phi[..., None, :] - theta_sq[..., None, None] * np.eye(3))
 
 
 def _c(theta: Array, theta_sq: Array) -> Array:

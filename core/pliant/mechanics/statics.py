@@ -239,8 +239,7 @@ class ChainStatics:
 
     def _points(self, pose: Pose) -> Array:
         arms = np.einsum("kij,kj->ki", pose.rotations[self._body], self._arm)
-        points: Array = pose.origins[self._body] + arms
-        return points
+        return np.asarray(pose.origins[self._body] + arms)
 
     def _beyond(self, pose: Pose, loads: Loads) -> tuple[Array, Array, Array]:
         """(moment (n, 3), force (n, 3), Σ r Fᵀ (n, 3, 3)) about each joint of the forces beyond it."""
@@ -265,8 +264,7 @@ class ChainStatics:
 
     def _generalised(self, pose: Pose, moment: Array, force: Array) -> Array:
         acting = force if self.geometry.kind == "prismatic" else moment
-        generalised: Array = np.einsum("nia,ni->na", pose.directions, acting)
-        return generalised
+        return np.asarray(np.einsum("nia,ni->na", pose.directions, acting))
 
     def _load_stiffness(self, q: Array, pose: Pose, moment: Array, torsor: Array) -> Array:
         n, a = q.shape
@@ -298,8 +296,7 @@ class ChainStatics:
         basis = self.geometry.basis
         seen = np.einsum("nij,ni->nj", pose.rest_frames, moment)
         slope = left_jacobian_transpose_slope(self.geometry.rotation_vectors(q), seen)
-        own: Array = basis.T @ slope @ basis
-        return own
+        return np.asarray(basis.T @ slope @ basis)
 
 
 def _point(pose: Pose, load: PointForce | Cord) -> Array:
@@ -318,5 +315,4 @@ def unstable_mode(stiffness: Array) -> Array | None:
         values, modes = np.linalg.eigh(symmetric)
     if values[0] >= -NEUTRAL_SHARE * np.abs(values).max():
         return None
-    mode: Array = modes[:, 0]
-    return mode
+    return np.asarray(modes[:, 0])

@@ -97,8 +97,7 @@ def _determinants(nodes_m: Array, cells: IntArray, slopes: Array) -> Array:
     (a, b, c), (d, e, f), (g, h, i) = (
         (corners @ slopes[:, :, j].T).reshape(3, len(cells), len(slopes)) for j in range(3)
     )
-    determinants: Array = a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g)
-    return determinants
+    return np.asarray(a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g))
 
 
 def quadrature(nodes_m: Array, cells: IntArray, order: int = 3) -> tuple[Array, Array]:
@@ -113,8 +112,7 @@ def quadrature(nodes_m: Array, cells: IntArray, order: int = 3) -> tuple[Array, 
 
 def cell_volumes(nodes_m: Array, cells: IntArray) -> Array:
     """Signed volumes (m,) in m³, exact."""
-    volumes: Array = quadrature(nodes_m, cells)[1].sum(axis=1)
-    return volumes
+    return np.asarray(quadrature(nodes_m, cells)[1].sum(axis=1))
 
 
 def boundary_faces(cells: IntArray) -> tuple[IntArray, IntArray]:
@@ -128,8 +126,7 @@ def boundary_faces(cells: IntArray) -> tuple[IntArray, IntArray]:
 def area_vector(nodes_m: Array, faces: IntArray) -> Array:
     """∮ n dA (3,) in m² over faces (f, 9): zero if they are closed."""
     _, normals = _face_quadrature(nodes_m, faces)
-    area: Array = normals.sum(axis=(0, 1))
-    return area
+    return np.asarray(normals.sum(axis=(0, 1)))
 
 
 def enclosed_volume(nodes_m: Array, faces: IntArray) -> float:

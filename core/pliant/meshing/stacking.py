@@ -159,5 +159,4 @@ def _inner_block(ring: Array, a: int, b: int) -> Array:
     t = np.linspace(0, 1, 2 * b + 1)[None, :, None]
     inner = bottom + t * (top - bottom)
     outer = right_low + t * (right_high - right_low)
-    block: Array = inner + s * (outer - inner)
-    return block
+    return np.asarray(inner + s * (outer - inner))

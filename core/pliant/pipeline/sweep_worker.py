@@ -7,7 +7,6 @@ never raises: whatever happens to a design is an answer.
 from __future__ import annotations
 
 import platform
-import threading
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -15,19 +14,17 @@ from pathlib import Path
 from typing import Any, Literal
 
 from pliant.errors import InvalidDesignError, NotReachedError, PliantError, UserError
+from pliant.execution.progress_store import JobProgress
 from pliant.pipeline.dataset import fem_stage
+from pliant.pipeline.remote import other_version, registry_with, require_seen
 from pliant.pipeline.workbench import Workbench
-from pliant.registry.discovery import Registry, discover
-from pliant.registry.files import with_files
 from pliant.store.store import ArtifactStore
 
 Status = Literal["done", "refused", "not_reached", "error", "crashed", "busy", "stop"]
-SEEN_WITHIN_S = 2.0
-_LOADING = threading.Lock()  # files of plugins are executed once, also where a worker has several threads
 
 
 @dataclass(frozen=True)
-class Job:
+class SweepJob:
     """One design for a worker.
 
     Attributes:
@@ -35,7 +32,8 @@ class Job:
         configs: family, material and fem as JSON values.
         plugins: Python files with kinds of the user's own.
         store: root of the store.
-        desk: a folder in the store that the driver made: its presence shows that the store is shared.
+        progress: a folder in the store that the driver made (`ProgressStore`): its presence shows that the store is
+            shared.
         key: of the artifact, as the driver's own code and libraries name it.
         waits: whether to wait for another process that computes this design now; else the answer is "busy".
     """
@@ -44,7 +42,7 @@ class Job:
     configs: Mapping[str, Any]
     plugins: tuple[str, ...]
     store: str
-    desk: str
+    progress: str
     key: str
     waits: bool = False
 
@@ -53,74 +51,32 @@ class Job:
 class Answer:
     """How a design ended: `stop` is a mistake that no other design would escape."""
 
-    number: int
     status: Status
     cause: str = ""
     wall_s: float = 0.0
     notes: tuple[str, ...] = ()
 
 
-class Desk:
-    """Progress of one design as a small file, `done total`, which the driver reads; also its own task.
-
-    When the driver ends, its desk goes, and the next state of a worker that is beyond its reach is the last.
-    """
-
-    def __init__(self, job: Job, say: Callable[[str], None] | None = None) -> None:
-        self._file, self._say = Path(job.desk) / str(job.number), say
-        self.notes: list[str] = []
-        self._done = self._total = 0
-        self._write()
-
-    def begin(self, title: str, total: int, done: int = 0) -> Desk:
-        self._done, self._total = done, total
-        self._write()
-        return self
-
-    def advance(self, steps: int = 1) -> None:
-        self._done += steps
-        self._write()
-
-    def describe(self, text: str) -> None:
-        pass
-
-    def expect(self, total: int) -> None:
-        self._total = total
-        self._write()
-
-    def finish(self) -> None:
-        pass
-
-    def note(self, text: str) -> None:
-        self.notes.append(text)
-
-    def _write(self) -> None:
-        self._file.write_text(f"{self._done} {self._total}")
-        if self._say is not None and self._total:
-            self._say(f"state {self._done} of {self._total}")
-
-
-def solve(job: Job, say: Callable[[str], None] | None = None) -> Answer:
+def solve(job: SweepJob, say: Callable[[str], None] | None = None) -> Answer:
     """Solve one design, unless the store has it; `say` hears of its states where that is this process."""
     started = time.perf_counter()
-    desk: Desk | None = None
+    progress: JobProgress | None = None
     try:
-        _check_store(job)
-        desk = Desk(job, say)
-        registry = _registry(job.plugins)
+        require_seen(Path(job.progress), job.store)
+        progress = JobProgress(Path(job.progress) / str(job.number), say)
         store = ArtifactStore(Path(job.store))
         if not job.waits and store.computed_elsewhere("fem", job.key):
-            return Answer(job.number, "busy")
-        status, cause = _solved(job, Workbench(registry, store, desk))
+            return Answer("busy")
+        status, cause = _solved(job, Workbench(registry_with(job.plugins), store, progress))
     except PliantError as error:
         status, cause = "stop", str(error)
-    except OSError as error:  # the desk or the store went away
+    except OSError as error:  # the folder or the store went away
         status, cause = "stop", f"worker on {platform.node()}: {error}."
-    notes = tuple(desk.notes) if desk else ()
-    return Answer(job.number, status, cause, time.perf_counter() - started, notes)
+    notes = tuple(progress.notes) if progress else ()
+    return Answer(status, cause, time.perf_counter() - started, notes)
 
 
-def _solved(job: Job, bench: Workbench) -> tuple[Status, str]:
+def _solved(job: SweepJob, bench: Workbench) -> tuple[Status, str]:
     """Status and cause; raises `UserError` for what concerns every design."""
     try:
         family, material, fem = (
@@ -138,25 +94,5 @@ def _solved(job: Job, bench: Workbench) -> tuple[Status, str]:
         text = " ".join(str(error).split())
         return "error", f"{type(error).__name__}: {text}" if text else type(error).__name__
     if made.key != job.key:
-        raise UserError(
-            f"the worker on {platform.node()} runs another version of Pliant, of a plugin or of a library than this "
-            "process (its result has another key); install the same on both, and edit no code while a sweep runs."
-        )
+        raise other_version(" (its result has another key)")
     return "done", ""
-
-
-def _check_store(job: Job) -> None:
-    until = time.monotonic() + SEEN_WITHIN_S
-    while not Path(job.desk).is_dir():
-        if time.monotonic() < until:
-            time.sleep(0.2)  # a network file system shows new folders after a while
-            continue
-        raise UserError(
-            f"the worker on {platform.node()} does not see the store {job.store}; workers need the same folder under "
-            "the same path, on a shared file system (choose it with --store)."
-        )
-
-
-def _registry(plugins: tuple[str, ...]) -> Registry:
-    with _LOADING:
-        return with_files(discover(), [Path(file) for file in plugins])

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from pliant.execution.progress import Progress, Silent
 from pliant.interfaces.base import ComponentConfig, FrozenModel
-from pliant.pipeline.progress import Progress, Silent
 from pliant.registry.component import Component
 from pliant.registry.discovery import Registry
 from pliant.store.fingerprint import code_fingerprint, versions

@@ -92,8 +92,7 @@ class ErrorBar:
         bar = (self.places, self.misses, self.weights, self.reach, self.floor)
         local = np.concatenate([_local(block, *bar) for block in blocks])
         excess = np.abs(points - inside).max(axis=1)
-        grown: Array = local * (1 + excess / GROWTH)[:, None] * self.quantile(level)
-        return grown
+        return np.asarray(local * (1 + excess / GROWTH)[:, None] * self.quantile(level))
 
     def quantile(self, level: float) -> Array:
         """(a,) the score that a state exceeds with probability 1 − level.
@@ -106,12 +105,10 @@ class ErrorBar:
         if rank > k:
             normal = NormalDist()
             known, wanted = (normal.inv_cdf((1 + share) / 2) for share in (k / (k + 1), level))
-            beyond: Array = self.scores[-1] * (wanted / known)
-            return beyond
+            return np.asarray(self.scores[-1] * (wanted / known))
         below = int(rank)
         steps = np.vstack([np.zeros(self.scores.shape[1]), self.scores, self.scores[-1:]])
-        found: Array = steps[below] + (rank - below) * (steps[below + 1] - steps[below])
-        return found
+        return np.asarray(steps[below] + (rank - below) * (steps[below + 1] - steps[below]))
 
     def arrays(self) -> dict[str, Array]:
         """The bar as arrays for a `LawRecord`, their names led by `error_`."""
@@ -154,8 +151,7 @@ class BarsOfAxes(ErrorBar):
 
 def _scaled(box: Array, actuation: Array, deformation: Array) -> Array:
     values = np.concatenate([np.asarray(actuation, float)[:, None], np.asarray(deformation, float)], axis=1)
-    scaled: Array = (values - box.mean(axis=1)) / (np.ptp(box, axis=1) / 2)
-    return scaled
+    return np.asarray((values - box.mean(axis=1)) / (np.ptp(box, axis=1) / 2))
 
 
 def _local(
@@ -177,5 +173,4 @@ def _local(
     squares = misses**2
     near = kernel @ squares / np.maximum(kernel.sum(axis=1, keepdims=True), np.finfo(float).tiny)
     mean = np.average(squares, axis=0, weights=weights)
-    sizes: Array = np.sqrt(near + floor**2 * mean)
-    return sizes
+    return np.asarray(np.sqrt(near + floor**2 * mean))

@@ -346,7 +346,7 @@ class FemDataset:
         return len(self.actuation)
 
     def select(self, role: Role) -> FemDataset:
-        """The states of one role."""
+        """The data set of the states with one role."""
         return self.rows(self.role == role)
 
     def rows(self, keep: NDArray[np.bool_]) -> FemDataset:

@@ -37,7 +37,7 @@ class MeasuredRun:
         return len(self.history)
 
     def with_outputs(self, outputs: Mapping[str, Array]) -> MeasuredRun:
-        """The same run with other readings."""
+        """The run with other readings, everything else kept."""
         return replace(self, outputs=dict(outputs))
 
 

@@ -25,7 +25,7 @@ class PointForce:
     force_n: Array
 
     def scaled(self, share: float) -> PointForce:
-        """A share of the force."""
+        """The force times a share, at the same point."""
         return replace(self, force_n=share * np.asarray(self.force_n, float))
 
 
@@ -39,7 +39,7 @@ class Cord:
     tension_n: float
 
     def scaled(self, share: float) -> Cord:
-        """A share of the tension."""
+        """The cord with its tension times a share."""
         return replace(self, tension_n=share * self.tension_n)
 
 
@@ -108,8 +108,7 @@ class Equilibrium:
     @property
     def tip_m(self) -> Array:
         """(3,) world position of the tip."""
-        tip: Array = self.markers_m[-1]
-        return tip
+        return np.asarray(self.markers_m[-1])
 
 
 @dataclass(frozen=True, eq=False)

@@ -56,8 +56,7 @@ class SearchHistory:
 
     def best_so_far(self, column: int = 0) -> Array:
         """(n,) the lowest objective up to each candidate; NaN before the first."""
-        found: Array = np.fmin.accumulate(self.objectives[:, column])
-        return found
+        return np.asarray(np.fmin.accumulate(self.objectives[:, column]))
 
 
 @dataclass(frozen=True, eq=False)

@@ -55,5 +55,4 @@ class SolvedDesigns:
     @property
     def scale(self) -> Array:
         """(d,) width of the box."""
-        widths: Array = np.ptp(self.values, axis=0)
-        return widths
+        return np.asarray(np.ptp(self.values, axis=0))

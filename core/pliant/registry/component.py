@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from pliant.errors import ContractError, MissingDependencyError
-from pliant.interfaces.base import CONTRACT_VERSION, ComponentConfig
+from pliant.interfaces.base import ComponentConfig
 from pliant.interfaces.effect import EffectConfig
 from pliant.interfaces.family import FamilyConfig
 from pliant.interfaces.fem import FemConfig
@@ -55,7 +55,6 @@ class Component:
         lazy: modules that only part of its work needs, such as a fit but not the law of a stored one; their versions
             are part of the keys too. It imports them where that part begins, and raises `MissingDependencyError`.
         install: what to type when one is missing.
-        contract: version of the interface that it fills.
         package: name and version of the distribution; filled by discovery.
     """
 
@@ -68,7 +67,6 @@ class Component:
     requires: tuple[str, ...] = ()
     lazy: tuple[str, ...] = ()
     install: str = ""
-    contract: int = CONTRACT_VERSION
     package: str = ""
 
     def from_package(self, package: str) -> Component:
@@ -95,11 +93,6 @@ class Component:
                 return f"{self.label} {verb} {value!r}; write a tuple of module names"
         if not isinstance(self.example, Mapping):
             return f"{self.label} has example {self.example!r}; write a dict of config values"
-        if self.contract != CONTRACT_VERSION:
-            return (
-                f"{self.label} is written for contract {self.contract}, "
-                f"this Pliant has {CONTRACT_VERSION}: update the plugin or Pliant"
-            )
         return None
 
     def config_model(self) -> type[ComponentConfig]:

@@ -11,20 +11,29 @@ from typing import Any
 import pluggy
 
 from pliant.errors import UserError, closest
-from pliant.interfaces.base import ComponentConfig
+from pliant.interfaces.base import CONTRACT_VERSION, ComponentConfig
 from pliant.registry import hookspecs
 from pliant.registry.component import Component
 
 GROUP = "pliant"
+# Contract number → what a plugin of the number before must change for it.
+CHANGES = {
+    2: "an effect declares each parameter once, as a field of its config by `parameter(…)`, and no longer in a list "
+    "`parameters` of its class; an optimizer proposes and is told `Trial`s",
+}
 
 
 @dataclass(frozen=True)
 class FailedPlugin:
-    """A plugin package, or a kind that two packages define, that cannot be used, and why."""
+    """A plugin package, or a kind that two packages define, that cannot be used, and why.
+
+    `kinds` are the pairs of interface and kind that it would have brought, where its manifest could still say so.
+    """
 
     name: str
     package: str
     cause: str
+    kinds: tuple[tuple[str, str], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -51,6 +60,9 @@ class Registry:
         for component in self.components:
             if (component.interface, component.kind) == (interface, kind):
                 return component
+        for failure in self.failures:
+            if (interface, kind) in failure.kinds:
+                raise UserError(f"{interface} '{kind}' of {failure.package} cannot be used: {failure.cause}.")
         known = self.kinds(interface)
         message = f"unknown {interface} kind '{kind}'{closest(kind, known)}"
         message += f" Known kinds: {', '.join(known) or 'none is installed'}."
@@ -74,6 +86,8 @@ def discover(extra: Iterable[ModuleType] = ()) -> Registry:
             components += ask(entry.load(), package)
         except KeyboardInterrupt:
             raise
+        except OtherContractError as error:
+            failures.append(FailedPlugin(name, package, str(error), error.kinds))
         except BaseException as error:  # a plugin may fail in any way, even by sys.exit
             failures.append(FailedPlugin(name, package, _cause(error)))
     for module in extra:
@@ -96,15 +110,52 @@ def _package_of(entry: importlib.metadata.EntryPoint) -> str:
 
 
 def ask(module: Any, package: str) -> list[Component]:
-    """Call the module's hook through pluggy and check what it returns; raises what is wrong with it."""
+    """Call the module's hook through pluggy and check what it returns.
+
+    Raises:
+        OtherContractError: a module that states another contract than ours, or none.
+        Exception: what else is wrong with it.
+    """
+    hooked = _hooked(module)
+    contract = getattr(module, "CONTRACT", 1)
+    if contract != CONTRACT_VERSION:
+        raise OtherContractError(module, contract, hooked)
+    return [component.from_package(package) for component in _components(module, hooked)]
+
+
+class OtherContractError(Exception):
+    """A plugin is written for another contract; its text says what to change, `kinds` what it would have brought."""
+
+    def __init__(self, module: Any, contract: Any, hooked: pluggy.PluginManager) -> None:
+        name = getattr(module, "__name__", str(module))
+        stated = f"states CONTRACT = {contract!r}" if hasattr(module, "CONTRACT") else "states no contract"
+        cause = f"its manifest {name} {stated}"
+        if isinstance(contract, int) and contract < CONTRACT_VERSION:
+            newer = [text for number, text in sorted(CHANGES.items()) if number > contract]
+            cause += f", this Pliant has {CONTRACT_VERSION}: {'; '.join(newer)}; then write CONTRACT = "
+            cause += f"{CONTRACT_VERSION} into the manifest (docs/plugin_contract.md)"
+        else:
+            cause += f", this Pliant has {CONTRACT_VERSION}: update Pliant, or install an older release of the plugin"
+        super().__init__(cause)
+        try:
+            self.kinds = tuple((c.interface, c.kind) for c in _components(module, hooked))
+        except Exception:  # its manifest cannot be read by this Pliant at all
+            self.kinds = ()
+
+
+def _hooked(module: Any) -> pluggy.PluginManager:
     manager = pluggy.PluginManager(hookspecs.PROJECT)
     manager.add_hookspecs(hookspecs)
     manager.register(module)
     manager.check_pending()
-    name = getattr(module, "__name__", module)
     if not manager.hook.pliant_components.get_hookimpls():
-        raise TypeError(f"{name} has no @hookimpl pliant_components")
-    answers = manager.hook.pliant_components()
+        raise TypeError(f"{getattr(module, '__name__', module)} has no @hookimpl pliant_components")
+    return manager
+
+
+def _components(module: Any, hooked: pluggy.PluginManager) -> list[Component]:
+    name = getattr(module, "__name__", module)
+    answers = hooked.hook.pliant_components()
     if not answers:
         raise TypeError(f"pliant_components of {name} returned None; it must return a list of Component")
     if isinstance(answers[0], Component):
@@ -115,7 +166,7 @@ def ask(module: Any, package: str) -> list[Component]:
             raise TypeError(f"pliant_components returned {component!r}, which is no Component")
         if problem := component.problem():
             raise ValueError(problem)
-        found.append(component.from_package(package))
+        found.append(component)
     return found
 
 

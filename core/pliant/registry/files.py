@@ -19,9 +19,10 @@ from types import ModuleType
 from typing import Any, get_args, get_type_hints
 
 from pliant.errors import UserError
+from pliant.interfaces.base import CONTRACT_VERSION
 from pliant.interfaces.effect import Effect, EffectConfig
 from pliant.registry.component import Component
-from pliant.registry.discovery import Registry, ask
+from pliant.registry.discovery import CHANGES, Registry, ask
 from pliant.store.fingerprint import source_digest
 
 HOOK = "pliant_components"
@@ -131,6 +132,11 @@ def _module(file: Path) -> ModuleType:
 
 def _component(effect: type[Effect], own: Sequence[type[Any]], module: ModuleType, file: Path) -> Component:
     config = _config_of(effect, own, file)
+    if "parameters" in vars(effect):
+        raise UserError(
+            f"{_line_of(effect, file)}: {effect.__name__} is written for contract 1, this Pliant has "
+            f"{CONTRACT_VERSION}: {CHANGES[2]} (docs/plugin_contract.md)."
+        )
     kind = config.model_fields["kind"]
     words = get_args(kind.annotation)
     if len(words) != 1 or kind.default != words[0]:

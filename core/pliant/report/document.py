@@ -137,7 +137,7 @@ class Document:
         kind: the page's first line, e.g. "Pliant: model against measurement".
         title: the page's heading.
         sentence: the result as one sentence; the terminal prints it last.
-        data: the JSON object: plain SI values by the keys of docs/contracts.
+        data: the JSON object: plain SI values by the keys of docs/formats.md.
         brief: tables and lines that the terminal prints first.
         points: sentences beneath the result.
         warnings: what limits the result, the gravest first.

@@ -7,14 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from pliant import __version__
 from pliant.config.study import Study
 from pliant.formatting import percent, units_of_page
 from pliant.pipeline.workbench import Workbench
 from pliant.records.fem import PASSED, SELF_CONTACT, ModuleData
 from pliant.report.document import Document, Drawn, capital
 from pliant.report.fem_view import Solved, axis_record, data_warnings, free_reach, solved_rows
-from pliant.report.provenance import duration, stage_json
+from pliant.report.provenance import duration, made_by, stage_json
 from pliant.report.stage import StoredPage
 from pliant.store.store import Artifact
 
@@ -53,7 +52,7 @@ def fem_document(study: Study, artifacts: Sequence[Artifact], tables: Sequence[s
         draw=draw,
         footer=units_of_page(pressures="Pa", forces="N", moments="N*m", angles="rad", extensions="m"),
         page=PAGE,
-        version=str(manifests[0].get("pliant", __version__)),
+        version=made_by(manifests),
     )
 
 

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from pliant import __version__
 from pliant.errors import UserError
 from pliant.formatting import (
     Unit,
@@ -35,7 +34,7 @@ from pliant.report.fem_view import data_warnings
 from pliant.report.fit_tables import SURROGATES
 from pliant.report.fit_view import Fitted, unstable_places
 from pliant.report.meta_view import law_of_meta_json, law_of_meta_lines
-from pliant.report.provenance import duration, stage_json
+from pliant.report.provenance import duration, made_by, stage_json
 from pliant.report.stage import StoredPage
 from pliant.tabular.fem_modules import has_several_axes, read_module_table
 from pliant.tabular.fem_reading import read_table
@@ -86,7 +85,7 @@ def fit_document(
         draw=draw,
         footer=units_of_page(pressures="Pa", forces="N", moments="N*m", angles="rad", extensions="m"),
         page=PAGE,
-        version=str(manifests[0].get("pliant", __version__)) if manifests else __version__,
+        version=made_by(manifests),
     )
 
 

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from pliant import __version__
 from pliant.formatting import percent, seconds, units_of_page
 from pliant.pipeline.meta_model.leaving_out import Misses
 from pliant.pipeline.meta_model.next_design import Proposal
@@ -17,7 +16,7 @@ from pliant.pipeline.workbench import Workbench
 from pliant.report.document import Document, Drawn, Table, Warned, brief, brief_table, capital
 from pliant.report.meta_tables import SCORES, coverage_table, next_table, score_rows
 from pliant.report.meta_view import MetaFitted
-from pliant.report.provenance import stage_json
+from pliant.report.provenance import made_by, stage_json
 from pliant.report.stage import StoredPage
 from pliant.store.store import Artifact
 
@@ -66,7 +65,7 @@ def meta_document(
         draw=draw,
         footer=units_of_page(lengths="m", pressures="Pa", moments="N*m", angles="rad"),
         page=PAGE,
-        version=str(manifests[0].get("pliant", __version__)),
+        version=made_by(manifests),
     )
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
+from pliant import __version__
 from pliant.formatting import Unit, number, seconds, unit_of_field
 from pliant.report.document import Cells, Section, Table
 from pliant.store.store import Artifact
@@ -53,6 +54,11 @@ def provenance_table(manifests: Manifests) -> Table:
     return Table("Provenance", head, rows, note, numeric=9)
 
 
+def made_by(manifests: Manifests) -> str:
+    """The version of Pliant that made the first artifact; this one where there is none."""
+    return str(manifests[0].get("pliant", __version__)) if manifests else __version__
+
+
 def stage_name(manifest: Mapping[str, Any]) -> str:
     """The stage, with its engine where it has one."""
     physics = (manifest.get("config") or {}).get("physics") or {}
@@ -62,12 +68,12 @@ def stage_name(manifest: Mapping[str, Any]) -> str:
 
 def stage_json(artifact: Artifact) -> dict[str, Any]:
     """Where a result came from, as JSON has it."""
-    wall_s = artifact.manifest["wall_s"]
+    manifest = artifact.manifest
     return {
-        "stage": artifact.manifest["stage"],
+        "stage": manifest["stage"],
         "key": artifact.key,
         "cached": artifact.cached,
-        "wall_s": wall_s,
+        "wall_s": manifest["wall_s"],
     }
 
 

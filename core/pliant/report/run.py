@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from pliant import __version__
 from pliant.formatting import (
     Unit,
     actuation_unit,
@@ -29,7 +28,7 @@ from pliant.report.fem import fem_json, fem_lines
 from pliant.report.fem_view import LISTED, data_warnings, rest_of_list
 from pliant.report.fit import UNSTABLE_LAW, law_json, law_lines
 from pliant.report.folder import DesignResult, FinishedRun, finished, table_name
-from pliant.report.provenance import duration, stage_json
+from pliant.report.provenance import duration, made_by, stage_json
 from pliant.report.run_view import (
     Ran,
     actuation,
@@ -59,7 +58,7 @@ def run_document(run: FinishedRun, lines: Sequence[str] = ()) -> Document:
         brief=tuple(lines),
         warnings=tuple(warnings(run)),
         draw=draw,
-        version=run.provenance[0].get("pliant", __version__) if run.provenance else __version__,
+        version=made_by(run.provenance),
     )
 
 

@@ -8,20 +8,21 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from concurrent.futures import BrokenExecutor, Future, as_completed
 from contextlib import suppress
 from dataclasses import dataclass
 
 from pliant.config.study import Study
-from pliant.errors import PliantError, interrupted
+from pliant.errors import NotReachedError, PliantError, interrupted
+from pliant.execution.executors import Executor, InlineExecutor
+from pliant.execution.jobs import JobQueue
+from pliant.pipeline.remote import RemoteStudy
 from pliant.pipeline.study import laws_of_study
 from pliant.pipeline.workbench import Workbench
 from pliant.records.search import FoundDesign
 from pliant.search.problem.search_problem import SearchProblem
-from pliant.search.run.search import Hands
+from pliant.search.stage_keys import MODULES
 from pliant.search.verify.direct_fem import direct_studies, solvable
 from pliant.search.verify.verification import cases_of, engines_of, run_in
-from pliant.search.workers import Setup, opened
 
 WORTH_S = 10.0  # of what is left, on one processor; processes take two or three to begin
 
@@ -30,31 +31,34 @@ WORTH_S = 10.0  # of what is left, on one processor; processes take two or three
 class RunJob:
     """One run: the study as a worker gets it, and the place of the engine among those of its check."""
 
-    setup: Setup
+    study: RemoteStudy
     engine: int
 
 
 def run(job: RunJob) -> None:
-    """Leave the result in the store."""
-    bench, study = opened(job.setup)
-    run_in(bench, study, engines_of(bench, study)[job.engine])
+    """In a worker: leave the result in the store."""
+    with suppress(PliantError):
+        bench, study = job.study.open()
+        run_in(bench, study, engines_of(bench, study)[job.engine])
 
 
-def run_ahead(bench: Workbench, problem: SearchProblem, designs: Sequence[FoundDesign], hands: Hands) -> None:
+def run_ahead(
+    bench: Workbench, problem: SearchProblem, designs: Sequence[FoundDesign], executor: Executor
+) -> None:
     """Make the runs of a check, where there are several and they take long.
 
     Args:
         bench: plugins, store, progress.
         problem: the `SearchProblem`.
         designs: that are checked.
-        hands: who runs.
+        executor: who runs.
     """
     try:
         cases = [[case.study for case in cases_of(bench, problem, design)] for design in designs]
     except PliantError:
         return
     first, *others = [study for studies in cases for study in studies]
-    if not others or hands.alone:
+    if not others or isinstance(executor, InlineExecutor):
         return
     each_s = _one(bench, first)
     engines, solved = len(engines_of(bench, first)), solvable(problem.study)
@@ -63,9 +67,9 @@ def run_ahead(bench: Workbench, problem: SearchProblem, designs: Sequence[FoundD
         return
     if solved:
         others += _solved(bench, cases)
-    _together(
-        bench, hands, [RunJob(hands.setup(bench, study), k) for study in others for k in range(engines)]
-    )
+    modules = MODULES if executor.remote else ()
+    remote = [RemoteStudy.of(bench, study, modules) for study in others]
+    _together(bench, executor, [RunJob(study, engine) for study in remote for engine in range(engines)])
 
 
 def _one(bench: Workbench, study: Study) -> float:
@@ -97,18 +101,12 @@ def _solved(bench: Workbench, cases: Sequence[Sequence[Study]]) -> list[Study]:
     return found
 
 
-def _together(bench: Workbench, hands: Hands, jobs: Sequence[RunJob]) -> None:
+def _together(bench: Workbench, executor: Executor, jobs: Sequence[RunJob]) -> None:
     """Errors stay where they are: the check meets them and tells."""
-    bar, crew = bench.progress.begin("runs of the check", len(jobs)), hands.crew_for(run)
-    waiting, done = list[Future[None]](), False
+    bar = bench.progress.begin("runs of the check", len(jobs))
     try:
-        with suppress(BrokenExecutor):
-            waiting += [crew.submit(job) for job in jobs]
-            for _ in as_completed(waiting):
+        with suppress(NotReachedError), JobQueue(executor, run) as queue:
+            for _ in queue.each(jobs):
                 bar.advance()
-        done = True
     finally:
         bar.finish()
-        for future in waiting:
-            future.cancel()
-        crew.stop(at_once=not done)

@@ -5,15 +5,15 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Sequence
-from concurrent.futures import Executor
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from pliant.config.study import Study
 from pliant.errors import PliantError, UserError
+from pliant.execution.executors import Executor, Workers, either, executor_for
+from pliant.execution.progress import Once
 from pliant.pipeline.meta_model.stage import meta_model_stage
-from pliant.pipeline.progress import Once
 from pliant.pipeline.workbench import Workbench
 from pliant.records.search import SearchResult
 from pliant.registry.component import Component
@@ -23,7 +23,7 @@ from pliant.search.problem.feasibility import require_feasible, require_reachabl
 from pliant.search.problem.reevaluation_problem import require_reevaluation
 from pliant.search.problem.search_problem import SearchProblem
 from pliant.search.run.halving import require_halving
-from pliant.search.run.search import Hands, Search
+from pliant.search.run.search import Search
 from pliant.search.run.warm_start import warm_started
 from pliant.search.stage_keys import ENDS, MODULES, components_of, content_of
 from pliant.search.verify.check import checked
@@ -38,14 +38,14 @@ AFTERWARDS = ("pliant.search.run.reevaluation", "pliant.search.analyse.post_anal
 
 
 def search_study(
-    bench: Workbench, study: Study, executor: Executor | None = None, workers: int | None = None
+    bench: Workbench, study: Study, executor: Workers = None, workers: int | None = None
 ) -> Artifact:
     """Search, look about the best design, check it by direct FEM.
 
     Args:
         bench: plugins, store, progress. Workers other than this process open the same store by its path.
         study: has `search`, `chain` and `task`; `optimizer` is cmaes by default.
-        executor: any `concurrent.futures.Executor`; it is not shut down.
+        executor: any `concurrent.futures.Executor`, which is not shut down; or the address of a dask scheduler.
         workers: processes of our own instead; 1 evaluates in this process. By default one for each CPU.
 
     Returns:
@@ -55,8 +55,7 @@ def search_study(
         UserError: the study cannot be searched.
         NotReachedError: the executor broke, or processes cannot be started.
     """
-    if executor is not None and workers is not None:
-        raise UserError("a search takes an executor or a number of workers, not both.")
+    chosen = either(executor, workers, "a search")
     bench = replace(bench, progress=Once(bench.progress))
     study = with_optimizer(bench, study)
     problem = _checked(bench, study)
@@ -67,12 +66,12 @@ def search_study(
     for note in (*problem.start_notes(), space.note(), *tolerances):
         if note:
             bench.progress.note(note)
-    hands = Hands(executor, workers)
-    made = _searched(bench, study, hands)
-    result: SearchResult = made.value
-    if problem.config.verify is None or not result.best:
-        return made
-    verification = checked(bench, study, problem, result, made.key, hands)
+    with executor_for(chosen) as running:
+        made = _searched(bench, study, running)
+        result: SearchResult = made.value
+        if problem.config.verify is None or not result.best:
+            return made
+        verification = checked(bench, study, problem, result, made.key, running)
     return replace(made, value=replace(result, verification=verification))
 
 
@@ -141,7 +140,7 @@ def _several(component: Component) -> bool:
         return False
 
 
-def _searched(bench: Workbench, study: Study, hands: Hands) -> Artifact:
+def _searched(bench: Workbench, study: Study, executor: Executor) -> Artifact:
     """The search as an artifact; of a robust one the nominal search comes first."""
     config = study.need("search", "a search")
     inputs: dict[str, str] = {}
@@ -150,7 +149,7 @@ def _searched(bench: Workbench, study: Study, hands: Hands) -> Artifact:
     nominal = None
     if config.robust is not None and config.robust.compare:
         plain = study.model_copy(update={"search": config.model_copy(update={"robust": None})})
-        nominal = _searched(bench, plain, hands)
+        nominal = _searched(bench, plain, executor)
         inputs["nominal"] = nominal.key
     problem = problem_of(bench, study)
     components = components_of(bench, study)
@@ -167,7 +166,7 @@ def _searched(bench: Workbench, study: Study, hands: Hands) -> Artifact:
             study,
             problem,
             evaluator_of_study(bench, study),
-            hands,
+            executor,
             contextual=bool(type(optimizer).capabilities.contexts and config.conditions),
             nominal=before,
         )

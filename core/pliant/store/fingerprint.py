@@ -28,12 +28,17 @@ MACHINERY = (
     "pliant.interfaces.base",
     "pliant.registry",
     "pliant.store",
-    "pliant.pipeline.progress",
+    "pliant.execution",
     "pliant.pipeline.workbench",
 )
 # Files in a package that no result depends on; the code itself is hashed module by module.
 NO_DATA = {".py", ".pyi", ".pyc", ".pyo", ".typed", ".md", ".rst"}
-DOCUMENTATION = {"description", "title", "examples"}  # arguments of pydantic's Field
+DOCUMENTATION = {
+    "description",
+    "title",
+    "examples",
+}  # arguments of the functions that declare a config's field
+FIELDS = {"Field", "parameter"}
 MODULE_NAME = re.compile(r"\.*[A-Za-z_]\w*(\.[A-Za-z_]\w*)*", re.ASCII)
 
 
@@ -82,7 +87,7 @@ def code_closure(modules: Iterable[str], packages: Iterable[str] = ()) -> dict[s
 
 
 def _is_machinery(name: str) -> bool:
-    return name in MACHINERY or name.startswith(("pliant.registry.", "pliant.store."))
+    return name in MACHINERY or name.startswith(("pliant.registry.", "pliant.store.", "pliant.execution."))
 
 
 def source_digest(source: bytes) -> str:
@@ -144,7 +149,7 @@ def _parsed(source: bytes, package: str) -> tuple[str, tuple[str, ...]]:
     for node in ast.walk(tree):
         if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
             _drop_docstring(node)
-        elif isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "Field":
+        elif isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in FIELDS:
             node.keywords = [k for k in node.keywords if k.arg not in DOCUMENTATION]
     return hashlib.sha256(ast.dump(tree).encode()).hexdigest(), tuple(_imports(tree, package))
 

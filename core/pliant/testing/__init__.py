@@ -1,15 +1,16 @@
 """Conformance suites for plugin authors: what the contracts say, as checks that name the likely cause.
 
-One file per interface holds its checks; `suite` runs them, `pytest_helpers` turns them into tests, `samples`,
-`solved_samples`, `box`, `stand_ins` and `meta_model_stand_in` are the laws, chains, problems and small implementations
-that checks and tests use.
+One file per interface holds its checks; `suite` runs them in stages, `parametrize_with_checks` makes one test of each
+component; `samples`, `solved_samples`, `box`, `stand_ins` and `meta_model_stand_in` are the laws, chains, problems and
+small implementations that checks and tests use.
 """
 
+from collections.abc import Callable, Iterable
 from functools import partial
+from typing import Any
 
-from pliant.testing.pytest_helpers import bound_checks, parametrize_with_checks
+from pliant.registry.component import Component
 from pliant.testing.suite import (
-    BoundCheck,
     Check,
     CheckFailure,
     CheckOutcome,
@@ -19,6 +20,28 @@ from pliant.testing.suite import (
     checks_for,
     run_checks,
 )
+
+# What a test made by `parametrize_with_checks` gets and calls.
+BoundCheck = Callable[[], None]
+
+
+def parametrize_with_checks(components: Iterable[Component]) -> Any:
+    """Parametrize a test by components: one test runs the suite of one of them, in stages.
+
+    ::
+
+        @parametrize_with_checks(pliant_components())
+        def test_conformance(check):
+            check()
+
+    Ids read physics-quasistatic; a missing dependency skips with its cause, a failure has a sentence for each cause.
+    """
+    import pytest  # only tests need it
+
+    every = list(components)
+    checks: list[BoundCheck] = [partial(check_component, component) for component in every]
+    return pytest.mark.parametrize("check", checks, ids=[f"{c.interface}-{c.kind}" for c in every])
+
 
 # One name per interface: the whole suite of a component that must be of this interface.
 check_family = partial(check_component, interface="family")
@@ -39,7 +62,6 @@ __all__ = [
     "CheckOutcome",
     "CheckSkipped",
     "Subject",
-    "bound_checks",
     "check_component",
     "check_effect",
     "check_family",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -21,6 +22,7 @@ from pliant.interfaces.physics import PhysicsBackend, PhysicsConfig
 from pliant.interfaces.surrogate import Surrogate, SurrogateConfig
 from pliant.interfaces.task import SceneTask, Task, TaskConfig
 from pliant.interfaces.viewer import Viewer, ViewerConfig
+from pliant.registry.discovery import discover
 from pliant.registry.files import FILE_MODULE
 from pliant.testing.suite import Subject, Suite, require
 from pliant.units import UNIT_SUFFIXES, Quantity
@@ -143,17 +145,58 @@ def config_imports_nothing_heavy(subject: Subject) -> None:
         {*HEAVY, *(module.partition(".")[0] for module in (*component.requires, *component.lazy))}
     )
     module = component.config.partition(":")[0]
-    code = (
-        f"import sys; sys.path[:0] = {sys.path!r}; before = set(sys.modules); {_import_of(module)}; "
-        f"print(*(m for m in {forbidden!r} if m in set(sys.modules) - before))"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
-    last = (done.stderr.strip().splitlines() or ["no message"])[-1]
-    require(done.returncode == 0, f"{module} cannot be imported in a fresh interpreter: {last}")
-    heavy = done.stdout.split()
+    imported, error = _imports(module)[module]
+    require(not error, f"{module} cannot be imported in a fresh interpreter: {error}")
+    heavy = [name for name in forbidden if name in imported]
     require(
         not heavy, f"{module} imports {', '.join(heavy)}: move that import to the implementation's module"
     )
+
+
+# Prints a line for each statement given: the top-level names that an interpreter imports for it, and the error.
+FRESH = """
+import json, os, sys
+sys.path[:0], statements = json.loads(sys.argv[1])
+before = set(sys.modules)
+import pliant.registry.component
+def report(statement):
+    error = ""
+    try:
+        exec(statement)
+    except BaseException as raised:
+        error = f"{type(raised).__name__}: {raised}"
+    print(json.dumps([sorted(m for m in set(sys.modules) - before if "." not in m), error]), flush=True)
+for statement in statements:
+    if len(statements) == 1:
+        report(statement)
+    elif (child := os.fork()) == 0:
+        report(statement)
+        os._exit(0)
+    else:
+        os.waitpid(child, 0)
+"""
+_KNOWN: dict[str, tuple[set[str], str]] = {}
+
+
+def _imports(module: str) -> dict[str, tuple[set[str], str]]:
+    """Module → what a fresh interpreter imports for it and the error, for this one and the configs of its package.
+
+    One interpreter serves the whole package where processes can be forked: a start takes longer than all the rest.
+    """
+    if module not in _KNOWN:
+        top = module.partition(".")[0]
+        siblings = (
+            {c.config.partition(":")[0] for c in discover().components} if hasattr(os, "fork") else set()
+        )
+        asked = sorted({module, *(name for name in siblings if name.partition(".")[0] == top)} - set(_KNOWN))
+        given = json.dumps([sys.path, [_import_of(name) for name in asked]])
+        done = subprocess.run(
+            [sys.executable, "-c", FRESH, given], capture_output=True, text=True, check=False
+        )
+        for name, line in zip(asked, done.stdout.splitlines(), strict=True):
+            imported, error = json.loads(line)
+            _KNOWN[name] = (set(imported), error)
+    return _KNOWN
 
 
 def _import_of(module: str) -> str:

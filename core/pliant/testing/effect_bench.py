@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
 from pliant.errors import ContractError
-from pliant.interfaces.effect import Effect, EffectParameter, Model, Readings
+from pliant.interfaces.effect import Effect, EffectConfig, EffectParameter, Model, Readings
 from pliant.interfaces.physics import PhysicsBackend
 from pliant.mechanics.kinematics import ChainGeometry, base_rotations, trajectory
 from pliant.records.chain import ChainModel
@@ -45,8 +45,7 @@ def inputs_of(model: Model) -> tuple[str, ...]:
 
 def parameters(subject: Subject) -> tuple[EffectParameter, ...]:
     """Those of the effect under test."""
-    found: tuple[EffectParameter, ...] = type(subject.build()).parameters
-    return found
+    return cast(type[EffectConfig], subject.model).fit_parameters()
 
 
 def applied(subject: Subject, values: Mapping[str, float], model: Model | None = None) -> Model:

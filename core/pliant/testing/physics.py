@@ -42,7 +42,7 @@ for other in (loads, points, histories, batches, scenes):
 KINDS = ("revolute", "spherical", "prismatic")
 
 
-@suite.check("`capabilities` says which joints the engine has, before it is built.")
+@suite.check("`capabilities` says which joints the engine has, before it is built.", declares=True)
 def declares_its_capabilities(subject: Subject) -> None:
     given = type(subject.build()).capabilities
     require(isinstance(given, Capabilities), f"capabilities is {given!r}")
@@ -165,6 +165,34 @@ def steps_forward_in_time(subject: Subject) -> None:
         position = simulation.snapshot().position
         require(np.all(np.isfinite(position)), "joint coordinates are not finite after 0.063 s")
         require(position.sum() > 1e-4, "the chain does not move under pressure")
+
+
+@suite.check(
+    "`dynamic` says whether `step` advances inertia; in other engines each step ends in equilibrium."
+)
+def dynamic_is_what_it_says(subject: Subject) -> None:
+    engine: PhysicsBackend = subject.build()
+    # Some grams at the tip: no joint with inertia goes a third of its way within two milliseconds.
+    chain = sample_chain(modules=4, gravity=NO_GRAVITY, payload=0.05)
+    with engine.build(chain) as simulation:
+        start = simulation.markers()[-1]
+        simulation.apply(pressed())
+        simulation.step(0.002)
+        moved = float(np.linalg.norm(simulation.markers()[-1] - start))
+    whole = float(np.linalg.norm(settled_under(subject, chain, pressed()).tip_m - start))
+    if engine.capabilities.dynamic:
+        require(
+            moved < 0.5 * whole,
+            f"capabilities.dynamic is True, and 2 ms after a step of pressure a tip with 50 g has gone "
+            f"{moved:.3g} m of {whole:.3g} m: no inertia holds it back",
+        )
+    else:
+        require_close(
+            moved,
+            whole,
+            "capabilities.dynamic is False, and the way (m) of the tip after a step is not that to its equilibrium",
+            atol=20 * POSITION_M,
+        )
 
 
 @suite.check("two simulations of one engine do not know of each other.")

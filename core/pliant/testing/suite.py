@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import importlib
 import time
 import traceback
@@ -21,7 +20,12 @@ T = TypeVar("T")
 
 
 class CheckFailure(ContractError, AssertionError):  # noqa: N818 - it is what a test reports
-    """A component breaks its contract; the message names it, what was seen, why, and the clause."""
+    """A component breaks its contract; the message names it, what was seen, why, and the clause.
+
+    `raised_at` is the place in the plugin's code from which an error came, (type, file, line), where one did.
+    """
+
+    raised_at: tuple[str, str, int] | None = None
 
 
 class CheckSkipped(unittest.SkipTest):
@@ -120,12 +124,16 @@ class CheckOutcome:
 
 @dataclass(frozen=True)
 class Check:
-    """One clause of an interface's contract as a function that raises when it is broken."""
+    """One clause of an interface's contract as a function that raises when it is broken.
+
+    `declares` marks the first stage: manifest, config, signature. Where such a clause is broken the rest is not run.
+    """
 
     interface: str
     name: str
     clause: str
     function: CheckFunction
+    declares: bool = False
 
     def run(self, subject: Subject) -> None:
         """Raise `CheckFailure` if the clause is broken, `CheckSkipped` if it cannot be judged here."""
@@ -138,43 +146,16 @@ class Check:
         except Finding as finding:
             raise self._failure(subject, str(finding)) from finding
         except Exception as error:  # whatever a plugin raises is its failure, not the suite's
-            raise self._failure(subject, f"it raised {_described(error)}") from error
-
-    def outcome(self, subject: Subject) -> CheckOutcome:
-        """Run and report instead of raising."""
-        started = time.perf_counter()
-        status: Status = "passed"
-        message = ""
-        try:
-            self.run(subject)
-        except CheckSkipped as skipped:
-            status, message = "skipped", str(skipped)
-        except CheckFailure as failure:
-            status, message = "failed", str(failure)
-        wall_s = time.perf_counter() - started
-        return CheckOutcome(self.interface, subject.component.kind, self.name, status, message, wall_s)
+            failure = self._failure(subject, f"it raised {_described(error)}")
+            place = traceback.extract_tb(error.__traceback__)[-1]
+            failure.raised_at = (type(error).__name__, place.filename, place.lineno or 0)
+            raise failure from error
 
     def _failure(self, subject: Subject, seen: str) -> CheckFailure:
         seen = seen if seen.endswith(".") else seen + "."
         return CheckFailure(
             f"{subject.component.label} fails '{self.name}': {seen} The contract: {self.clause}"
         )
-
-
-@dataclass(frozen=True)
-class BoundCheck:
-    """A check with its subject: what a parametrized test calls."""
-
-    check: Check
-    subject: Subject
-
-    def __call__(self) -> None:
-        self.check.run(self.subject)
-
-    @property
-    def id(self) -> str:
-        """Readable test id: physics-quasistatic-settles_in_equilibrium."""
-        return f"{self.check.interface}-{self.subject.component.kind}-{self.check.name}"
 
 
 class Suite:
@@ -184,31 +165,61 @@ class Suite:
         self.interface = interface
         self.checks: list[Check] = []
 
-    def check(self, clause: str) -> Callable[[CheckFunction], CheckFunction]:
+    def check(self, clause: str, declares: bool = False) -> Callable[[CheckFunction], CheckFunction]:
         """Register a function as a check; `clause` is the sentence of the contract that it tests."""
 
         def register(function: CheckFunction) -> CheckFunction:
-            self.checks.append(Check(self.interface, function.__name__, clause, function))
+            self.checks.append(Check(self.interface, function.__name__, clause, function, declares))
             return function
 
         return register
 
 
 def checks_for(interface: str) -> tuple[Check, ...]:
-    """All checks of an interface: those that every component passes, then its own."""
+    """All checks of an interface: those of the first stage, the common ones before its own, then the rest."""
     own: Suite = importlib.import_module(f"pliant.testing.{interface}").suite
     common: Suite = importlib.import_module("pliant.testing.common").suite
-    return (*(replace(check, interface=interface) for check in common.checks), *own.checks)
+    every = (*(replace(check, interface=interface, declares=True) for check in common.checks), *own.checks)
+    return tuple(sorted(every, key=lambda check: not check.declares))
 
 
 def run_checks(component: Component) -> list[CheckOutcome]:
-    """Run a component's whole suite; never raises for what the component does."""
+    """Run a component's suite in stages; never raises for what the component does.
+
+    A broken clause of the first stage (manifest, config, signature) stops the rest, and what fails by the same line of
+    the plugin as a check before it is not counted again: both are skipped, and say which check names the cause.
+    """
     subject = Subject(component)
-    return [check.outcome(subject) for check in checks_for(component.interface)]
+    outcomes: list[CheckOutcome] = []
+    first: str | None = None
+    causes: dict[tuple[str, str, int], str] = {}
+    for check in checks_for(component.interface):
+        started = time.perf_counter()
+        status: Status = "passed"
+        message = ""
+        if first is not None:
+            status, message = "skipped", f"not run: '{first}' fails first"
+        else:
+            try:
+                check.run(subject)
+            except CheckSkipped as skipped:
+                status, message = "skipped", str(skipped)
+            except CheckFailure as failure:
+                earlier = causes.get(failure.raised_at) if failure.raised_at else None
+                if earlier is not None:
+                    status, message = "skipped", f"it fails where '{earlier}' does"
+                else:
+                    status, message = "failed", str(failure)
+                    first = check.name if check.declares else None
+                    if failure.raised_at:
+                        causes[failure.raised_at] = check.name
+        wall_s = time.perf_counter() - started
+        outcomes.append(CheckOutcome(check.interface, component.kind, check.name, status, message, wall_s))
+    return outcomes
 
 
 def check_component(component: Component, interface: str | None = None) -> None:
-    """Run a component's whole suite and raise `CheckFailure` at the first clause that is broken.
+    """Run a component's suite in stages and raise `CheckFailure` with a sentence for each cause that it fails by.
 
     Raises `CheckSkipped` with the cause if its package's requirements are not installed, and `CheckFailure`
     if the component is not of the `interface` that is named.
@@ -218,10 +229,9 @@ def check_component(component: Component, interface: str | None = None) -> None:
     missing = component.missing()
     if missing is not None:
         raise CheckSkipped(f"{component.label} needs {missing}: {component.install or 'install it'}")
-    subject = Subject(component)
-    for check in checks_for(component.interface):
-        with contextlib.suppress(CheckSkipped):
-            check.run(subject)
+    failed = [outcome.message for outcome in run_checks(component) if outcome.status == "failed"]
+    if failed:
+        raise CheckFailure("\n".join(failed))
 
 
 def _described(error: Exception) -> str:

@@ -12,29 +12,24 @@ from __future__ import annotations
 from functools import partial
 from typing import ClassVar, Literal
 
-from pydantic import Field
-
-from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, EffectParameter, Model, Place
+from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, Model, Place, parameter
 from pliant.records.history import History
 from pliant.units import Ratio
-
-BOUNDS = (0.05, 20.0)
 
 
 class ActuationGainConfig(EffectConfig):
     """g, acting / commanded actuation."""
 
     kind: Literal["actuation_gain"] = "actuation_gain"
-    gain: Ratio = Field(default=1.0, ge=BOUNDS[0], le=BOUNDS[1], description="true actuation / nominal")
+    gain: Ratio = parameter(
+        neutral=1.0, bounds=(0.05, 20.0), plausible=(0.8, 1.2), description="true actuation / nominal"
+    )
 
 
 class ActuationGain(Effect):
     """Scales every actuation before it reaches the chain."""
 
     place: ClassVar[Place] = "input"
-    parameters: ClassVar[tuple[EffectParameter, ...]] = (
-        EffectParameter("gain", "1", neutral=1.0, bounds=BOUNDS, plausible=(0.8, 1.2)),
-    )
     notes: ClassVar[EffectNotes] = EffectNotes(
         signature=(
             "the error grows in proportion to the pressure and is gone at zero pressure, whatever the "

@@ -15,30 +15,30 @@ from functools import partial
 from typing import ClassVar, Literal
 
 import numpy as np
-from pydantic import Field
 
 from pliant.interfaces.effect import (
     Effect,
     EffectConfig,
     EffectNotes,
-    EffectParameter,
     Model,
     Place,
     Readings,
+    parameter,
 )
 from pliant.records.design import Array
 from pliant.units import Angle
 from pliant_plugins.effects.angles import with_recorded_angles
-
-BOUNDS = (0.0, 0.5)
 
 
 class BacklashConfig(EffectConfig):
     """w."""
 
     kind: Literal["backlash"] = "backlash"
-    play_rad: Angle = Field(
-        default=0.0, ge=BOUNDS[0], le=BOUNDS[1], description="clearance between joint and sensor, whole width"
+    play_rad: Angle = parameter(
+        neutral=0.0,
+        bounds=(0.0, 0.5),
+        plausible=(0.005, 0.1),
+        description="clearance between joint and sensor, whole width",
     )
 
 
@@ -46,9 +46,6 @@ class Backlash(Effect):
     """Drags every recorded angle behind the joint's by half a clearance."""
 
     place: ClassVar[Place] = "output"
-    parameters: ClassVar[tuple[EffectParameter, ...]] = (
-        EffectParameter("play_rad", "rad", neutral=0.0, bounds=BOUNDS, plausible=(0.005, 0.1)),
-    )
     notes: ClassVar[EffectNotes] = EffectNotes(
         signature=(
             "after every reversal the reading stands still until the joint has turned by the clearance, then follows "

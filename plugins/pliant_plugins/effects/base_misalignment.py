@@ -14,25 +14,27 @@ from __future__ import annotations
 from typing import ClassVar, Literal
 
 import numpy as np
-from pydantic import Field
 
-from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, EffectParameter, Model, Place
+from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, Model, Place, parameter
 from pliant.mechanics.rotations import exp_map
 from pliant.units import Angle
-
-BOUNDS = (-0.5, 0.5)
-PLAUSIBLE = (-0.05, 0.05)
 
 
 class BaseMisalignmentConfig(EffectConfig):
     """θ_y and θ_x."""
 
     kind: Literal["base_misalignment"] = "base_misalignment"
-    pitch_rad: Angle = Field(
-        default=0.0, ge=BOUNDS[0], le=BOUNDS[1], description="tilt about world y, in the bending plane"
+    pitch_rad: Angle = parameter(
+        neutral=0.0,
+        bounds=(-0.5, 0.5),
+        plausible=(-0.05, 0.05),
+        description="tilt about world y, in the bending plane",
     )
-    roll_rad: Angle = Field(
-        default=0.0, ge=BOUNDS[0], le=BOUNDS[1], description="tilt about world x, out of the bending plane"
+    roll_rad: Angle = parameter(
+        neutral=0.0,
+        bounds=(-0.5, 0.5),
+        plausible=(-0.05, 0.05),
+        description="tilt about world x, out of the bending plane",
     )
 
 
@@ -40,10 +42,6 @@ class BaseMisalignment(Effect):
     """Tilts the base of the chain."""
 
     place: ClassVar[Place] = "chain"
-    parameters: ClassVar[tuple[EffectParameter, ...]] = (
-        EffectParameter("pitch_rad", "rad", neutral=0.0, bounds=BOUNDS, plausible=PLAUSIBLE),
-        EffectParameter("roll_rad", "rad", neutral=0.0, bounds=BOUNDS, plausible=PLAUSIBLE),
-    )
     notes: ClassVar[EffectNotes] = EffectNotes(
         signature=(
             "all positions are turned about the base by one angle, at rest too, the tip by the length times the angle. "

@@ -15,22 +15,20 @@ from typing import ClassVar, Literal
 
 from pydantic import Field
 
-from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, EffectParameter, Model, Place
+from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, Model, Place, parameter
 from pliant.records.design import Array
 from pliant.records.term import LawTerm
 from pliant.units import Angle, Ratio
-
-BOUNDS = (-0.9, 0.9)
 
 
 class BimodulusConfig(EffectConfig):
     """b and w."""
 
     kind: Literal["bimodulus"] = "bimodulus"
-    asymmetry: Ratio = Field(
-        default=0.0,
-        ge=BOUNDS[0],
-        le=BOUNDS[1],
+    asymmetry: Ratio = parameter(
+        neutral=0.0,
+        bounds=(-0.9, 0.9),
+        plausible=(-0.3, 0.3),
         description="(stiffness toward actuation − stiffness away from it) / their sum",
     )
     width_rad: Angle = Field(
@@ -45,9 +43,6 @@ class Bimodulus(Effect):
     """Scales the elastic part up on one side and down on the other."""
 
     place: ClassVar[Place] = "law"
-    parameters: ClassVar[tuple[EffectParameter, ...]] = (
-        EffectParameter("asymmetry", "1", neutral=0.0, bounds=BOUNDS, plausible=(-0.3, 0.3)),
-    )
     notes: ClassVar[EffectNotes] = EffectNotes(
         signature=(
             "under loads without pressure the angle is too small one way and too large the other; there is a kink in "

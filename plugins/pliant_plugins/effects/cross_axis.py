@@ -16,24 +16,24 @@ from dataclasses import replace
 from typing import ClassVar, Literal
 
 import numpy as np
-from pydantic import Field
 
 from pliant.errors import UserError
-from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, EffectParameter, Model, Place
+from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, Model, Place, parameter
 from pliant.mechanics.rotations import exp_map
 from pliant.records.chain import ChainModel, Ring
 from pliant.records.design import Array
 from pliant.units import Angle
-
-BOUNDS = (-1.5, 1.5)
 
 
 class CrossAxisConfig(EffectConfig):
     """α."""
 
     kind: Literal["cross_axis"] = "cross_axis"
-    turn_rad: Angle = Field(
-        default=0.0, ge=BOUNDS[0], le=BOUNDS[1], description="turn of the bending axis about the chain axis"
+    turn_rad: Angle = parameter(
+        neutral=0.0,
+        bounds=(-1.5, 1.5),
+        plausible=(-0.2, 0.2),
+        description="turn of the bending axis about the chain axis",
     )
 
 
@@ -41,9 +41,6 @@ class CrossAxis(Effect):
     """Turns the axes of every joint about the chain axis."""
 
     place: ClassVar[Place] = "chain"
-    parameters: ClassVar[tuple[EffectParameter, ...]] = (
-        EffectParameter("turn_rad", "rad", neutral=0.0, bounds=BOUNDS, plausible=(-0.2, 0.2)),
-    )
     notes: ClassVar[EffectNotes] = EffectNotes(
         signature=(
             "under pressure the tip leaves the plane in which the model bends, in proportion to the bend; what is "

@@ -13,23 +13,23 @@ from functools import partial
 from typing import ClassVar, Literal
 
 import numpy as np
-from pydantic import Field
 
-from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, EffectParameter, Model, Place
+from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, Model, Place, parameter
 from pliant.records.design import Array
 from pliant.records.history import History
 from pliant.units import Pressure
 from pliant_plugins.effects.pressures import needs_pressure, with_pressures
-
-BOUNDS = (0.0, 1e5)
 
 
 class DeadZoneConfig(EffectConfig):
     """p₀, the pressure that is lost before anything moves."""
 
     kind: Literal["dead_zone"] = "dead_zone"
-    threshold_pa: Pressure = Field(
-        default=0.0, ge=BOUNDS[0], le=BOUNDS[1], description="pressure that is lost before anything moves"
+    threshold_pa: Pressure = parameter(
+        neutral=0.0,
+        bounds=(0.0, 1e5),
+        plausible=(100.0, 2e3),
+        description="pressure that is lost before anything moves",
     )
 
 
@@ -37,9 +37,6 @@ class DeadZone(Effect):
     """Takes a threshold off every pressure before it reaches the chain."""
 
     place: ClassVar[Place] = "input"
-    parameters: ClassVar[tuple[EffectParameter, ...]] = (
-        EffectParameter("threshold_pa", "Pa", neutral=0.0, bounds=BOUNDS, plausible=(100.0, 2e3)),
-    )
     notes: ClassVar[EffectNotes] = EffectNotes(
         signature=(
             "nothing moves at the smallest pressures, and above the threshold the angle lags behind by "

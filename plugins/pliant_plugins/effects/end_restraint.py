@@ -17,10 +17,8 @@ from dataclasses import replace
 from functools import lru_cache
 from typing import ClassVar, Literal
 
-from pydantic import Field
-
 from pliant.errors import UserError
-from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, EffectParameter, Model, Place
+from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, Model, Place, parameter
 from pliant.records.chain import Joint
 from pliant.records.law import JointLaw
 from pliant.units import Ratio
@@ -28,26 +26,34 @@ from pliant_plugins.effects.scale import rest_stiffness
 from pliant_plugins.effects.series_law import SeriesLaw
 from pliant_plugins.effects.short_law import ShortLaw
 
-BOUNDS = (0.2, 1.5)
-PLAUSIBLE = (0.5, 1.0)
-GIVES = (0.0, 10.0)
-
 
 class EndRestraintConfig(EffectConfig):
     """s and c k₀ at both ends."""
 
     kind: Literal["end_restraint"] = "end_restraint"
-    base_share: Ratio = Field(
-        default=1.0, ge=BOUNDS[0], le=BOUNDS[1], description="share of the first module that bends"
+    base_share: Ratio = parameter(
+        neutral=1.0,
+        bounds=(0.2, 1.5),
+        plausible=(0.5, 1.0),
+        description="share of the first module that bends",
     )
-    cap_share: Ratio = Field(
-        default=1.0, ge=BOUNDS[0], le=BOUNDS[1], description="share of the last module that bends"
+    cap_share: Ratio = parameter(
+        neutral=1.0,
+        bounds=(0.2, 1.5),
+        plausible=(0.5, 1.0),
+        description="share of the last module that bends",
     )
-    base_give: Ratio = Field(
-        default=0.0, ge=GIVES[0], le=GIVES[1], description="compliance of the clamp x stiffness at rest"
+    base_give: Ratio = parameter(
+        neutral=0.0,
+        bounds=(0.0, 10.0),
+        plausible=(0.0, 2.0),
+        description="compliance of the clamp x stiffness at rest",
     )
-    cap_give: Ratio = Field(
-        default=0.0, ge=GIVES[0], le=GIVES[1], description="compliance of the cap's mount x stiffness at rest"
+    cap_give: Ratio = parameter(
+        neutral=0.0,
+        bounds=(0.0, 10.0),
+        plausible=(0.0, 2.0),
+        description="compliance of the cap's mount x stiffness at rest",
     )
 
 
@@ -55,12 +61,6 @@ class EndRestraint(Effect):
     """Shortens what bends at both ends of the chain, and puts springs there."""
 
     place: ClassVar[Place] = "law"
-    parameters: ClassVar[tuple[EffectParameter, ...]] = (
-        EffectParameter("base_share", "1", neutral=1.0, bounds=BOUNDS, plausible=PLAUSIBLE),
-        EffectParameter("cap_share", "1", neutral=1.0, bounds=BOUNDS, plausible=PLAUSIBLE),
-        EffectParameter("base_give", "1", neutral=0.0, bounds=GIVES, plausible=(0.0, 2.0)),
-        EffectParameter("cap_give", "1", neutral=0.0, bounds=GIVES, plausible=(0.0, 2.0)),
-    )
     notes: ClassVar[EffectNotes] = EffectNotes(
         signature=(
             "the joints at the clamp and at the cap bend too little by the same share at every pressure and load, "

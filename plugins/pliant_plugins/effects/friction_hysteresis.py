@@ -14,27 +14,30 @@ from __future__ import annotations
 
 from typing import ClassVar, Literal
 
-from pydantic import Field
-
-from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, EffectParameter, Model, Place
+from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, Model, Place, parameter
 from pliant.records.design import Array
 from pliant.records.term import LawTerm
 from pliant.units import Angle
 from pliant_plugins.effects.scale import rest_stiffness
-
-WIDTHS = (0.0, 0.5)
-BREAK_AWAYS = (0.002, 0.05)
 
 
 class FrictionHysteresisConfig(EffectConfig):
     """w and δ."""
 
     kind: Literal["friction_hysteresis"] = "friction_hysteresis"
-    half_width_rad: Angle = Field(
-        default=0.0, ge=WIDTHS[0], le=WIDTHS[1], description="friction moment / stiffness at rest, per joint"
+    half_width_rad: Angle = parameter(
+        neutral=0.0,
+        bounds=(0.0, 0.5),
+        plausible=(0.005, 0.1),
+        description="friction moment / stiffness at rest, per joint",
     )
-    break_away_rad: Angle = Field(
-        default=0.01, ge=BREAK_AWAYS[0], le=BREAK_AWAYS[1], description="angle after which a joint slips"
+    break_away_rad: Angle = parameter(
+        neutral=0.01,
+        bounds=(0.002, 0.05),
+        plausible=(0.003, 0.03),
+        role="shape",
+        prior="log_normal",
+        description="angle after which a joint slips",
     )
 
 
@@ -42,18 +45,6 @@ class FrictionHysteresis(Effect):
     """Adds an elastoplastic element to every joint."""
 
     place: ClassVar[Place] = "law"
-    parameters: ClassVar[tuple[EffectParameter, ...]] = (
-        EffectParameter("half_width_rad", "rad", neutral=0.0, bounds=WIDTHS, plausible=(0.005, 0.1)),
-        EffectParameter(
-            "break_away_rad",
-            "rad",
-            neutral=0.01,
-            bounds=BREAK_AWAYS,
-            plausible=(0.003, 0.03),
-            role="shape",
-            prior="log_normal",
-        ),
-    )
     notes: ClassVar[EffectNotes] = EffectNotes(
         signature=(
             "loading and unloading run apart by the same width at every rate; after a reversal the joint "

@@ -13,14 +13,11 @@ from __future__ import annotations
 from typing import ClassVar, Literal
 
 import numpy as np
-from pydantic import Field
 
-from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, EffectParameter, Model, Place
+from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, Model, Place, parameter
 from pliant.units import Ratio
 from pliant_plugins.effects.scale import main_axis
 
-BOUNDS = (0.0, 10.0)
-ASIDE = (-0.5, 0.5)
 # Across the chain, in the plane of bending about the main axis, in a piece's frame.
 ACROSS = {"x": 1, "y": 2, "z": 1}
 
@@ -29,11 +26,13 @@ class GravityScaleConfig(EffectConfig):
     """f, true weight / model's, and a."""
 
     kind: Literal["gravity_scale"] = "gravity_scale"
-    factor: Ratio = Field(default=1.0, ge=BOUNDS[0], le=BOUNDS[1], description="true weight / model's")
-    aside: Ratio = Field(
-        default=0.0,
-        ge=ASIDE[0],
-        le=ASIDE[1],
+    factor: Ratio = parameter(
+        neutral=1.0, bounds=(0.0, 10.0), plausible=(0.8, 1.3), description="true weight / model's"
+    )
+    aside: Ratio = parameter(
+        neutral=0.0,
+        bounds=(-0.5, 0.5),
+        plausible=(-0.03, 0.03),
         description="centres of mass beside the axis / length of the chain",
     )
 
@@ -42,10 +41,6 @@ class GravityScale(Effect):
     """Scales the gravity of the chain."""
 
     place: ClassVar[Place] = "chain"
-    parameters: ClassVar[tuple[EffectParameter, ...]] = (
-        EffectParameter("factor", "1", neutral=1.0, bounds=BOUNDS, plausible=(0.8, 1.3)),
-        EffectParameter("aside", "1", neutral=0.0, bounds=ASIDE, plausible=(-0.03, 0.03)),
-    )
     notes: ClassVar[EffectNotes] = EffectNotes(
         signature=(
             "the error changes with the orientation of the base, is largest with the chain held level, "

@@ -24,10 +24,9 @@ import math
 from typing import ClassVar, Literal
 
 import numpy as np
-from pydantic import Field
 
 from pliant.errors import UserError
-from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, EffectParameter, Model, Place
+from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, Model, Place, parameter
 from pliant.mechanics.inertia import mass_matrix
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
@@ -35,8 +34,6 @@ from pliant.records.term import LawTerm
 from pliant.units import Ratio
 from pliant_plugins.effects.scale import joint_stiffnesses, main_axis
 
-BOUNDS = (0.0, 20.0)
-DAMPINGS = (0.0, 0.5)
 # ω Δt below which a swing is followed, and from which on it is damped out.
 RESOLVED, UNSEEN = 1.0, 3.0
 
@@ -45,11 +42,19 @@ class InertiaConfig(EffectConfig):
     """f, acting / computed inertia, and ζ."""
 
     kind: Literal["inertia"] = "inertia"
-    scale: Ratio = Field(
-        default=0.0, ge=BOUNDS[0], le=BOUNDS[1], description="inertia that acts / that of the chain's masses"
+    scale: Ratio = parameter(
+        neutral=0.0,
+        bounds=(0.0, 20.0),
+        plausible=(0.3, 2.0),
+        description="inertia that acts / that of the chain's masses",
     )
-    damping_ratio: Ratio = Field(
-        default=0.1, ge=DAMPINGS[0], le=DAMPINGS[1], description="damping of the swing / critical, at scale 1"
+    damping_ratio: Ratio = parameter(
+        neutral=0.1,
+        bounds=(0.0, 0.5),
+        plausible=(0.02, 0.3),
+        role="shape",
+        prior="log_normal",
+        description="damping of the swing / critical, at scale 1",
     )
 
 
@@ -57,18 +62,6 @@ class Inertia(Effect):
     """Adds each joint's share of the chain's inertia."""
 
     place: ClassVar[Place] = "law"
-    parameters: ClassVar[tuple[EffectParameter, ...]] = (
-        EffectParameter("scale", "1", neutral=0.0, bounds=BOUNDS, plausible=(0.3, 2.0)),
-        EffectParameter(
-            "damping_ratio",
-            "1",
-            neutral=0.1,
-            bounds=DAMPINGS,
-            plausible=(0.02, 0.3),
-            role="shape",
-            prior="log_normal",
-        ),
-    )
     notes: ClassVar[EffectNotes] = EffectNotes(
         signature=(
             "after a fast step the joint overshoots and rings at a frequency that falls with the mass it carries; in "

@@ -18,27 +18,23 @@ from dataclasses import replace
 from functools import lru_cache
 from typing import ClassVar, Literal
 
-from pydantic import Field
-
 from pliant.errors import UserError
-from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, EffectParameter, Model, Place
+from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, Model, Place, parameter
 from pliant.records.chain import ChainModel, Joint
 from pliant.records.law import JointLaw
 from pliant.units import Ratio
 from pliant_plugins.effects.scale import rest_stiffness
 from pliant_plugins.effects.series_law import SeriesLaw
 
-BOUNDS = (0.0, 3.0)
-
 
 class InterModuleComplianceConfig(EffectConfig):
     """κ."""
 
     kind: Literal["inter_module_compliance"] = "inter_module_compliance"
-    share: Ratio = Field(
-        default=0.0,
-        ge=BOUNDS[0],
-        le=BOUNDS[1],
+    share: Ratio = parameter(
+        neutral=0.0,
+        bounds=(0.0, 3.0),
+        plausible=(0.02, 0.3),
         description="compliance of one connection / that of a joint at rest",
     )
 
@@ -47,9 +43,6 @@ class InterModuleCompliance(Effect):
     """Puts the springs of the connections in series with the joints beside them."""
 
     place: ClassVar[Place] = "law"
-    parameters: ClassVar[tuple[EffectParameter, ...]] = (
-        EffectParameter("share", "1", neutral=0.0, bounds=BOUNDS, plausible=(0.02, 0.3)),
-    )
     notes: ClassVar[EffectNotes] = EffectNotes(
         signature=(
             "the chain bends farther under loads than its modules do, the more the larger the moment that passes a "

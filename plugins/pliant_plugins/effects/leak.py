@@ -23,23 +23,22 @@ from typing import ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
-from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, EffectParameter, Model, Place
+from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, Model, Place, parameter
 from pliant.records.design import Array
 from pliant.records.history import PRESSURE, History
 from pliant.units import Time
 from pliant_plugins.effects.pressures import needs_pressure
-
-RATES = (0.0, 2.0)
 
 
 class LeakConfig(EffectConfig):
     """λ and T_s."""
 
     kind: Literal["leak"] = "leak"
-    rate_1_s: float = Field(
-        default=0.0,
-        ge=RATES[0],
-        le=RATES[1],
+    rate_1_s: float = parameter(
+        unit="s^-1",
+        neutral=0.0,
+        bounds=(0.0, 2.0),
+        plausible=(0.001, 0.1),
         description="share of its pressure that a closed chamber loses, 1/s",
     )
     filling_time_s: Time = Field(
@@ -51,9 +50,6 @@ class Leak(Effect):
     """Lets gas out of every chamber."""
 
     place: ClassVar[Place] = "input"
-    parameters: ClassVar[tuple[EffectParameter, ...]] = (
-        EffectParameter("rate_1_s", "s^-1", neutral=0.0, bounds=RATES, plausible=(0.001, 0.1)),
-    )
     notes: ClassVar[EffectNotes] = EffectNotes(
         signature=(
             "with the valve closed the joint sinks back at a rate in proportion to its pressure; connected to the "

@@ -17,21 +17,19 @@ from functools import partial
 from typing import Any, ClassVar, Literal
 
 import numpy as np
-from pydantic import Field
 
 from pliant.interfaces.effect import (
     Effect,
     EffectConfig,
     EffectNotes,
-    EffectParameter,
     Model,
     Place,
     Readings,
+    parameter,
 )
 from pliant.records.design import Array
 from pliant_plugins.effects.pressures import needs_pressure
 
-BOUNDS = (-10.0, 20.0)
 PER_MPA = 1e-6
 READING = re.compile(r"(?:tip|marker_\d+)_([xyz])_m")
 
@@ -40,8 +38,12 @@ class LinkStretchConfig(EffectConfig):
     """c, strain per pressure."""
 
     kind: Literal["link_stretch"] = "link_stretch"
-    strain_per_mpa: float = Field(
-        default=0.0, ge=BOUNDS[0], le=BOUNDS[1], description="axial strain of the pieces per MPa of pressure"
+    strain_per_mpa: float = parameter(
+        unit="MPa^-1",
+        neutral=0.0,
+        bounds=(-10.0, 20.0),
+        plausible=(0.0, 3.0),
+        description="axial strain of the pieces per MPa of pressure",
     )
 
 
@@ -49,9 +51,6 @@ class LinkStretch(Effect):
     """Moves positions away from the base in proportion to the pressure."""
 
     place: ClassVar[Place] = "output"
-    parameters: ClassVar[tuple[EffectParameter, ...]] = (
-        EffectParameter("strain_per_mpa", "MPa^-1", neutral=0.0, bounds=BOUNDS, plausible=(0.0, 3.0)),
-    )
     notes: ClassVar[EffectNotes] = EffectNotes(
         signature=(
             "angles are right and positions too near the base, by a share of their distance that grows with the "

@@ -13,29 +13,29 @@ from __future__ import annotations
 import math
 from typing import ClassVar, Literal
 
-from pydantic import Field
-
-from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, EffectParameter, Model, Place
+from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, Model, Place, parameter
 from pliant.records.design import Array
 from pliant.records.term import LawTerm
 from pliant.units import Angle, Ratio
-
-LOSSES = (0.0, 0.9)
-SCALES = (0.05, 1.0)
 
 
 class MullinsConfig(EffectConfig):
     """d and s."""
 
     kind: Literal["mullins"] = "mullins"
-    softening: Ratio = Field(
-        default=0.0,
-        ge=LOSSES[0],
-        le=LOSSES[1],
+    softening: Ratio = parameter(
+        neutral=0.0,
+        bounds=(0.0, 0.9),
+        plausible=(0.05, 0.4),
         description="share of the elastic effort that is lost at most",
     )
-    scale_rad: Angle = Field(
-        default=0.2, ge=SCALES[0], le=SCALES[1], description="angle over which the loss comes, per joint"
+    scale_rad: Angle = parameter(
+        neutral=0.2,
+        bounds=(0.05, 1.0),
+        plausible=(0.06, 0.6),
+        role="shape",
+        prior="log_normal",
+        description="angle over which the loss comes, per joint",
     )
 
 
@@ -43,18 +43,6 @@ class Mullins(Effect):
     """Softens the elastic part below the largest past angle."""
 
     place: ClassVar[Place] = "law"
-    parameters: ClassVar[tuple[EffectParameter, ...]] = (
-        EffectParameter("softening", "1", neutral=0.0, bounds=LOSSES, plausible=(0.05, 0.4)),
-        EffectParameter(
-            "scale_rad",
-            "rad",
-            neutral=0.2,
-            bounds=SCALES,
-            plausible=(0.06, 0.6),
-            role="shape",
-            prior="log_normal",
-        ),
-    )
     notes: ClassVar[EffectNotes] = EffectNotes(
         signature=(
             "the first loading of a new specimen is stiffer than all that follow up to the same angle; "

@@ -12,22 +12,21 @@ from __future__ import annotations
 
 from typing import ClassVar, Literal
 
-from pydantic import Field
-
-from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, EffectParameter, Model, Place
+from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, Model, Place, parameter
 from pliant.records.design import Array
 from pliant.records.term import LawTerm
 from pliant.units import Ratio
-
-BOUNDS = (0.0, 0.6)
 
 
 class PermanentSetConfig(EffectConfig):
     """s, residual / largest angle."""
 
     kind: Literal["permanent_set"] = "permanent_set"
-    share: Ratio = Field(
-        default=0.0, ge=BOUNDS[0], le=BOUNDS[1], description="angle that stays / largest past angle"
+    share: Ratio = parameter(
+        neutral=0.0,
+        bounds=(0.0, 0.6),
+        plausible=(0.01, 0.15),
+        description="angle that stays / largest past angle",
     )
 
 
@@ -35,9 +34,6 @@ class PermanentSet(Effect):
     """Moves the rest angle of every joint toward its largest past angle."""
 
     place: ClassVar[Place] = "law"
-    parameters: ClassVar[tuple[EffectParameter, ...]] = (
-        EffectParameter("share", "1", neutral=0.0, bounds=BOUNDS, plausible=(0.01, 0.15)),
-    )
     notes: ClassVar[EffectNotes] = EffectNotes(
         signature=(
             "vented and unloaded, the joint stays a little bent, the more the farther it has ever been; "

@@ -11,22 +11,18 @@ from __future__ import annotations
 from functools import partial
 from typing import ClassVar, Literal
 
-from pydantic import Field
-
-from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, EffectParameter, Model, Place
+from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, Model, Place, parameter
 from pliant.records.history import History
 from pliant.units import Pressure
 from pliant_plugins.effects.pressures import needs_pressure, with_pressures
-
-BOUNDS = (-1e5, 1e5)
 
 
 class PressureOffsetConfig(EffectConfig):
     """p₀, acting − commanded pressure."""
 
     kind: Literal["pressure_offset"] = "pressure_offset"
-    offset_pa: Pressure = Field(
-        default=0.0, ge=BOUNDS[0], le=BOUNDS[1], description="acting − commanded pressure"
+    offset_pa: Pressure = parameter(
+        neutral=0.0, bounds=(-1e5, 1e5), plausible=(-1e3, 1e3), description="acting − commanded pressure"
     )
 
 
@@ -34,9 +30,6 @@ class PressureOffset(Effect):
     """Adds a constant to every pressure before it reaches the chain."""
 
     place: ClassVar[Place] = "input"
-    parameters: ClassVar[tuple[EffectParameter, ...]] = (
-        EffectParameter("offset_pa", "Pa", neutral=0.0, bounds=BOUNDS, plausible=(-1e3, 1e3)),
-    )
     notes: ClassVar[EffectNotes] = EffectNotes(
         signature=(
             "the joint stands bent at zero commanded pressure, the same in every run, and the error in "

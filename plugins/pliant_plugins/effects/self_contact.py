@@ -11,30 +11,30 @@ from __future__ import annotations
 
 from typing import ClassVar, Literal
 
-from pydantic import Field
-
-from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, EffectParameter, Model, Place
+from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, Model, Place, parameter
 from pliant.records.design import Array
 from pliant.records.term import LawTerm
 from pliant.units import Angle, Ratio
 from pliant_plugins.effects.scale import rest_stiffness
-
-STIFFENINGS = (0.0, 100.0)
-ANGLES = (0.05, 2.0)
 
 
 class SelfContactConfig(EffectConfig):
     """c and u_c."""
 
     kind: Literal["self_contact"] = "self_contact"
-    stiffening: Ratio = Field(
-        default=0.0,
-        ge=STIFFENINGS[0],
-        le=STIFFENINGS[1],
+    stiffening: Ratio = parameter(
+        neutral=0.0,
+        bounds=(0.0, 100.0),
+        plausible=(0.3, 10.0),
         description="stiffness of the contact / stiffness at rest",
     )
-    contact_rad: Angle = Field(
-        default=0.25, ge=ANGLES[0], le=ANGLES[1], description="angle at which walls touch, per joint"
+    contact_rad: Angle = parameter(
+        neutral=0.25,
+        bounds=(0.05, 2.0),
+        plausible=(0.1, 0.6),
+        role="shape",
+        prior="log_normal",
+        description="angle at which walls touch, per joint",
     )
 
 
@@ -42,18 +42,6 @@ class SelfContact(Effect):
     """Adds a spring beyond the contact angle."""
 
     place: ClassVar[Place] = "law"
-    parameters: ClassVar[tuple[EffectParameter, ...]] = (
-        EffectParameter("stiffening", "1", neutral=0.0, bounds=STIFFENINGS, plausible=(0.3, 10.0)),
-        EffectParameter(
-            "contact_rad",
-            "rad",
-            neutral=0.25,
-            bounds=ANGLES,
-            plausible=(0.1, 0.6),
-            role="shape",
-            prior="log_normal",
-        ),
-    )
     notes: ClassVar[EffectNotes] = EffectNotes(
         signature=(
             "the curve of angle over pressure has a kink: below it the model is right, beyond it the "

@@ -14,37 +14,33 @@ from functools import partial
 from typing import ClassVar, Literal
 
 import numpy as np
-from pydantic import Field
 
 from pliant.interfaces.effect import (
     Effect,
     EffectConfig,
     EffectNotes,
-    EffectParameter,
     Model,
     Place,
     Readings,
+    parameter,
 )
 from pliant.units import Angle
 from pliant_plugins.effects.angles import with_angles
-
-BOUNDS = (-np.pi, np.pi)
 
 
 class SensorBiasConfig(EffectConfig):
     """b, reported − true angle."""
 
     kind: Literal["sensor_bias"] = "sensor_bias"
-    bias_rad: Angle = Field(default=0.0, ge=BOUNDS[0], le=BOUNDS[1], description="reading − true angle")
+    bias_rad: Angle = parameter(
+        neutral=0.0, bounds=(-np.pi, np.pi), plausible=(-0.05, 0.05), description="reading − true angle"
+    )
 
 
 class SensorBias(Effect):
     """Shifts the angles that are read."""
 
     place: ClassVar[Place] = "output"
-    parameters: ClassVar[tuple[EffectParameter, ...]] = (
-        EffectParameter("bias_rad", "rad", neutral=0.0, bounds=BOUNDS, plausible=(-0.05, 0.05)),
-    )
     notes: ClassVar[EffectNotes] = EffectNotes(
         signature=(
             "every angle is off by the same amount, at rest too, at any pressure, load and rate; "

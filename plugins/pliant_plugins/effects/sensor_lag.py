@@ -14,31 +14,31 @@ from functools import partial
 from typing import ClassVar, Literal
 
 import numpy as np
-from pydantic import Field
 
 from pliant.interfaces.effect import (
     Effect,
     EffectConfig,
     EffectNotes,
-    EffectParameter,
     Model,
     Place,
     Readings,
+    parameter,
 )
 from pliant.records.design import Array
 from pliant.units import Time
 from pliant_plugins.effects.angles import with_recorded_angles
 from pliant_plugins.effects.lag import lagged
 
-BOUNDS = (0.0, 60.0)
-
 
 class SensorLagConfig(EffectConfig):
     """T, the time in which two thirds of a step are read."""
 
     kind: Literal["sensor_lag"] = "sensor_lag"
-    time_s: Time = Field(
-        default=0.0, ge=BOUNDS[0], le=BOUNDS[1], description="time constant of the sensor's first-order lag"
+    time_s: Time = parameter(
+        neutral=0.0,
+        bounds=(0.0, 60.0),
+        plausible=(0.05, 2.0),
+        description="time constant of the sensor's first-order lag",
     )
 
 
@@ -46,9 +46,6 @@ class SensorLag(Effect):
     """Delays every recorded angle by a first-order lag."""
 
     place: ClassVar[Place] = "output"
-    parameters: ClassVar[tuple[EffectParameter, ...]] = (
-        EffectParameter("time_s", "s", neutral=0.0, bounds=BOUNDS, plausible=(0.05, 2.0)),
-    )
     notes: ClassVar[EffectNotes] = EffectNotes(
         signature=(
             "the angle that is read is behind in every motion, by the same time, whatever moves the chain; a few time "

@@ -12,37 +12,32 @@ from __future__ import annotations
 from functools import partial
 from typing import ClassVar, Literal
 
-from pydantic import Field
-
 from pliant.interfaces.effect import (
     Effect,
     EffectConfig,
     EffectNotes,
-    EffectParameter,
     Model,
     Place,
     Readings,
+    parameter,
 )
 from pliant.units import Ratio
 from pliant_plugins.effects.angles import with_angles
-
-BOUNDS = (-0.8, 4.0)
 
 
 class SensorScaleConfig(EffectConfig):
     """s, reading / true angle − 1."""
 
     kind: Literal["sensor_scale"] = "sensor_scale"
-    excess: Ratio = Field(default=0.0, ge=BOUNDS[0], le=BOUNDS[1], description="reading / true angle − 1")
+    excess: Ratio = parameter(
+        neutral=0.0, bounds=(-0.8, 4.0), plausible=(-0.1, 0.1), description="reading / true angle − 1"
+    )
 
 
 class SensorScale(Effect):
     """Scales the angles that are read."""
 
     place: ClassVar[Place] = "output"
-    parameters: ClassVar[tuple[EffectParameter, ...]] = (
-        EffectParameter("excess", "1", neutral=0.0, bounds=BOUNDS, plausible=(-0.1, 0.1)),
-    )
     notes: ClassVar[EffectNotes] = EffectNotes(
         signature=(
             "every angle is off by the same factor, whatever bends the chain: pressure, a load or a weight; "

@@ -11,22 +11,18 @@ from __future__ import annotations
 
 from typing import ClassVar, Literal
 
-from pydantic import Field
-
-from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, EffectParameter, Model, Place
+from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, Model, Place, parameter
 from pliant.records.term import LawTerm
 from pliant.units import Ratio
 from pliant_plugins.effects.factors import constant_factor
-
-BOUNDS = (0.05, 20.0)
 
 
 class StiffnessConfig(EffectConfig):
     """f, true passive stiffness / model's."""
 
     kind: Literal["stiffness"] = "stiffness"
-    factor: Ratio = Field(
-        default=1.0, ge=BOUNDS[0], le=BOUNDS[1], description="true passive stiffness / model's"
+    factor: Ratio = parameter(
+        neutral=1.0, bounds=(0.05, 20.0), plausible=(0.7, 1.4), description="true passive stiffness / model's"
     )
 
 
@@ -34,9 +30,6 @@ class Stiffness(Effect):
     """Scales the elastic part of every joint law."""
 
     place: ClassVar[Place] = "law"
-    parameters: ClassVar[tuple[EffectParameter, ...]] = (
-        EffectParameter("factor", "1", neutral=1.0, bounds=BOUNDS, plausible=(0.7, 1.4)),
-    )
     notes: ClassVar[EffectNotes] = EffectNotes(
         signature=(
             "under a load without pressure every angle is off by the same factor; with pressure the error "

@@ -24,39 +24,37 @@ from functools import partial
 from typing import ClassVar, Literal
 
 import numpy as np
-from pydantic import Field
 
-from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, EffectParameter, Model, Place
+from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, Model, Place, parameter
 from pliant.records.history import PRESSURE, History
 from pliant.units import Ratio, Time
 from pliant_plugins.effects.second_lag import lagged_twice
-
-BOUNDS = (0.0, 60.0)
-RATIO_BOUNDS = (0.2, 5.0)
-SECOND_BOUNDS = (0.01, 1.0)
-SECOND_RATIO = 0.15
 
 
 class SupplyLagConfig(EffectConfig):
     """T, in which the regulator has brought two thirds of a step up, and in shares of it: venting, the hose."""
 
     kind: Literal["supply_lag"] = "supply_lag"
-    time_s: Time = Field(
-        default=0.0,
-        ge=BOUNDS[0],
-        le=BOUNDS[1],
+    time_s: Time = parameter(
+        neutral=0.0,
+        bounds=(0.0, 60.0),
+        plausible=(0.05, 2.0),
         description="time constant of the supply's first stage, filling",
     )
-    vent_ratio: Ratio = Field(
-        default=1.0,
-        ge=RATIO_BOUNDS[0],
-        le=RATIO_BOUNDS[1],
+    vent_ratio: Ratio = parameter(
+        neutral=1.0,
+        bounds=(0.2, 5.0),
+        plausible=(0.5, 2.0),
+        role="shape",
+        prior="log_normal",
         description="time constant of venting over that of filling",
     )
-    second_ratio: Ratio = Field(
-        default=SECOND_RATIO,
-        ge=SECOND_BOUNDS[0],
-        le=SECOND_BOUNDS[1],
+    second_ratio: Ratio = parameter(
+        neutral=0.15,
+        bounds=(0.01, 1.0),
+        plausible=(0.05, 0.5),
+        role="shape",
+        prior="log_normal",
         description="time constant of the second stage over that of the first, filling",
     )
 
@@ -65,27 +63,6 @@ class SupplyLag(Effect):
     """Delays every actuation by two first-order lags in a row."""
 
     place: ClassVar[Place] = "input"
-    parameters: ClassVar[tuple[EffectParameter, ...]] = (
-        EffectParameter("time_s", "s", neutral=0.0, bounds=BOUNDS, plausible=(0.05, 2.0)),
-        EffectParameter(
-            "vent_ratio",
-            "1",
-            neutral=1.0,
-            bounds=RATIO_BOUNDS,
-            plausible=(0.5, 2.0),
-            role="shape",
-            prior="log_normal",
-        ),
-        EffectParameter(
-            "second_ratio",
-            "1",
-            neutral=SECOND_RATIO,
-            bounds=SECOND_BOUNDS,
-            plausible=(0.05, 0.5),
-            role="shape",
-            prior="log_normal",
-        ),
-    )
     notes: ClassVar[EffectNotes] = EffectNotes(
         signature=(
             "while the pressure rises the angle is behind, while it falls it is ahead, the more the "

@@ -20,13 +20,12 @@ from typing import ClassVar, Literal
 from pydantic import Field
 
 from pliant.errors import UserError
-from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, EffectParameter, Model, Place
+from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, Model, Place, parameter
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
 from pliant.records.term import LawTerm
 from pliant.units import Angle, Ratio
 
-BOUNDS = (0.0, 1.5)
 TENDON = "tendon_force_n"
 
 
@@ -34,10 +33,10 @@ class TendonFrictionConfig(EffectConfig):
     """μ, w₀ and δ."""
 
     kind: Literal["tendon_friction"] = "tendon_friction"
-    friction: Ratio = Field(
-        default=0.0,
-        ge=BOUNDS[0],
-        le=BOUNDS[1],
+    friction: Ratio = parameter(
+        neutral=0.0,
+        bounds=(0.0, 1.5),
+        plausible=(0.05, 0.4),
         description="coefficient of friction of the tendon in its guides",
     )
     wrap_at_rest_rad: Angle = Field(
@@ -52,9 +51,6 @@ class TendonFriction(Effect):
     """Scales the actuation part by what friction leaves of the tendon's tension."""
 
     place: ClassVar[Place] = "law"
-    parameters: ClassVar[tuple[EffectParameter, ...]] = (
-        EffectParameter("friction", "1", neutral=0.0, bounds=BOUNDS, plausible=(0.05, 0.4)),
-    )
     notes: ClassVar[EffectNotes] = EffectNotes(
         signature=(
             "pulling and releasing run apart in proportion to the tension, the wider the more the chain is bent and "

@@ -11,14 +11,11 @@ from __future__ import annotations
 
 from typing import ClassVar, Literal
 
-from pydantic import Field
-
-from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, EffectParameter, Model, Place
+from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, Model, Place, parameter
 from pliant.records.design import Array
 from pliant.records.history import REFERENCE_TEMPERATURE_C
 from pliant.records.term import LawTerm
 
-BOUNDS = (-0.03, 0.03)
 LEAST_FACTOR = 0.05
 
 
@@ -26,8 +23,12 @@ class ThermalSofteningConfig(EffectConfig):
     """c, loss of stiffness per kelvin."""
 
     kind: Literal["thermal_softening"] = "thermal_softening"
-    loss_per_k: float = Field(
-        default=0.0, ge=BOUNDS[0], le=BOUNDS[1], description="share of the stiffness lost per kelvin, 1/K"
+    loss_per_k: float = parameter(
+        unit="K^-1",
+        neutral=0.0,
+        bounds=(-0.03, 0.03),
+        plausible=(-0.003, 0.01),
+        description="share of the stiffness lost per kelvin, 1/K",
     )
 
 
@@ -35,9 +36,6 @@ class ThermalSoftening(Effect):
     """Scales the elastic part with the temperature of the run."""
 
     place: ClassVar[Place] = "law"
-    parameters: ClassVar[tuple[EffectParameter, ...]] = (
-        EffectParameter("loss_per_k", "K^-1", neutral=0.0, bounds=BOUNDS, plausible=(-0.003, 0.01)),
-    )
     notes: ClassVar[EffectNotes] = EffectNotes(
         signature=(
             "runs at another temperature are off as by another stiffness, in proportion to the "

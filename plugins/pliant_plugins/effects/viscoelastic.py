@@ -19,27 +19,30 @@ from __future__ import annotations
 import math
 from typing import ClassVar, Literal
 
-from pydantic import Field
-
-from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, EffectParameter, Model, Place
+from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, Model, Place, parameter
 from pliant.records.design import Array
 from pliant.records.term import LawTerm
 from pliant.units import Ratio, Time
 from pliant_plugins.effects.scale import rest_stiffness
-
-SHARES = (0.0, 5.0)
-TIMES = (1.0, 1000.0)
 
 
 class ViscoelasticConfig(EffectConfig):
     """g and T of one branch."""
 
     kind: Literal["viscoelastic"] = "viscoelastic"
-    share: Ratio = Field(
-        default=0.0, ge=SHARES[0], le=SHARES[1], description="stiffness that relaxes / stiffness at rest"
+    share: Ratio = parameter(
+        neutral=0.0,
+        bounds=(0.0, 5.0),
+        plausible=(0.05, 0.5),
+        description="stiffness that relaxes / stiffness at rest",
     )
-    time_s: Time = Field(
-        default=20.0, ge=TIMES[0], le=TIMES[1], description="time constant in which it relaxes"
+    time_s: Time = parameter(
+        neutral=20.0,
+        bounds=(1.0, 1000.0),
+        plausible=(3.0, 200.0),
+        role="shape",
+        prior="log_normal",
+        description="time constant in which it relaxes",
     )
 
 
@@ -47,18 +50,6 @@ class Viscoelastic(Effect):
     """Adds a relaxing branch to every joint."""
 
     place: ClassVar[Place] = "law"
-    parameters: ClassVar[tuple[EffectParameter, ...]] = (
-        EffectParameter("share", "1", neutral=0.0, bounds=SHARES, plausible=(0.05, 0.5)),
-        EffectParameter(
-            "time_s",
-            "s",
-            neutral=20.0,
-            bounds=TIMES,
-            plausible=(3.0, 200.0),
-            role="shape",
-            prior="log_normal",
-        ),
-    )
     notes: ClassVar[EffectNotes] = EffectNotes(
         signature=(
             "the angle goes on creeping for seconds to minutes while the pressure is held, and comes back "

@@ -11,23 +11,22 @@ from __future__ import annotations
 
 from typing import ClassVar, Literal
 
-from pydantic import Field
-
-from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, EffectParameter, Model, Place
+from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, Model, Place, parameter
 from pliant.records.design import Array
 from pliant.records.term import LawTerm
 from pliant.units import Time
 from pliant_plugins.effects.scale import rest_stiffness
-
-BOUNDS = (0.0, 60.0)
 
 
 class ViscousDampingConfig(EffectConfig):
     """T, retardation time: damping / stiffness at rest."""
 
     kind: Literal["viscous_damping"] = "viscous_damping"
-    time_s: Time = Field(
-        default=0.0, ge=BOUNDS[0], le=BOUNDS[1], description="retardation time, damping / stiffness at rest"
+    time_s: Time = parameter(
+        neutral=0.0,
+        bounds=(0.0, 60.0),
+        plausible=(0.02, 1.0),
+        description="retardation time, damping / stiffness at rest",
     )
 
 
@@ -35,9 +34,6 @@ class ViscousDamping(Effect):
     """Adds a dashpot to every joint."""
 
     place: ClassVar[Place] = "law"
-    parameters: ClassVar[tuple[EffectParameter, ...]] = (
-        EffectParameter("time_s", "s", neutral=0.0, bounds=BOUNDS, plausible=(0.02, 1.0)),
-    )
     notes: ClassVar[EffectNotes] = EffectNotes(
         signature=(
             "a loop between up and down whose width is proportional to the rate; within a second or so of "

@@ -17,20 +17,21 @@ from typing import ClassVar, Literal
 
 from pydantic import Field
 
-from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, EffectParameter, Model, Place
+from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, Model, Place, parameter
 from pliant.records.term import LawTerm
 from pliant.units import Ratio
 from pliant_plugins.effects.factors import constant_factor
-
-BOUNDS = (0.5, 2.0)
 
 
 class WallThicknessConfig(EffectConfig):
     """s, a and b."""
 
     kind: Literal["wall_thickness"] = "wall_thickness"
-    ratio: Ratio = Field(
-        default=1.0, ge=BOUNDS[0], le=BOUNDS[1], description="true thickness of the walls / nominal"
+    ratio: Ratio = parameter(
+        neutral=1.0,
+        bounds=(0.5, 2.0),
+        plausible=(0.85, 1.15),
+        description="true thickness of the walls / nominal",
     )
     elastic_exponent: float = Field(
         default=2.15, ge=0.0, le=4.0, description="a: the elastic part grows as thickness^a"
@@ -44,9 +45,6 @@ class WallThickness(Effect):
     """Scales the elastic and the actuation part of every joint law by one thickness."""
 
     place: ClassVar[Place] = "law"
-    parameters: ClassVar[tuple[EffectParameter, ...]] = (
-        EffectParameter("ratio", "1", neutral=1.0, bounds=BOUNDS, plausible=(0.85, 1.15)),
-    )
     notes: ClassVar[EffectNotes] = EffectNotes(
         signature=(
             "every angle is off as by another stiffness, with and without pressure, and the torque at a blocked joint "

@@ -129,11 +129,11 @@ class SoftRobotEnv(gymnasium.Env[OBSERVED, NDArray[np.float32]]):
 
     @abstractmethod
     def _reward(self, action: Array) -> float:
-        """Of the step just done."""
+        """Reward of the step just done."""
 
     @abstractmethod
     def _metrics(self) -> dict[str, Any]:
-        """The `info`."""
+        """The `info` of the step just done: metrics by name."""
 
     def _done(self) -> bool:
         """Whether the task is over before its time."""

@@ -38,7 +38,7 @@ class Problem(Protocol):
         ...
 
     def reached(self, values: Mapping[str, Value], metrics: Mapping[str, float]) -> bool:
-        """Whether `until` holds."""
+        """Whether these values and metrics satisfy the search's `until`."""
         ...
 
 

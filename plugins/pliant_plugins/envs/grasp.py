@@ -165,7 +165,7 @@ class GraspEnv(SoftRobotEnv):
 
     @property
     def _rise_m(self) -> float:
-        """Of the object's centre of mass over its place at rest."""
+        """Rise of the object's centre of mass over its place at rest, m."""
         com = self.scene.objects[0].mass.com_m
         heights = [(s.positions_m[0] + s.rotations[0] @ com)[2] for s in (self._rest, self._state)]
         return float(heights[1] - heights[0])

@@ -65,7 +65,10 @@ class FreeBendingEnv(ReachEnv):
 
 
 class TipLoadEnv(ReachEnv):
-    """The same with a dead force at the tip, in any direction of the bending plane and up to `force_scale_n`."""
+    """Bend a finger until its tip is at the target, with a dead force of up to `force_scale_n` at the tip.
+
+    The force has any direction in the bending plane.
+    """
 
     default_study: ClassVar[str] = "tip_load"
     force_scale_n: ClassVar[float] = 0.13

@@ -96,5 +96,4 @@ def response(F: Array, J: Array, I1_bar: Array, I2_bar: Array | None, w: Slopes,
 
 def _times(scalar: Array, vector: Array) -> Array:
     """Scalars (...,) times vectors (..., 9)."""
-    product: Array = scalar[..., None] * vector
-    return product
+    return np.asarray(scalar[..., None] * vector)

@@ -23,7 +23,7 @@ Paths = tuple[tuple[Followed, ...], tuple[tuple[Followed, ...], ...]]
 
 
 class Reached(Protocol):
-    """The end of a step."""
+    """What a simulation reports at the end of a step."""
 
     @property
     def converged(self) -> bool:

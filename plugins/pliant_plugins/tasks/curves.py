@@ -35,8 +35,7 @@ def leaving_along_x(points: Array) -> Array:
     if sine < 1e-12 * float(np.linalg.norm(first)):
         return points
     turn = exp_map(axis / sine * np.arctan2(sine, first[0]))
-    turned: Array = points[0] + (points - points[0]) @ turn.T
-    return turned
+    return np.asarray(points[0] + (points - points[0]) @ turn.T)
 
 
 def read_points(path: Path) -> Array:
@@ -87,8 +86,7 @@ def best_roll(points: Array, target: Array) -> float:
 
 def rolled(points: Array, angle_rad: float) -> Array:
     """The points (n, 3) turned about x."""
-    turned: Array = points @ exp_map(np.array([angle_rad, 0.0, 0.0])).T
-    return turned
+    return np.asarray(points @ exp_map(np.array([angle_rad, 0.0, 0.0])).T)
 
 
 @dataclass(frozen=True)
@@ -101,7 +99,7 @@ class Distances:
 
     @staticmethod
     def between(points: Array, target: Array) -> Distances:
-        """Of points (n, 3) and as many of the target."""
+        """Distances of points (n, 3) to those of the target with the same numbers."""
         apart = np.linalg.norm(points - target, axis=1)
         return Distances(float(np.sqrt(np.mean(apart**2))), float(apart.mean()), float(apart.max()))
 

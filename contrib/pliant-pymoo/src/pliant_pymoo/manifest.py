@@ -5,6 +5,8 @@ from collections.abc import Iterable
 from pliant.registry.component import Component
 from pliant.registry.hookspecs import hookimpl
 
+CONTRACT = 2  # of Pliant's plugins; docs/plugin_contract.md says what a later number changes
+
 
 @hookimpl
 def pliant_components() -> Iterable[Component]:

@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pliant.errors import UserError
+from pliant.execution.progress import Progress
 from pliant.interfaces.meta_model import MetaModel
 from pliant.pipeline.law_misses import Misses
 from pliant.pipeline.learning import keep_points, kept_points, spread_order
 from pliant.pipeline.meta_model.stage import NOT_FITTED, MetaModelStage
-from pliant.pipeline.progress import Progress
 from pliant.pipeline.workbench import Workbench, content
 from pliant.records.solved import SolvedDesigns
 from pliant.store.store import Artifact

@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pliant.errors import UserError
+from pliant.execution.progress import Progress
 from pliant.interfaces.meta_model import MetaModel, enough_to_score
 from pliant.pipeline.meta_model.designs import trusted
 from pliant.pipeline.meta_model.free_branch import free_misses
-from pliant.pipeline.progress import Progress
 from pliant.records.design import Array
 from pliant.records.law import JointLaw
 from pliant.records.solved import SolvedDesigns

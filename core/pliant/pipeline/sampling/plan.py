@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from pliant.execution.progress import Progress
 from pliant.interfaces.fem import FemConfig
 from pliant.interfaces.study_loads import StudyLoads
-from pliant.pipeline.progress import Progress
 from pliant.pipeline.sampling.adaptive import Box, check_error, corners, refine
 from pliant.pipeline.sampling.coupling import coupling
 from pliant.pipeline.sampling.edges import trusted_box

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from pliant.execution.progress import ProgressBar
 from pliant.interfaces.fem import ModuleSolver, StateNotConvergedError
-from pliant.pipeline.progress import Task
 from pliant.pipeline.sampling.saved import Saved
 from pliant.pipeline.sampling.targets import FULL, MAIN, Sampled, Target
 from pliant.records.design import Array
@@ -46,7 +46,7 @@ class Walk:
 
     pieces: Mapping[str, Piece]
     saved: Saved
-    bar: Task
+    bar: ProgressBar
     solved: list[Sampled] = field(default_factory=list)
     failed: list[dict[str, object]] = field(default_factory=list)
     stops: list[Target] = field(default_factory=list)

@@ -8,13 +8,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pliant.config.search import RobustConfig
+from pliant.execution.jobs import JobQueue
 from pliant.interfaces.optimizer import Trial, Value
 from pliant.records.search import FoundDesign, Robustness, SearchResult
 from pliant.search.analyse.limits import limits
 from pliant.search.analyse.sensitivity import Many, slopes
 from pliant.search.evaluate.evaluator import Evaluates, evaluated
 from pliant.search.problem.search_problem import SearchProblem
-from pliant.search.team import Team
+from pliant.search.workers import told_of
 
 
 @dataclass(frozen=True)
@@ -24,12 +25,12 @@ class Evaluators:
     Attributes:
         plain: undisturbed, in this process.
         disturbed: in the scenarios of a robust search; else the same.
-        team: workers that evaluate undisturbed; None where there is only this process.
+        queue: workers that evaluate undisturbed; None where there is only this process.
     """
 
     plain: Evaluates
     disturbed: Evaluates
-    team: Team | None = None
+    queue: JobQueue[Trial, Trial] | None = None
 
 
 def post_analysis(
@@ -46,7 +47,7 @@ def post_analysis(
     if not result.best:
         return result
     best = result.best[0]
-    many = None if evaluators.team is None else _many(evaluators.team)
+    many = None if evaluators.queue is None else _many(evaluators.queue)
     found = slopes(evaluators.plain, problem, best, many) if problem.config.sensitivity else ()
     causes = {**result.refused, **result.failed}
     told = limits(problem, best, found, result.history, causes)
@@ -55,11 +56,12 @@ def post_analysis(
     )
 
 
-def _many(team: Team) -> Many:
+def _many(queue: JobQueue[Trial, Trial]) -> Many:
     """Candidates in one context, side by side."""
 
     def many(candidates: Sequence[Mapping[str, Value]], context: int) -> Iterator[Trial]:
-        return team.each([Trial(number, values, context) for number, values in enumerate(candidates)])
+        trials = [Trial(number, values, context) for number, values in enumerate(candidates)]
+        return map(told_of, queue.each(trials))
 
     return many
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pliant.execution.progress import Progress, Silent
 from pliant.interfaces.optimizer import Trial, Value, Variable
-from pliant.pipeline.progress import Progress, Silent
 from pliant.records.design import Array
 from pliant.records.search import FoundDesign, Slope
 from pliant.search.evaluate.evaluator import Evaluates

@@ -9,24 +9,25 @@ from __future__ import annotations
 import time
 from collections import Counter, deque
 from collections.abc import Callable, Sequence
+from itertools import groupby
 
+from pliant.execution.jobs import JobQueue
+from pliant.execution.progress import Progress, ProgressBar
 from pliant.interfaces.optimizer import FAILED, NOT_A_NUMBER, Trial
-from pliant.pipeline.progress import Progress
-from pliant.pipeline.progress import Task as Bar
 from pliant.search.run.branch import Branch
 from pliant.search.run.journal import Generation
-from pliant.search.team import Chunk, Team
+from pliant.search.workers import told_of
 
 CHUNK_S = 0.25  # so long a worker has enough to do not to wait for messages
-MOST_AT_A_TIME = 64  # branches, where the crew itself knows how many workers it has
+MOST_AT_A_TIME = 64  # branches, where the executor itself knows how many workers it has
 
 
 class Loop:
-    """Branches driven over a team.
+    """Branches driven over workers.
 
     Args:
         branches: not started yet.
-        team: evaluates.
+        queue: evaluates.
         progress: one bar of evaluations.
         title: of the bar.
         ended: is called with each branch that has stopped, its optimizer still in hand.
@@ -37,14 +38,14 @@ class Loop:
     def __init__(
         self,
         branches: Sequence[Branch],
-        team: Team,
+        queue: JobQueue[Trial, Trial],
         progress: Progress,
         title: str,
         ended: Callable[[Branch], None],
         shown: Callable[[float], str] = "{:.4g}".format,
         before_s: float = 0.0,
     ) -> None:
-        self._branches, self._team, self._ended = branches, team, ended
+        self._branches, self._queue, self._ended = branches, queue, ended
         self._progress, self._title, self._shown = progress, title, shown
         self._by_index = {branch.index: branch for branch in branches}
         self._begun, self._before_s = 0.0, before_s
@@ -53,7 +54,7 @@ class Loop:
         self._counts: Counter[str] = Counter()
         self._best = float("inf")
         self._each_s = 0.0
-        self._bar: Bar | None = None
+        self._bar: ProgressBar | None = None
         self._total = self._assumed = 0
 
     @property
@@ -64,21 +65,21 @@ class Loop:
     def run(self) -> None:
         """Until no branch is left."""
         waiting = deque(self._branches)
-        self._team.greet(self._progress)  # not counted: a rate is of evaluations
+        self._queue.wait_until_ready(self._progress)  # not counted: a rate is of evaluations
         self._begun = time.perf_counter()
         try:
             while waiting or self._active:
                 while waiting and len(self._active) < self._side_by_side():
                     self._start(waiting.popleft())
-                for branch, rows in self._team.collect():
-                    self._back(self._by_index[branch], rows)
+                for branch, rows in groupby(self._queue.completed(), key=lambda one: one.key):
+                    self._back(self._by_index[branch], [told_of(one) for one in rows])
         finally:
             if self._bar is not None:
                 self._bar.finish()
 
     def _side_by_side(self) -> int:
         """Branches at a time: one more than workers, so that none waits for the optimizer."""
-        size = self._team.crew.size
+        size = self._queue.executor.size
         return MOST_AT_A_TIME if size is None else size + 1 if size > 1 else 1
 
     def _start(self, branch: Branch) -> None:
@@ -100,7 +101,7 @@ class Loop:
         self._next(branch)
 
     def _next(self, branch: Branch) -> None:
-        """The branch's next batch to the team, or its end."""
+        """The branch's next batch to the workers, or its end."""
         batch = branch.ask()
         if batch is None:
             self._active.pop(branch.index, None)
@@ -111,11 +112,11 @@ class Loop:
             return
         self._active[branch.index], self._rows[branch.index] = batch, []
         for tasks in self._chunks(batch.open):
-            self._team.submit(Chunk(branch.index, tasks))
+            self._queue.submit(tasks, branch.index)
 
     def _chunks(self, tasks: tuple[Trial, ...]) -> list[tuple[Trial, ...]]:
         """How a batch travels: split over the workers where it is the only one, finer where evaluations are long."""
-        workers = self._team.crew.size or len(tasks)
+        workers = self._queue.executor.size or len(tasks)
         alone = len(self._branches) == 1
         most = -(-len(tasks) // workers) if alone else len(tasks)
         if self._each_s > 0.0:

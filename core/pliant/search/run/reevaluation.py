@@ -16,26 +16,31 @@ from pathlib import Path
 from typing import Any
 
 from pliant.config.search import ConfirmConfig
+from pliant.execution.jobs import JobQueue
+from pliant.execution.progress import Progress
 from pliant.interfaces.optimizer import Trial, Value, Variable
-from pliant.pipeline.progress import Progress
 from pliant.search.problem.search_problem import SearchProblem
 from pliant.search.run.journal import Generation, Journal
 from pliant.search.run.results import Row
-from pliant.search.team import Team
+from pliant.search.workers import told_of
 
 PLACE = "search.confirm.change"
 TWINS = 0.05  # of each variable's range: candidates that are closer than that in all of them
 
 
 def reevaluated(
-    problem: SearchProblem, rows: Sequence[Row], team: Team, progress: Progress, folder: Path
+    problem: SearchProblem,
+    rows: Sequence[Row],
+    queue: JobQueue[Trial, Trial],
+    progress: Progress,
+    folder: Path,
 ) -> tuple[list[Row], float]:
     """The `best` feasible candidates of each context that are no near twins of better ones, tried again.
 
     Args:
         problem: of the search, with a `confirm` block.
         rows: everything that was tried.
-        team: evaluates in the `reevaluation_problem`.
+        queue: evaluates in the `reevaluation_problem`.
         progress: one bar.
         folder: of the search's journals; what was tried again under the same change is known from there.
 
@@ -54,7 +59,8 @@ def reevaluated(
     left = [row for _, row in chosen if _candidate(row) not in known]
     bar = progress.begin("the best once more", len(chosen), len(chosen) - len(left))
     try:
-        for told in team.each([Trial(k, row.values, row.context) for k, row in enumerate(left)]):
+        for one in queue.each([Trial(k, row.values, row.context) for k, row in enumerate(left)]):
+            told = told_of(one)
             journal.append(Generation(1, 1, (told,), before_s + time.perf_counter() - begun))
             known[_candidate(told)] = told
             bar.advance()

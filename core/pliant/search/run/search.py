@@ -3,22 +3,21 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Callable, Sequence
-from concurrent.futures import Executor
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from pliant.config.study import Study
 from pliant.errors import NotReachedError
+from pliant.execution.executors import Executor, InlineExecutor
+from pliant.execution.jobs import JobQueue
 from pliant.interfaces.optimizer import Trial, Variable
-from pliant.pipeline.crews import Crew, Given, Processes, checked_workers, cpus
 from pliant.pipeline.workbench import Workbench
 from pliant.records.search import STATUSES, FoundDesign, SearchResult
 from pliant.search.analyse.post_analysis import Evaluators, post_analysis
-from pliant.search.evaluate.evaluator import Evaluates, Evaluator, evaluated, evaluator_of_study
+from pliant.search.evaluate.evaluator import Evaluator, evaluated, evaluator_of_study
 from pliant.search.problem.search_problem import SearchProblem
 from pliant.search.run.branch import BUDGET, EXHAUSTED, REFUSED_PER_EVALUATION, UNTIL, Branch
 from pliant.search.run.halving import Halving
@@ -27,45 +26,9 @@ from pliant.search.run.loop import Loop
 from pliant.search.run.reevaluation import reevaluated
 from pliant.search.run.results import best_of, counts_of, design_of, front_of, history_of
 from pliant.search.run.warm_start import untried_nominal, warm_started
-from pliant.search.stage_keys import MODULES
-from pliant.search.team import Team
-from pliant.search.workers import Inline, Setup, work
-from pliant.store.fingerprint import code_fingerprint
+from pliant.search.workers import Setup, queue_of
 
 EXPORT = "export"
-
-
-@dataclass(frozen=True)
-class Hands:
-    """Who evaluates: an executor, or processes of our own (None: one for each CPU)."""
-
-    executor: Executor | None = None
-    workers: int | None = None
-
-    @property
-    def processes(self) -> int:
-        """Of our own."""
-        return checked_workers(cpus() if self.workers is None else self.workers)
-
-    @property
-    def alone(self) -> bool:
-        """Whether there is only this process."""
-        return self.executor is None and self.processes == 1
-
-    def crew(self, evaluator: Evaluates) -> Crew:
-        """Begin; one worker is this process."""
-        return Inline(evaluator) if self.alone else self.crew_for(work)
-
-    def crew_for(self, doing: Callable[[Any], Any]) -> Crew:
-        """Others who do jobs of a kind."""
-        if self.executor is not None:
-            return Given(self.executor, doing)
-        return Processes(self.processes, doing)
-
-    def setup(self, bench: Workbench, study: Study, confirm: bool = False) -> Setup:
-        """What workers get; those of a cluster compare their code with ours."""
-        code = code_fingerprint(MODULES) if self.executor is not None else ""
-        return replace(Setup.of(bench, study, code), confirm=confirm)
 
 
 @dataclass(frozen=True)
@@ -76,7 +39,7 @@ class Search:
         bench, study: surroundings, and what is searched; with an `optimizer` block.
         problem: the study's `SearchProblem`.
         evaluator: of this process.
-        hands: who evaluates.
+        executor: who evaluates.
         contextual: whether every candidate is tried in one condition only.
         nominal: of a robust search: the finished nominal one where it begins, and that it is compared with.
     """
@@ -85,15 +48,15 @@ class Search:
     study: Study
     problem: SearchProblem
     evaluator: Evaluator
-    hands: Hands
+    executor: Executor
     contextual: bool = False
     nominal: SearchResult | None = None
 
     def setup(self) -> Setup:
         """What workers get."""
-        return self.hands.setup(self.bench, self.study)
+        return Setup.of(self.bench, self.study, self.executor)
 
-    def evaluators(self, team: Team) -> Evaluators:
+    def evaluators(self) -> Evaluators:
         """Who looks about the best design: without the scenarios of a robust search."""
 
         config = self.study.need("search", "a search")
@@ -101,9 +64,9 @@ class Search:
         if config.robust is not None:
             plain = Evaluator(self.bench, self.problem, ())
             nominal = self.study.model_copy(update={"search": config.model_copy(update={"robust": None})})
-            setup = self.hands.setup(self.bench, nominal)
-        alone = team.crew.size == 1
-        return Evaluators(plain, self.evaluator, None if alone else Team(team.crew, setup))
+            setup = Setup.of(self.bench, nominal, self.executor)
+        alone = isinstance(self.executor, InlineExecutor)
+        return Evaluators(plain, self.evaluator, None if alone else queue_of(self.executor, setup, plain))
 
     def run(self, partial: Path, kept: Path, files: Path) -> SearchResult:
         """Search.
@@ -156,19 +119,19 @@ class _Run:
     def result(self) -> SearchResult:
         """Run it, then look about the best design."""
         search = self.search
-        with Team(search.hands.crew(search.evaluator), search.setup()) as team:
-            wall_s = self._all_rungs(team)
+        with queue_of(search.executor, search.setup(), search.evaluator) as queue:
+            wall_s = self._all_rungs(queue)
             self._try_nominal()
-            again, more_s = self._reevaluated(team)
+            again, more_s = self._reevaluated()
             result = self._found(wall_s + more_s, again)
-            return post_analysis(self.problem, search.evaluators(team), result, search.nominal)
+            return post_analysis(self.problem, search.evaluators(), result, search.nominal)
 
-    def _all_rungs(self, team: Team) -> float:
+    def _all_rungs(self, queue: JobQueue[Trial, Trial]) -> float:
         """Every branch, then those that go on; returns the wall time in s."""
         progress, wall_s, active = self.search.bench.progress, 0.0, self.branches
         title = "searching" if self.config.robust is None else "searching, robust"
         while True:
-            loop = Loop(active, team, progress, title, self._ended, self._shown, wall_s)
+            loop = Loop(active, queue, progress, title, self._ended, self._shown, wall_s)
             loop.run()
             wall_s = loop.wall_s
             before = len(self.halving.left)
@@ -196,16 +159,16 @@ class _Run:
         for branch, task in untried_nominal(self.search.nominal, self._rows()):
             self.recommendations.setdefault(branch, []).append(evaluated(self.search.evaluator, task))
 
-    def _reevaluated(self, team: Team) -> tuple[list[tuple[int, Trial]], float]:
+    def _reevaluated(self) -> tuple[list[tuple[int, Trial]], float]:
         """The best candidates once more, and the time of it in s; none where the study does not ask for it."""
         search = self.search
         if self.config.confirm is None:
             return [], 0.0
-        setup = search.hands.setup(search.bench, search.study, confirm=True)
-        alone = team.crew.size == 1
-        crew = Inline(evaluator_of_study(search.bench, search.study, confirm=True)) if alone else team.crew
+        setup = Setup.of(search.bench, search.study, search.executor, confirm=True)
+        evaluator = evaluator_of_study(search.bench, search.study, confirm=True)
         rows = [*self._rows(), *self.recommended]
-        return reevaluated(self.problem, rows, Team(crew, setup), search.bench.progress, self.partial)
+        queue = queue_of(search.executor, setup, evaluator)
+        return reevaluated(self.problem, rows, queue, search.bench.progress, self.partial)
 
     def _rows(self) -> list[tuple[int, Trial]]:
         return [(branch.index, row) for branch in self.branches for row in branch.trials]

@@ -11,11 +11,11 @@ import numpy as np
 
 from pliant.config.study import Study
 from pliant.errors import PliantError
+from pliant.execution.executors import Executor
 from pliant.pipeline.workbench import Workbench, content
 from pliant.records.search import FoundDesign, SearchResult, Verification
 from pliant.search.check_runs import run_ahead
 from pliant.search.problem.search_problem import SearchProblem
-from pliant.search.run.search import Hands
 from pliant.search.stage_keys import components_of, content_of
 from pliant.search.verify.direct_fem import solvable
 from pliant.search.verify.verification import verify
@@ -24,7 +24,7 @@ STAGE = "verify"
 
 
 def checked(
-    bench: Workbench, study: Study, problem: SearchProblem, result: SearchResult, key: str, hands: Hands
+    bench: Workbench, study: Study, problem: SearchProblem, result: SearchResult, key: str, executor: Executor
 ) -> Verification | None:
     """The check of the best design, or of the best design of each condition; of a front, of its first.
 
@@ -33,7 +33,7 @@ def checked(
     contextual = all(design.context >= 0 for design in result.best)
     designs = result.best if contextual else result.best[:1]
     ahead = cache(
-        lambda: run_ahead(bench, problem, designs, hands)
+        lambda: run_ahead(bench, problem, designs, executor)
     )  # once, and where something is missing only
     found = {}
     for design in designs:

@@ -74,7 +74,7 @@ def link_mesh(geometry: JointGeometry) -> ModuleMesh:
 
 
 def link_surface(mesh: ModuleMesh) -> TriangleMesh:
-    """The end link's skin."""
+    """The end link's skin as triangles."""
     return TriangleMesh(mesh.nodes_m, mesh.skin[:, FACE].reshape(-1, 3))
 
 

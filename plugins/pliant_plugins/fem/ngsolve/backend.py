@@ -134,8 +134,7 @@ class NgsolveSolver(RodSolver):
         return effort[kept], rise, 0.5 * (own + own.T)
 
     def _coordinates(self, x: Array) -> Array:
-        u: Array = self._scale * x[self.system.fields :][self._places]
-        return u
+        return np.asarray(self._scale * x[self.system.fields :][self._places])
 
     def _frame(self, x: Array) -> tuple[Array, float]:
         values = dict(zip(self.system.forms.globals_, x[self.system.fields :].tolist(), strict=True))

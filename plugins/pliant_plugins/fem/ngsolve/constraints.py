@@ -33,9 +33,8 @@ class Elimination:
     size: int
 
     def spread(self, y: Array) -> Array:
-        """x (n,) of y (size,)."""
-        x: Array = np.where(self.master < 0, 0.0, self.sign * y[self.master])
-        return x
+        """All unknowns x (n,) from the remaining ones y (size,)."""
+        return np.asarray(np.where(self.master < 0, 0.0, self.sign * y[self.master]))
 
     def gather(self, r: Array) -> Array:
         """Generalised forces on y of those on x: (n,) or (n, k) to (size,) or (size, k)."""
@@ -44,8 +43,7 @@ class Elimination:
         found = [
             np.bincount(self.master[kept], (self.sign * column)[kept], self.size) for column in columns.T
         ]
-        forces: Array = np.column_stack(found).astype(float).reshape(self.size, *r.shape[1:])
-        return forces
+        return np.asarray(np.column_stack(found).astype(float).reshape(self.size, *r.shape[1:]))
 
 
 class _Groups:

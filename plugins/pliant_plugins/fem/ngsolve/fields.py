@@ -46,8 +46,7 @@ def deformation_gradients(
     rho += mesh.nodes_m[mesh.cells][..., 1:] - np.array([0.0, problem.reference_z_m])
     k = turn / ((1 + strain) * problem.span_m)
     across = np.cross(k, np.concatenate([np.zeros((*rho.shape[:2], 1)), rho], axis=-1))
-    F: Array = S + across[..., :, None] * S[..., :1, :]
-    return F
+    return np.asarray(S + across[..., :, None] * S[..., :1, :])
 
 
 def nodal_fields(material: Material, F: Array, pressure: Array | None, cells: IntArray) -> dict[str, Array]:

@@ -61,7 +61,7 @@ class Assembler:
 
     @property
     def count(self) -> int:
-        """Length of x."""
+        """Length of x: all dofs and the globals."""
         return self.size + self.globals.count
 
     def _operators(self) -> tuple[Rows, Rows]:

@@ -90,8 +90,7 @@ class SkfemSolver(RodSolver):
 
     def _coordinates(self, x: Array) -> Array:
         g = self.assembler.globals
-        u: Array = np.array(g.scales) * x[-g.count :][list(g.places)]
-        return u
+        return np.asarray(np.array(g.scales) * x[-g.count :][list(g.places)])
 
     def _frame(self, x: Array) -> tuple[Array, float]:
         return self.assembler.globals.split(x)

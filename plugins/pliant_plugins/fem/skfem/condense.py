@@ -58,7 +58,7 @@ class Point:
 
     @property
     def globals(self) -> int:
-        """G."""
+        """Number G of the active globals."""
         return int(self.energy.border.shape[1])
 
     @property

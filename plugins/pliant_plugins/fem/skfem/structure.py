@@ -120,11 +120,10 @@ class SkfemStructure(StructureSolver):
 
     def push(self, point: BodyPoint, load: Load) -> Array:
         """Generalised force of the loads at a point."""
-        force: Array = load.pressure * point.cavity.gradient + self._spread @ load.force
-        return force
+        return np.asarray(load.pressure * point.cavity.gradient + self._spread @ load.force)
 
     def residual(self, point: BodyPoint, load: Load) -> Array:
-        """∂Π/∂v."""
+        """Gradient ∂Π/∂v (n,) of the potential by the displacements, N."""
         return point.energy.gradient - self.push(point, load)
 
     def solve(self, point: BodyPoint, load: Load, right: Array) -> Array:

@@ -81,12 +81,11 @@ class ChainJoints:
         """(…, n, a) joint coordinates of MuJoCo's own (…, n), of balls (…, n, 4)."""
         if not self.ball:
             return qpos[..., None].copy()
-        found: Array = vector_of_quaternion(qpos) @ self._geometry.basis
-        return found
+        return np.asarray(vector_of_quaternion(qpos) @ self._geometry.basis)
 
     @property
     def rates(self) -> Array:
-        """(n, a) dq/dt."""
+        """(n, a) rates dq/dt of the joint coordinates."""
         if not self.ball:
             return self._qvel.reshape(-1, 1).copy()
         inverse = right_jacobian_inverse(vector_of_quaternion(self._qpos))
@@ -162,7 +161,7 @@ class ChainJoints:
         return values, float(loads.moment_n_m), float(memory.temperature_c)
 
     def _drive_plainly(self, loads: Loads, damping: float, extra: Array, caution: float) -> None:
-        """The same without machine code: laws or terms without a compiled form, terms in a slow motion."""
+        """As `_drive_compiled` in Python: laws or terms without a compiled form, terms in a slow motion."""
         step_s, q, timed = self.model.opt.timestep, self.q, _timed(loads)
         if timed:
             q = q + step_s * self.rates

@@ -39,7 +39,7 @@ class Samples:
 
     @staticmethod
     def held(values: Array, loads: Loads, duration_s: float) -> Samples:
-        """One sample."""
+        """One sample: these loads for this duration."""
         temperature = REFERENCE_TEMPERATURE_C if loads.memory is None else loads.memory.temperature_c
         return Samples(
             values[None],
@@ -80,13 +80,13 @@ class Samples:
         )
 
     def after_first(self) -> Samples:
-        """All but the first."""
+        """All samples but the first, where the chain already is."""
         columns = (self.values, self.moment, self.tip_force, self.temperature, self.duration)
         return Samples(*(column[1:] for column in columns))
 
 
 class CompiledMotion:
-    """See `of`."""
+    """Runs a chain through samples in compiled calls, with its laws, terms and MuJoCo's own functions."""
 
     def __init__(
         self, addresses: tuple[int, ...], laws: CompiledLaws, terms: Any, joints: ChainJoints

@@ -37,7 +37,7 @@ OBJECT_DOFS = 6
 
 
 class MujocoScene(SceneSimulation):
-    """See `SceneSimulation`."""
+    """A scene in MuJoCo, its arms driven by their laws at every step; see `SceneSimulation`."""
 
     def __init__(self, scene: Scene, config: MujocoConfig) -> None:
         """Raises `UserError` for a MuJoCo that is too old."""

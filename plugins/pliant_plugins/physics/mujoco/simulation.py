@@ -45,7 +45,7 @@ class MujocoChain:
 
     @property
     def rates(self) -> Array:
-        """(n, a) dq/dt."""
+        """(n, a) rates dq/dt of the joint coordinates."""
         return self.joints.rates
 
     def place(self, q: Array, rates: Array) -> None:
@@ -84,7 +84,7 @@ class MujocoChain:
         return memory
 
     def march(self, loads: Loads, duration_s: float) -> tuple[Memory | None, str | None]:
-        """The same without a warning: the memory, and which quantity became unbounded, or None."""
+        """`travel` without a warning: the memory, and which quantity became unbounded, or None."""
         if self.compiled is not None and not loads.forces and not loads.cords:
             samples = Samples.held(self.joints.statics.efforts.values(loads.actuation), loads, duration_s)
             end = self.go(samples, loads.memory)[2]

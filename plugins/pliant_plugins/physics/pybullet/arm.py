@@ -173,5 +173,4 @@ class BulletArm:
 
 def times(matrices: Array, vectors: Array) -> Array:
     """(n, 3) products of n matrices and n vectors."""
-    product: Array = np.einsum("nij,nj->ni", matrices, vectors)
-    return product
+    return np.asarray(np.einsum("nij,nj->ni", matrices, vectors))

@@ -59,7 +59,7 @@ class BulletChain:
 
     @property
     def rates(self) -> Array:
-        """(n, a) dq/dt."""
+        """(n, a) rates dq/dt of the joint coordinates."""
         return self.arm.state()[1]
 
     def place(self, q: Array, rates: Array) -> None:

@@ -131,8 +131,7 @@ def _sphere_points(count: int) -> Array:
     points = np.stack([across * np.cos(around), across * np.sin(around), height], axis=1)
     # The hull of points on a sphere lies inside it: half the sag of a facet is given back.
     sag = 2.0 * np.pi / (3.0 * np.sqrt(3.0) * count) * 2.0
-    lifted: Array = points * (1.0 + 0.5 * sag)
-    return lifted
+    return np.asarray(points * (1.0 + 0.5 * sag))
 
 
 JOINT_TYPES = {"revolute": "continuous", "spherical": "spherical", "prismatic": "prismatic"}
@@ -192,7 +191,7 @@ def body_urdf(piece: MassProperties, shapes: Iterable[Shape], collisions: Collis
 
 
 def document(root: ElementTree.Element) -> str:
-    """The tree as text."""
+    """The XML tree as indented text, which Bullet's parser needs."""
     # Bullet's parser refuses long lines.
     ElementTree.indent(root)
     return ElementTree.tostring(root, encoding="unicode")

@@ -119,7 +119,7 @@ def _search(
 
 
 def _leave_saddle(statics: ChainStatics, loads: Loads, q: Array, mode: Array, length: float) -> Array:
-    """Of the two pushes along an unstable mode, the one that goes lower."""
+    """q moved along an unstable mode by `length`, to the side on which the potential is lower."""
     push = mode * (length / np.abs(mode).max())
     up, down = q + push, q - push
     return up if statics.potential(up, loads) <= statics.potential(down, loads) else down

@@ -30,7 +30,7 @@ class Phase:
 
     @property
     def velocity_m_s(self) -> Array:
-        """(3,) of the carriage."""
+        """(3,) velocity of the carriage in the phase."""
         return np.array([0.0, 0.0, self.rise_m / self.duration_s])
 
     def steps(self) -> Iterator[tuple[float, float, bool]]:

@@ -76,7 +76,7 @@ class TrialMetrics:
 
 
 def trial_metrics(episode: Episode, scene: Scene, config: GraspConfig) -> TrialMetrics:
-    """Measure one episode."""
+    """What one episode comes to: rise, forces, slip, creep and mode."""
     rise = _rise_m(episode, scene)
     final = episode.during("final")
     grips = [Grip.of(episode.contacts[k], scene) for k in final]

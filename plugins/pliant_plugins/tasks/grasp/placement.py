@@ -29,7 +29,7 @@ class Draw:
 
     @staticmethod
     def none() -> Draw:
-        """The nominal trial."""
+        """The nominal trial, without noise."""
         return Draw(1.0, 0.0, np.zeros(3))
 
     @staticmethod

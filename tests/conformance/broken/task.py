@@ -5,6 +5,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from broken import Variants
 from pliant.interfaces.physics import Simulation
 from pliant.interfaces.task import SceneEngine, SceneTask, Task, TaskConfig
 from pliant.mechanics.stills import still
@@ -13,7 +14,6 @@ from pliant.records.rollout import Inputs, Rollout, TaskResult
 from pliant.records.scene import Arm, Scene, SceneFrames
 from pliant.registry.component import Component
 from pliant.units import Mass, Pressure
-from spoiled import Spoils
 
 
 class HoldConfig(TaskConfig):
@@ -42,7 +42,7 @@ class Hold(Task):
         return Inputs({"pressure_pa": self.config.pressure_pa})
 
 
-spoils = Spoils(Component("task", "small", "spoiled.task:HoldConfig", "spoiled.task:Hold", "hold"))
+variants = Variants(Component("task", "small", "broken.task:HoldConfig", "broken.task:Hold", "hold"))
 
 
 class Measured(Hold):
@@ -55,7 +55,7 @@ class Measured(Hold):
         return result
 
 
-@spoils.by("prepare_leaves_the_chain_alone", "in place")
+@variants.by("prepare_leaves_the_chain_alone", "in place")
 class TurnsGravity(Hold):
     """Writes into the caller's chain."""
 
@@ -64,7 +64,7 @@ class TurnsGravity(Hold):
         return chain
 
 
-@spoils.by("leaves_a_settled_chain", "no TaskResult")
+@variants.by("leaves_a_settled_chain", "no TaskResult")
 class BareMetrics(Hold):
     """Returns only the metrics."""
 
@@ -72,7 +72,7 @@ class BareMetrics(Hold):
         return super().run(simulation).metrics
 
 
-@spoils.by("drives_the_chain", "joints stand at zero")
+@variants.by("drives_the_chain", "joints stand at zero")
 class NeverApplies(Hold):
     """Zero pressure, no payload."""
 
@@ -83,7 +83,7 @@ class NeverApplies(Hold):
         return Inputs({"pressure_pa": 0.0})
 
 
-@spoils.by("metrics_carry_their_unit", "metric 'deflection'")
+@variants.by("metrics_carry_their_unit", "metric 'deflection'")
 class Unitless(Measured):
     """A deflection in whatever unit."""
 
@@ -91,7 +91,7 @@ class Unitless(Measured):
         return replace(result, metrics={"deflection": 12.5})
 
 
-@spoils.by("measures_what_it_says", "leaves out levels")
+@variants.by("measures_what_it_says", "leaves out levels")
 class Forgetful(Hold):
     """Names one of two."""
 
@@ -99,7 +99,7 @@ class Forgetful(Hold):
         return ("tip_x_m",)
 
 
-@spoils.by("metrics_are_finite", "metric 'drop_m' is nan")
+@variants.by("metrics_are_finite", "metric 'drop_m' is nan")
 class DividesByZero(Measured):
     """Not a number."""
 
@@ -107,7 +107,7 @@ class DividesByZero(Measured):
         return replace(result, metrics={"drop_m": float("nan")})
 
 
-@spoils.by("is_deterministic", "second run differ")
+@variants.by("is_deterministic", "second run differ")
 class Noisy(Hold):
     """A random pressure."""
 
@@ -115,7 +115,7 @@ class Noisy(Hold):
         return Inputs({"pressure_pa": 1e4 * np.random.default_rng().random()})
 
 
-@spoils.by("runs_on_one_joint", "IndexError")
+@variants.by("runs_on_one_joint", "IndexError")
 class NeedsThree(Measured):
     """Looks at the third joint."""
 
@@ -123,7 +123,7 @@ class NeedsThree(Measured):
         return replace(result, metrics={"third_rad": float(result.final.joint_angles[2, 0])})
 
 
-@spoils.by("passes_on_that_it_did_not_converge", "the task says that it did")
+@variants.by("passes_on_that_it_did_not_converge", "the task says that it did")
 class Optimist(Measured):
     """Always converged."""
 
@@ -131,7 +131,7 @@ class Optimist(Measured):
         return replace(result, final=replace(result.final, converged=True))
 
 
-@spoils.by("history_is_consistent", "the shapes are")
+@variants.by("history_is_consistent", "the shapes are")
 class ForgetsTheTip(Measured):
     """A history of joints without base and tip."""
 
@@ -141,7 +141,7 @@ class ForgetsTheTip(Measured):
 
 
 class Squeeze(SceneTask):
-    """One arm, actuated for a moment: a good task with contact, but for what its subclasses spoil."""
+    """One arm, actuated for a moment: a good task with contact, but for what its subclasses break."""
 
     config: HoldConfig
 
@@ -159,7 +159,7 @@ class Squeeze(SceneTask):
         return TaskResult(final, {"time_s": 0.1}, None, SceneFrames.of(states), stills)
 
 
-@spoils.by("makes_a_scene", "the scene has no arms")
+@variants.by("makes_a_scene", "the scene has no arms")
 class Armless(Squeeze):
     """Forgets the robot."""
 
@@ -167,7 +167,7 @@ class Armless(Squeeze):
         return Scene(arms=())
 
 
-@spoils.by("leaves_stills", "the result has no stills")
+@variants.by("leaves_stills", "the result has no stills")
 class Unshown(Squeeze):
     """Leaves nothing for pages."""
 
@@ -175,7 +175,7 @@ class Unshown(Squeeze):
         return replace(super().run(chain, engine), stills=())
 
 
-@spoils.by("leaves_frames", "the result has no frames")
+@variants.by("leaves_frames", "the result has no frames")
 class Unseen(Squeeze):
     """Keeps no motion."""
 

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
 
+from broken import Variants
 from pliant.interfaces.fem import Held, ModuleSolver, StateNotConvergedError
 from pliant.interfaces.material import Material
 from pliant.records.design import Array
 from pliant.records.fem import FemState, ModuleFields, ModuleProblem
 from pliant_plugins.fem.skfem.backend import Skfem
 from pliant_plugins.manifest import pliant_components
-from spoiled import Spoils
 
 MAIN_AXIS = {"moment_n_m": "tau", "dmoment_dp": "dtau_dp", "dmoment_du": "dtau_du"}
 
@@ -25,7 +26,7 @@ def altered(state: FemState, **changes: float) -> FemState:
     return replace(state, **arrays)
 
 
-spoils = Spoils(next(c for c in pliant_components() if c.interface == "fem" and c.kind == "skfem"))
+variants = Variants(next(c for c in pliant_components() if c.interface == "fem" and c.kind == "skfem"))
 
 
 class Wrapped(ModuleSolver):
@@ -50,7 +51,7 @@ class Wrapped(ModuleSolver):
         return self.inner.deformed_nodes(state)
 
 
-class Spoiled(Skfem):
+class Falsified(Skfem):
     """A backend whose solvers are wrapped."""
 
     wrapper: type[Wrapped] = Wrapped
@@ -64,8 +65,8 @@ class EnergyConstant(Wrapped):
         return replace(state, energy_j=state.energy_j + 1e-3)
 
 
-@spoils.by("rest_state_is_zero", "energy_j of the rest state is not zero")
-class RestHasEnergy(Spoiled):
+@variants.by("rest_state_is_zero", "energy_j of the rest state is not zero")
+class RestHasEnergy(Falsified):
     """An energy with a constant."""
 
     wrapper = EnergyConstant
@@ -76,8 +77,8 @@ class HalfStiffness(Wrapped):
         return altered(state, dmoment_du=state.dmoment_du / 2)
 
 
-@spoils.by("small_bends_follow_beam_theory", "not −E I / l")
-class PieceStiffness(Spoiled):
+@variants.by("small_bends_follow_beam_theory", "not −E I / l")
+class PieceStiffness(Falsified):
     """The stiffness of the half module."""
 
     wrapper = HalfStiffness
@@ -88,8 +89,8 @@ class NoThrust(Wrapped):
         return altered(state, dmoment_dp=0.6 * state.dmoment_dp)
 
 
-@spoils.by("small_pressures_follow_beam_theory", "thrust on the end sections is missing")
-class ForgetsTheCaps(Spoiled):
+@variants.by("small_pressures_follow_beam_theory", "thrust on the end sections is missing")
+class ForgetsTheCaps(Falsified):
     """Too little actuation."""
 
     wrapper = NoThrust
@@ -100,8 +101,8 @@ class PieceMoment(Wrapped):
         return altered(state, moment_n_m=state.moment_n_m * 4.0 / self.problem.energy_scale)
 
 
-@spoils.by("scales_with_the_module", "does not give twice the moment_n_m")
-class IgnoresEnergyScale(Spoiled):
+@variants.by("scales_with_the_module", "does not give twice the moment_n_m")
+class IgnoresEnergyScale(Falsified):
     """Right for quarters of a module only."""
 
     wrapper = PieceMoment
@@ -112,8 +113,8 @@ class EarlyFree(Wrapped):
         return altered(super().free(actuation, start), moment_n_m=1e-4)
 
 
-@spoils.by("free_state_has_no_moment", "free state's moment .* is not zero")
-class StopsEarly(Spoiled):
+@variants.by("free_state_has_no_moment", "free state's moment .* is not zero")
+class StopsEarly(Falsified):
     """A free branch that is not free."""
 
     wrapper = EarlyFree
@@ -124,8 +125,8 @@ class HalfAngle(Wrapped):
         return self.inner.constrained(actuation, held / self.problem.deformation_scale, start)
 
 
-@spoils.by("constrained_state_holds_the_angle", "angle .* is not the one asked for")
-class HoldsTheta(Spoiled):
+@variants.by("constrained_state_holds_the_angle", "angle .* is not the one asked for")
+class HoldsTheta(Falsified):
     """Takes the module's angle for the piece's."""
 
     wrapper = HalfAngle
@@ -137,8 +138,8 @@ class OffsetMoment(Wrapped):
         return altered(state, moment_n_m=state.moment_n_m + 1e-9 * actuation)
 
 
-@spoils.by("branches_agree", "the branches solve different equations")
-class TwoEquations(Spoiled):
+@variants.by("branches_agree", "the branches solve different equations")
+class TwoEquations(Falsified):
     """A constrained branch with a little more pressure."""
 
     wrapper = OffsetMoment
@@ -149,8 +150,8 @@ class Reversed(Wrapped):
         return altered(state, moment_n_m=-state.moment_n_m)
 
 
-@spoils.by("moment_has_the_right_sign", "blocked at u = 0 under pressure, the moment is -")
-class Reaction(Spoiled):
+@variants.by("moment_has_the_right_sign", "blocked at u = 0 under pressure, the moment is -")
+class Reaction(Falsified):
     """The reaction for the action."""
 
     wrapper = Reversed
@@ -161,8 +162,8 @@ class FrozenPressureSlope(Wrapped):
         return altered(state, dmoment_dp=self.inner.rest().dmoment_dp)
 
 
-@spoils.by("slope_in_pressure_is_exact", "dmoment_dp .* differs from the finite difference")
-class OldGain(Spoiled):
+@variants.by("slope_in_pressure_is_exact", "dmoment_dp .* differs from the finite difference")
+class OldGain(Falsified):
     """∂τ/∂p of the rest state everywhere."""
 
     wrapper = FrozenPressureSlope
@@ -173,8 +174,8 @@ class FrozenAngleSlope(Wrapped):
         return altered(state, dmoment_du=self.inner.rest().dmoment_du)
 
 
-@spoils.by("slope_in_angle_is_exact", "dmoment_du .* differs from the finite difference")
-class OldStiffness(Spoiled):
+@variants.by("slope_in_angle_is_exact", "dmoment_du .* differs from the finite difference")
+class OldStiffness(Falsified):
     """∂τ/∂u of the rest state everywhere."""
 
     wrapper = FrozenAngleSlope
@@ -185,8 +186,8 @@ class PieceEnergy(Wrapped):
         return replace(state, energy_j=state.energy_j / 4)
 
 
-@spoils.by("energy_is_the_work_done", "energy and moment belong to different pieces")
-class QuarterEnergy(Spoiled):
+@variants.by("energy_is_the_work_done", "energy and moment belong to different pieces")
+class QuarterEnergy(Falsified):
     """The energy of the solved quarter."""
 
     wrapper = PieceEnergy
@@ -205,8 +206,8 @@ class Remembers(Wrapped):
         return super().constrained(actuation, held, self.known[start.wall_s])
 
 
-@spoils.by("continues_from_a_saved_state", "KeyError")
-class KeepsItsOwn(Spoiled):
+@variants.by("continues_from_a_saved_state", "KeyError")
+class KeepsItsOwn(Falsified):
     """Only starts from states that it made itself."""
 
     wrapper = Remembers
@@ -218,8 +219,8 @@ class Lagging(Wrapped):
         return altered(state, moment_n_m=state.moment_n_m + 1e-4 * start.moment_n_m)
 
 
-@spoils.by("path_does_not_matter", "depends on the start")
-class NotConverged(Spoiled):
+@variants.by("path_does_not_matter", "depends on the start")
+class NotConverged(Falsified):
     """Keeps a trace of where it came from."""
 
     wrapper = Lagging
@@ -231,8 +232,8 @@ class Unturned(Wrapped):
         return nodes + np.array([0.0, 0.0, -0.1]) * nodes[:, :1] * state.angle_rad
 
 
-@spoils.by("deformed_nodes_follow_the_bend", "end section is not a plane turned by")
-class Sheared(Spoiled):
+@variants.by("deformed_nodes_follow_the_bend", "end section is not a plane turned by")
+class Sheared(Falsified):
     """Pictures without rotation."""
 
     wrapper = Unturned
@@ -244,8 +245,8 @@ class Undisplaced(Wrapped):
         return replace(fields, displacement_m=self.inner.fields(self.inner.rest()).displacement_m)
 
 
-@spoils.by("fields_stand_at_the_nodes", "is not that of `deformed_nodes`")
-class FieldsOfTheReference(Spoiled):
+@variants.by("fields_stand_at_the_nodes", "is not that of `deformed_nodes`")
+class FieldsOfTheReference(Falsified):
     """Fields without the displacement."""
 
     wrapper = Undisplaced
@@ -259,16 +260,129 @@ class Careless(Wrapped):
             return start
 
 
-@spoils.by("says_when_it_does_not_converge", "far beyond any equilibrium gave a state")
-class GivesTheLastState(Spoiled):
+@variants.by("says_when_it_does_not_converge", "far beyond any equilibrium gave a state")
+class GivesTheLastState(Falsified):
     """Hides that Newton failed."""
 
     wrapper = Careless
 
 
-@spoils.by("refuses_unknown_problems", "was accepted")
-class TakesAnything(Spoiled):
+@variants.by("refuses_unknown_problems", "was accepted")
+class TakesAnything(Falsified):
     """Never looks at the frame."""
 
     def solver(self, problem: ModuleProblem, material: Material) -> ModuleSolver:
         return super().solver(replace(problem, frame="rod"), material)
+
+
+# -- backends whose states of several axes, extensions or tendons are falsified one by one
+
+
+class MainAxisOnly(Wrapped):
+    def seen(self, state: FemState) -> FemState:
+        return replace(state, tau=state.tau[[state.main]])
+
+
+@variants.by("states_have_all_axes", "tau has shape \\(1,\\)")
+class OneEffort(Falsified):
+    """Reports the main axis's effort alone."""
+
+    wrapper = MainAxisOnly
+
+
+class PolarMoment(Wrapped):
+    def rest(self) -> FemState:
+        state = self.inner.rest()
+        slope = state.dtau_du.copy()
+        if len(slope) == 3:
+            slope[0, 0] *= 1.5
+        return replace(state, dtau_du=slope)
+
+
+@variants.by("small_bends_about_all_axes_follow_beam_theory", "stiffness in twist")
+class HeldWarping(Falsified):
+    """A tube twice as stiff in twist as any warping allows."""
+
+    wrapper = PolarMoment
+
+
+class Lopsided(Wrapped):
+    def seen(self, state: FemState) -> FemState:
+        upper = np.triu(np.ones_like(state.dtau_du), 1)
+        return replace(state, dtau_du=state.dtau_du + 1e-3 * np.abs(state.dtau_du).max() * upper)
+
+
+@variants.by("slopes_in_all_axes_are_exact", "is not symmetric under pressure")
+class BodyFrameMoment(Falsified):
+    """Moments that are not conjugate to the rotation vector."""
+
+    wrapper = Lopsided
+
+
+class Coupled(Wrapped):
+    def seen(self, state: FemState) -> FemState:
+        k = len(state.tau)
+        return replace(state, dtau_du=state.dtau_du - 5e-4 * (np.ones((k, k)) - np.eye(k)))
+
+
+@variants.by("axes_decouple_by_symmetry", "couples axes that symmetry separates")
+class SpuriousCoupling(Falsified):
+    """What plane end sections of a whole module would do."""
+
+    wrapper = Coupled
+
+
+class HoldsAll(Wrapped):
+    def constrained(self, actuation: float, held: Held, start: FemState) -> FemState:
+        if isinstance(held, Mapping):
+            here = dict(zip(self.problem.axes, start.deformation.tolist(), strict=True))
+            held = {**here, **held}
+        return super().constrained(actuation, held, start)
+
+
+@variants.by("axes_that_are_not_held_are_free", "not zero along the axis that is free")
+class HoldsEveryAxis(Falsified):
+    """Leaves free axes where they were."""
+
+    wrapper = HoldsAll
+
+
+class Tolerant(Wrapped):
+    def constrained(self, actuation: float, held: Held, start: FemState) -> FemState:
+        if isinstance(held, Mapping):
+            held = {axis: u for axis, u in held.items() if axis in self.problem.axes}
+        return super().constrained(actuation, held, start)
+
+
+@variants.by("refuses_unknown_axes", "the axis 'w' was held")
+class TakesAnyAxis(Falsified):
+    """Leaves out what it does not know."""
+
+    wrapper = Tolerant
+
+
+class Strain(Wrapped):
+    def seen(self, state: FemState) -> FemState:
+        if self.problem.joint != "prismatic":
+            return state
+        length = self.problem.span_m
+        return replace(state, tau=state.tau * length, dtau_du=state.dtau_du * length**2)
+
+
+@variants.by("small_extensions_follow_rod_theory", "is not −E A / l")
+class StrainForExtension(Falsified):
+    """The strain as a prismatic joint's coordinate."""
+
+    wrapper = Strain
+
+
+class HalfTravel(Wrapped):
+    def seen(self, state: FemState) -> FemState:
+        return replace(state, travel=state.travel / 2)
+
+
+@variants.by("tendon_works_on_its_travel", "belong to different pieces")
+class TravelOfTheHalf(Falsified):
+    """The tendon drawn out of one half."""
+
+    wrapper = HalfTravel

@@ -7,6 +7,7 @@ from typing import Any, ClassVar, Literal
 
 import numpy as np
 
+from broken import Variants
 from pliant.errors import UserError
 from pliant.interfaces.meta_model import DesignLaws, FittedMetaModel
 from pliant.records.design import Array
@@ -19,7 +20,6 @@ from pliant.testing.meta_model_stand_in import (
     StandInMetaModel,
     StandInMetaModelConfig,
 )
-from spoiled import Spoils
 
 
 class SmallConfig(StandInMetaModelConfig):
@@ -55,18 +55,18 @@ class Small(StandInMetaModel):
         return laws
 
 
-spoils = Spoils(
+variants = Variants(
     Component(
         "meta_model",
         "small",
-        "spoiled.meta_model:SmallConfig",
-        "spoiled.meta_model:Small",
+        "broken.meta_model:SmallConfig",
+        "broken.meta_model:Small",
         "terms quadratic in the parameters",
     )
 )
 
 
-@spoils.by("predicts_designs_left_out", "% of its range off")
+@variants.by("predicts_designs_left_out", "% of its range off")
 class Swapped(Small):
     """Takes the parameters in another order."""
 
@@ -78,7 +78,7 @@ class Swapped(Small):
         return replace(good, laws=swapped)
 
 
-@spoils.by("predicts_three_axes", "% of its range off")
+@variants.by("predicts_three_axes", "% of its range off")
 class Uncoupled(Small):
     """Forgets what the other axes do."""
 
@@ -92,7 +92,7 @@ class Uncoupled(Small):
         return super().fit(replace(designs, data=data))
 
 
-@spoils.by("laws_are_of_the_joint", "of the law are")
+@variants.by("laws_are_of_the_joint", "of the law are")
 class AlwaysBends(Small):
     """Says that every joint is driven by a tendon."""
 
@@ -107,19 +107,19 @@ class LawIs(SmallLaws):
     def law(self, values: Array) -> JointLaw:
         good = super().law(values)
         assert isinstance(good, MonomialLaw)
-        return self.spoil(good, values)
+        return self.falsified(good, values)
 
-    def spoil(self, law: MonomialLaw, values: Array) -> JointLaw:
+    def falsified(self, law: MonomialLaw, values: Array) -> JointLaw:
         raise NotImplementedError
 
 
 class NegativeStiffness(LawIs):
-    def spoil(self, law: MonomialLaw, values: Array) -> JointLaw:
+    def falsified(self, law: MonomialLaw, values: Array) -> JointLaw:
         squares = (law.powers[:, 0] == 0) & (law.powers[:, 1:].sum(axis=1) == 2)
         return replace(law, terms=law.terms - 0.9 * np.abs(law.terms) * squares)
 
 
-@spoils.by("laws_are_stable_in_their_box", "the stiffness of an unseen design falls to")
+@variants.by("laws_are_stable_in_their_box", "the stiffness of an unseen design falls to")
 class Unstable(Small):
     """Passive stiffness nearly lost."""
 
@@ -133,12 +133,12 @@ class WrongSlopeLaw(MonomialLaw):
 
 
 class WrongSlopes(LawIs):
-    def spoil(self, law: MonomialLaw, values: Array) -> JointLaw:
+    def falsified(self, law: MonomialLaw, values: Array) -> JointLaw:
         changed: JointLaw = _as(WrongSlopeLaw, law)
         return changed
 
 
-@spoils.by("slopes_are_derivatives", "dtau_dp is not the slope of tau")
+@variants.by("slopes_are_derivatives", "dtau_dp is not the slope of tau")
 class SlopeOff(Small):
     """∂τ/∂p twice."""
 
@@ -155,12 +155,12 @@ class CirculatingLaw(MonomialLaw):
 
 
 class Circulating(LawIs):
-    def spoil(self, law: MonomialLaw, values: Array) -> JointLaw:
+    def falsified(self, law: MonomialLaw, values: Array) -> JointLaw:
         changed: JointLaw = _as(CirculatingLaw, law)
         return changed
 
 
-@spoils.by("laws_create_no_energy", "creates energy")
+@variants.by("laws_create_no_energy", "creates energy")
 class Pumps(Small):
     """x drives z and z drives x back."""
 
@@ -174,12 +174,12 @@ class BatchedLaw(MonomialLaw):
 
 
 class Batched(LawIs):
-    def spoil(self, law: MonomialLaw, values: Array) -> JointLaw:
+    def falsified(self, law: MonomialLaw, values: Array) -> JointLaw:
         changed: JointLaw = _as(BatchedLaw, law)
         return changed
 
 
-@spoils.by("joints_do_not_affect_each_other", "depends on which other joints")
+@variants.by("joints_do_not_affect_each_other", "depends on which other joints")
 class NormalisesBatches(Small):
     """Uses the batch's mean."""
 
@@ -187,11 +187,11 @@ class NormalisesBatches(Small):
 
 
 class OneBox(LawIs):
-    def spoil(self, law: MonomialLaw, values: Array) -> JointLaw:
+    def falsified(self, law: MonomialLaw, values: Array) -> JointLaw:
         return replace(law, domain=replace(law.domain, deformation=np.tile([-1.0, 1.0], (len(law.axes), 1))))
 
 
-@spoils.by("domain_follows_the_design", "not that to which a design like this is sampled")
+@variants.by("domain_follows_the_design", "not that to which a design like this is sampled")
 class OneBoxForAll(Small):
     """The same range of u for every design."""
 
@@ -206,12 +206,12 @@ class RefusingLaw(MonomialLaw):
 
 
 class Refusing(LawIs):
-    def spoil(self, law: MonomialLaw, values: Array) -> JointLaw:
+    def falsified(self, law: MonomialLaw, values: Array) -> JointLaw:
         changed: JointLaw = _as(RefusingLaw, law)
         return changed
 
 
-@spoils.by("laws_stay_finite_outside_their_domain", "not finite outside the domain")
+@variants.by("laws_stay_finite_outside_their_domain", "not finite outside the domain")
 class NanOutside(Small):
     """No number outside the box of u."""
 
@@ -224,7 +224,7 @@ class Rounding(SmallLaws):
         return super().law(low + np.round((values - low) / (high - low) * 3) / 3 * (high - low))
 
 
-@spoils.by("laws_are_smooth_in_the_parameters", "a jump")
+@variants.by("laws_are_smooth_in_the_parameters", "a jump")
 class NearestDesign(Small):
     """Gives the law of the nearest grid point."""
 
@@ -237,14 +237,14 @@ class SinglePrecision(SmallLaws):
         return replace(good, arrays={**good.arrays, "terms": np.float32(self.terms)})
 
 
-@spoils.by("record_gives_the_same_bits", "the record rounds a number")
+@variants.by("record_gives_the_same_bits", "the record rounds a number")
 class Rounds(Small):
     """Stores 32 bits."""
 
     laws = SinglePrecision
 
 
-@spoils.by("is_deterministic", "two fits of the same designs differ")
+@variants.by("is_deterministic", "two fits of the same designs differ")
 class Bootstraps(Small):
     """A random resample without a seed."""
 
@@ -254,7 +254,7 @@ class Bootstraps(Small):
         return super().fit(replace(designs, data=data))
 
 
-@spoils.by("check_states_are_not_fitted", "they were fitted")
+@variants.by("check_states_are_not_fitted", "they were fitted")
 class SeesEverything(Small):
     """Fits the check states too."""
 
@@ -263,7 +263,7 @@ class SeesEverything(Small):
         return super().fit(replace(designs, data=data))
 
 
-@spoils.by("untrusted_states_are_not_fitted", "states in self-contact")
+@variants.by("untrusted_states_are_not_fitted", "states in self-contact")
 class TrustsAll(Small):
     """Fits states in self-contact."""
 
@@ -277,7 +277,7 @@ class Boundless(SmallLaws):
         return np.zeros(len(self.names))
 
 
-@spoils.by("flags_designs_outside", "not flagged by how far")
+@variants.by("flags_designs_outside", "not flagged by how far")
 class Everywhere(Small):
     """Claims to hold for every design."""
 
@@ -289,7 +289,7 @@ class Backwards(SmallLaws):
         return 1 / super().doubt(values)
 
 
-@spoils.by("doubt_grows_away_from_solved_designs", "far outside")
+@variants.by("doubt_grows_away_from_solved_designs", "far outside")
 class Overconfident(Small):
     """Is surest where nothing was solved."""
 
@@ -301,14 +301,14 @@ class Greedy(SmallLaws):
         return super().doubt(candidates)
 
 
-@spoils.by("gain_is_a_share", "no shares of the mean squared error")
+@variants.by("gain_is_a_share", "no shares of the mean squared error")
 class GainsInOtherUnits(Small):
     """Gives its doubt for a gain."""
 
     laws = Greedy
 
 
-@spoils.by("says_when_there_are_too_few_designs", "fitted to a single design")
+@variants.by("says_when_there_are_too_few_designs", "fitted to a single design")
 class FitsAnything(Small):
     """Fits one design without a word."""
 

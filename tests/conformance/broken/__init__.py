@@ -1,4 +1,4 @@
-"""Small plugins: one good one per interface, and for every check one that is spoiled in exactly that way."""
+"""Small plugins: one good one per interface, and for every check one that is broken in exactly that way."""
 
 from __future__ import annotations
 
@@ -14,27 +14,27 @@ SUITES = ("common", *INTERFACES)
 
 
 @dataclass(frozen=True)
-class Spoil:
-    """A spoiled component, the check that must find it and a pattern that its message must hold."""
+class Broken:
+    """A broken component, the check that must find it and a pattern that its message must hold."""
 
     check: str
     component: Component
     says: str
 
 
-class Spoils:
-    """The spoiled variants of one good component."""
+class Variants:
+    """The broken variants of one good component."""
 
     def __init__(self, good: Component) -> None:
         self.good = good
-        self.all: list[Spoil] = []
+        self.all: list[Broken] = []
 
     def add(self, check: str, says: str, **changes: Any) -> None:
         """A component whose manifest entry is changed."""
-        self.all.append(Spoil(check, replace(self.good, **changes), says))
+        self.all.append(Broken(check, replace(self.good, **changes), says))
 
     def by(self, check: str, says: str) -> Callable[[type], type]:
-        """Decorator: an implementation that spoils one check."""
+        """Decorator: an implementation that breaks one check."""
 
         def register(cls: type) -> type:
             self.add(check, says, implementation=f"{cls.__module__}:{cls.__name__}")
@@ -43,7 +43,7 @@ class Spoils:
         return register
 
     def by_config(self, check: str, says: str) -> Callable[[type], type]:
-        """Decorator: a config model that spoils one check."""
+        """Decorator: a config model that breaks one check."""
 
         def register(cls: type) -> type:
             self.add(check, says, config=f"{cls.__module__}:{cls.__name__}")
@@ -54,14 +54,14 @@ class Spoils:
 
 def good(interface: str) -> Component:
     """The good component of an interface."""
-    spoils: Spoils = importlib.import_module(f"spoiled.{interface}").spoils
-    return spoils.good
+    variants: Variants = importlib.import_module(f"broken.{interface}").variants
+    return variants.good
 
 
-def of(suite: str) -> list[Spoil]:
-    """The spoiled components of a suite: those of its module, and of modules `<suite>_...` that add to them."""
-    spoils: Spoils = importlib.import_module(f"spoiled.{suite}").spoils
+def of(suite: str) -> list[Broken]:
+    """The broken components of a suite: those of its module, and of modules `<suite>_...` that add to them."""
+    variants: Variants = importlib.import_module(f"broken.{suite}").variants
     for module in pkgutil.iter_modules(__path__):
         if module.name.startswith(f"{suite}_"):
-            importlib.import_module(f"spoiled.{module.name}")
-    return spoils.all
+            importlib.import_module(f"broken.{module.name}")
+    return variants.all

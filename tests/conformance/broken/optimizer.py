@@ -10,6 +10,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from broken import Variants
 from pliant.interfaces.optimizer import (
     Context,
     Optimizer,
@@ -21,7 +22,6 @@ from pliant.interfaces.optimizer import (
     Variable,
 )
 from pliant.registry.component import Component
-from spoiled import Spoils
 
 Scored = tuple[int, dict[str, Value], list[float]]
 
@@ -112,21 +112,21 @@ class Search(Optimizer):
         self.open = {number: Trial(number, *rest) for number, *rest in state["open"]}
 
 
-spoils = Spoils(
+variants = Variants(
     Component(
-        "optimizer", "small", "spoiled.optimizer:SearchConfig", "spoiled.optimizer:Search", "small search"
+        "optimizer", "small", "broken.optimizer:SearchConfig", "broken.optimizer:Search", "small search"
     )
 )
 
 
-@spoils.by("declares_its_capabilities", "capabilities is")
+@variants.by("declares_its_capabilities", "capabilities is")
 class Boastful(Search):
     """Capabilities in words."""
 
     capabilities = "everything"  # type: ignore[assignment]
 
 
-@spoils.by("proposals_are_within_bounds", r"not in \[5, 10\]")
+@variants.by("proposals_are_within_bounds", r"not in \[5, 10\]")
 class OffByOne(Search):
     """Integers up to and beyond the highest."""
 
@@ -135,7 +135,7 @@ class OffByOne(Search):
         return value + 1 if variable.type == "integer" else value  # type: ignore[operator]
 
 
-@spoils.by("proposals_are_plain_values", "JSON cannot hold")
+@variants.by("proposals_are_plain_values", "JSON cannot hold")
 class NumpyValues(Search):
     """numpy's numbers."""
 
@@ -144,14 +144,14 @@ class NumpyValues(Search):
         return np.float64(value) if variable.type == "real" else value
 
 
-@spoils.by("batch_is_a_number", "batch is 0")
+@variants.by("batch_is_a_number", "batch is 0")
 class NoBatch(Search):
     """Its batch is empty."""
 
     batch = 0  # type: ignore[assignment]
 
 
-@spoils.by("candidates_have_their_own_numbers", "given twice")
+@variants.by("candidates_have_their_own_numbers", "given twice")
 class NumbersByBatch(Search):
     """Numbers start anew in each batch."""
 
@@ -161,7 +161,7 @@ class NumbersByBatch(Search):
         return asked
 
 
-@spoils.by("answers_before_all_is_told", "RuntimeError")
+@variants.by("answers_before_all_is_told", "RuntimeError")
 class InStep(Search):
     """Waits for every trial."""
 
@@ -171,7 +171,7 @@ class InStep(Search):
         return super().ask(count)
 
 
-@spoils.by("seed_decides_everything", "two searches with one seed differ")
+@variants.by("seed_decides_everything", "two searches with one seed differ")
 class Unseeded(Search):
     """Uses the clock."""
 
@@ -179,7 +179,7 @@ class Unseeded(Search):
         return super().value(variable, np.random.default_rng(), centre)
 
 
-@spoils.by("seeds_differ", "the seed is not used")
+@variants.by("seeds_differ", "the seed is not used")
 class OneSeed(Search):
     """Always seed 0."""
 
@@ -187,7 +187,7 @@ class OneSeed(Search):
         super().start(space, 0)
 
 
-@spoils.by("leaves_global_random_state_alone", "global generator")
+@variants.by("leaves_global_random_state_alone", "global generator")
 class GlobalSeed(Search):
     """Seeds numpy for everybody."""
 
@@ -196,7 +196,7 @@ class GlobalSeed(Search):
         np.random.seed(seed + random.Random(seed).randrange(9))
 
 
-@spoils.by("order_of_results_does_not_matter", "depend on the order")
+@variants.by("order_of_results_does_not_matter", "depend on the order")
 class LastOneCounts(Search):
     """Goes on from the trial that came last."""
 
@@ -206,7 +206,7 @@ class LastOneCounts(Search):
             self.best[candidate.context] = [(trial.number, dict(candidate.values), [trial.objective])]
 
 
-@spoils.by("continues_after_an_interruption", "the state leaves something out")
+@variants.by("continues_after_an_interruption", "the state leaves something out")
 class Forgets(Search):
     """Its state leaves out what was learned."""
 
@@ -214,7 +214,7 @@ class Forgets(Search):
         return json.loads(json.dumps({**super().state(), "best": [[]]}))
 
 
-@spoils.by("survives_failed_evaluations", "ValueError")
+@variants.by("survives_failed_evaluations", "ValueError")
 class Fragile(Search):
     """Ranks outcomes as integers."""
 
@@ -222,7 +222,7 @@ class Fragile(Search):
         self.ranked = sorted(int(trial.objective) for trial in trials)
 
 
-@spoils.by("begins_at_a_guess", "KeyError")
+@variants.by("begins_at_a_guess", "KeyError")
 class WholeGuess(Search):
     """Wants a guess for every variable."""
 
@@ -231,7 +231,7 @@ class WholeGuess(Search):
         self.first = [space.start[v.name] for v in space.variables]
 
 
-@spoils.by("recommends_within_bounds", r"not in \[5, 10\]")
+@variants.by("recommends_within_bounds", r"not in \[5, 10\]")
 class FarRecommendation(Search):
     """Recommends what it extrapolates."""
 
@@ -240,7 +240,7 @@ class FarRecommendation(Search):
         return [replace(c, values={**c.values, "modules": 99}) for c in found]
 
 
-@spoils.by("exports_into_its_folder", "beside the folder")
+@variants.by("exports_into_its_folder", "beside the folder")
 class ExportsBeside(Search):
     """Writes a log where it was not asked to."""
 
@@ -249,7 +249,7 @@ class ExportsBeside(Search):
         return super().export(folder)
 
 
-@spoils.by("improves_on_a_sphere", "not searching")
+@variants.by("improves_on_a_sphere", "not searching")
 class Stubborn(Search):
     """Proposes the first candidate for ever."""
 
@@ -258,7 +258,7 @@ class Stubborn(Search):
         return replace(super().candidate(0), number=number)
 
 
-@spoils.by("avoids_what_is_refused", "taken for a good one")
+@variants.by("avoids_what_is_refused", "taken for a good one")
 class ZeroForNothing(Search):
     """Fills in zero where there is no objective."""
 
@@ -266,7 +266,7 @@ class ZeroForNothing(Search):
         return [0.0 if math.isnan(score) else score for score in super().scores(trial)]
 
 
-@spoils.by("avoids_what_is_refused", "whatever its objective")
+@variants.by("avoids_what_is_refused", "whatever its objective")
 class Unruly(Search):
     """Goes by the objective of candidates that break a constraint on metrics."""
 
@@ -274,7 +274,7 @@ class Unruly(Search):
         return list(trial.objectives)
 
 
-@spoils.by("finds_a_front", "the second too")
+@variants.by("finds_a_front", "the second too")
 class OneSided(Search):
     """Claims several objectives and looks at the first."""
 
@@ -282,7 +282,7 @@ class OneSided(Search):
         return [trial.objective]
 
 
-@spoils.by("contexts_are_in_range", "were tried")
+@variants.by("contexts_are_in_range", "were tried")
 class OneContext(Search):
     """Never tries the second context."""
 
@@ -290,7 +290,7 @@ class OneContext(Search):
         return replace(super().candidate(number), context=0)
 
 
-@spoils.by("learns_an_answer_for_each_context", "one answer for both")
+@variants.by("learns_an_answer_for_each_context", "one answer for both")
 class OneAnswer(Search):
     """Learns from all contexts as if they were one."""
 

@@ -2,7 +2,7 @@
 
 import sqlite3
 
-from spoiled.material import SolidConfig
+from broken.material import SolidConfig
 
 LIMIT = sqlite3.SQLITE_LIMIT_LENGTH
 

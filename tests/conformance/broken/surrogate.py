@@ -7,6 +7,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from broken import Variants
 from pliant.errors import UserError
 from pliant.interfaces.surrogate import FittedLaw, Surrogate, SurrogateConfig
 from pliant.records.design import Array
@@ -14,7 +15,6 @@ from pliant.records.fem import FemDataset, ModuleData
 from pliant.records.law import Domain, Effort, FitReport, JointLaw, LawRecord
 from pliant.registry.component import Component
 from pliant.testing.samples import LinearLaw
-from spoiled import Spoils
 
 
 class LineConfig(SurrogateConfig):
@@ -85,12 +85,12 @@ class Line(Surrogate):
         return LineLaw(a["terms"], box, axes=tuple(v["axes"]), actuation_name=v["actuation_name"])
 
 
-spoils = Spoils(
+variants = Variants(
     Component(
         "surrogate",
         "small",
-        "spoiled.surrogate:LineConfig",
-        "spoiled.surrogate:Line",
+        "broken.surrogate:LineConfig",
+        "broken.surrogate:Line",
         "a linear law",
         {"stated_gain": 1e-6},
     )
@@ -111,7 +111,7 @@ class Lawed(Line):
         )
 
 
-@spoils.by("fits_a_linear_law", "fitted linear law is off")
+@variants.by("fits_a_linear_law", "fitted linear law is off")
 class WrongSign(Line):
     """The moment's sign reversed."""
 
@@ -119,7 +119,7 @@ class WrongSign(Line):
         return -super().solve(columns, rows)
 
 
-@spoils.by("reports_its_errors_honestly", "the report's rmse|n_heldout")
+@variants.by("reports_its_errors_honestly", "the report's rmse|n_heldout")
 class FlattersItself(Line):
     """Reports the errors of the fitted states."""
 
@@ -127,7 +127,7 @@ class FlattersItself(Line):
         return replace(super().score(law, data, n_fitted, "fit"), n_heldout=len(data.select("check")))
 
 
-@spoils.by("check_states_are_not_fitted", "they were fitted")
+@variants.by("check_states_are_not_fitted", "they were fitted")
 class SeesEverything(Line):
     """Fits the check states too."""
 
@@ -144,7 +144,7 @@ class WrongSlope(LineLaw):
         return replace(good, dtau_du=-good.dtau_du)
 
 
-@spoils.by("slopes_are_derivatives", "dtau_du is not the slope of tau")
+@variants.by("slopes_are_derivatives", "dtau_du is not the slope of tau")
 class SlopeSign(Lawed):
     """∂τ/∂u with the sign of a stiffness."""
 
@@ -157,7 +157,7 @@ class Batched(LineLaw):
         return replace(good, tau=good.tau + 1e-4 * deformation.mean())
 
 
-@spoils.by("joints_do_not_affect_each_other", "depends on which other joints")
+@variants.by("joints_do_not_affect_each_other", "depends on which other joints")
 class NormalisesBatches(Lawed):
     """Uses the batch's mean."""
 
@@ -170,7 +170,7 @@ class Rounded(LineLaw):
         return replace(good, arrays={**good.arrays, "terms": np.float32(self.terms)})
 
 
-@spoils.by("record_gives_the_same_bits", "the record rounds a number")
+@variants.by("record_gives_the_same_bits", "the record rounds a number")
 class SinglePrecision(Lawed):
     """Stores 32 bits."""
 
@@ -182,14 +182,14 @@ class OtherEnergy(LineLaw):
         return 2 * super().potential(actuation, deformation)
 
 
-@spoils.by("effort_derives_from_the_potential", "τ is not −∂Π/∂u")
+@variants.by("effort_derives_from_the_potential", "τ is not −∂Π/∂u")
 class EnergyOff(Lawed):
     """Twice the energy."""
 
     law = OtherEnergy
 
 
-@spoils.by("domain_is_the_box_of_the_data", "not the box of the fitted states")
+@variants.by("domain_is_the_box_of_the_data", "not the box of the fitted states")
 class Boundless(Line):
     """Claims to hold everywhere."""
 
@@ -205,14 +205,14 @@ class Refusing(LineLaw):
         return replace(good, tau=np.where(outside[:, None], np.nan, good.tau))
 
 
-@spoils.by("stays_finite_outside_the_domain", "not finite outside the domain")
+@variants.by("stays_finite_outside_the_domain", "not finite outside the domain")
 class NanOutside(Lawed):
     """No number outside its box."""
 
     law = Refusing
 
 
-@spoils.by("law_is_stable", "∂τ/∂u reaches")
+@variants.by("law_is_stable", "∂τ/∂u reaches")
 class Unstable(Line):
     """Its stiffness is negative."""
 
@@ -220,7 +220,7 @@ class Unstable(Line):
         return super().solve(columns, rows) * [1, 1, -1]
 
 
-@spoils.by("says_when_there_are_too_few_states", "LinAlgError|ValueError|single state|IndexError")
+@variants.by("says_when_there_are_too_few_states", "LinAlgError|ValueError|single state|IndexError")
 class FitsAnything(Line):
     """Fits one state without a word."""
 
@@ -232,7 +232,7 @@ class FitsAnything(Line):
             return FittedLaw(law, FitReport(1, 0, 0.0, 0.0, 0.0, 1.0, 1.0, {}))
 
 
-@spoils.by("fits_values_without_slopes", "not all values are finite|LinAlgError")
+@variants.by("fits_values_without_slopes", "not all values are finite|LinAlgError")
 class NeedsSlopes(Line):
     """Takes the stiffness from the slopes alone."""
 
@@ -240,7 +240,7 @@ class NeedsSlopes(Line):
         return super().solve(columns, rows) * [1, 1, 0] + [0, 0, -rows.dmoment_du.mean()]
 
 
-@spoils.by("refuses_values_that_are_not_numbers", "without a word")
+@variants.by("refuses_values_that_are_not_numbers", "without a word")
 class DropsNan(Line):
     """Leaves out what it cannot read."""
 
@@ -248,7 +248,7 @@ class DropsNan(Line):
         return super().fit(replace(data, moment_n_m=np.nan_to_num(data.moment_n_m)))
 
 
-@spoils.by("is_deterministic", "two fits of the same data differ")
+@variants.by("is_deterministic", "two fits of the same data differ")
 class Bootstraps(Line):
     """A random resample without a seed."""
 
@@ -257,7 +257,7 @@ class Bootstraps(Line):
         return super().solve(columns[chosen], replace(rows, moment_n_m=rows.moment_n_m[chosen]))
 
 
-@spoils.by("stated_law_is_complete", "no JointLaw")
+@variants.by("stated_law_is_complete", "no JointLaw")
 class StatesNumbers(Line):
     """Gives the coefficients instead of a law."""
 
@@ -265,7 +265,7 @@ class StatesNumbers(Line):
         return np.array([0.0, 1e-6, 0.04])
 
 
-@spoils.by("couples_the_axes_of_a_joint", "about x of a coupled law is off")
+@variants.by("couples_the_axes_of_a_joint", "about x of a coupled law is off")
 class EachByItself(Line):
     """Says that it couples axes, and fits τ_k = g_k p − K_k u_k."""
 

@@ -6,12 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from broken.physics import Engine, variants
 from pliant.interfaces.physics import Capabilities
 from pliant.records.rollout import Inputs, PointForce, Sensitivity
 from pliant.testing.stand_ins import StandInSimulation
 from pliant_plugins.physics.quasistatic.backend import Quasistatic
 from pliant_plugins.physics.quasistatic.config import QuasistaticConfig
-from spoiled.physics import Engine, spoils
 
 
 class AtOrigins(StandInSimulation):
@@ -19,7 +19,7 @@ class AtOrigins(StandInSimulation):
         super().apply(replace(inputs, forces=tuple(replace(f, point_m=np.zeros(3)) for f in inputs.forces)))
 
 
-@spoils.by("point_forces_act_where_they_say", "unbalanced effort")
+@variants.by("point_forces_act_where_they_say", "unbalanced effort")
 class PushesOrigins(Engine):
     """Point forces act at the origins of bodies."""
 
@@ -40,7 +40,7 @@ class Straight(StandInSimulation):
         self.applied = replace(self.applied, forces=(*self.applied.forces, *dead))
 
 
-@spoils.by("cords_pull_toward_their_pulleys", "keeps its first direction")
+@variants.by("cords_pull_toward_their_pulleys", "keeps its first direction")
 class DeadCords(Engine):
     """Cords as dead forces."""
 
@@ -52,7 +52,7 @@ class Halved(StandInSimulation):
         super().apply(replace(inputs, cords=tuple(c.scaled(0.5) for c in inputs.cords)))
 
 
-@spoils.by("long_cords_are_dead_forces", "under a long cord")
+@variants.by("long_cords_are_dead_forces", "under a long cord")
 class HalfTension(Engine):
     """Takes a cord for a loop of which both strands pull."""
 
@@ -66,7 +66,7 @@ class PlanarPoints(StandInSimulation):
         super().apply(inputs)
 
 
-@spoils.by("points_load_spherical_joints", "not mapped")
+@variants.by("points_load_spherical_joints", "not mapped")
 class HingesOnly(Engine):
     """Loads at points reach hinges only."""
 
@@ -82,7 +82,7 @@ class Batcher(Engine):
         return Quasistatic(QuasistaticConfig()).settle_batch(cases)
 
 
-@spoils.by("batches_settle_as_one_by_one", "of case 1 of a batch")
+@variants.by("batches_settle_as_one_by_one", "of case 1 of a batch")
 class Shuffled(Batcher):
     """Answers in the order in which workers finish."""
 
@@ -90,7 +90,7 @@ class Shuffled(Batcher):
         return super().settle_batch(cases)[::-1]
 
 
-@spoils.by("batches_roll_as_one_by_one", "of sample 1 of a rollout")
+@variants.by("batches_roll_as_one_by_one", "of sample 1 of a rollout")
 class StartsBent(Batcher):
     """Rollouts forget their first sample."""
 
@@ -113,14 +113,14 @@ class PerKilopascal(StandInSimulation):
         return replace(good, joint_angles=angles)
 
 
-@spoils.by("sensitivities_are_differences", "d joint_angles / d pressure_pa")
+@variants.by("sensitivities_are_differences", "d joint_angles / d pressure_pa")
 class Kilopascals(Batcher):
     """Derivatives per kilopascal."""
 
     simulation = PerKilopascal
 
 
-@spoils.by("exports_a_file", "missing or empty")
+@variants.by("exports_a_file", "missing or empty")
 class ForgetsToWrite(Engine):
     """Names a file that it did not write."""
 

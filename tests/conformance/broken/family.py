@@ -5,6 +5,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from broken import Variants
 from pliant.errors import InvalidDesignError
 from pliant.interfaces.family import ActuatorFamily, FamilyConfig
 from pliant.meshing.hexahedra import cell_volumes
@@ -13,7 +14,6 @@ from pliant.records.fem import Link, ModuleProblem
 from pliant.registry.component import Component
 from pliant.testing.box import BoxShape, box_problem
 from pliant.units import Length
-from spoiled import Spoils
 
 
 class BoxConfig(FamilyConfig):
@@ -71,10 +71,10 @@ class Box(ActuatorFamily):
         )
 
 
-spoils = Spoils(Component("family", "small", "spoiled.family:BoxConfig", "spoiled.family:Box", "a box"))
+variants = Variants(Component("family", "small", "broken.family:BoxConfig", "broken.family:Box", "a box"))
 
 
-class Spoiled(Box):
+class Falsified(Box):
     """Changes the problem or its mesh after the good one made it."""
 
     def problem(self, refinement: int = 1, axes: tuple[str, ...] | None = None) -> ModuleProblem:
@@ -89,8 +89,8 @@ class Spoiled(Box):
         return {}
 
 
-@spoils.by("elements_are_valid", "inverted or collapsed")
-class LeftHanded(Spoiled):
+@variants.by("elements_are_valid", "inverted or collapsed")
+class LeftHanded(Falsified):
     """Cells in mirrored order."""
 
     def mesh_changes(self, problem: ModuleProblem) -> dict[str, Any]:
@@ -98,8 +98,8 @@ class LeftHanded(Spoiled):
         return {"cells": problem.mesh.cells[:, order]}
 
 
-@spoils.by("mesh_is_one_closed_body", "nodes coincide")
-class Cracked(Spoiled):
+@variants.by("mesh_is_one_closed_body", "nodes coincide")
+class Cracked(Falsified):
     """The last cell has nodes of its own."""
 
     def mesh_changes(self, problem: ModuleProblem) -> dict[str, Any]:
@@ -113,16 +113,16 @@ class Cracked(Spoiled):
         return {"nodes_m": nodes[keep], "cells": new[np.vstack([mesh.cells[:-1], own])]}
 
 
-@spoils.by("cavity_faces_point_into_the_cavity", "swap its a and b")
-class InwardCavity(Spoiled):
+@variants.by("cavity_faces_point_into_the_cavity", "swap its a and b")
+class InwardCavity(Falsified):
     """Cavity normals into the solid."""
 
     def mesh_changes(self, problem: ModuleProblem) -> dict[str, Any]:
         return {"cavity": problem.mesh.cavity[:, np.arange(9).reshape(3, 3).T.ravel()]}
 
 
-@spoils.by("end_sections_are_plane", "node set 'end' has")
-class MissingEndNodes(Spoiled):
+@variants.by("end_sections_are_plane", "node set 'end' has")
+class MissingEndNodes(Falsified):
     """An end set without its last node."""
 
     def mesh_changes(self, problem: ModuleProblem) -> dict[str, Any]:
@@ -130,16 +130,16 @@ class MissingEndNodes(Spoiled):
         return {"node_sets": {**sets, "end": sets["end"][:-1]}}
 
 
-@spoils.by("supports_hold_the_body", "hold 5 of 6 rigid motions")
-class Floating(Spoiled):
+@variants.by("supports_hold_the_body", "hold 5 of 6 rigid motions")
+class Floating(Falsified):
     """Nothing holds z."""
 
     def changes(self, problem: ModuleProblem) -> dict[str, Any]:
         return {"fixed": {"start": (0,), "end": (0,), "symmetry": (1,)}}
 
 
-@spoils.by("couplings_are_possible", "pairs a node with itself")
-class TiedToItself(Spoiled):
+@variants.by("couplings_are_possible", "pairs a node with itself")
+class TiedToItself(Falsified):
     """A link of the end section with itself."""
 
     def changes(self, problem: ModuleProblem) -> dict[str, Any]:
@@ -147,8 +147,8 @@ class TiedToItself(Spoiled):
         return {"links": (Link(end, end, {2: 1.0}),)}
 
 
-@spoils.by("smaller_pieces_are_of_the_same_module", "a forgotten mirror half")
-class HalfForgotten(Spoiled):
+@variants.by("smaller_pieces_are_of_the_same_module", "a forgotten mirror half")
+class HalfForgotten(Falsified):
     """For one axis the other half of the width is forgotten."""
 
     def problem(self, refinement: int = 1, axes: tuple[str, ...] | None = None) -> ModuleProblem:
@@ -156,7 +156,7 @@ class HalfForgotten(Spoiled):
         return problem if axes is None else replace(problem, energy_scale=2.0)
 
 
-@spoils.by("refinement_refines", "the argument is not used")
+@variants.by("refinement_refines", "the argument is not used")
 class NeverFiner(Box):
     """Ignores the refinement."""
 
@@ -164,23 +164,23 @@ class NeverFiner(Box):
         return super().problem(1)
 
 
-@spoils.by("piece_fits_the_module", "more than the module's length")
-class WrongScale(Spoiled):
+@variants.by("piece_fits_the_module", "more than the module's length")
+class WrongScale(Falsified):
     """A piece counted too often."""
 
     def changes(self, problem: ModuleProblem) -> dict[str, Any]:
         return {"deformation_scale": 4.0}
 
 
-@spoils.by("axes_fit_the_joint", "main axis 'z'")
-class WrongAxis(Spoiled):
+@variants.by("axes_fit_the_joint", "main axis 'z'")
+class WrongAxis(Falsified):
     """Bends about an axis that the joint does not have."""
 
     def changes(self, problem: ModuleProblem) -> dict[str, Any]:
         return {"main_axis": "z"}
 
 
-@spoils.by("mass_is_that_of_the_mesh", "not that of the meshed body")
+@variants.by("mass_is_that_of_the_mesh", "not that of the meshed body")
 class ForgottenMirror(Box):
     """The mass of half the width."""
 
@@ -188,7 +188,7 @@ class ForgottenMirror(Box):
         return super().mass(density_kg_m3 / 2)
 
 
-@spoils.by("mass_scales_with_density", "mass ignores the density")
+@variants.by("mass_scales_with_density", "mass ignores the density")
 class FixedDensity(Box):
     """Always silicone."""
 
@@ -196,7 +196,7 @@ class FixedDensity(Box):
         return super().mass(1000.0)
 
 
-@spoils.by("mass_scales_with_density", "mass is not proportional to the density")
+@variants.by("mass_scales_with_density", "mass is not proportional to the density")
 class DeadWeight(Box):
     """A constant mass at the tip, though no part of the module is rigid."""
 
@@ -205,7 +205,7 @@ class DeadWeight(Box):
         return replace(good, end=good.end.joined(MassProperties(1e-3, good.end.com_m, 1e-9 * np.eye(3))))
 
 
-@spoils.by("inertia_is_physical", "triangle inequality")
+@variants.by("inertia_is_physical", "triangle inequality")
 class ThinInertia(Box):
     """Far too much inertia about one axis."""
 
@@ -215,7 +215,7 @@ class ThinInertia(Box):
         return replace(good, end=replace(good.end, inertia_kg_m2=inertia))
 
 
-@spoils.by("halves_are_in_their_places", "start half's centre of mass")
+@variants.by("halves_are_in_their_places", "start half's centre of mass")
 class SwappedHalves(Box):
     """Start and end exchanged."""
 
@@ -224,14 +224,14 @@ class SwappedHalves(Box):
         return ModuleMass(good.end, good.start)
 
 
-@spoils.by_config("parameters_have_units", "'gap' is a plain float")
+@variants.by_config("parameters_have_units", "'gap' is a plain float")
 class PlainNumbers(BoxConfig):
     """A gap in whatever unit."""
 
     gap: float = 1.5e-3
 
 
-@spoils.by("impossible_designs_are_refused", "wall_m = -0.001 m was accepted")
+@variants.by("impossible_designs_are_refused", "wall_m = -0.001 m was accepted")
 class Trusting(Box):
     """Takes the size of a negative wall."""
 
@@ -239,7 +239,7 @@ class Trusting(Box):
         super().__init__(config.model_copy(update={"wall_m": abs(config.wall_m) or 1e-3}))
 
 
-@spoils.by("accepted_designs_have_meshes", "was accepted, but")
+@variants.by("accepted_designs_have_meshes", "was accepted, but")
 class NeverChecks(Box):
     """Builds anything; thick walls turn the cavity inside out."""
 
@@ -247,8 +247,8 @@ class NeverChecks(Box):
         ActuatorFamily.__init__(self, config)
 
 
-@spoils.by("is_deterministic", "two meshes of one design differ")
-class Jitter(Spoiled):
+@variants.by("is_deterministic", "two meshes of one design differ")
+class Jitter(Falsified):
     """Random node positions, a micrometre."""
 
     def mesh_changes(self, problem: ModuleProblem) -> dict[str, Any]:

@@ -7,6 +7,7 @@ from typing import ClassVar, Literal
 
 import numpy as np
 
+from broken import Variants
 from pliant.interfaces.physics import Capabilities, SimulationState
 from pliant.mechanics.rotations import left_jacobian
 from pliant.records.chain import ChainModel, default_base_rotation
@@ -17,7 +18,6 @@ from pliant.registry.component import Component
 from pliant.testing.stand_ins import StandIn, StandInConfig, StandInSimulation
 from pliant_plugins.physics.quasistatic.backend import Quasistatic
 from pliant_plugins.physics.quasistatic.config import QuasistaticConfig
-from spoiled import Spoils
 
 
 class EngineConfig(StandInConfig):
@@ -38,16 +38,38 @@ class Engine(StandIn):
         return chain
 
 
-spoils = Spoils(
-    Component("physics", "small", "spoiled.physics:EngineConfig", "spoiled.physics:Engine", "plain Newton")
+variants = Variants(
+    Component("physics", "small", "broken.physics:EngineConfig", "broken.physics:Engine", "plain Newton")
 )
 
 
-@spoils.by("declares_its_capabilities", "joints")
+@variants.by("declares_its_capabilities", "joints")
 class UnknownJoint(Engine):
     """A joint that Pliant does not have."""
 
     capabilities = Capabilities(joints=("universal",), dynamic=False)  # type: ignore[arg-type]
+
+
+@variants.by("dynamic_is_what_it_says", "dynamic is True.* no inertia holds it back")
+class NoInertia(Engine):
+    """Steps from equilibrium to equilibrium, and says that it advances inertia."""
+
+    capabilities = Capabilities(joints=StandIn.capabilities.joints, dynamic=True)
+
+
+class Creeping(StandInSimulation):
+    def step(self, duration_s: float) -> None:
+        before = self.snapshot()
+        super().step(duration_s)
+        after = self.snapshot()
+        self.restore(replace(after, position=before.position + 0.3 * (after.position - before.position)))
+
+
+@variants.by("dynamic_is_what_it_says", "dynamic is False")
+class HalfWay(Engine):
+    """Approaches its equilibria by and by, and says that each step is one."""
+
+    simulation = Creeping
 
 
 class Millimetres(StandInSimulation):
@@ -55,7 +77,7 @@ class Millimetres(StandInSimulation):
         return 1e3 * super().markers()
 
 
-@spoils.by("starts_straight", "markers .* of the straight chain")
+@variants.by("starts_straight", "markers .* of the straight chain")
 class Scaled(Engine):
     """Its own length unit comes out."""
 
@@ -68,7 +90,7 @@ class Preloaded(StandInSimulation):
         return replace(good, joint_angles=good.joint_angles + 1e-4)
 
 
-@spoils.by("stays_at_rest_without_loads", "without any load")
+@variants.by("stays_at_rest_without_loads", "without any load")
 class FrictionMotors(Engine):
     """A joint that keeps a little angle."""
 
@@ -80,14 +102,14 @@ class WeakPressure(StandInSimulation):
         super().apply(replace(inputs, actuation={k: 0.99 * v for k, v in inputs.actuation.items()}))
 
 
-@spoils.by("gives_the_worked_number", "joint angles")
+@variants.by("gives_the_worked_number", "joint angles")
 class LosesPressure(Engine):
     """One per cent less pressure."""
 
     simulation = WeakPressure
 
 
-@spoils.by("balances_a_weight", "under the module's own weight")
+@variants.by("balances_a_weight", "under the module's own weight")
 class Weightless(Engine):
     """Forgets the last body's weight."""
 
@@ -102,7 +124,7 @@ class Sloppy(StandInSimulation):
         return replace(good, joint_angles=self.q.copy(), markers_m=self.markers())
 
 
-@spoils.by("settles_in_equilibrium", "the unbalanced effort is")
+@variants.by("settles_in_equilibrium", "the unbalanced effort is")
 class StopsEarly(Engine):
     """Stops one per cent before equilibrium and says that it converged."""
 
@@ -115,14 +137,14 @@ class OldMarkers(StandInSimulation):
         return replace(super().settle(), markers_m=before)
 
 
-@spoils.by("markers_follow_the_kinematics", "do not belong to joint_angles")
+@variants.by("markers_follow_the_kinematics", "do not belong to joint_angles")
 class StaleMarkers(Engine):
     """Reads positions before the engine updated them."""
 
     simulation = OldMarkers
 
 
-@spoils.by("turns_with_its_base", "markers .* of the moved chain")
+@variants.by("turns_with_its_base", "markers .* of the moved chain")
 class FixedBase(Engine):
     """Always hangs from the default base."""
 
@@ -130,7 +152,7 @@ class FixedBase(Engine):
         return chain.with_(base_rotation=default_base_rotation())
 
 
-@spoils.by("payload_is_a_weight_at_the_tip", "payload does not move the tip")
+@variants.by("payload_is_a_weight_at_the_tip", "payload does not move the tip")
 class NoPayload(Engine):
     """Ignores the payload."""
 
@@ -143,14 +165,14 @@ class HelpingMoment(StandInSimulation):
         super().apply(replace(inputs, moment_n_m=-inputs.moment_n_m))
 
 
-@spoils.by("moment_opposes_actuation", "under an opposing moment")
+@variants.by("moment_opposes_actuation", "under an opposing moment")
 class Helps(Engine):
     """The moment acts along the actuation."""
 
     simulation = HelpingMoment
 
 
-@spoils.by("opposed_actuators_cancel", "equal opposed pressures")
+@variants.by("opposed_actuators_cancel", "equal opposed pressures")
 class Unsigned(Engine):
     """Takes every chamber for the first."""
 
@@ -164,7 +186,7 @@ class Defaulting(StandInSimulation):
         super().apply(replace(inputs, actuation={**zero, **inputs.actuation}))
 
 
-@spoils.by("refuses_missing_inputs", "without a value for it")
+@variants.by("refuses_missing_inputs", "without a value for it")
 class AssumesZero(Engine):
     """A missing pressure is 0."""
 
@@ -176,7 +198,7 @@ class Silent(StandInSimulation):
         return replace(super().settle(), outside_domain=())
 
 
-@spoils.by("reports_extrapolation", "reported were \\[\\]")
+@variants.by("reports_extrapolation", "reported were \\[\\]")
 class SaysNothing(Engine):
     """Never reports extrapolation."""
 
@@ -188,7 +210,7 @@ class Optimist(StandInSimulation):
         return replace(super().settle(), converged=True, stable=True)
 
 
-@spoils.by("admits_that_it_did_not_converge", "called converged and stable")
+@variants.by("admits_that_it_did_not_converge", "called converged and stable")
 class AlwaysFine(Engine):
     """Always converged, always stable."""
 
@@ -207,7 +229,7 @@ class Aliased(StandInSimulation):
         return good
 
 
-@spoils.by("restores_a_snapshot", "copy it")
+@variants.by("restores_a_snapshot", "copy it")
 class SharesItsState(Engine):
     """Its snapshot is a view."""
 
@@ -219,7 +241,7 @@ class WholeSteps(StandInSimulation):
         super().step(0.05 * round(duration_s / 0.05))
 
 
-@spoils.by("steps_forward_in_time", "passed in two steps")
+@variants.by("steps_forward_in_time", "passed in two steps")
 class CoarseClock(Engine):
     """Advances by whole internal steps of 50 ms only."""
 
@@ -239,7 +261,7 @@ class Shared(StandInSimulation):
         return self.statics.geometry.markers(np.resize(q, self.q.shape))
 
 
-@spoils.by("simulations_are_independent", "shared state")
+@variants.by("simulations_are_independent", "shared state")
 class OneWorld(Engine):
     """All simulations live in one world."""
 
@@ -255,14 +277,14 @@ class ClosesOnce(StandInSimulation):
         self.open = False
 
 
-@spoils.by("closes_cleanly", "RuntimeError")
+@variants.by("closes_cleanly", "RuntimeError")
 class Disconnects(Engine):
     """Raises when it is closed twice."""
 
     simulation = ClosesOnce
 
 
-@spoils.by("leaves_the_chain_alone", "changed in place")
+@variants.by("leaves_the_chain_alone", "changed in place")
 class ScalesMasses(Engine):
     """Converts inertias in the caller's arrays."""
 
@@ -288,7 +310,7 @@ class NaiveTorques(StandInSimulation):
         return replace(good, joint_angles=self.q.copy(), markers_m=self.markers())
 
 
-@spoils.by(
+@variants.by(
     "spherical_efforts_are_energy_consistent", "applied as a torque in the parent's or the child's frame"
 )
 class TorqueInChildFrame(Engine):
@@ -304,7 +326,7 @@ class Doubled(StandInSimulation):
         return replace(good, joint_angles=good.joint_angles * (1e3 if slides else 1.0))
 
 
-@spoils.by("prismatic_joints_extend", "extension")
+@variants.by("prismatic_joints_extend", "extension")
 class SlidesInMillimetres(Engine):
     """Extensions in its own unit."""
 
@@ -320,7 +342,7 @@ class Follower(Engine):
         return Quasistatic(QuasistaticConfig()).follow(chain, histories, towards)
 
 
-@spoils.by("follows_settled_states", "of sample 1 without a clock")
+@variants.by("follows_settled_states", "of sample 1 without a clock")
 class ForgetsForces(Follower):
     """No tip force in histories."""
 
@@ -328,7 +350,7 @@ class ForgetsForces(Follower):
         return super().follow(chain, [h.with_(tip_force_n=0 * h.tip_force_n) for h in histories], towards)
 
 
-@spoils.by("follows_time", "damped joint")
+@variants.by("follows_time", "damped joint")
 class WithoutClock(Follower):
     """Every sample is reached slowly."""
 
@@ -336,7 +358,7 @@ class WithoutClock(Follower):
         return super().follow(chain, [h.with_(time_s=None) for h in histories], towards)
 
 
-@spoils.by("keeps_damage_in_its_specimen", "virgin specimen after another")
+@variants.by("keeps_damage_in_its_specimen", "virgin specimen after another")
 class OneSpecimen(Follower):
     """All runs are of one specimen."""
 
@@ -344,20 +366,20 @@ class OneSpecimen(Follower):
         return super().follow(chain, [h.with_(specimen="") for h in histories], towards)
 
 
-@spoils.by("differentiates", "in run 2")
+@variants.by("differentiates", "in run 2")
 class ShortMemory(Follower):
     """Derivatives of later runs forget what earlier ones changed."""
 
     def follow(self, chain, histories: list[History], towards=()):
         paths, changes = super().follow(chain, histories, towards)
-        spoilt = tuple(
+        falsified = tuple(
             (change[0], *(Followed(0.9 * c.joint_angles, c.converged) for c in change[1:]))
             for change in changes
         )
-        return paths, spoilt
+        return paths, falsified
 
 
-@spoils.by("names_missing_inputs_of_runs", "was followed")
+@variants.by("names_missing_inputs_of_runs", "was followed")
 class TakesZero(Follower):
     """A missing pressure is 0."""
 

@@ -5,12 +5,12 @@ from typing import Literal
 
 import numpy as np
 
+from broken import Variants
 from pliant.errors import UserError
 from pliant.interfaces.viewer import Handle, Picture, View, Viewer, ViewerConfig
 from pliant.mechanics.kinematics import ChainGeometry
 from pliant.records.motion import Motion
 from pliant.registry.component import Component
-from spoiled import Spoils
 
 PIXELS_PER_M = 1500.0
 
@@ -43,10 +43,10 @@ class Dots(Viewer):
         raise AssertionError("asked to show without a display")
 
 
-spoils = Spoils(Component("viewer", "small", "spoiled.viewer:DotsConfig", "spoiled.viewer:Dots", "dots"))
+variants = Variants(Component("viewer", "small", "broken.viewer:DotsConfig", "broken.viewer:Dots", "dots"))
 
 
-@spoils.by("gives_a_picture_per_frame", r"is \(\(96, 64, 3\)")
+@variants.by("gives_a_picture_per_frame", r"is \(\(96, 64, 3\)")
 class Turned(Dots):
     """Width and height mixed up."""
 
@@ -54,7 +54,7 @@ class Turned(Dots):
         yield from super().pictures(motion, size[::-1], view)
 
 
-@spoils.by("shows_the_motion", "differ in 0.00%")
+@variants.by("shows_the_motion", "differ in 0.00%")
 class Frozen(Dots):
     """Always the first frame."""
 
@@ -63,7 +63,7 @@ class Frozen(Dots):
         yield from (first for _ in (first, *others))
 
 
-@spoils.by("draws_a_pose_always_alike", "two pictures of one pose differ")
+@variants.by("draws_a_pose_always_alike", "two pictures of one pose differ")
 class Travelling(Dots):
     """A camera that moves."""
 

@@ -1,28 +1,28 @@
 """Good effects, an actuation gain at the law and as a law term, and effects that reach where they should not."""
 
 from dataclasses import dataclass, field, replace
-from typing import Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, field_validator
 
-from pliant.interfaces.effect import Effect, EffectConfig, EffectParameter, Model, Place, Readings
+from broken import Variants
+from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, Model, Place, Readings, parameter
 from pliant.records.design import Array
-from pliant.records.history import History
+from pliant.records.history import REFERENCE_TEMPERATURE_C, History
 from pliant.records.law import Domain, Effort, JointKind, JointLaw, LawRecord
 from pliant.records.term import LawTerm, TermFunction
 from pliant.registry.component import Component
 from pliant.units import Ratio
-from spoiled import Spoils
 
-PARAMETER = EffectParameter("gain", "1", neutral=1.0, bounds=(0.1, 10.0), plausible=(0.8, 1.2))
+PARAMETER: dict[str, Any] = {"neutral": 1.0, "bounds": (0.1, 10.0), "plausible": (0.8, 1.2)}
 
 
 class GainConfig(EffectConfig):
     """A factor on the pressure that reaches the law."""
 
     kind: Literal["small"] = "small"
-    gain: Ratio = Field(default=1.0, ge=0.1, le=10.0)
+    gain: Ratio = parameter(**PARAMETER)
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +52,6 @@ class Gain(Effect):
     """Wraps every law."""
 
     place: ClassVar[Place] = "law"
-    parameters: ClassVar[tuple[EffectParameter, ...]] = (PARAMETER,)
     exciting: ClassVar[tuple[str, ...]] = ("slow_cycles", "passive_load_steps")
     config: GainConfig
     law: ClassVar[type[GainedLaw]] = GainedLaw
@@ -62,50 +61,65 @@ class Gain(Effect):
         return model.with_(chain=model.chain.with_(laws=laws))
 
 
-spoils = Spoils(
-    Component("effect", "small", "spoiled.effect:GainConfig", "spoiled.effect:Gain", "a gain", {"gain": 1.1})
+variants = Variants(
+    Component("effect", "small", "broken.effect:GainConfig", "broken.effect:Gain", "a gain", {"gain": 1.1})
 )
 
 
-@spoils.by("declares_place_and_parameters", "plausible .* is not an ordered range")
-class SwappedRange(Gain):
-    """Plausible from high to low."""
+@variants.by("declares_place_and_parameters", "place is 'nowhere'")
+class Nowhere(Gain):
+    """Acts at no place that there is."""
 
-    parameters = (replace(PARAMETER, plausible=(1.2, 0.8)),)
-
-
-@spoils.by("declares_place_and_parameters", "a log-normal prior has no room for 0")
-class LogOfZero(Gain):
-    """A log-normal prior that begins at zero."""
-
-    parameters = (replace(PARAMETER, bounds=(0.0, 10.0), plausible=(0.0, 2.0), prior="log_normal"),)
+    place = "nowhere"  # type: ignore[assignment]
 
 
-@spoils.by("has_a_strength", "which one makes the effect vanish")
-class OnlyShape(Gain):
+@variants.by_config("declares_place_and_parameters", r"the unit 'furlong..2' is not known")
+class UnknownUnit(GainConfig):
+    """A parameter in a unit that nobody reads."""
+
+    gain: float = parameter(unit="furlong^^2", **PARAMETER)
+
+
+@variants.by_config("has_a_strength", "which one makes the effect vanish")
+class OnlyShape(GainConfig):
     """Calls its gain a shape."""
 
-    parameters = (replace(PARAMETER, role="shape"),)
+    gain: Ratio = parameter(**PARAMETER, role="shape")
 
 
-class BoundlessConfig(GainConfig):
-    """No hard bounds."""
+@variants.by_config("has_a_strength", "the effect has no parameters")
+class NothingToFit(GainConfig):
+    """A plain field."""
 
     gain: Ratio = 1.0
 
 
-spoils.add("parameters_are_config_fields", "outside the bounds", config="spoiled.effect:BoundlessConfig")
+@variants.by_config("config_keeps_the_bounds", "Input should be less than or equal to 5")
+class NarrowConfig(GainConfig):
+    """A second limit that the parameter does not know."""
+
+    gain: Annotated[Ratio, Field(le=5.0)] = parameter(**PARAMETER)
 
 
-@spoils.by("neutral_values_change_nothing", "every strength neutral the law differs")
-class NeverNeutral(Gain):
+@variants.by_config("config_keeps_the_bounds", "outside the bounds")
+class WideConfig(GainConfig):
+    """Takes any number."""
+
+    @field_validator("gain", mode="wrap")
+    @classmethod
+    def _any(cls, value: float, handler: Any) -> float:
+        return value
+
+
+@variants.by_config("neutral_values_change_nothing", "every strength neutral the law differs")
+class NeverNeutral(GainConfig):
     """Neutral is said to be 0.9."""
 
-    parameters = (replace(PARAMETER, neutral=0.9),)
+    gain: Ratio = parameter(**{**PARAMETER, "neutral": 0.9})
 
 
-@spoils.by("plausible_values_change_something", "parameter 'gain' has no effect")
-@spoils.by("a_run_shows_it", "the same with and without the effect")
+@variants.by("plausible_values_change_something", "parameter 'gain' has no effect")
+@variants.by("a_run_shows_it", "the same with and without the effect")
 class Unused(Gain):
     """Forgets its parameter."""
 
@@ -113,7 +127,7 @@ class Unused(Gain):
         return model
 
 
-@spoils.by("acts_only_at_its_place", "place 'law' changed the chain")
+@variants.by("acts_only_at_its_place", "place 'law' changed the chain")
 class Lightens(Gain):
     """Also takes the payload off."""
 
@@ -122,7 +136,7 @@ class Lightens(Gain):
         return changed.with_(chain=changed.chain.with_(payload_kg=0.0))
 
 
-@spoils.by("leaves_the_model_alone", "changed in place")
+@variants.by("leaves_the_model_alone", "changed in place")
 class InPlace(Gain):
     """Turns gravity round in the caller's chain."""
 
@@ -131,7 +145,7 @@ class InPlace(Gain):
         return super().apply(model)
 
 
-@spoils.by("keeps_earlier_effects", "maps of effects applied before are lost")
+@variants.by("keeps_earlier_effects", "maps of effects applied before are lost")
 class StartsAnew(Gain):
     """Makes a new model from the chain alone."""
 
@@ -147,18 +161,25 @@ class UnslopedLaw(GainedLaw):
         return replace(good, dtau_dp=self.inner.evaluate(actuation, deformation).dtau_dp)
 
 
-@spoils.by("wrapped_laws_stay_laws", "dtau_dp of the wrapped law is not the slope")
+@variants.by("wrapped_laws_stay_laws", "dtau_dp of the wrapped law is not the slope")
 class ForgetsTheSlope(Gain):
     """Its law's ∂τ/∂p lacks the gain."""
 
     law = UnslopedLaw
 
 
+class Misspelt(Gain):
+    """Reads a parameter that its config does not have; no single check is about this."""
+
+    def apply(self, model: Model) -> Model:
+        return model.with_(chain=model.chain.with_(payload_kg=self.config.gian))  # type: ignore[attr-defined]
+
+
 # -- maps ------------------------------------------------------------------------------------------
 
 
-@spoils.by("input_maps_keep_the_run", "an input map returned None, no History")
-@spoils.by("model_runs_under_a_task", "AttributeError|NoneType")
+@variants.by("input_maps_keep_the_run", "an input map returned None, no History")
+@variants.by("model_runs_under_a_task", "AttributeError|NoneType")
 class ReturnsNothing(Gain):
     """Its input map forgets to return."""
 
@@ -171,7 +192,7 @@ class ReturnsNothing(Gain):
         return model.with_input(forget)
 
 
-@spoils.by("input_maps_keep_the_run", "it raised .*Error in ")
+@variants.by("input_maps_keep_the_run", "it raised .*Error in ")
 class NeedsAClock(Gain):
     """Its input map divides by time steps that are not there."""
 
@@ -184,7 +205,7 @@ class NeedsAClock(Gain):
         return model.with_input(rated)
 
 
-@spoils.by("output_maps_keep_the_readings", "lost .*tip_x_m")
+@variants.by("output_maps_keep_the_readings", "lost .*tip_x_m")
 class LosesReadings(Gain):
     """Its output map returns the angles only."""
 
@@ -203,7 +224,7 @@ class LosesReadings(Gain):
 
 
 class TermGain(Gain):
-    """The same gain as a law term; subclasses spoil the term."""
+    """The same gain as a law term; subclasses break the term."""
 
     term: ClassVar[LawTerm]
 
@@ -223,7 +244,7 @@ def _changes_old(u: float, rate: float, dt: float, p: float, t: float, old: Any,
     return -1e-3 * c[0] * new[0]
 
 
-@spoils.by("terms_write_new_and_leave_old", "changed `old` in place")
+@variants.by("terms_write_new_and_leave_old", "changed `old` in place")
 class ChangesOld(TermGain):
     """Counts in the past."""
 
@@ -236,7 +257,7 @@ def _leaves_new(u: float, rate: float, dt: float, p: float, t: float, old: Any, 
     return -1e-3 * c[0] * u
 
 
-@spoils.by("terms_write_new_and_leave_old", "`new` arrives unset")
+@variants.by("terms_write_new_and_leave_old", "`new` arrives unset")
 class LeavesNew(TermGain):
     """Writes its memory only where it changes."""
 
@@ -247,7 +268,7 @@ def _damps(u: float, rate: float, dt: float, p: float, t: float, old: Any, new: 
     return -0.01 * c[0] * rate
 
 
-@spoils.by("terms_that_use_time_say_so", "needs_time is False")
+@variants.by("terms_that_use_time_say_so", "needs_time is False")
 class HidesItsRate(TermGain):
     """A dashpot that says it needs no time."""
 
@@ -262,7 +283,7 @@ def _counts_calls(u: float, rate: float, dt: float, p: float, t: float, old: Any
     return 1e-3 * c[0] * float(np.sin(CALLS[0]))
 
 
-@spoils.by("terms_remember_in_states_only", "a global or a mutable default")
+@variants.by("terms_remember_in_states_only", "a global or a mutable default")
 class RemembersOutside(TermGain):
     """Keeps its memory in a global."""
 
@@ -274,7 +295,9 @@ def _by_name(u: float, rate: float, dt: float, p: float, t: float, old: Any, new
     return -0.01 * float(str(share["share"])) * u
 
 
-@spoils.by("terms_are_the_same_compiled", r"effect.py, line \d+: the law term '_by_name' cannot be compiled")
+@variants.by(
+    "terms_are_the_same_compiled", r"effect.py, line \d+: the law term '_by_name' cannot be compiled"
+)
 class OnlyPython(TermGain):
     """Uses what the compiler does not know."""
 
@@ -286,7 +309,7 @@ def _overflows(u: float, rate: float, dt: float, p: float, t: float, old: Any, n
     return 1e-25 * c[0] * float(picoradians * picoradians)
 
 
-@spoils.by("terms_are_the_same_compiled", "in plain Python differ in run")
+@variants.by("terms_are_the_same_compiled", "in plain Python differ in run")
 class Overflows(TermGain):
     """Reckons with integers that only Python lets grow."""
 
@@ -297,7 +320,7 @@ def _pushes(u: float, rate: float, dt: float, p: float, t: float, old: Any, new:
     return c[0] * u
 
 
-@spoils.by("terms_keep_the_joint_stable", "the joint snaps")
+@variants.by("terms_keep_the_joint_stable", "the joint snaps")
 class Snaps(TermGain):
     """A spring that pushes away, stiffer than the joint."""
 
@@ -308,7 +331,7 @@ def _drives(u: float, rate: float, dt: float, p: float, t: float, old: Any, new:
     return 0.01 * c[0] * rate
 
 
-@spoils.by("terms_make_no_energy", "a sign")
+@variants.by("terms_make_no_energy", "a sign")
 class Drives(TermGain):
     """A dashpot with the wrong sign."""
 
@@ -320,7 +343,7 @@ def _forgets(u: float, rate: float, dt: float, p: float, t: float, old: Any, new
     return 0.01 * c[0] * (new[0] - u)
 
 
-@spoils.by("terms_do_not_count_samples", "advance with dt_s")
+@variants.by("terms_do_not_count_samples", "advance with dt_s")
 class CountsSamples(TermGain):
     """Its memory fades by a tenth per sample, however long that is."""
 
@@ -333,8 +356,50 @@ def _lags(u: float, rate: float, dt: float, p: float, t: float, old: Any, new: A
     return -0.2 * c[0] * c[0] * new[1]
 
 
-@spoils.by("terms_do_not_count_samples", "a swing of .* differs")
+@variants.by("terms_do_not_count_samples", "a swing of .* differs")
 class CountsSamplesOfASwing(TermGain):
     """A mass whose acceleration is the change of a rate from sample to sample."""
 
     term = replace(term("moment", _lags, 2), is_inertia=True)
+
+
+# -- effects that a diagnosis would not find: no run is named, a run shows nothing, a neighbour in disguise
+
+CHECK = "is_found_when_injected"
+
+
+@variants.by(CHECK, r"declare exciting = \(.*slow_cycles")
+class NamesNoRun(Gain):
+    """Nobody knows how to show it."""
+
+    exciting = ()
+
+
+@variants.by(CHECK, "'slow_cycle', which is no run of the menu; did you mean 'slow_cycles'")
+class NamesAnotherRun(Gain):
+    """A run that is not in the menu."""
+
+    exciting = ("slow_cycle",)
+
+
+@variants.by(CHECK, "Nothing is missing.*These runs do not show it")
+class ActsInTheWarmOnly(Gain):
+    """A gain above the reference temperature, and no warm run among its own."""
+
+    place = "input"
+
+    def apply(self, model: Model) -> Model:
+        gain = self.config.gain
+
+        def warmed(history: History) -> History:
+            share = 1.0 + (gain - 1.0) * (history.temperature_c > REFERENCE_TEMPERATURE_C + 5.0)
+            return history.with_actuation(**{name: share * p for name, p in history.actuation.items()})
+
+        return model.with_input(warmed)
+
+
+@variants.by(CHECK, "cannot tell it from actuation_gain, its look-alike")
+class Disguised(Gain):
+    """A factor on the pressure by another name, which says that its runs tell it from `actuation_gain`."""
+
+    notes: ClassVar[EffectNotes] = replace(Gain.notes, look_alike="actuation_gain")

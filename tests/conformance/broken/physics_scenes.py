@@ -1,4 +1,4 @@
-"""MuJoCo's scenes as the good ones, and engines that spoil one clause of theirs each."""
+"""MuJoCo's scenes as the good ones, and engines that break one clause of theirs each."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from broken.physics import Engine, variants
 from pliant.interfaces.physics import Capabilities, SceneSimulation
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
@@ -15,7 +16,6 @@ from pliant.records.rollout import Inputs, OutsideDomain
 from pliant.records.scene import Contact, Scene, SceneState
 from pliant_plugins.physics.mujoco.backend import Mujoco
 from pliant_plugins.physics.mujoco.config import MujocoConfig
-from spoiled.physics import Engine, spoils
 
 
 class Wrapped(SceneSimulation):
@@ -76,14 +76,14 @@ class CentresOut(Wrapped):
         return replace(good, positions_m=good.positions_m + np.array(arms).reshape(-1, 3))
 
 
-@spoils.by("starts_where_the_scene_is", "object's own frame")
+@variants.by("starts_where_the_scene_is", "object's own frame")
 class ReportsCentres(Scenes):
     """Poses of centres of mass come out."""
 
     wrapper = CentresOut
 
 
-@spoils.by("objects_fall", "of falling")
+@variants.by("objects_fall", "of falling")
 class HalfGravity(Scenes):
     """Gravity in another unit of length."""
 
@@ -106,7 +106,7 @@ class Impulses(Wrapped):
             self.inner.push(index, *wrench)
 
 
-@spoils.by("pushes_accelerate", "velocities after pushes")
+@variants.by("pushes_accelerate", "velocities after pushes")
 class PushesOnce(Scenes):
     """A push lasts for one step."""
 
@@ -118,14 +118,14 @@ class Impulsive(Wrapped):
         return tuple(replace(c, normal_n=2e-3 * c.normal_n) for c in super().contacts())
 
 
-@spoils.by("rests_on_the_floor", "force \\(N\\) of the floor")
+@variants.by("rests_on_the_floor", "force \\(N\\) of the floor")
 class ImpulsesForForces(Scenes):
     """Impulses of a step instead of forces."""
 
     wrapper = Impulsive
 
 
-@spoils.by("friction_is_the_product", "as if the larger coefficient counted")
+@variants.by("friction_is_the_product", "as if the larger coefficient counted")
 class LargerCounts(Scenes):
     """The larger coefficient of a pair."""
 
@@ -138,7 +138,7 @@ class WithoutPoints(Wrapped):
         super().apply([replace(one, forces=(), cords=()) for one in inputs])
 
 
-@spoils.by("arms_settle_in_equilibrium", "loads at points")
+@variants.by("arms_settle_in_equilibrium", "loads at points")
 class LosesPoints(Scenes):
     """Scenes without loads at points."""
 
@@ -150,7 +150,7 @@ class Slow(Wrapped):
         super().carry(0.99 * velocity_m_s)
 
 
-@spoils.by("carriage_moves_arms", "carriage_m after 0.2 s")
+@variants.by("carriage_moves_arms", "carriage_m after 0.2 s")
 class WeakMotor(Scenes):
     """A motor that does not quite hold its speed."""
 
@@ -162,7 +162,7 @@ class Reversed(Wrapped):
         return tuple(replace(c, normal=-c.normal) for c in super().contacts())
 
 
-@spoils.by("contacts_have_signs", "the normal points from first to second")
+@variants.by("contacts_have_signs", "the normal points from first to second")
 class NormalsBack(Scenes):
     """Normals from second to first."""
 
@@ -176,7 +176,7 @@ class Creeping(Wrapped):
         return replace(good, positions_m=good.positions_m + down)
 
 
-@spoils.by("held_objects_do_not_creep", "a held box creeps by 0.4")
+@variants.by("held_objects_do_not_creep", "a held box creeps by 0.4")
 class SoftFriction(Scenes):
     """Friction as MuJoCo has it by default."""
 
@@ -189,7 +189,7 @@ class Hasty(Wrapped):
         self.inner.step(2e-3)
 
 
-@spoils.by("restores_a_scene", "state after restore")
+@variants.by("restores_a_scene", "state after restore")
 class StepsOnRestore(Scenes):
     """Takes a step to bring its caches up to date."""
 
@@ -201,7 +201,7 @@ class PerArm(Wrapped):
         return tuple(replace(o, module=(o.module - 1) % 3 + 1) for o in super().outside_domain())
 
 
-@spoils.by("scenes_report_extrapolation", "reported were \\[1, 2, 3\\]")
+@variants.by("scenes_report_extrapolation", "reported were \\[1, 2, 3\\]")
 class NumbersPerArm(Scenes):
     """Joints are numbered from 1 in every arm."""
 
@@ -220,14 +220,14 @@ class OneWorld(Wrapped):
             super().step(duration_s)
 
 
-@spoils.by("scenes_are_independent", "beside another scene")
+@variants.by("scenes_are_independent", "beside another scene")
 class OneAtATime(Scenes):
     """Only the newest scene moves."""
 
     wrapper = OneWorld
 
 
-@spoils.by("leaves_the_scene_alone", "changed in place")
+@variants.by("leaves_the_scene_alone", "changed in place")
 class ScalesInPlace(Scenes):
     """Scales the caller's arrays."""
 

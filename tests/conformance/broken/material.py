@@ -5,11 +5,11 @@ from typing import Literal
 
 import numpy as np
 
+from broken import Variants
 from pliant.interfaces.material import Hyperelastic
 from pliant.records.design import Array
 from pliant.registry.component import Component
 from pliant.testing.stand_ins import Ciarlet, CiarletConfig
-from spoiled import Spoils
 
 
 class SolidConfig(CiarletConfig):
@@ -22,13 +22,13 @@ class Solid(Ciarlet):
     """The stand-in solid under a kind of its own."""
 
 
-spoils = Spoils(
-    Component("material", "small", "spoiled.material:SolidConfig", "spoiled.material:Solid", "a small solid")
+variants = Variants(
+    Component("material", "small", "broken.material:SolidConfig", "broken.material:Solid", "a small solid")
 )
 UNIT = np.eye(3)
 
 
-@spoils.by("stress_free_at_rest", "stress at F = I is not zero")
+@variants.by("stress_free_at_rest", "stress at F = I is not zero")
 class Prestressed(Solid):
     """P with a constant."""
 
@@ -37,7 +37,7 @@ class Prestressed(Solid):
         return replace(good, stress=good.stress + 100.0 * UNIT)
 
 
-@spoils.by("energy_is_positive", "energy of a deformed state is -")
+@variants.by("energy_is_positive", "energy of a deformed state is -")
 class NegativeEnergy(Solid):
     """−W."""
 
@@ -45,7 +45,7 @@ class NegativeEnergy(Solid):
         return -super().energy(F)
 
 
-@spoils.by("stress_is_the_energys_slope", "P differs from the finite difference of W")
+@variants.by("stress_is_the_energys_slope", "P differs from the finite difference of W")
 class MissingTerm(Solid):
     """P without its volumetric part."""
 
@@ -56,7 +56,7 @@ class MissingTerm(Solid):
         return replace(good, stress=good.stress - self.config.lame_pa * log_j * G)
 
 
-@spoils.by("tangent_is_the_stress_slope", "A differs from the finite difference of P")
+@variants.by("tangent_is_the_stress_slope", "A differs from the finite difference of P")
 class FrozenTangent(Solid):
     """A of the rest state everywhere."""
 
@@ -66,7 +66,7 @@ class FrozenTangent(Solid):
         return replace(good, tangent=rest.tangent)
 
 
-@spoils.by("tangent_is_symmetric", "A_ijkl ≠ A_klij")
+@variants.by("tangent_is_symmetric", "A_ijkl ≠ A_klij")
 class CrossedIndices(Solid):
     """A with its last two indices swapped."""
 
@@ -75,7 +75,7 @@ class CrossedIndices(Solid):
         return replace(good, tangent=np.swapaxes(good.tangent, -1, -2))
 
 
-@spoils.by("ignores_rotations_of_the_frame", "W changes under a rotation")
+@variants.by("ignores_rotations_of_the_frame", "W changes under a rotation")
 class SmallStrain(Solid):
     """W of the linear strain."""
 
@@ -84,7 +84,7 @@ class SmallStrain(Solid):
         return self.config.shear_modulus_pa * np.einsum("...ij,...ij->...", strain, strain)
 
 
-@spoils.by("is_isotropic", "depends on the material's orientation")
+@variants.by("is_isotropic", "depends on the material's orientation")
 class Fibres(Solid):
     """W with fibres along x."""
 
@@ -93,7 +93,7 @@ class Fibres(Solid):
         return super().energy(F) + 1e4 * (stretch - 1) ** 2
 
 
-@spoils.by("is_stiff_at_rest", "smallest stiffness is -")
+@variants.by("is_stiff_at_rest", "smallest stiffness is -")
 class SoftShear(Solid):
     """A negative shear modulus in the tangent."""
 
@@ -103,7 +103,7 @@ class SoftShear(Solid):
         return replace(good, tangent=good.tangent - 2 * self.config.shear_modulus_pa * unit)
 
 
-@spoils.by("states_its_moduli", "A at rest is not that of μ = 100000 Pa")
+@variants.by("states_its_moduli", "A at rest is not that of μ = 100000 Pa")
 class LameForBulk(Solid):
     """λ where K is asked for."""
 
@@ -112,7 +112,7 @@ class LameForBulk(Solid):
         return self.config.lame_pa
 
 
-@spoils.by("remarks_are_sentences", "a remark is 'soft', not a sentence")
+@variants.by("remarks_are_sentences", "a remark is 'soft', not a sentence")
 class Mumbles(Solid):
     """A remark of one word."""
 
@@ -120,7 +120,7 @@ class Mumbles(Solid):
         return ("soft",)
 
 
-@spoils.by("takes_points_of_any_shape", "IndexError|shape|ValueError")
+@variants.by("takes_points_of_any_shape", "IndexError|shape|ValueError")
 class FlatOnly(Solid):
     """Only (n, 3, 3)."""
 
@@ -128,7 +128,7 @@ class FlatOnly(Solid):
         return super().evaluate(F.reshape(-1, 3, 3))
 
 
-@spoils.by("leaves_its_input_alone", "changed in place")
+@variants.by("leaves_its_input_alone", "changed in place")
 class Writes(Solid):
     """Scales F in place."""
 
@@ -144,4 +144,4 @@ class GramsConfig(SolidConfig):
     density_kg_m3: float = 1.15
 
 
-spoils.add("has_a_density", "no solid has that", config="spoiled.material:GramsConfig")
+variants.add("has_a_density", "no solid has that", config="broken.material:GramsConfig")

@@ -1,0 +1,257 @@
+"""Who does the work: this process, worker processes of our own, or any executor that is given, a dask cluster's too.
+
+Worker processes are those of `concurrent.futures`, spawned. loky (BSD) was the alternative: there, too, one dead
+worker ends the whole pool, so that quarantine (`pliant.execution.jobs`) would be the same; what it adds, functions
+without a module and scripts without a `__main__` guard, is not worth a dependency.
+
+They have one BLAS thread each, and hold the reading end of a pipe whose writing end only the driver has: they end when
+it closes, be it that the driver stops them or that it was killed.
+"""
+
+from __future__ import annotations
+
+import importlib
+import json
+import multiprocessing
+import os
+import signal
+import threading
+from collections.abc import Callable, Iterator
+from concurrent import futures
+from contextlib import contextmanager
+from multiprocessing import resource_tracker
+from multiprocessing.connection import Connection
+from pathlib import Path
+from typing import Any, Protocol, TypeAlias
+
+from pliant.errors import MissingDependencyError, UserError
+
+THREADS = ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMEXPR_NUM_THREADS")
+MOST_WORKERS = 1024
+CONNECT_S = 10
+
+
+class Executor(Protocol):
+    """Runs functions of a module with plain values.
+
+    Attributes:
+        size: how many run at a time; None where only the executor itself knows.
+        remote: whether its workers may have other code or another file system than this process.
+    """
+
+    size: int | None
+    remote: bool
+
+    def submit(self, function: Callable[..., Any], *values: Any) -> futures.Future[Any]:
+        """Begin a call."""
+
+    def restart(self) -> bool:
+        """Replace the workers after one has died; False where that is not possible."""
+
+    def shutdown(self, at_once: bool) -> None:
+        """Let the workers go; at once: what runs is cut off."""
+
+
+class InlineExecutor:
+    """This process does each call when it is submitted."""
+
+    size: int | None = 1
+    remote = False
+
+    def submit(self, function: Callable[..., Any], *values: Any) -> futures.Future[Any]:
+        future: futures.Future[Any] = futures.Future()
+        future.set_result(function(*values))
+        return future
+
+    def restart(self) -> bool:
+        return False
+
+    def shutdown(self, at_once: bool) -> None:
+        pass
+
+
+class ProcessExecutor:
+    """Processes of our own, begun when there is work for them."""
+
+    remote = False
+
+    def __init__(self, workers: int) -> None:
+        self.size: int | None = workers
+        self._workers = workers
+        self._open()
+
+    def _open(self) -> None:
+        context = multiprocessing.get_context("spawn")
+        self._ours, theirs = context.Pipe()
+        self._theirs: Any = theirs
+        self._pool = futures.ProcessPoolExecutor(self._workers, context, _begin_worker, (theirs,))
+
+    def submit(self, function: Callable[..., Any], *values: Any) -> futures.Future[Any]:
+        with one_thread_each(), ignore_sigint():  # processes are spawned when a call needs one
+            return self._pool.submit(function, *values)
+
+    def restart(self) -> bool:
+        self.shutdown(at_once=True)
+        self._open()
+        return True
+
+    def shutdown(self, at_once: bool) -> None:
+        self._pool.shutdown(wait=not at_once, cancel_futures=True)
+        self._ours.close()
+        self._theirs.close()
+
+
+class FuturesExecutor:
+    """An executor of the caller's: threads, processes, a cluster's. It is not shut down."""
+
+    size: int | None = None
+    remote = True
+
+    def __init__(self, executor: futures.Executor) -> None:
+        self._executor = executor
+
+    def submit(self, function: Callable[..., Any], *values: Any) -> futures.Future[Any]:
+        return self._executor.submit(function, *values)
+
+    def restart(self) -> bool:
+        return False
+
+    def shutdown(self, at_once: bool) -> None:
+        pass
+
+
+class DaskExecutor(FuturesExecutor):
+    """The workers of a dask cluster; the connection ends with it, the cluster stays.
+
+    Args:
+        scheduler: its address, tcp://host:8786, or its file.
+
+    Raises:
+        MissingDependencyError: dask.distributed is not installed.
+        UserError: no scheduler answers there.
+    """
+
+    def __init__(self, scheduler: str) -> None:
+        try:
+            distributed = importlib.import_module("distributed")  # by name: only work on a cluster needs it
+        except ImportError:
+            raise MissingDependencyError("--scheduler needs dask: pip install 'pliant[cluster]'.") from None
+        address = scheduler if "://" in scheduler else _address_in(Path(scheduler))
+        try:
+            self._client = distributed.Client(address, timeout=CONNECT_S, set_as_default=False)
+        except (OSError, TimeoutError, ValueError, TypeError) as error:
+            cause = " ".join(str(error).split()) or type(error).__name__
+            raise UserError(
+                f"no scheduler answers at {scheduler} ({cause[:200]}); start one with 'dask scheduler'."
+            ) from None
+        super().__init__(self._client.get_executor())
+
+    def shutdown(self, at_once: bool) -> None:
+        self._client.close(timeout=CONNECT_S)
+
+
+# A number of processes, the address or file of a dask scheduler, an executor; None: a process for each CPU.
+Workers: TypeAlias = int | str | futures.Executor | Executor | None
+
+
+@contextmanager
+def executor_for(workers: Workers, most: int | None = None) -> Iterator[Executor]:
+    """The executor that is meant, for the time of the block; an error in the block cuts off what runs.
+
+    Args:
+        workers: one process is this one; executors of the caller's are not shut down.
+        most: calls that there will be at most: no more processes are begun.
+
+    Raises:
+        UserError: a number that is none, or no scheduler answers.
+    """
+    executor, whole = _made(workers, most), False
+    try:
+        yield executor
+        whole = True
+    finally:
+        executor.shutdown(at_once=not whole)
+
+
+def _made(workers: Workers, most: int | None) -> Executor:
+    if isinstance(workers, str):
+        return DaskExecutor(workers)
+    if isinstance(workers, futures.Executor):
+        return FuturesExecutor(workers)
+    if not (workers is None or isinstance(workers, int)):
+        return workers
+    count = checked_workers(cpus() if workers is None else workers)
+    count = count if most is None else min(count, most)
+    return ProcessExecutor(count) if count > 1 else InlineExecutor()
+
+
+def either(executor: Workers, workers: int | None, what: str) -> Workers:
+    """The one that is given; raises `UserError` where both are."""
+    if executor is not None and workers is not None:
+        raise UserError(f"{what} takes an executor or a number of workers, not both.")
+    return workers if executor is None else executor
+
+
+def cpus() -> int:
+    """Processors that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def checked_workers(workers: int) -> int:
+    """The number of workers; raises `UserError` where it is none."""
+    if isinstance(workers, bool) or not 1 <= workers <= MOST_WORKERS:
+        raise UserError(f"workers is {workers}; it needs a whole number from 1 to {MOST_WORKERS}.")
+    return workers
+
+
+def _address_in(file: Path) -> str:
+    """The address in a scheduler's file; dask itself would wait for ever for a file that is none."""
+    try:
+        return str(json.loads(file.read_text(encoding="utf-8"))["address"])
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        cause = getattr(error, "strerror", None) or "it holds no address"
+        raise UserError(
+            f"--scheduler: {file} is no scheduler's file ({cause}); 'dask scheduler --scheduler-file FILE' writes "
+            "one, or give an address such as tcp://host:8786."
+        ) from None
+
+
+@contextmanager
+def one_thread_each() -> Iterator[None]:
+    """The environment of processes that begin now: their number is the parallelism, unless the user said otherwise."""
+    missing = [name for name in THREADS if name not in os.environ]
+    os.environ.update(dict.fromkeys(missing, "1"))
+    try:
+        yield
+    finally:
+        for name in missing:
+            os.environ.pop(name, None)
+
+
+@contextmanager
+def ignore_sigint() -> Iterator[None]:
+    """Ctrl-C is the driver's to answer: processes that begin now do not hear it, this one hears it afterwards."""
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    resource_tracker.ensure_running()  # its start would unblock the signal
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def _begin_worker(driver: Connection) -> None:
+    """A worker begins; without a driver there is nothing for it to do."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_with, args=(driver,), daemon=True).start()
+
+
+def _end_with(driver: Connection) -> None:
+    try:
+        driver.recv_bytes()
+    except (EOFError, OSError):
+        os._exit(0)

@@ -1,0 +1,288 @@
+"""Jobs out, results back, dead workers replaced: the one place that says what happens when a worker dies.
+
+A worker that dies takes its jobs with it. Who ran then is suspect and runs again, alone; who kills a worker twice, the
+second time alone, has failed, and the others lose nothing. A cluster replaces its workers itself and tries again
+elsewhere; a job that it gives up as the killer of several is a suspect in the same way.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Hashable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Future, wait
+from dataclasses import dataclass, replace
+from typing import Any, Generic, TypeVar
+
+from pliant.errors import NotReachedError, PliantError, UserError, interrupted
+from pliant.execution.executors import Executor
+from pliant.execution.progress import Progress, Silent
+
+Item = TypeVar("Item")
+Result = TypeVar("Result")
+
+KILLED = (
+    "its worker was killed twice, the second time alone (out of memory, or a crash of the engine or solver)"
+)
+KILLED_WORKER = "KilledWorker"  # dask's error, by name: dask is imported by those only who use it
+MOST_TRIES = 2  # of a job that the executor loses without the death of a worker
+FAILED_AT_START = 2  # so many times may workers end before they begin
+
+
+@dataclass(frozen=True)
+class Failure:
+    """Why an item has no result; `error` is what it raised, None where it killed its worker."""
+
+    cause: str
+    error: BaseException | None = None
+
+    @classmethod
+    def of(cls, error: BaseException) -> Failure:
+        """Of what was raised, in one line."""
+        text = " ".join(str(error).split())
+        return cls(f"{type(error).__name__}: {text}" if text else type(error).__name__, error)
+
+
+@dataclass(frozen=True)
+class Finished(Generic[Item, Result]):
+    """An item that came back, with its result or the failure; `key` as it was submitted."""
+
+    key: Any
+    item: Item
+    result: Result | None = None
+    failure: Failure | None = None
+
+    def unwrap(self) -> Result:
+        """The result; raises what the item raised, or `NotReachedError` where it killed its worker."""
+        if self.failure is None:
+            return self.result  # type: ignore[return-value]
+        raise self.failure.error or NotReachedError(
+            f"{self.failure.cause[:1].upper()}{self.failure.cause[1:]}."
+        )
+
+
+@dataclass(frozen=True)
+class _Job:
+    """Items that travel together; of a single one, how many workers died and how many tries were lost under it."""
+
+    key: Hashable
+    items: tuple[Any, ...]
+    deaths: int = 0
+    losses: int = 0
+
+    def singles(self, losses: int = 0) -> list[_Job]:
+        """Each item by itself: it may not have been this one."""
+        return [_Job(self.key, (item,), losses=losses) for item in self.items]
+
+
+class JobQueue(Generic[Item, Result]):
+    """A queue before an executor; as a context it takes back at its end what has not begun.
+
+    Args:
+        executor: does the work.
+        function: what is done with each item, in a worker. What it raises is its item's failure; a `PliantError` is
+            what every item would meet, and ends all.
+        began: whether a worker has taken an item up, where that can be told: others are not suspect.
+    """
+
+    def __init__(
+        self,
+        executor: Executor,
+        function: Callable[[Item], Result],
+        began: Callable[[Item], bool] = lambda item: True,
+    ) -> None:
+        self.executor, self._function, self._began = executor, function, began
+        self._queue: deque[_Job] = deque()
+        self._suspects: deque[_Job] = deque()
+        self._running: dict[Future[Any], _Job] = {}
+        self._alone = self._ready = False
+
+    def __enter__(self) -> JobQueue[Item, Result]:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        for future in self._running:
+            future.cancel()
+
+    @property
+    def waiting(self) -> int:
+        """Jobs that have not come back."""
+        return len(self._queue) + len(self._suspects) + len(self._running)
+
+    @property
+    def running(self) -> list[Item]:
+        """Items that the executor has."""
+        return [item for job in self._running.values() for item in job.items]
+
+    def wait_until_ready(self, progress: Progress, most: int | None = None) -> None:
+        """Wait until workers begin, which takes seconds; in a script without its guard they never do.
+
+        Args:
+            progress: gets a bar of workers.
+            most: no more workers than that are needed.
+
+        Raises:
+            NotReachedError: they end before they begin.
+        """
+        size = self.executor.size
+        if self._ready or size is None or size == 1:
+            return
+        size = size if most is None else min(size, most)
+        bar = progress.begin("workers begin", size)
+        try:
+            for left in reversed(range(FAILED_AT_START)):
+                try:
+                    for future in [self._submitted(()) for _ in range(size)]:
+                        future.result()
+                        bar.advance()
+                    break
+                except BrokenExecutor:
+                    if not left or not self.executor.restart():
+                        raise NotReachedError(
+                            "worker processes end before they begin; in a script, put the call under "
+                            "\"if __name__ == '__main__':\", or take workers=1."
+                        ) from None
+        finally:
+            bar.finish()
+        self._ready = True
+
+    def submit(self, items: Sequence[Item], key: Hashable = None) -> None:
+        """Hand in items that travel together."""
+        self._queue.append(_Job(key, tuple(items)))
+        self._fill()
+
+    def completed(self, timeout_s: float | None = None) -> list[Finished[Item, Result]]:
+        """Items that have come back; waits for the first, or for so long.
+
+        Raises:
+            UserError: what every item would meet.
+            NotReachedError: the executor broke, or processes cannot be started.
+        """
+        back: list[Finished[Item, Result]] = []
+        while not back and self.waiting:
+            self._fill()
+            ended, _ = wait(self._running, timeout=timeout_s, return_when=FIRST_COMPLETED)
+            lost, broken = [], False
+            for future in ended:
+                job, error = self._running.pop(future), _error_of(future)
+                if isinstance(error, BrokenExecutor) or type(error).__name__ == KILLED_WORKER:
+                    lost.append(job)
+                    broken |= isinstance(error, BrokenExecutor)
+                    continue
+                self._alone = False
+                back += self._returned(job, future.result()) if error is None else self._lost(job, error)
+            if broken:
+                lost += self._restarted()
+            if lost:
+                back += self._killed(lost)
+            if timeout_s is not None:
+                break
+        return back
+
+    def each(self, items: Sequence[Item]) -> Iterator[Finished[Item, Result]]:
+        """Every item by itself, in their order; nothing else may be under way."""
+        for number, item in enumerate(items):
+            self.submit([item], number)
+        found: dict[int, Finished[Item, Result]] = {}
+        for number in range(len(items)):
+            while number not in found:
+                found |= {one.key: one for one in self.completed()}
+            yield found.pop(number)
+
+    def _fill(self) -> None:
+        """A suspect has the executor for itself; else each worker has a job and one waits for the first."""
+        if self._alone:
+            return
+        if self._suspects:
+            if not self._running:
+                self._alone = True
+                self._begin(self._suspects.popleft())
+            return
+        size = self.executor.size
+        most = None if size is None else size + (size > 1)
+        while self._queue and (most is None or len(self._running) < most):
+            self._begin(self._queue.popleft())
+
+    def _begin(self, job: _Job) -> None:
+        self.wait_until_ready(Silent(), 1 if self._alone else self.waiting + 1)
+        self._running[self._submitted(job.items)] = job
+
+    def _submitted(self, items: Sequence[Item]) -> Future[Any]:
+        try:
+            return self.executor.submit(_run, self._function, tuple(items))
+        except BrokenExecutor as error:
+            future: Future[Any] = Future()
+            future.set_exception(error)
+            return future
+
+    def _returned(
+        self, job: _Job, results: Sequence[tuple[Any, Exception | None]]
+    ) -> list[Finished[Item, Result]]:
+        found = []
+        for item, (result, error) in zip(job.items, results, strict=True):
+            if interrupted(error):
+                raise KeyboardInterrupt
+            found.append(
+                Finished[Item, Result](job.key, item, result, None if error is None else Failure.of(error))
+            )
+        return found
+
+    def _lost(self, job: _Job, error: BaseException) -> list[Finished[Item, Result]]:
+        """A job ended in an error that is of all its items, or of the executor: then each item once more."""
+        if isinstance(error, PliantError):
+            raise error
+        if isinstance(error, ImportError):
+            raise UserError(f"the workers cannot import what the study needs ({error}); install it there.")
+        if len(job.items) == 1 and job.losses + 1 >= MOST_TRIES:
+            return [Finished(job.key, job.items[0], failure=Failure.of(error))]
+        self._queue.extendleft(reversed(job.singles(job.losses + 1)))
+        return []
+
+    def _restarted(self) -> list[_Job]:
+        """New workers for those of which one died; the jobs that went with it."""
+        jobs = list(self._running.values())
+        self._running.clear()
+        if not self.executor.restart():
+            raise NotReachedError(
+                "the executor broke: a worker died. Finished work is kept; run again to go on."
+            )
+        self._ready = False
+        return jobs
+
+    def _killed(self, jobs: Sequence[_Job]) -> list[Finished[Item, Result]]:
+        """Workers died under these jobs: each that had begun runs again alone, or has failed."""
+        was_alone, self._alone = self._alone, False
+        suspect = [any(map(self._began, job.items)) for job in jobs]
+        if not any(suspect):
+            suspect = [True] * len(jobs)
+        failed: list[Finished[Item, Result]] = []
+        for job, begun in reversed([*zip(jobs, suspect, strict=True)]):
+            if not begun:
+                self._queue.appendleft(job)
+            elif len(job.items) > 1:
+                self._suspects.extend(job.singles())
+            elif was_alone and job.deaths:
+                failed.append(Finished(job.key, job.items[0], failure=Failure(KILLED)))
+            else:
+                self._suspects.append(replace(job, deaths=job.deaths + 1))
+        return failed
+
+
+def _run(function: Callable[[Any], Any], items: Sequence[Any]) -> list[tuple[Any, Exception | None]]:
+    """In a worker: result and error of each item; what one raises costs the others nothing."""
+    found: list[tuple[Any, Exception | None]] = []
+    for item in items:
+        try:
+            found.append((function(item), None))
+        except (PliantError, ImportError):  # what every item would meet
+            raise
+        except Exception as error:
+            found.append((None, error))
+    return found
+
+
+def _error_of(future: Future[Any]) -> BaseException | None:
+    """What a job ended in; one that a cluster has cancelled raises its error where others return it."""
+    try:
+        return future.exception()
+    except CancelledError as error:
+        return error

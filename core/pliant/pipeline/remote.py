@@ -1,0 +1,90 @@
+"""What workers need to do a study's work: plain values in, a workbench on the shared store out."""
+
+from __future__ import annotations
+
+import json
+import platform
+import threading
+import time
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+from pliant.config.study import Study, study_model
+from pliant.errors import UserError
+from pliant.pipeline.workbench import Workbench
+from pliant.registry.discovery import Registry, discover
+from pliant.registry.files import with_files
+from pliant.store.fingerprint import code_fingerprint
+from pliant.store.store import ArtifactStore
+
+SEEN_WITHIN_S = 2.0
+_code_of = cache(code_fingerprint)  # the code that this process has loaded
+_LOADING = threading.Lock()  # files of plugins are executed once, also where a worker has several threads
+
+
+@dataclass(frozen=True)
+class RemoteStudy:
+    """A study as it travels to workers, which find their own plugins and open the store by its path.
+
+    Attributes:
+        study: as canonical JSON.
+        plugins: Python files with kinds of the user's own.
+        store: root of the store.
+        modules: whose code must be that of the driver, with all that they import.
+        code: its fingerprint there; empty: not compared.
+    """
+
+    study: str
+    plugins: tuple[str, ...]
+    store: str
+    modules: tuple[str, ...] = ()
+    code: str = ""
+
+    @classmethod
+    def of(cls, bench: Workbench, study: Study, modules: tuple[str, ...] = ()) -> RemoteStudy:
+        """Of a study in this process; modules are for workers that may have other code."""
+        plugins = tuple(str(file) for file in study.plugins)
+        raw = {key: value for key, value in study.canonical().items() if value is not None}
+        code = _code_of(modules) if modules else ""
+        return cls(json.dumps(raw), plugins, str(bench.store.root.resolve()), modules, code)
+
+    def open(self) -> tuple[Workbench, Study]:
+        """In a worker.
+
+        Raises:
+            UserError: the worker runs other code, or does not see the store.
+        """
+        if self.code and _code_of(self.modules) != self.code:
+            raise other_version("")
+        require_seen(Path(self.store), self.store)
+        registry = registry_with(self.plugins)
+        raw = json.loads(self.study)
+        study: Study = study_model(raw, registry).model_validate(raw)
+        return Workbench(registry, ArtifactStore(Path(self.store))), study
+
+
+def other_version(how: str) -> UserError:
+    """The error of a worker with other code than the driver's; `how` it shows, in brackets."""
+    return UserError(
+        f"the worker on {platform.node()} runs another version of Pliant, of a plugin or of a library than this "
+        f"process{how}; install the same on both, and edit no code meanwhile."
+    )
+
+
+def require_seen(folder: Path, store: str) -> None:
+    """Raise `UserError` where a worker does not see a folder of the store; new ones may take a while to show."""
+    until = time.monotonic() + SEEN_WITHIN_S
+    while not folder.is_dir():
+        if time.monotonic() >= until:
+            raise UserError(
+                f"the worker on {platform.node()} does not see the store {store}; workers need the same folder under "
+                "the same path, on a shared file system (choose it with --store)."
+            )
+        time.sleep(0.2)  # a network file system
+
+
+def registry_with(plugins: tuple[str, ...]) -> Registry:
+    """The installed plugins and those of the files."""
+    with _LOADING:
+        return with_files(discover(), [Path(file) for file in plugins])

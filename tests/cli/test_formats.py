@@ -1,0 +1,88 @@
+"""Every verb's JSON has the keys of docs/formats.md: one cheap run per verb; of `fem` tests/endtoend reads them."""
+
+import json
+import re
+import shutil
+from pathlib import Path
+
+import pytest
+from tests.cli.search_study import STUDY as SEARCHED
+from tests.cli.test_commands import BENCH, bench_table
+from typer.testing import CliRunner
+
+from pliant.cli.verbs import VERBS, app
+
+ROOT = Path(__file__).parents[2]
+ROWS = re.findall(r"^\| `([\w-]+)` \| (`.*`) \|$", (ROOT / "docs" / "formats.md").read_text("utf-8"), re.M)
+KEYS = {verb: re.findall(r"`([^`]+)`", cells) for verb, cells in ROWS}
+FEW = ("--effect", "viscoelastic", "--effect", "stiffness", "--effect", "sensor_lag")
+# Verb → arguments; studies are those of the fixture's folder.
+CALLS = {
+    "fit": ("law.yaml",),
+    "simulate": ("law.yaml", "task.pressure=16 kPa"),
+    "run": ("law.yaml",),
+    "compare": ("loop/finger.yaml",),
+    "diagnose": ("loop/finger.yaml", *FEW),
+    "extend": ("loop/finger.yaml", "--effect", "viscoelastic"),
+    "improve": ("loop/finger.yaml", *FEW),
+    "optimize": ("searched.yaml", "search.budget=6", "--workers", "1"),
+    "plugins": (),
+    "calibrate": ("silicone.yaml", "--data", "pull.csv"),
+    "plan": ("loop/finger.yaml",),
+    "render": ("law.yaml", "--backbone", "--out", "line.png"),
+    "export": ("law.yaml", "--out", "chain.xml"),
+}
+# Lists and objects that hold nothing in these runs: the hidden effect is found, nothing is left to measure.
+MAY_BE_EMPTY = {
+    *("diagnose.not_excited", "diagnose.indistinguishable", "diagnose.covariates"),
+    *("diagnose.smallest_detectable", "diagnose.next_experiment", "plan.runs"),
+}
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """Studies and their data, with one store for all verbs."""
+    place = tmp_path_factory.mktemp("formats")
+    shutil.copytree(ROOT / "examples" / "hidden_effect", place / "loop")
+    for file in ("silicone.yaml", "pull.csv"):
+        shutil.copy(ROOT / "examples" / "materials" / file, place)
+    for name, text in (("law", BENCH), ("searched", SEARCHED)):
+        (place / f"{name}.yaml").write_text(text)
+    bench_table(place)
+    return place
+
+
+def reached(value, path):
+    """All values at a path; raises KeyError where a mapping lacks the key."""
+    values = [value]
+    for part in path.replace("[]", ".[]").split("."):
+        values = [one for one in values if one is not None]
+        if part == "[]":
+            values = [item for one in values for item in one]
+        elif part == "*":
+            values = [item for one in values for item in one.values()]
+        else:
+            values = [one[part] for one in values]
+    return values
+
+
+def test_the_page_has_every_verb_with_json():
+    assert set(KEYS) == {"fem", *CALLS} == set(VERBS) - {"report", "check", "schema", "new-plugin", "view"}
+
+
+@pytest.mark.parametrize("verb", CALLS)
+def test_the_keys_are_in_the_result(verb, folder, monkeypatch):
+    monkeypatch.chdir(folder)
+    monkeypatch.delenv("PLIANT_STORE", raising=False)
+    done = CliRunner().invoke(app, [verb, *CALLS[verb], "--json", f"{verb}.json", "--quiet"])
+    assert done.exit_code in (0, 3), done.output
+    result = json.loads((folder / f"{verb}.json").read_text())
+    assert result["command"] == verb and result["pliant"]
+    for key in KEYS[verb]:
+        assert reached(result, key) or f"{verb}.{re.split(r'[.[]', key)[0]}" in MAY_BE_EMPTY, key
+
+
+def test_a_missing_key_is_noticed():
+    with pytest.raises(KeyError):
+        reached({"runs": [{"a": 1}, {"b": 1}]}, "runs[].a")
+    assert reached({"runs": [{"a": {"x": {"u": 1}}}]}, "runs[].a.*.u") == [1]
