@@ -20,7 +20,6 @@ import os
 os.environ["OMP_NUM_THREADS"] = os.environ["OPENBLAS_NUM_THREADS"] = os.environ["MKL_NUM_THREADS"] = "1"
 os.environ["NUMBA_NUM_THREADS"] = "1"
 
-import argparse
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -28,6 +27,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from benchmarks.output import parser_of
 from benchmarks.studies.command import Given, arguments, conclude, given_of, run_command
 from benchmarks.studies.gripper_bars import bars, lines
 from benchmarks.studies.gripper_check import baseline
@@ -67,9 +67,7 @@ LEFT_OUT = ("history", "variables", "slopes", "branches", "policy", "curve")
 
 def main(given: Sequence[str] | None = None) -> None:
     """Run what is left, print the bars, publish where that is asked for."""
-    parser = arguments(argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    ), [*(one.name for one in (*ASKED, ROBUST)), BASELINE, SEEDS])  # fmt: skip
+    parser = arguments(parser_of(__doc__), [*(one.name for one in (*ASKED, ROBUST)), BASELINE, SEEDS])  # fmt: skip
     parser.add_argument(
         "--seeds", type=int, help=f"seeds of each optimizer in their table; {FULL_SEEDS}; 0: none"
     )

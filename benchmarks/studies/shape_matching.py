@@ -18,12 +18,12 @@ import os
 os.environ["OMP_NUM_THREADS"] = os.environ["OPENBLAS_NUM_THREADS"] = os.environ["MKL_NUM_THREADS"] = "1"
 os.environ["NUMBA_NUM_THREADS"] = "1"
 
-import argparse
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from benchmarks.output import parser_of
 from benchmarks.studies.command import Given, arguments, conclude, given_of, run_command
 from benchmarks.studies.parts import Part, Parts, made_of
 from benchmarks.studies.published import SHAPE
@@ -76,9 +76,7 @@ LEFT_OUT = ("history", "variables", "slopes", "designs", "branches", "structures
 
 def main(given: Sequence[str] | None = None) -> None:
     """Run what is left, print the bars, publish where that is asked for."""
-    parser = arguments(argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    ), [one.name for one in ASKED])  # fmt: skip
+    parser = arguments(parser_of(__doc__), [one.name for one in ASKED])  # fmt: skip
     sys.exit(run_command(lambda: study(given_of(parser.parse_args(given), NAME))))
 
 
