@@ -117,7 +117,7 @@ def _key(mutant: Mutant, files: list[Path]) -> str:
 
 
 def main() -> int:
-    parser = options(__doc__)
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--list", action="store_true")
     parser.add_argument("--room", default="")
     parser.add_argument("--fresh", action="store_true")
