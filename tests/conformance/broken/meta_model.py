@@ -64,6 +64,7 @@ variants = Variants(
         "terms quadratic in the parameters",
     )
 )
+broken_by = variants.by_part(Small, "laws")
 
 
 @variants.by("predicts_designs_left_out", "% of its range off")
@@ -113,17 +114,13 @@ class LawIs(SmallLaws):
         raise NotImplementedError
 
 
+@broken_by("laws_are_stable_in_their_box", "the stiffness of an unseen design falls to")
 class NegativeStiffness(LawIs):
+    """Passive stiffness nearly lost."""
+
     def falsified(self, law: MonomialLaw, values: Array) -> JointLaw:
         squares = (law.powers[:, 0] == 0) & (law.powers[:, 1:].sum(axis=1) == 2)
         return replace(law, terms=law.terms - 0.9 * np.abs(law.terms) * squares)
-
-
-@variants.by("laws_are_stable_in_their_box", "the stiffness of an unseen design falls to")
-class Unstable(Small):
-    """Passive stiffness nearly lost."""
-
-    laws = NegativeStiffness
 
 
 class WrongSlopeLaw(MonomialLaw):
@@ -132,17 +129,13 @@ class WrongSlopeLaw(MonomialLaw):
         return replace(good, dtau_dp=2 * good.dtau_dp)
 
 
+@broken_by("slopes_are_derivatives", "dtau_dp is not the slope of tau")
 class WrongSlopes(LawIs):
+    """∂τ/∂p twice."""
+
     def falsified(self, law: MonomialLaw, values: Array) -> JointLaw:
         changed: JointLaw = _as(WrongSlopeLaw, law)
         return changed
-
-
-@variants.by("slopes_are_derivatives", "dtau_dp is not the slope of tau")
-class SlopeOff(Small):
-    """∂τ/∂p twice."""
-
-    laws = WrongSlopes
 
 
 class CirculatingLaw(MonomialLaw):
@@ -154,17 +147,13 @@ class CirculatingLaw(MonomialLaw):
         return replace(good, tau=good.tau + deformation @ around.T, dtau_du=good.dtau_du + around)
 
 
+@broken_by("laws_create_no_energy", "creates energy")
 class Circulating(LawIs):
+    """x drives z and z drives x back."""
+
     def falsified(self, law: MonomialLaw, values: Array) -> JointLaw:
         changed: JointLaw = _as(CirculatingLaw, law)
         return changed
-
-
-@variants.by("laws_create_no_energy", "creates energy")
-class Pumps(Small):
-    """x drives z and z drives x back."""
-
-    laws = Circulating
 
 
 class BatchedLaw(MonomialLaw):
@@ -173,29 +162,21 @@ class BatchedLaw(MonomialLaw):
         return replace(good, tau=good.tau + 1e-4 * deformation.mean())
 
 
+@broken_by("joints_do_not_affect_each_other", "depends on which other joints")
 class Batched(LawIs):
+    """Uses the batch's mean."""
+
     def falsified(self, law: MonomialLaw, values: Array) -> JointLaw:
         changed: JointLaw = _as(BatchedLaw, law)
         return changed
 
 
-@variants.by("joints_do_not_affect_each_other", "depends on which other joints")
-class NormalisesBatches(Small):
-    """Uses the batch's mean."""
-
-    laws = Batched
-
-
+@broken_by("domain_follows_the_design", "not that to which a design like this is sampled")
 class OneBox(LawIs):
-    def falsified(self, law: MonomialLaw, values: Array) -> JointLaw:
-        return replace(law, domain=replace(law.domain, deformation=np.tile([-1.0, 1.0], (len(law.axes), 1))))
-
-
-@variants.by("domain_follows_the_design", "not that to which a design like this is sampled")
-class OneBoxForAll(Small):
     """The same range of u for every design."""
 
-    laws = OneBox
+    def falsified(self, law: MonomialLaw, values: Array) -> JointLaw:
+        return replace(law, domain=replace(law.domain, deformation=np.tile([-1.0, 1.0], (len(law.axes), 1))))
 
 
 class RefusingLaw(MonomialLaw):
@@ -205,43 +186,31 @@ class RefusingLaw(MonomialLaw):
         return replace(good, tau=np.where(outside[:, None], np.nan, good.tau))
 
 
+@broken_by("laws_stay_finite_outside_their_domain", "not finite outside the domain")
 class Refusing(LawIs):
+    """No number outside the box of u."""
+
     def falsified(self, law: MonomialLaw, values: Array) -> JointLaw:
         changed: JointLaw = _as(RefusingLaw, law)
         return changed
 
 
-@variants.by("laws_stay_finite_outside_their_domain", "not finite outside the domain")
-class NanOutside(Small):
-    """No number outside the box of u."""
-
-    laws = Refusing
-
-
+@broken_by("laws_are_smooth_in_the_parameters", "a jump")
 class Rounding(SmallLaws):
+    """Gives the law of the nearest grid point."""
+
     def law(self, values: Array) -> JointLaw:
         low, high = self.box.T
         return super().law(low + np.round((values - low) / (high - low) * 3) / 3 * (high - low))
 
 
-@variants.by("laws_are_smooth_in_the_parameters", "a jump")
-class NearestDesign(Small):
-    """Gives the law of the nearest grid point."""
-
-    laws = Rounding
-
-
+@broken_by("record_gives_the_same_bits", "the record rounds a number")
 class SinglePrecision(SmallLaws):
+    """Stores 32 bits."""
+
     def record(self) -> LawRecord:
         good = super().record()
         return replace(good, arrays={**good.arrays, "terms": np.float32(self.terms)})
-
-
-@variants.by("record_gives_the_same_bits", "the record rounds a number")
-class Rounds(Small):
-    """Stores 32 bits."""
-
-    laws = SinglePrecision
 
 
 @variants.by("is_deterministic", "two fits of the same designs differ")
@@ -272,40 +241,28 @@ class TrustsAll(Small):
         return super().fit(replace(designs, data=data))
 
 
+@broken_by("flags_designs_outside", "not flagged by how far")
 class Boundless(SmallLaws):
+    """Claims to hold for every design."""
+
     def excess(self, values: Array) -> Array:
         return np.zeros(len(self.names))
 
 
-@variants.by("flags_designs_outside", "not flagged by how far")
-class Everywhere(Small):
-    """Claims to hold for every design."""
-
-    laws = Boundless
-
-
+@broken_by("doubt_grows_away_from_solved_designs", "far outside")
 class Backwards(SmallLaws):
+    """Is surest where nothing was solved."""
+
     def doubt(self, values: Array) -> Array:
         return 1 / super().doubt(values)
 
 
-@variants.by("doubt_grows_away_from_solved_designs", "far outside")
-class Overconfident(Small):
-    """Is surest where nothing was solved."""
-
-    laws = Backwards
-
-
+@broken_by("gain_is_a_share", "no shares of the mean squared error")
 class Greedy(SmallLaws):
-    def gain(self, candidates: Array, over: Array) -> Array | None:
-        return super().doubt(candidates)
-
-
-@variants.by("gain_is_a_share", "no shares of the mean squared error")
-class GainsInOtherUnits(Small):
     """Gives its doubt for a gain."""
 
-    laws = Greedy
+    def gain(self, candidates: Array, over: Array) -> Array | None:
+        return super().doubt(candidates)
 
 
 @variants.by("says_when_there_are_too_few_designs", "fitted to a single design")
