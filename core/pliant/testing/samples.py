@@ -16,6 +16,8 @@ from pliant.records.error_bar import ErrorBar
 from pliant.records.fem import FemDataset, IntArray, ModuleData
 from pliant.records.law import Domain, Effort, JointKind, JointLaw, LawRecord
 
+# The coefficients of an energy by powers of p and of each u.
+Terms = Mapping[tuple[int, ...], float]
 MODULE_LENGTH_M = 11e-3
 MODULE_MASS_KG = 1.6e-3
 PRESSURE_PA = 15e3
@@ -170,7 +172,9 @@ class EnergyLaw(JointLaw):
     def record(self) -> LawRecord:
         values = {"joint": self.joint, "axes": list(self.axes), "actuation_name": self.actuation_name}
         box = {"actuation": self.domain.actuation, "deformation": self.domain.deformation}
-        return LawRecord("energy_sample", values, {"terms": self.terms, "powers": self.powers, **box})
+        return LawRecord(
+            "energy_sample", values, {"terms": self.terms, "powers": self.powers.astype(float), **box}
+        )
 
 
 def slope_columns(powers: IntArray, p: Array, u: Array, axes: tuple[int, ...]) -> Array:
@@ -183,7 +187,7 @@ def slope_columns(powers: IntArray, p: Array, u: Array, axes: tuple[int, ...]) -
     return columns
 
 
-def energy_law(terms: Mapping[tuple[int, ...], float], domain: Domain | None = None) -> EnergyLaw:
+def energy_law(terms: Terms, domain: Domain | None = None) -> EnergyLaw:
     """The law of an energy whose coefficients are given by powers (of p, then of u): a hinge, or a ball joint."""
     powers = np.array(list(terms))
     coefficients, box = np.array(list(terms.values())), domain or Domain.unbounded(powers.shape[1] - 1)
@@ -236,6 +240,6 @@ def module_table_of(law: JointLaw, energies: bool = True, slopes: bool = True) -
 
 def coupled_law() -> EnergyLaw:
     """Three axes that know of each other, without limits: Π = K·u²/2 − p (g y + m y²/2) + a x² y − a y z²."""
-    stiffness = {(0, 2, 0, 0): 0.025, (0, 0, 2, 0): 0.015, (0, 0, 0, 2): 0.02}
-    driven = {(1, 0, 1, 0): -3e-7, (1, 0, 2, 0): -5e-8}
+    stiffness: Terms = {(0, 2, 0, 0): 0.025, (0, 0, 2, 0): 0.015, (0, 0, 0, 2): 0.02}
+    driven: Terms = {(1, 0, 1, 0): -3e-7, (1, 0, 2, 0): -5e-8}
     return energy_law({**stiffness, **driven, (0, 2, 1, 0): 0.015, (0, 0, 1, 2): -0.015})

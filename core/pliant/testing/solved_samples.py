@@ -49,7 +49,7 @@ def spherical_sample_law(values: Array) -> EnergyLaw:
     r, t = float(values[0] / 7.5e-3), float(values[1] / 1.5e-3)
     b_x, b_z, g, e, h = 0.03 * t, 0.02 * t * r, 0.002 * t, 0.01 * r, 2e-7 * r**2
     alone = _bending_terms(values)
-    terms = {(a, 0, b, 0): value for (a, b), value in alone.items()}
+    terms: dict[tuple[int, ...], float] = {(a, 0, b, 0): value for (a, b), value in alone.items()}
     terms |= {(0, 2, 0, 0): b_x / 2, (0, 0, 0, 2): b_z / 2, (0, 1, 0, 1): g}
     for x, z in ((2, 0), (0, 2)):
         terms |= {(0, x, 1, z): e / 2, (1, x, 0, z): h / 2}
