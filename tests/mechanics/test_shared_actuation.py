@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from tests.surrogates.laws import STATED, WAVY, network_law, one_by_one
 from tests.surrogates.test_drawn_laws import BOX, BOX3, bar, one_axis, three_axes
-from tests.surrogates.test_neural_law import network_law
-from tests.surrogates.test_scalar_law import LAWS, one_by_one
 
 from pliant.config.chain import ChainConfig
 from pliant.mechanics.law_draws import draws
@@ -24,7 +23,7 @@ SHARES = (0.6, 1.7)
 
 def shipped() -> dict[str, JointLaw]:
     """A law of each scalar form, with and without limits."""
-    polynomials = {name: LAWS[name] for name in ("wavy", "unbounded", "plain square")}
+    polynomials = {"wavy": WAVY, **{name: STATED[name] for name in ("unbounded", "plain square")}}
     table = Table(TableConfig(kind="table")).fit(table_of(softening_law())).law
     return {
         **polynomials,

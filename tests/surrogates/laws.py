@@ -14,6 +14,7 @@ from pliant_plugins.surrogates.polynomial.config import PolynomialConfig, StudyC
 from pliant_plugins.surrogates.polynomial.energy import EnergyBasis
 from pliant_plugins.surrogates.polynomial.energy_law import EnergyLaw
 from pliant_plugins.surrogates.polynomial.law import PolynomialLaw
+from pliant_plugins.surrogates.polynomial.study import study_law
 from pliant_plugins.surrogates.polynomial.surrogate import Polynomial
 
 PRESSURE_PA = 15e3
@@ -30,6 +31,12 @@ TABLE = 1e-3 * np.array(
 )
 WAVY = PolynomialLaw(TABLE, np.array([7.5e3, 7.5e3]), np.array([0.125, 0.325]), BOX, odd=-0.02)
 WORKED = StudyCoefficients(k_n=1.637e-6, m_a=-1.704e-6, b_a=0.0, m_e=0.1012, b_e=0.0245)
+STATED = {
+    "stated": study_law(WORKED, True, BOX),
+    "unbounded": study_law(WORKED, True, Domain.unbounded(1)),
+    "plain square": study_law(WORKED, False, BOX),
+    "bounded pressure": study_law(WORKED, True, Domain(BOX.actuation, Domain.unbounded(1).deformation)),
+}
 TWIST = {"k_n": 0.0, "m_a": -2e-7, "m_e": 0.01, "b_e": 0.03}
 SIDE = {"k_n": 0.0, "m_a": -1e-7, "m_e": 0.02, "b_e": 0.015}
 MAIN = {"k_n": 1.6e-6, "m_a": -1.7e-6, "m_e": 0.1, "b_e": 0.0245}

@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 from tests.surrogates.laws import (
     AXES,
-    BOX,
+    STATED,
     WAVY,
-    WORKED,
     energy_law,
     network_law,
     one_by_one,
@@ -22,14 +21,13 @@ from tests.surrogates.laws import (
 )
 
 from pliant.records.error_bar import ErrorBar
-from pliant.records.law import Domain, JointLaw
+from pliant.records.law import JointLaw
 from pliant.store.codec import decode, encode
 from pliant.testing.samples import softening_law, table_of
 from pliant_plugins.physics.compiled.laws import law_address
 from pliant_plugins.surrogates.neural.config import NeuralConfig
 from pliant_plugins.surrogates.neural.surrogate import Neural
 from pliant_plugins.surrogates.polynomial.config import PolynomialConfig
-from pliant_plugins.surrogates.polynomial.study import study_law
 from pliant_plugins.surrogates.polynomial.surrogate import Polynomial
 from pliant_plugins.surrogates.table.config import TableConfig
 from pliant_plugins.surrogates.table.surrogate import Table
@@ -37,17 +35,15 @@ from pliant_plugins.surrogates.table.surrogate import Table
 STABLE: dict[str, JointLaw] = {
     "wavy": WAVY,
     "even": replace(WAVY, odd=0.0),
-    "stated": study_law(WORKED, True, BOX),
+    "stated": STATED["stated"],
     "table": Table(TableConfig()).fit(table_of(softening_law(), noise_n_m=2e-5)).law,
     **{f"energy {k}": energy_law(k) for k in AXES},
     **{f"network {k}": network_law(k) for k in AXES},
 }
 LAWS: dict[str, JointLaw] = {
     **STABLE,
+    **STATED,
     "unstable": replace(WAVY, coefficients=-WAVY.coefficients),
-    "unbounded": study_law(WORKED, True, Domain.unbounded(1)),
-    "plain square": study_law(WORKED, False, BOX),
-    "bounded pressure": study_law(WORKED, True, Domain(BOX.actuation, Domain.unbounded(1).deformation)),
     "three stated axes": spatial(),
     "three axes with a box": with_a_box(),
 }
