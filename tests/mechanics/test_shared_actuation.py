@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from tests.surrogates.laws import STATED, WAVY, network_law, one_by_one
@@ -27,7 +29,7 @@ def shipped() -> dict[str, JointLaw]:
     table = Table(TableConfig(kind="table")).fit(table_of(softening_law())).law
     return {
         **polynomials,
-        "axes": AxesLaw((LAWS["wavy"], LAWS["unbounded"], LAWS["even"])),
+        "axes": AxesLaw((WAVY, STATED["unbounded"], replace(WAVY, odd=0.0))),
         "energy": three_axes(bar(BOX3, 1e-4)),
         "neural": network_law(3),
         "table": table,
