@@ -15,7 +15,7 @@ from pydantic import ValidationError
 from tests.effects.bench import REGISTRY, effect, model_with, settled
 
 from pliant.errors import UserError
-from pliant.experiments.runs import menu
+from pliant.experiments.experiment_catalogue import timed_catalogue
 from pliant.experiments.scale import BenchScale
 from pliant.interfaces.effect import Effect, EffectConfig, Model, parameter
 from pliant.records.chain import Actuator, ChainModel
@@ -147,7 +147,9 @@ def test_its_notes_are_sentences_for_the_bench(component: Component) -> None:
 def test_runs_that_excite_it_are_on_the_menu(component: Component) -> None:
     named = type(example(component)).exciting
     assert 1 <= len(named) <= 4
-    assert set(named) <= {run.name for run in menu(BenchScale.of_chain(sample_chain(), PRESSURE_PA))}
+    assert set(named) <= {
+        run.name for run in timed_catalogue(BenchScale.of_chain(sample_chain(), PRESSURE_PA))
+    }
 
 
 @ALL

@@ -8,12 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pliant.diagnosis.candidates import Candidate
-from pliant.diagnosis.fitting import STEP
-from pliant.diagnosis.readings import ReadingVector
-from pliant.diagnosis.scores import SHARE_OF_RANGE
+from pliant.diagnosis.candidates import EffectSet
+from pliant.diagnosis.cross_validation import SHARE_OF_RANGE
+from pliant.diagnosis.fitting import STEP, ReadingVector
 from pliant.evidence.prediction import POSITION, Predictor
-from pliant.experiments.menu import MenuRun
+from pliant.experiments.planned_run import PlannedRun
 from pliant.records.design import Array
 from pliant.records.history import History
 from pliant.records.measurement import MeasuredRun, Measurement
@@ -25,7 +24,7 @@ CONDITIONING_S, CONDITIONING_STEP_S = 20.0, 1.0
 
 
 @dataclass(frozen=True, eq=False)
-class Look:
+class CataloguePrediction:
     """A hypothesis in the menu: values (M,) over the noise, slopes (M, k) d value / dx; NaN without equilibrium."""
 
     values: Array
@@ -33,7 +32,7 @@ class Look:
 
 
 @dataclass(frozen=True, eq=False)
-class MenuView:
+class CatalogueView:
     """The model driven through a menu.
 
     Attributes:
@@ -44,7 +43,7 @@ class MenuView:
         place: (M,) index of the menu's run that each reading belongs to.
     """
 
-    runs: tuple[MenuRun, ...]
+    runs: tuple[PlannedRun, ...]
     predictor: Predictor
     readings: ReadingVector
     worth: Array
@@ -52,8 +51,8 @@ class MenuView:
 
     @staticmethod
     def of(
-        predictor: Predictor, runs: Sequence[MenuRun], scales: Mapping[str, float], reading_s: float | None
-    ) -> MenuView:
+        predictor: Predictor, runs: Sequence[PlannedRun], scales: Mapping[str, float], reading_s: float | None
+    ) -> CatalogueView:
         """Drive the model through these runs.
 
         Args:
@@ -73,7 +72,7 @@ class MenuView:
             _worth(run.history.time_s if reading_s else None, len(run), reading_s) for run in measurement.runs
         ]
         where = _sample_of(measurement, outputs)
-        return MenuView(
+        return CatalogueView(
             tuple(runs),
             driven,
             readings,
@@ -81,7 +80,7 @@ class MenuView:
             readings.run // 2,
         )
 
-    def look(self, candidate: Candidate, x: Array) -> Look:
+    def look(self, candidate: EffectSet, x: Array) -> CataloguePrediction:
         """Readings that the candidate predicts at x, and their slopes."""
         steps = [-STEP if x[k] + STEP > high else STEP for k, high in enumerate(candidate.limits()[1])]
         towards = [candidate.configs(x + step * np.eye(len(x))[k]) for k, step in enumerate(steps)]
@@ -89,7 +88,7 @@ class MenuView:
         slopes = np.empty((len(self.readings), len(x)))
         for k, (change, step) in enumerate(zip(changes, steps, strict=True)):
             slopes[:, k] = self.readings.pack(change) / step
-        return Look(self.readings.pack(prediction.runs), slopes)
+        return CataloguePrediction(self.readings.pack(prediction.runs), slopes)
 
     def rows(self, chosen: Sequence[int]) -> NDArray[np.bool_]:
         """(M,) readings of these runs of the menu."""
@@ -113,7 +112,7 @@ def seconds_per_reading(measurement: Measurement, n_outputs: int, n_effective: f
     return seconds * n_outputs / max(n_effective, 1.0)
 
 
-def _unread(runs: Sequence[MenuRun], outputs: tuple[str, ...]) -> Measurement:
+def _unread(runs: Sequence[PlannedRun], outputs: tuple[str, ...]) -> Measurement:
     """Each run after its specimen's conditioning; readings are zeros where they will be read, else NaN."""
     every = tuple(dict.fromkeys((*outputs, *(name for run in runs for name in run.adds))))
     measured = []

@@ -6,46 +6,31 @@ from collections.abc import Sequence
 
 from pliant.diagnosis.classes import EffectClass
 from pliant.diagnosis.diagnosis import Diagnosis
-from pliant.diagnosis.table import NOTHING, UNKNOWN, Kinds
+from pliant.diagnosis.verdict import sentence_of
 from pliant.formatting import listed, whole_percent
 from pliant.measurements.plausible import TO_CHECK
 from pliant.registry.discovery import Registry
 
-HEADLINES = {
-    "missing_effect": "Missing: {kinds}.",
-    "ambiguous": "These data do not decide: {contenders}.",
-    "nothing_missing": "Nothing is missing that these data could show.",
-    "unknown_effect": "Something is missing, and it is not in the list.",
-    "not_repeatable": "The bench does not repeat well enough to say.",
-    "insufficient_data": "These data cannot tell.",
-}
 MOST_NAMED = 4
 WRONG_UNIT = "A unit in the file looks wrong (see the remarks): settle that first, then believe a verdict."
 
 
-def named(kinds: Kinds) -> str:
-    """A hypothesis in words."""
-    if kinds == NOTHING:
-        return "nothing missing"
-    return "an effect outside the list" if kinds == UNKNOWN else " + ".join(kinds)
-
-
 def headline(found: Diagnosis) -> str:
     """The verdict in one sentence."""
-    contenders = [named(kinds) for kinds in found.judgement.credible[:MOST_NAMED]]
-    if more := len(found.judgement.credible) - len(contenders):
-        contenders.append(f"{more} more")
-    return HEADLINES[found.verdict].format(
-        kinds=" and ".join(found.selected), contenders=" or ".join(contenders)
-    )
+    return sentence_of(found.verdict, found.selected, found.judgement.credible)
 
 
 def explanation(found: Diagnosis, registry: Registry) -> list[str]:
     """Why, what follows from it, and what to do next."""
-    lines = why(found, registry)
-    if found.next_run is not None and found.verdict != "missing_effect":
-        lines.append(f"Next: {found.next_run.run} ({found.next_run.minutes:g} min): {found.next_run.why}.")
-    return lines
+    proposed = next_words(found)
+    return [*why(found, registry), *([proposed] if proposed else [])]
+
+
+def next_words(found: Diagnosis) -> str:
+    """The run to do next; empty where the verdict needs none."""
+    if found.next_run is None or found.verdict == "missing_effect":
+        return ""
+    return f"Next: {found.next_run.run} ({found.next_run.minutes:g} min): {found.next_run.why}."
 
 
 def why(found: Diagnosis, registry: Registry) -> list[str]:
@@ -84,7 +69,7 @@ def class_words(one: EffectClass, first: Sequence[str] = ()) -> str:
 
 
 def _confused(found: Diagnosis, kind: str) -> list[str]:
-    """Look-alikes that these runs cannot exclude."""
+    """CataloguePrediction-alikes that these runs cannot exclude."""
     twins = [pair.b for pair in found.indistinguishable if pair.a == kind]
     if not twins:
         return []

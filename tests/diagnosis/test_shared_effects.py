@@ -6,11 +6,11 @@ from collections.abc import Mapping
 
 import pytest
 
-from pliant.diagnosis.common_core import common_core, pairs_alike
-from pliant.diagnosis.excitation import LookAlike
-from pliant.diagnosis.table import NOTHING, PRICES, UNKNOWN, Kinds
+from pliant.diagnosis.excitation import ConfoundedPair
+from pliant.diagnosis.shared_effects import pairs_alike, shared_effects
+from pliant.diagnosis.verdict import NOTHING, THRESHOLDS, UNKNOWN, Kinds
 
-LAGS = pairs_alike([LookAlike("damping", "lag", 0.1), LookAlike("slow_camera", "damping", 0.1)])
+LAGS = pairs_alike([ConfoundedPair("damping", "lag", 0.1), ConfoundedPair("slow_camera", "damping", 0.1)])
 OPEN: dict[Kinds, float] = {
     ("damping",): 0.24,
     ("lag",): 0.21,
@@ -24,7 +24,7 @@ OPEN: dict[Kinds, float] = {
 
 def core(probability: Mapping[Kinds, float], at_bound=None, alike=LAGS):
     ordered = dict(sorted(probability.items(), key=lambda item: -item[1]))
-    return common_core(ordered, alike, at_bound or {}, PRICES)
+    return shared_effects(ordered, alike, at_bound or {}, THRESHOLDS)
 
 
 def test_look_alikes_that_hold_nearly_all_probability_have_a_stand_in():

@@ -8,12 +8,12 @@ from functools import cached_property
 import numpy as np
 
 from pliant.diagnosis.diagnosis import Diagnosis
-from pliant.diagnosis.table import NOTHING, UNKNOWN, Kinds
+from pliant.diagnosis.verdict import NOTHING, UNKNOWN, Kinds
 from pliant.evidence.comparison import compare
 from pliant.evidence.prediction import RunReadings
 from pliant.evidence.scores import GroupError
 from pliant.records.measurement import Measurement
-from pliant.report.comparison_reading import Compared
+from pliant.report.comparison_view import Compared
 
 MOST_EXPLANATIONS = 2
 MOST_HYPOTHESES = 8
@@ -62,9 +62,7 @@ class Diagnosed:
 
     def left_out_error(self, kinds: Kinds) -> float:
         """Error on runs left out of the fit over the floor; NaN for an effect outside the list."""
-        if kinds == UNKNOWN:
-            return np.nan
-        return self.found.table.over_floor(self.found.table.rows[kinds].heldout_square)
+        return np.nan if kinds == UNKNOWN else self.found.left_out_ratio(kinds)
 
     def telling_runs(self, count: int) -> list[str]:
         """One run of each of the conditions in which the explanation takes away most of the squared error.

@@ -10,13 +10,13 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 
-from pliant.diagnosis.excitation import LookAlike
-from pliant.diagnosis.fitting import Fit
-from pliant.diagnosis.table import NOTHING, UNKNOWN, Kinds, Prices, credible_set
+from pliant.diagnosis.excitation import ConfoundedPair
+from pliant.diagnosis.fitting import EffectFit
+from pliant.diagnosis.verdict import NOTHING, UNKNOWN, EvidenceThresholds, Kinds, credible_set
 
 
 @dataclass(frozen=True)
-class CommonCore:
+class SharedEffect:
     """A group of effects of which one is missing.
 
     Attributes:
@@ -30,12 +30,12 @@ class CommonCore:
     probability: float
 
 
-def common_core(
+def shared_effects(
     probability: Mapping[Kinds, float],
     alike: Collection[frozenset[str]],
     at_bound: Mapping[Kinds, frozenset[str]],
-    prices: Prices,
-) -> CommonCore | None:
+    thresholds: EvidenceThresholds,
+) -> SharedEffect | None:
     """The group that is most probable; None where no group is believed, or one hypothesis is credible alone.
 
     Args:
@@ -43,37 +43,37 @@ def common_core(
         alike: pairs of kinds that these runs can hardly tell apart.
         at_bound: for hypotheses, the effects of which a shape ended on a bound. Such a member is chosen only where all
             others are, too.
-        prices: `believed` is the least probability of a group; "nothing" and "outside the list" must hold less than
+        thresholds: `believed` is the least probability of a group; "nothing" and "outside the list" must hold less than
             the rest together.
     """
     doubt = probability.get(NOTHING, 0.0) + probability.get(UNKNOWN, 0.0)
     credible = [kinds for kinds in credible_set(probability) if kinds not in (NOTHING, UNKNOWN)]
-    if len(credible) < 2 or doubt >= 1.0 - prices.believed:
+    if len(credible) < 2 or doubt >= 1.0 - thresholds.believed:
         return None
     known = {kinds: p for kinds, p in probability.items() if kinds not in (NOTHING, UNKNOWN)}
-    best: CommonCore | None = None
+    best: SharedEffect | None = None
     for group in _groups(credible, alike):
         total = sum(p for kinds, p in known.items() if not group.isdisjoint(kinds))
-        if total < prices.believed or (best is not None and total <= best.probability):
+        if total < thresholds.believed or (best is not None and total <= best.probability):
             continue
         members = sorted(group, key=lambda kind: (-_held(known, kind), kind))
         free = [kind for kind in members if kind not in at_bound.get(_leading(known, kind), frozenset())]
-        best = CommonCore((free or members)[0], tuple(members), total)
+        best = SharedEffect((free or members)[0], tuple(members), total)
     return best
 
 
-def pairs_alike(found: Iterable[LookAlike]) -> frozenset[frozenset[str]]:
+def pairs_alike(found: Iterable[ConfoundedPair]) -> frozenset[frozenset[str]]:
     """Unordered pairs of kinds of which one can hardly be told from the other."""
     return frozenset(frozenset((pair.a, pair.b)) for pair in found)
 
 
-def shapes_at_bound(fits: Mapping[Kinds, Fit]) -> dict[Kinds, frozenset[str]]:
+def shapes_at_bound(fits: Mapping[Kinds, EffectFit]) -> dict[Kinds, frozenset[str]]:
     """For each fitted hypothesis the effects of which a parameter other than the strength ended on a bound."""
     return {
         kinds: frozenset(
-            knob.kind
-            for knob, there in zip(fit.candidate.knobs, fit.at_limit, strict=True)
-            if there and not knob.is_strength
+            parameter.kind
+            for parameter, there in zip(fit.candidate.parameters, fit.at_limit, strict=True)
+            if there and not parameter.is_strength
         )
         for kinds, fit in fits.items()
     }

@@ -1,7 +1,8 @@
-"""The default menu: runs that most benches can do, as orders in words and as histories.
+"""Runs that most benches can do: drives over time, and the run as an order in words and as a history.
 
-Levels are shares of what the measurement drove and hung at most (`BenchScale`). `minutes` are of motion and of
-setting up: two for any run, more where the specimen, the bench or its temperature is changed.
+A drive consists of straight lines between corners. Levels are shares of what the measurement drove and hung at most
+(`BenchScale`). `minutes` are of motion and of setting up: two for any run, more where the specimen, the bench or its
+temperature is changed.
 """
 
 from __future__ import annotations
@@ -14,8 +15,69 @@ import numpy as np
 
 from pliant.errors import UserError, closest
 from pliant.experiments.scale import BenchScale
-from pliant.experiments.waves import Wave, triangles
+from pliant.records.design import Array
 from pliant.records.history import History
+
+RISE_S = 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class Wave:
+    """time_s (t,) from 0, share (t,) of the largest."""
+
+    time_s: Array
+    share: Array
+
+    def __len__(self) -> int:
+        return len(self.time_s)
+
+    @property
+    def seconds(self) -> float:
+        return float(self.time_s[-1])
+
+
+def corners(points: Sequence[tuple[float, float]], step_s: float) -> Wave:
+    """Straight lines through (time in s, share), sampled every `step_s` from the first corner to the last."""
+    times, shares = np.array(points, float).T
+    grid = step_s * np.arange(round(times[-1] / step_s) + 1)
+    return Wave(grid, np.interp(grid, times, shares))
+
+
+def triangles(period_s: float, amplitudes: Sequence[float], step_s: float) -> Wave:
+    """Cycles from zero to each amplitude and back, `period_s` each."""
+    points = [(0.0, 0.0)]
+    for k, amplitude in enumerate(amplitudes):
+        points += [((k + 0.5) * period_s, amplitude), ((k + 1) * period_s, 0.0)]
+    return corners(points, step_s)
+
+
+def steps(levels: Sequence[float], hold_s: float, step_s: float, rise_s: float = RISE_S) -> Wave:
+    """Levels reached from zero along straight lines of `rise_s`, each then held for the rest of `hold_s`."""
+    points = [(0.0, 0.0)]
+    for k, level in enumerate(levels):
+        points += [(k * hold_s + rise_s, level), ((k + 1) * hold_s, level)]
+    return corners(points, step_s)
+
+
+def dense_steps(
+    levels: Sequence[float], hold_s: float, rise_s: float, fine_s: float, fine_for_s: float, step_s: float
+) -> Wave:
+    """Steps along half a cosine of `rise_s`, sampled every `fine_s` for `fine_for_s` after each, then every `step_s`.
+
+    A kink would make a body swing that has a frequency of its own.
+    """
+    times, shares, before = [0.0], [0.0], 0.0
+    for k, level in enumerate(levels):
+        start = k * hold_s
+        local = np.concatenate(
+            [np.arange(fine_s, fine_for_s, fine_s), np.arange(fine_for_s, hold_s + 0.5 * step_s, step_s)]
+        )
+        times += list(start + local)
+        risen = 0.5 - 0.5 * np.cos(np.pi * np.minimum(1.0, local / rise_s))
+        shares += list(before + (level - before) * risen)
+        before = level
+    return Wave(np.array(times), np.array(shares))
+
 
 STEP_S = 0.5
 # A body that was never loaded before.
@@ -24,7 +86,7 @@ SET_UP = 2.0
 
 
 @dataclass(frozen=True, eq=False)
-class MenuRun:
+class PlannedRun:
     """A run that the bench can do.
 
     Attributes:
@@ -54,7 +116,7 @@ class MenuRun:
 
 
 @dataclass(frozen=True)
-class Shape:
+class RunShape:
     """What may differ from the menu's own run; None and () keep the menu's. Levels are shares of the largest."""
 
     period_s: float | None = None
@@ -82,7 +144,7 @@ class RunMaker:
         adds: tuple[str, ...] = (),
         needs: str = "",
         **conditions: Any,
-    ) -> MenuRun:
+    ) -> PlannedRun:
         """A run of this drive; `conditions` are those of `History.of`."""
         scale = self.scale
         usual = {
@@ -93,9 +155,9 @@ class RunMaker:
         }
         inputs = scale.actuation(wave.share)
         history = History.of(inputs, wave.time_s, run=name, **{**usual, **conditions})
-        return MenuRun(name, words, history, round(set_up + wave.seconds / 60.0, 1), adds, needs)
+        return PlannedRun(name, words, history, round(set_up + wave.seconds / 60.0, 1), adds, needs)
 
-    def cycles(self, shape: Shape, period_s: float, amplitudes: Sequence[float]) -> Wave:
+    def cycles(self, shape: RunShape, period_s: float, amplitudes: Sequence[float]) -> Wave:
         """Triangles, every second one the other way where opposed chambers are driven."""
         heights = shape.amplitudes or (
             tuple(amplitudes) if shape.cycles is None else (max(amplitudes),) * shape.cycles
@@ -110,7 +172,7 @@ def step_of(period_s: float) -> float:
     return float(np.clip(period_s / 80.0, min(STEP_S, period_s / 8.0), 1.0))
 
 
-def named_run(runs: Sequence[MenuRun], name: str) -> MenuRun:
+def named_run(runs: Sequence[PlannedRun], name: str) -> PlannedRun:
     """By name; raises `UserError` for one that is not there."""
     names = [run.name for run in runs]
     if name not in names:

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pliant.diagnosis.heldout import condition_of_runs
+from pliant.diagnosis.cross_validation import condition_of_runs
 from pliant.formatting import plural
 from pliant.measurements.repeats import repeat_groups
 from pliant.records.design import Array
@@ -27,7 +27,7 @@ GRID = 60
 
 
 @dataclass(frozen=True, eq=False)
-class Locked:
+class TrainTestSplit:
     """A measurement in two parts.
 
     Attributes:
@@ -43,7 +43,7 @@ class Locked:
     why: str
 
 
-def lock(measurement: Measurement, share: float = SHARE) -> Locked:
+def lock(measurement: Measurement, share: float = SHARE) -> TrainTestSplit:
     """Put about `share` of the runs aside. Only inputs decide, never readings; the same runs give the same parts.
 
     1. From `ENOUGH` conditions on, one condition with all its runs: the one most like another one and needed for
@@ -56,7 +56,9 @@ def lock(measurement: Measurement, share: float = SHARE) -> Locked:
     """
     read = [k for k, run in enumerate(measurement.runs) if _is_read(run)]
     if len(read) < 4:
-        return Locked((), (), measurement, "There are too few runs to put any aside: all were fitted.")
+        return TrainTestSplit(
+            (), (), measurement, "There are too few runs to put any aside: all were fitted."
+        )
     wanted = max(round(share * len(read)), 1)
     conditions = _conditions(measurement, read)
     alike = _most_alike(measurement, conditions)
@@ -75,7 +77,9 @@ def lock(measurement: Measurement, share: float = SHARE) -> Locked:
             locked += conditions[c]
     hidden = tuple(sorted(locked))
     unseen = tuple(sorted(k for c in gone for k in conditions[c]))
-    return Locked(hidden, unseen, _hidden(measurement, hidden), _why(measurement, hidden, unseen, len(read)))
+    return TrainTestSplit(
+        hidden, unseen, _hidden(measurement, hidden), _why(measurement, hidden, unseen, len(read))
+    )
 
 
 def _is_read(run: MeasuredRun) -> bool:

@@ -9,10 +9,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pliant.experiments.menu import NEW, STEP_S, MenuRun, RunMaker, Shape
+from pliant.experiments.planned_run import (
+    NEW,
+    STEP_S,
+    PlannedRun,
+    RunMaker,
+    RunShape,
+    corners,
+    dense_steps,
+    steps,
+)
 from pliant.experiments.scale import BenchScale
-from pliant.experiments.waves import corners, dense_steps, steps
 from pliant.records.design import Array
+from pliant.records.history import History
 
 SLOW_STEP_S, FINE_STEP_S, STEP_RISE_S = 1.0, 0.02, 0.3
 MEDIUM_S, SLOW_S, FAST_S = 20.0, 80.0, 4.0
@@ -27,13 +36,13 @@ LOADING, TURNING, MOUNTING, HEATING = 3.0, 5.0, 10.0, 15.0
 MOST_ANGLES = 12
 
 
-def menu(scale: BenchScale) -> tuple[MenuRun, ...]:
+def timed_catalogue(scale: BenchScale) -> tuple[PlannedRun, ...]:
     """All runs of the default menu that make sense for this chain."""
     make = RunMaker(scale)
-    return tuple(run for build in BUILDERS.values() if (run := build(make, Shape())) is not None)
+    return tuple(run for build in BUILDERS.values() if (run := build(make, RunShape())) is not None)
 
 
-def slow_cycles(make: RunMaker, shape: Shape) -> MenuRun:
+def slow_cycles(make: RunMaker, shape: RunShape) -> PlannedRun:
     """Rates, far apart from those of `fast_cycles`."""
     wave = make.cycles(shape, SLOW_S, TWICE)
     return make.run(
@@ -41,7 +50,7 @@ def slow_cycles(make: RunMaker, shape: Shape) -> MenuRun:
     )
 
 
-def fast_cycles(make: RunMaker, shape: Shape) -> MenuRun:
+def fast_cycles(make: RunMaker, shape: RunShape) -> PlannedRun:
     """Rates: what resists motion or comes late shows."""
     wave = make.cycles(shape, FAST_S, (1.0,) * 15)
     return make.run(
@@ -49,7 +58,7 @@ def fast_cycles(make: RunMaker, shape: Shape) -> MenuRun:
     )
 
 
-def small_loops(make: RunMaker, shape: Shape) -> MenuRun:
+def small_loops(make: RunMaker, shape: RunShape) -> PlannedRun:
     """Reversals: what sticks turns back flat."""
     way = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(LOOPS)))]) * (shape.period_s or MEDIUM_S) / 2
     wave = corners(list(zip(np.round(way * 2) / 2, LOOPS, strict=True)), STEP_S)
@@ -58,7 +67,7 @@ def small_loops(make: RunMaker, shape: Shape) -> MenuRun:
     )
 
 
-def holds(make: RunMaker, shape: Shape) -> MenuRun:
+def holds(make: RunMaker, shape: RunShape) -> PlannedRun:
     """Holds: what relaxes goes on, and comes back after venting."""
     hold = shape.hold_s or 60.0
     wave = steps((*(shape.levels or (0.4, 0.8, 1.0)), 0.0), hold, min(SLOW_STEP_S, hold / 8))
@@ -66,7 +75,7 @@ def holds(make: RunMaker, shape: Shape) -> MenuRun:
     return make.run("holds", words, wave)
 
 
-def virgin(make: RunMaker, shape: Shape) -> MenuRun:
+def virgin(make: RunMaker, shape: RunShape) -> PlannedRun:
     """A new specimen: what the first loading changes for good."""
     wave = make.cycles(shape, MEDIUM_S, RISING)
     words = "a new specimen, amplitude rising from cycle to cycle, each amplitude twice"
@@ -76,8 +85,8 @@ def virgin(make: RunMaker, shape: Shape) -> MenuRun:
 
 def _turned(
     name: str, words: str, angles: tuple[float, float, float]
-) -> Callable[[RunMaker, Shape], MenuRun]:
-    def build(make: RunMaker, shape: Shape) -> MenuRun:
+) -> Callable[[RunMaker, RunShape], PlannedRun]:
+    def build(make: RunMaker, shape: RunShape) -> PlannedRun:
         wave = make.cycles(shape, MEDIUM_S, TWICE)
         needs = "a bench whose base can be turned"
         n = len(shape.amplitudes) or shape.cycles or 2
@@ -87,7 +96,7 @@ def _turned(
     return build
 
 
-def warm(make: RunMaker, shape: Shape) -> MenuRun:
+def warm(make: RunMaker, shape: RunShape) -> PlannedRun:
     """Another temperature."""
     usual = make.scale.temperature_c
     there = usual + WARMER_K if shape.temperature_c is None else shape.temperature_c
@@ -98,18 +107,18 @@ def warm(make: RunMaker, shape: Shape) -> MenuRun:
     )
 
 
-def passive_load_steps(make: RunMaker, shape: Shape) -> MenuRun:
+def passive_load_steps(make: RunMaker, shape: RunShape) -> PlannedRun:
     """Loads alone: the body without its drive."""
     return _loaded(make, shape, "passive_load_steps", "no pressure, load steps of both signs", 0.0)
 
 
-def load_steps(make: RunMaker, shape: Shape) -> MenuRun:
+def load_steps(make: RunMaker, shape: RunShape) -> PlannedRun:
     """Loads at a constant drive."""
     share = shape.levels[0] if shape.levels else 0.6
     return _loaded(make, shape, "load_steps", "constant pressure, load steps of both signs", share)
 
 
-def _loaded(make: RunMaker, shape: Shape, name: str, words: str, share: float) -> MenuRun:
+def _loaded(make: RunMaker, shape: RunShape, name: str, words: str, share: float) -> PlannedRun:
     hold = shape.hold_s or MEDIUM_S
     pushes = steps(PUSHES, hold, min(STEP_S, hold / 8), rise_s=min(1.0, hold / 4))
     if shape.load_n_m is not None:
@@ -122,7 +131,7 @@ def _loaded(make: RunMaker, shape: Shape, name: str, words: str, share: float) -
     return make.run(name, words, drive, LOADING, needs="weights or a lever", **pushed)
 
 
-def blocked(make: RunMaker, shape: Shape) -> MenuRun | None:
+def blocked(make: RunMaker, shape: RunShape) -> PlannedRun | None:
     """The drive's torque by itself: the load that holds the joint at zero."""
     hold = shape.hold_s or 15.0
     levels = shape.levels or (0.25, 0.5, 0.75, 1.0)
@@ -134,7 +143,7 @@ def blocked(make: RunMaker, shape: Shape) -> MenuRun | None:
     return make.run("blocked", words, wave, TURNING, moment_n_m=moment, needs="a lever with a load cell")
 
 
-def vented_zero(make: RunMaker, shape: Shape) -> MenuRun:
+def vented_zero(make: RunMaker, shape: RunShape) -> PlannedRun:
     """The zero between cycles: what is left over, and whether it creeps back."""
     hold = shape.hold_s or 30.0
     rise = MEDIUM_S / 2
@@ -145,7 +154,7 @@ def vented_zero(make: RunMaker, shape: Shape) -> MenuRun:
     return make.run("vented_zero", words, wave)
 
 
-def closed_valve(make: RunMaker, shape: Shape) -> MenuRun | None:
+def closed_valve(make: RunMaker, shape: RunShape) -> PlannedRun | None:
     """What the specimen does to the air that is shut in it."""
     if not all(name.startswith("pressure") for name in make.scale.inputs):
         return None
@@ -164,7 +173,7 @@ def closed_valve(make: RunMaker, shape: Shape) -> MenuRun | None:
     return make.run("closed_valve", words, wave, valve_open=valve, needs="a valve at the specimen")
 
 
-def step_response(make: RunMaker, shape: Shape) -> MenuRun:
+def step_response(make: RunMaker, shape: RunShape) -> PlannedRun:
     """What comes late, in the first second after a step."""
     hold = shape.hold_s or 4.0
     levels, fine = (*(shape.levels or (0.6, 0.0, 1.0)), 0.0), min(1.0, hold / 2)
@@ -173,7 +182,7 @@ def step_response(make: RunMaker, shape: Shape) -> MenuRun:
     return make.run("step_response", words, wave, needs="a recorder of 50 Hz")
 
 
-def second_sensor(make: RunMaker, shape: Shape) -> MenuRun:
+def second_sensor(make: RunMaker, shape: RunShape) -> PlannedRun:
     """What one sensor says of another."""
     wave = make.cycles(shape, MEDIUM_S, TWICE)
     words = "two medium cycles with the tip's position and every joint's angle read too"
@@ -189,7 +198,7 @@ def second_outputs(scale: BenchScale) -> tuple[str, ...]:
     return ("tip_x_m", "tip_y_m", "tip_z_m", *angles)
 
 
-def _times(shape: Shape, usual: int) -> str:
+def _times(shape: RunShape, usual: int) -> str:
     n = len(shape.amplitudes) or shape.cycles or usual
     return {1: ", once", 2: ", twice"}.get(n, f", {n} times")
 
@@ -199,7 +208,7 @@ def _between(time_s: Array, low: float, high: float) -> NDArray[np.bool_]:
     return inside
 
 
-BUILDERS: Mapping[str, Callable[[RunMaker, Shape], MenuRun | None]] = {
+BUILDERS: Mapping[str, Callable[[RunMaker, RunShape], PlannedRun | None]] = {
     "slow_cycles": slow_cycles,
     "fast_cycles": fast_cycles,
     "small_loops": small_loops,
@@ -219,3 +228,92 @@ BUILDERS: Mapping[str, Callable[[RunMaker, Shape], MenuRun | None]] = {
     "step_response": step_response,
     "second_sensor": second_sensor,
 }
+
+
+LEVELS = (0.0, 0.25, 0.5, 0.75, 1.0)
+STATIC_PUSHES = (-1.0, -0.5, 0.0, 0.5, 1.0)
+PUSHED_AT = 0.6
+TURNED = {
+    "level": ("the base horizontal", (0.0, np.pi / 2, 0.0)),
+    "upside_down": ("upside down", (0.0, np.pi, 0.0)),
+    "sideways": ("the base rolled to its side, out of the plane of bending", (np.pi / 2, 0.0, 0.0)),
+}
+
+
+def static_catalogue(scale: BenchScale) -> tuple[PlannedRun, ...]:
+    """All runs of this menu that make sense for this chain."""
+    levels, pushes = np.array(LEVELS), np.array(STATIC_PUSHES)
+    loads = scale.loads(pushes)
+    if scale.both_ways:
+        levels = np.concatenate([-levels[:0:-1], levels])
+    drive = "pressure" if all(name.startswith("pressure") for name in scale.inputs) else "drive"
+    count = f"{len(levels)} levels of the {drive}"
+    runs = [
+        _run(
+            scale, name, f"{words}, {count}", levels, TURNING, "a bench whose base can be turned", angles=turn
+        )
+        for name, (words, turn) in TURNED.items()
+    ]
+    there = scale.temperature_c + WARMER_K
+    runs.append(
+        _run(
+            scale, "warm", f"at {there:g} °C, {WARMER_K:g} K warmer, {count}", levels, HEATING,
+            "a warm chamber and a thermometer", temperature_c=there,
+        )
+    )  # fmt: skip
+    for name, share, words in (
+        ("passive_load_steps", 0.0, f"no {drive}"),
+        ("load_steps", PUSHED_AT, f"constant {drive}"),
+    ):
+        order = f"{words}, {len(pushes)} loads of both signs"
+        at = np.full(len(pushes), share)
+        runs.append(
+            _run(
+                scale,
+                name,
+                order,
+                at,
+                LOADING,
+                "weights or a lever",
+                moment_n_m=loads["moment_n_m"],
+                tip_force_n=loads["tip_force_n"],
+            )
+        )
+    moment = scale.blocking_moment(scale.actuation(levels))
+    if moment is not None:
+        order = f"at {count}, the load that brings the angle back to zero; read the angle left"
+        runs.append(
+            _run(scale, "blocked", order, levels, TURNING, "a lever with a load cell", moment_n_m=moment)
+        )
+    order = f"{count} with the tip's position and every joint's angle read too"
+    adds = second_outputs(scale)
+    runs.append(_run(scale, "second_sensor", order, levels, MOUNTING, "a camera or a tracker", adds=adds))
+    return tuple(runs)
+
+
+def _run(
+    scale: BenchScale,
+    name: str,
+    words: str,
+    share: Array,
+    minutes: float,
+    needs: str,
+    *,
+    angles: tuple[float, float, float] | None = None,
+    temperature_c: float | None = None,
+    adds: tuple[str, ...] = (),
+    moment_n_m: Any = 0.0,
+    tip_force_n: Any = 0.0,
+) -> PlannedRun:
+    """A run of these shares of the drive, without a clock."""
+    history = History.of(
+        scale.actuation(share),
+        run=name,
+        specimen=scale.specimen,
+        temperature_c=scale.temperature_c if temperature_c is None else temperature_c,
+        base_angles_rad=scale.base_angles_rad if angles is None else angles,
+        payload_kg=scale.payload_kg,
+        moment_n_m=moment_n_m,
+        tip_force_n=tip_force_n,
+    )
+    return PlannedRun(name, words, history, minutes, adds, needs)
