@@ -7,7 +7,7 @@ import sys
 from collections.abc import Sequence
 from typing import cast, get_args
 
-from pliant.experiments.runs import menu
+from pliant.experiments.experiment_catalogue import timed_catalogue
 from pliant.experiments.scale import BenchScale
 from pliant.interfaces.effect import Effect, EffectConfig, EffectParameter, Place
 from pliant.registry.component import Component
@@ -74,7 +74,7 @@ def facts(component: Component, page: str = "") -> list[str]:
 
 def _menu(effects: Sequence[tuple[Component, type[Effect]]]) -> list[str]:
     """What to do in each run of the default menu, and the kinds that name it."""
-    runs = menu(BenchScale.of_chain(sample_chain(), PRESSURE_PA))
+    runs = timed_catalogue(BenchScale.of_chain(sample_chain(), PRESSURE_PA))
     rows = [
         f"| `{run.name}` | {run.words} | {run.needs or 'nothing more'} | "
         f"{', '.join(_link(c.kind) for c, e in effects if run.name in e.exciting)} |"

@@ -11,10 +11,10 @@ from benchmarks.evidence.robots import PRESSURE_MAX_PA, ROBOTS, Robot
 from benchmarks.evidence.sets import MeasuredSet, SetSpec, follow, noise_sizes, to_csv
 from benchmarks.evidence.truths import draw
 
-from pliant.experiments.menu import MenuRun
+from pliant.experiments.planned_run import PlannedRun
 
 
-def bench_run(run: MenuRun, robot: Robot, number: int = 1) -> Run:
+def bench_run(run: PlannedRun, robot: Robot, number: int = 1) -> Run:
     """The menu's run as the bench does it: same inputs, loads and conditions; `number` names a new specimen."""
     history = run.history
     assert history.time_s is not None
@@ -32,7 +32,7 @@ def bench_run(run: MenuRun, robot: Robot, number: int = 1) -> Run:
     )
 
 
-def added_csv(spec: SetSpec, made: MeasuredSet, runs: Sequence[MenuRun], seed: int = 0) -> str:
+def added_csv(spec: SetSpec, made: MeasuredSet, runs: Sequence[PlannedRun], seed: int = 0) -> str:
     """The CSV of these runs alone, recorded after those of the set: `pliant diagnose --data set.csv --data added.csv`.
 
     The truth, its strength and the noise's size are those of the set; the noise is new, and the same for the same

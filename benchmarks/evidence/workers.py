@@ -73,12 +73,12 @@ def add_runs(task: Task, name: str, folder: Path, chosen: Sequence[str]) -> list
 
 def _menu_of(study: Path, csv: Path) -> Sequence[Any]:
     from pliant import api
-    from pliant.experiments.runs import menu
+    from pliant.experiments.experiment_catalogue import timed_catalogue
     from pliant.experiments.scale import BenchScale
 
     with tempfile.TemporaryDirectory() as store:
         model = api.predictor(api.open_study(study, store=Path(store)), csv)
-        return menu(BenchScale.of_measurement(model.chain, model.measurement))
+        return timed_catalogue(BenchScale.of_measurement(model.chain, model.measurement))
 
 
 def ask(verb: str, module: str, name: str, folder: Path, added: bool = False) -> dict[str, Any]:

@@ -22,10 +22,10 @@ from pliant.records.design import Design
 from pliant.records.fem import FemDataset
 from pliant.records.law import Domain, JointLaw
 from pliant.records.rollout import Inputs
-from pliant_plugins.surrogates.polynomial.axes_law import AxesLaw
+from pliant_plugins.surrogates.polynomial.axes import AxesLaw
 from pliant_plugins.surrogates.polynomial.config import StudyCoefficients
 from pliant_plugins.surrogates.polynomial.law import PolynomialLaw
-from pliant_plugins.surrogates.polynomial.study_form import fit_study, study_law
+from pliant_plugins.surrogates.polynomial.study import fit_study, study_law
 
 FEM_TABLE = REFERENCE / "helical_y_fem_R5.66_l4.72.csv"
 PRESSURE_PA = 15e3

@@ -28,14 +28,13 @@ from benchmarks.output import REFERENCE, ROOT, write
 
 from pliant import api
 from pliant.config.conditions import PlausibleRange
-from pliant.diagnosis.counts_candidates import Knob, effect_knobs, task_knobs
-from pliant.diagnosis.counts_evidence import CountEvidence, count_evidence
-from pliant.diagnosis.counts_words import told
-from pliant.diagnosis.table import NOTHING, UNKNOWN
-from pliant.evidence.counted_study import CountedStudy, counted_study
-from pliant.evidence.counts import CountComparison, compare_counts
-from pliant.evidence.counts_words import counted as of
-from pliant.evidence.counts_words import interpret_counts
+from pliant.diagnosis.counts_candidates import VariedParameter, effect_parameters, task_parameters
+from pliant.diagnosis.counts_diagnosis import CountEvidence, count_evidence
+from pliant.diagnosis.verdict import NOTHING, UNKNOWN
+from pliant.evidence.counts import CountComparison, CountedStudy, compare_counts, counted_study
+from pliant.report.counts import counted as of
+from pliant.report.counts import interpret_counts
+from pliant.report.counts_diagnosis import level_text
 from pliant.report.figures.success_shares import Series, success_shares
 
 TABLE = REFERENCE / "grasp_experiment.csv"
@@ -76,11 +75,11 @@ def main() -> None:
     )
     theirs = compare_counts(whole[1].counts, published())
     opened, counted = near
-    effects = effect_knobs(opened.bench.registry, EFFECTS)
-    numbers = task_knobs(counted, ranges())
+    effects = effect_parameters(opened.bench.registry, EFFECTS)
+    numbers = task_parameters(counted, ranges())
     hypotheses = [
-        (knob,)
-        for knob in (
+        (parameter,)
+        for parameter in (
             [*numbers, *effects][:1] if quick else [*numbers[:2], *effects[:2], *numbers[2:], *effects[2:]]
         )
     ]
@@ -111,15 +110,15 @@ def on_all(whole: tuple[api.OpenStudy, CountedStudy], found: CountEvidence) -> C
     opened, counted = whole
     best = next(kinds for kinds in found.probability if kinds not in (NOTHING, UNKNOWN))
     row = found.rows[best]
-    knobs = [replace(k, levels=(v,)) for k, v in zip(row.knobs, row.grid[row.best], strict=True)]
-    return count_evidence(opened.bench, counted, [knobs])
+    parameters = [replace(k, levels=(v,)) for k, v in zip(row.parameters, row.grid[row.best], strict=True)]
+    return count_evidence(opened.bench, counted, [parameters])
 
 
 def draw(judged: CountEvidence) -> None:
     """Success by condition: measured, the model as it is, with the best explanation."""
     best = next(kinds for kinds in judged.probability if kinds not in (NOTHING, UNKNOWN))
     plain, with_it = judged.comparison.conditions, judged.comparisons[best].conditions
-    shown = {"model, published set-up": plain, f"with {told(judged.rows[best])}": with_it}
+    shown = {"model, published set-up": plain, f"with {level_text(judged.rows[best])}": with_it}
     png = success_shares(
         [one.condition.words for one in plain],
         Series("measured (three sets of ten)", [one.measured for one in plain], [True] * len(plain)),
@@ -191,7 +190,8 @@ def print_ranking(found: CountEvidence) -> None:
             continue
         row, left = found.rows[kinds], found.comparisons[kinds]
         at = ", ".join(
-            f"{v:.4g} {k.unit}".removesuffix(" 1") for v, k in zip(row.grid[row.best], row.knobs, strict=True)
+            f"{v:.4g} {k.unit}".removesuffix(" 1")
+            for v, k in zip(row.grid[row.best], row.parameters, strict=True)
         )
         print(
             f"{name:<46}{probability:>12.3f}{evidence:>10.1f}{at:>16}{left.log_likelihood:>12.1f}"
@@ -230,7 +230,7 @@ def _row(kinds: Sequence[str], found: CountEvidence) -> dict[str, Any]:
     row = found.rows[key]
     return {
         **base,
-        "knobs": [_knob(knob) for knob in row.knobs],
+        "parameters": [_knob(parameter) for parameter in row.parameters],
         "levels": [list(levels) for levels in row.grid],
         "simulated": [list(map(list, counts)) for counts in row.simulated],
         "log_likelihood": row.log_likelihood.sum(axis=1).tolist(),
@@ -239,8 +239,8 @@ def _row(kinds: Sequence[str], found: CountEvidence) -> dict[str, Any]:
     }
 
 
-def _knob(knob: Knob) -> dict[str, Any]:
-    return {"name": knob.name, "unit": knob.unit, "levels": list(knob.levels)}
+def _knob(parameter: VariedParameter) -> dict[str, Any]:
+    return {"name": parameter.name, "unit": parameter.unit, "levels": list(parameter.levels)}
 
 
 if __name__ == "__main__":

@@ -15,13 +15,12 @@ from benchmarks.real.folds import BLOCK_S, folds, rms
 
 from pliant.calibration.law_of_runs import law_of_runs
 from pliant.config.study import Study
-from pliant.diagnosis.candidates import Candidate
+from pliant.diagnosis.candidates import EffectSet
+from pliant.diagnosis.cross_validation import heldout_residual
 from pliant.diagnosis.diagnosis import applicable
 from pliant.diagnosis.excitation import excitations, not_excited
-from pliant.diagnosis.fitting import Fit, Fitter
-from pliant.diagnosis.heldout import heldout_residual
-from pliant.diagnosis.readings import ReadingVector
-from pliant.diagnosis.table import PRICES
+from pliant.diagnosis.fitting import EffectFit, Fitter, ReadingVector
+from pliant.diagnosis.verdict import THRESHOLDS
 from pliant.evidence.prediction import Predictor
 from pliant.pipeline.workbench import Workbench
 from pliant.records.measurement import Measurement
@@ -50,7 +49,7 @@ class Trial:
     blocked: float
     at_limit: tuple[str, ...]
     study: Study
-    fit: Fit
+    fit: EffectFit
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,10 +101,12 @@ class OneRun:
         registry = self.bench.registry
         fitter = Fitter(Predictor.of_study(self.bench, study, self.measurement), self.readings)
         able, _ = applicable(registry, fitter, self.asked)
-        silent = not_excited(excitations(registry, fitter, self._fit(study, ()), able), PRICES)
+        silent = not_excited(excitations(registry, fitter, self._fit(study, ()), able), THRESHOLDS)
         return [kind for kind in able if kind not in silent]
 
-    def _trials(self, study: Study, chosen: tuple[str, ...], fit: Fit, kinds: Sequence[str]) -> list[Trial]:
+    def _trials(
+        self, study: Study, chosen: tuple[str, ...], fit: EffectFit, kinds: Sequence[str]
+    ) -> list[Trial]:
         found = []
         for kind in kinds:
             tried = self._fit(study, (*chosen, kind), fit)
@@ -113,7 +114,7 @@ class OneRun:
                 continue
             stuck = [
                 k.name
-                for k, at in zip(tried.candidate.knobs, tried.at_limit, strict=True)
+                for k, at in zip(tried.candidate.parameters, tried.at_limit, strict=True)
                 if at and k.kind == kind
             ]
             found.append(
@@ -128,7 +129,7 @@ class OneRun:
             )
         return sorted(found, key=lambda trial: trial.blocked)
 
-    def _in_turn(self, study: Study, chosen: tuple[str, ...], fit: Fit) -> tuple[Study, Fit]:
+    def _in_turn(self, study: Study, chosen: tuple[str, ...], fit: EffectFit) -> tuple[Study, EffectFit]:
         """The law with the effects in place, the effects with that law, a few times."""
         for _ in range(TURNS):
             with_effects = study.model_copy(update={"effects": fit.candidate.configs(fit.x)})
@@ -137,20 +138,20 @@ class OneRun:
             fit = self._fit(study, chosen, fit)
         return study, fit
 
-    def _fit(self, study: Study, kinds: tuple[str, ...], near: Fit | None = None) -> Fit:
-        candidate = Candidate.of(self.bench.registry, kinds)
+    def _fit(self, study: Study, kinds: tuple[str, ...], near: EffectFit | None = None) -> EffectFit:
+        candidate = EffectSet.of(self.bench.registry, kinds)
         known = (
             {}
             if near is None
-            else {k.name: float(x) for k, x in zip(near.candidate.knobs, near.x, strict=True)}
+            else {k.name: float(x) for k, x in zip(near.candidate.parameters, near.x, strict=True)}
         )
         predictor = Predictor.of_study(self.bench, study, self.measurement)
         return Fitter(predictor, self.readings).fit(candidate, candidate.starts(known))
 
-    def _blocked(self, fit: Fit) -> float:
+    def _blocked(self, fit: EffectFit) -> float:
         return SCALE_RAD * rms(heldout_residual(fit, self.folds))
 
-    def _step(self, study: Study, fit: Fit, trials: tuple[Trial, ...]) -> Step:
+    def _step(self, study: Study, fit: EffectFit, trials: tuple[Trial, ...]) -> Step:
         whole = study.model_copy(update={"effects": fit.candidate.configs(fit.x)})
         training = SCALE_RAD * rms(fit.residual)
         return Step(whole, fit.candidate.kinds, training, self._blocked(fit), fit.values, trials)

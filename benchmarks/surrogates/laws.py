@@ -88,7 +88,7 @@ def scored(built: Surrogate, design: ModuleData) -> dict[str, Any]:
     if inside is not None:
         width = fitted.law.band(states.check.actuation, states.check.angle_rad[:, None], 0.9)
         assert width is not None
-        row |= {"inside": inside, "half_width_of_range": float(width.mean()) / states.effort_range}
+        row |= {"inside": inside, "half_width_of_range": float(width.mean()) / float(states.ranges[0])}
     return row
 
 

@@ -37,8 +37,7 @@ from pliant.diagnosis.improvement import improve as improve_with
 from pliant.errors import UserError
 from pliant.evidence.comparison import Comparison
 from pliant.evidence.comparison import compare as compare_with
-from pliant.evidence.counted_study import compare_counted, counted_study
-from pliant.evidence.counts import CountComparison
+from pliant.evidence.counts import CountComparison, compare_counted, counted_study
 from pliant.evidence.measured import measurement_of_study
 from pliant.evidence.prediction import Predictor
 from pliant.execution.executors import Workers

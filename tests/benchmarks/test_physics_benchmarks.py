@@ -20,7 +20,7 @@ from pliant_plugins.physics.pybullet.backend import Pybullet
 from pliant_plugins.physics.pybullet.config import PybulletConfig
 from pliant_plugins.physics.quasistatic.backend import Quasistatic
 from pliant_plugins.physics.quasistatic.config import QuasistaticConfig
-from pliant_plugins.surrogates.polynomial.study_form import fit_study
+from pliant_plugins.surrogates.polynomial.study import fit_study
 
 STILL = Quasistatic(QuasistaticConfig())
 

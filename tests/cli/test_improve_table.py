@@ -9,7 +9,8 @@ from typing import Any
 import pytest
 from rich.console import Console
 
-from pliant.cli.improve import _table
+from pliant.report.improvement import steps_brief
+from pliant.report.render import rich_table
 
 
 def lines(names: list[str]) -> list[str]:
@@ -24,7 +25,7 @@ def lines(names: list[str]) -> list[str]:
     floors = {name: SimpleNamespace(value=0.002) for name in names}
     found: Any = SimpleNamespace(steps=steps, scored_on="runs put aside", floors=floors)
     console = Console(width=80, record=True, file=io.StringIO())
-    console.print(_table(found))
+    console.print(rich_table(steps_brief(found)))
     return console.export_text().splitlines()
 
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from pliant.evidence.counts import compare_counts
-from pliant.evidence.counts_words import counts_json, interpret_counts
 from pliant.records.counts import CountCondition, Counts, CountSet
+from pliant.report.counts import counts_json, interpret_counts
 
 
 def counts_of(*conditions):

@@ -6,21 +6,20 @@ from tests.counts.counts_study import HEADER, STUDY
 
 from pliant.config.conditions import PlausibleRange
 from pliant.config.loading import load_study
-from pliant.diagnosis.counts_candidates import Knob, effect_knobs, levels_of, task_knobs
-from pliant.diagnosis.counts_evidence import probabilities, weighed
-from pliant.diagnosis.counts_verdict import judge_counts
-from pliant.diagnosis.counts_words import counts_diagnosis_json, counts_headline, counts_why
-from pliant.diagnosis.table import NOTHING, UNKNOWN
+from pliant.diagnosis.counts_candidates import VariedParameter, effect_parameters, levels_of, task_parameters
+from pliant.diagnosis.counts_diagnosis import judge_counts, probabilities, weighed
+from pliant.diagnosis.verdict import NOTHING, UNKNOWN
 from pliant.errors import UserError
-from pliant.evidence.counted_study import CountedStudy, counted_study
+from pliant.evidence.counts import CountedStudy, counted_study
 from pliant.evidence.trials import Setting
 from pliant.records.counts import CountCondition, Counts, CountSet
 from pliant.registry.discovery import discover
+from pliant.report.counts_diagnosis import counts_diagnosis_json, counts_headline, counts_why
 
 REGISTRY = discover()
 LOADS = np.array([1.0, 2.0, 3.0, 4.0, 5.0, 6.0])
-FRICTION = Knob("task.friction", "task.friction", "1", (0.6, 0.7, 0.9, 1.0), 0.8)
-COLOUR = Knob("task.colour", "task.colour", "1", (1.0, 2.0), 0.0)
+FRICTION = VariedParameter("task.friction", "task.friction", "1", (0.6, 0.7, 0.9, 1.0), 0.8)
+COLOUR = VariedParameter("task.colour", "task.colour", "1", (1.0, 2.0), 0.0)
 
 
 def shares(friction, loads=LOADS):
@@ -38,14 +37,17 @@ def counted(sets):
     return CountedStudy(None, None, Counts(conditions), 12)
 
 
-def scan(sets, knobs=(FRICTION, COLOUR), present=0.8, m=12):
+def scan(sets, parameters=(FRICTION, COLOUR), present=0.8, m=12):
     """The scan with expected counts as simulations; a colour changes nothing."""
 
     def simulated(friction):
         return tuple((round(m * p), m) for p in shares(friction))
 
-    points = [((), ())] + [((knob,), (level,)) for knob in knobs for level in knob.levels]
-    counts = [simulated(levels[0] if knobs and knobs[0] is FRICTION else present) for knobs, levels in points]
+    points = [((), ())] + [((parameter,), (level,)) for parameter in parameters for level in parameter.levels]
+    counts = [
+        simulated(levels[0] if parameters and parameters[0] is FRICTION else present)
+        for parameters, levels in points
+    ]
     return weighed(counted(sets), points, counts)
 
 
@@ -145,19 +147,19 @@ def test_a_range_may_hold_for_some_conditions_only(read):
     ranges = [
         {"key": "task.object.radius", "low": "15 mm", "high": "17 mm", "where": {"task.object": "cylinder"}}
     ]
-    (knob,) = task_knobs(read, [PlausibleRange.model_validate(one) for one in ranges])
+    (parameter,) = task_parameters(read, [PlausibleRange.model_validate(one) for one in ranges])
     egg, cylinder = read.counts.conditions
-    settings = [knob.moved(Setting(read.task_of(c), ()), c, 0.017) for c in (egg, cylinder)]
+    settings = [parameter.moved(Setting(read.task_of(c), ()), c, 0.017) for c in (egg, cylinder)]
     assert [s.task.object.radius_m for s in settings] == [None, 0.017]
-    assert knob.name == "task.object.radius_m where object is cylinder"
+    assert parameter.name == "task.object.radius_m where object is cylinder"
 
 
 def test_effects_with_one_number_are_tried_by_default(read):
-    knobs = {knob.name: knob for knob in effect_knobs(REGISTRY, None)}
-    assert {"stiffness.factor", "actuation_gain.gain", "pressure_offset.offset_pa"} <= set(knobs)
-    assert not {"friction_hysteresis", "sensor_bias"} & {knob.kind for knob in knobs.values()}
+    parameters = {parameter.name: parameter for parameter in effect_parameters(REGISTRY, None)}
+    assert {"stiffness.factor", "actuation_gain.gain", "pressure_offset.offset_pa"} <= set(parameters)
+    assert not {"friction_hysteresis", "sensor_bias"} & {parameter.kind for parameter in parameters.values()}
     condition = read.counts.conditions[0]
-    setting = knobs["stiffness.factor"].moved(Setting(read.task_of(condition), ()), condition, 0.7)
+    setting = parameters["stiffness.factor"].moved(Setting(read.task_of(condition), ()), condition, 0.7)
     assert [(e.kind, e.factor) for e in setting.effects] == [("stiffness", 0.7)]
 
 
@@ -173,7 +175,7 @@ def test_effects_with_one_number_are_tried_by_default(read):
 )
 def test_ranges_that_cannot_be(read, one, said):
     with pytest.raises(UserError) as caught:
-        task_knobs(read, [PlausibleRange.model_validate(one)])
+        task_parameters(read, [PlausibleRange.model_validate(one)])
     assert said in str(caught.value)
 
 

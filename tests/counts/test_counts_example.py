@@ -9,9 +9,8 @@ from typer.testing import CliRunner
 
 from pliant.cli.verbs import app
 from pliant.config.loading import load_study
-from pliant.diagnosis.counts_candidates import task_knobs
-from pliant.evidence.counted_study import counted_study
-from pliant.evidence.counts import compare_counts
+from pliant.diagnosis.counts_candidates import task_parameters
+from pliant.evidence.counts import compare_counts, counted_study
 from pliant.registry.discovery import discover
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "grasp" / "counts.yaml"
@@ -22,7 +21,7 @@ def test_the_example_is_read_with_its_ranges():
     counted = counted_study(study)
     assert [len(c.sets) for c in counted.counts.conditions] == [3] * 5
     assert counted.counts.trials == 150
-    names = [knob.name for knob in task_knobs(counted, study.measurements.plausible)]
+    names = [parameter.name for parameter in task_parameters(counted, study.measurements.plausible)]
     assert names == ["task.friction", "task.grasp_height_m"]
 
 

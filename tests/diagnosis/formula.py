@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from pliant.diagnosis.candidates import Candidate, Knob
-from pliant.diagnosis.fitting import Fitter
-from pliant.diagnosis.readings import ReadingVector
+from pliant.diagnosis.candidates import EffectSet, FitParameter
+from pliant.diagnosis.fitting import Fitter, ReadingVector
 from pliant.evidence.prediction import Prediction
 from pliant.interfaces.effect import EffectConfig, EffectParameter
 from pliant.records.history import History
@@ -45,7 +44,7 @@ def parameter(name, neutral=0.0, bounds=(-100.0, 100.0), plausible=(-10.0, 10.0)
 
 
 def candidate(*parameters):
-    return Candidate(("formula",), tuple(Knob(0, "formula", p) for p in parameters), (Formula,))
+    return EffectSet(("formula",), tuple(FitParameter(0, "formula", p) for p in parameters), (Formula,))
 
 
 def measured(readings, clocks, levels=None):

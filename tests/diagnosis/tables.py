@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import fields
 
 from pliant.diagnosis.noise import NoiseView
-from pliant.diagnosis.table import EvidenceTable, Kinds, Row
+from pliant.diagnosis.verdict import EvidenceTable, Kinds, Row
 
 
 def row(kinds: Kinds, square: float, n_parameters: int | None = None, heldout: float | None = None) -> Row:

@@ -8,44 +8,46 @@ from hypothesis import given
 from hypothesis import strategies as st
 from tests.diagnosis.quick import REGISTRY, VALUES
 
-from pliant.diagnosis.candidates import MOST_STARTS, Candidate, Knob
+from pliant.diagnosis.candidates import MOST_STARTS, EffectSet, FitParameter
 from pliant.errors import UserError
 from pliant.interfaces.effect import EffectParameter
 
-KNOBS = [knob for kind in VALUES for knob in Candidate.of(REGISTRY, (kind,)).knobs]
-knobs = pytest.mark.parametrize("knob", KNOBS, ids=lambda knob: knob.name)
+KNOBS = [parameter for kind in VALUES for parameter in EffectSet.of(REGISTRY, (kind,)).parameters]
+parameters = pytest.mark.parametrize("parameter", KNOBS, ids=lambda parameter: parameter.name)
 
 
-@knobs
-def test_the_plausible_end_is_of_order_one(knob: Knob) -> None:
-    low, high = knob.plausible
+@parameters
+def test_the_plausible_end_is_of_order_one(parameter: FitParameter) -> None:
+    low, high = parameter.plausible
     assert 0.9 < max(abs(low), abs(high)) < 1.7
-    assert knob.limits[0] <= low < high <= knob.limits[1]
-    if knob.is_strength and knob.parameter.prior == "normal":
-        assert knob.value(0.0) == knob.parameter.neutral
+    assert parameter.limits[0] <= low < high <= parameter.limits[1]
+    if parameter.is_strength and parameter.declared.prior == "normal":
+        assert parameter.value(0.0) == parameter.declared.neutral
 
 
-@knobs
+@parameters
 @given(share=st.floats(0.0, 1.0))
-def test_values_and_knobs_there_and_back(knob: Knob, share: float) -> None:
-    low, high = knob.limits
+def test_values_and_knobs_there_and_back(parameter: FitParameter, share: float) -> None:
+    low, high = parameter.limits
     x = low + share * (high - low)
-    assert knob.x(knob.value(x)) == pytest.approx(x, abs=1e-9 * (1 + abs(x)))
+    assert parameter.x(parameter.value(x)) == pytest.approx(x, abs=1e-9 * (1 + abs(x)))
 
 
-@knobs
+@parameters
 @given(x=st.floats(-1e3, 1e3))
-def test_values_stay_within_bounds(knob: Knob, x: float) -> None:
-    low, high = knob.parameter.bounds
-    assert low <= knob.value(min(x, 500.0)) <= high
+def test_values_stay_within_bounds(parameter: FitParameter, x: float) -> None:
+    low, high = parameter.declared.bounds
+    assert low <= parameter.value(min(x, 500.0)) <= high
 
 
-@knobs
+@parameters
 @given(share=st.floats(0.05, 0.95))
-def test_the_slope_is_that_of_the_value(knob: Knob, share: float) -> None:
-    low, high = (max(knob.limits[0], -2.0), min(knob.limits[1], 2.0))
+def test_the_slope_is_that_of_the_value(parameter: FitParameter, share: float) -> None:
+    low, high = (max(parameter.limits[0], -2.0), min(parameter.limits[1], 2.0))
     x, h = low + share * (high - low), 1e-6
-    assert (knob.value(x + h) - knob.value(x - h)) / (2 * h) == pytest.approx(knob.slope(x), rel=1e-5)
+    assert (parameter.value(x + h) - parameter.value(x - h)) / (2 * h) == pytest.approx(
+        parameter.slope(x), rel=1e-5
+    )
 
 
 @given(
@@ -59,14 +61,14 @@ def test_any_normal_parameter_scales_there_and_back(
 ) -> None:
     bounds = (neutral - 2 * reach, neutral + 2 * reach)
     plausible = (neutral - share * reach, neutral + reach)
-    knob = Knob(0, "some", EffectParameter("value", "1", neutral, bounds, plausible))
-    assert knob.x(knob.value(x)) == pytest.approx(x, abs=1e-6)
-    assert bounds[0] <= knob.value(10.0 * x) <= bounds[1]
+    parameter = FitParameter(0, "some", EffectParameter("value", "1", neutral, bounds, plausible))
+    assert parameter.x(parameter.value(x)) == pytest.approx(x, abs=1e-6)
+    assert bounds[0] <= parameter.value(10.0 * x) <= bounds[1]
 
 
 @pytest.mark.parametrize("kind", VALUES)
 def test_starts_are_legal_and_few(kind: str) -> None:
-    candidate = Candidate.of(REGISTRY, (kind,))
+    candidate = EffectSet.of(REGISTRY, (kind,))
     low, high = candidate.limits()
     starts = candidate.starts()
     assert 1 <= len(starts) <= MOST_STARTS
@@ -77,7 +79,7 @@ def test_starts_are_legal_and_few(kind: str) -> None:
 
 
 def test_known_knobs_start_where_they_are() -> None:
-    pair = Candidate.of(REGISTRY, ("mullins", "stiffness"))
+    pair = EffectSet.of(REGISTRY, ("mullins", "stiffness"))
     known = {"mullins.softening": 0.7, "mullins.scale_rad": -0.2}
     for x in pair.starts(known):
         np.testing.assert_allclose(x[:2], [0.7, -0.2])
@@ -89,7 +91,7 @@ def test_known_knobs_start_where_they_are() -> None:
 
 
 def test_nothing_has_no_knobs() -> None:
-    nothing = Candidate.of(REGISTRY, ())
+    nothing = EffectSet.of(REGISTRY, ())
     assert len(nothing) == 0
     assert nothing.configs(np.zeros(0)) == ()
     assert nothing.limits()[0].shape == (0,)
@@ -97,4 +99,4 @@ def test_nothing_has_no_knobs() -> None:
 
 def test_unknown_kinds_are_named_with_the_closest() -> None:
     with pytest.raises(UserError, match="did you mean 'stiffness'"):
-        Candidate.of(REGISTRY, ("stifness",))
+        EffectSet.of(REGISTRY, ("stifness",))

@@ -17,17 +17,17 @@ from tests.diagnosis.quick import (
     ramp,
 )
 
-from pliant.diagnosis.candidates import Candidate
+from pliant.diagnosis.candidates import EffectSet
 from pliant.diagnosis.classes import EffectClass, classes_of, connected, split_classes
 from pliant.diagnosis.design import design_runs, unread
 from pliant.diagnosis.diagnosis import diagnose
-from pliant.diagnosis.diagnosis_json import diagnosis_json
-from pliant.diagnosis.excitation import LookAlike, excitations
+from pliant.diagnosis.excitation import ConfoundedPair, excitations
+from pliant.diagnosis.interpretation import why
 from pliant.diagnosis.next_run import view_of
-from pliant.diagnosis.words import why
-from pliant.experiments.menu import named_run
-from pliant.experiments.runs import menu
+from pliant.experiments.experiment_catalogue import timed_catalogue
+from pliant.experiments.planned_run import named_run
 from pliant.experiments.scale import BenchScale
+from pliant.report.diagnosis import diagnosis_json
 
 FLAT = joint(gravity=(0, 0, 0))
 NARROW = [ramp(f"r{k}", 200.0, 0.5, (3e3, 2e3, 3e3)) for k in range(2)]
@@ -38,11 +38,11 @@ N = 60.0
 def shown(histories, chain=FLAT, kinds=KINDS):
     predictor = predictor_of(chain, blank(histories))
     fitter = fitter_of(predictor)
-    return predictor, excitations(REGISTRY, fitter, fitter.fit(Candidate.of(REGISTRY, ())), kinds)
+    return predictor, excitations(REGISTRY, fitter, fitter.fit(EffectSet.of(REGISTRY, ())), kinds)
 
 
 def test_classes_are_connected_parts_of_pairs_that_are_alike_both_ways() -> None:
-    pairs = [LookAlike(a, b, 0.0) for a, b in ("ab", "ba", "bc", "cb", "cd", "ef", "fe")]
+    pairs = [ConfoundedPair(a, b, 0.0) for a, b in ("ab", "ba", "bc", "cb", "cd", "ef", "fe")]
     assert connected("abcdefg", pairs) == (("a", "b", "c"), ("e", "f"))
     assert connected("ab", []) == ()
 
@@ -79,7 +79,7 @@ def test_a_diagnosis_says_which_run_splits_its_class() -> None:
 
 def test_a_class_does_not_depend_on_what_was_read() -> None:
     fitter = fitter_of(predictor_of(FLAT, measured(FLAT, NARROW, seed=3)))
-    found = excitations(REGISTRY, fitter, fitter.fit(Candidate.of(REGISTRY, ())), KINDS)
+    found = excitations(REGISTRY, fitter, fitter.fit(EffectSet.of(REGISTRY, ())), KINDS)
     assert classes_of(found, N) == classes_of(shown(NARROW)[1], N)
 
 
@@ -91,7 +91,7 @@ def test_more_readings_part_more() -> None:
 
 @pytest.fixture(scope="module")
 def designed():
-    runs = menu(BenchScale.of_chain(FLAT, 15e3))
+    runs = timed_catalogue(BenchScale.of_chain(FLAT, 15e3))
     predictor = predictor_of(FLAT, unread(runs, ("angle_rad",)))
     kinds = [*KINDS, "thermal_softening", "mullins"]
     return runs, predictor, kinds, design_runs(predictor, runs, kinds)

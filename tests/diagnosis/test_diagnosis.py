@@ -23,8 +23,7 @@ from tests.diagnosis.quick import (
 )
 
 from pliant.diagnosis.diagnosis import Diagnosis, diagnose
-from pliant.diagnosis.diagnosis_json import diagnosis_json
-from pliant.diagnosis.words import explanation, headline
+from pliant.diagnosis.interpretation import explanation, headline
 from pliant.errors import NotReachedError, UserError
 from pliant.interfaces.effect import EffectConfig
 from pliant.records.chain import Actuator, ChainModel
@@ -32,6 +31,7 @@ from pliant.records.design import Array
 from pliant.records.history import History
 from pliant.records.measurement import Measurement
 from pliant.records.term import LawTerm
+from pliant.report.diagnosis import diagnosis_json
 
 CHAIN = joint()
 

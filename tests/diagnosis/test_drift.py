@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 from tests.diagnosis.tables import table
 
-from pliant.diagnosis.drift import Drift, drift_between
-from pliant.diagnosis.table import PRICES
-from pliant.diagnosis.verdict import judge
+from pliant.diagnosis.noise import Drift, drift_between
+from pliant.diagnosis.verdict import THRESHOLDS, judge
 from pliant.measurements.repeats import repeat_groups
 from pliant.records.history import History
 from pliant.records.measurement import MeasuredRun, Measurement
@@ -62,8 +61,11 @@ def test_what_a_model_explains_is_no_drift_and_few_groups_tell_nothing() -> None
 
 def test_a_large_drift_is_the_verdict_and_a_small_one_is_not() -> None:
     plain = table({(): 3.0, ("a",): 1.0, ("b",): 2.9})
-    for size, verdict in ((2 * PRICES.drift, "not_repeatable"), (0.5 * PRICES.drift, "missing_effect")):
+    for size, verdict in (
+        (2 * THRESHOLDS.drift, "not_repeatable"),
+        (0.5 * THRESHOLDS.drift, "missing_effect"),
+    ):
         noise = replace(plain.noise, drift=Drift("angle_rad", -0.04, size, -9.0))
-        judged = judge(replace(plain, noise=noise), PRICES, 2)
+        judged = judge(replace(plain, noise=noise), THRESHOLDS, 2)
         assert judged.verdict == verdict
         assert ("4.0% less angle_rad" in " ".join(judged.reasons)) is (verdict == "not_repeatable")

@@ -20,10 +20,10 @@ from tests.diagnosis.quick import (
     rich,
 )
 
-from pliant.diagnosis.candidates import Candidate
+from pliant.diagnosis.candidates import EffectSet
 from pliant.diagnosis.diagnosis import diagnose
-from pliant.diagnosis.excitation import detectable, excitations, look_alikes, not_excited
-from pliant.diagnosis.table import PRICES
+from pliant.diagnosis.excitation import confounded_with, detectable, excitations, not_excited
+from pliant.diagnosis.verdict import THRESHOLDS
 
 CHAIN = joint()
 FLAT = joint(gravity=(0, 0, 0))
@@ -32,13 +32,13 @@ SOME = ["stiffness", "actuation_gain", "thermal_softening", "viscoelastic", "mul
 
 def shown(histories, chain=CHAIN, kinds=SOME):
     fitter = fitter_of(predictor_of(chain, measured(chain, histories)))
-    nothing = fitter.fit(Candidate.of(REGISTRY, ()))
+    nothing = fitter.fit(EffectSet.of(REGISTRY, ()))
     return excitations(REGISTRY, fitter, nothing, kinds)
 
 
 def test_without_temperatures_thermal_softening_is_silent_and_its_run_is_named() -> None:
-    assert not_excited(shown(poor()), PRICES) == ("thermal_softening",)
-    assert not_excited(shown(rich()), PRICES) == ()
+    assert not_excited(shown(poor()), THRESHOLDS) == ("thermal_softening",)
+    assert not_excited(shown(rich()), THRESHOLDS) == ()
     found = diagnose(predictor_of(CHAIN, measured(CHAIN, poor())), kinds=SOME)
     assert "temperature" in found.not_excited["thermal_softening"]
 
@@ -51,7 +51,7 @@ def test_the_change_is_that_of_the_plausible_end() -> None:
 
 def test_samples_without_equilibrium_have_no_part_in_the_change() -> None:
     fitter = fitter_of(predictor_of(CHAIN, measured(CHAIN, poor())))
-    nothing = fitter.fit(Candidate.of(REGISTRY, ()))
+    nothing = fitter.fit(EffectSet.of(REGISTRY, ()))
     lost = np.arange(len(nothing.residual)) % 3 == 0
     whole = excitations(REGISTRY, fitter, nothing, ["sensor_bias"])["sensor_bias"]
     part = replace(nothing, residual=np.where(lost, np.nan, nothing.residual))
@@ -64,11 +64,11 @@ def test_samples_without_equilibrium_have_no_part_in_the_change() -> None:
 
 def test_look_alikes_are_so_in_both_directions_and_loads_part_them() -> None:
     narrow = [ramp(f"r{k}", 200.0, 0.5, (3e3, 2e3, 3e3)) for k in range(2)]
-    found = look_alikes(shown(narrow, FLAT), {}, 100.0)
+    found = confounded_with(shown(narrow, FLAT), {}, 100.0)
     pairs = {(pair.a, pair.b) for pair in found}
     assert {("stiffness", "actuation_gain"), ("actuation_gain", "stiffness")} <= pairs
     assert all(0.0 <= pair.unexplained_share <= 1.0 for pair in found)
-    loaded = look_alikes(shown([*narrow, pushes("p", 0.0), pushes("q", 6e3)], FLAT), {}, 100.0)
+    loaded = confounded_with(shown([*narrow, pushes("p", 0.0), pushes("q", 6e3)], FLAT), {}, 100.0)
     assert ("stiffness", "actuation_gain") not in {(pair.a, pair.b) for pair in loaded}
 
 
@@ -89,5 +89,5 @@ def test_a_detectable_strength_is_found_and_a_fifth_of_it_is_not(kind: str) -> N
 
 def test_detectable_strengths_shrink_with_readings() -> None:
     found = shown(rich(), kinds=["stiffness"])
-    few, many = detectable(found, 50.0, PRICES), detectable(found, 5000.0, PRICES)
+    few, many = detectable(found, 50.0, THRESHOLDS), detectable(found, 5000.0, THRESHOLDS)
     assert abs(few[0].value - 1.0) > 2 * abs(many[0].value - 1.0) > 0

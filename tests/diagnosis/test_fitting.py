@@ -20,17 +20,18 @@ from tests.diagnosis.quick import (
     rich,
 )
 
-from pliant.diagnosis.candidates import Candidate
-from pliant.diagnosis.fitting import Fit, Fitter
+from pliant.diagnosis import fitting
+from pliant.diagnosis.candidates import EffectSet
+from pliant.diagnosis.fitting import EffectFit, Fitter
 from pliant.evidence.prediction import Predictor
 
 CHAIN = joint()
 
 
-def fitted(kind: str, *, sigma: float = SIGMA, seed: int = 3, fitter: type[Fitter] = Fitter) -> Fit:
+def fitted(kind: str, *, sigma: float = SIGMA, seed: int = 3, fitter: type[Fitter] = Fitter) -> EffectFit:
     measurement = measured(CHAIN, rich(), effect(kind), sigma=sigma, phi=0.0, seed=seed)
     made = fitter_of(predictor_of(CHAIN, measurement), max(sigma, 1e-6))
-    return fitter(made.predictor, made.readings).fit(Candidate.of(REGISTRY, (kind,)))
+    return fitter(made.predictor, made.readings).fit(EffectSet.of(REGISTRY, (kind,)))
 
 
 @pytest.mark.parametrize("kind", VALUES)
@@ -38,9 +39,9 @@ def test_parameters_come_back_within_their_error_bars(kind: str) -> None:
     fit = fitted(kind)
     spread = np.sqrt(np.diag(np.linalg.inv(fit.slopes.T @ fit.slopes)) * fit.mean_square())
     hidden = effect(kind).model_dump()  # what VALUES does not state is at its default
-    truth = np.array([k.x(hidden[k.parameter.name]) for k in fit.candidate.knobs])
+    truth = np.array([k.x(hidden[k.declared.name]) for k in fit.candidate.parameters])
     assert np.all(np.abs(fit.x - truth) < 4.0 * spread), (fit.values, hidden)
-    assert np.all(spread[[k.parameter.name in VALUES[kind] for k in fit.candidate.knobs]] < 0.5)
+    assert np.all(spread[[k.declared.name in VALUES[kind] for k in fit.candidate.parameters]] < 0.5)
     assert fit.mean_square() == pytest.approx(1.0, abs=0.12)
     assert fit.converged
     assert not any(fit.at_limit)
@@ -54,45 +55,48 @@ def test_without_noise_they_come_back_exactly(kind: str) -> None:
 
 
 class Watched(Fitter):
-    """Keeps the costs that the descent accepts, and every point that it asks for."""
+    """Keeps the costs that the descent accepts."""
 
     def __init__(self, *given: Any) -> None:
         super().__init__(*given)
         self.paths: list[list[float]] = []
-        self.asked: list[tuple[Candidate, np.ndarray]] = []
 
     def _descend(self, candidate, point, iterations):
         end, converged = super()._descend(candidate, point, iterations)
         self.paths.append([point.cost, end.cost])
         return end, converged
 
-    def _point(self, candidate, x):
-        self.asked.append((candidate, x.copy()))
-        return super()._point(candidate, x)
-
 
 @pytest.mark.parametrize("kind", ["mullins", "friction_hysteresis", "dead_zone", "self_contact"])
-def test_the_cost_never_rises_and_bounds_hold(kind: str) -> None:
+def test_the_cost_never_rises_and_bounds_hold(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
     # The truth is another effect: the fit is pushed toward the ends of its range.
     measurement = measured(CHAIN, rich(1), effect("stiffness", factor=0.5), seed=2)
     made = fitter_of(predictor_of(CHAIN, measurement))
     watched = Watched(made.predictor, made.readings)
-    candidate = Candidate.of(REGISTRY, (kind,))
+    asked: list[np.ndarray] = []
+    point = fitting._Misfit.point
+
+    def watching(self: fitting._Misfit, x: np.ndarray) -> object:
+        asked.append(x.copy())
+        return point(self, x)
+
+    monkeypatch.setattr(fitting._Misfit, "point", watching)
+    candidate = EffectSet.of(REGISTRY, (kind,))
     fit = watched.fit(candidate)
     assert all(end <= start for start, end in watched.paths)
     low, high = candidate.limits()
-    assert all(np.all((low - 1e-12 <= x) & (x <= high + 1e-12)) for _, x in watched.asked)
+    assert asked and all(np.all((low - 1e-12 <= x) & (x <= high + 1e-12)) for x in asked)
     start = watched.look(candidate, candidate.starts()[0])
     assert fit.mean_square() <= start.mean_square()
 
 
 def test_a_bound_that_is_reached_is_told() -> None:
     measurement = measured(CHAIN, poor(), effect("sensor_bias", bias_rad=-0.2))
-    fit = fitter_of(predictor_of(CHAIN, measurement)).fit(Candidate.of(REGISTRY, ("dead_zone",)))
-    (knob,) = fit.candidate.knobs
-    assert knob.value(float(fit.x[0])) > P or fit.at_limit == (False,)
+    fit = fitter_of(predictor_of(CHAIN, measurement)).fit(EffectSet.of(REGISTRY, ("dead_zone",)))
+    (parameter,) = fit.candidate.parameters
+    assert parameter.value(float(fit.x[0])) > P or fit.at_limit == (False,)
     shrunk = fitter_of(predictor_of(CHAIN, measured(CHAIN, rich(1), effect("actuation_gain", gain=1.2)))).fit(
-        Candidate.of(REGISTRY, ("viscous_damping",))
+        EffectSet.of(REGISTRY, ("viscous_damping",))
     )
     assert shrunk.at_limit == (True,)
     assert shrunk.values["viscous_damping.time_s"] == 0.0
@@ -106,7 +110,7 @@ def test_weights_leave_readings_out_of_the_cost() -> None:
     )
     made = fitter_of(predictor_of(CHAIN, type(measurement)(spoiled, measurement.outputs)))
     weights = (made.readings.run != 5).astype(float)
-    candidate = Candidate.of(REGISTRY, ("stiffness",))
+    candidate = EffectSet.of(REGISTRY, ("stiffness",))
     blind = Fitter(made.predictor, made.readings, weights).fit(candidate)
     seeing = made.fit(candidate)
     assert blind.values["stiffness.factor"] == pytest.approx(1.15, abs=0.01)
@@ -116,7 +120,7 @@ def test_weights_leave_readings_out_of_the_cost() -> None:
 
 def test_nothing_is_the_model_as_it_is() -> None:
     measurement = measured(CHAIN, poor())
-    fit = fitter_of(predictor_of(CHAIN, measurement)).fit(Candidate.of(REGISTRY, ()))
+    fit = fitter_of(predictor_of(CHAIN, measurement)).fit(EffectSet.of(REGISTRY, ()))
     assert fit.slopes.shape == (len(fit.residual), 0)
     assert fit.mean_square() == pytest.approx(1.0, abs=0.3)
 
@@ -142,7 +146,7 @@ def test_starts_without_equilibrium(limit: float) -> None:
     plain = predictor_of(CHAIN, measurement)
     brittle = Brittle(plain.bench, plain.backend, CHAIN, measurement)
     brittle.limit = limit
-    fit = fitter_of(brittle).fit(Candidate.of(REGISTRY, ("stiffness",)))
+    fit = fitter_of(brittle).fit(EffectSet.of(REGISTRY, ("stiffness",)))
     if limit > 0:
         assert fit.values["stiffness.factor"] == pytest.approx(0.9, abs=0.02)
     else:

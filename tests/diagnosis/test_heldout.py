@@ -8,23 +8,23 @@ import numpy as np
 import pytest
 from tests.diagnosis.quick import REGISTRY
 
-from pliant.diagnosis.candidates import Candidate
-from pliant.diagnosis.fitting import PRIOR_WEIGHT, Fit
-from pliant.diagnosis.heldout import condition_of_runs, heldout_residual
+from pliant.diagnosis.candidates import EffectSet
+from pliant.diagnosis.cross_validation import condition_of_runs, heldout_residual
+from pliant.diagnosis.fitting import PRIOR_WEIGHT, EffectFit
 
-CANDIDATE = Candidate.of(REGISTRY, ("mullins", "stiffness"))  # three knobs
+CANDIDATE = EffectSet.of(REGISTRY, ("mullins", "stiffness"))  # three parameters
 
 
 def linear(
     seed: int, n: int = 240, x: np.ndarray | None = None
-) -> tuple[Fit, np.ndarray, np.ndarray, np.ndarray]:
+) -> tuple[EffectFit, np.ndarray, np.ndarray, np.ndarray]:
     """A fit of y = J x at its optimum (or at x), the readings and their groups."""
     rng = np.random.default_rng(seed)
     slopes, y = rng.normal(size=(n, 3)), rng.normal(size=n)
     y += slopes @ np.array([0.8, 0.1, -0.1])
     groups = np.repeat(np.arange(6), n // 6)
     best = np.linalg.lstsq(slopes, y, rcond=None)[0] if x is None else x
-    return Fit(CANDIDATE, best, y - slopes @ best, slopes, True, (False,) * 3), slopes, y, groups
+    return EffectFit(CANDIDATE, best, y - slopes @ best, slopes, True, (False,) * 3), slopes, y, groups
 
 
 def refit(slopes: np.ndarray, y: np.ndarray, weight: float = PRIOR_WEIGHT) -> np.ndarray:
@@ -52,7 +52,7 @@ def test_what_only_one_group_shows_is_nothing_without_it() -> None:
     fit, slopes, y, groups = linear(1)
     slopes[groups != 2, 0] = 0.0
     best = np.linalg.lstsq(slopes, y, rcond=None)[0]
-    fit = Fit(CANDIDATE, best, y - slopes @ best, slopes, True, (False,) * 3)
+    fit = EffectFit(CANDIDATE, best, y - slopes @ best, slopes, True, (False,) * 3)
     mine = groups == 2
     others = refit(slopes[~mine][:, 1:], y[~mine])
     np.testing.assert_allclose(
@@ -66,7 +66,7 @@ def test_one_group_alone_predicts_as_the_model_without_the_effect() -> None:
 
 
 def test_nothing_has_nothing_to_leave_out() -> None:
-    nothing = Fit(Candidate.of(REGISTRY, ()), np.zeros(0), np.arange(4.0), np.zeros((4, 0)), True, ())
+    nothing = EffectFit(EffectSet.of(REGISTRY, ()), np.zeros(0), np.arange(4.0), np.zeros((4, 0)), True, ())
     np.testing.assert_array_equal(heldout_residual(nothing, np.array([0, 0, 1, 1])), np.arange(4.0))
 
 
@@ -75,7 +75,7 @@ def test_moves_stay_within_bounds() -> None:
     mine = groups == 0
     low, _ = CANDIDATE.limits()
     y = y + slopes @ np.array([low[0] + 0.01, 0.0, 0.0])  # the loss is at its least but for group 0
-    fit = Fit(
+    fit = EffectFit(
         CANDIDATE, np.array([low[0], 0, 0]), y - slopes[:, 0] * low[0], slopes, True, (True, False, False)
     )
     left = heldout_residual(fit, groups)

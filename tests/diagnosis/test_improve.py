@@ -5,7 +5,8 @@ import pytest
 from tests.diagnosis.bench_files import PRESSURE, bench, histories, study
 from tests.diagnosis.quick import BENCH, colour, effect, measurement_of, ramp
 
-from pliant.diagnosis.improvement import improve, summary
+from pliant.diagnosis.improvement import improve
+from pliant.report.improvement import summary
 
 FEW = ["stiffness", "viscoelastic", "sensor_bias", "mullins", "friction_hysteresis"]
 

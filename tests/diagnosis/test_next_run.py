@@ -20,21 +20,21 @@ from tests.diagnosis.quick import (
     ramp,
 )
 
-from pliant.diagnosis.candidates import Candidate
+from pliant.diagnosis.candidates import EffectSet
 from pliant.diagnosis.next_run import (
     Belief,
     NextRun,
     done_before,
     next_run,
-    next_run_json,
     next_runs,
     repeating,
     run_that_excites,
     view_of,
     what_next,
 )
-from pliant.diagnosis.table import UNKNOWN
-from pliant.experiments.menu import named_run
+from pliant.diagnosis.verdict import UNKNOWN
+from pliant.experiments.planned_run import named_run
+from pliant.report.fitted import next_run_json
 
 FLAT = joint(gravity=(0, 0, 0))
 NARROW = [ramp("a", 200.0, 0.5, (3e3, 2e3, 3e3)), ramp("b", 200.0, 0.5, (3e3, 2e3, 3e3))]
@@ -47,7 +47,7 @@ def belief_of(histories, hidden: str, *kinds: str, probability=None, chain=FLAT)
     predictor = predictor_of(chain, measured(chain, histories, effect(hidden), seed=2))
     fitter = fitter_of(predictor)
     sets = [(kind,) if kind else () for kind in kinds]
-    fits = {one: fitter.fit(Candidate.of(REGISTRY, one)) for one in sets}
+    fits = {one: fitter.fit(EffectSet.of(REGISTRY, one)) for one in sets}
     shares = dict.fromkeys(fits, 1.0 / len(fits)) if probability is None else probability
     return predictor, Belief(fits, shares, fitter.readings, N, 1.0)
 
@@ -140,7 +140,7 @@ def test_only_a_new_specimen_is_virgin() -> None:
     used = named_run(view.runs, "virgin")
     used = replace(used, history=used.history.with_(specimen="A"))
     again = view_of(predictor, SCALES, N, [used])
-    softening = Candidate.of(REGISTRY, ("mullins",))
+    softening = EffectSet.of(REGISTRY, ("mullins",))
     fresh = view.look(softening, softening.starts()[0]).values[view.rows([virgin])]
     worn = again.look(softening, softening.starts()[0]).values
     first = slice(0, 40)  # the small first cycle

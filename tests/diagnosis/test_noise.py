@@ -56,8 +56,8 @@ def test_what_the_model_misses_is_no_noise() -> None:
 
 def test_offsets_between_repeats_are_slip() -> None:
     still, slipping = view(phi=0.6, offset=0.0), view(phi=0.6, offset=3.0)
-    assert 1.0 <= still.slip < 1.3
-    assert slipping.slip == pytest.approx(np.sqrt(10.0), rel=0.4)
+    assert 1.0 <= still.between_run_scatter < 1.3
+    assert slipping.between_run_scatter == pytest.approx(np.sqrt(10.0), rel=0.4)
     assert slipping.floor_square == pytest.approx(10.0, rel=0.7)
     assert slipping.n_effective < 0.2 * still.n_effective
 
@@ -65,7 +65,7 @@ def test_offsets_between_repeats_are_slip() -> None:
 def test_without_repeats_nothing_is_judged() -> None:
     alone = view(conditions=6, repeats=1, phi=0.0, offset=0.0)
     assert not alone.judged
-    assert alone.slip == 1.0
+    assert alone.between_run_scatter == 1.0
     assert alone.floor_square == pytest.approx(1.0, rel=0.15)
     assert view(phi=0.0, offset=0.0).judged
 

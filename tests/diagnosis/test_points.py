@@ -1,4 +1,4 @@
-"""What a fit asks of the engine: no point twice, no slope of a knob that is held, no step that promises nothing."""
+"""What a fit asks of the engine: no point twice, no slope of a parameter that is held, no idle step."""
 
 from __future__ import annotations
 
@@ -95,11 +95,12 @@ def test_a_bent_valley_is_followed_to_the_ends_of_its_profile() -> None:
     best, scale = found.weights @ fit.residual**2, fit.mean_square() * len(fit.residual) / 98.0
     for k, one in enumerate(uncertainty(found, fit, 100.0).estimates):
         for end in (one.low, one.high):
-            x = fit.candidate.knobs[k].x(end)
+            x = fit.candidate.parameters[k].x(end)
             other = np.linspace(-0.02, 0.02, 4001) + fit.x[1 - k]
             rows = [(x, y) if k == 0 else (y, x) for y in other]
             values = [
-                [knob.value(v) for knob, v in zip(fit.candidate.knobs, row, strict=True)] for row in rows
+                [parameter.value(v) for parameter, v in zip(fit.candidate.parameters, row, strict=True)]
+                for row in rows
             ]
             costs = [
                 np.sum((found.readings.values - np.tile(bent(T, a, b), 3) / 0.05) ** 2) for a, b in values

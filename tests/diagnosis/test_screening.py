@@ -7,10 +7,10 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from pliant.diagnosis.candidates import Candidate
+from pliant.diagnosis.candidates import EffectSet
 from pliant.diagnosis.excitation import Excitation
-from pliant.diagnosis.fitting import Fit
-from pliant.diagnosis.screening import Directions
+from pliant.diagnosis.fitting import EffectFit
+from pliant.diagnosis.search import Directions
 
 KINDS = tuple("abcdef")
 N = 200
@@ -18,9 +18,9 @@ RNG = np.random.default_rng(4)
 SHAPES = dict(zip(KINDS, RNG.standard_normal((len(KINDS), N)), strict=True))
 
 
-def bare(residual: np.ndarray, slopes: np.ndarray | None = None) -> Fit:
+def bare(residual: np.ndarray, slopes: np.ndarray | None = None) -> EffectFit:
     slopes = np.zeros((len(residual), 0)) if slopes is None else slopes
-    return Fit(Candidate((), (), ()), np.zeros(slopes.shape[1]), residual, slopes, True, ())
+    return EffectFit(EffectSet((), (), ()), np.zeros(slopes.shape[1]), residual, slopes, True, ())
 
 
 def directions_of(residual: np.ndarray, lost: dict[str, float] | None = None) -> Directions:

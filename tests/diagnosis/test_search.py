@@ -4,22 +4,22 @@ from __future__ import annotations
 
 from tests.diagnosis.quick import REGISTRY, effect, fitter_of, joint, measured, predictor_of, rich
 
-from pliant.diagnosis.candidates import Candidate
+from pliant.diagnosis.candidates import EffectSet
 from pliant.diagnosis.excitation import excitations
-from pliant.diagnosis.search import MOST_EFFECTS, Search
-from pliant.diagnosis.table import PRICES
+from pliant.diagnosis.search import MOST_EFFECTS, HypothesisSearch
+from pliant.diagnosis.verdict import THRESHOLDS
 from pliant.evidence.prediction import Predictor
 
 KINDS = ["actuation_gain", "mullins", "sensor_bias", "stiffness"]
 
 
-def searched(*hidden, kinds=KINDS, seed: int = 3) -> Search:
+def searched(*hidden, kinds=KINDS, seed: int = 3) -> HypothesisSearch:
     chain = joint()
     measurement = measured(chain, rich(), *hidden, seed=seed)
     predictor: Predictor = predictor_of(chain, measurement)
     fitter = fitter_of(predictor)
-    shown = excitations(REGISTRY, fitter, fitter.fit(Candidate.of(REGISTRY, ())), kinds)
-    search = Search(REGISTRY, measurement, fitter.readings, fitter, PRICES, shown)
+    shown = excitations(REGISTRY, fitter, fitter.fit(EffectSet.of(REGISTRY, ())), kinds)
+    search = HypothesisSearch(REGISTRY, measurement, fitter.readings, fitter, THRESHOLDS, shown)
     search.run(kinds)
     return search
 

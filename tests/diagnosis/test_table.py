@@ -1,4 +1,4 @@
-"""Evidence and probabilities: sums, orders, allowances, prices."""
+"""Evidence and probabilities: sums, orders, allowances, thresholds."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from tests.diagnosis.tables import table
 
-from pliant.diagnosis.table import (
-    PRICES,
+from pliant.diagnosis.verdict import (
+    THRESHOLDS,
     UNKNOWN,
     EvidenceTable,
     credible_set,
@@ -27,12 +27,14 @@ def test_probabilities_sum_to_one_whatever_the_order(
     nothing: float, a: float, b: float, n: float, judged: bool
 ) -> None:
     squares = {(): nothing, ("a",): min(a, nothing), ("b",): min(b, nothing), ("a", "b"): min(a, b, nothing)}
-    found = probabilities(log_evidence(table(squares, n=n, judged=judged), PRICES), PRICES.temper)
+    found = probabilities(
+        log_evidence(table(squares, n=n, judged=judged), THRESHOLDS), THRESHOLDS.temperature
+    )
     assert sum(found.values()) == pytest.approx(1.0)
     assert list(found.values()) == sorted(found.values(), reverse=True)
     assert (UNKNOWN in found) is judged
     turned = dict(reversed(list(squares.items())))
-    again = probabilities(log_evidence(table(turned, n=n, judged=judged), PRICES), PRICES.temper)
+    again = probabilities(log_evidence(table(turned, n=n, judged=judged), THRESHOLDS), THRESHOLDS.temperature)
     assert list(again) == list(found)
     assert again == pytest.approx(found)
     chosen = credible_set(found)
@@ -43,30 +45,32 @@ def test_probabilities_sum_to_one_whatever_the_order(
 def test_data_without_noise_and_fits_without_equilibrium_have_probabilities() -> None:
     squares = {(): 4.0, ("a",): 0.0, ("b",): np.inf}
     with np.errstate(all="raise"):
-        evidence = log_evidence(table(squares, floor=0.0), PRICES)
-        found = probabilities(evidence, PRICES.temper)
+        evidence = log_evidence(table(squares, floor=0.0), THRESHOLDS)
+        found = probabilities(evidence, THRESHOLDS.temperature)
     assert sum(found.values()) == pytest.approx(1.0)
     assert next(iter(found)) == ("a",)
     assert found[("b",)] == 0.0
-    none = probabilities(log_evidence(table({(): 0.0, ("a",): 0.0}, floor=0.0), PRICES), PRICES.temper)
+    none = probabilities(
+        log_evidence(table({(): 0.0, ("a",): 0.0}, floor=0.0), THRESHOLDS), THRESHOLDS.temperature
+    )
     assert next(iter(none)) == ()
 
 
 def odds(t: EvidenceTable, one: tuple[str, ...], other: tuple[str, ...]) -> float:
-    evidence = log_evidence(t, PRICES)
+    evidence = log_evidence(t, THRESHOLDS)
     return evidence[one] - evidence[other]
 
 
 def test_what_a_slightly_wrong_law_explains_is_no_merit() -> None:
     """An effect that explains less than `excited`² of the noise's square is not paid, however many readings."""
     for n in (1e2, 1e4, 1e6):
-        t = table({(): 1.0 + 0.9 * PRICES.excited**2, ("a",): 1.0}, n=n)
+        t = table({(): 1.0 + 0.9 * THRESHOLDS.excited**2, ("a",): 1.0}, n=n)
         assert odds(t, ("a",), ()) < 0
     assert odds(table({(): 3.0, ("a",): 1.0}), ("a",), ()) > 20
 
 
 def test_a_further_effect_must_explain_more_than_an_equation_may_leave() -> None:
-    alone = {(): 101.0, ("a",): 1.0 + 0.5 * PRICES.form * 100, ("b",): 90.0}
+    alone = {(): 101.0, ("a",): 1.0 + 0.5 * THRESHOLDS.model_form_tolerance * 100, ("b",): 90.0}
     left = table({**alone, ("a", "b"): 1.0}, n=1e4)
     assert odds(left, ("a", "b"), ("a",)) < 0
     much = table({**alone, ("a",): 30.0, ("a", "b"): 1.0}, n=1e4)
@@ -75,7 +79,7 @@ def test_a_further_effect_must_explain_more_than_an_equation_may_leave() -> None
 
 def test_unknown_is_for_errors_that_nothing_explains() -> None:
     poor = table({(): 50.0, ("a",): 45.0}, n=300)
-    assert max(log_evidence(poor, PRICES), key=log_evidence(poor, PRICES).__getitem__) == UNKNOWN
+    assert max(log_evidence(poor, THRESHOLDS), key=log_evidence(poor, THRESHOLDS).__getitem__) == UNKNOWN
     good = table({(): 50.0, ("a",): 1.0}, n=300)
     assert odds(good, ("a",), UNKNOWN) > 20
 
@@ -87,12 +91,12 @@ def test_each_parameter_costs_half_the_logarithm_of_n() -> None:
 
 
 def test_room_above_the_floor() -> None:
-    assert room_above_floor(table({(): 10.0}), (), PRICES)
-    assert not room_above_floor(table({(): 1.05}), (), PRICES)
+    assert room_above_floor(table({(): 10.0}), (), THRESHOLDS)
+    assert not room_above_floor(table({(): 1.05}), (), THRESHOLDS)
     several = {(): 10.0, **{(kind,): 9.9 for kind in "abc"}}
-    assert room_above_floor(table(several, n=30.0), (), PRICES)
-    assert not room_above_floor(table(several, n=3.0), (), PRICES)
-    assert room_above_floor(table({(): 10.0}, floor=np.nan), (), PRICES)
+    assert room_above_floor(table(several, n=30.0), (), THRESHOLDS)
+    assert not room_above_floor(table(several, n=3.0), (), THRESHOLDS)
+    assert room_above_floor(table({(): 10.0}, floor=np.nan), (), THRESHOLDS)
 
 
 def test_errors_over_the_floor() -> None:
@@ -122,5 +126,5 @@ def test_an_effect_of_a_longer_list_costs_more() -> None:
     few = {(): 1.2, ("a",): 1.0}
     many = few | {(kind,): 1.2 for kind in "bcdefghijk"}
     assert odds(table(few), ("a",), ()) - odds(table(many), ("a",), ()) == pytest.approx(
-        PRICES.effect * np.log(12 / 2)
+        THRESHOLDS.effect * np.log(12 / 2)
     )

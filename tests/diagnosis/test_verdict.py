@@ -5,8 +5,7 @@ from __future__ import annotations
 import pytest
 from tests.diagnosis.tables import table
 
-from pliant.diagnosis.table import PRICES, UNKNOWN
-from pliant.diagnosis.verdict import judge
+from pliant.diagnosis.verdict import THRESHOLDS, UNKNOWN, judge
 
 CLEAN = {(): 1.02, ("a",): 1.0, ("b",): 1.01}
 MISSING = {(): 9.0, ("a",): 1.0, ("b",): 5.0}
@@ -30,19 +29,21 @@ CASES = [
 
 @pytest.mark.parametrize(("verdict", "squares", "noise", "excited"), CASES)
 def test_verdicts(verdict, squares, noise, excited) -> None:
-    found = judge(table(squares, **noise), PRICES, excited)
+    found = judge(table(squares, **noise), THRESHOLDS, excited)
     assert found.verdict == verdict
     assert found.selected == (("a",) if verdict == "missing_effect" else ())
     assert sum(found.probability.values()) == pytest.approx(1.0)
-    assert bool(found.reasons) is (verdict != "missing_effect")
+    assert bool(found.reasons) is (
+        verdict not in ("missing_effect", "ambiguous")
+    )  # these say it in their headline
     assert all(reason.endswith(".") for reason in found.reasons)
 
 
 def test_ambiguous_names_both_and_selects_neither() -> None:
-    found = judge(table(TWINS), PRICES, 2)
+    found = judge(table(TWINS), THRESHOLDS, 2)
     assert set(found.credible) == {("a",), ("b",)}
     assert found.selected == ()
 
 
 def test_unknown_is_credible() -> None:
-    assert judge(table(STRANGE), PRICES, 2).credible == (UNKNOWN,)
+    assert judge(table(STRANGE), THRESHOLDS, 2).credible == (UNKNOWN,)

@@ -63,11 +63,11 @@ def test_before_data_it_begins_with_the_runs_of_the_page(pliant) -> None:
 
 
 def test_the_table_of_the_menu_is_the_menu(pliant) -> None:
-    from pliant.experiments.runs import menu
+    from pliant.experiments.experiment_catalogue import timed_catalogue
     from pliant.experiments.scale import BenchScale
     from pliant.testing.samples import sample_chain
 
-    runs = {run.name: run for run in menu(BenchScale.of_chain(sample_chain(modules=1), 15e3))}
+    runs = {run.name: run for run in timed_catalogue(BenchScale.of_chain(sample_chain(modules=1), 15e3))}
     named = [
         (re.findall(r"`(\w+)`", row[0]), re.findall(r"[\d.]+", row[1]))
         for row in re.findall(r"^\| (`\w+`.*?) \| .* \| ([\d., ]+) \|$", PAGE, re.M)

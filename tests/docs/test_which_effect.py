@@ -11,8 +11,7 @@ from typer.testing import CliRunner
 
 from pliant.cli.verbs import app
 from pliant.diagnosis.excitation import SEPARABLE
-from pliant.diagnosis.table import PRICES
-from pliant.diagnosis.verdict import Verdict
+from pliant.diagnosis.verdict import THRESHOLDS, Verdict
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "which_effect.md").read_text(encoding="utf-8")
@@ -63,15 +62,15 @@ def test_the_table_of_verdicts_is_complete():
 def test_the_numbers_are_those_of_the_code():
     text = " ".join(PAGE.split())
     for said in (
-        f"− {PRICES.effect:g} m ln(1 + c): Schwarz",
-        f"any form, and pays {PRICES.unknown:g}",
-        f"the evidences over {PRICES.temper:g}",
-        f"{PRICES.excited:g} noise floors, because the joint law",
-        f"{100 * PRICES.form:g} % of what the best simpler explanation explains",
-        f"{100 * PRICES.form_unknown:g} % of what the best listed explanation explains",
-        f"has at least {100 * PRICES.believed:g} %",
-        f"more than {PRICES.slip:g} times as much",
-        f"fewer than {PRICES.fewest:g} independent",
+        f"− {THRESHOLDS.effect:g} m ln(1 + c): Schwarz",
+        f"any form, and pays {THRESHOLDS.unknown:g}",
+        f"the evidences over {THRESHOLDS.temperature:g}",
+        f"{THRESHOLDS.excited:g} noise floors, because the joint law",
+        f"{100 * THRESHOLDS.model_form_tolerance:g} % of what the best simpler explanation explains",
+        f"{100 * THRESHOLDS.unknown_form_tolerance:g} % of what the best listed explanation explains",
+        f"has at least {100 * THRESHOLDS.believed:g} %",
+        f"more than {THRESHOLDS.between_run_scatter:g} times as much",
+        f"fewer than {THRESHOLDS.fewest:g} independent",
         f"< {SEPARABLE:g} at a strength",
     ):
         assert said in text, said

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from tests.diagnosis.quick import REGISTRY, SIGMA, P, effect, fitter_of, measured, predictor_of
 
-from pliant.diagnosis.candidates import Candidate
+from pliant.diagnosis.candidates import EffectSet
 from pliant.diagnosis.diagnosis import diagnose
 from pliant.evidence.prediction import Predictor
-from pliant.experiments.runs import menu
+from pliant.experiments.experiment_catalogue import timed_catalogue
 from pliant.experiments.scale import BenchScale
 from pliant.records.chain import ChainModel
 from pliant.testing.samples import sample_chain, softening_law
@@ -38,7 +38,7 @@ def chain_for(kind: str) -> ChainModel:
 def bench(kind: str, seed: int) -> Predictor:
     """Two specimens through plain runs and those that excite the effect, read with coloured noise."""
     chain = chain_for(kind)
-    runs = {run.name: run.history for run in menu(BenchScale.of_chain(chain, P))}
+    runs = {run.name: run.history for run in timed_catalogue(BenchScale.of_chain(chain, P))}
     names = dict.fromkeys((*PLAIN_RUNS, *REGISTRY.get("effect", kind).implementation_class().exciting))
     histories = [
         runs[name].with_(run=f"{name} {body}", specimen=body)
@@ -52,9 +52,11 @@ def bench(kind: str, seed: int) -> Predictor:
 @pytest.mark.parametrize("kind", HIDDEN)
 def test_its_numbers_come_back(kind: str) -> None:
     """Within six of the standard deviations that white noise would have: this noise is coloured (φ = 0.6)."""
-    fit = fitter_of(bench(kind, 3), SIGMA).fit(Candidate.of(REGISTRY, (kind,)))
+    fit = fitter_of(bench(kind, 3), SIGMA).fit(EffectSet.of(REGISTRY, (kind,)))
     spread = np.sqrt(np.diag(np.linalg.inv(fit.slopes.T @ fit.slopes)))
-    truth = np.array([knob.x(HIDDEN[kind][0][knob.parameter.name]) for knob in fit.candidate.knobs])
+    truth = np.array(
+        [parameter.x(HIDDEN[kind][0][parameter.declared.name]) for parameter in fit.candidate.parameters]
+    )
     assert np.all(np.abs(fit.x - truth) < 6.0 * spread), (fit.values, HIDDEN[kind])
     assert np.all(spread < 0.1)
 

@@ -17,8 +17,8 @@ from tests.diagnosis.quick import (
     run_of,
 )
 
-from pliant.diagnosis.candidates import Candidate
-from pliant.diagnosis.fitting import Fit
+from pliant.diagnosis.candidates import EffectSet
+from pliant.diagnosis.fitting import EffectFit
 from pliant.records.history import History
 from pliant.testing.samples import sample_chain
 
@@ -50,16 +50,18 @@ def runs() -> list[History]:
     ]
 
 
-def fitted(kind: str, outputs: tuple[str, ...], seed: int = 3) -> Fit:
+def fitted(kind: str, outputs: tuple[str, ...], seed: int = 3) -> EffectFit:
     measurement = measured(CHAIN, runs(), effect(kind), sigma=SIGMA, phi=0.0, seed=seed, outputs=outputs)
-    return fitter_of(predictor_of(CHAIN, measurement), SIGMA).fit(Candidate.of(REGISTRY, (kind,)))
+    return fitter_of(predictor_of(CHAIN, measurement), SIGMA).fit(EffectSet.of(REGISTRY, (kind,)))
 
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_with_angles_and_the_tip(kind: str) -> None:
     fit = fitted(kind, (*ANGLES, *TIP))
     spread = np.sqrt(np.diag(np.linalg.inv(fit.slopes.T @ fit.slopes)) * fit.mean_square())
-    truth = np.array([knob.x(MORE_VALUES[kind][knob.parameter.name]) for knob in fit.candidate.knobs])
+    truth = np.array(
+        [parameter.x(MORE_VALUES[kind][parameter.declared.name]) for parameter in fit.candidate.parameters]
+    )
     assert np.all(np.abs(fit.x - truth) < 4.0 * spread), (fit.values, MORE_VALUES[kind])
     assert np.all(spread < 0.1)
     assert fit.mean_square() == pytest.approx(1.0, abs=0.12)
@@ -82,6 +84,6 @@ def test_a_tilt_out_of_the_plane_needs_positions() -> None:
     assert fit.values["base_misalignment.pitch_rad"] == pytest.approx(0.04, rel=0.05)
     seen = np.linalg.norm(fit.slopes, axis=0)
     pitch, roll = (
-        [k.parameter.name for k in fit.candidate.knobs].index(n) for n in ("pitch_rad", "roll_rad")
+        [k.declared.name for k in fit.candidate.parameters].index(n) for n in ("pitch_rad", "roll_rad")
     )
     assert seen[roll] < 0.15 * seen[pitch]

@@ -10,9 +10,8 @@ from tests.evidence.compare_data import bench, measured_run, profile
 
 from pliant.evidence.bins import binned, crossed
 from pliant.evidence.comparison import residuals_of
-from pliant.evidence.covariates import Covariate, covariates
+from pliant.evidence.covariates import Covariate, covariates, phases
 from pliant.evidence.importance import importance
-from pliant.evidence.phases import phases
 from pliant.formatting import named_unit, number, unit_of
 from pliant.records.history import History
 from pliant.records.measurement import Measurement

@@ -8,10 +8,9 @@ from tests.diagnosis.quick import blank, joint, poor, pushes, run_of
 
 from pliant.config.protocols import OPTIONS
 from pliant.errors import UserError
-from pliant.experiments.menu import named_run
-from pliant.experiments.runs import menu
+from pliant.experiments.experiment_catalogue import timed_catalogue
+from pliant.experiments.planned_run import corners, named_run, steps, triangles
 from pliant.experiments.scale import LOAD_OF_PEAK, BenchScale, sum_of_efforts
-from pliant.experiments.waves import corners, steps, triangles
 from pliant.records.chain import Actuator
 
 CHAIN = joint()
@@ -23,11 +22,13 @@ def scaled(histories, chain=CHAIN) -> BenchScale:
 
 
 def test_the_menu_has_the_names_that_a_study_may_use() -> None:
-    assert [run.name for run in menu(scaled(poor()))] == [name for name in OPTIONS if name != "custom"]
+    assert [run.name for run in timed_catalogue(scaled(poor()))] == [
+        name for name in OPTIONS if name != "custom"
+    ]
 
 
 def test_runs_start_unloaded_increase_in_time_and_stay_within_the_measured_range() -> None:
-    for run in menu(scaled(poor())):
+    for run in timed_catalogue(scaled(poor())):
         history = run.history
         assert history.time_s is not None
         assert history.time_s[0] == 0.0
@@ -41,15 +42,17 @@ def test_runs_start_unloaded_increase_in_time_and_stay_within_the_measured_range
 
 def test_loads_are_those_of_the_measurement_or_a_share_of_the_law_s_torque() -> None:
     measured = scaled([*poor(), pushes("p", 0.0, moment=4e-3)])
-    assert named_run(menu(measured), "passive_load_steps").history.moment_n_m.min() == pytest.approx(-4e-3)
-    stated = named_run(menu(scaled(poor())), "load_steps").history
+    assert named_run(
+        timed_catalogue(measured), "passive_load_steps"
+    ).history.moment_n_m.min() == pytest.approx(-4e-3)
+    stated = named_run(timed_catalogue(scaled(poor())), "load_steps").history
     peak = sum_of_efforts(CHAIN, {"pressure_pa": np.array([15e3])})[0]
     assert stated.moment_n_m.max() == pytest.approx(LOAD_OF_PEAK * peak)
-    assert not named_run(menu(measured), "slow_cycles").history.moment_n_m.any()
+    assert not named_run(timed_catalogue(measured), "slow_cycles").history.moment_n_m.any()
 
 
 def test_blocking_loads_balance_the_drive_at_zero_angle() -> None:
-    blocked = named_run(menu(scaled(poor())), "blocked").history
+    blocked = named_run(timed_catalogue(scaled(poor())), "blocked").history
     torque = sum_of_efforts(CHAIN, blocked.actuation)
     np.testing.assert_allclose(blocked.moment_n_m, torque, rtol=1e-12)
     assert torque.max() > 0.0
@@ -58,14 +61,14 @@ def test_blocking_loads_balance_the_drive_at_zero_angle() -> None:
 def test_a_bench_that_pushed_at_the_tip_is_asked_to_push_there() -> None:
     force = np.array([0.0, 0.0, -0.2])
     pushed = run_of("p", np.arange(10.0), np.full(10, 5e3), tip_force_n=force)
-    found = named_run(menu(scaled([pushed])), "passive_load_steps").history
+    found = named_run(timed_catalogue(scaled([pushed])), "passive_load_steps").history
     np.testing.assert_allclose(found.tip_force_n[np.argmin(found.tip_force_n[:, 2])], force)
     assert not found.moment_n_m.any()
 
 
 def test_conditions_of_the_measurement_are_kept_but_for_what_a_run_changes() -> None:
     warm = [h.with_(temperature_c=np.full(len(h), 30.0), specimen="B") for h in poor()]
-    runs = menu(scaled(warm))
+    runs = timed_catalogue(scaled(warm))
     assert named_run(runs, "slow_cycles").history.temperature_c[0] == 30.0
     assert named_run(runs, "warm").history.temperature_c[0] == 45.0
     assert {run.history.specimen for run in runs} == {"B", "new"}
@@ -74,7 +77,7 @@ def test_conditions_of_the_measurement_are_kept_but_for_what_a_run_changes() -> 
 
 
 def test_opposed_chambers_are_driven_in_turn() -> None:
-    run = named_run(menu(BenchScale.of_chain(OPPOSED, 15e3)), "slow_cycles").history
+    run = named_run(timed_catalogue(BenchScale.of_chain(OPPOSED, 15e3)), "slow_cycles").history
     one, two = run.actuation["pressure_1_pa"], run.actuation["pressure_2_pa"]
     assert one.max() == two.max() == pytest.approx(15e3)
     assert not np.any((one > 0) & (two > 0))
@@ -85,7 +88,7 @@ def test_a_chamber_that_the_bench_never_drove_stays_vented() -> None:
         h.with_(actuation={"pressure_1_pa": np.zeros(len(h)), "pressure_2_pa": h.actuation["pressure_pa"]})
         for h in poor()
     ]
-    for run in menu(scaled(runs, OPPOSED)):
+    for run in timed_catalogue(scaled(runs, OPPOSED)):
         assert not run.history.actuation["pressure_1_pa"].any()
         assert run.history.actuation["pressure_2_pa"].max() == pytest.approx(
             0.0 if run.name == "passive_load_steps" else 15e3 * (0.6 if run.name == "load_steps" else 1.0)
@@ -94,26 +97,26 @@ def test_a_chamber_that_the_bench_never_drove_stays_vented() -> None:
 
 def test_a_tendon_has_no_valve() -> None:
     chain = joint().with_(actuators=(Actuator("tendon_force_n"),))
-    runs = menu(BenchScale.of_chain(chain, 9.0))
+    runs = timed_catalogue(BenchScale.of_chain(chain, 9.0))
     assert "closed_valve" not in {run.name for run in runs}
     assert named_run(runs, "holds").history.actuation["tendon_force_n"].max() == pytest.approx(9.0)
     assert "pressure" not in named_run(runs, "load_steps").words
 
 
 def test_a_second_sensor_reads_the_tip_and_every_joint() -> None:
-    run = named_run(menu(BenchScale.of_chain(joint(3), 15e3)), "second_sensor")
+    run = named_run(timed_catalogue(BenchScale.of_chain(joint(3), 15e3)), "second_sensor")
     assert run.adds == ("tip_x_m", "tip_y_m", "tip_z_m", *(f"joint_{k}_angle_rad" for k in (1, 2, 3)))
 
 
 def test_without_a_domain_nobody_knows_how_far_to_drive() -> None:
-    assert menu(BenchScale.of_chain(CHAIN, 15e3))
+    assert timed_catalogue(BenchScale.of_chain(CHAIN, 15e3))
     with pytest.raises(UserError, match="states no domain"):
         BenchScale.of_chain(CHAIN)
 
 
 def test_a_run_that_is_not_there_names_the_closest() -> None:
     with pytest.raises(UserError, match="did you mean 'slow_cycles'"):
-        named_run(menu(scaled(poor())), "slow_cycle")
+        named_run(timed_catalogue(scaled(poor())), "slow_cycle")
 
 
 def test_waves_pass_through_their_corners() -> None:

@@ -12,9 +12,9 @@ from tests.diagnosis.quick import effect, joint, measured, poor, predictor_of, r
 
 from pliant.config.measurements import MeasurementsConfig
 from pliant.errors import UserError
-from pliant.experiments.menu import named_run
+from pliant.experiments.experiment_catalogue import timed_catalogue
+from pliant.experiments.planned_run import named_run
 from pliant.experiments.protocol_file import write_protocol
-from pliant.experiments.runs import menu
 from pliant.experiments.scale import BenchScale
 from pliant.measurements.joining import together
 from pliant.measurements.reading import read_measurement
@@ -42,9 +42,9 @@ def filled(path, outputs, value=0.25) -> None:
         writer.writerows(table)
 
 
-@pytest.mark.parametrize("name", [run.name for run in menu(BenchScale.of_chain(CHAIN, 15e3))])
+@pytest.mark.parametrize("name", [run.name for run in timed_catalogue(BenchScale.of_chain(CHAIN, 15e3))])
 def test_what_was_ordered_is_what_is_read_back(tmp_path, old, name) -> None:
-    run = named_run(menu(BenchScale.of_measurement(CHAIN, old)), name)
+    run = named_run(timed_catalogue(BenchScale.of_measurement(CHAIN, old)), name)
     path = tmp_path / "next_run.csv"
     write_protocol(path, run, old.outputs, measurement=old)
     filled(path, (*old.outputs, *run.adds))
@@ -61,7 +61,7 @@ def test_what_was_ordered_is_what_is_read_back(tmp_path, old, name) -> None:
 
 
 def test_the_order_stands_above_the_table(tmp_path, old) -> None:
-    run = named_run(menu(BenchScale.of_measurement(CHAIN, old)), "warm")
+    run = named_run(timed_catalogue(BenchScale.of_measurement(CHAIN, old)), "warm")
     write_protocol(tmp_path / "n.csv", run, old.outputs, measurement=old, study="finger.yaml")
     text = (tmp_path / "n.csv").read_text()
     assert "15 K warmer" in text and "Temperature 37 °C" in text and "needs a warm chamber" in text
@@ -69,7 +69,7 @@ def test_the_order_stands_above_the_table(tmp_path, old) -> None:
 
 
 def test_the_way_on_names_every_file_as_it_is_typed(tmp_path, old) -> None:
-    run = named_run(menu(BenchScale.of_measurement(CHAIN, old)), "warm")
+    run = named_run(timed_catalogue(BenchScale.of_measurement(CHAIN, old)), "warm")
     data = ("bench/a.csv", "bench/two words.csv")
     write_protocol(tmp_path / "n.csv", run, old.outputs, measurement=old, study="finger.yaml", data=data)
     said = next(line for line in (tmp_path / "n.csv").read_text().splitlines() if "Then:" in line)
@@ -83,7 +83,7 @@ def test_the_way_on_names_every_file_as_it_is_typed(tmp_path, old) -> None:
 
 
 def test_names_that_are_taken_are_not_given_again(tmp_path, old) -> None:
-    runs = menu(BenchScale.of_measurement(CHAIN, old))
+    runs = timed_catalogue(BenchScale.of_measurement(CHAIN, old))
     taken = [old.runs[0].history.with_(run="virgin", specimen="new"), *(r.history for r in old.runs[1:])]
     before = replace(old, runs=tuple(replace(r, history=h) for r, h in zip(old.runs, taken, strict=True)))
     write_protocol(tmp_path / "n.csv", named_run(runs, "virgin"), old.outputs, measurement=before)
@@ -96,7 +96,7 @@ def test_a_study_that_renames_columns_and_units_reads_the_new_file_as_the_old_on
     settings = MeasurementsConfig(
         file="x.csv", rename={"bend": "angle_rad", "p": "pressure_pa"}, units={"bend": "deg", "p": "kPa"}
     )
-    run = named_run(menu(BenchScale.of_measurement(CHAIN, old)), "holds")
+    run = named_run(timed_catalogue(BenchScale.of_measurement(CHAIN, old)), "holds")
     path = tmp_path / "n.csv"
     write_protocol(path, run, old.outputs, measurement=old, notes=settings)
     assert ",p," in path.read_text()
@@ -109,7 +109,7 @@ def test_a_study_that_renames_columns_and_units_reads_the_new_file_as_the_old_on
 
 
 def test_a_folder_that_is_not_there_is_a_sentence(tmp_path, old) -> None:
-    run = menu(BenchScale.of_measurement(CHAIN, old))[0]
+    run = timed_catalogue(BenchScale.of_measurement(CHAIN, old))[0]
     blocked = tmp_path / "file"
     blocked.write_text("")
     with pytest.raises(UserError, match="cannot be written"):

@@ -9,9 +9,9 @@ from tests.diagnosis.quick import joint
 from pliant.config.loading import load_study
 from pliant.config.schema import study_schema
 from pliant.errors import UserError
-from pliant.experiments.menu import NEW
+from pliant.experiments.experiment_catalogue import timed_catalogue
+from pliant.experiments.planned_run import NEW
 from pliant.experiments.protocols import runs_of
-from pliant.experiments.runs import menu
 from pliant.experiments.scale import BenchScale
 from pliant.records.chain import Actuator
 from pliant.registry.discovery import discover
@@ -62,7 +62,7 @@ def test_a_custom_run_is_what_it_says(runs) -> None:
 
 
 def test_without_a_block_it_is_the_menu() -> None:
-    assert [run.name for run in runs_of((), SCALE)] == [run.name for run in menu(SCALE)]
+    assert [run.name for run in runs_of((), SCALE)] == [run.name for run in timed_catalogue(SCALE)]
 
 
 @pytest.mark.parametrize(

@@ -7,10 +7,10 @@ import pytest
 from tests.diagnosis.quick import measurement_of, predictor_of
 from tests.experiments.test_menu import CHAIN, OPPOSED
 
-from pliant.diagnosis.next_run import menu_of
-from pliant.experiments.menu import named_run
+from pliant.diagnosis.next_run import catalogue_of
+from pliant.experiments.experiment_catalogue import static_catalogue
+from pliant.experiments.planned_run import named_run
 from pliant.experiments.scale import BenchScale
-from pliant.experiments.static_runs import static_menu
 from pliant.records.history import History
 
 SCALE = BenchScale.of_chain(CHAIN, 15e3)
@@ -18,7 +18,7 @@ TIMED = ("slow_cycles", "fast_cycles", "small_loops", "holds", "vented_zero", "c
 
 
 def test_no_run_depends_on_time():
-    runs = static_menu(SCALE)
+    runs = static_catalogue(SCALE)
     assert not {run.name for run in runs} & set(TIMED)
     assert all(run.history.time_s is None and run.motion_minutes == 0.0 for run in runs)
     assert all(run.minutes >= 2.0 for run in runs)
@@ -27,16 +27,16 @@ def test_no_run_depends_on_time():
 
 def test_loads_and_the_drive_reach_as_far_as_the_bench_did():
     passive, loaded = (
-        named_run(static_menu(SCALE), name).history for name in ("passive_load_steps", "load_steps")
+        named_run(static_catalogue(SCALE), name).history for name in ("passive_load_steps", "load_steps")
     )
     assert not passive.actuation["pressure_pa"].any()
     assert passive.moment_n_m.max() == -passive.moment_n_m.min() == pytest.approx(SCALE.load[0])
     assert np.ptp(loaded.actuation["pressure_pa"]) == 0.0 < loaded.actuation["pressure_pa"][0]
-    assert named_run(static_menu(SCALE), "level").history.actuation["pressure_pa"].max() == 15e3
+    assert named_run(static_catalogue(SCALE), "level").history.actuation["pressure_pa"].max() == 15e3
 
 
 def test_the_blocking_load_is_the_drives_torque():
-    history = named_run(static_menu(SCALE), "blocked").history
+    history = named_run(static_catalogue(SCALE), "blocked").history
     torque = SCALE.blocking_moment(history.actuation)
     assert torque is not None
     assert np.allclose(history.moment_n_m, torque)
@@ -44,7 +44,7 @@ def test_the_blocking_load_is_the_drives_torque():
 
 
 def test_opposed_chambers_are_driven_both_ways():
-    history = named_run(static_menu(BenchScale.of_chain(OPPOSED, 15e3)), "level").history
+    history = named_run(static_catalogue(BenchScale.of_chain(OPPOSED, 15e3)), "level").history
     assert all(values.max() == 15e3 for values in history.actuation.values())
     assert len(history) == 9
 
@@ -54,5 +54,5 @@ def test_states_without_a_clock_are_followed_by_states_without_a_clock():
     for clock in (None, np.arange(5.0)):
         history = History.of({"pressure_pa": 3e3 * np.arange(5.0)}, clock, run="a")
         measured = measurement_of([history], [{"angle_rad": np.zeros(5)}])
-        timed = [run for run in menu_of(predictor_of(CHAIN, measured)) if run.history.time_s is not None]
+        timed = [run for run in catalogue_of(predictor_of(CHAIN, measured)) if run.history.time_s is not None]
         assert bool(timed) == (clock is not None)

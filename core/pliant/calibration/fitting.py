@@ -1,20 +1,18 @@
-"""Weighted least squares by damped Gauss–Newton (Levenberg–Marquardt; Nocedal & Wright 2006, §10.3).
-
-Residuals come from a black box that may refuse a trial; slopes by finite differences.
-"""
+"""Least squares (`pliant.least_squares`) of a black box that may refuse a trial; slopes by finite differences."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from pliant.least_squares import Point, Steps, descend
 from pliant.records.design import Array
 
 Residuals = Callable[[Array], Array | None]
-ITERATIONS = 60
-SMALLEST_DAMPING, LARGEST_DAMPING = 1e-12, 1e12
+# A step may be refused until its damping is 1e12.
+STEPS = Steps(most=60, tries=16, harder=10.0, easier=10.0, least_damping=1e-12, least_gain=1e-14)
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,49 +70,26 @@ class Problem:
                 columns.append((here - before) / move[k])
         return np.stack(columns, axis=1)
 
+    def point(self, x: Array) -> Point | None:
+        """The residuals, model − data turned to data − model, at x in units of the scales."""
+        found = self.residuals(x * self.scales)
+        return None if found is None else Point(x, -found, float(found @ found))
+
+    def slopes(self, point: Point) -> Array | None:
+        """∂residuals/∂x of a point."""
+        found = self.jacobian(point.x * self.scales, -point.residual)
+        return None if found is None else found * self.scales
+
 
 def minimised(problem: Problem, start: Array) -> Fit | None:
     """The minimum nearest to `start`; None where the start itself is refused."""
-    values, here = np.array(start, float), problem.residuals(start)
-    slopes = None if here is None else problem.jacobian(values, here)
-    if here is None or slopes is None:
+    first = problem.point(np.asarray(start, float) / problem.scales)
+    slopes = None if first is None else problem.slopes(first)
+    if first is None or slopes is None:
         return None
-    damping, converged = 1e-3, False
-    for _ in range(ITERATIONS):
-        scaled = slopes * problem.scales
-        step, trial, damping = _better(problem, values, here, scaled, damping)
-        if trial is None:
-            converged = True  # no step of any length makes it smaller
-            break
-        fell = float(here @ here - trial @ trial)
-        values, here = values + step * problem.scales, trial
-        new = problem.jacobian(values, here)
-        if new is None:
-            break
-        slopes = new
-        if np.abs(step).max() < problem.tolerance or fell <= problem.least * float(here @ here):
-            converged = True
-            break
-    return Fit(values, here, slopes, converged)
-
-
-def _better(
-    problem: Problem, values: Array, here: Array, scaled: Array, damping: float
-) -> tuple[Array, Array | None, float]:
-    """A damped step that makes Σ r² smaller, the residuals there, the damping for the next; None if there is none."""
-    normal, gradient = scaled.T @ scaled, scaled.T @ here
-    diagonal = np.maximum(np.diag(normal), 1e-12 * np.diag(normal).max())
-    step: Array = np.zeros(len(values))
-    while damping < LARGEST_DAMPING:
-        try:
-            step = np.asarray(-np.linalg.solve(normal + damping * np.diag(diagonal), gradient), float)
-        except np.linalg.LinAlgError:
-            damping *= 10
-            continue
-        trial = problem.residuals(values + step * problem.scales)
-        if trial is not None and trial @ trial < here @ here:
-            return step, trial, max(damping / 10, SMALLEST_DAMPING)
-        if np.abs(step).max() < problem.tolerance:
-            break
-        damping *= 10
-    return step, None, damping
+    steps = replace(STEPS, least_gain=problem.least, least_step=problem.tolerance)
+    free = np.full(len(start), np.inf)
+    found, converged = descend(problem, replace(first, slopes=slopes), steps, (-free, free))
+    assert found.slopes is not None or not converged
+    known = slopes if found.slopes is None else found.slopes
+    return Fit(found.x * problem.scales, -found.residual, known / problem.scales, converged)

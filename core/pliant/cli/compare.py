@@ -12,7 +12,7 @@ from pliant.cli.options import DEFAULT_STORE, JsonFile, Overrides, Quiet, StoreF
 from pliant.cli.session import check_writable, session
 from pliant.errors import UserError
 from pliant.evidence.comparison import compare as compare_with
-from pliant.evidence.counted_study import is_counted
+from pliant.evidence.counts import is_counted
 from pliant.evidence.measured import measurement_of_study
 from pliant.evidence.prediction import Predictor
 from pliant.formatting import listed

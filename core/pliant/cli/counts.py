@@ -1,72 +1,57 @@
-"""`pliant compare` with a file of counts."""
+"""`pliant compare` and `pliant diagnose` with a file of counts."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
-
-from rich.table import Table
 
 from pliant.cli.session import Session, check_writable
 from pliant.config.study import Study
-from pliant.evidence.counted_study import compare_counted, counted_study
-from pliant.evidence.counts import CountComparison
-from pliant.evidence.counts_words import counted, counts_json, interpret_counts
+from pliant.diagnosis.counts_candidates import effect_parameters, task_parameters
+from pliant.diagnosis.counts_diagnosis import count_evidence, judge_counts
+from pliant.errors import UserError
+from pliant.evidence.counts import CountedStudy, compare_counted, counted_study
 from pliant.execution.executors import checked_workers
-from pliant.formatting import number
 from pliant.pipeline.workbench import Workbench
-from pliant.report.stage import write_page
-
-MOST_SHOWN = 40
+from pliant.report.counts import counts_document
+from pliant.report.counts_diagnosis import counts_diagnosis_document
 
 
 def compare_counts_verb(
     here: Session, bench: Workbench, study: Study, data: Path | None, folder: Path, workers: int
 ) -> None:
-    """Every condition simulated and compared; the JSON, the table, the page."""
-    checked_workers(workers)
-    measured = counted_study(study, data)
+    """Every condition simulated and compared."""
+    counted = _counted(here, study, data, workers)
     check_writable(folder)
-    found = compare_counted(bench, measured, workers)
-    here.result.update(
-        {
-            "study": study.name,
-            "data": measured.counts.source,
-            "data_sha256": measured.counts.sha256,
-            **counts_json(found),
-            "out": str(folder),
-        }
-    )
-    here.say(_table(found))
-    if found.disagreeing:
-        here.say(f"* more than chance, corrected for looking at {len(found.conditions)} conditions")
-    for remark in found.remarks:
-        here.say(f"note: {remark}")
-    here.say(interpret_counts(found))
-    from pliant.report.counts import counts_page  # matplotlib takes a second to import
-
-    made = counts_page(study.name, measured.counts, found)
-    page = write_page(folder, made.html, made.pictures)
-    here.result["report"] = str(page)
-    here.say(f"report   {page}")
+    found = compare_counted(bench, counted, workers)
+    here.show(counts_document(study.name, counted.counts, found), folder)
 
 
-def _table(found: CountComparison) -> Table:
-    table = Table(box=None, pad_edge=False, header_style="bold")
-    table.add_column("condition")
-    for name in ("measured", "model", "log-lik.", "dev.", "z", "sets"):
-        table.add_column(name, justify="right", no_wrap=True)
-    for one in found.conditions[:MOST_SHOWN]:
-        sets = " ".join(str(s.successes) for s in one.condition.sets[:6])
-        table.add_row(
-            one.condition.words,
-            counted(one.measured),
-            counted(one.simulated),
-            number(one.log_likelihood, 3),
-            number(one.deviance, 3),
-            f"{number(one.z, 2)}{'*' if one.disagrees else ' '}",
-            f"{sets}{' !' if one.contradictory else ''}",
+def diagnose_counts_verb(
+    here: Session,
+    bench: Workbench,
+    study: Study,
+    data: Path | None,
+    kinds: Sequence[str] | None,
+    folder: Path,
+    workers: int,
+) -> None:
+    """The effects and the study's plausible ranges scanned and weighed."""
+    counted = _counted(here, study, data, workers)
+    ranges = study.measurements.plausible if study.measurements else ()
+    parameters = [*effect_parameters(bench.registry, kinds), *task_parameters(counted, ranges)]
+    if not parameters:
+        raise UserError(
+            "nothing to try: no effect has a strength, and 'measurements.plausible' names no number."
         )
-    table.add_row(
-        "all conditions", "", "", number(found.log_likelihood, 4), number(found.deviance, 4), "", ""
-    )
-    return table
+    check_writable(folder)
+    found = count_evidence(bench, counted, [(parameter,) for parameter in parameters], workers)
+    judged = judge_counts(found)
+    here.show(counts_diagnosis_document(study.name, counted.counts, found, judged, bench.registry), folder)
+
+
+def _counted(here: Session, study: Study, data: Path | None, workers: int) -> CountedStudy:
+    checked_workers(workers)
+    counted = counted_study(study, data)
+    here.result.update(study=study.name, data=counted.counts.source, data_sha256=counted.counts.sha256)
+    return counted

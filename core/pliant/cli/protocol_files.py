@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from pliant.config.study import Study
-from pliant.experiments.menu import MenuRun
+from pliant.experiments.planned_run import PlannedRun
 from pliant.experiments.protocol_file import write_protocol
 from pliant.records.measurement import Measurement
 
@@ -15,7 +15,7 @@ NEXT_RUN = "next_run.csv"
 
 def write_runs(
     folder: Path,
-    runs: Sequence[tuple[str, MenuRun]],
+    runs: Sequence[tuple[str, PlannedRun]],
     outputs: Sequence[str],
     study: Path,
     loaded: Study,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import cast
 
@@ -24,7 +24,7 @@ MOST_STARTS = 3
 
 
 @dataclass(frozen=True)
-class Knob:
+class FitParameter:
     """One parameter of one effect of a candidate, seen as a number x of order 1.
 
     x = (v − neutral) / reach for strengths and shapes with a normal prior, with reach the distance from neutral
@@ -33,44 +33,44 @@ class Knob:
 
     effect: int
     kind: str
-    parameter: EffectParameter
+    declared: EffectParameter
 
     @property
     def name(self) -> str:
-        return f"{self.kind}.{self.parameter.name}"
+        return f"{self.kind}.{self.declared.name}"
 
     def value(self, x: float) -> float:
         """The parameter's value within its bounds."""
-        p = self.parameter
+        p = self.declared
         v = p.neutral + x * self._reach if p.prior == "normal" else self._middle * math.exp(x * self._spread)
         return min(max(v, p.bounds[0]), p.bounds[1])
 
     def x(self, value: float) -> float:
         """The number that gives this value."""
-        if self.parameter.prior == "normal":
-            return (value - self.parameter.neutral) / self._reach
+        if self.declared.prior == "normal":
+            return (value - self.declared.neutral) / self._reach
         return math.log(value / self._middle) / self._spread
 
     def slope(self, x: float) -> float:
         """dv/dx."""
-        return self._reach if self.parameter.prior == "normal" else self.value(x) * self._spread
+        return self._reach if self.declared.prior == "normal" else self.value(x) * self._spread
 
     @property
     def limits(self) -> tuple[float, float]:
         """Bounds in x."""
-        low, high = self.parameter.bounds
-        if self.parameter.prior == "log_normal":
+        low, high = self.declared.bounds
+        if self.declared.prior == "log_normal":
             low = max(low, 1e-6 * self._middle)
         return self.x(low), self.x(high)
 
     @property
     def is_strength(self) -> bool:
-        return self.parameter.role == "strength"
+        return self.declared.role == "strength"
 
     @property
     def plausible(self) -> tuple[float, float]:
         """The plausible range in x."""
-        low, high = self.parameter.plausible
+        low, high = self.declared.plausible
         return self.x(low), self.x(high)
 
     def starts(self) -> tuple[float, ...]:
@@ -82,49 +82,49 @@ class Knob:
 
     @property
     def _reach(self) -> float:
-        p = self.parameter
+        p = self.declared
         return max(abs(p.plausible[0] - p.neutral), abs(p.plausible[1] - p.neutral))
 
     @property
     def _middle(self) -> float:
-        return math.sqrt(self.parameter.plausible[0] * self.parameter.plausible[1])
+        return math.sqrt(self.declared.plausible[0] * self.declared.plausible[1])
 
     @property
     def _spread(self) -> float:
-        return math.log(self.parameter.plausible[1] / self.parameter.plausible[0]) / (2 * NINETY)
+        return math.log(self.declared.plausible[1] / self.declared.plausible[0]) / (2 * NINETY)
 
 
 @dataclass(frozen=True)
-class Candidate:
+class EffectSet:
     """A set of effects, in the order in which they are applied; the empty set is the model as it is."""
 
     kinds: tuple[str, ...]
-    knobs: tuple[Knob, ...]
+    parameters: tuple[FitParameter, ...]
     models: tuple[type[EffectConfig], ...]
 
     @staticmethod
-    def of(registry: Registry, kinds: Sequence[str]) -> Candidate:
+    def of(registry: Registry, kinds: Sequence[str]) -> EffectSet:
         """Raises `UserError` for an unknown kind, and for one whose config refuses its own parameters or bounds."""
         components = [registry.get("effect", kind) for kind in kinds]
         models = tuple(cast(type[EffectConfig], component.config_model()) for component in components)
-        knobs = tuple(
-            Knob(index, kind, parameter)
+        parameters = tuple(
+            FitParameter(index, kind, parameter)
             for index, (kind, model) in enumerate(zip(kinds, models, strict=True))
             for parameter in model.fit_parameters()
         )
-        found = Candidate(tuple(kinds), knobs, models)
+        found = EffectSet(tuple(kinds), parameters, models)
         for end in found.limits():
             found.configs(np.where(np.isfinite(end), end, 0.0))
         return found
 
     def __len__(self) -> int:
-        return len(self.knobs)
+        return len(self.parameters)
 
     def configs(self, x: Array) -> tuple[EffectConfig, ...]:
         """The effects at x (k,); raises `UserError` where a plugin's config refuses its own parameters."""
         values: list[dict[str, float]] = [{} for _ in self.kinds]
-        for knob, number in zip(self.knobs, x, strict=True):
-            values[knob.effect][knob.parameter.name] = knob.value(float(number))
+        for parameter, number in zip(self.parameters, x, strict=True):
+            values[parameter.effect][parameter.declared.name] = parameter.value(float(number))
         return tuple(
             _config(model, kind, given)
             for model, kind, given in zip(self.models, self.kinds, values, strict=True)
@@ -132,17 +132,22 @@ class Candidate:
 
     def values(self, x: Array) -> dict[str, float]:
         """Parameter values by ``kind.name``."""
-        return {knob.name: knob.value(float(n)) for knob, n in zip(self.knobs, x, strict=True)}
+        return {
+            parameter.name: parameter.value(float(n)) for parameter, n in zip(self.parameters, x, strict=True)
+        }
 
     def limits(self) -> tuple[Array, Array]:
         """(k,) lowest and highest x."""
-        pairs = np.array([knob.limits for knob in self.knobs], float).reshape(-1, 2)
+        pairs = np.array([parameter.limits for parameter in self.parameters], float).reshape(-1, 2)
         return pairs[:, 0], pairs[:, 1]
 
     def starts(self, known: dict[str, float] | None = None) -> list[Array]:
-        """Points (k,) from which fits begin; `known` fixes the start of some knobs by name."""
+        """Points (k,) from which fits begin; `known` fixes the start of some parameters by name."""
         known = known or {}
-        options = [(known[knob.name],) if knob.name in known else knob.starts() for knob in self.knobs]
+        options = [
+            (known[parameter.name],) if parameter.name in known else parameter.starts()
+            for parameter in self.parameters
+        ]
         found = [np.array(point, float) for point in itertools.product(*options)]
         if len(found) <= MOST_STARTS:
             return found
@@ -159,3 +164,55 @@ def _config(model: type[EffectConfig], kind: str, given: dict[str, float]) -> Ef
             f"The parameters of effect '{kind}' and the fields of its config disagree ({field}: {first['msg']}); "
             f"'pliant check effect {kind}' tells what is asked of them."
         ) from None
+
+
+@dataclass(frozen=True)
+class StudyCandidate(EffectSet):
+    """Effects to fit in the order of a study, the others of the study between them.
+
+    Attributes:
+        fixed: the study's effects in their order, then those that it does not have yet.
+        slots: for each effect that is fitted its place among `fixed`.
+    """
+
+    fixed: tuple[EffectConfig, ...] = ()
+    slots: tuple[int, ...] = ()
+
+    @staticmethod
+    def among(registry: Registry, effects: Sequence[EffectConfig], kinds: Sequence[str]) -> StudyCandidate:
+        """Fit these kinds: in place those that the effects have, behind them the others.
+
+        Raises:
+            UserError: an unknown kind, or one that the effects have twice.
+        """
+        all_kinds = [effect.kind for effect in effects]
+        for kind in kinds:
+            if all_kinds.count(kind) > 1:
+                raise UserError(
+                    f"The study has the effect '{kind}' {all_kinds.count(kind)} times, so it is not clear which one "
+                    "to fit; keep one of them."
+                )
+        plain = EffectSet.of(registry, kinds)
+        begun = plain.configs(plain.starts()[0])
+        fixed = (*effects, *(config for config in begun if config.kind not in all_kinds))
+        places = [effect.kind for effect in fixed]
+        slots = tuple(places.index(kind) for kind in kinds)
+        return StudyCandidate(plain.kinds, plain.parameters, plain.models, fixed, slots)
+
+    def configs(self, x: Array) -> tuple[EffectConfig, ...]:
+        """All effects of the study, those that are fitted at x (k,)."""
+        return self.with_values(self.values(x))
+
+    def with_values(self, values: Mapping[str, float]) -> tuple[EffectConfig, ...]:
+        """All effects of the study, those that are fitted at these values by ``kind.parameter``."""
+        effects = list(self.fixed)
+        for parameter in self.parameters:
+            slot = self.slots[parameter.effect]
+            effects[slot] = effects[slot].model_copy(update={parameter.declared.name: values[parameter.name]})
+        return tuple(effects)
+
+    def present(self) -> Array:
+        """(k,) x of the values that the effects have now."""
+        return np.array(
+            [k.x(float(getattr(self.fixed[self.slots[k.effect]], k.declared.name))) for k in self.parameters]
+        )

@@ -12,10 +12,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pliant.diagnosis.candidates import Candidate
-from pliant.diagnosis.excitation import SEPARABLE, TYPICAL_SNR, Excitation, LookAlike, look_alikes
-from pliant.diagnosis.menu_view import Look, MenuView
-from pliant.diagnosis.table import Kinds
+from pliant.diagnosis.candidates import EffectSet
+from pliant.diagnosis.catalogue_view import CataloguePrediction, CatalogueView
+from pliant.diagnosis.excitation import SEPARABLE, TYPICAL_SNR, ConfoundedPair, Excitation, confounded_with
+from pliant.diagnosis.verdict import Kinds
 from pliant.records.design import Array
 from pliant.registry.discovery import Registry
 
@@ -48,10 +48,10 @@ def classes_of(found: Mapping[str, Excitation], n_effective: float) -> tuple[Kin
         found: every excited effect at the far end of its plausible range under these runs.
         n_effective: independent readings of these runs.
     """
-    return connected(found, look_alikes(found, {}, n_effective))
+    return connected(found, confounded_with(found, {}, n_effective))
 
 
-def connected(kinds: Iterable[str], pairs: Sequence[LookAlike]) -> tuple[Kinds, ...]:
+def connected(kinds: Iterable[str], pairs: Sequence[ConfoundedPair]) -> tuple[Kinds, ...]:
     """Connected parts of two or more kinds, of pairs that are look-alikes both ways."""
     alike = {(pair.a, pair.b) for pair in pairs}
     left, classes = sorted(kinds), []
@@ -87,8 +87,8 @@ class Overlaps:
 
     @staticmethod
     def of(
-        view: MenuView,
-        changes: Mapping[str, Look],
+        view: CatalogueView,
+        changes: Mapping[str, CataloguePrediction],
         found: Mapping[str, Excitation] | None = None,
         n_effective: float = 0.0,
     ) -> Overlaps:
@@ -116,7 +116,7 @@ class Overlaps:
         n = self.readings[0] + sum(self.readings[1][k] for k in chosen)
         apart = self._apart(whole, n, kinds)
         alike = [
-            LookAlike(a, b, 0.0)
+            ConfoundedPair(a, b, 0.0)
             for i, a in enumerate(kinds)
             for j, b in enumerate(kinds)
             if i != j and apart[i, j] < SEPARABLE
@@ -152,7 +152,7 @@ class Overlaps:
 
 def split_classes(
     registry: Registry,
-    view: MenuView,
+    view: CatalogueView,
     found: Mapping[str, Excitation],
     n_effective: float,
     left: Sequence[Kinds] | None = None,
@@ -172,27 +172,29 @@ def split_classes(
     kinds = sorted({kind for one in asked for kind in one})
     if not kinds:
         return tuple(EffectClass(one, parts=(one,)) for one in classes)
-    changes = menu_changes(registry, view, {kind: found[kind] for kind in kinds})
+    changes = catalogue_changes(registry, view, {kind: found[kind] for kind in kinds})
     overlaps = Overlaps.of(view, changes, found, n_effective)
     return tuple(
         _split(one, view, overlaps) if one in asked else EffectClass(one, parts=(one,)) for one in classes
     )
 
 
-def menu_changes(registry: Registry, view: MenuView, found: Mapping[str, Excitation]) -> dict[str, Look]:
+def catalogue_changes(
+    registry: Registry, view: CatalogueView, found: Mapping[str, Excitation]
+) -> dict[str, CataloguePrediction]:
     """What each effect changes in the menu at the strength of its excitation, and its slopes there; 0 for NaN."""
-    nothing = view.look(Candidate.of(registry, ()), np.zeros(0)).values
+    nothing = view.look(EffectSet.of(registry, ()), np.zeros(0)).values
     changes = {}
     for kind, one in found.items():
-        look = view.look(Candidate.of(registry, (kind,)), one.x)
+        look = view.look(EffectSet.of(registry, (kind,)), one.x)
         lost = ~(np.isfinite(look.values - nothing) & np.isfinite(look.slopes).all(axis=1))
-        changes[kind] = Look(
+        changes[kind] = CataloguePrediction(
             np.where(lost, 0.0, look.values - nothing), np.where(lost[:, None], 0.0, look.slopes)
         )
     return changes
 
 
-def _split(kinds: Kinds, view: MenuView, overlaps: Overlaps) -> EffectClass:
+def _split(kinds: Kinds, view: CatalogueView, overlaps: Overlaps) -> EffectClass:
     best = EffectClass(kinds, parts=(kinds,))
     rank: tuple[float, float] = (1.0, 0.0)
     for index, run in enumerate(view.runs):

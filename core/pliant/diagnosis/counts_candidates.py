@@ -13,7 +13,7 @@ from pliant.config.conditions import PlausibleRange
 from pliant.config.problems import sentences
 from pliant.config.task_keys import TaskKey, changed_task, need_key, value_at
 from pliant.errors import UserError
-from pliant.evidence.counted_study import CountedStudy
+from pliant.evidence.counts import CountedStudy
 from pliant.evidence.trials import Setting
 from pliant.interfaces.effect import EffectConfig
 from pliant.records.counts import CountCondition
@@ -25,7 +25,7 @@ STEPS = 4  # levels over a plausible range
 
 
 @dataclass(frozen=True)
-class Knob:
+class VariedParameter:
     """One number that may be wrong.
 
     Attributes:
@@ -58,13 +58,15 @@ class Knob:
         return replace(setting, effects=(*setting.effects, effect))
 
 
-def effect_knobs(registry: Registry, kinds: Sequence[str] | None, steps: int = STEPS) -> list[Knob]:
-    """A knob for each strength of the kinds; by default of all effects with one parameter that act before the sensor.
+def effect_parameters(
+    registry: Registry, kinds: Sequence[str] | None, steps: int = STEPS
+) -> list[VariedParameter]:
+    """Each strength of the kinds; by default of all effects with one parameter that act before the sensor.
 
     Effects of rate and memory have several parameters and are tried only where they are asked for: their other
     parameters stay at typical values.
     """
-    knobs = []
+    varied = []
     for kind in kinds if kinds is not None else registry.kinds("effect"):
         component = registry.get("effect", kind)
         effect = component.implementation_class()
@@ -75,18 +77,20 @@ def effect_knobs(registry: Registry, kinds: Sequence[str] | None, steps: int = S
             continue
         for p in strengths:
             levels = levels_of(p.plausible[0], p.plausible[1], p.neutral, steps)
-            knobs.append(Knob(kind, f"{kind}.{p.name}", p.unit, levels, p.neutral, model, p.name))
-    return knobs
+            varied.append(VariedParameter(kind, f"{kind}.{p.name}", p.unit, levels, p.neutral, model, p.name))
+    return varied
 
 
-def task_knobs(counted: CountedStudy, ranges: Sequence[PlausibleRange], steps: int = STEPS) -> list[Knob]:
-    """A knob for each plausible range of the study.
+def task_parameters(
+    counted: CountedStudy, ranges: Sequence[PlausibleRange], steps: int = STEPS
+) -> list[VariedParameter]:
+    """A parameter for each plausible range of the study.
 
     Raises:
         UserError: a range of a key that the task does not have, whose ends are no such quantity, or which the task
             does not allow; a `where` that no condition of the file has.
     """
-    return [_task_knob(counted, one, steps) for one in ranges]
+    return [_task_parameter(counted, one, steps) for one in ranges]
 
 
 def levels_of(low: float, high: float, neutral: float | None, steps: int) -> tuple[float, ...]:
@@ -102,7 +106,7 @@ def levels_of(low: float, high: float, neutral: float | None, steps: int) -> tup
     return tuple(float(v) for v in (*down, *up))
 
 
-def _task_knob(counted: CountedStudy, one: PlausibleRange, steps: int) -> Knob:
+def _task_parameter(counted: CountedStudy, one: PlausibleRange, steps: int) -> VariedParameter:
     place = "'measurements.plausible' names"
     key = need_key(type(counted.task), one.key, ENDINGS, place)
     low, high = (_si(value, key, one) for value in (one.low, one.high))
@@ -126,7 +130,7 @@ def _task_knob(counted: CountedStudy, one: PlausibleRange, steps: int) -> Knob:
                 text = sentences(error, type(counted.task), lambda at: "", ("task",))
                 raise UserError(f"'measurements.plausible' of {one.key}: {text}") from None
     name = f"{key.dotted} where {_said(one.where)}" if where else key.dotted
-    return Knob(
+    return VariedParameter(
         key.dotted,
         name,
         key.si or "1",

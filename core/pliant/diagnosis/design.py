@@ -12,16 +12,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pliant.diagnosis.candidates import Candidate
-from pliant.diagnosis.classes import Overlaps, menu_changes
+from pliant.diagnosis.candidates import EffectSet
+from pliant.diagnosis.catalogue_view import CatalogueView
+from pliant.diagnosis.classes import Overlaps, catalogue_changes
+from pliant.diagnosis.cross_validation import SHARE_OF_RANGE
 from pliant.diagnosis.diagnosis import applicable
 from pliant.diagnosis.excitation import excitations
 from pliant.diagnosis.fitting import Fitter
-from pliant.diagnosis.menu_view import MenuView
-from pliant.diagnosis.scores import SHARE_OF_RANGE
-from pliant.diagnosis.table import PRICES, Kinds
+from pliant.diagnosis.verdict import THRESHOLDS, Kinds
 from pliant.evidence.prediction import Predictor
-from pliant.experiments.menu import MenuRun
+from pliant.experiments.planned_run import PlannedRun
 from pliant.records.measurement import MeasuredRun, Measurement
 
 # Without a measurement nobody knows how slowly the noise changes: one independent reading in so many seconds.
@@ -42,7 +42,7 @@ class RunDesign:
         not_tried: effects that make no sense for this chain, with the reason.
     """
 
-    runs: tuple[MenuRun, ...]
+    runs: tuple[PlannedRun, ...]
     snr: Mapping[str, tuple[float, ...]]
     chosen: tuple[int, ...]
     parts: tuple[int, ...]
@@ -55,7 +55,7 @@ class RunDesign:
         return sum(self.runs[k].minutes for k in self.chosen)
 
 
-def unread(runs: Sequence[MenuRun], outputs: Sequence[str]) -> Measurement:
+def unread(runs: Sequence[PlannedRun], outputs: Sequence[str]) -> Measurement:
     """A measurement of these runs without a reading: what a predictor needs to begin with."""
     measured = [
         MeasuredRun(
@@ -72,7 +72,7 @@ def unread(runs: Sequence[MenuRun], outputs: Sequence[str]) -> Measurement:
 
 def design_runs(
     predictor: Predictor,
-    runs: Sequence[MenuRun],
+    runs: Sequence[PlannedRun],
     kinds: Sequence[str],
     *,
     most_runs: int | None = None,
@@ -87,12 +87,12 @@ def design_runs(
         most_runs, minutes: how many runs, and how long they may take in all.
     """
     registry = predictor.bench.registry
-    view = MenuView.of(predictor, runs, _scales(predictor, runs), READING_S)
+    view = CatalogueView.of(predictor, runs, _scales(predictor, runs), READING_S)
     fitter = Fitter(view.predictor, view.readings)
     chosen_kinds, left_out = applicable(registry, fitter, kinds)
-    nothing = fitter.fit(Candidate.of(registry, ()))
+    nothing = fitter.fit(EffectSet.of(registry, ()))
     found = excitations(registry, fitter, nothing, chosen_kinds)
-    changes = menu_changes(registry, view, found)
+    changes = catalogue_changes(registry, view, found)
     overlaps = Overlaps.of(view, changes)
     snr = {kind: tuple(overlaps.snr(kind, k) for k in range(len(runs))) for kind in found}
     chosen, parts = _fewest(view, overlaps, snr, most_runs, minutes)
@@ -104,10 +104,10 @@ def design_runs(
 
 def shown_by(snr: Mapping[str, Sequence[float]], chosen: Sequence[int]) -> list[str]:
     """Effects that change the readings of at least one of these runs by more than the law's own error may."""
-    return [kind for kind, values in snr.items() if any(values[k] >= PRICES.excited for k in chosen)]
+    return [kind for kind, values in snr.items() if any(values[k] >= THRESHOLDS.excited for k in chosen)]
 
 
-def _scales(predictor: Predictor, runs: Sequence[MenuRun]) -> dict[str, float]:
+def _scales(predictor: Predictor, runs: Sequence[PlannedRun]) -> dict[str, float]:
     """2 % of the range that the model predicts over the menu."""
     predicted = predictor.evaluate((), [run.history for run in runs]).runs
     scales = {}
@@ -119,7 +119,7 @@ def _scales(predictor: Predictor, runs: Sequence[MenuRun]) -> dict[str, float]:
 
 
 def _fewest(
-    view: MenuView,
+    view: CatalogueView,
     overlaps: Overlaps,
     snr: Mapping[str, Sequence[float]],
     most_runs: int | None,

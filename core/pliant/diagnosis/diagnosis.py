@@ -8,32 +8,41 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pliant.diagnosis.candidates import Candidate
+from pliant.diagnosis.candidates import EffectSet
+from pliant.diagnosis.catalogue_view import CatalogueView
 from pliant.diagnosis.classes import EffectClass, split_classes
+from pliant.diagnosis.cross_validation import SHARE_OF_RANGE, heldout_residual, scales_of
 from pliant.diagnosis.excitation import (
+    ConfoundedPair,
     Detectable,
     Excitation,
-    LookAlike,
+    confounded_with,
     detectable,
     excitations,
-    look_alikes,
     not_excited,
 )
-from pliant.diagnosis.fitting import Fit, Fitter
-from pliant.diagnosis.menu_view import MenuView
+from pliant.diagnosis.fitting import EffectFit, Fitter, ReadingVector
 from pliant.diagnosis.next_run import Belief, NextRun, run_that_excites, view_of, what_next
 from pliant.diagnosis.noise import NoiseView
-from pliant.diagnosis.readings import ReadingVector
-from pliant.diagnosis.scores import SHARE_OF_RANGE, scales_of
-from pliant.diagnosis.search import Search, Tick
-from pliant.diagnosis.table import LEAST_SQUARE, NOTHING, PRICES, UNKNOWN, EvidenceTable, Kinds, Prices
+from pliant.diagnosis.search import HypothesisSearch, Tick
 from pliant.diagnosis.uncertainty import Uncertainty, uncertainty
-from pliant.diagnosis.verdict import Judgement, judge
+from pliant.diagnosis.verdict import (
+    LEAST_SQUARE,
+    NOTHING,
+    THRESHOLDS,
+    UNKNOWN,
+    EvidenceTable,
+    EvidenceThresholds,
+    Judgement,
+    Kinds,
+    Verdict,
+    judge,
+)
 from pliant.errors import NotReachedError, UserError
 from pliant.evidence.covariates import covariates
 from pliant.evidence.importance import importance
 from pliant.evidence.prediction import Predictor
-from pliant.experiments.menu import MenuRun
+from pliant.experiments.planned_run import PlannedRun
 from pliant.measurements.floors import Floor, floor_remarks, noise_floors
 from pliant.records.design import Array
 from pliant.records.measurement import Measurement
@@ -69,11 +78,11 @@ class Diagnosis:
 
     judgement: Judgement
     table: EvidenceTable
-    fits: Mapping[Kinds, Fit]
+    fits: Mapping[Kinds, EffectFit]
     readings: ReadingVector
     noise: NoiseView
     not_excited: Mapping[str, str]
-    indistinguishable: tuple[LookAlike, ...]
+    indistinguishable: tuple[ConfoundedPair, ...]
     classes: tuple[EffectClass, ...]
     detectable: tuple[Detectable, ...]
     depends_on: Mapping[str, float]
@@ -91,28 +100,41 @@ class Diagnosis:
         return self.readings.scales
 
     @property
-    def verdict(self) -> str:
+    def verdict(self) -> Verdict:
         return self.judgement.verdict
 
     @property
     def selected(self) -> Kinds:
         return self.judgement.selected
 
+    def left_out_ratio(self, kinds: Kinds) -> float:
+        """RMS error on runs left out of the fit over the floor; that of the noise for an effect outside the list."""
+        square = self.noise.floor_square if kinds == UNKNOWN else self.table.rows[kinds].heldout_square
+        return self.table.over_floor(square)
+
+    def left_out_errors(self, kinds: Kinds) -> dict[str, float]:
+        """RMS error of each output on runs left out of the fit, SI."""
+        left = heldout_residual(self.fits[kinds], self.readings.fold, self.fits[NOTHING].residual)
+        return {
+            name: float(np.sqrt(np.mean(left[self.readings.output == k] ** 2))) * self.scales[name]
+            for k, name in enumerate(self.readings.outputs)
+        }
+
 
 def diagnose(
     predictor: Predictor,
     *,
     kinds: Sequence[str] | None = None,
-    prices: Prices = PRICES,
-    runs: Sequence[MenuRun] = (),
+    thresholds: EvidenceThresholds = THRESHOLDS,
+    runs: Sequence[PlannedRun] = (),
     tick: Tick | None = None,
 ) -> Diagnosis:
-    """Fit every candidate, weigh them, and say what can be said.
+    """EffectFit every candidate, weigh them, and say what can be said.
 
     Args:
         predictor: a study's model, driven by the measured histories.
         kinds: candidates; all effects that make sense for this chain by default.
-        prices: thresholds.
+        thresholds: thresholds.
         runs: what the bench can do next; the default menu without them.
         tick: called with the name of each hypothesis when it has been fitted.
 
@@ -131,20 +153,20 @@ def diagnose(
     readings = ReadingVector.of(measurement, tuple(scales), scales)
     fitter = Fitter(predictor, readings)
     chosen, left_out = applicable(registry, fitter, asked)
-    shown = excitations(registry, fitter, fitter.fit(Candidate.of(registry, NOTHING)), chosen)
-    search = Search(registry, measurement, readings, fitter, prices, shown)
+    shown = excitations(registry, fitter, fitter.fit(EffectSet.of(registry, NOTHING)), chosen)
+    search = HypothesisSearch(registry, measurement, readings, fitter, thresholds, shown)
     if tick is not None:
         search.tick = tick
     table = search.run(chosen)
-    silent = not_excited(shown, prices)
+    silent = not_excited(shown, thresholds)
     not_tried = _not_tried(left_out, [kind for kind in chosen if not _solved(search.fits, kind)])
-    judgement = judge(table, prices, len(chosen) - len(silent))
+    judgement = judge(table, thresholds, len(chosen) - len(silent))
     explained = _explained(judgement)
     residuals = readings.unpack(search.fits[explained].residual)
     found = covariates(measurement, readings.unpack(readings.values - search.fits[explained].residual))
     n = table.noise.n_effective
     view = view_of(predictor, scales, n, runs)
-    belief = Belief.of(search.fits, judgement.probability, readings, table.noise, prices)
+    belief = Belief.of(search.fits, judgement.probability, readings, table.noise, thresholds)
     ahead, undecided = what_next(view, belief, judgement.verdict, measurement)
     excited = {kind: one for kind, one in shown.items() if kind not in silent}
     return Diagnosis(
@@ -154,9 +176,9 @@ def diagnose(
         readings=readings,
         noise=table.noise,
         not_excited=_ways_to_excite(view, registry, shown, silent),
-        indistinguishable=look_alikes(shown, search.fits, n),
+        indistinguishable=confounded_with(shown, search.fits, n),
         classes=split_classes(registry, view, excited, n, judgement.credible),
-        detectable=detectable(shown, n, prices),
+        detectable=detectable(shown, n, thresholds),
         depends_on=importance(residuals, found, dict(scales)),
         circumstances={item.name: item.shown.label for item in found.items},
         next_run=ahead,
@@ -181,7 +203,7 @@ def applicable(registry: Registry, fitter: Fitter, kinds: Sequence[str]) -> tupl
     reasons: dict[str, str] = {}
     for kind in kinds:
         try:
-            candidate = Candidate.of(registry, (kind,))
+            candidate = EffectSet.of(registry, (kind,))
             fitter.look(candidate, candidate.starts()[0])
         except UserError as error:
             reasons[kind] = str(error)
@@ -212,7 +234,7 @@ def _followed(
         )
     return replace(measurement, runs=tuple(runs)), (
         f"The model has no equilibrium in {sum(without.values())} of {sum(map(len, runs))} samples, most of them "
-        f"in run '{worst}': these readings are left out. Look at their loads, and at the law's domain.",
+        f"in run '{worst}': these readings are left out. CataloguePrediction at their loads, and at the law's domain.",
     )
 
 
@@ -240,7 +262,7 @@ def _explained(judgement: Judgement) -> Kinds:
 
 
 def _estimates(
-    fitter: Fitter, fits: Mapping[Kinds, Fit], judgement: Judgement, n: float
+    fitter: Fitter, fits: Mapping[Kinds, EffectFit], judgement: Judgement, n: float
 ) -> dict[Kinds, Uncertainty]:
     leading = judgement.credible[:MOST_PROFILED]
     return {
@@ -251,18 +273,18 @@ def _estimates(
 
 
 def _ways_to_excite(
-    view: MenuView, registry: Registry, shown: Mapping[str, Excitation], silent: Sequence[str]
+    view: CatalogueView, registry: Registry, shown: Mapping[str, Excitation], silent: Sequence[str]
 ) -> dict[str, str]:
     """For each silent kind the run that its plugin names, or the one of the menu that shows it most."""
     words = {kind: registry.get("effect", kind).implementation_class().notes.excited_by for kind in silent}
     unnamed = [kind for kind, text in words.items() if not text]
     if unnamed:
-        configs = {kind: Candidate.of(registry, (kind,)).configs(shown[kind].x) for kind in unnamed}
+        configs = {kind: EffectSet.of(registry, (kind,)).configs(shown[kind].x) for kind in unnamed}
         words.update(run_that_excites(view, configs))
     return words
 
 
-def _solved(fits: Mapping[Kinds, Fit], kind: str) -> bool:
+def _solved(fits: Mapping[Kinds, EffectFit], kind: str) -> bool:
     return bool(np.all(np.isfinite(fits[(kind,)].residual)))
 
 

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pliant.diagnosis.candidates import Candidate, Knob
-from pliant.diagnosis.fitting import Fit, Fitter
-from pliant.diagnosis.table import Kinds, Prices
+from pliant.diagnosis.candidates import EffectSet, FitParameter
+from pliant.diagnosis.fitting import EffectFit, Fitter
+from pliant.diagnosis.verdict import EvidenceThresholds, Kinds
 from pliant.records.design import Array
 from pliant.registry.discovery import Registry
 
@@ -17,7 +17,7 @@ from pliant.registry.discovery import Registry
 TYPICAL_SNR = 2.0
 # Below this many units of n_eff · SNR² · unexplained share two effects look the same. Log-odds of two effects are
 # about normal with mean m and variance 2 m, m = n_eff · SNR² · share / 2 / (1 + 0.3²); so much lets 19 of 20 samples
-# reach the odds of 9 : 1, halved by the temper, that a verdict needs.
+# reach the odds of 9 : 1, halved by the temperature, that a verdict needs.
 SEPARABLE = 28.0
 
 
@@ -27,16 +27,16 @@ class Excitation:
 
     Attributes:
         kind: the effect.
-        knob: its strength.
-        place: that knob's index.
-        x: the knobs there.
+        strength: its strength as a fit parameter.
+        place: its index.
+        x: (k,) the parameters there.
         snr: RMS change of the readings over the noise floor.
         change: (N,) that change; 0 where there is no equilibrium.
         slopes: (N, k) d prediction / dx there.
     """
 
     kind: str
-    knob: Knob
+    strength: FitParameter
     place: int
     x: Array
     snr: float
@@ -45,7 +45,7 @@ class Excitation:
 
 
 @dataclass(frozen=True)
-class LookAlike:
+class ConfoundedPair:
     """Two effects that these runs can hardly separate; share of a's change that b cannot imitate."""
 
     a: str
@@ -64,18 +64,18 @@ class Detectable:
 
 
 def excitations(
-    registry: Registry, fitter: Fitter, nothing: Fit, kinds: Sequence[str]
+    registry: Registry, fitter: Fitter, nothing: EffectFit, kinds: Sequence[str]
 ) -> dict[str, Excitation]:
     """Every effect as strong as an expert would still believe, shapes in the middle of their range."""
     found = {}
     for kind in kinds:
-        candidate = Candidate.of(registry, (kind,))
+        candidate = EffectSet.of(registry, (kind,))
         options = []
         for end in _ends(candidate):
             fit = fitter.look(candidate, end)
             change, slopes, snr = _seen(nothing.residual - fit.residual, fit.slopes)
             place = _strength(candidate)
-            options.append(Excitation(kind, candidate.knobs[place], place, end, snr, change, slopes))
+            options.append(Excitation(kind, candidate.parameters[place], place, end, snr, change, slopes))
         found[kind] = max(options, key=lambda option: option.snr)
     return found
 
@@ -90,14 +90,14 @@ def _seen(change: Array, slopes: Array) -> tuple[Array, Array, float]:
     return np.where(there, change, 0.0), np.where(there[:, None], slopes, 0.0), snr
 
 
-def not_excited(found: Mapping[str, Excitation], prices: Prices) -> tuple[str, ...]:
+def not_excited(found: Mapping[str, Excitation], thresholds: EvidenceThresholds) -> tuple[str, ...]:
     """Kinds whose change stays below the limit at every plausible strength."""
-    return tuple(kind for kind, one in found.items() if one.snr < prices.excited)
+    return tuple(kind for kind, one in found.items() if one.snr < thresholds.excited)
 
 
-def look_alikes(
-    found: Mapping[str, Excitation], fits: Mapping[Kinds, Fit], n: float
-) -> tuple[LookAlike, ...]:
+def confounded_with(
+    found: Mapping[str, Excitation], fits: Mapping[Kinds, EffectFit], n: float
+) -> tuple[ConfoundedPair, ...]:
     """Pairs of excited effects that n effective readings cannot separate at a typical strength.
 
     b imitates a by its change and its slopes, at the plausible strength and where it was fitted: the least
@@ -112,47 +112,49 @@ def look_alikes(
                 continue
             share = _unexplained(a, b, fits.get((b.kind,)))
             if n * min(a.snr, TYPICAL_SNR) ** 2 * share < SEPARABLE:
-                pairs.append(LookAlike(a.kind, b.kind, share))
+                pairs.append(ConfoundedPair(a.kind, b.kind, share))
     return tuple(sorted(pairs, key=lambda pair: pair.unexplained_share))
 
 
-def detectable(found: Mapping[str, Excitation], n: float, prices: Prices) -> tuple[Detectable, ...]:
+def detectable(
+    found: Mapping[str, Excitation], n: float, thresholds: EvidenceThresholds
+) -> tuple[Detectable, ...]:
     """For each effect the strength at which it would be believed against "nothing", changes taken as proportional.
 
     It pays its price, what a slightly wrong law explains by itself, and the odds that a verdict needs.
     """
-    odds = prices.temper * np.log(prices.believed / (1.0 - prices.believed))
-    price = 2.0 * (prices.per_effect(len(found)) + 0.5 * np.log(max(n, 2.0)) + odds)
-    smallest = float(np.sqrt((1.0 + prices.excited**2) * np.exp(price / max(n, 2.0)) - 1.0))
+    odds = thresholds.temperature * np.log(thresholds.believed / (1.0 - thresholds.believed))
+    price = 2.0 * (thresholds.per_effect(len(found)) + 0.5 * np.log(max(n, 2.0)) + odds)
+    smallest = float(np.sqrt((1.0 + thresholds.excited**2) * np.exp(price / max(n, 2.0)) - 1.0))
     results = []
     for one in found.values():
         if one.snr <= 0.0:
             continue
         x = float(one.x[one.place]) * smallest / one.snr
-        low, high = one.knob.limits
+        low, high = one.strength.limits
         if low <= x <= high:
-            parameter = one.knob.parameter
-            results.append(Detectable(one.kind, parameter.name, one.knob.value(x), parameter.unit))
+            parameter = one.strength.declared
+            results.append(Detectable(one.kind, parameter.name, one.strength.value(x), parameter.unit))
     return tuple(results)
 
 
-def _strength(candidate: Candidate) -> int:
-    return next((k for k, knob in enumerate(candidate.knobs) if knob.is_strength), 0)
+def _strength(candidate: EffectSet) -> int:
+    return next((k for k, parameter in enumerate(candidate.parameters) if parameter.is_strength), 0)
 
 
-def _ends(candidate: Candidate) -> list[Array]:
+def _ends(candidate: EffectSet) -> list[Array]:
     """Points with the strength at each end of its plausible range, all else in the middle."""
-    middle = np.array([sum(knob.plausible) / 2 for knob in candidate.knobs])
+    middle = np.array([sum(parameter.plausible) / 2 for parameter in candidate.parameters])
     place = _strength(candidate)
     points = []
-    for end in candidate.knobs[place].plausible:
+    for end in candidate.parameters[place].plausible:
         point = middle.copy()
         point[place] = end
         points.append(point)
     return points
 
 
-def _unexplained(a: Excitation, b: Excitation, fitted: Fit | None) -> float:
+def _unexplained(a: Excitation, b: Excitation, fitted: EffectFit | None) -> float:
     basis = np.column_stack([b.change, b.slopes, *([] if fitted is None else [fitted.slopes])])
     there = np.all(np.isfinite(basis), axis=1) & np.isfinite(a.change)
     basis, target = basis[there], a.change[there]

@@ -9,12 +9,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pliant.config.study import Study
-from pliant.diagnosis.fitting import Fit, Fitter
-from pliant.diagnosis.heldout import condition_of_runs, heldout_residual
-from pliant.diagnosis.in_place import InPlace
+from pliant.diagnosis.candidates import StudyCandidate
+from pliant.diagnosis.cross_validation import (
+    Residuals,
+    Score,
+    condition_of_runs,
+    heldout_residual,
+    scales_of,
+    score,
+)
+from pliant.diagnosis.fitting import EffectFit, Fitter, ReadingVector
 from pliant.diagnosis.noise import NoiseView, noise_view
-from pliant.diagnosis.readings import ReadingVector
-from pliant.diagnosis.scores import Residuals, Score, scales_of, score
 from pliant.diagnosis.uncertainty import Uncertainty, rounded, uncertainty
 from pliant.errors import UserError
 from pliant.evidence.prediction import Predictor, RunReadings
@@ -54,8 +59,8 @@ class Extension:
     kinds: tuple[str, ...]
     effects: tuple[EffectConfig, ...]
     values: Mapping[str, float]
-    candidate: InPlace
-    fit: Fit
+    candidate: StudyCandidate
+    fit: EffectFit
     uncertainty: Uncertainty
     noise: NoiseView
     before: Score
@@ -130,7 +135,7 @@ class Ground:
 def extend(
     ground: Ground, effects: Sequence[EffectConfig], kinds: Sequence[str], *, profiles: bool = True
 ) -> Extension:
-    """Fit effects of these kinds: in place those that are among `effects`, behind them the others.
+    """EffectFit effects of these kinds: in place those that are among `effects`, behind them the others.
 
     Args:
         ground: the bare model and the measurement.
@@ -142,10 +147,10 @@ def extend(
         UserError: an unknown kind, or one that makes no sense for this chain.
     """
     registry = ground.predictor.bench.registry
-    candidate = InPlace.among(registry, effects, list(dict.fromkeys(kinds)))
+    candidate = StudyCandidate.among(registry, effects, list(dict.fromkeys(kinds)))
     readings = ground.readings(effects)
     fitter = Fitter(ground.predictor, readings)
-    present = InPlace.among(registry, effects, ())
+    present = StudyCandidate.among(registry, effects, ())
     plain = fitter.look(present, np.zeros(0)).residual
     before = readings.unpack(plain)
     fit = fitter.fit(candidate, _starts(candidate, effects))
@@ -171,18 +176,20 @@ def extend(
     )
 
 
-def _starts(candidate: InPlace, effects: Sequence[EffectConfig]) -> list[Array]:
+def _starts(candidate: StudyCandidate, effects: Sequence[EffectConfig]) -> list[Array]:
     """The usual starts, and the values that effects of the study have now."""
     had = {effect.kind for effect in effects}
     known = {
-        knob.name: float(x)
-        for knob, x in zip(candidate.knobs, candidate.present(), strict=True)
-        if knob.kind in had and np.isfinite(x)
+        parameter.name: float(x)
+        for parameter, x in zip(candidate.parameters, candidate.present(), strict=True)
+        if parameter.kind in had and np.isfinite(x)
     }
     return [*candidate.starts(known), *(candidate.starts() if known else [])]
 
 
-def _left_out(readings: ReadingVector, fit: Fit, plain: Array, number: NDArray[np.intp]) -> Residuals | None:
+def _left_out(
+    readings: ReadingVector, fit: EffectFit, plain: Array, number: NDArray[np.intp]
+) -> Residuals | None:
     """Residuals with the runs of one number (runs,) left out after another; None where all have the same."""
     groups = number[readings.run]
     if len(np.unique(groups)) < 2:
@@ -200,7 +207,9 @@ def blocks_of(readings: ReadingVector) -> NDArray[np.intp]:
     return block
 
 
-def _rounded(fitter: Fitter, fit: Fit, candidate: InPlace, found: Uncertainty) -> dict[str, float]:
+def _rounded(
+    fitter: Fitter, fit: EffectFit, candidate: StudyCandidate, found: Uncertainty
+) -> dict[str, float]:
     """Values at the decimals of their uncertainty, with more digits where the fit would feel the rounding."""
     wanted = fit.mean_square(fitter.weights)
     values: dict[str, float] = {}
@@ -209,7 +218,7 @@ def _rounded(fitter: Fitter, fit: Fit, candidate: InPlace, found: Uncertainty) -
             one.name: _within(one.parameter, rounded(one.value, one.sd, digits)) for one in found.estimates
         }
         effects = candidate.with_values(values)
-        there = fitter.look(InPlace((), (), (), effects), np.zeros(0)).mean_square(fitter.weights)
+        there = fitter.look(StudyCandidate((), (), (), effects), np.zeros(0)).mean_square(fitter.weights)
         if abs(there - wanted) <= ROUNDING * wanted:
             break
     return values

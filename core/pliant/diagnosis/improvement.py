@@ -15,21 +15,20 @@ from itertools import pairwise
 import numpy as np
 
 from pliant.config.study import Study
-from pliant.diagnosis.common_core import CommonCore, common_core, pairs_alike, shapes_at_bound
+from pliant.diagnosis.cross_validation import Residuals, Score, score
 from pliant.diagnosis.diagnosis import Diagnosis, diagnose
 from pliant.diagnosis.extension import Extension, Ground, extend
-from pliant.diagnosis.locked import Locked, lock
+from pliant.diagnosis.interpretation import explanation, headline
 from pliant.diagnosis.next_run import NextRun
 from pliant.diagnosis.noise import noise_view
-from pliant.diagnosis.scores import Residuals, Score, score
 from pliant.diagnosis.search import Tick
-from pliant.diagnosis.table import PRICES, Kinds, sorted_kinds
-from pliant.diagnosis.words import explanation, headline
+from pliant.diagnosis.shared_effects import SharedEffect, pairs_alike, shapes_at_bound, shared_effects
+from pliant.diagnosis.test_split import TrainTestSplit, lock
+from pliant.diagnosis.verdict import THRESHOLDS, Kinds, sorted_kinds
 from pliant.evidence.comparison import compare
 from pliant.evidence.interpretation import interpret
 from pliant.evidence.prediction import Predictor
 from pliant.experiments.protocols import own_runs
-from pliant.formatting import listed, number
 from pliant.interfaces.effect import EffectConfig
 from pliant.measurements.floors import Floor
 from pliant.measurements.repeats import repeat_groups
@@ -94,7 +93,7 @@ class Improvement:
     steps: tuple[Step, ...]
     stop: str
     reason: str
-    locked: Locked
+    locked: TrainTestSplit
     floors: Mapping[str, Floor]
     judged: bool
     final: Extension | None
@@ -156,7 +155,7 @@ class _Walk:
         bench: Workbench,
         study: Study,
         measurement: Measurement,
-        locked: Locked,
+        locked: TrainTestSplit,
         kinds: Sequence[str] | None,
         tick: Tick | None,
     ) -> None:
@@ -234,7 +233,7 @@ class _Walk:
             if not {had, *draft.stands_for}.isdisjoint(kinds)
         ]
 
-    def _take(self, kind: str, named: Diagnosis, core: CommonCore | None) -> None:
+    def _take(self, kind: str, named: Diagnosis, core: SharedEffect | None) -> None:
         found = extend(self.ground, self.effects, [*self.added, kind], profiles=False)
         self.effects = found.effects
         self.added.append(kind)
@@ -267,15 +266,15 @@ class _Walk:
         return self.ground.residuals(effects, self.measurement)
 
 
-def _core(found: Diagnosis) -> CommonCore | None:
+def _core(found: Diagnosis) -> SharedEffect | None:
     """What the credible explanations agree on, where none of them is believed by itself."""
     if found.verdict != "ambiguous":
         return None
     alike = pairs_alike(found.indistinguishable)
-    return common_core(found.judgement.probability, alike, shapes_at_bound(found.fits), PRICES)
+    return shared_effects(found.judgement.probability, alike, shapes_at_bound(found.fits), THRESHOLDS)
 
 
-def _standing_in(core: CommonCore, found: Diagnosis) -> str:
+def _standing_in(core: SharedEffect, found: Diagnosis) -> str:
     """That an effect is taken although the verdict is open, and which run would settle it."""
     if len(core.stands_for) == 1:
         return (
@@ -391,15 +390,3 @@ def _rises(steps: Sequence[Step]) -> list[str]:
         for before, now in pairwise(steps)
         if now.locked.over_floor > before.locked.over_floor
     ]
-
-
-def summary(found: Improvement) -> str:
-    """What came of it, in one sentence."""
-    first, last = found.steps[0].locked, found.steps[-1].locked
-    on = "runs that were put aside" if found.locked.runs else found.scored_on
-    if len(found.steps) == 1:
-        return f"No effect was added: the error on {on} is {number(first.over_floor, 3)} times the noise."
-    kinds = listed([step.named for step in found.steps if step.added])
-    now = f"{last.over_floor:.2f} ± {found.steps[-1].locked_se:.2f}"
-    verb = "falls" if last.over_floor < first.over_floor else "goes"
-    return f"With {kinds} the error on {on} {verb} from {first.over_floor:.2f} to {now} times the noise."

@@ -9,23 +9,28 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
-from typing import Any
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from pliant.diagnosis.candidates import NINETY, Candidate
-from pliant.diagnosis.fitting import Fit
-from pliant.diagnosis.menu_view import Look, MenuView, seconds_per_reading
+from pliant.diagnosis.candidates import NINETY, EffectSet
+from pliant.diagnosis.catalogue_view import CataloguePrediction, CatalogueView, seconds_per_reading
+from pliant.diagnosis.fitting import EffectFit, ReadingVector
 from pliant.diagnosis.noise import NoiseView
-from pliant.diagnosis.readings import ReadingVector
-from pliant.diagnosis.separation import Contender, Outcome, expected
-from pliant.diagnosis.table import LEAST_SQUARE, NOTHING, PRICES, UNKNOWN, Kinds, Prices
+from pliant.diagnosis.separation import Contender, ExpectedOutcome, expected
+from pliant.diagnosis.verdict import (
+    LEAST_SQUARE,
+    NOTHING,
+    THRESHOLDS,
+    UNKNOWN,
+    EvidenceThresholds,
+    Kinds,
+    named,
+)
 from pliant.evidence.prediction import Predictor
-from pliant.experiments.menu import SET_UP, MenuRun
-from pliant.experiments.runs import menu
+from pliant.experiments.experiment_catalogue import static_catalogue, timed_catalogue
+from pliant.experiments.planned_run import SET_UP, PlannedRun
 from pliant.experiments.scale import BenchScale
-from pliant.experiments.static_runs import static_menu
 from pliant.interfaces.effect import EffectConfig
 from pliant.measurements.repeats import repeat_groups
 from pliant.records.design import Array
@@ -77,7 +82,7 @@ class NextRun:
     name: str = ""
     expected: float = math.nan
     ranked: tuple[RankedRun, ...] = ()
-    planned: MenuRun | None = field(default=None, compare=False)
+    planned: PlannedRun | None = field(default=None, compare=False)
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,28 +94,28 @@ class Belief:
         readings: the measured readings, for their number.
         n_effective: independent readings among them.
         square: variance of one reading in units of the scales.
-        prices: what a verdict asks for.
+        thresholds: what a verdict asks for.
     """
 
-    fits: Mapping[Kinds, Fit]
+    fits: Mapping[Kinds, EffectFit]
     probability: Mapping[Kinds, float]
     readings: ReadingVector
     n_effective: float
     square: float
-    prices: Prices = PRICES
+    thresholds: EvidenceThresholds = THRESHOLDS
 
     @staticmethod
     def of(
-        fits: Mapping[Kinds, Fit],
+        fits: Mapping[Kinds, EffectFit],
         probability: Mapping[Kinds, float],
         readings: ReadingVector,
         noise: NoiseView,
-        prices: Prices = PRICES,
+        thresholds: EvidenceThresholds = THRESHOLDS,
     ) -> Belief:
         """The noise is the floor; the unit of the residuals where nothing tells one."""
         known = math.isfinite(noise.floor_square) and noise.floor_square > LEAST_SQUARE
         square = noise.floor_square if known else 1.0
-        return Belief(fits, probability, readings, noise.n_effective, square, prices)
+        return Belief(fits, probability, readings, noise.n_effective, square, thresholds)
 
     @property
     def contenders(self) -> tuple[Kinds, ...]:
@@ -125,34 +130,36 @@ class Belief:
     @property
     def deciding(self) -> float:
         """Expected log Bayes factor that turns even odds into a verdict."""
-        return self.prices.temper * math.log(self.prices.believed / (1.0 - self.prices.believed))
+        return self.thresholds.temperature * math.log(
+            self.thresholds.believed / (1.0 - self.thresholds.believed)
+        )
 
 
-def menu_of(predictor: Predictor, own: Sequence[MenuRun] = ()) -> tuple[MenuRun, ...]:
+def catalogue_of(predictor: Predictor, own: Sequence[PlannedRun] = ()) -> tuple[PlannedRun, ...]:
     """A study's own runs, or the default menu at the measurement's scale; without a clock, one without time."""
     if own:
         return tuple(own)
     scale = BenchScale.of_measurement(predictor.chain, predictor.measurement)
     timed = any(run.history.time_s is not None for run in predictor.measurement.runs)
-    return menu(scale) if timed else static_menu(scale)
+    return timed_catalogue(scale) if timed else static_catalogue(scale)
 
 
 def view_of(
-    predictor: Predictor, scales: Mapping[str, float], n_effective: float, own: Sequence[MenuRun] = ()
-) -> MenuView:
+    predictor: Predictor, scales: Mapping[str, float], n_effective: float, own: Sequence[PlannedRun] = ()
+) -> CatalogueView:
     """The model in the menu, its readings worth as much as the measured ones."""
     slow = seconds_per_reading(predictor.measurement, len(scales), n_effective)
-    return MenuView.of(predictor, menu_of(predictor, own), scales, slow)
+    return CatalogueView.of(predictor, catalogue_of(predictor, own), scales, slow)
 
 
-def next_run(view: MenuView, belief: Belief, done: Collection[int] = ()) -> NextRun | None:
+def next_run(view: CatalogueView, belief: Belief, done: Collection[int] = ()) -> NextRun | None:
     """The best run; None with fewer than two contenders, or where no run would help."""
     runs = next_runs(view, belief, 1, done=done)
     return runs[0] if runs else None
 
 
 def next_runs(
-    view: MenuView,
+    view: CatalogueView,
     belief: Belief,
     count: int,
     minutes: float = math.inf,
@@ -188,7 +195,7 @@ def next_runs(
 
 
 def what_next(
-    view: MenuView, belief: Belief, verdict: str, measurement: Measurement
+    view: CatalogueView, belief: Belief, verdict: str, measurement: Measurement
 ) -> tuple[NextRun | None, str]:
     """The next run, and a sentence where several explanations are left that no run of the menu would part.
 
@@ -206,7 +213,7 @@ def repeating(measurement: Measurement) -> NextRun:
     seconds = 0.0 if history.time_s is None else float(history.time_s[-1] - history.time_s[0])
     why = "only runs with the same inputs show whether the bench repeats, and what moves between them"
     minutes = round(3 * seconds / 60, 1)
-    planned = MenuRun("repeat", REPEATING, history, round(SET_UP + seconds / 60, 1))
+    planned = PlannedRun("repeat", REPEATING, history, round(SET_UP + seconds / 60, 1))
     return NextRun(REPEATING, why, (), minutes, planned.name, planned=planned)
 
 
@@ -216,7 +223,7 @@ def undecidable(belief: Belief) -> str:
     return NO_RUN.format(words=_either(contenders, " and ")) if len(contenders) > 1 else ""
 
 
-def run_that_excites(view: MenuView, configs: Mapping[str, Sequence[EffectConfig]]) -> dict[str, str]:
+def run_that_excites(view: CatalogueView, configs: Mapping[str, Sequence[EffectConfig]]) -> dict[str, str]:
     """For each effect the run of the menu in which it changes the readings most, in words; where any does."""
     plain = view.readings.pack(view.predictor.evaluate().runs)
     found = {}
@@ -230,9 +237,9 @@ def run_that_excites(view: MenuView, configs: Mapping[str, Sequence[EffectConfig
     return found
 
 
-def information_of(fit: Fit, n_effective: float, square: float) -> Array:
+def information_of(fit: EffectFit, n_effective: float, square: float) -> Array:
     """(k, k) inverse covariance of a fit's parameters: what the readings say, and the plausible ranges."""
-    spans = [high - low for low, high in (knob.plausible for knob in fit.candidate.knobs)]
+    spans = [high - low for low, high in (parameter.plausible for parameter in fit.candidate.parameters)]
     prior = np.diag([(2.0 * NINETY / span) ** 2 for span in spans])
     known: Array = n_effective / (len(fit.residual) * square) * fit.slopes.T @ fit.slopes + prior.reshape(
         len(spans), len(spans)
@@ -240,18 +247,20 @@ def information_of(fit: Fit, n_effective: float, square: float) -> Array:
     return known
 
 
-def _looks(view: MenuView, belief: Belief, contenders: Sequence[Kinds]) -> dict[Kinds, Look]:
+def _looks(
+    view: CatalogueView, belief: Belief, contenders: Sequence[Kinds]
+) -> dict[Kinds, CataloguePrediction]:
     fits = {kinds: belief.fits[kinds] for kinds in contenders}
     looks = {kinds: view.look(fit.candidate, fit.x) for kinds, fit in fits.items()}
     plain = belief.fits.get(NOTHING)
     if NOTHING not in looks:
-        looks[NOTHING] = view.look(Candidate((), (), ()) if plain is None else plain.candidate, np.zeros(0))
+        looks[NOTHING] = view.look(EffectSet((), (), ()) if plain is None else plain.candidate, np.zeros(0))
     return looks
 
 
 def _outcome(
-    view: MenuView, belief: Belief, looks: Mapping[Kinds, Look], chosen: Sequence[int]
-) -> Outcome | None:
+    view: CatalogueView, belief: Belief, looks: Mapping[Kinds, CataloguePrediction], chosen: Sequence[int]
+) -> ExpectedOutcome | None:
     """What these runs together are expected to tell; None where a contender has no equilibrium in them."""
     rows = view.rows(chosen)
     for look in looks.values():
@@ -260,18 +269,20 @@ def _outcome(
         return None
     root = np.sqrt(view.worth[rows] / belief.square)
     plain = looks[NOTHING].values[rows] * root
-    law = belief.prices.excited**2 * float(root @ root)
+    law = belief.thresholds.excited**2 * float(root @ root)
     contenders = []
     for kinds in belief.contenders:
         mean = looks[kinds].values[rows] * root
-        form = law + belief.prices.form * float(np.sum((mean - plain) ** 2))
+        form = law + belief.thresholds.model_form_tolerance * float(np.sum((mean - plain) ** 2))
         known = information_of(belief.fits[kinds], belief.n_effective, belief.square)
         slopes = looks[kinds].slopes[rows] * root[:, None]
         contenders.append(Contender(belief.probability[kinds], mean, slopes, known, form))
-    return expected(contenders, belief.prices.temper, belief.prices.believed)
+    return expected(contenders, belief.thresholds.temperature, belief.thresholds.believed)
 
 
-def _ranked(view: MenuView, outcomes: Mapping[int, Outcome], told: float, done: Collection[int]) -> list[int]:
+def _ranked(
+    view: CatalogueView, outcomes: Mapping[int, ExpectedOutcome], told: float, done: Collection[int]
+) -> list[int]:
     """Runs by what they tell per minute; those that tell less than a share of what the best one tells come later.
 
     A short run that hardly tells anything is no bargain. Runs that were done come last: a model that is slightly off
@@ -286,7 +297,7 @@ def _ranked(view: MenuView, outcomes: Mapping[int, Outcome], told: float, done: 
     )
 
 
-def done_before(view: MenuView, measurement: Measurement) -> tuple[int, ...]:
+def done_before(view: CatalogueView, measurement: Measurement) -> tuple[int, ...]:
     """Places of the menu's runs whose inputs are those of a run that was measured."""
     planned = [MeasuredRun(run.history, {}, {}, np.ones(len(run.history)), np.zeros(0)) for run in view.runs]
     n = len(measurement.runs)
@@ -294,16 +305,16 @@ def done_before(view: MenuView, measurement: Measurement) -> tuple[int, ...]:
     return tuple(sorted(k - n for group in groups if min(group.runs) < n for k in group.runs if k >= n))
 
 
-def _helps(outcome: Outcome, told: float, belief: Belief) -> bool:
+def _helps(outcome: ExpectedOutcome, told: float, belief: Belief) -> bool:
     parted = np.minimum(outcome.factors, outcome.factors.T).max() >= belief.deciding
     return outcome.information - told >= LEAST_INFORMATION and (bool(parted) or outcome.right > 0.0)
 
 
 def _worded(
-    view: MenuView,
+    view: CatalogueView,
     belief: Belief,
     contenders: Sequence[Kinds],
-    outcomes: Mapping[int, Outcome],
+    outcomes: Mapping[int, ExpectedOutcome],
     ranked: Sequence[int],
     best: int,
     told: float,
@@ -334,20 +345,4 @@ def _worded(
 
 
 def _either(contenders: Sequence[Kinds], between: str) -> str:
-    return between.join(" + ".join(kinds) or "nothing missing" for kinds in contenders[:3])
-
-
-def next_run_json(found: NextRun | None, file: str | None = None) -> dict[str, Any] | None:
-    """`next_experiment` of `pliant diagnose --json`."""
-    if found is None:
-        return None
-    return {
-        "run": found.run,
-        "why": found.why,
-        "separates": [[list(a), list(b)] for a, b in found.separates],
-        "minutes": found.minutes,
-        "name": found.name,
-        "expected": found.expected,
-        "ranked": [asdict(one) for one in found.ranked],
-        "file": file,
-    }
+    return between.join(named(kinds) for kinds in contenders[:3])

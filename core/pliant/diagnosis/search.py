@@ -1,30 +1,33 @@
 """Which hypotheses are fitted: nothing, every single effect, and larger sets as far as the data ask for them.
 
-Of all sets of two effects, then of three, those that promise most by superposition (`screening`) are fitted, and the
-best single with what helps it most. The best set's effects are exchanged in turn, and its subsets are fitted too, so
-that an effect that has become idle drops out (Miller, Subset Selection in Regression, 2002).
+Near where it was fitted alone, and near its plausible end, an effect changes the readings along a few directions: its
+change there and its slopes. What a set could explain of a residual is, to first order, the regression of the residual
+on the directions of its effects (Rao's score test, 1948, for all subsets at once as in Furnival & Wilson,
+Technometrics 16, 1974). Of all sets of two effects, then of three, those that promise most by this superposition are
+fitted with the physics in the loop, and the best single with what helps it most. The best set's effects are exchanged
+in turn, and its subsets are fitted too, so that an effect that has become idle drops out (Miller, Subset Selection in
+Regression, 2002).
 """
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pliant.diagnosis.candidates import Candidate
+from pliant.diagnosis.candidates import EffectSet
+from pliant.diagnosis.cross_validation import condition_of_runs, heldout_residual
 from pliant.diagnosis.excitation import Excitation
-from pliant.diagnosis.fitting import MOST_LOST, Fit, Fitter
-from pliant.diagnosis.heldout import condition_of_runs, heldout_residual
+from pliant.diagnosis.fitting import MOST_LOST, EffectFit, Fitter, ReadingVector
 from pliant.diagnosis.noise import NoiseView, noise_view
-from pliant.diagnosis.readings import ReadingVector
-from pliant.diagnosis.screening import Directions
-from pliant.diagnosis.table import (
+from pliant.diagnosis.verdict import (
     NOTHING,
     EvidenceTable,
+    EvidenceThresholds,
     Kinds,
-    Prices,
     Row,
     at_limit,
     log_evidence,
@@ -36,6 +39,93 @@ from pliant.records.design import Array
 from pliant.records.measurement import Measurement
 from pliant.registry.discovery import Registry
 
+# Directions that are shorter than this share of the longest, or of what is left of them beside others, count as none.
+SHORT = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class Directions:
+    """What each kind can do to the readings.
+
+    Attributes:
+        kinds: all of them.
+        columns: (N, m) unit vectors.
+        owner: (m,) index of the kind of each.
+        there: (N,) readings at which every direction is known.
+        gram: (m, m) their products.
+    """
+
+    kinds: tuple[str, ...]
+    columns: Array
+    owner: NDArray[np.intp]
+    there: NDArray[np.bool_]
+    gram: Array
+
+    @staticmethod
+    def of(
+        kinds: Sequence[str],
+        fits: Mapping[Kinds, EffectFit],
+        shown: Mapping[str, Excitation],
+        most_lost: float,
+    ) -> Directions:
+        """From the fits of single effects and from their plausible ends; kinds without an equilibrium have none.
+
+        `most_lost`: the share of readings without an equilibrium at which a direction is still used.
+        """
+        plain = fits[NOTHING].residual
+        found: list[tuple[int, Array]] = []
+        for number, kind in enumerate(kinds):
+            fit, end = fits[(kind,)], shown[kind]
+            pieces = [plain - fit.residual, *fit.slopes.T, end.change, *end.slopes.T]
+            found += [(number, p) for p in pieces if np.isnan(p).mean() <= most_lost]
+        there = np.all([np.isfinite(piece) for _, piece in found], axis=0) if found else np.isfinite(plain)
+        lengths = [float(np.linalg.norm(piece[there])) for _, piece in found]
+        longest = max(lengths, default=0.0)
+        kept = [
+            (n, p[there] / size)
+            for (n, p), size in zip(found, lengths, strict=True)
+            if size > SHORT * longest
+        ]
+        columns = np.array([p for _, p in kept]).T.reshape(int(there.sum()), len(kept))
+        return Directions(
+            tuple(kinds), columns, np.array([n for n, _ in kept], np.intp), there, columns.T @ columns
+        )
+
+    def promising(self, residual: Array, size: int, count: int) -> list[Kinds]:
+        """The `count` sets of `size` effects that could explain most of a residual (N,), the best first."""
+        right = self.columns.T @ residual[self.there]
+        places = self._places()
+        names = [kind for kind in self.kinds if len(places[kind])]
+        gains = {}
+        for kinds in itertools.combinations(names, size):
+            at = np.concatenate([places[kind] for kind in kinds])
+            gains[sorted_kinds(kinds)] = self._explained(at, right)
+        return sorted(gains, key=lambda kinds: -gains[kinds])[:count]
+
+    def next_to(self, residual: Array, slopes: Array, without: Sequence[str], count: int) -> list[str]:
+        """The `count` kinds, those in `without` excepted, that explain most beside the slopes (N, k) of a base."""
+        basis = slopes[self.there]
+        basis = basis[:, np.linalg.norm(basis, axis=0) > 0.0]
+        rest, columns = residual[self.there], self.columns
+        if basis.shape[1]:
+            q = np.linalg.qr(basis)[0]
+            rest, columns = rest - q @ (q.T @ rest), columns - q @ (q.T @ columns)
+        beside = Directions(self.kinds, columns, self.owner, self.there, columns.T @ columns)
+        right, places = columns.T @ rest, self._places()
+        gains = {k: beside._explained(at, right) for k, at in places.items() if len(at) and k not in without}
+        return sorted(gains, key=lambda kind: -gains[kind])[:count]
+
+    def _places(self) -> dict[str, NDArray[np.intp]]:
+        return {kind: np.flatnonzero(self.owner == number) for number, kind in enumerate(self.kinds)}
+
+    def _explained(self, at: NDArray[np.intp], right: Array) -> float:
+        """Sum of squares of the projection of a vector on some columns, by their normal equations."""
+        values, vectors = np.linalg.eigh(self.gram[np.ix_(at, at)])
+        felt = values > SHORT * max(float(values[-1]), 1.0)
+        along = vectors[:, felt].T @ right[at]
+        return float(np.sum(along**2 / values[felt]))
+
+
 MOST_EFFECTS = 3
 # Of all sets of one size, so many that promise most are fitted; of the neighbours of the best one, so many each.
 SCREENED = 8
@@ -45,17 +135,17 @@ Tick = Callable[[str], None]
 
 
 @dataclass(eq=False)
-class Search:
+class HypothesisSearch:
     """Fits hypotheses one after another and keeps them."""
 
     registry: Registry
     measurement: Measurement
     readings: ReadingVector
     fitter: Fitter
-    prices: Prices
+    thresholds: EvidenceThresholds
     shown: Mapping[str, Excitation]
     tick: Tick = lambda _: None
-    fits: dict[Kinds, Fit] = field(default_factory=dict)
+    fits: dict[Kinds, EffectFit] = field(default_factory=dict)
     rows: dict[Kinds, Row] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -69,7 +159,7 @@ class Search:
         for kind in kinds:
             self._fit((kind,))
         current = self._best([key for key in self.fits if len(key) <= 1])
-        if room_above_floor(self.table(), current, self.prices):
+        if room_above_floor(self.table(), current, self.thresholds):
             self._grow(Directions.of(kinds, self.fits, self.shown, MOST_LOST), len(kinds))
         return self.table()
 
@@ -78,7 +168,7 @@ class Search:
         best = min(self.rows.values(), key=lambda row: row.mean_square)
         return EvidenceTable(dict(self.rows), self.noise(self.fits[best.kinds]), len(self.readings))
 
-    def noise(self, fit: Fit) -> NoiseView:
+    def noise(self, fit: EffectFit) -> NoiseView:
         """Noise as the residuals of a fit show it."""
         residuals = self.readings.unpack(fit.residual)
         return noise_view(self.measurement, residuals, self.readings.scales, self.groups)
@@ -98,7 +188,7 @@ class Search:
             best = self._exchanged(self._best(sets), directions)
             for left in best:
                 self._fit(tuple(kind for kind in best if kind != left), near=best)
-            if not self._pays(best, before) or not room_above_floor(self.table(), best, self.prices):
+            if not self._pays(best, before) or not room_above_floor(self.table(), best, self.thresholds):
                 return
 
     def _larger(self, base: Kinds, directions: Directions) -> list[Kinds]:
@@ -115,7 +205,7 @@ class Search:
             if out not in best:
                 continue
             rest = tuple(kind for kind in best if kind != out)
-            looked = self.fitter.look(Candidate.of(self.registry, rest), self._part(best, rest))
+            looked = self.fitter.look(EffectSet.of(self.registry, rest), self._part(best, rest))
             if not np.all(np.isfinite(looked.residual)):
                 continue
             others = directions.next_to(looked.residual, looked.slopes, best, EXCHANGED)
@@ -126,33 +216,35 @@ class Search:
         return best
 
     def _part(self, whole: Kinds, part: Kinds) -> Array:
-        """The knobs of a part of a fitted set, as they are in the set."""
+        """The parameters of a part of a fitted set, as they are in the set."""
         known = self._known(whole)
-        return np.array([known[knob.name] for knob in Candidate.of(self.registry, part).knobs])
+        return np.array([known[parameter.name] for parameter in EffectSet.of(self.registry, part).parameters])
 
     def _known(self, kinds: Kinds) -> dict[str, float]:
-        """Knobs of a fitted set by name."""
+        """Parameters of a fitted set by name."""
         fit = self.fits[kinds]
-        return {knob.name: float(x) for knob, x in zip(fit.candidate.knobs, fit.x, strict=True)}
+        return {
+            parameter.name: float(x) for parameter, x in zip(fit.candidate.parameters, fit.x, strict=True)
+        }
 
     def _pays(self, larger: Kinds, smaller: Kinds) -> bool:
-        evidence = log_evidence(self.table(), self.prices)
+        evidence = log_evidence(self.table(), self.thresholds)
         return evidence[larger] > evidence[smaller]
 
     def _best(self, among: Sequence[Kinds]) -> Kinds:
-        evidence = log_evidence(self.table(), self.prices)
+        evidence = log_evidence(self.table(), self.thresholds)
         return max(among, key=lambda kinds: evidence[kinds])
 
     def _fit(self, kinds: Kinds, near: Kinds | None = None) -> None:
         if kinds in self.fits:
             return
-        candidate = Candidate.of(self.registry, kinds)
+        candidate = EffectSet.of(self.registry, kinds)
         fit = self.fitter.fit(candidate, self._starts(candidate, near))
         self.fits[kinds] = fit
         self.rows[kinds] = _row(kinds, fit, self.fits[NOTHING].residual, self.readings, self.condition)
         self.tick(" + ".join(kinds) or "nothing")
 
-    def _starts(self, candidate: Candidate, near: Kinds | None) -> list[Array]:
+    def _starts(self, candidate: EffectSet, near: Kinds | None) -> list[Array]:
         """Near a fitted set, or near each effect as it was fitted alone and near all of them."""
         if near is not None:
             return candidate.starts(self._known(near))
@@ -163,7 +255,9 @@ class Search:
         return [candidate.starts(known)[0] for known in alone] + candidate.starts(together)
 
 
-def _row(kinds: Kinds, fit: Fit, plain: Array, readings: ReadingVector, condition: NDArray[np.intp]) -> Row:
+def _row(
+    kinds: Kinds, fit: EffectFit, plain: Array, readings: ReadingVector, condition: NDArray[np.intp]
+) -> Row:
     of_reading = condition[readings.run]
     left = heldout_residual(fit, readings.fold, plain)
     unseen = heldout_residual(fit, of_reading, np.full_like(plain, np.nan))

@@ -53,7 +53,7 @@ class Contender:
 
 
 @dataclass(frozen=True, eq=False)
-class Outcome:
+class ExpectedOutcome:
     """What a run is expected to do to the contenders.
 
     Attributes:
@@ -69,12 +69,12 @@ class Outcome:
     factors: Array
 
 
-def expected(contenders: Sequence[Contender], temper: float, believed: float) -> Outcome:
+def expected(contenders: Sequence[Contender], temperature: float, believed: float) -> ExpectedOutcome:
     """What a run would tell, the draws always the same.
 
     Args:
         contenders: two or more.
-        temper: log Bayes factors are divided by this before they change a probability.
+        temperature: log Bayes factors are divided by this before they change a probability.
         believed: probability from which a hypothesis is the verdict.
     """
     share = np.array([one.probability for one in contenders])
@@ -96,7 +96,7 @@ def expected(contenders: Sequence[Contender], temper: float, believed: float) ->
     right = wrong = after = 0.0
     for a, probability in enumerate(share):
         drawn = means[a] + rng.standard_normal((DRAWS, means.shape[1])) @ roots[a].T
-        odds = np.log(np.maximum(share, 1e-300)) + _log_density(drawn, means, roots, log_det) / temper
+        odds = np.log(np.maximum(share, 1e-300)) + _log_density(drawn, means, roots, log_det) / temperature
         odds -= odds.max(axis=1, keepdims=True)
         posterior = np.exp(odds)
         posterior /= posterior.sum(axis=1, keepdims=True)
@@ -104,7 +104,7 @@ def expected(contenders: Sequence[Contender], temper: float, believed: float) ->
         right += probability * float(sure[:, a].mean())
         wrong += probability * float(np.delete(sure, a, axis=1).any(axis=1).mean())
         after -= probability * float((posterior * np.log(np.maximum(posterior, 1e-300))).sum(axis=1).mean())
-    return Outcome(float(right), float(wrong), before - after, factors)
+    return ExpectedOutcome(float(right), float(wrong), before - after, factors)
 
 
 def _reduced(contenders: Sequence[Contender]) -> tuple[Array, list[Array]]:

@@ -5,8 +5,8 @@ which adds
 
     s² = Σ r² / (n_eff − k)
 
-to Σ r² by chance, k parameters fitted. The covariance in the knobs x is s² (JᵀJ)⁻¹, in a parameter's own unit times
-dv/dx (delta method). A profile interval holds the values of one parameter at which Σ r², all other parameters
+to Σ r² by chance, k parameters fitted. The covariance in the parameters' x is s² (JᵀJ)⁻¹, in a parameter's own unit
+times dv/dx (delta method). A profile interval holds the values of one parameter at which Σ r², all other parameters
 refitted, rises by less than s² · 2.706, the 90 % point of χ² with one degree of freedom (Venzon & Moolgavkar, Applied
 Statistics 37, 1988): it follows bounds and bent valleys that a standard deviation does not see.
 """
@@ -19,9 +19,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from pliant.diagnosis.candidates import NINETY, Candidate
-from pliant.diagnosis.fitting import Fit, Fitter
-from pliant.diagnosis.table import LEAST_SQUARE
+from pliant.diagnosis.candidates import NINETY, EffectSet
+from pliant.diagnosis.fitting import EffectFit, Fitter
+from pliant.diagnosis.verdict import LEAST_SQUARE
 from pliant.formatting import Unit, decimals_of_sd, display_unit, number, quantity, with_sd
 from pliant.interfaces.effect import EffectConfig, EffectParameter
 from pliant.records.design import Array
@@ -126,29 +126,29 @@ class Uncertainty:
 
 
 @dataclass(frozen=True)
-class Held(Candidate):
-    """A candidate one of whose knobs is held at a number."""
+class Held(EffectSet):
+    """A candidate one of whose parameters is held at a number."""
 
-    knob: int = 0
+    index: int = 0
     at: float = 0.0
-    inner: Candidate = field(default_factory=lambda: Candidate((), (), ()))
+    inner: EffectSet = field(default_factory=lambda: EffectSet((), (), ()))
 
     @staticmethod
-    def hold(candidate: Candidate, knob: int, at: float) -> Held:
-        return Held(candidate.kinds, candidate.knobs, candidate.models, knob, at, candidate)
+    def hold(candidate: EffectSet, index: int, at: float) -> Held:
+        return Held(candidate.kinds, candidate.parameters, candidate.models, index, at, candidate)
 
     def configs(self, x: Array) -> tuple[EffectConfig, ...]:
         """Those of the candidate that is held, which may be of another class."""
         return self.inner.configs(x)
 
     def limits(self) -> tuple[Array, Array]:
-        """Bounds in x, with both ends of the held knob at its number."""
+        """Bounds in x, with both ends of the held parameter at its number."""
         low, high = (ends.copy() for ends in self.inner.limits())
-        low[self.knob] = high[self.knob] = self.at
+        low[self.index] = high[self.index] = self.at
         return low, high
 
 
-def uncertainty(fitter: Fitter, fit: Fit, n_effective: float, profiles: bool = True) -> Uncertainty:
+def uncertainty(fitter: Fitter, fit: EffectFit, n_effective: float, profiles: bool = True) -> Uncertainty:
     """Standard deviations and, unless `profiles` is False, profile intervals; else ± 1.645 standard deviations.
 
     Args:
@@ -160,17 +160,17 @@ def uncertainty(fitter: Fitter, fit: Fit, n_effective: float, profiles: bool = T
     covariance = covariance_of(fitter, fit, scale)
     spread = np.sqrt(np.diag(covariance))
     estimates = []
-    for k, knob in enumerate(fit.candidate.knobs):
+    for k, parameter in enumerate(fit.candidate.parameters):
         ends = [_end(fitter, fit, k, side, float(spread[k]), scale if profiles else None) for side in (-1, 1)]
         x = float(fit.x[k])
         estimates.append(
             Estimate(
-                name=knob.name,
-                parameter=knob.parameter,
-                value=knob.value(x),
-                sd=float(spread[k] * abs(knob.slope(x))),
-                low=knob.value(ends[0][0]),
-                high=knob.value(ends[1][0]),
+                name=parameter.name,
+                parameter=parameter.declared,
+                value=parameter.value(x),
+                sd=float(spread[k] * abs(parameter.slope(x))),
+                low=parameter.value(ends[0][0]),
+                high=parameter.value(ends[1][0]),
                 open_low=ends[0][1],
                 open_high=ends[1][1],
                 at_limit=bool(fit.at_limit[k]),
@@ -181,7 +181,7 @@ def uncertainty(fitter: Fitter, fit: Fit, n_effective: float, profiles: bool = T
     return Uncertainty(tuple(estimates), correlation)
 
 
-def square_per_reading(fitter: Fitter, fit: Fit, n_effective: float) -> float:
+def square_per_reading(fitter: Fitter, fit: EffectFit, n_effective: float) -> float:
     """s²: what one independent reading adds to Σ r² by chance, as these residuals show it."""
     n = float(fitter.weights.sum())
     free = max(n_effective - len(fit.x), 1.0)
@@ -190,8 +190,8 @@ def square_per_reading(fitter: Fitter, fit: Fit, n_effective: float) -> float:
     )  # data without noise have none to show
 
 
-def covariance_of(fitter: Fitter, fit: Fit, scale: float) -> Array:
-    """(k, k) in x; infinite variances where the readings do not feel a knob."""
+def covariance_of(fitter: Fitter, fit: EffectFit, scale: float) -> Array:
+    """(k, k) in x; infinite variances where the readings do not feel a parameter."""
     normal = (fit.slopes * fitter.weights[:, None]).T @ fit.slopes
     size = np.sqrt(np.diag(normal))
     size[size == 0] = 1.0
@@ -205,32 +205,32 @@ def covariance_of(fitter: Fitter, fit: Fit, scale: float) -> Array:
 
 
 def _end(
-    fitter: Fitter, fit: Fit, knob: int, side: int, spread: float, scale: float | None
+    fitter: Fitter, fit: EffectFit, index: int, side: int, spread: float, scale: float | None
 ) -> tuple[float, bool]:
     """One end of the interval in x, and whether it is a bound that the profile does not reach its rise before."""
-    best = float(fit.x[knob])
-    bound = float(fit.candidate.limits()[0 if side < 0 else 1][knob])
+    best = float(fit.x[index])
+    bound = float(fit.candidate.limits()[0 if side < 0 else 1][index])
     room = abs(bound - best)
     if room <= 1e-9 * (1.0 + abs(best)):
         return bound, True
     if scale is None:
         reach = NINETY * spread
         return (bound, True) if reach >= room else (best + side * reach, False)
-    profile = _Profile(fitter, fit, knob, scale, _followers(fitter, fit, knob))
+    profile = _Profile(fitter, fit, index, scale, _followers(fitter, fit, index))
     length = _crossing(lambda t: profile.height(best + side * t), min(NINETY * spread, LONGEST), room)
     return (bound, True) if length is None else (best + side * length, False)
 
 
 @dataclass(eq=False)
 class _Profile:
-    """√(rise of Σ r² / s²) along one knob, the others refitted from where the last call would lead them.
+    """√(rise of Σ r² / s²) along one parameter, the others refitted from where the last call would lead them.
 
-    `along` (k,) is how much each knob follows this one, to first order.
+    `along` (k,) is how much each parameter follows this one, to first order.
     """
 
     fitter: Fitter
-    fit: Fit
-    knob: int
+    fit: EffectFit
+    index: int
     scale: float
     along: Array
 
@@ -240,26 +240,26 @@ class _Profile:
 
     def height(self, x: float) -> float:
         low, high = self.fit.candidate.limits()
-        start = np.clip(self._last + (x - self._last[self.knob]) * self.along, low, high)
-        start[self.knob] = x
-        refitted = self.fitter.fit(Held.hold(self.fit.candidate, self.knob, x), [start])
+        start = np.clip(self._last + (x - self._last[self.index]) * self.along, low, high)
+        start[self.index] = x
+        refitted = self.fitter.fit(Held.hold(self.fit.candidate, self.index, x), [start])
         rise = (self._squares(refitted) - self._cost) / self.scale
         if not math.isfinite(rise):
             return 10 * NINETY
         self._last = refitted.x
         return math.sqrt(max(rise, 0.0))
 
-    def _squares(self, fit: Fit) -> float:
+    def _squares(self, fit: EffectFit) -> float:
         return float(self.fitter.weights @ fit.residual**2)
 
 
-def _followers(fitter: Fitter, fit: Fit, knob: int) -> Array:
-    """(k,) change of each knob's best value per change of one of them; 0 for those that the readings do not feel."""
+def _followers(fitter: Fitter, fit: EffectFit, index: int) -> Array:
+    """(k,) change of each parameter's best value per change of one; 0 for those that the readings do not feel."""
     covariance = covariance_of(fitter, fit, 1.0)
     along = np.zeros(len(fit.x))
-    if np.isfinite(covariance[knob, knob]) and covariance[knob, knob] > 0.0:
+    if np.isfinite(covariance[index, index]) and covariance[index, index] > 0.0:
         felt = np.isfinite(np.diag(covariance))
-        along[felt] = covariance[knob, felt] / covariance[knob, knob]
+        along[felt] = covariance[index, felt] / covariance[index, index]
     return along
 
 

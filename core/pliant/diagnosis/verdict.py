@@ -1,21 +1,227 @@
-"""The verdict: what the evidence table allows to say, and no more."""
+"""The evidence of every hypothesis that was fitted, its probability, and the verdict that this allows."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from pliant.diagnosis.table import (
-    NOTHING,
-    UNKNOWN,
-    EvidenceTable,
-    Kinds,
-    Prices,
-    credible_set,
-    log_evidence,
-    predicts_unseen,
-    probabilities,
+import numpy as np
+
+from pliant.diagnosis.fitting import EffectFit
+from pliant.diagnosis.noise import NoiseView
+
+Kinds = tuple[str, ...]
+NOTHING: Kinds = ()
+UNKNOWN: Kinds = ("unknown",)
+# Rise of the error on conditions left out that is still rounding and noise.
+UNSEEN_RISE = 1.03
+
+
+@dataclass(frozen=True)
+class Row:
+    """One hypothesis.
+
+    Attributes:
+        kinds: its effects, sorted by name; empty for "nothing is missing".
+        n_parameters: fitted numbers.
+        mean_square: S, the mean squared residual in units of the floor's square.
+        heldout_square: the same with each run left out of its own fit.
+        unseen_square: the same with each condition left out, all its repeats together.
+        unseen: sums of squares of each condition left out; nan where a parameter is not known without it.
+        at_limit: names of parameters that ended on a bound.
+    """
+
+    kinds: Kinds
+    n_parameters: int
+    mean_square: float
+    heldout_square: float
+    unseen_square: float
+    unseen: tuple[float, ...]
+    at_limit: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class EvidenceTable:
+    """All rows, and the noise that they are weighed against."""
+
+    rows: Mapping[Kinds, Row]
+    noise: NoiseView
+    n_readings: int
+
+    @property
+    def nothing(self) -> Row:
+        """The row of the model as it is."""
+        return self.rows[NOTHING]
+
+    @property
+    def n_candidates(self) -> int:
+        """Effects that were fitted by themselves."""
+        return sum(len(kinds) == 1 for kinds in self.rows)
+
+    def over_floor(self, square: float) -> float:
+        """Root of a mean square over the noise floor; nan where the floor is not known or the data have no noise."""
+        floor = self.noise.floor_square
+        return float(np.sqrt(square / floor)) if floor > LEAST_SQUARE else np.nan
+
+
+@dataclass(frozen=True)
+class EvidenceThresholds:
+    """What a hypothesis must pay before it is believed; calibrated on simulated nulls with model error.
+
+    Attributes:
+        effect: log-odds that each further effect costs, times ln(1 + candidates), beside the ½ ln n_eff of each
+            parameter (Schwarz 1978): the longer the list, the likelier one of it fits by chance (Scott & Berger, Ann.
+            Statist. 38, 2010).
+        unknown: log-odds of "an effect outside the list", which may reach the noise floor with any form.
+        model_form_tolerance: share of what a hypothesis explains that may be left over because its equation is an
+            idealisation: a further effect must explain more than that.
+        unknown_form_tolerance: that share beside an effect outside the list, which could have any form.
+        temperature: log-evidence is divided by this: forms and noise models are never quite right.
+        believed: probability above which the first hypothesis is the verdict.
+        between_run_scatter: between / within scatter from which runs do not repeat.
+        drift: change of scale between repeats, in floors (which it swells), from which they do not.
+        fewest: n_eff below which no verdict is given.
+        excited: change in σ below which an effect cannot be judged: the model's own law may be off by as much, so
+            that an effect is paid only for what it explains beyond that.
+    """
+
+    effect: float = 2.1
+    unknown: float = 30.0
+    model_form_tolerance: float = 0.03
+    unknown_form_tolerance: float = 0.08
+    temperature: float = 2.0
+    believed: float = 0.9
+    between_run_scatter: float = 1.5
+    drift: float = 0.3
+    fewest: float = 12.0
+    excited: float = 0.3
+
+    def per_effect(self, n_candidates: int) -> float:
+        """What one further effect costs when so many are tried."""
+        return self.effect * float(np.log1p(n_candidates))
+
+
+THRESHOLDS = EvidenceThresholds()
+# Mean squares below this, a thousandth of the scales, are those of data without noise.
+LEAST_SQUARE = 1e-6
+
+
+def log_evidence(table: EvidenceTable, thresholds: EvidenceThresholds) -> dict[Kinds, float]:
+    """ln P(data | hypothesis) + ln prior of each row, up to a constant, and of `UNKNOWN` where it can be judged.
+
+    −½ n_eff ln S* − ½ k ln n_eff − effect · ln(1 + candidates) · effects, S* the mean squared residual plus, for every
+    hypothesis but "nothing", what a law that is slightly off may explain by itself, and what the slightly wrong
+    equations of the best simpler hypothesis may have left over.
+    """
+    n, price = max(table.noise.n_effective, 2.0), thresholds.per_effect(table.n_candidates)
+    found = {}
+    for kinds, row in table.rows.items():
+        square = max(row.mean_square, LEAST_SQUARE) + _allowance(table, kinds, thresholds)
+        found[kinds] = -0.5 * n * np.log(square) - 0.5 * row.n_parameters * np.log(n) - price * len(kinds)
+    if table.noise.judged:
+        best = max(found, key=lambda kinds: found[kinds])
+        square = table.noise.floor_square + _left_over(
+            table, best, thresholds, thresholds.unknown_form_tolerance
+        )
+        found[UNKNOWN] = -0.5 * n * np.log(square) - thresholds.unknown
+    return found
+
+
+def probabilities(evidence: Mapping[Kinds, float], temperature: float) -> dict[Kinds, float]:
+    """Normalised exp(evidence / temperature), the largest first."""
+    top = max(evidence.values())
+    weights = {kinds: float(np.exp((value - top) / temperature)) for kinds, value in evidence.items()}
+    total = sum(weights.values())
+    ordered = sorted(weights.items(), key=lambda item: (-item[1], len(item[0]), item[0]))
+    return {kinds: weight / total for kinds, weight in ordered}
+
+
+def credible_set(found: Mapping[Kinds, float], share: float = 0.9) -> tuple[Kinds, ...]:
+    """The most probable hypotheses that hold `share` together."""
+    chosen: list[Kinds] = []
+    total = 0.0
+    for kinds, probability in found.items():
+        chosen.append(kinds)
+        total += probability
+        if total >= share:
+            break
+    return tuple(chosen)
+
+
+def predicts_unseen(table: EvidenceTable, kinds: Kinds) -> bool:
+    """Whether every effect of a set lowers the error on runs that its fit has not seen, and raises it on no
+    conditions left out. An effect that one condition alone shows says nothing about that condition.
+    """
+    row = table.rows[kinds]
+    simpler = [tuple(kind for kind in kinds if kind != left) for left in kinds]
+    others = [table.rows[part] for part in simpler if part in table.rows]
+    return all(row.heldout_square < other.heldout_square and _no_worse_unseen(row, other) for other in others)
+
+
+def _no_worse_unseen(row: Row, other: Row) -> bool:
+    mine, theirs = np.array(row.unseen), np.array(other.unseen)
+    both = np.isfinite(mine) & np.isfinite(theirs)
+    return bool(mine[both].sum() <= UNSEEN_RISE * theirs[both].sum())
+
+
+def room_above_floor(table: EvidenceTable, kinds: Kinds, thresholds: EvidenceThresholds) -> bool:
+    """Whether a further effect could pay its price if it reached the noise floor."""
+    n = max(table.noise.n_effective, 2.0)
+    now = table.rows[kinds].mean_square + _allowance(table, kinds, thresholds)
+    floor = table.noise.floor_square if np.isfinite(table.noise.floor_square) else 0.0
+    reach = max(floor + _left_over(table, kinds, thresholds), 1e-12)
+    gain = 0.5 * n * np.log(max(now, 1e-12) / reach)
+    return bool(gain > thresholds.per_effect(table.n_candidates) + 0.5 * np.log(n))
+
+
+def sorted_kinds(kinds: Sequence[str]) -> Kinds:
+    """Kinds in one order, so that a pair has one name."""
+    return tuple(sorted(kinds))
+
+
+def at_limit(fit: EffectFit) -> tuple[str, ...]:
+    """Parameters of a fit that ended on a bound."""
+    return tuple(
+        parameter.name
+        for parameter, there in zip(fit.candidate.parameters, fit.at_limit, strict=True)
+        if there
+    )
+
+
+def _left_over(
+    table: EvidenceTable, kinds: Kinds, thresholds: EvidenceThresholds, form: float | None = None
+) -> float:
+    """What a slightly wrong law and the slightly wrong equations of a hypothesis may leave above the noise."""
+    explained = table.nothing.mean_square - table.rows[kinds].mean_square
+    return thresholds.excited**2 + (thresholds.model_form_tolerance if form is None else form) * max(
+        explained, 0.0
+    )
+
+
+def _allowance(table: EvidenceTable, kinds: Kinds, thresholds: EvidenceThresholds) -> float:
+    """What the best of all hypotheses with one effect less may leave: no merit of any further effect."""
+    if not kinds:
+        return 0.0
+    smaller = [key for key in table.rows if len(key) == len(kinds) - 1]
+    if not smaller:
+        return thresholds.excited**2
+    return _left_over(table, min(smaller, key=lambda key: table.rows[key].mean_square), thresholds)
+
+
+# The one sentence of each verdict, on measurements and on counts; `reasons` beside it say more where there is more.
+HEADLINES = {
+    "missing_effect": "Missing: {kinds}.",
+    "ambiguous": "These data do not decide: {contenders}.",
+    "nothing_missing": "Nothing is missing that these data could show.",
+    "unknown_effect": "Something is missing, and it is not in the list.",
+    "not_repeatable": "The bench does not repeat well enough to say.",
+    "insufficient_data": "These data cannot tell.",
+}
+NOT_PREDICTIVE = (
+    "{kinds} fits best, but does not predict {what} left out of the fit better than a simpler model does."
 )
+MOST_NAMED = 4
 
 Verdict = Literal[
     "missing_effect", "ambiguous", "nothing_missing", "unknown_effect", "not_repeatable", "insufficient_data"
@@ -41,53 +247,72 @@ class Judgement:
     reasons: tuple[str, ...]
 
 
-def judge(table: EvidenceTable, prices: Prices, n_excited: int) -> Judgement:
+def named(kinds: Kinds) -> str:
+    """A hypothesis in words."""
+    if kinds == NOTHING:
+        return "nothing missing"
+    return "an effect outside the list" if kinds == UNKNOWN else " + ".join(kinds)
+
+
+def sentence_of(verdict: Verdict, selected: Kinds, credible: Sequence[Kinds]) -> str:
+    """A verdict in one sentence, with the explanations that are left."""
+    contenders = [named(kinds) for kinds in credible[:MOST_NAMED]]
+    if more := len(credible) - len(contenders):
+        contenders.append(f"{more} more")
+    return HEADLINES[verdict].format(kinds=" and ".join(selected), contenders=" or ".join(contenders))
+
+
+def judge(table: EvidenceTable, thresholds: EvidenceThresholds, n_excited: int) -> Judgement:
     """Weigh the table.
 
     Args:
         table: all hypotheses.
-        prices: thresholds.
+        thresholds: thresholds.
         n_excited: effects that these runs could show.
     """
-    evidence = log_evidence(table, prices)
-    probability = probabilities(evidence, prices.temper)
+    evidence = log_evidence(table, thresholds)
+    probability = probabilities(evidence, thresholds.temperature)
     first = next(iter(probability))
-    verdict, reasons = _verdict(table, prices, n_excited, probability, first)
+    verdict, reasons = _verdict(table, thresholds, n_excited, probability, first)
     selected = first if verdict == "missing_effect" else NOTHING
     return Judgement(verdict, probability, selected, credible_set(probability), reasons)
 
 
 def _verdict(
-    table: EvidenceTable, prices: Prices, n_excited: int, probability: dict[Kinds, float], first: Kinds
+    table: EvidenceTable,
+    thresholds: EvidenceThresholds,
+    n_excited: int,
+    probability: dict[Kinds, float],
+    first: Kinds,
 ) -> tuple[Verdict, tuple[str, ...]]:
     noise = table.noise
-    if table.n_readings < prices.fewest:
+    if table.n_readings < thresholds.fewest:
         return "insufficient_data", (
             f"There are {table.n_readings} readings; no verdict can rest on so few.",
         )
-    if noise.slip > prices.slip:
+    if noise.between_run_scatter > thresholds.between_run_scatter:
         return "not_repeatable", (
-            f"Runs with the same inputs scatter {noise.slip:.1f} times as much as readings within a run. "
-            "Find what moves between runs first: it can hide any effect.",
+            f"Runs with the same inputs scatter {noise.between_run_scatter:.1f} times as much as readings within a "
+            "run. Find what moves between runs first: it can hide any effect.",
         )
-    if noise.drift is not None and noise.drift.size > prices.drift:
+    if noise.drift is not None and noise.drift.size > thresholds.drift:
         way = "more" if noise.drift.share > 0 else "less"
         return "not_repeatable", (
             f"Later runs read {abs(noise.drift.share):.1%} {way} {noise.drift.output} than earlier ones with the same "
             "inputs, and no effect that was tried says why. Find what changes over the session, or with the specimen.",
         )
-    if noise.n_effective < prices.fewest:
+    if noise.n_effective < thresholds.fewest:
         return "insufficient_data", (
             f"The readings are worth only {noise.n_effective:.0f} independent ones; "
-            f"{prices.fewest:.0f} are the least that a verdict can rest on.",
+            f"{thresholds.fewest:.0f} are the least that a verdict can rest on.",
         )
     if n_excited < min(2, table.n_candidates):
         return "insufficient_data", (
             "These runs excite next to nothing: under them almost every listed effect would change the readings "
-            f"by less than {prices.excited:g} of the noise.",
+            f"by less than {thresholds.excited:g} of the noise.",
         )
-    if probability[first] < prices.believed:
-        return "ambiguous", ("More than one explanation is left, and these data do not decide between them.",)
+    if probability[first] < thresholds.believed:
+        return "ambiguous", ()
     if first == UNKNOWN:
         return "unknown_effect", (
             "The error is well above the noise, and no listed effect, nor a few of them together, brings it down.",
@@ -100,8 +325,5 @@ def _verdict(
             )
         return "nothing_missing", ("The error is what the noise allows, and no listed effect lowers it.",)
     if not predicts_unseen(table, first):
-        return "ambiguous", (
-            f"{' + '.join(first)} fits best, but does not predict runs or conditions that were left out of the fit "
-            "better than a simpler model does.",
-        )
+        return "ambiguous", (NOT_PREDICTIVE.format(kinds=named(first), what="runs or conditions"),)
     return "missing_effect", ()

@@ -12,13 +12,14 @@ from functools import partial
 import numpy as np
 
 from pliant.errors import UserError
-from pliant.evidence.bootstrap import NONE, Interval
 from pliant.evidence.covariates import covariates
 from pliant.evidence.importance import importance
 from pliant.evidence.noise import noise_of
 from pliant.evidence.places import Place, Residuals, find_places, worst_places
 from pliant.evidence.scores import (
+    NONE,
     GroupError,
+    Interval,
     OutputError,
     conditions,
     group_error,
@@ -26,12 +27,46 @@ from pliant.evidence.scores import (
     overall,
     run_words,
 )
-from pliant.evidence.sense import sense_remarks
+from pliant.formatting import unit_of
 from pliant.measurements.effective import clock_of
 from pliant.measurements.floors import Floor, floor_remarks, noise_floors
 from pliant.measurements.repeats import repeat_groups
 from pliant.records.design import Array
 from pliant.records.measurement import MeasuredRun, Measurement
+
+AGAINST = -0.5  # a correlation below it is no missing effect: it is a sign
+FEWEST = 10
+
+
+def sense_remarks(
+    measurement: Measurement, predicted: Sequence[Mapping[str, Array]], names: Sequence[str]
+) -> list[str]:
+    """A sentence for each output whose readings go the other way than the model's."""
+    found = []
+    for name in names:
+        pairs = [
+            (run.outputs[name], model[name]) for run, model in zip(measurement.runs, predicted, strict=True)
+        ]
+        read, said = (np.concatenate([np.asarray(pair[k], float) for pair in pairs]) for k in (0, 1))
+        there = np.isfinite(read) & np.isfinite(said)
+        if there.sum() < FEWEST or np.ptp(read[there]) == 0.0 or np.ptp(said[there]) == 0.0:
+            continue
+        correlation = float(np.corrcoef(read[there], said[there])[0, 1])
+        if correlation < AGAINST:
+            found.append(
+                f"The readings of {unit_of(name).label} go the other way than the model (correlation "
+                f"{correlation:.2f}): before looking for an effect look at the sign of the sensor"
+                f"{_swapped(measurement)}."
+            )
+    return found
+
+
+def _swapped(measurement: Measurement) -> str:
+    inputs = sorted({name for run in measurement.runs for name in run.history.actuation})
+    if len(inputs) < 2:
+        return ""
+    return f", and at which chamber is which: {', '.join(inputs)} and their signs in 'chain.actuators'"
+
 
 NO_NOISE = "no noise"
 ROUNDING = 1e-7  # of the readings: smaller floors come from computed data

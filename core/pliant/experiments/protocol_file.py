@@ -14,7 +14,7 @@ import numpy as np
 
 from pliant.config.measurements import MeasurementNotes
 from pliant.errors import UserError
-from pliant.experiments.menu import MenuRun
+from pliant.experiments.planned_run import PlannedRun
 from pliant.measurements.assembly import BASE, FORCES
 from pliant.measurements.columns import unit_of
 from pliant.records.design import Array
@@ -28,7 +28,7 @@ DIGITS = 7
 
 def write_protocol(
     path: Path,
-    run: MenuRun,
+    run: PlannedRun,
     outputs: Sequence[str],
     *,
     measurement: Measurement | None = None,
@@ -71,7 +71,7 @@ def write_protocol(
 
 
 def order(
-    run: MenuRun,
+    run: PlannedRun,
     outputs: Sequence[str],
     measurement: Measurement | None,
     file: str,
@@ -101,7 +101,7 @@ def order(
     return [*lines, f"Then: pliant diagnose {shlex.quote(study)} {given}"]
 
 
-def _columns(run: MenuRun, outputs: Sequence[str]) -> dict[str, Array]:
+def _columns(run: PlannedRun, outputs: Sequence[str]) -> dict[str, Array]:
     """Time, inputs, loads and conditions, then blank outputs; loads and turns that never act are left out."""
     history, missing = run.history, np.full(len(run.history), np.nan)
     forces = dict(zip(FORCES, history.tip_force_n.T, strict=True))
@@ -127,7 +127,7 @@ def _in_unit(written: str, name: str, values: Array, notes: MeasurementNotes) ->
     return (values - shift) / scale
 
 
-def _run_name(run: MenuRun, measurement: Measurement | None) -> str:
+def _run_name(run: PlannedRun, measurement: Measurement | None) -> str:
     taken = {one.name for one in measurement.runs} if measurement is not None else set()
     name, number = run.name, 2
     while name in taken:
@@ -135,7 +135,7 @@ def _run_name(run: MenuRun, measurement: Measurement | None) -> str:
     return name
 
 
-def _specimen(run: MenuRun, measurement: Measurement | None) -> str:
+def _specimen(run: PlannedRun, measurement: Measurement | None) -> str:
     if not run.new_specimen:
         return run.history.specimen
     taken = {one.history.specimen for one in measurement.runs} if measurement is not None else set()

@@ -10,10 +10,9 @@ import numpy as np
 from pliant.config.protocols import Level, ProtocolConfig
 from pliant.config.study import Study
 from pliant.errors import UserError, closest
-from pliant.experiments.menu import NEW, SET_UP, STEP_S, MenuRun, RunMaker, Shape
-from pliant.experiments.runs import BUILDERS, TURNING, menu
+from pliant.experiments.experiment_catalogue import BUILDERS, TURNING, timed_catalogue
+from pliant.experiments.planned_run import NEW, SET_UP, STEP_S, PlannedRun, RunMaker, RunShape, corners
 from pliant.experiments.scale import BenchScale
-from pliant.experiments.waves import corners
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
 from pliant.records.history import History
@@ -23,21 +22,21 @@ from pliant.units import UnitError, parse_quantity
 UNITS = {"_pa": "Pa", "_n": "N", "_m": "m"}
 
 
-def own_runs(study: Study, chain: ChainModel, measurement: Measurement) -> tuple[MenuRun, ...]:
+def own_runs(study: Study, chain: ChainModel, measurement: Measurement) -> tuple[PlannedRun, ...]:
     """The runs of a study's `protocols`, at the scale of a measurement; none where it has no such block."""
     if not study.protocols:
         return ()
     return runs_of(study.protocols, BenchScale.of_measurement(chain, measurement))
 
 
-def runs_of(protocols: Sequence[ProtocolConfig], scale: BenchScale) -> tuple[MenuRun, ...]:
+def runs_of(protocols: Sequence[ProtocolConfig], scale: BenchScale) -> tuple[PlannedRun, ...]:
     """The runs of the block, or the default menu where it is empty.
 
     Raises:
         UserError: a run that this chain cannot do, a level of another unit, or a name that stands twice.
     """
     if not protocols:
-        return menu(scale)
+        return timed_catalogue(scale)
     make, found = RunMaker(scale), []
     for number, config in enumerate(protocols):
         where = f"protocols[{number}]"
@@ -57,10 +56,10 @@ def runs_of(protocols: Sequence[ProtocolConfig], scale: BenchScale) -> tuple[Men
     return tuple(found)
 
 
-def _of_menu(config: ProtocolConfig, make: RunMaker, where: str) -> MenuRun:
+def _of_menu(config: ProtocolConfig, make: RunMaker, where: str) -> PlannedRun:
     levels = tuple(_share(level, make.scale, where) for level in config.levels)
     amplitudes = tuple(_share(level, make.scale, where) for level in config.amplitudes)
-    shape = Shape(
+    shape = RunShape(
         config.period_s,
         amplitudes,
         config.cycles,
@@ -93,7 +92,7 @@ def _value(level: Level, name: str, where: str) -> float:
         raise UserError(f"{where}: {error}; the chain is driven by {name}.") from None
 
 
-def _custom(config: ProtocolConfig, scale: BenchScale, where: str) -> MenuRun:
+def _custom(config: ProtocolConfig, scale: BenchScale, where: str) -> PlannedRun:
     for name in config.inputs:
         if name not in scale.top:
             raise UserError(
@@ -124,4 +123,4 @@ def _custom(config: ProtocolConfig, scale: BenchScale, where: str) -> MenuRun:
     )
     words = config.words or f"the run '{config.name}' of the study's protocols"
     minutes = (TURNING if turned else SET_UP) + float(clock[-1]) / 60.0
-    return MenuRun(config.name or "custom", words, history, round(minutes, 1))
+    return PlannedRun(config.name or "custom", words, history, round(minutes, 1))

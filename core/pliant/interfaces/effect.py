@@ -193,9 +193,9 @@ class Effect(ABC):
 
     The simulate stage applies a study's `effects` in their order; an effect never changes a model in place and
     keeps no memory: internal states belong to `LawTerm`s, and an input map sees the whole run. The docstring
-    of a subclass's file gives the equation and its source. `exciting` names runs of the default menu
-    (`pliant.experiments.menu`) that show the effect and tell it from its look-alike. `actuation` names the input that
-    the chain's laws must take for the effect to make sense (`tendon_force_n`); empty where any does.
+    of a subclass's file gives the equation and its source. `exciting` names runs of the default catalogue
+    (`pliant.experiments.experiment_catalogue`) that show the effect and tell it from its look-alike. `actuation` names
+    the input that the chain's laws must take for the effect to make sense (`tendon_force_n`); empty where any does.
     """
 
     place: ClassVar[Place]

@@ -15,7 +15,7 @@ from pliant.evidence.scores import GroupError, OutputError
 from pliant.formatting import number, unit_of, whole_percent
 from pliant.records.design import Array
 from pliant.records.measurement import Measurement
-from pliant.report.comparison_reading import Compared
+from pliant.report.comparison_view import Compared
 from pliant.report.document import (
     Column,
     Document,

@@ -1,39 +1,38 @@
-"""A diagnosis as one self-contained HTML page: verdict, hypotheses, what the best one changes, what stays open."""
+"""A diagnosis as a document: verdict, hypotheses, what the best one changes, what stays open."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
-from pliant import __version__
 from pliant.diagnosis.diagnosis import Diagnosis
-from pliant.diagnosis.table import Kinds
-from pliant.diagnosis.words import headline, named, why
+from pliant.diagnosis.interpretation import headline, next_words, why
+from pliant.diagnosis.verdict import NOTHING, UNKNOWN, Kinds, named
 from pliant.formatting import listed, number, unit_of
 from pliant.records.measurement import Measurement
 from pliant.registry.discovery import Registry
-from pliant.report.diagnosis_reading import Diagnosed
 from pliant.report.diagnosis_tables import (
-    Notes,
     classes_table,
     dependence_table,
     detectable_table,
+    hypotheses_brief,
+    hypotheses_json,
     hypotheses_table,
     look_alikes_table,
     noise_table,
     not_excited_table,
+    parameter_texts,
 )
-from pliant.report.diagnosis_words import implausible, numbers_text
-from pliant.report.document import Page, Picture, Section, Warned
-from pliant.report.figures.error_depends import error_depends
-from pliant.report.figures.explained_runs import explained_runs
-from pliant.report.figures.hypotheses import hypotheses
-from pliant.report.figures.repeats import repeats
-from pliant.report.template import page_template
+from pliant.report.diagnosis_view import Diagnosed
+from pliant.report.document import Document, Drawn, Picture, Section, Warned, capital
+from pliant.report.fitted import floors_json, implausible_text, next_run_json, probability_text, warned
 
 OUTPUTS_DRAWN = 2
 MOST_PAIRS = 6
+MOST_SHOWN = 6  # hypotheses on the terminal
 DEMANDS = {
     "missing_effect": "The effect stands out: put it into the study with pliant extend and compare again.",
     "ambiguous": "Do the run below, add it to the file and diagnose again; do not extend the study yet.",
@@ -43,60 +42,144 @@ DEMANDS = {
     "not_repeatable": "Look at the repeats below: a shift, a drift and a remounted specimen look different there.",
     "insufficient_data": "Measure what stands below, add it to the file and ask again.",
 }
-
-
 # Verdicts whose demand is the next run; without one, more of everything.
 UNDECIDED = ("ambiguous", "insufficient_data")
 RECORD = "Record other rates, holds, loads, orientations, each twice, and diagnose again; do not extend the study yet."
 
 
-def diagnosis_page(title: str, measurement: Measurement, found: Diagnosis, registry: Registry) -> Page:
-    """Draw and write the page. The same diagnosis gives the same bytes.
+def diagnosis_document(
+    title: str,
+    measurement: Measurement,
+    found: Diagnosis,
+    registry: Registry,
+    *,
+    asked: Sequence[str] = (),
+    next_file: str | None = None,
+) -> Document:
+    """The document of `pliant diagnose`.
 
     Args:
         title: the study's name.
         measurement: what was diagnosed.
         found: what came of it.
         registry: tells what the effects are.
+        asked: effects that were asked for by name; why they are impossible is said one by one.
+        next_file: the protocol file of the proposed run.
     """
-    diagnosed = Diagnosed(measurement, found)
-    notes = {kind: registry.get("effect", kind).implementation_class().notes for kind in found.excitations}
-    points = [*why(found, registry), _demand(found)]
+    reasons = why(found, registry)
+    points = [*reasons, _demand(found)]
     sentence = numbers_text(found) or points[0]
-    hero = Picture("hypotheses", _hero_caption(diagnosed), hypotheses(diagnosed))
-    made = [
-        _next(found),
-        _changes(diagnosed),
-        _depends(diagnosed),
-        _limits(found, notes),
-        Section("Numbers", (), (hypotheses_table(diagnosed),)),
-        _noise(diagnosed),
-    ]
-    if found.verdict == "not_repeatable":  # the repeats are the finding
-        made.insert(0, made.pop())
-    sections = [section for section in made if section is not None]
-    text = page_template().render(
+    proposed = next_words(found)
+    return Document(
         kind=f"Pliant: which effect is missing · {title}",
         title=headline(found),
         sentence=sentence,
-        points=[point for point in points if point != sentence],
-        hero=hero,
-        warnings=[Warned(remark) for remark in _warnings(found)],
-        sections=sections,
-        version=__version__,
+        data=diagnosis_json(found, next_file),
+        brief=_brief(found),
+        points=tuple(point for point in points if point != sentence),
+        warnings=(*(Warned(text) for text in implausible(found)), *warned(registry, found.remarks, asked)),
+        closing=(
+            headline(found),
+            *reasons,
+            *([proposed] if proposed else []),
+            *([f"next run {next_file}"] if next_file else []),
+        ),
+        draw=lambda: _drawn(Diagnosed(measurement, found), registry),
         footer=f"Measurement: {measurement.source or 'given in memory'}. Errors are measured − model",
     )
-    pictures = {p.name: p.png for p in (hero, *(p for s in sections for p in s.pictures))}
-    return Page(text, pictures)
+
+
+def diagnosis_json(found: Diagnosis, next_file: str | None = None) -> dict[str, Any]:
+    """The keys of docs/which_effect.md; numbers SI."""
+    judgement, noise = found.judgement, found.noise
+    return {
+        "verdict": judgement.verdict,
+        "sentence": headline(found),
+        "reasons": list(judgement.reasons),
+        "hypotheses": hypotheses_json(found),
+        "selected": list(judgement.selected),
+        "credible_set": [list(kinds) for kinds in judgement.credible],
+        "not_excited": [
+            {"kind": kind, "run_that_would_excite_it": run} for kind, run in found.not_excited.items()
+        ],
+        "indistinguishable": [vars(pair) for pair in found.indistinguishable],
+        "classes": [vars(one) for one in found.classes],
+        "covariates": [
+            {"name": name, "importance": value} for name, value in found.depends_on.items() if value > 0.0
+        ],
+        "next_experiment": next_run_json(found.next_run, next_file),
+        "smallest_detectable": [vars(one) for one in found.detectable],
+        "floor": floors_json(noise.floors),
+        "n_samples": found.table.n_readings,
+        "n_effective": noise.n_effective,
+        "slip": noise.between_run_scatter,
+        "drift": None
+        if noise.drift is None
+        else {"output": noise.drift.output, "share": noise.drift.share, "over_floor": noise.drift.size},
+        "judged": noise.judged,
+        "remarks": list(found.remarks),
+        "wall_s": found.wall_s,
+    }
+
+
+def numbers_text(found: Diagnosis) -> str:
+    """What the verdict rests on, in numbers: errors on runs left out before and after, probabilities; may be empty."""
+    probability = found.judgement.probability
+    best = next((kinds for kinds in probability if kinds not in (NOTHING, UNKNOWN)), NOTHING)
+    before, after = (
+        found.table.over_floor(found.table.rows[kinds].heldout_square) for kinds in (NOTHING, best)
+    )
+    if not math.isfinite(before) or found.verdict in ("not_repeatable", "insufficient_data"):
+        return ""
+    fall = f"the error on runs left out of the fit falls from {before:.2f} to {after:.2f} × the noise floor"
+    if found.verdict == "unknown_effect":
+        return f"Even with {named(best)}, the most probable in the list, {fall} only."
+    if found.verdict == "missing_effect":
+        return f"With {named(best)} {fall} (probability {probability_text(probability[best])})."
+    if found.verdict == "nothing_missing":
+        return f"The model as it is leaves an error of {before:.2f} × the noise floor."
+    probable = [f"{named(k)} {probability_text(probability[k])}" for k in found.judgement.credible[:4]]
+    return f"The model as it is leaves {before:.2f} × the noise floor. Probabilities: {', '.join(probable)}."
+
+
+def implausible(found: Diagnosis) -> list[str]:
+    """Parameters of the best explanation outside their plausible range, a sentence each."""
+    fitted = found.estimates.get(found.explained)
+    return [] if fitted is None else [implausible_text(e) for e in fitted.estimates if not e.plausible]
+
+
+def _brief(found: Diagnosis) -> tuple[Any, ...]:
+    every = list(found.judgement.probability)[:MOST_SHOWN]
+    lines = [
+        f"{named(kinds)}: {', '.join(texts)}"
+        for kinds in found.judgement.credible[:MOST_SHOWN]
+        if (texts := parameter_texts(found, kinds))
+    ]
+    if found.not_excited:
+        lines.append("not shown by these runs, and the run that would show it:")
+        lines += [f"  {kind}: {run}" if run else f"  {kind}" for kind, run in found.not_excited.items()]
+    return (hypotheses_brief(found, every), *lines)
 
 
 def _demand(found: Diagnosis) -> str:
     return DEMANDS[found.verdict] if found.next_run is not None or found.verdict not in UNDECIDED else RECORD
 
 
-def _warnings(found: Diagnosis) -> list[str]:
-    strange = [f"{text[0].upper()}{text[1:]}." for text in implausible(found, found.explained)]
-    return [*strange, *found.remarks]
+def _drawn(diagnosed: Diagnosed, registry: Registry) -> Drawn:
+    from pliant.report.figures.hypotheses import hypotheses
+
+    made = [
+        _next(diagnosed.found),
+        _changes(diagnosed),
+        _depends(diagnosed),
+        _limits(diagnosed.found, registry),
+        Section("Numbers", (), (hypotheses_table(diagnosed.found, diagnosed.hypotheses()),)),
+        _noise(diagnosed),
+    ]
+    if diagnosed.found.verdict == "not_repeatable":  # the repeats are the finding
+        made.insert(0, made.pop())
+    hero = Picture("hypotheses", _hero_caption(diagnosed), hypotheses(diagnosed))
+    return Drawn(hero, tuple(section for section in made if section is not None))
 
 
 def _hero_caption(diagnosed: Diagnosed) -> str:
@@ -114,7 +197,7 @@ def _next(found: Diagnosis) -> Section | None:
     step = found.next_run
     if step is None:
         return None
-    text = [f"{step.run[0].upper()}{step.run[1:]} ({step.minutes:g} min).", f"Why: {step.why}."]
+    text = [f"{capital(step.run)} ({step.minutes:g} min).", f"Why: {step.why}."]
     if step.separates:
         text.append(f"One such run would tell {_separated(step.separates)}.")
     title = "What to measure next" if found.verdict != "missing_effect" else "To be surer still"
@@ -135,6 +218,8 @@ def _separated(pairs: Sequence[tuple[Kinds, Kinds]]) -> str:
 
 
 def _changes(diagnosed: Diagnosed) -> Section:
+    from pliant.report.figures.explained_runs import explained_runs
+
     pictures = [
         Picture(f"changes_{k + 1}", _changes_caption(diagnosed, output), explained_runs(diagnosed, output))
         for k, output in enumerate(diagnosed.outputs_by_gain()[:OUTPUTS_DRAWN])
@@ -158,12 +243,14 @@ def _changes_caption(diagnosed: Diagnosed, output: str) -> str:
         else "the runs in which the model errs most, one of each condition"
     )
     return (
-        f"{label[0].upper()}{label[1:]} in {which}: in time, the error (measured − model){band}, and the loop over the "
+        f"{capital(label)} in {which}: in time, the error (measured − model){band}, and the loop over the "
         "input."
     )
 
 
 def _depends(diagnosed: Diagnosed) -> Section | None:
+    from pliant.report.figures.error_depends import error_depends
+
     output = diagnosed.outputs_by_gain()[0]
     png = error_depends(diagnosed, output)
     table = dependence_table(diagnosed)
@@ -180,13 +267,14 @@ def _depends(diagnosed: Diagnosed) -> Section | None:
     )
 
 
-def _repeating(slip: float) -> str:
-    if slip < 1.05:
+def _repeating(scatter: float) -> str:
+    if scatter < 1.05:
         return "Runs with the same inputs scatter no more than readings within a run: the bench repeats."
-    return f"Runs with the same inputs scatter {number(slip, 2)} times as much as readings within a run."
+    return f"Runs with the same inputs scatter {number(scatter, 2)} times as much as readings within a run."
 
 
-def _limits(found: Diagnosis, notes: Notes) -> Section:
+def _limits(found: Diagnosis, registry: Registry) -> Section:
+    notes = {kind: registry.get("effect", kind).implementation_class().notes for kind in found.excitations}
     made = (
         not_excited_table(found),
         classes_table(found),
@@ -206,6 +294,8 @@ def _limits(found: Diagnosis, notes: Notes) -> Section:
 
 
 def _noise(diagnosed: Diagnosed) -> Section:
+    from pliant.report.figures.repeats import repeats
+
     found = diagnosed.found
     output = diagnosed.outputs_by_gain()[0]
     png = repeats(diagnosed, output)
@@ -221,7 +311,7 @@ def _noise(diagnosed: Diagnosed) -> Section:
         "share their noise. All probabilities rest on the smaller number."
     ]
     if png is not None:
-        text.append(_repeating(found.noise.slip))
+        text.append(_repeating(found.noise.between_run_scatter))
     else:
         text.append("No run has the same inputs as another, so that nobody knows whether the bench repeats.")
     if not found.noise.judged:

@@ -2,55 +2,119 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
 
 from pliant.diagnosis.diagnosis import Diagnosis
-from pliant.diagnosis.diagnosis_json import diagnosis_json
-from pliant.diagnosis.table import NOTHING, UNKNOWN
-from pliant.diagnosis.words import named
+from pliant.diagnosis.verdict import NOTHING, UNKNOWN, Kinds, named
 from pliant.formatting import number, unit_of, whole_percent
 from pliant.interfaces.effect import EffectNotes, EffectParameter
-from pliant.report.diagnosis_reading import Diagnosed
-from pliant.report.diagnosis_words import parameter_texts, parameter_word, probability_text, strength_text
-from pliant.report.document import Table
+from pliant.report.diagnosis_view import Diagnosed
+from pliant.report.document import Column, Table, as_json, brief_table, page_table
+from pliant.report.fitted import (
+    estimate_text,
+    parameter_word,
+    parameters_json,
+    probability_text,
+    strength_text,
+)
+from pliant.units import si_unit
 
 Notes = Mapping[str, EffectNotes]
 MOST_TWINS = 4
 OUTPUTS = 3
 
 
-def hypotheses_table(diagnosed: Diagnosed) -> Table:
-    """The hypotheses of the bar chart, with parameters and the error of each output."""
-    found = diagnosed.found
-    outputs = found.readings.outputs[:OUTPUTS]
-    errors = {tuple(entry["kinds"]): entry["heldout"] for entry in diagnosis_json(found)["hypotheses"]}
-    rows = []
-    for kinds in diagnosed.hypotheses():
-        row = [named(kinds), "; ".join(parameter_texts(found, kinds)) or "–"]
-        row += [
-            probability_text(found.judgement.probability.get(kinds, 0.0)),
-            number(diagnosed.left_out_error(kinds), 3),
-        ]
-        if kinds == UNKNOWN:
-            row += ["–"] * len(outputs)
-        else:
-            left = errors[kinds]
-            row += [unit_of(name).text(left[name]["rmse"], 3) for name in outputs]
-        rows.append(row)
-    head = [
-        "hypothesis",
-        "parameters",
-        "probability",
-        "in noise floors",
-        *(unit_of(n).label for n in outputs),
+def hypotheses_json(found: Diagnosis) -> list[dict[str, Any]]:
+    """Every hypothesis, the most probable first."""
+    return [
+        as_json((*hypothesis_columns(found), *(() if kinds == UNKNOWN else fit_columns(found))), kinds)
+        for kinds in found.judgement.probability
     ]
-    rest = len(found.judgement.probability) - len(rows)
+
+
+def hypotheses_brief(found: Diagnosis, shown_kinds: Sequence[Kinds]) -> Table:
+    """Hypotheses for the terminal."""
+    return brief_table(hypothesis_columns(found), shown_kinds)
+
+
+def hypotheses_table(found: Diagnosis, shown_kinds: Sequence[Kinds]) -> Table:
+    """The hypotheses of the bar chart, with parameters and the error of each output."""
+    rest = len(found.judgement.probability) - len(shown_kinds)
     note = (
         "Errors are rms on runs left out of the fit. ±: one standard deviation, coloured noise counted. Implausible: "
         "outside the range that would not surprise an expert; take such a number for a correction, not a property."
     )
     more = f" {rest} more hypotheses are in the JSON." if rest else ""
-    return Table("Hypotheses", head, rows, note + more, 2)
+    return page_table("Hypotheses", hypothesis_columns(found), shown_kinds, note + more, 2)
+
+
+def hypothesis_columns(found: Diagnosis) -> tuple[Column[Kinds], ...]:
+    """What is said of any hypothesis, an effect outside the list included."""
+    left = {kinds: found.left_out_errors(kinds) for kinds in found.fits}
+    return (
+        Column(list, "kinds", "hypothesis", "hypothesis", named),
+        Column(
+            lambda kinds: parameters_json(found.estimates.get(kinds)),
+            "parameters",
+            "parameters",
+            text=lambda kinds: "; ".join(parameter_texts(found, kinds)) or "–",
+        ),
+        Column(
+            lambda kinds: found.judgement.probability.get(kinds, 0.0),
+            "probability",
+            "probability",
+            "probability",
+            lambda kinds: probability_text(found.judgement.probability.get(kinds, 0.0)),
+        ),
+        Column(
+            found.left_out_ratio,
+            "rmse_over_floor",
+            "in noise floors",
+            "left-out error / floor",
+            lambda kinds: number(np.nan if kinds == UNKNOWN else found.left_out_ratio(kinds), 3),
+            lambda kinds: "any form" if kinds == UNKNOWN else two_decimals(found.left_out_ratio(kinds)),
+        ),
+        Column(
+            lambda kinds: {
+                name: {"rmse": rmse, "unit": si_unit(name)} for name, rmse in left.get(kinds, {}).items()
+            },
+            "heldout",
+        ),
+        *(_error_column(left, name) for name in found.readings.outputs[:OUTPUTS]),
+    )
+
+
+def fit_columns(found: Diagnosis) -> tuple[Column[Kinds], ...]:
+    """What the JSON says of a hypothesis that was fitted, by the names of `Row`."""
+    keys = ("mean_square", "heldout_square", "unseen_square", "n_parameters", "at_limit")
+    return tuple(Column(lambda kinds, key=key: getattr(found.table.rows[kinds], key), key) for key in keys)  # type: ignore[misc]
+
+
+def parameter_texts(found: Diagnosis, kinds: Kinds) -> list[str]:
+    """Each parameter of a hypothesis: ``share 0.213 ± 0.004``; implausible values say so."""
+    if kinds not in found.estimates:
+        return []
+    return [
+        f"{f'{e.kind} ' if len(kinds) > 1 else ''}{parameter_word(e.parameter.name, e.parameter.unit)} "
+        f"{estimate_text(e)}"
+        for e in found.estimates[kinds].estimates
+    ]
+
+
+def two_decimals(ratio: float) -> str:
+    """A ratio to the floor with two decimals."""
+    return f"{ratio:.2f}" if np.isfinite(ratio) else "–"
+
+
+def _error_column(left: Mapping[Kinds, Mapping[str, float]], name: str) -> Column[Kinds]:
+    return Column(
+        lambda kinds: left[kinds][name],
+        head=unit_of(name).label,
+        text=lambda kinds: "–" if kinds == UNKNOWN else unit_of(name).text(left[kinds][name], 3),
+    )
 
 
 def not_excited_table(found: Diagnosis) -> Table | None:
@@ -109,7 +173,7 @@ def classes_table(found: Diagnosis) -> Table | None:
 def detectable_table(found: Diagnosis) -> Table | None:
     """How strong each effect would have to be to be found."""
     silent = set(found.not_excited)
-    asked = {kind: one.knob.parameter for kind, one in found.excitations.items()}
+    asked = {kind: one.strength.declared for kind, one in found.excitations.items()}
     rows = []
     for one in found.detectable:
         if one.kind in silent:

@@ -110,10 +110,11 @@ class Section:
 
 @dataclass(frozen=True)
 class Warned:
-    """A warning: one sentence and, where there are several cases, a list of them."""
+    """A warning: one sentence and, where there are several cases, a list of them; `folded`: on the page alone."""
 
     sentence: str
     items: tuple[str, ...] = ()
+    folded: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,11 +137,12 @@ class Document:
     Attributes:
         kind: the page's first line, e.g. "Pliant: model against measurement".
         title: the page's heading.
-        sentence: the result as one sentence; the terminal prints it last.
+        sentence: the result as one sentence.
         data: the JSON object: plain SI values by the keys of docs/formats.md.
         brief: tables and lines that the terminal prints first.
         points: sentences beneath the result.
         warnings: what limits the result, the gravest first.
+        closing: what the terminal prints last; the sentence where there is nothing else.
         draw: makes hero and sections; called where a page is written only.
         footer: the page's last line.
         page: the name of the page's file.
@@ -154,6 +156,7 @@ class Document:
     brief: tuple[Table | str, ...] = ()
     points: tuple[str, ...] = ()
     warnings: tuple[Warned, ...] = ()
+    closing: tuple[str, ...] = ()
     draw: Callable[[], Drawn] = nothing_drawn
     footer: str = ""
     page: str = "report.html"

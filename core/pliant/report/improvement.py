@@ -1,43 +1,187 @@
-"""The way from a model to a better one as one self-contained page: the falling error first, then the numbers."""
+"""The way from a model to a better one as a document: the falling error first, then the numbers."""
 
 from __future__ import annotations
 
-from pliant import __version__
-from pliant.diagnosis.improvement import Improvement, summary
-from pliant.formatting import number, unit_of
-from pliant.report.diagnosis_words import estimate_cells
-from pliant.report.document import Page, Picture, Section, Table, Warned
-from pliant.report.figures.error_steps import MOST_OUTPUTS, error_steps
-from pliant.report.template import page_template
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from pliant.diagnosis.improvement import Improvement, Step
+from pliant.formatting import listed, number, unit_of
+from pliant.measurements.floors import Floor
+from pliant.records.measurement import Measurement
+from pliant.registry.discovery import Registry
+from pliant.report.document import (
+    Column,
+    Document,
+    Drawn,
+    Picture,
+    Section,
+    Table,
+    Warned,
+    as_json,
+    page_table,
+)
+from pliant.report.fitted import (
+    doubtful,
+    errors_json,
+    floors_json,
+    next_run_json,
+    parameters_brief,
+    parameters_json,
+    parameters_table,
+    warned,
+)
+
+MOST_IN_A_ROW = 3  # outputs that stand beside each other in eighty characters
+Placed = tuple[int, Step]
+NamedFloor = tuple[str, Floor]
+
+STEP_COLUMNS: tuple[Column[Placed], ...] = (
+    Column(lambda s: list(s[1].added), "added", "step", text=lambda s: _title(s)),
+    Column(lambda s: list(s[1].stands_for), "stands_for"),
+    Column(lambda s: s[1].why, "why", "why"),
+    Column(lambda s: errors_json(s[1].locked), "heldout"),
+    Column(lambda s: s[1].locked.over_floor, "rmse_over_floor"),
+    Column(lambda s: s[1].locked_se, "rmse_over_floor_se"),
+    Column(lambda s: None if s[1].unseen is None else s[1].unseen.over_floor, "unseen_rmse_over_floor"),
+    Column(lambda s: s[1].training.over_floor, "training_rmse_over_floor"),
+    Column(lambda s: [effect.canonical() for effect in s[1].effects], "effects"),
+)
+FLOOR_COLUMNS: tuple[Column[NamedFloor], ...] = (
+    Column(lambda f: f[0], head="output", text=lambda f: unit_of(f[0]).axis),
+    Column(lambda f: f[1].value, head="floor", text=lambda f: number(f[1].value * unit_of(f[0]).factor, 3)),
+    Column(
+        lambda f: f[1].se, head="standard error", text=lambda f: number(f[1].se * unit_of(f[0]).factor, 2)
+    ),
+    Column(lambda f: f[1].source, head="from"),
+)
 
 
-def improvement_page(title: str, source: str, found: Improvement) -> Page:
-    """Draw and write the page. The same result gives the same bytes."""
-    hero = Picture("steps", _caption(found), error_steps(found, [step.why for step in found.steps]))
-    sections = [Section("Step by step", tables=(_steps(found),), note=f"Why it stopped: {found.reason}")]
-    if found.final is not None:
-        sections.append(Section("What was added", tables=(_parameters(found),)))
-    sections.append(Section("Noise floor", tables=(_floors(found),)))
-    text = page_template().render(
+def improvement_document(
+    title: str, measurement: Measurement, found: Improvement, registry: Registry, asked: Sequence[str] = ()
+) -> Document:
+    """The document of `pliant improve`; `asked` are effects that were asked for by name."""
+    doubts = [] if found.final is None else doubtful(found.final.uncertainty)
+    return Document(
         kind="Pliant: a better model, step by step",
         title=title,
         sentence=f"{summary(found)} {found.reason}",
-        hero=hero,
-        warnings=[Warned(remark) for remark in found.remarks],
-        sections=sections,
-        version=__version__,
-        footer=f"Measurement: {source or 'given in memory'}",
+        data=improvement_json(found, measurement),
+        brief=_brief(found),
+        warnings=(*map(Warned, doubts), *warned(registry, found.remarks, asked)),
+        draw=lambda: _drawn(found),
+        footer=f"Measurement: {measurement.source or 'given in memory'}",
     )
-    return Page(text, {hero.name: hero.png})
 
 
-def _caption(found: Improvement) -> str:
+def improvement_json(found: Improvement, measurement: Measurement) -> dict[str, Any]:
+    """The keys of docs/extend_and_improve.md."""
+    names = [run.name for run in measurement.runs]
+    final = found.final
+    return {
+        "steps": [as_json(STEP_COLUMNS, placed) for placed in enumerate(found.steps, start=1)],
+        "stop": found.stop,
+        "reason": found.reason,
+        "locked_runs": [names[k] for k in found.locked.runs],
+        "unseen_runs": [names[k] for k in found.locked.unseen],
+        "noise_floor": floors_json(found.floors),
+        "judged": found.judged,
+        "parameters": {} if final is None else parameters_json(final.uncertainty, final.values),
+        "next_experiment": next_run_json(found.next_run),
+        "remarks": list(found.remarks),
+    }
+
+
+def summary(found: Improvement) -> str:
+    """What came of it, in one sentence."""
+    first, last = found.steps[0].locked, found.steps[-1].locked
+    on = "runs that were put aside" if found.locked.runs else found.scored_on
+    if len(found.steps) == 1:
+        return f"No effect was added: the error on {on} is {number(first.over_floor, 3)} times the noise."
+    kinds = listed([step.named for step in found.steps if step.added])
+    verb = "falls" if last.over_floor < first.over_floor else "goes"
+    now = _ratio(found.steps[-1])
+    return f"With {kinds} the error on {on} {verb} from {first.over_floor:.2f} to {now} times the noise."
+
+
+def origin(found: Improvement, cited: str) -> str:
+    """Where the values of the new study come from."""
+    aside = f"{len(found.locked.runs)} runs put aside" if found.locked.runs else "no run put aside"
+    return f"fitted to {cited} by 'pliant improve', {aside}"
+
+
+def stands_for(step: Step) -> str:
+    """What the comment beside an effect says more."""
+    if not step.stands_for:
+        return ""
+    return f"; stands for one of {', '.join(step.stands_for)}, which these data cannot tell apart"
+
+
+def _title(placed: Placed) -> str:
+    place, step = placed
+    return f"{place}  {'+ ' + step.named if step.added else 'as it was'}"
+
+
+def _ratio(step: Step) -> str:
+    return f"{step.locked.over_floor:.2f} ± {step.locked_se:.2f}"
+
+
+def _brief(found: Improvement) -> tuple[Table | str, ...]:
+    whys = [
+        f"{place}  {'+ ' + step.named + ': ' if step.added else ''}{step.why}"
+        for place, step in enumerate(found.steps, start=1)
+    ]
+    fitted = () if found.final is None else (parameters_brief(found.final.uncertainty),)
+    return (*whys, steps_brief(found), *fitted)
+
+
+def steps_brief(found: Improvement) -> Table:
+    """Errors on the runs put aside, a step a row; where more is read than fits into a row, a step a column."""
+    names = list(found.steps[0].locked.rmse)
+    labels = [*(unit_of(name).label for name in names), "over the noise"]
+    rows = [
+        [_title(placed), *(unit_of(n).text(placed[1].locked.rmse[n], 3) for n in names), _ratio(placed[1])]
+        for placed in enumerate(found.steps, start=1)
+    ]
+    rows.append(["noise floor", *(unit_of(name).text(found.floors[name].value, 3) for name in names), "1"])
+    first = f"error on {found.scored_on}"
+    if len(names) <= MOST_IN_A_ROW:
+        return Table("", [first, *labels], rows)
+    heads = [first, *(str(place) for place in range(1, len(rows))), "noise floor"]
+    turned = zip(*(row[1:] for row in rows), strict=True)
+    return Table("", heads, [[label, *cells] for label, cells in zip(labels, turned, strict=True)])
+
+
+def _drawn(found: Improvement) -> Drawn:
+    from pliant.report.figures.error_steps import MOST_OUTPUTS, error_steps
+
+    hero = Picture(
+        "steps", _caption(found, MOST_OUTPUTS), error_steps(found, [step.why for step in found.steps])
+    )
+    sections = [Section("Step by step", tables=(_steps(found),), note=f"Why it stopped: {found.reason}")]
+    if found.final is not None:
+        note = "Fitted to the training runs only. Intervals: profile of the error."
+        sections.append(
+            Section(
+                "What was added",
+                tables=(parameters_table(found.final.uncertainty, "What was added", note),),
+            )
+        )
+    floors = page_table(
+        "Noise floor",
+        FLOOR_COLUMNS,
+        list(found.floors.items()),
+        "Of all runs, as the residuals of the last model show it.",
+    )
+    sections.append(Section("Noise floor", tables=(floors,)))
+    return Drawn(hero, tuple(sections))
+
+
+def _caption(found: Improvement, most: int) -> str:
     data = "runs that were put aside before anything was looked at" if found.locked.runs else found.scored_on
-    drawn = (
-        f" Shown: the {MOST_OUTPUTS} outputs farthest above their noise."
-        if len(found.floors) > MOST_OUTPUTS
-        else ""
-    )
+    drawn = f" Shown: the {most} outputs farthest above their noise." if len(found.floors) > most else ""
     return (
         f"Error on {data}, after each step. Bars: standard error, of few runs and of the floor; grey band: twice that "
         "of the floor. Dots: training runs, each left out of the fit. The dashed line is what the bench's own "
@@ -46,48 +190,21 @@ def _caption(found: Improvement) -> str:
 
 
 def _steps(found: Improvement) -> Table:
-    names = list(found.steps[0].locked.rmse)
-    rows = []
-    for place, step in enumerate(found.steps, start=1):
-        rows.append(
-            [
-                f"{place}  {'+ ' + step.named if step.added else 'as it was'}",
-                step.why,
-                *(number(step.locked.rmse[name] * unit_of(name).factor, 3) for name in names),
-                f"{step.locked.over_floor:.2f} ± {step.locked_se:.2f}",
-                number(step.training.over_floor, 3),
-            ]
+    errors = tuple(
+        Column[Placed](
+            lambda s, name=name: s[1].locked.rmse.get(name, np.nan),  # type: ignore[misc]
+            head=f"rms {unit_of(name).axis}",
+            text=lambda s, name=name: number(s[1].locked.rmse[name] * unit_of(name).factor, 3),  # type: ignore[misc]
         )
-    head = [
-        "step",
-        "why",
-        *(f"rms {unit_of(name).axis}" for name in names),
-        "in floors",
-        "training, left out",
-    ]
-    return Table("Step by step", head, rows, numeric=2)
-
-
-def _parameters(found: Improvement) -> Table:
-    assert found.final is not None
-    rows = [[*estimate_cells(e), ", ".join(e.doubts)] for e in found.final.uncertainty.estimates]
-    head = ["parameter", "value", "sd", "90 % interval", "unit", ""]
-    return Table(
-        "What was added", head, rows, "Fitted to the training runs only. Intervals: profile of the error."
+        for name in found.steps[0].locked.rmse
     )
-
-
-def _floors(found: Improvement) -> Table:
-    rows = []
-    for name, floor in found.floors.items():
-        words = unit_of(name)
-        rows.append(
-            [
-                words.axis,
-                number(floor.value * words.factor, 3),
-                number(floor.se * words.factor, 2),
-                floor.source,
-            ]
-        )
-    note = "Of all runs, as the residuals of the last model show it."
-    return Table("Noise floor", ["output", "floor", "standard error", "from"], rows, note)
+    ratios: tuple[Column[Placed], ...] = (
+        Column(lambda s: s[1].locked.over_floor, head="in floors", text=lambda s: _ratio(s[1])),
+        Column(
+            lambda s: s[1].training.over_floor,
+            head="training, left out",
+            text=lambda s: number(s[1].training.over_floor, 3),
+        ),
+    )
+    placed = list(enumerate(found.steps, start=1))
+    return page_table("Step by step", (*STEP_COLUMNS, *errors, *ratios), placed, numeric=2)

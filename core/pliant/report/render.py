@@ -24,9 +24,9 @@ def terminal(document: Document) -> Iterator[RichTable | str]:
                 yield block.note
     for warned in document.warnings:
         yield f"note: {warned.sentence}"
-        yield from (f"  {item}" for item in warned.items)
-    if document.sentence:
-        yield document.sentence
+        if not warned.folded:
+            yield from (f"  {item}" for item in warned.items)
+    yield from document.closing or filter(None, [document.sentence])
 
 
 def rich_table(table: Table) -> RichTable:

@@ -14,11 +14,12 @@ from pathlib import Path
 import numpy as np
 
 from pliant.diagnosis.diagnosis import Diagnosis, diagnose
-from pliant.diagnosis.words import headline, named
+from pliant.diagnosis.interpretation import headline
+from pliant.diagnosis.verdict import named
 from pliant.errors import closest
 from pliant.evidence.prediction import POSITION, Predictor
-from pliant.experiments.menu import MenuRun
-from pliant.experiments.runs import BUILDERS, menu
+from pliant.experiments.experiment_catalogue import BUILDERS, timed_catalogue
+from pliant.experiments.planned_run import PlannedRun
 from pliant.experiments.scale import BenchScale
 from pliant.formatting import listed
 from pliant.interfaces.effect import EffectConfig, EffectParameter
@@ -60,7 +61,7 @@ def is_found_when_injected(subject: Subject) -> None:
     )
 
 
-def exciting_runs(subject: Subject) -> tuple[MenuRun, ...]:
+def exciting_runs(subject: Subject) -> tuple[PlannedRun, ...]:
     """The effect's `exciting` runs and the plain ones, at the scale of the sample chain; new specimens first."""
     names = type(subject.build()).exciting
     known = list(BUILDERS)
@@ -71,7 +72,7 @@ def exciting_runs(subject: Subject) -> tuple[MenuRun, ...]:
     )
     for name in names:
         require(name in known, f"exciting names '{name}', which is no run of the menu{closest(name, known)}")
-    possible = {run.name: run for run in menu(BenchScale.of_chain(_chain(subject), PRESSURE_PA))}
+    possible = {run.name: run for run in timed_catalogue(BenchScale.of_chain(_chain(subject), PRESSURE_PA))}
     require(
         any(name in possible for name in names),
         f"none of its exciting runs ({', '.join(names)}) can be done on a chain driven by its input",
@@ -80,7 +81,7 @@ def exciting_runs(subject: Subject) -> tuple[MenuRun, ...]:
     return tuple(sorted(chosen, key=lambda run: not run.new_specimen))
 
 
-def injected(subject: Subject, runs: Sequence[MenuRun]) -> Measurement:
+def injected(subject: Subject, runs: Sequence[PlannedRun]) -> Measurement:
     """Readings of two specimens that have the effect at its typical strength."""
     outputs = tuple(dict.fromkeys(("angle_rad", *(name for run in runs for name in run.adds))))
     blank = []

@@ -11,7 +11,7 @@ from pliant.evidence.bins import Bins
 from pliant.evidence.places import all_bins
 from pliant.formatting import number, unit_of
 from pliant.records.design import Array
-from pliant.report.comparison_reading import Compared, fitting
+from pliant.report.comparison_view import Compared, fitting
 from pliant.report.figures import style
 
 MOST_RUNS = 40

@@ -10,8 +10,8 @@ import numpy as np
 from pliant.evidence.covariates import Covariate
 from pliant.evidence.places import Place
 from pliant.formatting import NamedUnit, unit_of, whole_percent
-from pliant.report.comparison_reading import Compared, fitting
-from pliant.report.diagnosis_reading import Diagnosed
+from pliant.report.comparison_view import Compared, fitting
+from pliant.report.diagnosis_view import Diagnosed
 from pliant.report.figures import style
 from pliant.report.figures.explained_runs import AS_IT_IS, WITH
 

@@ -6,13 +6,12 @@ from typing import Any
 
 import numpy as np
 
-from pliant.diagnosis.table import NOTHING, Kinds
-from pliant.diagnosis.words import named
+from pliant.diagnosis.verdict import NOTHING, Kinds, named
 from pliant.evidence.prediction import RunReadings
 from pliant.formatting import NamedUnit, unit_of
 from pliant.records.measurement import MeasuredRun
-from pliant.report.comparison_reading import abscissa, clock, fitting, input_of, thin
-from pliant.report.diagnosis_reading import Diagnosed
+from pliant.report.comparison_view import abscissa, clock, fitting, input_of, thin
+from pliant.report.diagnosis_view import Diagnosed
 from pliant.report.figures import style
 
 MOST = 3

@@ -6,11 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from pliant.diagnosis.table import NOTHING, UNKNOWN, Kinds
-from pliant.diagnosis.words import named
-from pliant.report.diagnosis_reading import Diagnosed
-from pliant.report.diagnosis_words import probability_text
+from pliant.diagnosis.verdict import NOTHING, UNKNOWN, Kinds, named
+from pliant.report.diagnosis_view import Diagnosed
 from pliant.report.figures import style
+from pliant.report.fitted import probability_text
 
 FIRST, OTHER = style.SERIES[0], "#9fb3c8"
 WIDE = 36  # characters of a name on one line

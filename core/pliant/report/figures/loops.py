@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from pliant.evidence.phases import phases
+from pliant.evidence.covariates import phases
 from pliant.evidence.scores import GroupError
 from pliant.formatting import NamedUnit, unit_of
 from pliant.records.design import Array
-from pliant.report.comparison_reading import (
+from pliant.report.comparison_view import (
     Compared,
     abscissa,
     fitting,

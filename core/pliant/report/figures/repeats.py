@@ -9,8 +9,8 @@ import numpy as np
 from pliant.formatting import NamedUnit, unit_of
 from pliant.measurements.repeats import RepeatGroup, aligned, repeat_groups
 from pliant.records.design import Array
-from pliant.report.comparison_reading import clock, thin
-from pliant.report.diagnosis_reading import Diagnosed
+from pliant.report.comparison_view import clock, thin
+from pliant.report.diagnosis_view import Diagnosed
 from pliant.report.figures import style
 from pliant.report.figures.explained_runs import BAND, BAND_COLOUR
 

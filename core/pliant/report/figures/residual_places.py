@@ -10,7 +10,7 @@ import numpy as np
 from pliant.evidence.covariates import Covariate
 from pliant.evidence.places import Place
 from pliant.formatting import NamedUnit, unit_of, whole_percent
-from pliant.report.comparison_reading import Compared, fitting, grid, hide_rest, thin
+from pliant.report.comparison_view import Compared, fitting, grid, hide_rest, thin
 from pliant.report.figures import style
 
 COLUMNS = 3

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from pliant.formatting import NamedUnit, unit_of
-from pliant.report.comparison_reading import Compared, clock, fitting, grid, thin
+from pliant.report.comparison_view import Compared, clock, fitting, grid, thin
 from pliant.report.figures import style
 
 MOST = 12

@@ -12,7 +12,7 @@ from pliant.errors import UserError
 from pliant.records.design import Array
 from pliant.records.fem import COUPLING, FemDataset, ModuleData
 from pliant.records.law import Domain
-from pliant_plugins.surrogates.polynomial.axes_law import AXES, AxesLaw
+from pliant_plugins.surrogates.polynomial.axes import AXES, AxesLaw
 from pliant_plugins.surrogates.polynomial.fit import STABILITY_PRICE, Candidate, fit_adaptive
 from pliant_plugins.surrogates.polynomial.states import MINIMUM_STATES
 

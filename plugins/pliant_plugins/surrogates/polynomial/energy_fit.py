@@ -15,7 +15,15 @@ from pliant.interfaces.surrogate import FittedLaw
 from pliant.records.design import Array
 from pliant.records.fem import COUPLING, ModuleData
 from pliant.records.law import JointLaw
-from pliant_plugins.surrogates.polynomial.energy import Exponents
+from pliant_plugins.surrogates.polynomial.energy import (
+    PARITIES,
+    Coupling,
+    Exponents,
+    Main,
+    coupling_sets,
+    main_sets,
+    terms_of,
+)
 from pliant_plugins.surrogates.polynomial.energy_apart import (
     COUNTED,
     choice_of,
@@ -23,19 +31,10 @@ from pliant_plugins.surrogates.polynomial.energy_apart import (
     fit_apart,
     quality,
 )
-from pliant_plugins.surrogates.polynomial.energy_bar import error_bar
 from pliant_plugins.surrogates.polynomial.energy_law import EnergyLaw
-from pliant_plugins.surrogates.polynomial.energy_report import report
-from pliant_plugins.surrogates.polynomial.energy_states import Mask, effort_ranges, split_axes
-from pliant_plugins.surrogates.polynomial.energy_system import EnergySystem, Solution
-from pliant_plugins.surrogates.polynomial.energy_terms import (
-    PARITIES,
-    Coupling,
-    Main,
-    coupling_sets,
-    main_sets,
-    terms_of,
-)
+from pliant_plugins.surrogates.polynomial.energy_system import EnergySystem, Solution, error_bar
+from pliant_plugins.surrogates.polynomial.scoring import report_axes
+from pliant_plugins.surrogates.polynomial.states import Mask, effort_ranges, split
 
 # More terms than this share of the equations are never worth while.
 MOST_TERMS = 0.5
@@ -79,9 +78,9 @@ def fit_energy(data: ModuleData, max_main: int, with_energy: bool = True) -> Fit
     Three laws by themselves take the energy's place where they miss states left out less (`compared`), unless only
     the energy is stable. They hold for
     modules whose other axes are free; what one axis does to another is then not in the law, and the report says so.
-    Raises `UserError` as `split_axes` does, and where the states do not determine a law.
+    Raises `UserError` as `split` does, and where the states do not determine a law.
     """
-    states = split_axes(data)
+    states = split(data, "a law")
     system = EnergySystem(states.fit, states.domain, effort_ranges(states.fit), with_energy)
     chosen, candidates = choose(system, max_main)
     together = quality(chosen.solution.misses, states.fit, system.ranges)
@@ -92,13 +91,13 @@ def fit_energy(data: ModuleData, max_main: int, with_energy: bool = True) -> Fit
     if apart is not None and not unstable and compared(together, by_itself) > 1:
         law: JointLaw = apart.law
         choice = {**choice_of(apart, by_itself), **beside}
-        return FittedLaw(law, report(law, states, choice, apart.largest_slope))
+        return FittedLaw(law, report_axes(law, states, choice, apart.largest_slope))
     error = error_bar(system, chosen.terms, chosen.solution)
     law = replace(
         law_of(system, chosen.terms, chosen.solution.coefficients).pruned(system.ranges), error=error
     )
     choice = {**_choice(chosen, candidates, system), "terms_kept": len(law.coefficients), **beside}
-    return FittedLaw(law, report(law, states, choice, chosen.largest_slope()))
+    return FittedLaw(law, report_axes(law, states, choice, chosen.largest_slope()))
 
 
 def choose(system: EnergySystem, max_main: int) -> tuple[Candidate, list[Candidate]]:

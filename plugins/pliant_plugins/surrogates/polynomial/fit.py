@@ -11,8 +11,7 @@ from pliant.errors import UserError
 from pliant.records.fem import FemDataset
 from pliant.records.law import Domain
 from pliant_plugins.surrogates.polynomial.law import PolynomialLaw, largest_slope
-from pliant_plugins.surrogates.polynomial.posterior import Posterior, solve
-from pliant_plugins.surrogates.polynomial.shrinkage import Prior, all_terms, prior_of
+from pliant_plugins.surrogates.polynomial.posterior import Posterior, Prior, all_terms, prior_of, solve
 from pliant_plugins.surrogates.polynomial.system import System, Terms
 
 FAR_MORE = 5.0  # times the folds' error: such misses of fitted states count instead of it
@@ -57,7 +56,7 @@ def fit_adaptive(data: FemDataset, domain: Domain, max_degree: int) -> tuple[Can
 
     Of the sets of terms that the states determine by themselves, chosen is the one with the fewest terms whose
     error is within one standard error of the smallest. All terms of the largest degree, each held back by
-    `shrinkage.prior_of`, take its place where their error is the smallest by a standard error, or, for states that
+    `posterior.prior_of`, take its place where their error is the smallest by a standard error, or, for states that
     are spread and stand on no grid, not much larger: there folds leave out corners and say little of the inside.
     Where states know their energy and travel, the same terms fitted to those too compete with them.
     Both are chosen among the laws that are stable over the whole domain if one of them is about as good as the

@@ -1,0 +1,175 @@
+"""What hypotheses predict in the runs of a menu: readings over their noise, their slopes, and what each is worth."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pliant.diagnosis.candidates import EffectSet
+from pliant.diagnosis.cross_validation import SHARE_OF_RANGE
+from pliant.diagnosis.fitting import STEP, ReadingVector
+from pliant.evidence.prediction import POSITION, Predictor
+from pliant.experiments.planned_run import PlannedRun
+from pliant.records.design import Array
+from pliant.records.history import History
+from pliant.records.measurement import MeasuredRun, Measurement
+
+# Noise of an output that was not measured: a share of its range, and not below these.
+LEAST_ANGLE_RAD, LEAST_OF_LENGTH = 0.002, 0.001
+# A specimen that was measured is no longer virgin: it is cycled once, unread, before a run of the menu.
+CONDITIONING_S, CONDITIONING_STEP_S = 20.0, 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class CataloguePrediction:
+    """A hypothesis in the menu: values (M,) over the noise, slopes (M, k) d value / dx; NaN without equilibrium."""
+
+    values: Array
+    slopes: Array
+
+
+@dataclass(frozen=True, eq=False)
+class CatalogueView:
+    """The model driven through a menu.
+
+    Attributes:
+        runs: the menu.
+        predictor: the study's model under these runs.
+        readings: places of their readings and the noise of each output; the values are zeros.
+        worth: (M,) independent readings that each reading stands for.
+        place: (M,) index of the menu's run that each reading belongs to.
+    """
+
+    runs: tuple[PlannedRun, ...]
+    predictor: Predictor
+    readings: ReadingVector
+    worth: Array
+    place: NDArray[np.intp]
+
+    @staticmethod
+    def of(
+        predictor: Predictor, runs: Sequence[PlannedRun], scales: Mapping[str, float], reading_s: float | None
+    ) -> CatalogueView:
+        """Drive the model through these runs.
+
+        Args:
+            predictor: the study's model.
+            runs: the menu.
+            scales: noise of the outputs that are measured anyhow; others, where a run adds them, are taken as 2 %
+                of their range.
+            reading_s: time that one independent reading of an output takes; None where every sample is one.
+        """
+        measurement = _unread(runs, tuple(scales))
+        driven = predictor.for_runs(measurement)
+        added = [name for name in driven.outputs if name not in scales]
+        every = dict(scales) | (_added_scales(driven, added) if added else {})
+        outputs = [name for name in driven.outputs if name in every]
+        readings = ReadingVector.of(measurement, outputs, every)
+        worth = [
+            _worth(run.history.time_s if reading_s else None, len(run), reading_s) for run in measurement.runs
+        ]
+        where = _sample_of(measurement, outputs)
+        return CatalogueView(
+            tuple(runs),
+            driven,
+            readings,
+            np.array([worth[r][t] for r, t in zip(readings.run, where, strict=True)]),
+            readings.run // 2,
+        )
+
+    def look(self, candidate: EffectSet, x: Array) -> CataloguePrediction:
+        """Readings that the candidate predicts at x, and their slopes."""
+        steps = [-STEP if x[k] + STEP > high else STEP for k, high in enumerate(candidate.limits()[1])]
+        towards = [candidate.configs(x + step * np.eye(len(x))[k]) for k, step in enumerate(steps)]
+        prediction, changes = self.predictor.vary(candidate.configs(x), towards)
+        slopes = np.empty((len(self.readings), len(x)))
+        for k, (change, step) in enumerate(zip(changes, steps, strict=True)):
+            slopes[:, k] = self.readings.pack(change) / step
+        return CataloguePrediction(self.readings.pack(prediction.runs), slopes)
+
+    def rows(self, chosen: Sequence[int]) -> NDArray[np.bool_]:
+        """(M,) readings of these runs of the menu."""
+        return np.isin(self.place, chosen)
+
+    @property
+    def added(self) -> tuple[str, ...]:
+        """Outputs that were not measured and that some run reads."""
+        names = {name for run in self.runs for name in run.adds}
+        return tuple(name for name in self.readings.outputs if name in names)
+
+
+def seconds_per_reading(measurement: Measurement, n_outputs: int, n_effective: float) -> float | None:
+    """Time that one independent reading of one output takes on this bench; None where runs have no clock."""
+    seconds = 0.0
+    for run in measurement.runs:
+        clock = run.history.time_s
+        if clock is None:
+            return None
+        seconds += float(clock[-1] - clock[0])
+    return seconds * n_outputs / max(n_effective, 1.0)
+
+
+def _unread(runs: Sequence[PlannedRun], outputs: tuple[str, ...]) -> Measurement:
+    """Each run after its specimen's conditioning; readings are zeros where they will be read, else NaN."""
+    every = tuple(dict.fromkeys((*outputs, *(name for run in runs for name in run.adds))))
+    measured = []
+    for number, run in enumerate(runs):
+        body = f"{run.history.specimen} {number}"
+        before = _conditioning(run.history).with_(specimen="" if run.new_specimen else body)
+        measured += [
+            _blank(before, every, ()),
+            _blank(run.history.with_(specimen=body), every, (*outputs, *run.adds)),
+        ]
+    return Measurement(tuple(measured), every, source="the menu")
+
+
+def _conditioning(history: History) -> History:
+    """One cycle to the run's largest actuation, without load, as the base usually stands."""
+    n = int(CONDITIONING_S / CONDITIONING_STEP_S)
+    clock: Array = CONDITIONING_STEP_S * np.arange(n + 1, dtype=float)
+    shape = 1.0 - np.abs(2.0 * clock / clock[-1] - 1.0)
+    tops = {name: float(values.max(initial=0.0)) for name, values in history.actuation.items()}
+    return History.of(
+        {name: top * shape for name, top in tops.items()},
+        clock,
+        run=f"before {history.run}",
+        payload_kg=None if history.payload_kg is None else float(history.payload_kg[0]),
+    )
+
+
+def _blank(history: History, every: Sequence[str], read: Sequence[str]) -> MeasuredRun:
+    values = {name: np.full(len(history), 0.0 if name in read else np.nan) for name in every}
+    return MeasuredRun(history, values, {}, np.ones(len(history)), np.zeros(0))
+
+
+def _added_scales(predictor: Predictor, names: Sequence[str]) -> dict[str, float]:
+    """2 % of the range that the model predicts where the output is read."""
+    predicted, scales = predictor.predict(), {}
+    for name in names:
+        series = np.concatenate(
+            [
+                values[name][np.isfinite(run.outputs[name])]
+                for run, values in zip(predictor.measurement.runs, predicted, strict=True)
+            ]
+        )
+        there = series[np.isfinite(series)]
+        span = float(np.ptp(there)) if len(there) else 0.0
+        least = LEAST_OF_LENGTH * predictor.chain.length_m if POSITION.fullmatch(name) else LEAST_ANGLE_RAD
+        scales[name] = max(SHARE_OF_RANGE * span, least)
+    return scales
+
+
+def _worth(time_s: Array | None, n: int, reading_s: float | None) -> Array:
+    """(n,) independent readings per sample: its share of time over what one takes, one at most."""
+    if time_s is None or reading_s is None or n < 2:
+        return np.ones(n)
+    return np.minimum(np.gradient(time_s) / reading_s, 1.0)
+
+
+def _sample_of(measurement: Measurement, outputs: Sequence[str]) -> NDArray[np.intp]:
+    """(M,) the sample within its run of every reading, in the order of a `ReadingVector`."""
+    places = [np.flatnonzero(np.isfinite(run.outputs[name])) for name in outputs for run in measurement.runs]
+    return np.concatenate(places).astype(np.intp)

@@ -1,0 +1,319 @@
+"""Which number would explain counts: every candidate's binomial likelihood at a few levels, and what follows.
+
+A hypothesis moves one number, or several at once, over a grid of levels of their plausible ranges; each level is
+equally likely before the counts. Its evidence is the mean of its likelihoods over the grid: a hypothesis pays for every
+level that does not fit, and needs no further price for its parameters (MacKay, *Information Theory, Inference, and
+Learning Algorithms*, chapter 28). Trial k draws the same random numbers at every level (common random numbers), so that
+levels differ by what was moved and not by luck.
+
+"Nothing is missing" is the model as it is; "outside the list" gives each condition a probability of its own, uniform.
+The three kinds of explanation (nothing, something listed, something else) are equally probable before the counts, and
+what is listed shares its third: the price of looking at many (Scott and Berger, *Ann. Statist.* 38 (2010) 2587).
+What changes no simulated count takes no part. Evidences are divided by 2, as in every diagnosis: no simulation is
+exact. Repeats that scatter more than binomially divide them again.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import scipy
+
+from pliant.diagnosis.counts_candidates import VariedParameter
+from pliant.diagnosis.verdict import NOT_PREDICTIVE, NOTHING, UNKNOWN, Kinds, Verdict, credible_set, named
+from pliant.evidence.binomial import Count, fisher_p, holm, log_own, log_predictive
+from pliant.evidence.counts import CountComparison, CountedStudy, compare_counts
+from pliant.evidence.trials import Setting, simulate_trials
+from pliant.execution.executors import Workers
+from pliant.pipeline.workbench import Workbench
+from pliant.records.design import Array
+
+TEMPERATURE = 2.0
+
+
+@dataclass(frozen=True, eq=False)
+class Explanation:
+    """One hypothesis after the scan.
+
+    Attributes:
+        parameters: what it moves; empty for the model as it is.
+        grid: levels of the parameters, one tuple per point.
+        simulated: counts of every point, by condition.
+        log_likelihood: (points, conditions) of the measured counts.
+    """
+
+    parameters: tuple[VariedParameter, ...]
+    grid: tuple[tuple[float, ...], ...]
+    simulated: tuple[tuple[Count, ...], ...]
+    log_likelihood: Array
+
+    @property
+    def kinds(self) -> Kinds:
+        """Its name in a table: the parameters' names."""
+        return tuple(parameter.name for parameter in self.parameters)
+
+    @property
+    def log_evidence(self) -> float:
+        """log of the mean likelihood over the grid."""
+        total = self.log_likelihood.sum(axis=1)
+        return float(scipy.special.logsumexp(total) - np.log(len(total)))
+
+    @property
+    def best(self) -> int:
+        """The point of the largest likelihood."""
+        return int(np.argmax(self.log_likelihood.sum(axis=1)))
+
+    @property
+    def weights(self) -> Array:
+        """(points,) posterior probability of each point."""
+        total = self.log_likelihood.sum(axis=1)
+        weights: Array = np.exp(total - scipy.special.logsumexp(total))
+        return weights
+
+    @property
+    def shares(self) -> Array:
+        """(conditions,) probability of success, mean over the points by their weights."""
+        s, m = np.moveaxis(np.array(self.simulated, float), 2, 0)
+        shares: Array = self.weights @ ((s + 1) / (m + 2))
+        return shares
+
+    @property
+    def unseen(self) -> Array:
+        """(conditions,) log probability of each condition's count when the others alone choose the point."""
+        total = self.log_likelihood.sum(axis=1, keepdims=True)
+        others = total - self.log_likelihood
+        left: Array = scipy.special.logsumexp(total, axis=0) - scipy.special.logsumexp(others, axis=0)
+        return left
+
+
+@dataclass(frozen=True, eq=False)
+class CountEvidence:
+    """The table.
+
+    Attributes:
+        comparison: of the model as it is.
+        rows: by the names of what is moved; NOTHING among them.
+        comparisons: of every row at its best point.
+        log_evidence: of every row that moves a count and of UNKNOWN, before tempering.
+        probability: of the same, the largest first, one in sum.
+    """
+
+    comparison: CountComparison
+    rows: Mapping[Kinds, Explanation]
+    comparisons: Mapping[Kinds, CountComparison]
+    log_evidence: Mapping[Kinds, float]
+    probability: Mapping[Kinds, float]
+
+
+def count_evidence(
+    bench: Workbench,
+    counted: CountedStudy,
+    hypotheses: Sequence[Sequence[VariedParameter]],
+    workers: Workers = 1,
+) -> CountEvidence:
+    """Simulate every hypothesis at every level under all conditions, and weigh them.
+
+    Args:
+        bench: plugins, store, progress; every setting is an artifact of the store, so that the scan can be resumed.
+        counted: the study and the counts.
+        hypotheses: parameters that are moved together; the model as it is takes part always.
+        workers: see `executor_for`.
+    """
+    points = [((), ())] + [
+        (tuple(parameters), levels)
+        for parameters in hypotheses
+        for levels in itertools.product(*(k.levels for k in parameters))
+    ]
+    conditions = counted.counts.conditions
+    settings = []
+    for parameters, levels in points:
+        for condition in conditions:
+            setting = Setting(counted.task_of(condition), counted.study.effects)
+            for parameter, level in zip(parameters, levels, strict=True):
+                setting = parameter.moved(setting, condition, level)
+            settings.append(setting)
+    counts = simulate_trials(bench, counted.study, settings, workers)
+    by_point = [tuple(counts[i : i + len(conditions)]) for i in range(0, len(counts), len(conditions))]
+    return weighed(counted, points, by_point)
+
+
+def weighed(
+    counted: CountedStudy,
+    points: Sequence[tuple[tuple[VariedParameter, ...], tuple[float, ...]]],
+    simulated: Sequence[tuple[Count, ...]],
+) -> CountEvidence:
+    """The table of simulated counts: `points` are (parameters, levels), NOTHING's with no parameters."""
+    measured = [(c.successes, c.trials) for c in counted.counts.conditions]
+    rows: dict[Kinds, Explanation] = {}
+    for parameters in dict.fromkeys(parameters for parameters, _ in points):
+        of = [k for k, (moved, _) in enumerate(points) if moved == parameters]
+        likelihood = [[log_predictive(a, b) for a, b in zip(measured, simulated[k], strict=True)] for k in of]
+        row = Explanation(
+            parameters, tuple(points[k][1] for k in of), tuple(simulated[k] for k in of), np.array(likelihood)
+        )
+        rows[row.kinds] = row
+    comparisons = {
+        kinds: compare_counts(counted.counts, row.simulated[row.best]) for kinds, row in rows.items()
+    }
+    still = set(rows[NOTHING].simulated)
+    moving = {kinds: row for kinds, row in rows.items() if kinds == NOTHING or set(row.simulated) != still}
+    evidence = {kinds: row.log_evidence for kinds, row in moving.items()}
+    evidence[UNKNOWN] = sum(log_own(a) for a in measured)
+    plain = comparisons[NOTHING]
+    return CountEvidence(plain, rows, comparisons, evidence, probabilities(evidence, plain.scatter))
+
+
+def probabilities(log_evidence: Mapping[Kinds, float], scatter: float = 1.0) -> dict[Kinds, float]:
+    """Posterior probabilities: a third each for nothing, unknown and the listed ones before the counts."""
+    temperature = TEMPERATURE * scatter
+    listed = max(1, sum(kinds not in (NOTHING, UNKNOWN) for kinds in log_evidence))
+    scores = {
+        kinds: value / temperature - (0.0 if kinds in (NOTHING, UNKNOWN) else np.log(listed))
+        for kinds, value in log_evidence.items()
+    }
+    total = float(scipy.special.logsumexp(list(scores.values())))
+    found = {kinds: float(np.exp(score - total)) for kinds, score in scores.items()}
+    return dict(sorted(found.items(), key=lambda item: -item[1]))
+
+
+BELIEVED = 0.9
+FEWEST_TRIALS, FEWEST_CONDITIONS = 12, 3
+LEVEL = 0.05
+ALIKE = 0.2  # unexplained share below which two explanations move the conditions alike
+WORTH = 0.01  # disagreement about a probability, squared and weighted, below which no condition decides
+
+
+@dataclass(frozen=True)
+class NextCount:
+    """The measured condition in which the explanations differ most, by words, and the shares that they expect."""
+
+    condition: str
+    expected: Mapping[Kinds, float]
+
+
+@dataclass(frozen=True)
+class CountJudgement:
+    """A verdict with what it rests on.
+
+    Attributes:
+        verdict, selected, credible, reasons: as in `pliant.diagnosis.verdict.Judgement`.
+        not_excited: explanations that change no simulated count beyond chance at any level tried.
+        smallest: explanation → the smallest change that these conditions would show.
+        alike: pairs of explanations that move the conditions alike, and the share that one leaves of the other.
+        next_count: what to count next; None where the explanations agree everywhere.
+    """
+
+    verdict: Verdict
+    selected: Kinds
+    credible: tuple[Kinds, ...]
+    reasons: tuple[str, ...]
+    not_excited: tuple[Kinds, ...]
+    smallest: Mapping[Kinds, float]
+    alike: tuple[tuple[Kinds, Kinds, float], ...]
+    next_count: NextCount | None
+
+
+def judge_counts(found: CountEvidence) -> CountJudgement:
+    """Weigh the table of evidences."""
+    credible = credible_set(found.probability, BELIEVED)
+    verdict, reasons = _verdict(found)
+    selected = next(iter(found.probability)) if verdict == "missing_effect" else NOTHING
+    smallest = {kinds: _smallest(found, row) for kinds, row in found.rows.items() if len(row.parameters) == 1}
+    return CountJudgement(
+        verdict=verdict,
+        selected=selected,
+        credible=credible,
+        reasons=reasons,
+        not_excited=tuple(kinds for kinds, level in smallest.items() if not np.isfinite(level)),
+        smallest={kinds: level for kinds, level in smallest.items() if np.isfinite(level)},
+        alike=_alike(found, credible),
+        next_count=_next(found, credible),
+    )
+
+
+def _verdict(found: CountEvidence) -> tuple[Verdict, tuple[str, ...]]:
+    plain = found.comparison
+    first = next(iter(found.probability))
+    if plain.contradictory:
+        names = "; ".join(one.condition.words for one in plain.contradictory[:4])
+        return "not_repeatable", (
+            f"Sets of one condition contradict each other ({names}): something changed that no column says.",
+        )
+    if plain.n_samples < FEWEST_TRIALS or len(plain.conditions) < FEWEST_CONDITIONS:
+        return "insufficient_data", (
+            f"There are {plain.n_samples} trials under {len(plain.conditions)} conditions; a verdict needs at least "
+            f"{FEWEST_TRIALS} under {FEWEST_CONDITIONS}.",
+        )
+    if first == NOTHING and not plain.disagreeing:
+        return "nothing_missing", (
+            "The differences are what counting allows, and nothing listed does better.",
+        )
+    if found.probability[first] < BELIEVED:
+        return "ambiguous", ()
+    if first == UNKNOWN:
+        return "unknown_effect", (
+            "No listed explanation predicts these counts better than giving each condition a probability of its own.",
+        )
+    left = found.comparisons[first].disagreeing
+    if left:
+        names = "; ".join(one.condition.words for one in left[:4])
+        what = " + ".join(first) or "the model as it is"
+        return "unknown_effect", (
+            f"Of what is listed, {what} explains these counts best, and it is wrong beyond chance in {names}.",
+        )
+    if first == NOTHING:
+        return "nothing_missing", (
+            "The differences are what counting allows, and nothing listed does better.",
+        )
+    if found.rows[first].unseen.sum() <= found.rows[NOTHING].unseen.sum():
+        return "ambiguous", (NOT_PREDICTIVE.format(kinds=named(first), what="conditions"),)
+    return "missing_effect", ()
+
+
+def _smallest(found: CountEvidence, row: Explanation) -> float:
+    """The level nearest to the present value that would be seen if it were true, as often counted; NaN for none."""
+    plain = found.comparison
+    seen = []
+    for levels, counts in zip(row.grid, row.simulated, strict=True):
+        p = [
+            fisher_p((round(one.measured[1] * s / m), one.measured[1]), one.simulated)
+            for one, (s, m) in zip(plain.conditions, counts, strict=True)
+        ]
+        if min(holm(p)) < LEVEL:
+            seen.append(levels[0])
+    parameter = row.parameters[0]
+    present = float(np.mean(parameter.levels)) if parameter.neutral is None else parameter.neutral
+    return min(seen, key=lambda level: abs(level - present)) if seen else np.nan
+
+
+def _alike(found: CountEvidence, credible: tuple[Kinds, ...]) -> tuple[tuple[Kinds, Kinds, float], ...]:
+    """Pairs among the credible ones; the share is 1 − cos² of what they change in the shares of success."""
+    base = found.rows[NOTHING].shares
+    moves = {k: found.rows[k].shares - base for k in credible if k not in (NOTHING, UNKNOWN)}
+    pairs = []
+    for number, (a, x) in enumerate(moves.items()):
+        for b, y in list(moves.items())[number + 1 :]:
+            size = float((x @ x) * (y @ y))
+            share = 1.0 - float(x @ y) ** 2 / size if size > 0 else 0.0
+            if share < ALIKE:
+                pairs.append((a, b, share))
+    return tuple(pairs)
+
+
+def _next(found: CountEvidence, credible: tuple[Kinds, ...]) -> NextCount | None:
+    """Where the credible explanations expect the most different shares, weighted by their probabilities."""
+    rivals = [kinds for kinds in credible if kinds != UNKNOWN]
+    if len(rivals) < 2:
+        return None
+    weights = np.array([found.probability[kinds] for kinds in rivals])
+    weights = weights / weights.sum()
+    shares = np.array([found.rows[kinds].shares for kinds in rivals])
+    scatter = weights @ (shares - weights @ shares) ** 2
+    worst = int(np.argmax(scatter))
+    if scatter[worst] < WORTH:
+        return None
+    words = found.comparison.conditions[worst].condition.words
+    return NextCount(words, dict(zip(rivals, shares[:, worst].tolist(), strict=True)))

@@ -1,0 +1,132 @@
+"""Weighted nonlinear least squares within bounds: Levenberg–Marquardt (Moré 1978; Nocedal & Wright 2006, §10.3).
+
+Minimises  Σ wᵢ rᵢ(x)² + Σ λⱼ xⱼ²  over low ≤ x ≤ high. The residuals r = data − model (n,) come from a black box that
+may refuse an x; slopes are those of the model, ∂model/∂x = −∂r/∂x (n, k). x should be of order 1.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from pliant.records.design import Array
+
+FIRST_DAMPING = 1e-3
+LEAST_CURVATURE = 1e-9  # added to the diagonal of the normal matrix where the damping scales it
+
+
+@dataclass(frozen=True, eq=False)
+class Point:
+    """A place: x (k,), residual (n,), the cost there, slopes (n, k) if they are known already."""
+
+    x: Array
+    residual: Array
+    cost: float
+    slopes: Array | None = None
+
+
+class Problem(Protocol):
+    """What is minimised."""
+
+    def point(self, x: Array) -> Point | None:
+        """Residuals and cost at x; None, or an infinite cost, where x makes no sense."""
+        ...
+
+    def slopes(self, point: Point) -> Array | None:
+        """(n, k) slopes of the model at a point; None where they cannot be had."""
+        ...
+
+
+@dataclass(frozen=True)
+class Steps:
+    """How steps are damped, and when they end.
+
+    Attributes:
+        most: accepted steps at most.
+        tries: dampings at most for one step.
+        harder, easier: factor and divisor of the damping after a refused and an accepted step.
+        least_damping: the smallest.
+        least_gain: an accepted step that lowers the cost by a smaller share of it is the last.
+        least_step: a step no longer than this in any x is the last.
+        least_promise: a step that promises a smaller share of the cost is taken to first order, without the black box.
+    """
+
+    most: int
+    tries: int
+    harder: float
+    easier: float
+    least_damping: float
+    least_gain: float
+    least_step: float = 0.0
+    least_promise: float = 0.0
+
+
+def descend(
+    problem: Problem,
+    point: Point,
+    steps: Steps,
+    bounds: tuple[Array, Array],
+    weights: Array | None = None,
+    pulls: Array | None = None,
+) -> tuple[Point, bool]:
+    """The nearest minimum from a point with known slopes, and whether steps had become small when it ended.
+
+    Args:
+        problem: the residuals and their slopes.
+        point: where to begin; within the bounds.
+        steps: damping and ends.
+        bounds: low and high (k,).
+        weights: w (n,); 1 by default.
+        pulls: λ (k,) of a prior about x = 0; 0 by default. The problem's cost must hold them, too.
+    """
+    low, high = bounds
+    damping = FIRST_DAMPING
+    for _ in range(steps.most):
+        slopes = point.slopes
+        assert slopes is not None
+        weighted = slopes if weights is None else slopes * weights[:, None]
+        normal, gradient = weighted.T @ slopes, weighted.T @ point.residual
+        if pulls is not None:
+            normal, gradient = normal + np.diag(pulls), gradient - pulls * point.x
+        for _ in range(steps.tries):
+            damped = normal + damping * np.diag(np.diag(normal) + LEAST_CURVATURE)
+            free = _free_step(damped, gradient, point.x, low, high)
+            if free is None:
+                damping *= steps.harder
+                continue
+            step = np.clip(point.x + free, low, high) - point.x
+            promise = float(step @ (2.0 * gradient - normal @ step))
+            if 0.0 <= promise < steps.least_promise * point.cost:
+                residual = point.residual - slopes @ step
+                return Point(point.x + step, residual, point.cost - promise, slopes), True
+            trial = problem.point(np.clip(point.x + step, low, high))
+            if trial is not None and trial.cost < point.cost:
+                break
+            if np.abs(step).max(initial=0.0) < steps.least_step:
+                return point, True
+            damping *= steps.harder
+        else:
+            return point, True  # no step of any length lowers the cost
+        gain, point = point.cost - trial.cost, trial
+        damping = max(damping / steps.easier, steps.least_damping)
+        if point.slopes is None:
+            found = problem.slopes(point)
+            if found is None:
+                return point, False
+            point = Point(point.x, point.residual, point.cost, found)
+        if gain < steps.least_gain * point.cost or np.abs(step).max(initial=0.0) < steps.least_step:
+            return point, True
+    return point, False
+
+
+def _free_step(normal: Array, gradient: Array, x: Array, low: Array, high: Array) -> Array | None:
+    """The damped step among x that are not held by a bound that they push against; None where it is singular."""
+    free = ~(((x <= low) & (gradient < 0)) | ((x >= high) & (gradient > 0)))
+    step = np.zeros_like(x)
+    try:
+        step[free] = np.linalg.solve(normal[np.ix_(free, free)], gradient[free])
+    except np.linalg.LinAlgError:
+        return None
+    return step

@@ -1,0 +1,101 @@
+"""Effects fitted on top of a study's own as a document: parameters, and by how much the error falls."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from pliant.diagnosis.cross_validation import Score
+from pliant.diagnosis.extension import Extension
+from pliant.formatting import listed, number, unit_of
+from pliant.records.measurement import Measurement
+from pliant.registry.discovery import Registry
+from pliant.report.document import Document, Warned
+from pliant.report.fitted import doubtful, errors_json, floors_json, parameters_brief, parameters_json
+
+
+def extension_document(
+    title: str, measurement: Measurement, found: Extension, registry: Registry, remarks: tuple[str, ...] = ()
+) -> Document:
+    """The document of `pliant extend`; `remarks` are what limits the model, in sentences."""
+    notes = [*measurement.remarks, *remarks]
+    doubts = doubtful(found.uncertainty)
+    if not found.fit.converged:
+        doubts.append("the fit still moved when it was stopped; look at the error before you believe it.")
+    if not found.noise.judged:
+        doubts.append("without repeats or a stated sigma the floor holds fast noise only.")
+    falls = [
+        f"{unit_of(name).label}: {unit_of(name).text(found.before.rmse[name], 3)} → "
+        f"{unit_of(name).text(rmse, 3)} rms, all readings"
+        for name, rmse in found.after.rmse.items()
+    ]
+    return Document(
+        kind="Pliant: effects fitted",
+        title=title,
+        sentence=_absent(found, registry) if found.absent else _outcome(found),
+        data={**extension_json(found), "remarks": notes},
+        brief=(parameters_brief(found.uncertainty), *falls),
+        warnings=tuple(map(Warned, (*notes, *doubts))),
+        footer=f"Measurement: {measurement.source or 'given in memory'}",
+    )
+
+
+def extension_json(found: Extension) -> dict[str, Any]:
+    """The keys of docs/extend_and_improve.md."""
+    heldout = found.heldout
+    return {
+        "effects": list(found.kinds),
+        "parameters": parameters_json(found.uncertainty, found.values),
+        "correlation": found.uncertainty.correlation,
+        "before": _score(found.before),
+        "after": _score(found.after),
+        "heldout": {} if heldout is None else errors_json(heldout),
+        "rmse_over_floor": np.nan if heldout is None else heldout.over_floor,
+        "noise_floor": floors_json(found.noise.floors),
+        "n_effective": found.noise.n_effective,
+        "judged": found.noise.judged,
+        "converged": found.fit.converged,
+        "absent": list(found.absent),
+    }
+
+
+def cited(measurement: Measurement) -> str:
+    """The measurement's file and the first digits of its SHA-256."""
+    return f"{measurement.source} (sha256 {measurement.sha256[:8]})"
+
+
+def origin(found: Extension, measurement: Measurement) -> str:
+    """Where fitted values come from."""
+    return f"fitted to {cited(measurement)}; {_errors(found)}"
+
+
+def _score(found: Score) -> dict[str, Any]:
+    return {"outputs": errors_json(found), "rmse_over_floor": found.over_floor}
+
+
+def _absent(found: Extension, registry: Registry) -> str:
+    sentences = []
+    for kind in found.absent:
+        notes = registry.get("effect", kind).implementation_class().notes
+        run = f" A run that would show it: {notes.excited_by}" if notes.excited_by else ""
+        sentences.append(f"These readings show no {kind}: its strength is not told from zero.{run}")
+    return " ".join([*sentences, "No study was written."])
+
+
+def _outcome(found: Extension) -> str:
+    text = f"With {listed(list(found.kinds))}: {_errors(found)}."
+    heldout = found.heldout
+    if heldout is not None and heldout.over_floor >= found.before.over_floor:
+        text += " It does not fall on conditions left out: this is no improvement."
+    return text
+
+
+def _errors(found: Extension) -> str:
+    heldout = found.heldout
+    last, where = (
+        (found.after, "on the readings fitted") if heldout is None else (heldout, "on conditions left out")
+    )
+    return (
+        f"error {number(found.before.over_floor, 3)} → {number(last.over_floor, 3)} times the noise {where}"
+    )

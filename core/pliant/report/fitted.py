@@ -1,0 +1,182 @@
+"""What documents of fitted effects share: parameters with their uncertainty, errors, floors, remarks, runs to do."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from typing import Any
+
+from pliant.diagnosis.cross_validation import Score
+from pliant.diagnosis.next_run import NextRun
+from pliant.diagnosis.uncertainty import Estimate, Uncertainty
+from pliant.formatting import display_unit, number, rounded_to_sd, whole_percent, with_sd
+from pliant.measurements.floors import Floor
+from pliant.registry.discovery import Registry
+from pliant.report.document import Column, Table, Warned, as_json, brief_table, page_table
+from pliant.units import si_unit
+
+CLOSE = 2.0  # standard deviations
+LEFT_OUT = re.compile(r"'(\w+)' was left out: ")
+Written = tuple[Estimate, float]  # a parameter, and its value as a study has it
+
+PARAMETER_COLUMNS: tuple[Column[Written], ...] = (
+    Column(lambda w: w[0].name, "", "parameter", "parameter"),
+    Column(
+        lambda w: w[1],
+        "value",
+        "value",
+        "value",
+        lambda w: rounded_to_sd(_shown(w[0], w[0].value), _shown(w[0], w[0].sd)),
+    ),
+    Column(lambda w: w[0].sd, "sd", "sd", "sd", lambda w: number(_shown(w[0], w[0].sd), 2)),
+    Column(lambda w: w[0].low, "low", "90 % from", text=lambda w: _low(w[0])),
+    Column(lambda w: w[0].high, "high", "to", text=lambda w: _high(w[0])),
+    Column(
+        lambda w: (w[0].low, w[0].high),
+        brief="90 % interval",
+        text=lambda w: f"{_low(w[0])} to {_high(w[0])}",
+    ),
+    Column(lambda w: w[0].open_low, "open_low"),
+    Column(lambda w: w[0].open_high, "open_high"),
+    Column(lambda w: w[0].parameter.unit, "unit", "unit", "unit", lambda w: display_unit(w[0].unit).symbol),
+    Column(lambda w: w[0].plausible, "plausible"),
+    Column(lambda w: w[0].at_limit, "at_limit"),
+    Column(lambda w: w[0].includes_neutral, "includes_neutral"),
+    Column(lambda w: w[0].doubts, head=" ", text=lambda w: ", ".join(w[0].doubts)),
+)
+FLOOR_COLUMNS: tuple[Column[Floor], ...] = (
+    Column(lambda f: f.value, "value"),
+    Column(lambda f: f.unit, "unit"),
+    Column(lambda f: f.source, "source"),
+    Column(lambda f: f.se, "se"),
+)
+
+
+def _shown(one: Estimate, value: float) -> float:
+    """An SI value of a parameter in its display unit."""
+    return value * display_unit(one.unit).factor
+
+
+def _low(one: Estimate) -> str:
+    return "…" if one.open_low else number(_shown(one, one.low), 3)
+
+
+def _high(one: Estimate) -> str:
+    return "…" if one.open_high else number(_shown(one, one.high), 3)
+
+
+def _written(found: Uncertainty, values: Mapping[str, float] | None) -> list[Written]:
+    return [(one, one.value if values is None else values[one.name]) for one in found.estimates]
+
+
+def parameters_json(found: Uncertainty | None, values: Mapping[str, float] | None = None) -> dict[str, Any]:
+    """By ``kind.name``; `values` are those of a written study where they are rounded."""
+    if found is None:
+        return {}
+    return {one[0].name: as_json(PARAMETER_COLUMNS, one) for one in _written(found, values)}
+
+
+def parameters_brief(found: Uncertainty) -> Table:
+    """Value, uncertainty and interval of each parameter, for the terminal."""
+    return brief_table(PARAMETER_COLUMNS, _written(found, None))
+
+
+def parameters_table(found: Uncertainty, title: str, note: str) -> Table:
+    """The same for the page, with what is to be doubted."""
+    return page_table(title, PARAMETER_COLUMNS, _written(found, None), note)
+
+
+def doubtful(found: Uncertainty) -> list[str]:
+    """What speaks against values, a sentence each."""
+    return [f"{one.name}: {doubt}" for one in found.estimates for doubt in one.doubts]
+
+
+def floors_json(floors: Mapping[str, Floor]) -> dict[str, Any]:
+    """Noise floor of each output."""
+    return {name: as_json(FLOOR_COLUMNS, floor) for name, floor in floors.items()}
+
+
+def errors_json(found: Score) -> dict[str, Any]:
+    """RMS error of each output in its SI unit."""
+    return {name: {"rmse": value, "unit": si_unit(name)} for name, value in found.rmse.items()}
+
+
+def next_run_json(found: NextRun | None, file: str | None = None) -> dict[str, Any] | None:
+    """A proposed run; `file` is its protocol file."""
+    if found is None:
+        return None
+    return {
+        "run": found.run,
+        "why": found.why,
+        "separates": [[list(a), list(b)] for a, b in found.separates],
+        "minutes": found.minutes,
+        "name": found.name,
+        "expected": found.expected,
+        "ranked": [asdict(one) for one in found.ranked],
+        "file": file,
+    }
+
+
+def warned(registry: Registry, remarks: Sequence[str], asked: Sequence[str] = ()) -> tuple[Warned, ...]:
+    """Remarks as warnings: shipped effects that the chain cannot have stand together, unless asked for by name."""
+    shipped = {
+        component.kind
+        for component in registry.components
+        if component.interface == "effect" and component.implementation.startswith("pliant_plugins.")
+    } - set(asked)
+    plain, impossible = [], {}
+    for remark in remarks:
+        left = LEFT_OUT.match(remark)
+        if left is not None and left[1] in shipped:
+            impossible[left[1]] = remark
+        else:
+            plain.append(Warned(remark))
+    if impossible:
+        sentence = f"effects that this chain cannot have (the report says why): {', '.join(impossible)}."
+        plain.append(Warned(sentence, tuple(impossible.values()), folded=True))
+    return tuple(plain)
+
+
+def parameter_word(parameter: str, unit: str) -> str:
+    """A parameter's name without the unit that stands behind its value."""
+    for suffix, of in (("_pa", "Pa"), ("_rad", "rad"), ("_s", "s"), ("_per_k", "K^-1")):
+        if unit == of:
+            parameter = parameter.removesuffix(suffix)
+    return parameter.replace("_", " ")
+
+
+def strength_text(value: float, unit: str) -> str:
+    """A strength in its display unit."""
+    return display_unit(unit).text(value, 2)
+
+
+def value_text(value: float, sd: float, si: str) -> str:
+    """Value ± standard deviation with the unit, the value to the decimal at which it is not sure."""
+    return with_sd(value, sd, display_unit(si))
+
+
+def estimate_text(one: Estimate) -> str:
+    """``0.213 ± 0.004``, and whether it is implausible or at its bound."""
+    flags = [*([] if one.plausible else ["implausible"]), *(["at its bound"] if one.at_limit else [])]
+    flagged = f" ({', '.join(flags)})" if flags else ""
+    return value_text(one.value, one.sd, one.parameter.unit) + flagged
+
+
+def implausible_text(one: Estimate) -> str:
+    """That a value lies outside its plausible range, and what that means."""
+    plausible, unit = one.parameter.plausible, one.parameter.unit
+    low, high = (strength_text(value, unit) for value in plausible)
+    beyond = max(plausible[0] - one.value, one.value - plausible[1])
+    means = (
+        ", but not by more than its own uncertainty"
+        if beyond < CLOSE * one.sd
+        else ": the number stands in for something that the model lacks"
+    )
+    value = value_text(one.value, one.sd, unit)
+    return f"The fitted {one.name}, {value}, is outside its plausible range, {low} to {high}{means}."
+
+
+def probability_text(share: float) -> str:
+    """A probability; what is nearly sure is not called sure."""
+    return "over 99 %" if share > 0.99 else whole_percent(share)

@@ -1,0 +1,138 @@
+"""The runs to do next as a document: after a measurement that did not decide, or before anything is measured."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from pliant.diagnosis.design import RunDesign
+from pliant.diagnosis.diagnosis import Diagnosis
+from pliant.diagnosis.interpretation import headline
+from pliant.diagnosis.next_run import NextRun, RankedRun
+from pliant.diagnosis.verdict import named
+from pliant.experiments.planned_run import PlannedRun
+from pliant.formatting import listed, plural
+from pliant.records.measurement import Measurement
+from pliant.report.document import Column, Document, Table, as_json, brief_table
+from pliant.report.fitted import next_run_json
+
+KIND = "Pliant: what to measure next"
+MOST_RANKED = 6
+ONE_LEFT = "One explanation is left: no further run is needed to decide."
+NO_LISTED = (
+    "No listed effect explains the error, so that no run can decide between them; 'pliant diagnose' tells what it "
+    "depends on."
+)
+NONE_SHOWS = "No run of the menu shows any of these effects; list other runs under 'protocols:' in the study."
+RUN_COLUMNS: tuple[Column[PlannedRun], ...] = (
+    Column(lambda run: run.name, "name"),
+    Column(lambda run: run.words, "run"),
+    Column(lambda run: run.minutes, "minutes"),
+)
+RANKED_COLUMNS: tuple[Column[RankedRun], ...] = (
+    Column(lambda run: run.name, brief="run"),
+    Column(lambda run: run.minutes, brief="minutes", text=lambda run: f"{run.minutes:g}"),
+    Column(
+        lambda run: run.gain_per_minute, brief="nats a minute", text=lambda run: f"{run.gain_per_minute:.3f}"
+    ),
+    Column(lambda run: run.expected, brief="right after it", text=lambda run: f"{run.expected:.0%}"),
+)
+
+
+def plan_document(
+    title: str,
+    measurement: Measurement,
+    found: Diagnosis,
+    chosen: Sequence[NextRun],
+    files: Sequence[str],
+    remark: str = "",
+) -> Document:
+    """The runs that decide between what a diagnosis leaves.
+
+    Args:
+        title: the study's name.
+        measurement: what was diagnosed.
+        found: what came of it.
+        chosen: the runs, the best first.
+        files: their protocol files.
+        remark: why none was chosen although several explanations are left.
+    """
+    lines: list[Table | str] = [headline(found)]
+    if chosen:
+        lines.append(brief_table(RANKED_COLUMNS, chosen[0].ranked[:MOST_RANKED]))
+    for one, file in zip(chosen, files, strict=True):
+        lines += [f"{one.name} ({one.minutes:g} min): {one.run}", f"  {one.why}"]
+        for a in dict.fromkeys(a for a, _ in one.separates):
+            others = listed([named(b) for c, b in one.separates if c == a])
+            lines.append(f"  expected to tell {named(a)} from {others}")
+        lines.append(f"  file   {file}")
+    none = remark or (NO_LISTED if found.verdict == "unknown_effect" else ONE_LEFT)
+    return Document(
+        kind=KIND,
+        title=title,
+        sentence="" if chosen else none,
+        data={
+            "data": measurement.source,
+            "data_sha256": measurement.sha256,
+            "verdict": found.verdict,
+            "credible_set": [list(one) for one in found.judgement.credible],
+            "runs": [next_run_json(one, file) for one, file in zip(chosen, files, strict=True)],
+            "minutes": sum(one.minutes for one in chosen),
+            "remarks": [*found.remarks, *([remark] if remark else [])],
+        },
+        brief=tuple(lines),
+    )
+
+
+def design_document(title: str, found: RunDesign, files: Sequence[str]) -> Document:
+    """The fewest runs that tell effects apart, before anything is measured; `files` are their protocol files."""
+    lines: list[Table | str] = [_signals(found)] if found.chosen else []
+    for number, (k, count, file) in enumerate(zip(found.chosen, found.parts[1:], files, strict=True), 1):
+        run = found.runs[k]
+        lines.append(f"run {number}: {run.name} ({run.minutes:g} min): {run.words}")
+        lines.append(f"  {plural(count, 'group')} of effects told apart so far; file   {file}")
+    whole = (
+        f"{plural(len(found.chosen), 'run')}, {found.minutes:g} min: "
+        f"{plural(found.parts[-1], 'group')} of {plural(len(found.snr), 'effect')}."
+    )
+    return Document(
+        kind=KIND,
+        title=title,
+        sentence=whole if found.chosen else NONE_SHOWS,
+        data=design_json(found, files),
+        brief=tuple(lines),
+        closing=(
+            whole,
+            *(f"not told apart: {listed(list(part))}" for part in found.together),
+            *([f"shown by none of these runs: {listed(list(found.silent))}"] if found.silent else []),
+        )
+        if found.chosen
+        else (),
+    )
+
+
+def design_json(found: RunDesign, files: Sequence[str]) -> dict[str, Any]:
+    """The keys of docs/plan_the_next_experiment.md without data."""
+    menu = [
+        {**as_json(RUN_COLUMNS, run), "snr": {kind: values[k] for kind, values in found.snr.items()}}
+        for k, run in enumerate(found.runs)
+    ]
+    runs = [
+        {**as_json(RUN_COLUMNS, found.runs[k]), "groups": count, "file": file}
+        for k, count, file in zip(found.chosen, found.parts[1:], files, strict=True)
+    ]
+    return {
+        "menu": menu,
+        "runs": runs,
+        "minutes": found.minutes,
+        "classes": [{"kinds": list(part)} for part in found.together],
+        "not_shown": list(found.silent),
+        "not_tried": dict(found.not_tried),
+    }
+
+
+def _signals(found: RunDesign) -> Table:
+    """Effects × chosen runs: change over the noise at the end of the plausible range."""
+    head = ["change / noise", *(f"run {number}" for number in range(1, len(found.chosen) + 1))]
+    rows = [[kind, *(f"{values[k]:.1f}" for k in found.chosen)] for kind, values in sorted(found.snr.items())]
+    return Table("", head, rows)

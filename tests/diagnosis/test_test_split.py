@@ -1,0 +1,89 @@
+"""What is put aside, and that nothing of it is seen."""
+
+import numpy as np
+from tests.diagnosis.bench_files import histories
+from tests.diagnosis.quick import blank, measurement_of
+
+from pliant.diagnosis.test_split import lock
+from pliant.measurements.floors import noise_floors
+from pliant.measurements.repeats import repeat_groups
+from pliant.records.history import History
+
+
+def zeros(repeats=2):
+    return blank(histories(repeats))
+
+
+def test_about_a_quarter_of_the_runs():
+    for repeats in (1, 2, 3):
+        measurement = zeros(repeats)
+        assert 0.15 <= len(lock(measurement).runs) / len(measurement.runs) <= 0.34
+
+
+def test_readings_are_hidden_and_inputs_are_kept():
+    measurement = zeros()
+    found = lock(measurement)
+    for k, (run, hidden) in enumerate(zip(measurement.runs, found.training.runs, strict=True)):
+        assert hidden.history is run.history
+        assert np.isnan(hidden.outputs["angle_rad"]).all() == (k in found.runs)
+
+
+def test_one_condition_is_unseen_and_another_has_one_repeat_locked():
+    measurement = zeros()
+    found = lock(measurement)
+    groups = [set(group.runs) for group in repeat_groups(measurement)]
+    whole = [group for group in groups if group <= set(found.runs)]
+    assert len(whole) == 1 and set(found.unseen) == whole[0]
+    assert any(len(group & set(found.runs)) == 1 for group in groups)
+
+
+def test_training_keeps_repeats_to_see_its_noise_by():
+    measurement = zeros()
+    rng = np.random.default_rng(0)
+    noisy = measurement_of(
+        [run.history for run in measurement.runs],
+        [{"angle_rad": rng.normal(0, 0.01, len(run))} for run in measurement.runs],
+    )
+    floor = noise_floors(lock(noisy).training)["angle_rad"]
+    assert floor.source == "repeats" and floor.n_groups >= 2
+    assert abs(floor.value / 0.01 - 1) < 0.1
+
+
+def test_readings_do_not_decide():
+    measurement = zeros()
+    other = measurement_of(
+        [run.history for run in measurement.runs],
+        [{"angle_rad": np.full(len(run), float(k))} for k, run in enumerate(measurement.runs)],
+    )
+    assert lock(other).runs == lock(measurement).runs
+
+
+def test_what_is_alone_in_its_circumstances_stays_in_training():
+    """The only orientation, the only load, a new specimen."""
+    measurement = zeros()
+    names = [measurement.runs[k].name for k in lock(measurement).unseen]
+    assert not any(name.startswith(("level", "pressed", "virgin")) for name in names)
+
+
+def test_three_runs_are_too_few():
+    measurement = blank(histories(1)[:3])
+    found = lock(measurement)
+    assert found.runs == () and found.training is measurement
+    assert "too few" in found.why
+
+
+def test_runs_without_readings_are_not_put_aside():
+    measurement = zeros()
+    silent = lock(measurement).runs
+    again = lock(lock(measurement).training)
+    assert not set(silent) & set(again.runs)
+
+
+def test_where_every_run_is_needed_none_is_put_aside_and_a_sentence_says_so():
+    """Four runs of a table, each under a load of its own."""
+    drive = {"pressure_pa": np.linspace(0, 15e3, 7)}
+    runs = [History.of(drive, run=f"force {k}", tip_force_n=[0.1 * k, 0, 0]) for k in range(4)]
+    found = lock(blank(runs))
+    assert found.runs == ()
+    assert found.why.startswith("None of the 4 runs could be put aside")
+    assert "()" not in found.why
