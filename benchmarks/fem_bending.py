@@ -16,6 +16,7 @@ import time
 from typing import Any
 
 import numpy as np
+from benchmarks.families.published_y import solver_of
 from benchmarks.output import REFERENCE, parser_of, reference_table, write
 from scipy.interpolate import CubicSpline
 from scipy.optimize import minimize_scalar
@@ -23,9 +24,7 @@ from scipy.optimize import minimize_scalar
 from pliant.errors import MissingDependencyError
 from pliant.records.fem import FemState
 from pliant_plugins.families.bellow_bending.family import BellowBending, BellowBendingConfig
-from pliant_plugins.fem.skfem.backend import Skfem, SkfemSolver
-from pliant_plugins.fem.skfem.config import SkfemConfig
-from pliant_plugins.materials.neo_hookean import NeoHookean, NeoHookeanConfig
+from pliant_plugins.fem.skfem.backend import SkfemSolver
 
 MU = 248e3
 PRESSURES = (500.0, 1e3, 2e3, 3e3, 4.5e3, 6e3, 8e3, 10e3, 12e3, 14e3, 16e3)
@@ -35,9 +34,7 @@ def solver(refinement: int = 1, **options: Any) -> SkfemSolver:
     """A solver of the reference design: r 2, R 6, t 1.5, l 11 mm."""
     lengths = {"inner_radius": 2e-3, "average_radius": 6e-3, "wall": 1.5e-3, "module_length": 11e-3}
     family = BellowBending(BellowBendingConfig.model_validate(lengths))
-    config = SkfemConfig.model_validate({"pressure_max_pa": 16e3, **options})
-    material = NeoHookean(NeoHookeanConfig(shear_modulus_pa=MU))
-    return Skfem(config).solver(family.problem(refinement), material)
+    return solver_of(family.problem(refinement), MU, **{"pressure_max_pa": 16e3, **options})
 
 
 def free_branch(model: SkfemSolver, pressures: tuple[float, ...] = PRESSURES) -> list[FemState]:

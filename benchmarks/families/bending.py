@@ -19,6 +19,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from benchmarks.families.published_y import solver_of
 from benchmarks.output import REFERENCE, Bar, parser_of, reference_table, write
 from scipy.interpolate import CubicHermiteSpline
 from scipy.optimize import minimize_scalar
@@ -26,11 +27,9 @@ from scipy.optimize import minimize_scalar
 from pliant.records.design import Array
 from pliant.records.fem import FemState
 from pliant_plugins.families.bellow_bending.family import BellowBending, BellowBendingConfig
-from pliant_plugins.fem.skfem.backend import Skfem, SkfemSolver
+from pliant_plugins.fem.skfem.backend import SkfemSolver
 from pliant_plugins.fem.skfem.condense import Control
-from pliant_plugins.fem.skfem.config import SkfemConfig
 from pliant_plugins.fem.skfem.newton import Equilibrium
-from pliant_plugins.materials.neo_hookean import NeoHookean, NeoHookeanConfig
 
 TABLE = REFERENCE / "bellow_bending_fem.csv"
 LENGTHS = {"inner_radius": 2e-3, "average_radius": 6e-3, "wall": 1.5e-3, "module_length": 11e-3}
@@ -64,8 +63,7 @@ class Published:
 
 def solver(mu: float, refinement: int, dilatation: str) -> SkfemSolver:
     problem = BellowBending(BellowBendingConfig.model_validate(LENGTHS)).problem(refinement)
-    config = SkfemConfig.model_validate({"pressure_max_pa": 16.5e3, "dilatation": dilatation})
-    return Skfem(config).solver(problem, NeoHookean(NeoHookeanConfig(shear_modulus_pa=mu)))
+    return solver_of(problem, mu, pressure_max_pa=16.5e3, dilatation=dilatation)
 
 
 def fitted(published: Published, refinement: int, dilatation: str) -> dict[str, Any]:

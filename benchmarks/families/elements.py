@@ -16,15 +16,13 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from benchmarks.families.published_y import solver_of
 from benchmarks.output import Bar, parser_of, write
 
 from pliant.interfaces.family import ActuatorFamily
 from pliant.records.design import Array
 from pliant.records.fem import FemState
-from pliant_plugins.fem.skfem.backend import Skfem
-from pliant_plugins.fem.skfem.config import SkfemConfig
 from pliant_plugins.manifest import pliant_components
-from pliant_plugins.materials.neo_hookean import NeoHookean, NeoHookeanConfig
 
 MU_PA = 240e3
 LARGEST = {"pressure_pa": 15e3, "tendon_force_n": 2.0}
@@ -62,8 +60,7 @@ def family_of(kind: str) -> ActuatorFamily:
 def solve(family: ActuatorFamily, refinement: int, element: str) -> Figures:
     """Free branch upwards, then blocked states from rest, then one in between."""
     problem = family.problem(refinement)
-    config = SkfemConfig.model_validate({"pressure_max_pa": 15e3, "dilatation": element})
-    solver = Skfem(config).solver(problem, NeoHookean(NeoHookeanConfig(shear_modulus_pa=MU_PA)))
+    solver = solver_of(problem, MU_PA, pressure_max_pa=15e3, dilatation=element)
     levels = [share * LARGEST[problem.actuation] for share in SHARES]
     begun = time.process_time()
     free, blocked = (

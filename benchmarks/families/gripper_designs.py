@@ -12,6 +12,7 @@ from __future__ import annotations
 import time
 
 import numpy as np
+from benchmarks.families.published_y import solver_of
 from benchmarks.output import REFERENCE, Bar, parser_of, reference_table, write
 from scipy.interpolate import CubicHermiteSpline
 from scipy.optimize import minimize_scalar
@@ -19,9 +20,6 @@ from scipy.optimize import minimize_scalar
 from pliant.errors import InvalidDesignError
 from pliant.interfaces.fem import StateNotConvergedError
 from pliant_plugins.families.bellow_bending.family import BellowBending, BellowBendingConfig
-from pliant_plugins.fem.skfem.backend import Skfem
-from pliant_plugins.fem.skfem.config import SkfemConfig
-from pliant_plugins.materials.neo_hookean import NeoHookean, NeoHookeanConfig
 
 PRESSURE_KPA = 10.0
 MU_PA = 249e3  # the states are solved with this one
@@ -48,8 +46,7 @@ def free_curve(row: dict[str, float]) -> tuple[CubicHermiteSpline, int]:
         "module_length": row["l"] / 1e3,
     }
     family = BellowBending(BellowBendingConfig.model_validate(lengths))
-    backend = Skfem(SkfemConfig(pressure_max_pa=15e3))
-    solver = backend.solver(family.problem(), NeoHookean(NeoHookeanConfig(shear_modulus_pa=MU_PA)))
+    solver = solver_of(family.problem(), MU_PA, pressure_max_pa=15e3)
     states = [solver.rest()]
     for level in LEVELS:
         states.append(solver.free(1e3 * PRESSURE_KPA * level, states[-1]))

@@ -7,6 +7,7 @@ states, solved at μ₀, serves every modulus.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from benchmarks.output import REFERENCE, reference_table
@@ -14,10 +15,9 @@ from scipy.interpolate import CubicSpline, RectBivariateSpline
 from scipy.optimize import minimize_scalar
 
 from pliant.errors import NotReachedError
-from pliant.interfaces.fem import ModuleSolver
 from pliant.records.design import Array
 from pliant.records.fem import ModuleProblem
-from pliant_plugins.fem.skfem.backend import Skfem
+from pliant_plugins.fem.skfem.backend import Skfem, SkfemSolver
 from pliant_plugins.fem.skfem.config import SkfemConfig
 from pliant_plugins.materials.neo_hookean import NeoHookean, NeoHookeanConfig
 
@@ -51,10 +51,11 @@ def published() -> Published | None:
     return Published(*columns, free=np.arange(len(columns[0])) < 31)
 
 
-def solver_of(problem: ModuleProblem, mu_pa: float = MU) -> ModuleSolver:
-    """The default backend with neo-Hookean rubber, ν = 0.49."""
+def solver_of(problem: ModuleProblem, mu_pa: float = MU, **options: Any) -> SkfemSolver:
+    """The default backend, with options of its own, and neo-Hookean rubber, ν = 0.49."""
     material = NeoHookean(NeoHookeanConfig(shear_modulus_pa=mu_pa))
-    return Skfem(SkfemConfig(pressure_max_pa=20e3)).solver(problem, material)
+    config = SkfemConfig.model_validate(options or {"pressure_max_pa": 20e3})
+    return Skfem(config).solver(problem, material)
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,6 +18,7 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
+from benchmarks.families.published_y import solver_of
 from benchmarks.families.tendon_data import (
     TENDON_AT_REST_M,
     Array,
@@ -32,10 +33,8 @@ from scipy.optimize import minimize_scalar
 
 from pliant.interfaces.fem import StateNotConvergedError
 from pliant_plugins.families.tendon_joint.family import TendonJoint, TendonJointConfig
-from pliant_plugins.fem.skfem.backend import Skfem, SkfemSolver
-from pliant_plugins.fem.skfem.config import SkfemConfig
+from pliant_plugins.fem.skfem.backend import SkfemSolver
 from pliant_plugins.manifest import TENDON_JOINT
-from pliant_plugins.materials.neo_hookean import NeoHookean, NeoHookeanConfig
 
 OFFSETS_MM = (5.2, 8.2)  # where the offset is sought
 STEEPEST_RAD = 1.05  # free curves are solved so far
@@ -82,9 +81,8 @@ class Joint:
         return TendonJoint(TendonJointConfig.model_validate({**TENDON_JOINT, **lengths}))
 
     def solver(self, offset_m: float) -> SkfemSolver:
-        material = NeoHookean(NeoHookeanConfig(shear_modulus_pa=self.unit_pa))
-        config = SkfemConfig.model_validate({"tendon_force_max_n": 8.0})
-        return Skfem(config).solver(self.family(offset_m).problem(self.refinement), material)
+        problem = self.family(offset_m).problem(self.refinement)
+        return solver_of(problem, self.unit_pa, tendon_force_max_n=8.0)
 
     def free_curve(self, offset_m: float) -> CubicHermiteSpline:
         """Free angle by T · unit/μ, from exact slopes; it ends before the joint snaps shut."""
