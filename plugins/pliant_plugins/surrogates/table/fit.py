@@ -21,6 +21,7 @@ from pliant.errors import UserError
 from pliant.records.design import Array
 from pliant.records.fem import FemDataset
 from pliant.records.law import Domain
+from pliant_plugins.surrogates.stability import affordable
 from pliant_plugins.surrogates.table import spline
 
 # Of slopes by coordinates in [0, 1]: they are steeper than the values and would rule the fit.
@@ -32,7 +33,6 @@ FINER = (0.01, 0.1, 1.0, 10.0, 100.0)
 LEVEL = 1e-3  # states closer than this share of the range stand on one level
 RIDGE = 1e-12
 # Falling everywhere may cost this factor and share of the range; snap-through that is in the data costs more.
-STABILITY_PRICE = (3.0, 2e-3)
 FLATTEST = 0.02  # of the mean slope: what a law that must fall keeps everywhere
 PUSH, PUSHES = 1e3, 60
 
@@ -84,7 +84,7 @@ def fit_table(data: FemDataset, domain: Domain) -> Smoothed:
     found, forced = free, False
     if system.rises(free):
         fallen, rmse = system.falling(best), system.rmse_of_fitted
-        if rmse(fallen) <= STABILITY_PRICE[0] * max(error(best), rmse(free)) + STABILITY_PRICE[1]:
+        if rmse(fallen) <= affordable(max(error(best), rmse(free))):
             found, forced = fallen, True
     table = found.reshape(system.shape) * system.range
     log = tuple((*s, e) for s, e in tried.items())
