@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pliant.pipeline.meta_model.bars import Bars, _Axis
+from pliant.pipeline.meta_model.error_bars import Bars, _Axis
 from pliant.records.error_bar import ErrorBar
 from pliant.records.law import Domain
 from pliant.testing.samples import linear_law
