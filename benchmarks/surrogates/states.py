@@ -21,13 +21,12 @@ sampler's, u from −0.5 to 1.2 times the largest free angle, and the published 
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from benchmarks.physics.output import OUT, Bar, write
+from benchmarks.output import OUT, Bar, parser_of, write
 from benchmarks.surrogates.held_out import table
 from benchmarks.surrogates.states_least_squares import KINDS as BASELINE_KINDS
 from benchmarks.surrogates.states_least_squares import data_of, least_squares
@@ -182,9 +181,7 @@ def show(kind: str, found: dict[str, Curve]) -> None:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = parser_of(__doc__)
     parser.add_argument("--skip-least-squares", action="store_true")
     options = parser.parse_args()
     designs = other_designs()
@@ -217,7 +214,7 @@ def main() -> None:
                 for name, curve in found.items()
                 for k, m in enumerate(("RMS", "worst"))
             ]
-    print("", *bars, sep="\n")
+    print()
     write("surrogate_states", results, bars)
 
 
