@@ -10,14 +10,13 @@ Prints the table and writes benchmarks/out/elements.json.
 
 from __future__ import annotations
 
-import argparse
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from benchmarks.physics.output import Bar, write
+from benchmarks.output import Bar, parser_of, write
 
 from pliant.interfaces.family import ActuatorFamily
 from pliant.records.design import Array
@@ -134,9 +133,7 @@ def study(kind: str, refinements: int) -> dict[str, Any]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = parser_of(__doc__)
     parser.add_argument("families", nargs="*", default=["bellow_bending"])
     parser.add_argument("--refinement", type=int, default=2)
     arguments = parser.parse_args()
@@ -146,8 +143,6 @@ def main() -> None:
         at = {(row["refinement"], row["element"]): row["free"][-1] for row in result["rows"]}
         gap = 100 * abs(at[1, "cell"] / at[1, "continuous"] - 1)
         bars.append(Bar(f"{kind}: cell against continuous, free at the end", gap, 0.3, "%", True))
-    for bar in bars:
-        print(bar)
     write("elements", {"shear_modulus_pa": MU_PA, "families": results}, bars)
 
 

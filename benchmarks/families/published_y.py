@@ -6,11 +6,10 @@ states, solved at μ₀, serves every modulus.
 
 from __future__ import annotations
 
-import csv
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
+from benchmarks.output import REFERENCE, reference_table
 from scipy.interpolate import CubicSpline, RectBivariateSpline
 from scipy.optimize import minimize_scalar
 
@@ -22,8 +21,7 @@ from pliant_plugins.fem.skfem.backend import Skfem
 from pliant_plugins.fem.skfem.config import SkfemConfig
 from pliant_plugins.materials.neo_hookean import NeoHookean, NeoHookeanConfig
 
-ROOT = Path(__file__).resolve().parents[2]
-CURVE = ROOT / "../shared/data/reference/helical_y_fem_R5.66_l4.72.csv"
+CURVE = REFERENCE / "helical_y_fem_R5.66_l4.72.csv"
 MU = 200e3
 PRESSURES = (4e3, 8e3, 12e3, 16e3)
 LOW, HIGH = (
@@ -46,12 +44,11 @@ class Published:
 
 def published() -> Published | None:
     """The data, or None where the folder is absent."""
-    if not CURVE.exists():
+    table = reference_table(CURVE.name)
+    if table is None:
         return None
-    with CURVE.open() as file:
-        rows = np.array([[float(v) for v in row.values()] for row in csv.DictReader(file)])
-    free = np.arange(len(rows)) < 31
-    return Published(*rows.T, free=free)
+    columns = list(table.values())
+    return Published(*columns, free=np.arange(len(columns[0])) < 31)
 
 
 def solver_of(problem: ModuleProblem, mu_pa: float = MU) -> ModuleSolver:

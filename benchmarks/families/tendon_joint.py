@@ -13,7 +13,6 @@ Prints the table and writes benchmarks/out/tendon_joint.json.
 
 from __future__ import annotations
 
-import argparse
 import time
 from dataclasses import asdict, dataclass, replace
 from typing import Any
@@ -27,7 +26,7 @@ from benchmarks.families.tendon_data import (
     published,
     published_arm_m,
 )
-from benchmarks.physics.output import write
+from benchmarks.output import parser_of, write
 from scipy.interpolate import CubicHermiteSpline
 from scipy.optimize import minimize_scalar
 
@@ -232,7 +231,7 @@ def study(stated: Stated, refinement: int, data: Published) -> tuple[Joint, Fitt
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description="The tendon joint against the published FEM.")
+    parser = parser_of(__doc__)
     parser.add_argument("--refinement", type=int, default=1)
     parser.add_argument("--finest", type=int, default=3, help="largest refinement of the convergence table")
     parser.add_argument("--sensitivity", action="store_true", help="other stated values too (minutes)")

@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from benchmarks.output import Bar, ratio
 from benchmarks.physics import closed_paths, cosserat, designs, helix, published
 from benchmarks.physics.frames import UnmappedLaw
 from benchmarks.physics.network import fit_errors, network_law
-from benchmarks.physics.output import Bar, ratio
 from benchmarks.physics.random_designs import random_cases
 
 from pliant.interfaces.physics import Simulation
