@@ -8,7 +8,7 @@ of them are scored on scattered states, as shares of the effort's range. Estimat
 - process: Π is a cubic plus a Gaussian process (`states_process`), its lengths the likeliest for the k states;
 - process, lengths of others: lengths likeliest for every fourth design of examples/designs/bending_grid.csv, of which
   this module is none;
-- polynomial, held back: all terms of Π, held back by the evidence of the k states (`shrinkage.prior_of`);
+- polynomial, held back: all terms of Π, held back by the evidence of the k states (`posterior.prior_of`);
 - Polynomial: the surrogate as users have it, which may choose fewer terms instead and wants 6 states at least;
 - least squares: sets of terms, chosen by states left out (a user can) and by the check states (the bound), with states
   chosen for each set apart (`states_least_squares`).

@@ -258,7 +258,7 @@ def is_deterministic(subject: Subject) -> None:
     )
 
 
-def _spoiled(data: ModuleData, rows: NDArray[np.bool_], status: str | None = None) -> ModuleData:
+def _altered(data: ModuleData, rows: NDArray[np.bool_], status: str | None = None) -> ModuleData:
     """Other efforts in some states, and another status."""
     tau = np.where(rows[:, None], 1.5 * data.tau + 1e-3, data.tau)
     return replace(data, tau=tau, status=data.status if status is None else _marked(data, rows, status))
@@ -271,7 +271,7 @@ def _marked(data: ModuleData, rows: NDArray[np.bool_], status: str) -> NDArray[n
 @suite.check('the fit does not see states of role "check".')
 def check_states_are_not_fitted(subject: Subject) -> None:
     designs = _few(subject)
-    data = tuple(_spoiled(one, one.role == "check") for one in designs.data)
+    data = tuple(_altered(one, one.role == "check") for one in designs.data)
     _same_laws(
         subject,
         designs,
@@ -289,12 +289,12 @@ def untrusted_states_are_not_fitted(subject: Subject) -> None:
             (one.branch == "constrained") & (one.actuation > 0.9 * PRESSURE_PA) & (one.deformation[:, 0] < 0)
         )
         honest = replace(one, status=_marked(one, rows, SELF_CONTACT))
-        pairs.append((honest, _spoiled(one, rows, SELF_CONTACT)))
-    honest_data, spoiled_data = (tuple(column) for column in zip(*pairs, strict=True))
+        pairs.append((honest, _altered(one, rows, SELF_CONTACT)))
+    honest_data, altered_data = (tuple(column) for column in zip(*pairs, strict=True))
     _same_laws(
         subject,
         replace(designs, data=honest_data),
-        replace(designs, data=spoiled_data),
+        replace(designs, data=altered_data),
         "the laws changed when only the efforts of states in self-contact did",
     )
 

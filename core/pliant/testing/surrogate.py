@@ -84,8 +84,8 @@ def reports_its_errors_honestly(subject: Subject) -> None:
 @suite.check('the fit does not see states of role "check".')
 def check_states_are_not_fitted(subject: Subject) -> None:
     data = _data(subject)
-    spoiled = np.where(data.role == "check", 1.5 * data.moment_n_m + 1e-3, data.moment_n_m)
-    law = _surrogate(subject).fit(replace(data, moment_n_m=spoiled)).law
+    altered = np.where(data.role == "check", 1.5 * data.moment_n_m + 1e-3, data.moment_n_m)
+    law = _surrogate(subject).fit(replace(data, moment_n_m=altered)).law
     p, u = _points(data)
     require(
         np.array_equal(law.evaluate(p, u).tau, _fitted(subject).law.evaluate(p, u).tau),

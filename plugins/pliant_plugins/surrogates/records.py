@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from pliant.errors import UserError
 from pliant.records.design import Array
 from pliant.records.error_bar import ErrorBar
 from pliant.records.law import Domain, JointLaw, LawRecord
@@ -21,6 +22,12 @@ def law_record(kind: str, law: JointLaw, arrays: Mapping[str, Array], **values: 
     }
     named = {"joint": law.joint, "axes": list(law.axes), "actuation_name": law.actuation_name}
     return LawRecord(kind, {**named, **values}, {**arrays, **shared})
+
+
+def require_kind(record: LawRecord, kind: str) -> None:
+    """Raise `UserError` for the record of another surrogate."""
+    if record.kind != kind:
+        raise UserError(f"surrogate '{kind}' cannot read a law of kind '{record.kind}'")
 
 
 def shared_fields(record: LawRecord) -> dict[str, Any]:

@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 
-from pliant.errors import UserError
 from pliant.interfaces.surrogate import FittedLaw, Surrogate
 from pliant.records.fem import FemDataset, ModuleData
 from pliant.records.law import LawRecord
@@ -17,6 +16,7 @@ from pliant_plugins.surrogates.neural.system import States
 from pliant_plugins.surrogates.polynomial import scoring
 from pliant_plugins.surrogates.polynomial.states import effort_ranges, split
 from pliant_plugins.surrogates.polynomial.system import joint_of
+from pliant_plugins.surrogates.records import require_kind
 
 
 class Neural(Surrogate):
@@ -80,8 +80,7 @@ class Neural(Surrogate):
 
     def load(self, record: LawRecord) -> NeuralLaw:
         """The law of a record that `NeuralLaw.record` wrote."""
-        if record.kind != KIND:
-            raise UserError(f"surrogate '{KIND}' cannot read a law of kind '{record.kind}'")
+        require_kind(record, KIND)
         return NeuralLaw.of_record(record)
 
     def _details(self, found: Trained) -> dict[str, Any]:

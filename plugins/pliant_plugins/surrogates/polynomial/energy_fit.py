@@ -35,6 +35,7 @@ from pliant_plugins.surrogates.polynomial.energy_law import EnergyLaw
 from pliant_plugins.surrogates.polynomial.energy_system import EnergySystem, Solution, error_bar
 from pliant_plugins.surrogates.polynomial.scoring import report_axes
 from pliant_plugins.surrogates.polynomial.states import Mask, effort_ranges, split
+from pliant_plugins.surrogates.stability import affordable
 
 # More terms than this share of the equations are never worth while.
 MOST_TERMS = 0.5
@@ -42,8 +43,6 @@ MOST_TERMS = 0.5
 MAIN_FIRST = 30.0
 # Two term sets whose errors differ by less than this share of the range are equally good.
 NEGLIGIBLE = 1e-9
-# As in a fit of one axis: stability may cost a factor of 3 and 0.2 % of the range.
-STABILITY_PRICE = (3.0, 2e-3)
 STABILITY_GRID = (5, 7)  # levels in p, and in each u
 ALONE_GRID = (31, 61)
 FEWEST_ALONE = 6  # states of the main axis alone from which its terms are chosen
@@ -212,8 +211,7 @@ def _better(one: Candidate, other: Candidate) -> bool:
 def _fewest(candidates: list[Candidate]) -> Candidate:
     """The one-standard-error rule among laws that are stable over the box, if one of them is about as good."""
     by_error = sorted(candidates, key=lambda c: c.rmse)
-    affordable = STABILITY_PRICE[0] * by_error[0].rmse + STABILITY_PRICE[1]
-    near = (c for c in by_error if c.rmse <= affordable)
+    near = (c for c in by_error if c.rmse <= affordable(by_error[0].rmse))
     stable = next((c for c in near if c.largest_slope() < 0), None)
     best = stable or by_error[0]
     limit = best.rmse + best.rmse_se + NEGLIGIBLE

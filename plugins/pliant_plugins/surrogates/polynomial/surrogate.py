@@ -7,7 +7,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from pliant.errors import UserError
 from pliant.interfaces.surrogate import FittedLaw, Surrogate
 from pliant.records.fem import FemDataset, ModuleData
 from pliant.records.law import LawRecord
@@ -27,6 +26,7 @@ from pliant_plugins.surrogates.polynomial.study import (
     study_law,
 )
 from pliant_plugins.surrogates.polynomial.system import joint_of
+from pliant_plugins.surrogates.records import require_kind
 
 # An energy's degree is one more than its effort's; where walls meet, the main axis alone takes four more.
 MORE_IN_ENERGY = 5
@@ -135,8 +135,7 @@ class Polynomial(Surrogate):
 
     def load(self, record: LawRecord) -> PolynomialLaw | AxesLaw | EnergyLaw:
         """The law of a record that `PolynomialLaw.record`, `AxesLaw.record` or `EnergyLaw.record` wrote."""
-        if record.kind != KIND:
-            raise UserError(f"surrogate '{KIND}' cannot read a law of kind '{record.kind}'")
+        require_kind(record, KIND)
         if record.values.get("form") == "energy":
             return EnergyLaw.of_record(record)
         if record.values["joint"] == "spherical":

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pliant.errors import UserError
 from pliant.interfaces.surrogate import FittedLaw, Surrogate
 from pliant.records.error_bar import ErrorBar
 from pliant.records.fem import FemDataset
@@ -19,6 +18,7 @@ from pliant_plugins.surrogates.polynomial.axes import AXES, AxesLaw, fit_each
 from pliant_plugins.surrogates.polynomial.law import largest_slope
 from pliant_plugins.surrogates.polynomial.states import split
 from pliant_plugins.surrogates.polynomial.system import joint_of
+from pliant_plugins.surrogates.records import require_kind
 from pliant_plugins.surrogates.table.config import TableConfig
 from pliant_plugins.surrogates.table.fit import Smoothed, fit_table
 from pliant_plugins.surrogates.table.law import KIND, TableLaw
@@ -77,8 +77,7 @@ class Table(Surrogate):
 
     def load(self, record: LawRecord) -> JointLaw:
         """The law of a record that `TableLaw.record` or `AxesLaw.record` wrote."""
-        if record.kind != KIND:
-            raise UserError(f"surrogate '{KIND}' cannot read a law of kind '{record.kind}'")
+        require_kind(record, KIND)
         if record.values["joint"] == "spherical":
             return AxesLaw.of_record(record, TableLaw.of_record)
         return TableLaw.of_record(record)
