@@ -37,8 +37,8 @@ check: lint types imports test
 bench: bench-laws bench-physics bench-grasp  ## the figures of docs and notes, as JSON in benchmarks/out
 
 bench-laws: $(VENV)/.run  ## FEM and joint laws
-	$(BIN)/python benchmarks/fem_bending.py
-	$(BIN)/python benchmarks/law_error.py
+	$(BIN)/python -m benchmarks.fem_bending
+	$(BIN)/python -m benchmarks.law_error
 
 bench-surrogates: $(VENV)/.dev  ## laws and meta-models: accuracy on states and designs left out, error bars, few states, speed: an hour; the published tables stand in ../shared/data/reference
 	$(BIN)/python -m benchmarks.surrogates.laws

@@ -8,14 +8,12 @@ numpy, less so. Code is compiled before anything is timed.
 
 from __future__ import annotations
 
-import argparse
 import tempfile
-import time
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 from benchmarks.evidence.sets import SetSpec, make_set
+from benchmarks.output import parser_of, seconds_of
 
 from pliant import api
 
@@ -33,7 +31,7 @@ def reference_cpu_s() -> float:
         for _ in range(REFERENCE_PRODUCTS):
             product = matrix @ product
 
-    return cpu_s(products)
+    return seconds_of(products)[0]
 
 
 def diagnosis_cpu_s(robot: str, kind: str, seed: int, kinds: list[str] | None) -> tuple[float, str]:
@@ -47,20 +45,13 @@ def diagnosis_cpu_s(robot: str, kind: str, seed: int, kinds: list[str] | None) -
         predictor = api.predictor(opened, str(folder / "data.csv"))
         predictor.evaluate(())
         found: list[str] = []
-        spent = cpu_s(lambda: found.append(api.diagnose_with(predictor, kinds=kinds).verdict))
+        (spent,) = seconds_of(lambda: found.append(api.diagnose_with(predictor, kinds=kinds).verdict))
     return spent, found[0]
-
-
-def cpu_s(work: Callable[[], object]) -> float:
-    """CPU seconds of this process."""
-    start = time.process_time()
-    work()
-    return time.process_time() - start
 
 
 def main() -> None:
     """Print the table."""
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = parser_of(__doc__)
     parser.add_argument("--kinds", help="candidates, separated by commas; all by default")
     parser.add_argument("--seed", type=int, default=3)
     given = parser.parse_args()

@@ -19,8 +19,8 @@ from typing import Any
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import numpy as np
+from benchmarks.output import Bar, write
 from benchmarks.physics import helix
-from benchmarks.physics.output import Bar, write
 
 from pliant.errors import MissingDependencyError
 from pliant.interfaces.physics import PhysicsBackend
@@ -74,7 +74,6 @@ def main() -> None:
         "mm",
         at_most=True,
     )
-    print(bar)
     write("engines_agree", {"cases": results}, [bar])
 
 

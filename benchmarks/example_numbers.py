@@ -9,7 +9,6 @@ out. Exit code 1 where a number or a word differs.
 
 from __future__ import annotations
 
-import argparse
 import json
 import math
 import subprocess
@@ -18,6 +17,8 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
+
+from benchmarks.output import parser_of
 
 # A name, and the command line after `pliant`, without --json, --store and --out.
 COMMANDS: dict[str, tuple[str, ...]] = {
@@ -145,7 +146,7 @@ def _number(value: Any) -> bool:
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = parser_of(__doc__)
     verbs = parser.add_subparsers(dest="verb", required=True)
     saving = verbs.add_parser("save")
     saving.add_argument("folder", type=Path)

@@ -1,4 +1,4 @@
-"""Accuracy and speed of the bending bellow's FEM: python benchmarks/fem_bending.py
+"""Accuracy and speed of the bending bellow's FEM: python -m benchmarks.fem_bending
 
 (a) free bending of the reference design against the published curve, one shear modulus fitted
 (b) exact slopes against fourth-order differences of converged states
@@ -10,31 +10,22 @@ Prints the figures and writes them to benchmarks/out/fem_bending.json.
 
 from __future__ import annotations
 
-import argparse
-import csv
-import json
-import os
-import platform
 import statistics
 import sys
 import time
-from pathlib import Path
 from typing import Any
 
 import numpy as np
+from benchmarks.families.published_y import solver_of
+from benchmarks.output import REFERENCE, parser_of, reference_table, write
 from scipy.interpolate import CubicSpline
 from scipy.optimize import minimize_scalar
 
 from pliant.errors import MissingDependencyError
 from pliant.records.fem import FemState
 from pliant_plugins.families.bellow_bending.family import BellowBending, BellowBendingConfig
-from pliant_plugins.fem.skfem.backend import Skfem, SkfemSolver
-from pliant_plugins.fem.skfem.config import SkfemConfig
-from pliant_plugins.materials.neo_hookean import NeoHookean, NeoHookeanConfig
+from pliant_plugins.fem.skfem.backend import SkfemSolver
 
-ROOT = Path(__file__).resolve().parents[1]
-CURVE = ROOT / "../shared/data/reference/bellow_bending_fem.csv"
-OUT = ROOT / "benchmarks/out/fem_bending.json"
 MU = 248e3
 PRESSURES = (500.0, 1e3, 2e3, 3e3, 4.5e3, 6e3, 8e3, 10e3, 12e3, 14e3, 16e3)
 
@@ -43,9 +34,7 @@ def solver(refinement: int = 1, **options: Any) -> SkfemSolver:
     """A solver of the reference design: r 2, R 6, t 1.5, l 11 mm."""
     lengths = {"inner_radius": 2e-3, "average_radius": 6e-3, "wall": 1.5e-3, "module_length": 11e-3}
     family = BellowBending(BellowBendingConfig.model_validate(lengths))
-    config = SkfemConfig.model_validate({"pressure_max_pa": 16e3, **options})
-    material = NeoHookean(NeoHookeanConfig(shear_modulus_pa=MU))
-    return Skfem(config).solver(family.problem(refinement), material)
+    return solver_of(family.problem(refinement), MU, **{"pressure_max_pa": 16e3, **options})
 
 
 def free_branch(model: SkfemSolver, pressures: tuple[float, ...] = PRESSURES) -> list[FemState]:
@@ -84,11 +73,11 @@ def fit_modulus(states: list[FemState], pressure: np.ndarray, published: np.ndar
 
 def published_curve() -> tuple[np.ndarray, np.ndarray]:
     """Pressures (Pa) and half angles (rad) of the published free branch."""
-    if not CURVE.exists():
-        sys.exit(f"fem_bending: the reference data are absent: {CURVE.resolve()} (see docs: reference study)")
-    with CURVE.open() as file:
-        rows = [row for row in csv.DictReader(file) if float(row["edge_force_n"]) == 0]
-    return tuple(np.array([float(row[k]) for row in rows]) for k in ("pressure_pa", "half_angle_rad"))  # type: ignore[return-value]
+    table = reference_table("bellow_bending_fem.csv")
+    if table is None:
+        sys.exit(f"fem_bending: the reference data are absent: {REFERENCE} (see docs: reference study)")
+    free = table["edge_force_n"] == 0
+    return table["pressure_pa"][free], table["half_angle_rad"][free]
 
 
 def slope_errors(model: SkfemSolver, free: FemState) -> dict[str, float]:
@@ -146,7 +135,7 @@ def timing(repeats: int) -> dict[str, Any]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description="Accuracy and speed of the bending bellow's FEM.")
+    parser = parser_of(__doc__)
     parser.add_argument("--finest", type=int, default=2, help="largest mesh refinement (3 takes minutes)")
     parser.add_argument("--repeats", type=int, default=2)
     options = parser.parse_args()
@@ -182,25 +171,8 @@ def main() -> None:
     if speed["superlu_over_pardiso"]:
         print(f"    SuperLU / pardiso {speed['superlu_over_pardiso']:.2f}")
 
-    write(
-        {
-            "benchmark": "fem_bending",
-            "machine": {"processor": platform.processor() or platform.machine(), "cores": os.cpu_count()},
-            "meshes": table,
-            "slope_errors": slopes,
-            **speed,
-            "wall_s": time.perf_counter() - begun,
-        }
-    )
-
-
-def write(results: dict[str, Any]) -> None:
-    """Write the results atomically."""
-    OUT.parent.mkdir(parents=True, exist_ok=True)
-    partial = OUT.with_suffix(f".{os.getpid()}.part")
-    partial.write_text(json.dumps(results, indent=2) + "\n")
-    partial.replace(OUT)
-    print(f"written: {OUT.relative_to(ROOT)}")
+    results = {"meshes": table, "slope_errors": slopes, **speed, "wall_s": time.perf_counter() - begun}
+    write("fem_bending", results)
 
 
 if __name__ == "__main__":

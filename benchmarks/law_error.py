@@ -1,15 +1,14 @@
 """Errors of the joint law on FEM states left out: adaptive degree, the study's form, with and without slopes.
 
-python benchmarks/law_error.py        prints, and writes benchmarks/out/law_error.json
+python -m benchmarks.law_error        prints, and writes benchmarks/out/law_error.json
 """
 
 from __future__ import annotations
 
 import dataclasses
-import json
-from pathlib import Path
 
 import numpy as np
+from benchmarks.output import ROOT, write
 
 from pliant.config.loading import load_study
 from pliant.errors import UserError
@@ -17,12 +16,9 @@ from pliant.pipeline.study import fem_of_study
 from pliant.pipeline.workbench import Workbench
 from pliant.records.fem import FemDataset
 from pliant.registry.discovery import discover
-from pliant.store.store import ArtifactStore, write_atomically
+from pliant.store.store import ArtifactStore
 from pliant_plugins.surrogates.polynomial.config import PolynomialConfig
 from pliant_plugins.surrogates.polynomial.surrogate import Polynomial
-
-ROOT = Path(__file__).parent.parent
-OUT = ROOT / "benchmarks" / "out"
 
 
 def main() -> None:
@@ -49,8 +45,7 @@ def main() -> None:
         results[f"{count} states"] = worst
         cells = ", ".join(f"{name} {_percent(error)}" for name, error in worst.items())
         print(f"{count:>2} states: {cells}")
-    OUT.mkdir(exist_ok=True)
-    write_atomically(OUT / "law_error.json", json.dumps(results, indent=1))
+    write("law_error", results)
 
 
 def without_slopes(data: FemDataset) -> FemDataset:

@@ -9,7 +9,7 @@ from benchmarks.evidence import noise
 from benchmarks.evidence.protocols import Run, protocol
 from benchmarks.evidence.robots import PRESSURE_MAX_PA, ROBOTS, Robot
 from benchmarks.evidence.sets import MeasuredSet, SetSpec, follow, noise_sizes, to_csv
-from benchmarks.evidence.truths import draw
+from benchmarks.evidence.strengths import draw
 
 from pliant.experiments.planned_run import PlannedRun
 

@@ -7,7 +7,6 @@ writes NNN_study.yaml, NNN.csv and NNN_label.json for each set of the group, wit
 
 from __future__ import annotations
 
-import argparse
 import json
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
@@ -17,6 +16,7 @@ from benchmarks.evidence.sets import make_set
 from benchmarks.evidence.tasks import Plan, Task
 from benchmarks.evidence.truths import KINDS, UNKNOWN
 from benchmarks.evidence.workers import write
+from benchmarks.output import parser_of
 
 NOTHING = Plan(seeds=0, clean=0, unknown=0, pairs=0, weak=0, poor=0, noload=0, plan=0, improve=0)
 GROUPS = ("effect", "clean", "unknown", "pair", "weak", "poor", "rich_noload")
@@ -54,9 +54,7 @@ def dump(tasks: Sequence[Task], folder: Path) -> Iterator[str]:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Make the sets that are asked for."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = parser_of(__doc__)
     parser.add_argument("--group", choices=GROUPS, required=True)
     parser.add_argument("--count", type=int, default=40)
     parser.add_argument("--split", choices=("calibration", "judged"), default="calibration")

@@ -14,8 +14,8 @@ import numpy as np
 from benchmarks.evidence.protocols import protocol
 from benchmarks.evidence.robots import ROBOTS, Array
 from benchmarks.evidence.sets import MeasuredSet, SetSpec, follow
-from benchmarks.evidence.strengths import Dice
-from benchmarks.evidence.truths import CLEAN, KINDS, HiddenTruth, draw, draw_part, robots_of
+from benchmarks.evidence.strengths import Dice, draw, draw_part
+from benchmarks.evidence.truths import CLEAN, KINDS, HiddenTruth, robots_of
 
 # Strengths that are looked at first, in shares of the largest sensible one; then a few Gauss-Newton steps.
 LOOKED_AT = (0.02, 0.06, 0.15, 0.3, 0.6)

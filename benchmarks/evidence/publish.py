@@ -5,8 +5,7 @@ The page's own words stay; what stands between `<!-- bench: NAME -->` and `<!-- 
 
 from __future__ import annotations
 
-import re
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -14,11 +13,14 @@ from benchmarks.evidence.tables import number_text
 from benchmarks.evidence.tasks import Plan, Task
 from benchmarks.evidence.truths import FOURTEEN
 from benchmarks.evidence.workers import ORACLE_GROUP
+from benchmarks.output import ROOT
 
-DOCS = Path(__file__).resolve().parents[2] / "docs"
+from benchmarks import pages
+
+DOCS = ROOT / "docs"
 PAGE = DOCS / "how_often_it_is_right.md"
 PICTURES = DOCS / "pictures"
-MARK = re.compile(r"(<!-- bench: (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
+MARK = pages.marks("bench")
 # Seconds of CPU, measured with both cores busy: making a rich set, its diagnosis, the scorer with the true forms.
 MAKING_S = {"joint": 2.5, "chain": 6.0, "four": 4.0, "finger": 3.0}
 ASKING_S = {"joint": 5.0, "chain": 10.0, "four": 8.0, "finger": 15.0}
@@ -33,16 +35,11 @@ def publish(data: dict[str, Any], page: Path = PAGE, pictures: Path = PICTURES) 
     """Write the tables into the page and draw the pictures beside it.
 
     Raises:
-        ValueError: the page asks for a table that there is none of.
+        UserError: the page asks for a table that there is none of.
     """
     from benchmarks.evidence.result_pictures import draw_all
 
-    def table(match: re.Match[str]) -> str:
-        if match[2] not in TABLES:
-            raise ValueError(f"{page.name} asks for the table '{match[2]}'; there are {', '.join(TABLES)}")
-        return f"{match[1]}{chr(10).join(TABLES[match[2]](data))}\n{match[3]}"
-
-    page.write_text(MARK.sub(table, page.read_text()))
+    page.write_text(pages.rendered(page.read_text(), MARK, TABLES, data))
     draw_all(data, pictures)
 
 
@@ -75,10 +72,7 @@ def bars(data: dict[str, Any]) -> Iterator[str]:
         ("… Brier score", "", number_text(found["brier"]), ""),
         ("held-out error after `improve`, over the floor, median", "≤ 1.15", _improved(data), ""),
     ]
-    yield "| what | to reach | reached | 95 % (Wilson), sets |"
-    yield "|---|---|---|---|"
-    for row in rows:
-        yield f"| {' | '.join(row)} |"
+    yield from pages.table("what | to reach | reached | 95 % (Wilson), sets", rows)
 
 
 def kinds(data: dict[str, Any]) -> Iterator[str]:
@@ -162,7 +156,7 @@ def times(data: dict[str, Any]) -> Iterator[str]:
         yield f"| {name} | {' | '.join(str(cell) for cell in cells)} |"
 
 
-TABLES: dict[str, Callable[[dict[str, Any]], Iterator[str]]] = {
+TABLES: pages.Tables = {
     table.__name__: table for table in (bars, kinds, unknown, strength, protocols, planned, stated, times)
 }
 

@@ -37,6 +37,7 @@ from benchmarks.evidence.tables import tables
 from benchmarks.evidence.tasks import Plan, planned, small_plan
 from benchmarks.evidence.truths import CLEAN, KINDS, UNKNOWN
 from benchmarks.evidence.workers import write
+from benchmarks.output import parser_of
 
 OUT = Path(__file__).resolve().parents[1] / "out"
 
@@ -65,9 +66,7 @@ def _plan(given: argparse.Namespace) -> Plan:
 
 
 def _arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = parser_of(__doc__)
     parser.add_argument("--name", help="of the results file; full or small by default")
     parser.add_argument("--small", action="store_true", help="a few of every group, for CI")
     parser.add_argument("--summarise", action="store_true", help="only the tables of what is there")

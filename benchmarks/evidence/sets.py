@@ -17,13 +17,13 @@ from benchmarks.evidence.protocols import Protocol, Run, protocol
 from benchmarks.evidence.robots import PRESSURE_MAX_PA, ROBOTS, TIPS, Array, Robot
 from benchmarks.evidence.sensors import sensed
 from benchmarks.evidence.skeleton import readings
+from benchmarks.evidence.strengths import draw
 from benchmarks.evidence.truths import (
     CLEAN,
     Engine,
     HiddenTruth,
     Split,
     Truth,
-    draw,
     hidden_kinds,
     right_verdicts,
 )

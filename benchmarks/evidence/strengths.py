@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 from benchmarks.evidence.robots import Robot
-from benchmarks.evidence.truths import CLEAN, Change, Engine, Split
+from benchmarks.evidence.truths import CLEAN, PLUS, Change, Engine, HiddenTruth, Part, Split
 
 
 class Dice:
@@ -303,3 +303,30 @@ EFFECTS: Mapping[str, Drawn] = {
     "session_drift": _session_drift,
     "wall_buckling": _wall_buckling,
 }
+
+
+def draw(kind: str, engine: Engine, robot: Robot, split: Split, rng: np.random.Generator) -> HiddenTruth:
+    """A truth of this kind with random parameters and a random error of the model's law.
+
+    Raises:
+        ValueError: a kind that this test bed has not.
+    """
+    error = {
+        "actuation_error": 0.004 * float(rng.choice([-1.0, 1.0])) * rng.uniform(0.6, 1.2),
+        "actuation_phase": rng.uniform(0, 2 * np.pi),
+        "elastic_error": 0.003 * float(rng.choice([-1.0, 1.0])) * rng.uniform(0.6, 1.2),
+        "elastic_phase": rng.uniform(0, 2 * np.pi),
+    }
+    parts, drawn = [], dict(error)
+    for name in kind.split(PLUS):
+        if name not in EFFECTS:
+            raise ValueError(f"no truth of kind '{name}'")
+        dice = Dice(rng, split, engine, robot)
+        parts.append(draw_part(name, dice))
+        drawn |= {f"{name}.{key}": value for key, value in dice.drawn.items()}
+    return HiddenTruth(tuple(parts), error, drawn)
+
+
+def draw_part(kind: str, dice: Dice) -> Part:
+    """One effect with the shapes that these dice throw."""
+    return Part(kind, *EFFECTS[kind](dice))

@@ -1,25 +1,20 @@
 """Hidden truths: one effect, two, none, or an effect that no plugin has, with random parameters.
 
-A truth is drawn once (`draw`) and then taken at a strength for each effect (`HiddenTruth.at`), which `sets.py` scales
-until the outputs change by the wanted share of the noise; two effects ("a+b") are scaled one by one. Sets for
-calibrating thresholds and sets that are judged draw from other forms and ranges (`split`), so that no threshold has
-seen the forms it is judged on.
+A truth is drawn once (`strengths.draw`) and then taken at a strength for each effect (`HiddenTruth.at`), which
+`sets.py` scales until the outputs change by the wanted share of the noise; two effects ("a+b") are scaled one by one.
+Sets for calibrating thresholds and sets that are judged draw from other forms and ranges (`split`), so that no
+threshold has seen the forms it is judged on.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
-import numpy as np
 from benchmarks.evidence.forms import Forms
-from benchmarks.evidence.robots import Robot
 from benchmarks.evidence.sensors import Sensor
 from benchmarks.evidence.skeleton import Body
-
-if TYPE_CHECKING:
-    from benchmarks.evidence.strengths import Dice
 
 Split = Literal["calibration", "judged"]
 Engine = Literal["functional", "mujoco", "explicit"]
@@ -157,37 +152,6 @@ def right_verdicts(kind: str) -> Right:
     if kind == CLEAN:
         return ("nothing_missing",)
     return UNKNOWN.get(kind, ("missing_effect",))
-
-
-def draw(kind: str, engine: Engine, robot: Robot, split: Split, rng: np.random.Generator) -> HiddenTruth:
-    """A truth of this kind with random parameters and a random error of the model's law.
-
-    Raises:
-        ValueError: a kind that this test bed has not.
-    """
-    from benchmarks.evidence.strengths import EFFECTS, Dice
-
-    error = {
-        "actuation_error": 0.004 * float(rng.choice([-1.0, 1.0])) * rng.uniform(0.6, 1.2),
-        "actuation_phase": rng.uniform(0, 2 * np.pi),
-        "elastic_error": 0.003 * float(rng.choice([-1.0, 1.0])) * rng.uniform(0.6, 1.2),
-        "elastic_phase": rng.uniform(0, 2 * np.pi),
-    }
-    parts, drawn = [], dict(error)
-    for name in kind.split(PLUS):
-        if name not in EFFECTS:
-            raise ValueError(f"no truth of kind '{name}'")
-        dice = Dice(rng, split, engine, robot)
-        parts.append(draw_part(name, dice))
-        drawn |= {f"{name}.{key}": value for key, value in dice.drawn.items()}
-    return HiddenTruth(tuple(parts), error, drawn)
-
-
-def draw_part(kind: str, dice: Dice) -> Part:
-    """One effect with the shapes that these dice throw."""
-    from benchmarks.evidence.strengths import EFFECTS
-
-    return Part(kind, *EFFECTS[kind](dice))
 
 
 def _assembled(error: Mapping[str, float], changes: Mapping[str, float]) -> Truth:

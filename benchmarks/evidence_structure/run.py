@@ -10,7 +10,6 @@ seen. `--extended` takes a study that `improve` wrote before instead of running 
 
 from __future__ import annotations
 
-import argparse
 import json
 import subprocess
 import sys
@@ -21,7 +20,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from benchmarks.physics.output import Bar, write
+from benchmarks.output import Bar, parser_of, write
 
 from pliant import api
 from pliant.evidence.measured import measurement_of_study
@@ -46,7 +45,7 @@ class Errors:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = parser_of(__doc__)
     parser.add_argument("--extended", type=Path, default=None)
     parser.add_argument("--solve", type=Path, default=None)
     parser.add_argument("--picture", type=Path, default=None)
@@ -63,11 +62,9 @@ def main() -> None:
             extended = Path(folder) / "improved.yaml"
             found = improved(extended, Path(folder) / "store")
         rows = [row_of(name, modules, extended, Path(folder) / "store") for modules, name in files()]
-    bars = [bar_of(rows)]
-    write("evidence_structure", {"improve": found, "cases": rows, "bars": [str(bar) for bar in bars]})
     for row in rows:
         print(sentence(row))
-    print(*bars, sep="\n")
+    write("evidence_structure", {"improve": found, "cases": rows}, [bar_of(rows)])
     if given.picture:
         draw(rows, given.picture)
 

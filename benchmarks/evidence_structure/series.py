@@ -12,7 +12,6 @@ The other files are the FEM's own numbers, since they are what predictions are j
 
 from __future__ import annotations
 
-import argparse
 import json
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -20,6 +19,7 @@ from typing import Any
 
 import numpy as np
 from benchmarks.families.chain_hypothesis import TO_WORLD
+from benchmarks.output import parser_of
 
 from pliant.records.design import Array
 
@@ -29,7 +29,7 @@ SIGMA_ANGLE_RAD, SIGMA_TIP_M = 1e-2, 1e-4
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = parser_of(__doc__)
     parser.add_argument("states", type=Path)
     parser.add_argument("--out", type=Path, required=True)
     given = parser.parse_args()

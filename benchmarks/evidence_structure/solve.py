@@ -10,7 +10,6 @@ JSON object a line: modules, pressure_pa, tip_force_n (3,) in the body's frame, 
 
 from __future__ import annotations
 
-import argparse
 import json
 import tempfile
 from pathlib import Path
@@ -18,6 +17,7 @@ from typing import Any
 
 import numpy as np
 from benchmarks.families.chain_hypothesis import STUDY
+from benchmarks.output import parser_of
 
 from pliant import api
 from pliant.interfaces.fem import FEMBackend
@@ -31,7 +31,7 @@ UNSEEN_PA, UNSEEN_N = (7.5e3, 15e3), (0.1, -0.1)
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = parser_of(__doc__)
     parser.add_argument("--modules", type=int, nargs="+", default=[4, 6, 2, 3, 8])
     parser.add_argument("--out", type=Path, required=True)
     given = parser.parse_args()

@@ -14,28 +14,24 @@ pure moment F (13 mm + z).
 
 from __future__ import annotations
 
-import argparse
-import csv
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-from benchmarks.physics.output import Bar, write
+from benchmarks.families.published_y import solver_of
+from benchmarks.output import REFERENCE, Bar, parser_of, reference_table, write
 from scipy.interpolate import CubicHermiteSpline
 from scipy.optimize import minimize_scalar
 
 from pliant.records.design import Array
 from pliant.records.fem import FemState
 from pliant_plugins.families.bellow_bending.family import BellowBending, BellowBendingConfig
-from pliant_plugins.fem.skfem.backend import Skfem, SkfemSolver
+from pliant_plugins.fem.skfem.backend import SkfemSolver
 from pliant_plugins.fem.skfem.condense import Control
-from pliant_plugins.fem.skfem.config import SkfemConfig
 from pliant_plugins.fem.skfem.newton import Equilibrium
-from pliant_plugins.materials.neo_hookean import NeoHookean, NeoHookeanConfig
 
-TABLE = Path(__file__).parents[3] / "shared/data/reference/bellow_bending_fem.csv"
+TABLE = REFERENCE / "bellow_bending_fem.csv"
 LENGTHS = {"inner_radius": 2e-3, "average_radius": 6e-3, "wall": 1.5e-3, "module_length": 11e-3}
 MU_PA = 249e3  # the free curve is solved with this one
 FREE_PA = (500.0, 1e3, 2e3, 3.5e3, 5.5e3, 8e3, 11e3, 13.5e3, 16.5e3)
@@ -56,10 +52,10 @@ class Published:
 
     @staticmethod
     def read() -> Published:
-        with TABLE.open() as file:
-            rows = list(csv.DictReader(file))
+        table = reference_table(TABLE.name)
+        assert table is not None
         names = ("pressure_pa", "edge_force_n", "half_angle_rad", "moment_n_m")
-        return Published(*(np.array([float(row[name]) for row in rows]) for name in names))
+        return Published(*(table[name] for name in names))
 
     def rows(self, keep: Array) -> Published:
         return Published(*(getattr(self, name)[keep] for name in ("pressure", "force", "angle", "moment")))
@@ -67,8 +63,7 @@ class Published:
 
 def solver(mu: float, refinement: int, dilatation: str) -> SkfemSolver:
     problem = BellowBending(BellowBendingConfig.model_validate(LENGTHS)).problem(refinement)
-    config = SkfemConfig.model_validate({"pressure_max_pa": 16.5e3, "dilatation": dilatation})
-    return Skfem(config).solver(problem, NeoHookean(NeoHookeanConfig(shear_modulus_pa=mu)))
+    return solver_of(problem, mu, pressure_max_pa=16.5e3, dilatation=dilatation)
 
 
 def fitted(published: Published, refinement: int, dilatation: str) -> dict[str, Any]:
@@ -158,7 +153,7 @@ def rms(values: Array) -> float:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = parser_of(__doc__)
     parser.add_argument("--fast", action="store_true", help="coarse mesh and every sixth force only")
     fast = parser.parse_args().fast
     if not TABLE.exists():
@@ -190,8 +185,6 @@ def main() -> None:
         )
         for r in held
     ]
-    for bar in bars:
-        print(bar)
     write("bending", {"free": free, "constrained": held}, bars)
 
 

@@ -17,7 +17,6 @@ the stretch of a free module's plate into the links.
 
 from __future__ import annotations
 
-import argparse
 import tempfile
 import time
 from dataclasses import dataclass
@@ -25,7 +24,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from benchmarks.physics.output import write
+from benchmarks.output import parser_of, write
 
 from pliant import api
 from pliant.interfaces.family import ActuatorFamily
@@ -68,7 +67,7 @@ class Ground:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = parser_of(__doc__)
     parser.add_argument("--modules", type=int, nargs="+", default=[1, 2, 3, 4, 6, 8])
     parser.add_argument("--picture", type=Path, default=None)
     given = parser.parse_args()

@@ -10,22 +10,19 @@ Prints the table and writes benchmarks/out/elements.json.
 
 from __future__ import annotations
 
-import argparse
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from benchmarks.physics.output import Bar, write
+from benchmarks.families.published_y import solver_of
+from benchmarks.output import Bar, parser_of, write
 
 from pliant.interfaces.family import ActuatorFamily
 from pliant.records.design import Array
 from pliant.records.fem import FemState
-from pliant_plugins.fem.skfem.backend import Skfem
-from pliant_plugins.fem.skfem.config import SkfemConfig
 from pliant_plugins.manifest import pliant_components
-from pliant_plugins.materials.neo_hookean import NeoHookean, NeoHookeanConfig
 
 MU_PA = 240e3
 LARGEST = {"pressure_pa": 15e3, "tendon_force_n": 2.0}
@@ -63,8 +60,7 @@ def family_of(kind: str) -> ActuatorFamily:
 def solve(family: ActuatorFamily, refinement: int, element: str) -> Figures:
     """Free branch upwards, then blocked states from rest, then one in between."""
     problem = family.problem(refinement)
-    config = SkfemConfig.model_validate({"pressure_max_pa": 15e3, "dilatation": element})
-    solver = Skfem(config).solver(problem, NeoHookean(NeoHookeanConfig(shear_modulus_pa=MU_PA)))
+    solver = solver_of(problem, MU_PA, pressure_max_pa=15e3, dilatation=element)
     levels = [share * LARGEST[problem.actuation] for share in SHARES]
     begun = time.process_time()
     free, blocked = (
@@ -134,9 +130,7 @@ def study(kind: str, refinements: int) -> dict[str, Any]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = parser_of(__doc__)
     parser.add_argument("families", nargs="*", default=["bellow_bending"])
     parser.add_argument("--refinement", type=int, default=2)
     arguments = parser.parse_args()
@@ -146,8 +140,6 @@ def main() -> None:
         at = {(row["refinement"], row["element"]): row["free"][-1] for row in result["rows"]}
         gap = 100 * abs(at[1, "cell"] / at[1, "continuous"] - 1)
         bars.append(Bar(f"{kind}: cell against continuous, free at the end", gap, 0.3, "%", True))
-    for bar in bars:
-        print(bar)
     write("elements", {"shear_modulus_pa": MU_PA, "families": results}, bars)
 
 

@@ -9,24 +9,18 @@ the one that makes the median error smallest, and is printed beside that of the 
 
 from __future__ import annotations
 
-import argparse
-import csv
 import time
-from pathlib import Path
 
 import numpy as np
-from benchmarks.physics.output import Bar, write
+from benchmarks.families.published_y import solver_of
+from benchmarks.output import REFERENCE, Bar, parser_of, reference_table, write
 from scipy.interpolate import CubicHermiteSpline
 from scipy.optimize import minimize_scalar
 
 from pliant.errors import InvalidDesignError
 from pliant.interfaces.fem import StateNotConvergedError
 from pliant_plugins.families.bellow_bending.family import BellowBending, BellowBendingConfig
-from pliant_plugins.fem.skfem.backend import Skfem
-from pliant_plugins.fem.skfem.config import SkfemConfig
-from pliant_plugins.materials.neo_hookean import NeoHookean, NeoHookeanConfig
 
-TABLE = Path(__file__).parents[3] / "shared/data/reference/gripper_poly_coefficients.csv"
 PRESSURE_KPA = 10.0
 MU_PA = 249e3  # the states are solved with this one
 LEVELS = (0.25, 0.5, 0.75, 0.9, 1.0, 1.12)  # of the pressure
@@ -52,8 +46,7 @@ def free_curve(row: dict[str, float]) -> tuple[CubicHermiteSpline, int]:
         "module_length": row["l"] / 1e3,
     }
     family = BellowBending(BellowBendingConfig.model_validate(lengths))
-    backend = Skfem(SkfemConfig(pressure_max_pa=15e3))
-    solver = backend.solver(family.problem(), NeoHookean(NeoHookeanConfig(shear_modulus_pa=MU_PA)))
+    solver = solver_of(family.problem(), MU_PA, pressure_max_pa=15e3)
     states = [solver.rest()]
     for level in LEVELS:
         states.append(solver.free(1e3 * PRESSURE_KPA * level, states[-1]))
@@ -64,14 +57,14 @@ def free_curve(row: dict[str, float]) -> tuple[CubicHermiteSpline, int]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = parser_of(__doc__)
     parser.add_argument("--designs", type=int, default=None, help="only this many, spread over the table")
     count = parser.parse_args().designs
-    if not TABLE.exists():
-        print(f"skipped: the published coefficients are not at {TABLE}")
+    table = reference_table("gripper_poly_coefficients.csv")
+    if table is None:
+        print(f"skipped: the published coefficients are not in {REFERENCE}")
         return
-    with TABLE.open() as file:
-        rows = [{k: float(v) for k, v in row.items()} for row in csv.DictReader(file)]
+    rows = [dict(zip(table, map(float, row), strict=True)) for row in zip(*table.values(), strict=True)]
     if count:
         rows = [rows[i] for i in np.linspace(0, len(rows) - 1, count).astype(int)]
     begun = time.perf_counter()
@@ -118,8 +111,6 @@ def main() -> None:
     bars = [
         Bar(f"{q} error", 100 * reached[q], limit, "%", True) for q, limit in (("median", 3.0), ("p95", 8.0))
     ]
-    for bar in bars:
-        print(bar)
     write("gripper_designs", result, bars)
 
 

@@ -10,7 +10,6 @@ Prints the figures and writes them to benchmarks/out/family_helical.json. (a) ta
 
 from __future__ import annotations
 
-import argparse
 import sys
 import time
 from dataclasses import asdict, replace
@@ -29,7 +28,7 @@ from benchmarks.families.published_y import (
     table_of,
 )
 from benchmarks.families.spatial import asymmetry, energy_error, free_states, rows_of
-from benchmarks.physics.output import Bar, write
+from benchmarks.output import Bar, parser_of, write
 
 from pliant.records.fem import ModuleProblem
 from pliant_plugins.families.bellow_helical.family import BellowHelical, BellowHelicalConfig
@@ -156,7 +155,7 @@ def energy_check(mu_pa: float) -> dict[str, float]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description="The helical bellow against its published bending curves.")
+    parser = parser_of(__doc__)
     parser.add_argument(
         "--quick", action="store_true", help="without the variants of (a) and the secants of (c)"
     )
@@ -184,8 +183,6 @@ def main() -> None:
         Bar("moments at 5 to 12.5 kPa, |u| ≤ 0.3 rad", 100 * fit["module_predicted"], 5.0, "%", True),
         Bar("the same, half angle −0.15 to 0.3 rad", 100 * fit["half_predicted"], 5.0, "%", True),
     ]
-    for bar in bars:
-        print(bar)
     results = {
         "table_modulus_pa": MU,
         "variants": variants,

@@ -16,7 +16,6 @@ Prints the figures and writes them to benchmarks/out/kill.json.
 
 from __future__ import annotations
 
-import argparse
 import json
 import os
 import random
@@ -33,12 +32,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from benchmarks.output import ROOT, parser_of, read, write
 
 from pliant import api
-from pliant.store.store import write_atomically
 
-ROOT = Path(__file__).resolve().parents[2]
-OUT = ROOT / "benchmarks/out/kill.json"
 WORKERS = 2
 STARTING = 0.2  # share of the kills that come before the first solve
 SPRINGS = f"""\
@@ -214,12 +211,12 @@ class Killing:
 
 def main() -> int:
     """Kill, count, write."""
-    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser = parser_of(__doc__)
     parser.add_argument("--kills", type=int, default=50, help="of each solver")
     parser.add_argument("--only", choices=["springs", "skfem"])
     parser.add_argument("--seed", type=int, default=0)
     arguments = parser.parse_args()
-    results = json.loads(OUT.read_text()) if OUT.exists() else {}
+    results, sound = read("kill"), True
     for name, text, window_s in (("springs", SPRINGS, 3.0), ("skfem", SKFEM, 10.0)):
         if arguments.only not in (None, name):
             continue
@@ -230,9 +227,9 @@ def main() -> int:
             shutil.rmtree(folder, ignore_errors=True)
         results[name] = {**asdict(count), "workers": WORKERS, "seed": arguments.seed, "sound": count.sound}
         print(name, json.dumps(results[name], indent=1))
-        OUT.parent.mkdir(exist_ok=True)
-        write_atomically(OUT, json.dumps(results, indent=1))
-    return 0 if all(result["sound"] for result in results.values()) else 1
+        sound &= count.sound
+        write("kill", results)
+    return 0 if sound else 1
 
 
 if __name__ == "__main__":

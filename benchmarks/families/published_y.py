@@ -6,24 +6,22 @@ states, solved at μ₀, serves every modulus.
 
 from __future__ import annotations
 
-import csv
 from dataclasses import dataclass
-from pathlib import Path
+from typing import Any
 
 import numpy as np
+from benchmarks.output import REFERENCE, reference_table
 from scipy.interpolate import CubicSpline, RectBivariateSpline
 from scipy.optimize import minimize_scalar
 
 from pliant.errors import NotReachedError
-from pliant.interfaces.fem import ModuleSolver
 from pliant.records.design import Array
 from pliant.records.fem import ModuleProblem
-from pliant_plugins.fem.skfem.backend import Skfem
+from pliant_plugins.fem.skfem.backend import Skfem, SkfemSolver
 from pliant_plugins.fem.skfem.config import SkfemConfig
 from pliant_plugins.materials.neo_hookean import NeoHookean, NeoHookeanConfig
 
-ROOT = Path(__file__).resolve().parents[2]
-CURVE = ROOT / "../shared/data/reference/helical_y_fem_R5.66_l4.72.csv"
+CURVE = REFERENCE / "helical_y_fem_R5.66_l4.72.csv"
 MU = 200e3
 PRESSURES = (4e3, 8e3, 12e3, 16e3)
 LOW, HIGH = (
@@ -46,18 +44,18 @@ class Published:
 
 def published() -> Published | None:
     """The data, or None where the folder is absent."""
-    if not CURVE.exists():
+    table = reference_table(CURVE.name)
+    if table is None:
         return None
-    with CURVE.open() as file:
-        rows = np.array([[float(v) for v in row.values()] for row in csv.DictReader(file)])
-    free = np.arange(len(rows)) < 31
-    return Published(*rows.T, free=free)
+    columns = list(table.values())
+    return Published(*columns, free=np.arange(len(columns[0])) < 31)
 
 
-def solver_of(problem: ModuleProblem, mu_pa: float = MU) -> ModuleSolver:
-    """The default backend with neo-Hookean rubber, ν = 0.49."""
+def solver_of(problem: ModuleProblem, mu_pa: float = MU, **options: Any) -> SkfemSolver:
+    """The default backend, with options of its own, and neo-Hookean rubber, ν = 0.49."""
     material = NeoHookean(NeoHookeanConfig(shear_modulus_pa=mu_pa))
-    return Skfem(SkfemConfig(pressure_max_pa=20e3)).solver(problem, material)
+    config = SkfemConfig.model_validate(options or {"pressure_max_pa": 20e3})
+    return Skfem(config).solver(problem, material)
 
 
 @dataclass(frozen=True, eq=False)

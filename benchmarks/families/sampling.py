@@ -1,4 +1,4 @@
-"""States and time that a module's data set needs, adaptive against the grid: python benchmarks/families/sampling.py
+"""States and time that a module's data set needs, adaptive against the grid: python -m benchmarks.families.sampling
 
 (a) the reference bending bellow: states, solver time and worst error of the polynomial law on held-out states
     (the other strategy's check states included, so that both are judged on the same ones)
@@ -11,7 +11,6 @@ sparse matrix. Prints the figures and writes them to benchmarks/out/sampling.jso
 
 from __future__ import annotations
 
-import argparse
 import dataclasses
 import json
 import os
@@ -22,6 +21,7 @@ from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
+from benchmarks.output import parser_of, seconds_of, write
 from scipy.sparse.linalg import splu
 
 from pliant.execution.progress import Silent
@@ -32,7 +32,6 @@ from pliant.registry.discovery import Registry, discover
 from pliant_plugins.surrogates.polynomial.config import PolynomialConfig
 from pliant_plugins.surrogates.polynomial.surrogate import Polynomial
 
-OUT = Path(__file__).parents[1] / "out"
 LIMIT_PA = 15e3
 BENDING = {
     "kind": "bellow_bending",
@@ -53,7 +52,7 @@ HELICAL = {
 
 def main() -> None:
     """Measure, print, write."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = parser_of(__doc__)
     parser.add_argument("--helical", action="store_true", help="also three axes of a helical bellow")
     parser.add_argument("--design", choices=("reference", "wide"), help="only this bending bellow")
     arguments = parser.parse_args()
@@ -68,8 +67,7 @@ def main() -> None:
     if arguments.helical:
         results["helical"] = three_axes(*solved(registry, HELICAL), kernel)
     print(json.dumps(results, indent=1))
-    OUT.mkdir(exist_ok=True)
-    (OUT / "sampling.json").write_text(json.dumps(results, indent=1))
+    write("sampling", results)
 
 
 def kernel_s() -> float:
@@ -80,12 +78,7 @@ def kernel_s() -> float:
     matrix = sp.csc_matrix(
         sp.kron(sp.kron(line, one), one) + sp.kron(sp.kron(one, line), one) + sp.kron(one, sp.kron(one, line))
     )
-    times = []
-    for _ in range(5):
-        begun = time.perf_counter()
-        splu(matrix)
-        times.append(time.perf_counter() - begun)
-    return min(times)
+    return min(seconds_of(lambda: splu(matrix), 5, time.perf_counter))
 
 
 def solved(registry: Registry, family: dict[str, str], **options: Any) -> tuple[ModuleData, dict[str, float]]:

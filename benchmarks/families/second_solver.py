@@ -13,17 +13,13 @@ Prints the table and writes benchmarks/out/second_solver.json.
 
 from __future__ import annotations
 
-import argparse
-import json
-import os
-import platform
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
+from benchmarks.output import parser_of, read, write
 
 from pliant.interfaces.family import ActuatorFamily
 from pliant.interfaces.fem import FEMBackend, ModuleSolver
@@ -39,8 +35,6 @@ from pliant_plugins.fem.skfem.config import SkfemConfig
 from pliant_plugins.manifest import EXTENDING, FINGER, HELIX_MODULE, TENDON_JOINT
 from pliant_plugins.materials.neo_hookean import NeoHookean, NeoHookeanConfig
 
-ROOT = Path(__file__).resolve().parents[2]
-OUT = ROOT / "benchmarks/out/second_solver.json"
 BAR = 0.005
 FREE = (1 / 3, 2 / 3, 1.0)
 LATERAL_RAD = 0.06  # about x and z in the states of three axes
@@ -177,30 +171,14 @@ def run(name: str, case: Case) -> dict[str, Any]:
 
 def main() -> None:
     known = cases()
-    parser = argparse.ArgumentParser(description="Every family by two finite-element codes.")
+    parser = parser_of(__doc__)
     parser.add_argument("cases", nargs="*", help=f"of {', '.join(known)}; by default all")
     chosen = parser.parse_args().cases or list(known)
     if unknown := [name for name in chosen if name not in known]:
         parser.error(f"unknown case '{unknown[0]}'; known: {', '.join(known)}")
     for name in chosen:
-        write(name, run(name, known[name]))
-    print(f"written: {OUT.relative_to(ROOT)}")
-
-
-def write(name: str, result: dict[str, Any]) -> None:
-    """Write one case's result beside those that are there, atomically."""
-    results = json.loads(OUT.read_text())["cases"] if OUT.exists() else {}
-    machine = {"processor": platform.processor() or platform.machine(), "cores": os.cpu_count()}
-    whole = {
-        "benchmark": "second_solver",
-        "bar": BAR,
-        "machine": machine,
-        "cases": {**results, name: result},
-    }
-    OUT.parent.mkdir(parents=True, exist_ok=True)
-    partial = OUT.with_suffix(f".{os.getpid()}.part")
-    partial.write_text(json.dumps(whole, indent=2) + "\n")
-    partial.replace(OUT)
+        done = read("second_solver").get("cases", {})
+        write("second_solver", {"bar": BAR, "cases": {**done, name: run(name, known[name])}})
 
 
 if __name__ == "__main__":

@@ -11,10 +11,7 @@ wall time, and every possible design must be done. Writes benchmarks/out/sweep.j
 
 from __future__ import annotations
 
-import argparse
-import json
 import os
-import platform
 import sys
 import tempfile
 from dataclasses import dataclass
@@ -22,15 +19,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from benchmarks.output import parser_of, read, write
 
 from pliant import api
 from pliant.config.designs import sweep_designs
 from pliant.errors import InvalidDesignError, UserError
 from pliant.pipeline.sweep_records import SweepRun
-from pliant.store.store import write_atomically
 
-ROOT = Path(__file__).resolve().parents[2]
-OUT = ROOT / "benchmarks/out/sweep.json"
 WORKERS = 2
 MATERIAL = "material: {kind: neo_hookean, shear_modulus: 240 kPa, density: 1150 kg/m^3}\n"
 
@@ -123,7 +118,6 @@ def _result(name: str, run: SweepRun, possible: int, workers: int) -> dict[str, 
         "bar_s": grid.bar_s,
         "met": (grid_s <= grid.bar_s and not failed) if whole else None,
         "load_1_min": os.getloadavg()[0],
-        "machine": {"processor": platform.processor() or platform.machine(), "cores": os.cpu_count()},
     }
 
 
@@ -148,14 +142,14 @@ def _say(result: dict[str, Any]) -> None:
 
 def main() -> int:
     """Measure, print, write."""
-    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser = parser_of(__doc__)
     parser.add_argument("--only", choices=list(GRIDS))
     parser.add_argument("--designs", type=int, help="so many designs of the grid, evenly chosen")
     parser.add_argument("--workers", type=int, default=WORKERS)
     arguments = parser.parse_args()
     if arguments.designs is not None and arguments.designs < 1:
         parser.error("--designs needs at least 1")
-    results = json.loads(OUT.read_text()) if OUT.exists() else {}
+    results, missed = read("sweep"), False
     for name in GRIDS:
         if arguments.only not in (None, name):
             continue
@@ -166,9 +160,9 @@ def main() -> int:
             continue
         _say(result)
         results[name if result["whole_grid"] else f"{name}_part"] = result
-        OUT.parent.mkdir(exist_ok=True)
-        write_atomically(OUT, json.dumps(results, indent=1))
-    return int(any(result["met"] is False for result in results.values()))
+        missed |= result["met"] is False
+        write("sweep", results)
+    return int(missed)
 
 
 if __name__ == "__main__":

@@ -10,17 +10,15 @@ Read off the data, before any model:
 
 from __future__ import annotations
 
-import csv
 import sys
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
+from benchmarks.output import REFERENCE, reference_table
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
-CSV = Path(__file__).parents[3] / "shared/data/reference/tendon_joint_fem.csv"
 STOP_RAD = -0.02  # rows below are past the stop
 FREE_TOP_N = 7.5  # free points up to here are fitted: all but the last
 TENDON_AT_REST_M = 27.297e-3  # published, constant of the length of the tendon at a joint
@@ -121,10 +119,7 @@ def published_arm_m(angle_rad: float) -> float:
 
 def published() -> Published:
     """The table; ends the program with a sentence where it is absent."""
-    if not CSV.exists():
-        sys.exit(f"tendon_joint: the reference data are absent: {CSV.resolve()} (see docs: reference study)")
-    with CSV.open() as file:
-        rows = list(csv.DictReader(file))
-    return Published(
-        *(np.array([float(r[k]) for r in rows]) for k in ("tendon_force_n", "joint_angle_rad", "moment_n_m"))
-    )
+    table = reference_table("tendon_joint_fem.csv")
+    if table is None:
+        sys.exit(f"tendon_joint: the reference data are absent: {REFERENCE} (see docs: reference study)")
+    return Published(*(table[name] for name in ("tendon_force_n", "joint_angle_rad", "moment_n_m")))

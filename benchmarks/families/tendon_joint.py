@@ -13,12 +13,12 @@ Prints the table and writes benchmarks/out/tendon_joint.json.
 
 from __future__ import annotations
 
-import argparse
 import time
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
+from benchmarks.families.published_y import solver_of
 from benchmarks.families.tendon_data import (
     TENDON_AT_REST_M,
     Array,
@@ -27,16 +27,14 @@ from benchmarks.families.tendon_data import (
     published,
     published_arm_m,
 )
-from benchmarks.physics.output import write
+from benchmarks.output import parser_of, write
 from scipy.interpolate import CubicHermiteSpline
 from scipy.optimize import minimize_scalar
 
 from pliant.interfaces.fem import StateNotConvergedError
 from pliant_plugins.families.tendon_joint.family import TendonJoint, TendonJointConfig
-from pliant_plugins.fem.skfem.backend import Skfem, SkfemSolver
-from pliant_plugins.fem.skfem.config import SkfemConfig
+from pliant_plugins.fem.skfem.backend import SkfemSolver
 from pliant_plugins.manifest import TENDON_JOINT
-from pliant_plugins.materials.neo_hookean import NeoHookean, NeoHookeanConfig
 
 OFFSETS_MM = (5.2, 8.2)  # where the offset is sought
 STEEPEST_RAD = 1.05  # free curves are solved so far
@@ -83,9 +81,8 @@ class Joint:
         return TendonJoint(TendonJointConfig.model_validate({**TENDON_JOINT, **lengths}))
 
     def solver(self, offset_m: float) -> SkfemSolver:
-        material = NeoHookean(NeoHookeanConfig(shear_modulus_pa=self.unit_pa))
-        config = SkfemConfig.model_validate({"tendon_force_max_n": 8.0})
-        return Skfem(config).solver(self.family(offset_m).problem(self.refinement), material)
+        problem = self.family(offset_m).problem(self.refinement)
+        return solver_of(problem, self.unit_pa, tendon_force_max_n=8.0)
 
     def free_curve(self, offset_m: float) -> CubicHermiteSpline:
         """Free angle by T · unit/μ, from exact slopes; it ends before the joint snaps shut."""
@@ -232,7 +229,7 @@ def study(stated: Stated, refinement: int, data: Published) -> tuple[Joint, Fitt
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description="The tendon joint against the published FEM.")
+    parser = parser_of(__doc__)
     parser.add_argument("--refinement", type=int, default=1)
     parser.add_argument("--finest", type=int, default=3, help="largest refinement of the convergence table")
     parser.add_argument("--sensitivity", action="store_true", help="other stated values too (minutes)")

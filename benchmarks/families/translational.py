@@ -11,7 +11,7 @@ import time
 from typing import Any
 
 from benchmarks.families.published_y import solver_of
-from benchmarks.physics.output import Bar, write
+from benchmarks.output import Bar, write
 
 from pliant_plugins.families.bellow_translational.family import BellowTranslational, BellowTranslationalConfig
 
@@ -52,7 +52,6 @@ def main() -> None:
         )
     coarse, fine = rows[0]["extension_m"][15e3], rows[-1]["extension_m"][15e3]
     bar = Bar("default mesh against twice as fine, 15 kPa", 100 * abs(coarse / fine - 1), 1.0, "%", True)
-    print(bar)
     write("family_translational", {"rows": rows, "wall_s": time.perf_counter() - begun}, [bar])
 
 

@@ -23,8 +23,9 @@ from typing import Any
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
 import numpy as np
-from benchmarks.grasp.gripper import REFERENCE, engine, finger, grasp, read, registry, write
+from benchmarks.grasp.gripper import engine, finger, grasp, registry
 from benchmarks.grasp.unknowns import NOMINAL, UNKNOWNS, Probit, drawn, setup_of, standardised
+from benchmarks.output import REFERENCE, read, write
 from scipy.stats import spearmanr
 
 from pliant.records.design import Array

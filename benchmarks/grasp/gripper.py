@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import sys
 from collections.abc import Mapping
@@ -22,12 +21,10 @@ from pliant.pipeline.study import chain_of_study  # noqa: E402
 from pliant.pipeline.workbench import Workbench  # noqa: E402
 from pliant.records.chain import ChainModel  # noqa: E402
 from pliant.registry.discovery import Registry, discover  # noqa: E402
-from pliant.store.store import ArtifactStore, write_atomically  # noqa: E402
+from pliant.store.store import ArtifactStore  # noqa: E402
 from pliant_plugins.tasks.grasp.task import Grasp  # noqa: E402
 
 STUDY = ROOT / "examples" / "grasp" / "egg.yaml"
-OUT = ROOT / "benchmarks" / "out"
-REFERENCE = ROOT.parent / "shared" / "data" / "reference"
 
 
 @cache
@@ -63,21 +60,6 @@ def held(backend: PhysicsBackend, chain: ChainModel, extra_kg: float, **settings
     weights = {"extra_weights": 1, "weight_kg": extra_kg} if extra_kg > 0 else {}
     task = grasp(**settings, **weights)
     return bool(task.run(chain, backend.build_scene).metrics["mode"] == "stable")
-
-
-def write(name: str, result: Mapping[str, Any]) -> None:
-    """benchmarks/out/NAME.json"""
-    OUT.mkdir(exist_ok=True)
-    write_atomically(OUT / f"{name}.json", json.dumps(result, indent=1))
-
-
-def read(name: str) -> dict[str, Any]:
-    """What an earlier run wrote, or nothing."""
-    try:
-        found: dict[str, Any] = json.loads((OUT / f"{name}.json").read_text())
-    except (OSError, ValueError):
-        return {}
-    return found
 
 
 def _built(interface: str, kind: str, settings: Mapping[str, Any]) -> Any:

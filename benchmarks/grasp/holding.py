@@ -14,7 +14,8 @@ from typing import Any
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
-from benchmarks.grasp.gripper import engine, finger, grasp, held, read, write
+from benchmarks.grasp.gripper import engine, finger, grasp, held
+from benchmarks.output import read, write
 
 from pliant.errors import MissingDependencyError
 from pliant.interfaces.physics import PhysicsBackend

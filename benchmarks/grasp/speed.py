@@ -14,7 +14,8 @@ from typing import Any
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
 import numpy as np
-from benchmarks.grasp.gripper import engine, finger, grasp, with_effect, write
+from benchmarks.grasp.gripper import engine, finger, grasp, with_effect
+from benchmarks.output import write
 
 from pliant.errors import MissingDependencyError
 from pliant.records.chain import ChainModel

@@ -18,10 +18,10 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
+from benchmarks.output import write
 from benchmarks.physics import published
 from benchmarks.physics.helix import helix, helix_law, inputs
 from benchmarks.physics.histories import Ended, away_mm, roll_history
-from benchmarks.physics.output import write
 
 from pliant.errors import MissingDependencyError
 from pliant.records.chain import ChainModel

@@ -20,9 +20,9 @@ from contextlib import ExitStack
 from dataclasses import replace
 
 import numpy as np
+from benchmarks.output import Bar, write
 from benchmarks.physics.frames import UnmappedLaw
 from benchmarks.physics.helix import helix, helix_law, inputs, of_size
-from benchmarks.physics.output import Bar, write
 
 from pliant.errors import MissingDependencyError
 from pliant.interfaces.physics import PhysicsBackend, Simulation, SimulationState
@@ -71,7 +71,6 @@ def main() -> None:
         print(f"{name:14s}" + "".join(f"{value:20.1e}" for value in results[name].values()), flush=True)
     worst = max(row["energy-consistent"] for row in results.values())
     bar = Bar("work over closed paths by the peak elastic energy, worst engine", worst, BAR, "", at_most=True)
-    print(bar)
     write("physics_closed_paths", results, [bar])
 
 

@@ -20,7 +20,7 @@ import numpy as np
 from benchmarks.physics.helix import G_M_S2, PRESSURE_PA, SEGMENTS, SegmentSpec, helix
 
 from pliant.records.design import Array
-from pliant_plugins.surrogates.polynomial.axes_law import AxesLaw
+from pliant_plugins.surrogates.polynomial.axes import AxesLaw
 
 # The chain's axes y, z, x are the rod's directors 1, 2, 3.
 DIRECTORS = [1, 2, 0]

@@ -13,7 +13,7 @@ import time
 from collections import Counter
 
 import numpy as np
-from benchmarks.physics.output import Bar, write
+from benchmarks.output import Bar, write
 from benchmarks.physics.random_designs import random_cases
 
 from pliant.interfaces.physics import Case
@@ -57,7 +57,6 @@ def main() -> None:
         "of 1000",
         at_most=False,
     )
-    print(bar)
     results = {"verdicts": counts, "wall_s": wall_s, "median_iterations": statistics.median(iterations)}
     write("physics_designs", results, [bar])
 

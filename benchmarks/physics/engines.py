@@ -23,11 +23,11 @@ from functools import partial
 from typing import Any
 
 import numpy as np
+from benchmarks.output import Bar, ratio, write
 from benchmarks.physics import cosserat, published
 from benchmarks.physics.helix import LOADS_KG, helix, helix_law, inputs, linear_law
 from benchmarks.physics.histories import Ended, away_mm, residual_n_m, roll_history, run_history
 from benchmarks.physics.network import NetworkLaw, fit_errors, network_law
-from benchmarks.physics.output import Bar, ratio, write
 
 from pliant.errors import MissingDependencyError
 from pliant.interfaces.physics import PhysicsBackend
@@ -40,7 +40,7 @@ from pliant_plugins.physics.pybullet.backend import Pybullet
 from pliant_plugins.physics.pybullet.config import PybulletConfig
 from pliant_plugins.physics.quasistatic.backend import Quasistatic
 from pliant_plugins.physics.quasistatic.config import QuasistaticConfig
-from pliant_plugins.surrogates.polynomial.axes_law import AxesLaw
+from pliant_plugins.surrogates.polynomial.axes import AxesLaw
 
 LOAD_KG = 0.020
 ROUNDS = 3
@@ -148,8 +148,6 @@ def main() -> None:
     bars, rows = table(cases.chain, equilibrium, ends, seconds)
     rods = rod_rows(seconds[BASELINE])
     histories, history_bar = mujoco_histories(cases, seconds[BASELINE])
-    for bar in (*bars, history_bar):
-        print(bar)
     results = {"cases": rows, "rod": rods, "mujoco_histories": histories, "network_errors": errors}
     write("physics_engines", results, [*bars, history_bar])
 

@@ -8,13 +8,12 @@ the axis of the modules, so that a rod is the same body; in examples/helix they 
 
 from __future__ import annotations
 
-import csv
 import math
 from collections.abc import Sequence
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from benchmarks.output import REFERENCE, reference_table
 
 from pliant.config.chain import BaseConfig, ChainConfig
 from pliant.pipeline.chain import Segment, build_chain, rigid_rod, rod_module
@@ -23,12 +22,12 @@ from pliant.records.design import Design
 from pliant.records.fem import FemDataset
 from pliant.records.law import Domain, JointLaw
 from pliant.records.rollout import Inputs
-from pliant_plugins.surrogates.polynomial.axes_law import AxesLaw
+from pliant_plugins.surrogates.polynomial.axes import AxesLaw
 from pliant_plugins.surrogates.polynomial.config import StudyCoefficients
 from pliant_plugins.surrogates.polynomial.law import PolynomialLaw
-from pliant_plugins.surrogates.polynomial.study_form import fit_study, study_law
+from pliant_plugins.surrogates.polynomial.study import fit_study, study_law
 
-FEM_TABLE = Path(__file__).parents[3] / "shared/data/reference/helical_y_fem_R5.66_l4.72.csv"
+FEM_TABLE = REFERENCE / "helical_y_fem_R5.66_l4.72.csv"
 PRESSURE_PA = 15e3
 LOADS_KG = (0.0, 0.010, 0.020, 0.050)
 G_M_S2 = 9.81
@@ -63,17 +62,16 @@ END_MASS_KG = DENSITY_KG_M3 * math.pi * END_RADIUS_M**2 * END_LENGTH_M
 DESCENT_RAD = math.radians(28.0)
 
 
-def read_table(path: Path = FEM_TABLE) -> FemDataset | None:
+def read_table() -> FemDataset | None:
     """The published states of one module, or None where the folder is absent.
 
     The joint angle is twice the half-module angle of the table.
     """
-    if not path.exists():
+    column = reference_table(FEM_TABLE.name)
+    if column is None:
         return None
-    with path.open() as file:
-        rows = list(csv.DictReader(file))
-    column = {name: np.array([float(row[name]) for row in rows]) for name in rows[0]}
-    unknown = np.full(len(rows), np.nan)
+    n = len(column["pressure_pa"])
+    unknown = np.full(n, np.nan)
     return FemDataset(
         design=Design("published", {}),
         axis="y",
@@ -84,9 +82,9 @@ def read_table(path: Path = FEM_TABLE) -> FemDataset | None:
         dmoment_dp=unknown,
         dmoment_du=unknown,
         energy_j=unknown,
-        branch=np.full(len(rows), "constrained"),
-        status=np.full(len(rows), "ok"),
-        role=np.full(len(rows), "fit"),
+        branch=np.full(n, "constrained"),
+        status=np.full(n, "ok"),
+        role=np.full(n, "fit"),
     )
 
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from pliant.records.design import Array
 from pliant.records.law import Domain, Effort, JointKind, JointLaw, LawRecord
-from pliant_plugins.surrogates.polynomial.axes_law import AxesLaw
+from pliant_plugins.surrogates.polynomial.axes import AxesLaw
 
 WIDTH = 64
 ANGLES_RAD = (-0.8, 0.9)

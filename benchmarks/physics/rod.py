@@ -11,10 +11,10 @@ per module, as the rod is, the chain shows how much of its distance is discretis
 from __future__ import annotations
 
 import numpy as np
+from benchmarks.output import Bar, write
 from benchmarks.physics import cosserat
 from benchmarks.physics.frames import UnmappedLaw
 from benchmarks.physics.helix import LOADS_KG, cut, helix, inputs, linear_law
-from benchmarks.physics.output import Bar, write
 
 from pliant.records.chain import ChainModel
 from pliant.records.rollout import Equilibrium
@@ -50,7 +50,6 @@ def main() -> None:
         }
     reached = rows[f"{1e3 * LOAD_KG:.0f} g"]["tip_from_rod_mm"]["right"]
     bar = Bar("tip of the linear-law chain from the rod's, 20 g", reached, 0.5, "mm", at_most=True)
-    print(bar)
     write("physics_rod", {"loads": rows, "cells_per_module": cosserat.FINE.cells}, [bar])
 
 

@@ -18,8 +18,8 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
+from benchmarks.output import write
 from benchmarks.physics.helix import helix, helix_law, inputs, of_size
-from benchmarks.physics.output import write
 from benchmarks.physics.random_designs import random_cases
 
 from pliant.errors import UserError

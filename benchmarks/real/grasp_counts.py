@@ -13,7 +13,6 @@ Prints, and writes benchmarks/out/grasp_counts.json; with --picture also docs/pi
 from __future__ import annotations
 
 import csv
-import json
 import os
 import sys
 import tempfile
@@ -24,7 +23,8 @@ from typing import Any
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
-from benchmarks.grasp.gripper import OUT, REFERENCE, ROOT, STUDY
+from benchmarks.grasp.gripper import STUDY
+from benchmarks.output import REFERENCE, ROOT, write
 
 from pliant import api
 from pliant.config.conditions import PlausibleRange
@@ -36,7 +36,6 @@ from pliant.report.counts import counted as of
 from pliant.report.counts import interpret_counts
 from pliant.report.counts_diagnosis import level_text
 from pliant.report.figures.success_shares import Series, success_shares
-from pliant.store.store import write_atomically
 
 TABLE = REFERENCE / "grasp_experiment.csv"
 SETS = (1, 2, 3)
@@ -95,8 +94,7 @@ def main() -> None:
     print_conditions(theirs, judged)
     if "--picture" in sys.argv:
         draw(judged)
-    OUT.mkdir(exist_ok=True)
-    write_atomically(OUT / "grasp_counts.json", json.dumps(result(theirs, found, judged, counted), indent=1))
+    write("grasp_counts", result(theirs, found, judged, counted))
 
 
 def study_of(certain: bool, trials: int) -> tuple[api.OpenStudy, CountedStudy]:

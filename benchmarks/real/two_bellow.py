@@ -10,7 +10,6 @@ no verdict would. The other run is only scored. `--quick` leaves out other block
 
 from __future__ import annotations
 
-import json
 import sys
 import tempfile
 from collections.abc import Sequence
@@ -19,6 +18,7 @@ from typing import Any
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
+from benchmarks.output import write
 from benchmarks.real.folds import BLOCK_S, rms
 from benchmarks.real.one_run import OneRun, Step
 from benchmarks.real.static_laws import StaticLaw, static_laws
@@ -27,9 +27,7 @@ from benchmarks.real.two_bellow_data import ANGLE, FILE, Bench, open_bench
 from pliant.config.study import Study
 from pliant.diagnosis.improvement import improve
 from pliant.records.design import Array
-from pliant.store.store import write_atomically
 
-OUT = Path(__file__).parents[1] / "out" / "two_bellow.json"
 DIRECTIONS = (("12V", "7V"), ("7V", "12V"))
 BAR = 2.5
 CLOSE = 0.03  # effects whose blocks left out are within this share of the best one's are not told apart
@@ -80,8 +78,7 @@ def main() -> None:
     print("\nwhat two runs cannot judge, and the run of the default menu that would")
     for what, why, run in SILENT:
         print(f"  {what}: {why}: {run}")
-    OUT.parent.mkdir(parents=True, exist_ok=True)
-    write_atomically(OUT, json.dumps(found, indent=1))
+    write("two_bellow", found)
 
 
 def direction(bench: Bench, training: str, unseen: str, quick: bool) -> dict[str, Any]:

@@ -9,9 +9,7 @@ of 400 × 400. Prints, and writes benchmarks/out/evaluation_speed.json.
 
 from __future__ import annotations
 
-import argparse
 import json
-import platform
 import tempfile
 import time
 from collections import defaultdict
@@ -20,6 +18,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from benchmarks.output import ROOT, parser_of, seconds_of, write
 
 from pliant import api
 from pliant.pipeline.study import simulate_study
@@ -27,8 +26,6 @@ from pliant.search.evaluate.evaluator import Evaluator
 from pliant.search.evaluate.scenarios import draw_scenarios
 from pliant.search.problem.search_problem import SearchProblem
 
-ROOT = Path(__file__).resolve().parents[2]
-OUT = ROOT / "benchmarks" / "out"
 STUDY = """\
 pliant: 1
 name: evaluation-speed
@@ -78,9 +75,7 @@ class Clock:
 
 def main() -> None:
     """Print and write the figures that are asked for."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = parser_of(__doc__)
     parser.add_argument("--candidates", type=int, default=40, help="candidates that are timed")
     parser.add_argument(
         "--steps", type=int, default=0, help="random designs that are settled from few levels"
@@ -91,10 +86,7 @@ def main() -> None:
     asked = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         one, problem = opened(Path(folder))
-        results: dict[str, Any] = {
-            "machine": platform.processor() or platform.machine(),
-            "kernel_ms": kernel_ms(),
-        }
+        results: dict[str, Any] = {"kernel_ms": kernel_ms()}
         results["candidate"] = timed(one, problem, asked.candidates)
         if asked.robust:
             results["robust"] = robust(one, problem)
@@ -104,8 +96,7 @@ def main() -> None:
         if name in results:
             results[name]["in_kernels"] = results[name]["total_ms"] / results["kernel_ms"]
     print(json.dumps(results, indent=1))
-    OUT.mkdir(exist_ok=True)
-    (OUT / "evaluation_speed.json").write_text(json.dumps(results, indent=1))
+    write("evaluation_speed", results)
 
 
 def opened(folder: Path) -> tuple[api.OpenStudy, SearchProblem]:
@@ -120,12 +111,7 @@ def opened(folder: Path) -> tuple[api.OpenStudy, SearchProblem]:
 def kernel_ms() -> float:
     """Milliseconds of one product of two matrices of 400 × 400, the fastest of twenty."""
     matrix = np.random.default_rng(0).random((400, 400))
-    times = []
-    for _ in range(20):
-        begun = time.process_time()
-        matrix @ matrix
-        times.append(time.process_time() - begun)
-    return 1e3 * min(times)
+    return 1e3 * min(seconds_of(lambda: matrix @ matrix, 20))
 
 
 def drawn(problem: SearchProblem, seed: int) -> dict[str, float]:

@@ -14,12 +14,12 @@ from typing import Any
 from benchmarks.studies.page import DOCS, publish, require_main
 from benchmarks.studies.parts import Parts, published_parts
 
+from benchmarks import output
 from pliant.errors import INTERRUPTED, PliantError, UserError
 from pliant.store.store import write_atomically
 
-ROOT = Path(__file__).resolve().parents[2]
-OUT = ROOT / "benchmarks" / "out" / "studies"
-STORES = ROOT / ".pliant" / "studies"
+OUT = output.OUT / "studies"
+STORES = output.ROOT / ".pliant" / "studies"
 
 
 @dataclass(frozen=True)

@@ -6,10 +6,10 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
-from benchmarks.studies.bars import Bar
+from benchmarks.output import Bar
 from benchmarks.studies.gripper_check import engines_of, rise_m, stable
+from benchmarks.studies.page import clock, millimetres, number, percent
 from benchmarks.studies.published import GRIPPER, GRIPPER_BARS
-from benchmarks.studies.spoken import clock, millimetres, number, percent
 
 MAIN = "ppo"
 ENGINES = 2
@@ -24,7 +24,7 @@ def bars(result: Mapping[str, Any]) -> list[Bar]:
             run["wall_s"] if run else None,
             float(GRIPPER_BARS["wall_s"]),
             "min",
-            1 / 60,
+            scale=1 / 60,
             published=f"about {clock(GRIPPER['our_estimates']['wall_s'])} (our estimate)",
         )
     ]
@@ -40,7 +40,7 @@ def bars(result: Mapping[str, Any]) -> list[Bar]:
             worst_law(run),
             float(GRIPPER_BARS["law_rmse_of_largest"]),
             "%",
-            100.0,
+            scale=100.0,
             published=percent(GRIPPER["law_rmse_of_largest"], 3),
         )
     )
@@ -54,7 +54,9 @@ def bars(result: Mapping[str, Any]) -> list[Bar]:
 
 def _held(what: str, share: float | None) -> Bar:
     words = f"{GRIPPER['stable']}/{GRIPPER['trials']} in one engine"
-    return Bar(what, share, float(GRIPPER_BARS["stable_share"]), "%", 100.0, at_most=False, published=words)
+    return Bar(
+        what, share, float(GRIPPER_BARS["stable_share"]), "%", scale=100.0, at_most=False, published=words
+    )
 
 
 def worst_law(run: Mapping[str, Any] | None) -> float | None:
@@ -97,4 +99,4 @@ def lines(result: Mapping[str, Any]) -> Iterator[str]:
                 f"score {found['mean']:.3f} ± {number(found['sd'])} ({found['low']:.3f} to {found['high']:.3f})"
             )
     for one in result["bars"]:
-        yield str(Bar(**{key: value for key, value in one.items() if key != "met"}))
+        yield str(Bar.of(one))

@@ -20,7 +20,6 @@ import os
 os.environ["OMP_NUM_THREADS"] = os.environ["OPENBLAS_NUM_THREADS"] = os.environ["MKL_NUM_THREADS"] = "1"
 os.environ["NUMBA_NUM_THREADS"] = "1"
 
-import argparse
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -28,16 +27,17 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from benchmarks.output import parser_of
 from benchmarks.studies.command import Given, arguments, conclude, given_of, run_command
 from benchmarks.studies.gripper_bars import bars, lines
 from benchmarks.studies.gripper_check import baseline
 from benchmarks.studies.gripper_policy import acting, curve, policy, score, stable_tasks
-from benchmarks.studies.gripper_small import few
 from benchmarks.studies.parts import Part, Parts, made_of
 from benchmarks.studies.published import GRIPPER
 from benchmarks.studies.searched import Asked, searched
 
 from pliant import api
+from pliant.config.study import Study
 from pliant.search.evaluate.evaluator import problem_of
 
 NAME = "gripper_codesign"
@@ -67,9 +67,7 @@ LEFT_OUT = ("history", "variables", "slopes", "branches", "policy", "curve")
 
 def main(given: Sequence[str] | None = None) -> None:
     """Run what is left, print the bars, publish where that is asked for."""
-    parser = arguments(argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    ), [*(one.name for one in (*ASKED, ROBUST)), BASELINE, SEEDS])  # fmt: skip
+    parser = arguments(parser_of(__doc__), [*(one.name for one in (*ASKED, ROBUST)), BASELINE, SEEDS])  # fmt: skip
     parser.add_argument(
         "--seeds", type=int, help=f"seeds of each optimizer in their table; {FULL_SEEDS}; 0: none"
     )
@@ -96,6 +94,22 @@ def small() -> tuple[Asked, ...]:
     """The three optimizers on the study that CI runs."""
     file = EXAMPLES / "small.yaml"
     return tuple(replace(one, file=file, overrides=(f"optimizer.kind={one.name}",)) for one in ASKED)
+
+
+def few(study: Study) -> Study:
+    """The study with its first and last task, and the variables with `only`; constraints, which name others, go.
+
+    What a search finds out about its winner afterwards costs grasps for every variable and task; so there are few.
+    """
+    search = study.need("search", "a small study")
+    tasks = list(search.conditions)
+    changes = {
+        "variables": {name: one for name, one in search.variables.items() if one.only},
+        "conditions": {name: search.conditions[name] for name in (tasks[0], tasks[-1])},
+        "constraints": (),
+    }
+    small: Study = study.model_copy(update={"search": search.model_copy(update=changes)})
+    return small
 
 
 def candidates(opened: api.OpenStudy, grasps: int) -> int:

@@ -2,64 +2,47 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
-from benchmarks.studies.bars import bar_rows
+from benchmarks.pages import Result, Tables, table
+from benchmarks.studies import gripper_pictures, page
 from benchmarks.studies.gripper_bars import of_seeds
 from benchmarks.studies.gripper_check import engines_of, rise_m, stable
-from benchmarks.studies.gripper_pictures import grasps as grasps_picture
-from benchmarks.studies.gripper_pictures import policy as policy_picture
-from benchmarks.studies.gripper_pictures import seeds as seeds_picture
-from benchmarks.studies.machine import state_words
+from benchmarks.studies.page import Pictures, clock, millimetres, number, percent
 from benchmarks.studies.published import SOURCE
-from benchmarks.studies.spoken import clock, millimetres, number, percent
-
-from pliant.formatting import quantity
-
-Result = dict[str, Any]
-
-
-def state(result: Result) -> Iterator[str]:
-    """When a study has run: on what."""
-    yield state_words(result)
-
-
-def reached(result: Result) -> Iterable[str]:
-    """What was to be reached."""
-    return bar_rows(result["bars"])
 
 
 def searches(result: Result) -> Iterator[str]:
     """The three searches, and the published one below."""
-    yield (
-        "| search | runs | failed candidates | wall time, search only | in kernels | score when found | score | "
-        "stable tasks |"
-    )
-    yield "|---|---|---|---|---|---|---|---|"
+    rows = []
     for name, run in result["runs"].items():
         stored = " (searched before; kernel timed later)" if run["from_store"] else ""
-        yield (
-            f"| `{name}`: {run['words']} | {run['simulations']} | {sum(run['failed'].values())} | "
-            f"{clock(run['wall_s'])} | {run['wall_in_kernels']:.0f}{stored} | {_when_found(run)} | "
-            f"{run['score']:.3f} | {run['stable_tasks']} of {len(run['tasks'])} |"
-        )
+        rows.append([
+            f"`{name}`: {run['words']}", run["simulations"], sum(run["failed"].values()), clock(run["wall_s"]),
+            f"{run['wall_in_kernels']:.0f}{stored}", _when_found(run), f"{run['score']:.3f}",
+            f"{run['stable_tasks']} of {len(run['tasks'])}",
+        ])  # fmt: skip
     given = result["published"]
     estimate = f"about {clock(given['our_estimates']['wall_s'])}: an estimate of ours"
-    yield f"| published ({SOURCE}), PPO | {given['grasps']} | | {estimate} | | – | – | – |"
+    rows.append([f"published ({SOURCE}), PPO", given["grasps"], "", estimate, "", "–", "–", "–"])
+    return table(
+        "search | runs | failed candidates | wall time, search only | in kernels | score when found | score | "
+        "stable tasks",
+        rows,
+    )
 
 
 def grasps(result: Result) -> Iterator[str]:
     """Stable grasps of the check, baseline first."""
-    yield "| gripper | engine | stable grasps | z_max, mean | laws |"
-    yield "|---|---|---|---|---|"
-    for name, part in {"baseline": result["baseline"], **result["runs"]}.items():
-        for engine, tasks in engines_of(part).items() if part else ():
-            held, trials = stable(tasks)
-            laws = part.get("laws", "direct FEM")
-            yield f"| `{name}` | {engine} | {held}/{trials} | {millimetres(rise_m(tasks), 1)} | {laws} |"
+    rows = []
+    for name, engine, tasks, part in _checked(result):
+        held, trials = stable(tasks)
+        rise, of = millimetres(rise_m(tasks), 1), part.get("laws", "direct FEM")
+        rows.append((f"`{name}`", engine, f"{held}/{trials}", rise, of))
     given = result["published"]
-    yield f"| published ({SOURCE}), optimised | one | {given['stable']}/{given['trials']} | – | – |"
+    rows.append((f"published ({SOURCE}), optimised", "one", f"{given['stable']}/{given['trials']}", "–", "–"))
+    return table("gripper | engine | stable grasps | z_max, mean | laws", rows)
 
 
 def robust(result: Result) -> Iterator[str]:
@@ -67,106 +50,73 @@ def robust(result: Result) -> Iterator[str]:
     found = (result["runs"].get("robust") or {}).get("robustness")
     if not found:
         return
-    yield f"| design | reward where nothing deviates | {found['measure']} over {found['samples']} scenarios |"
-    yield "|---|---|---|"
-    for design in ("nominal", "robust"):
-        cells = (found[f"{kind}_of_{design}"] for kind in ("nominal", "robust"))
-        yield f"| of the {design} search | {' | '.join(f'{cell:.3f}' for cell in cells)} |"
+    rows = (
+        (
+            f"of the {design} search",
+            *(f"{found[f'{kind}_of_{design}']:.3f}" for kind in ("nominal", "robust")),
+        )
+        for design in ("nominal", "robust")
+    )
+    over = f"{found['measure']} over {found['samples']} scenarios"
+    yield from table(f"design | reward where nothing deviates | {over}", rows)
 
 
 def by_task(result: Result) -> Iterator[str]:
     """Stable grasps of every task."""
-    found = {"baseline": result["baseline"], **result["runs"]}
-    columns = [(n, e, tasks) for n, part in found.items() if part for e, tasks in engines_of(part).items()]
+    columns = list(_checked(result))
     if not columns:
         return
-    yield f"| task | {' | '.join(f'`{name}`, {engine}' for name, engine, _ in columns)} |"
-    yield f"|---|{'---|' * len(columns)}"
-    for task in dict.fromkeys(task for *_, tasks in columns for task in tasks):
-        cells = (_of_task(tasks.get(task)) for *_, tasks in columns)
-        yield f"| {task} | {' | '.join(cells)} |"
+    names = dict.fromkeys(task for _, _, tasks, _ in columns for task in tasks)
+    rows = ((task, *(_of_task(tasks.get(task)) for _, _, tasks, _ in columns)) for task in names)
+    yield from table(f"task | {' | '.join(f'`{name}`, {engine}' for name, engine, *_ in columns)}", rows)
 
 
 def laws(result: Result) -> Iterator[str]:
     """What the laws of the searches missed of direct FEM of the winners."""
-    yield "| search | design | FEM states | RMS, of the largest torque | at worst | RMS, of the range |"
-    yield "|---|---|---|---|---|---|"
-    for name, run in result["runs"].items():
-        for law in (run["verified"] or {}).get("laws", ()):
-            cells = (law.get(key) for key in ("rmse_of_largest", "worst_of_largest", "rmse_of_range"))
-            yield f"| `{name}` | {law['name']} | {law['n_states']} | {' | '.join(percent(c) for c in cells)} |"
-    yield f"| published ({SOURCE}) | | | {percent(result['published']['law_rmse_of_largest'], 3)} | – | – |"
+    published = percent(result["published"]["law_rmse_of_largest"], 3)
+    rows = page.laws(result, ("rmse_of_largest", "worst_of_largest", "rmse_of_range"))
+    return table(
+        "search | design | FEM states | RMS, of the largest torque | at worst | RMS, of the range",
+        [*rows, (f"published ({SOURCE})", "", "", published, "–", "–")],
+    )
 
 
 def designs(result: Result) -> Iterator[str]:
     """The winners' values; of a policy one column per task."""
     units = {variable["name"]: variable["unit"] for variable in result["variables"]}
-    base = (result["baseline"] or {}).get("design", {})
-    columns = {"baseline": base}
+    columns = {"baseline": (result["baseline"] or {}).get("design", {})}
     for name, run in result["runs"].items():
         for one in run["designs"]:
             label = f"{name}, {run['tasks'][one['context']]}" if one["context"] >= 0 else name
             columns[label] = {k: v for k, v in one["values"].items() if k in _acting(run, one)}
-    names = list(dict.fromkeys(name for values in columns.values() for name in values))
-    yield f"| variable | {' | '.join(columns)} |"
-    yield f"|---|{'---|' * len(columns)}"
-    for name in names:
-        cells = (_value(values.get(name), units.get(name, "")) for values in columns.values())
-        yield f"| {name} | {' | '.join(cells)} |"
+    return page.values(columns, units)
 
 
 def seeds(result: Result) -> Iterator[str]:
     """The optimizers at equal numbers of grasps."""
-    if not any(result["seeds"].values()):
+    shown = {name: parts for name, parts in result["seeds"].items() if parts}
+    if not shown:
         return
-    yield "| optimizer | seeds | runs of each | score, mean ± sd | lowest to highest | stable tasks | wall time |"
-    yield "|---|---|---|---|---|---|---|"
-    for name, parts in result["seeds"].items():
-        if not parts:
-            continue
+    rows = []
+    for name, parts in shown.items():
         found, grasped = of_seeds(parts), [one["simulations"] for one in parts]
         counts = str(grasped[0]) if len(set(grasped)) == 1 else f"{min(grasped)} to {max(grasped)}"
-        tasks = sum(one["stable_tasks"] for one in parts) / len(parts)
-        wall_s = sum(one["wall_s"] for one in parts) / len(parts)
-        yield (
-            f"| `{name}` | {len(parts)} | {counts} | {found['mean']:.3f} ± {number(found['sd'])} | "
-            f"{found['low']:.3f} to {found['high']:.3f} | {tasks:.1f} | {clock(wall_s)} |"
-        )
+        tasks, wall_s = (sum(one[key] for one in parts) / len(parts) for key in ("stable_tasks", "wall_s"))
+        rows.append([
+            f"`{name}`", len(parts), counts, f"{found['mean']:.3f} ± {number(found['sd'])}",
+            f"{found['low']:.3f} to {found['high']:.3f}", f"{tasks:.1f}", clock(wall_s),
+        ])  # fmt: skip
+    yield from table(
+        "optimizer | seeds | runs of each | score, mean ± sd | lowest to highest | stable tasks | wall time",
+        rows,
+    )
 
 
-def picture(
-    label: str, words: str, drawn: Callable[[Result], bytes | None]
-) -> Callable[[Result], Iterator[str]]:
-    """A mark that shows a picture where there is one."""
-
-    def lines(result: Result) -> Iterator[str]:
-        if drawn(result) is not None:
-            yield f"![{words}](gripper_codesign_{label}.png)"
-
-    return lines
-
-
-PICTURES: Mapping[str, Callable[[Result], bytes | None]] = {
-    "grasps": grasps_picture,
-    "policy": policy_picture,
-    "seeds": seeds_picture,
-}
-TABLES: Mapping[str, Callable[[Result], Iterable[str]]] = {
-    "state": state,
-    "reached": reached,
-    "searches": searches,
-    "grasps": grasps,
-    "robust": robust,
-    "by_task": by_task,
-    "laws": laws,
-    "designs": designs,
-    "seeds": seeds,
-    "grasps_picture": picture(
-        "grasps", "Stable grasps and rise of every gripper, task and engine", grasps_picture
-    ),
-    "policy_picture": picture("policy", "What the policy proposes for every task", policy_picture),
-    "seeds_picture": picture("seeds", "Score against grasps of every optimizer and seed", seeds_picture),
-}
+def _checked(result: Result) -> Iterator[tuple[str, str, dict[str, Any], dict[str, Any]]]:
+    """Gripper, engine, metrics by task, and the part that they are of, baseline first."""
+    for name, part in {"baseline": result["baseline"], **result["runs"]}.items():
+        for engine, tasks in engines_of(part).items() if part else ():
+            yield name, engine, tasks, part
 
 
 def _when_found(run: Mapping[str, Any]) -> str:
@@ -193,7 +143,28 @@ def _of_task(metrics: Mapping[str, float] | None) -> str:
     return f"{held}/{trials}"
 
 
-def _value(value: Any, unit: str) -> str:
-    if value is None:
-        return "–"
-    return str(value) if isinstance(value, int) and not unit else quantity(value, unit, 4)
+PICTURES: Pictures = {
+    "grasps": gripper_pictures.grasps,
+    "policy": gripper_pictures.policy,
+    "seeds": gripper_pictures.seeds,
+}
+WORDS = {
+    "grasps": "Stable grasps and rise of every gripper, task and engine",
+    "policy": "What the policy proposes for every task",
+    "seeds": "Score against grasps of every optimizer and seed",
+}
+TABLES: Tables = {
+    "state": page.state,
+    "reached": page.reached,
+    "searches": searches,
+    "grasps": grasps,
+    "robust": robust,
+    "by_task": by_task,
+    "laws": laws,
+    "designs": designs,
+    "seeds": seeds,
+    **{
+        f"{label}_picture": shows
+        for label, shows in page.shown_pictures("gripper_codesign", PICTURES, WORDS).items()
+    },
+}

@@ -1,7 +1,7 @@
-"""A study's page: its own words stay, what stands between marks is written anew.
+"""A study's page: marks as in `benchmarks.pages`, and numbers within the prose, from the study's JSON.
 
     <!-- study: NAME --> … <!-- end -->                    a table or picture of the page's module
-    <!-- value: PATH FORM -->…<!-- end value -->           a number within the prose, from the study's JSON
+    <!-- value: PATH FORM -->…<!-- end value -->           a number
 
 A PATH leads through the JSON by `/`; one that begins with `noted/` leads into NAME.noted.json, which holds numbers of
 runs whose files were not kept, each with what it is of and the commit.
@@ -10,19 +10,50 @@ runs whose files were not kept, each with what it is of and the commit.
 from __future__ import annotations
 
 import json
+import math
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from benchmarks.studies.spoken import clock, millimetres, number, percent
+from benchmarks.output import ROOT, Bar
+from benchmarks.pages import Result, Tables, table
 
+from benchmarks import pages
 from pliant.errors import UserError
+from pliant.formatting import quantity
 from pliant.store.store import write_atomically
 
-DOCS = Path(__file__).resolve().parents[2] / "docs" / "studies"
-MARK = re.compile(r"(<!-- study: ([\w-]+) -->\n).*?(<!-- end -->)", re.DOTALL)
+DOCS = ROOT / "docs" / "studies"
+MARK = pages.marks("study")
 VALUE = re.compile(r"(<!-- value: (\S+) (\S+) -->).*?(<!-- end value -->)", re.DOTALL)
+Pictures = Mapping[str, Callable[[Result], bytes | None]]
+
+
+def millimetres(value_m: float | None, digits: int = 2) -> str:
+    """1.23 mm; a dash for none."""
+    return "–" if value_m is None else f"{1e3 * value_m:.{digits}f} mm"
+
+
+def percent(share: float | None, digits: int = 2) -> str:
+    """1.2 %; a dash for none."""
+    return "–" if share is None else f"{100 * share:.{digits}g} %"
+
+
+def clock(wall_s: float | None) -> str:
+    """A time of a suitable unit; a dash for none."""
+    if wall_s is None:
+        return "–"
+    if wall_s < 120:
+        return f"{wall_s:.1f} s"
+    return f"{wall_s / 60:.1f} min" if wall_s < 7200 else f"{wall_s / 3600:.3g} h"
+
+
+def number(value: float | None, digits: int = 3) -> str:
+    """A plain number; a dash for none and for what is no number."""
+    return "–" if value is None or math.isnan(value) else f"{value:.{digits}g}"
+
+
 FORMS: Mapping[str, Callable[[Any], str]] = {
     "mm": millimetres,
     "mm1": lambda value: millimetres(value, 1),
@@ -32,26 +63,73 @@ FORMS: Mapping[str, Callable[[Any], str]] = {
     "number": number,
     "text": str,
 }
-Result = dict[str, Any]
-Tables = Mapping[str, Callable[[Result], Iterable[str]]]
-Pictures = Mapping[str, Callable[[Result], bytes | None]]
+
+
+def state(result: Result) -> Iterator[str]:
+    """On what a study ran, with which changes."""
+    here, changes = result["machine"], ", ".join(f"`{override}`" for override in result["overrides"])
+    load = "" if here["load"] is None else f", load {here['load']:.1f} at the start"
+    yield (
+        f"Run on {here['processor']}, {here['cores']} cores, Python {here['python']}{load}, "
+        f"with Pliant {result['pliant']}. The reference kernel "
+        f"({result['reference_kernel']}) took {1e3 * result['reference_kernel_s']:.0f} ms beside the first search."
+        f"{f' Every study was changed: {changes}.' if changes else ''}"
+    )
+
+
+def reached(result: Result) -> Iterator[str]:
+    """What was to be reached."""
+    verdicts = {None: "", True: "met", False: "**missed**"}
+    bars = [Bar.of(one) for one in result["bars"]]
+    return table(
+        "what | to reach | reached | | published",
+        (
+            (
+                bar.what, f"{'≤' if bar.at_most else '≥'} {bar.shown(bar.bar)}", bar.shown(bar.reached),
+                verdicts[bar.met], bar.published or "–",
+            )
+            for bar in bars
+        ),
+    )  # fmt: skip
+
+
+def laws(result: Result, keys: tuple[str, ...]) -> Iterator[tuple[str, ...]]:
+    """Rows: what the laws of the searches missed of direct FEM of the winners, by these keys."""
+    for name, run in result["runs"].items():
+        for law in (run["verified"] or {}).get("laws", ()):
+            shares = (percent(law.get(key)) for key in keys)
+            yield (f"`{name}`", law["name"], str(law["n_states"]), *shares)
+
+
+def values(columns: Mapping[str, Mapping[str, Any]], units: Mapping[str, str]) -> Iterator[str]:
+    """A row per variable, a column per design; `units` are SI."""
+
+    def shown(name: str, value: Any) -> str:
+        unit = units.get(name, "")
+        if value is None:
+            return "–"
+        return str(value) if isinstance(value, int) and not unit else quantity(value, unit, 4)
+
+    names = dict.fromkeys(name for own in columns.values() for name in own)
+    rows = ((name, *(shown(name, own.get(name)) for own in columns.values())) for name in names)
+    return table(f"variable | {' | '.join(columns)}", rows)
+
+
+def shown_pictures(study: str, pictures: Pictures, words: Mapping[str, str]) -> Tables:
+    """Marks that show the pictures of a study, where there are any."""
+
+    def shows(label: str) -> Callable[[Result], Iterable[str]]:
+        link = f"![{words[label]}]({study}_{label}.png)"
+        return lambda result: [link] if pictures[label](result) is not None else []
+
+    return {label: shows(label) for label in pictures}
 
 
 def rendered(text: str, tables: Tables, result: Result) -> str:
-    """A page's text with its tables written anew.
-
-    Raises:
-        UserError: the page asks for a table that there is none of.
-    """
-
-    def table(match: re.Match[str]) -> str:
-        if match[2] not in tables:
-            raise UserError(f"the page asks for the table '{match[2]}'; there are {', '.join(tables)}.")
-        lines = "\n".join(tables[match[2]](result))
-        return f"{match[1]}{lines}\n{match[3]}" if lines else f"{match[1]}{match[3]}"
-
+    """A page's text with its tables and numbers written anew. Raises `UserError`: there is none of that name."""
     return VALUE.sub(
-        lambda match: f"{match[1]}{_value(match[2], match[3], result)}{match[4]}", MARK.sub(table, text)
+        lambda match: f"{match[1]}{_value(match[2], match[3], result)}{match[4]}",
+        pages.rendered(text, MARK, tables, result),
     )
 
 

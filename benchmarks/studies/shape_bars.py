@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from benchmarks.studies.bars import Bar
+from benchmarks.output import Bar
+from benchmarks.studies.page import clock, millimetres, percent
 from benchmarks.studies.published import SHAPE, SHAPE_BARS
-from benchmarks.studies.spoken import clock, millimetres, percent
 
 Runs = Mapping[str, dict[str, Any]]
 METRICS = {"rmse_m": "RMSE", "e_max_m": "e_max"}
@@ -39,7 +39,12 @@ def bars(runs: Runs) -> list[Bar]:
             published = millimetres(SHAPE["verified"][metric]) if roll == "fixed" else ""
             found.append(
                 Bar(
-                    f"{name}: {words}, verified", of_check(run, metric), limit, "mm", 1e3, published=published
+                    f"{name}: {words}, verified",
+                    of_check(run, metric),
+                    limit,
+                    "mm",
+                    scale=1e3,
+                    published=published,
                 )
             )
         found.append(
@@ -48,7 +53,7 @@ def bars(runs: Runs) -> list[Bar]:
                 apart(run),
                 float(SHAPE_BARS["apart_m"]),  # type: ignore[arg-type]
                 "mm",
-                1e3,
+                scale=1e3,
                 published=millimetres(SHAPE["verified"]["rmse_m"] - SHAPE["rmse_m"]),
             )
         )
@@ -56,7 +61,9 @@ def bars(runs: Runs) -> list[Bar]:
         wall_s = runs[name]["wall_s"] if name in runs else None
         estimate = f"about {clock(SHAPE['our_estimates'][key])} (our estimate)"
         limit_s = float(SHAPE_BARS[key])  # type: ignore[arg-type]
-        found.append(Bar(f"{name}: search, wall time", wall_s, limit_s, "min", 1 / 60, published=estimate))
+        found.append(
+            Bar(f"{name}: search, wall time", wall_s, limit_s, "min", scale=1 / 60, published=estimate)
+        )
     return found
 
 
@@ -85,15 +92,15 @@ def lines(result: Mapping[str, Any]) -> Iterator[str]:
             f"{millimetres(run['objective'])}"
         )
         for engine in engines(run):
-            verified = _pair(run, engine, "engines")
-            yield f"{'':<22} {engine}: {_pair(run, engine, 'predicted')} predicted, {verified} verified"
+            verified = pair(run, engine, "engines")
+            yield f"{'':<22} {engine}: {pair(run, engine, 'predicted')} predicted, {verified} verified"
         for law in (run["verified"] or {}).get("laws", ()):
             if "rmse_of_range" in law:
                 yield f"{'':<22} law {law['name']}: misses FEM by {percent(law['rmse_of_range'])} of the range (rms)"
         for note in (run["verified"] or {}).get("notes", ()):
             yield f"{'':<22} note: {note}"
     for one in result["bars"]:
-        yield str(Bar(**{key: value for key, value in one.items() if key != "met"}))
+        yield str(Bar.of(one))
 
 
 def engines(run: Mapping[str, Any]) -> list[str]:
@@ -102,5 +109,5 @@ def engines(run: Mapping[str, Any]) -> list[str]:
     return list(dict.fromkeys((*check.get("predicted", {}), *check.get("engines", {}))))
 
 
-def _pair(run: Mapping[str, Any], engine: str, what: str) -> str:
+def pair(run: Mapping[str, Any], engine: str, what: str) -> str:
     return " / ".join(millimetres(of_check(run, metric, engine, what)) for metric in METRICS)

@@ -18,18 +18,24 @@ import os
 os.environ["OMP_NUM_THREADS"] = os.environ["OPENBLAS_NUM_THREADS"] = os.environ["MKL_NUM_THREADS"] = "1"
 os.environ["NUMBA_NUM_THREADS"] = "1"
 
-import argparse
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from benchmarks.output import parser_of
 from benchmarks.studies.command import Given, arguments, conclude, given_of, run_command
 from benchmarks.studies.parts import Part, Parts, made_of
 from benchmarks.studies.published import SHAPE
-from benchmarks.studies.searched import Asked, brief, searched
+from benchmarks.studies.searched import MOST_POINTS, Asked, brief, searched, spread
 from benchmarks.studies.shape_bars import bars, lines
-from benchmarks.studies.shape_lines import structures, winner_lines
+
+from pliant import api
+from pliant.pipeline.study import simulate_study
+from pliant.records.search import SearchResult
+from pliant.search.evaluate.evaluator import problem_of
+from pliant.search.verify.direct_fem import direct_studies
 
 NAME = "shape_matching"
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples" / NAME
@@ -76,9 +82,7 @@ LEFT_OUT = ("history", "variables", "slopes", "designs", "branches", "structures
 
 def main(given: Sequence[str] | None = None) -> None:
     """Run what is left, print the bars, publish where that is asked for."""
-    parser = arguments(argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    ), [one.name for one in ASKED])  # fmt: skip
+    parser = arguments(parser_of(__doc__), [one.name for one in ASKED])  # fmt: skip
     sys.exit(run_command(lambda: study(given_of(parser.parse_args(given), NAME))))
 
 
@@ -124,6 +128,55 @@ def _units(part: Part) -> dict[str, str]:
         one["name"]: one["unit"] for one in part.get("variables", ())
     }
     return found
+
+
+def winner_lines(opened: api.OpenStudy, result: SearchResult) -> dict[str, Any]:
+    """Backbone and target of the winner in the base's frame, x along the chain.
+
+    Returns:
+        `backbone_m`, `target_m`: (n, 3); `joints_m`: (k, 3); `laws`: "direct FEM", or "the search" where the check
+        did not come to laws of FEM.
+    """
+    bench, study = opened.bench, opened.study
+    winner = problem_of(bench, study).apply(result.best[0].values, 0)
+    winner = winner.model_copy(update={"cross_check": (), "uncertainty": None})
+    engine, check = (study.physics.kind if study.physics else ""), result.verification
+    solved = check is not None and engine in check.verified
+    if solved:
+        (winner,), _ = direct_studies(bench, [winner])
+    run = simulate_study(bench, winner)
+    found = run.engines[0].result
+    assert found is not None
+    assert run.chain is not None
+    origin, frame = np.asarray(run.chain.base_position_m, float), np.asarray(run.chain.base_rotation, float)
+    lines = {
+        "backbone_m": found.metrics["backbone_points_m"],
+        "target_m": found.metrics["target_points_m"],
+        "joints_m": found.final.markers_m[1:-1],
+    }
+    own = {name: ((np.asarray(points, float) - origin) @ frame).tolist() for name, points in lines.items()}
+    return {**own, "laws": "direct FEM" if solved else "the search"}
+
+
+def structures(result: SearchResult) -> list[dict[str, Any]]:
+    """The best of every search of the study, best first: its structure, best objective, and best so far."""
+    history, found = result.history, []
+    for index, values in enumerate(result.branches):
+        scores = history.objectives[history.branch == index, 0]
+        best = np.fmin.accumulate(scores) if len(scores) else scores
+        if not len(best) or not np.isfinite(best[-1]):
+            continue
+        at = spread(len(best), MOST_POINTS)
+        found.append(
+            {
+                "values": dict(values),
+                "best": brief(best[-1]),
+                "candidates": len(best),
+                "at": [k + 1 for k in at],
+                "best_so_far": brief(best[at]),
+            }
+        )
+    return sorted(found, key=lambda one: float(one["best"]))
 
 
 if __name__ == "__main__":

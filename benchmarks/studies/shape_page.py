@@ -1,114 +1,65 @@
-"""The tables and pictures of docs/studies/shape_matching.md."""
+"""The tables and pictures of docs/studies/shape_matching.md, from the study's JSON."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
-from benchmarks.studies.bars import bar_rows
-from benchmarks.studies.machine import state_words
+import numpy as np
+from benchmarks.pages import Result, Tables, table
+from benchmarks.studies import page
+from benchmarks.studies.page import Pictures, clock, millimetres
 from benchmarks.studies.published import SOURCE
-from benchmarks.studies.shape_bars import METRICS, apart, engines, of_check
-from benchmarks.studies.shape_pictures import backbones, history, strip
-from benchmarks.studies.spoken import clock, millimetres, percent
+from benchmarks.studies.shape_bars import METRICS, apart, engines, of_check, pair
 
-from pliant.formatting import quantity
+from pliant.report.figures import style
+from pliant.report.figures.search_small import small_png
 
-Result = dict[str, Any]
-
-
-def state(result: Result) -> Iterator[str]:
-    """When a study has run: on what."""
-    yield state_words(result)
-
-
-def reached(result: Result) -> Iterable[str]:
-    """What was to be reached."""
-    return bar_rows(result["bars"])
+PLANES = ((0, 1), (0, 2), (2, 1))
+TALL_PX, WIDE_PX = 430, 1560
+NAMED = 5
 
 
 def runs(result: Result) -> Iterator[str]:
     """Every search, and the published figures below."""
-    yield (
-        "| search | candidates | wall time, search only | in kernels | predicted RMSE / e_max | verified | "
-        "verified, other engine | apart | joints outside their data at any level, predicted / verified |"
-    )
-    yield "|---|---|---|---|---|---|---|---|---|"
+    rows = []
     for name, run in result["runs"].items():
         own, others = run["engine"], [e for e in engines(run) if e != run["engine"]]
-        second = "; ".join(f"{_both(run, e, 'engines')} ({e})" for e in others) or "–"
         stored = " (searched before; kernel timed later)" if run["from_store"] else ""
-        yield (
-            f"| `{name}`: {run['words']} | {run['evaluations']} | {clock(run['wall_s'])} | "
-            f"{run['wall_in_kernels']:.0f}{stored} | {_both(run, own, 'predicted')} | {_both(run, own, 'engines')} | "
-            f"{second} | {millimetres(apart(run))} | {_outside(run, 'predicted')} / {_outside(run, 'engines')} |"
-        )
+        rows.append([
+            f"`{name}`: {run['words']}", run["evaluations"], clock(run["wall_s"]),
+            f"{run['wall_in_kernels']:.0f}{stored}", pair(run, own, "predicted"), pair(run, own, "engines"),
+            "; ".join(f"{pair(run, e, 'engines')} ({e})" for e in others) or "–", millimetres(apart(run)),
+            f"{_outside(run, 'predicted')} / {_outside(run, 'engines')}",
+        ])  # fmt: skip
     given = result["published"]
-    times = given["our_estimates"]
-    yield (
-        f"| published ({SOURCE}), roll fixed | | about {clock(times['evaluations_wall_s'])}; of generations "
-        f"{clock(times['generations_wall_s'])}: estimates of ours | | "
-        f"{_figures(given)} | {_figures(given['verified'])} | – | "
-        f"{millimetres(given['verified']['rmse_m'] - given['rmse_m'])} | – |"
+    times, rmse_m = given["our_estimates"], given["verified"]["rmse_m"] - given["rmse_m"]
+    rows.append([
+        f"published ({SOURCE}), roll fixed", "",
+        f"about {clock(times['evaluations_wall_s'])}; of generations {clock(times['generations_wall_s'])}: "
+        "estimates of ours",
+        "", _figures(given), _figures(given["verified"]), "–", millimetres(rmse_m), "–",
+    ])  # fmt: skip
+    return table(
+        "search | candidates | wall time, search only | in kernels | predicted RMSE / e_max | verified | "
+        "verified, other engine | apart | joints outside their data at any level, predicted / verified",
+        rows,
     )
 
 
 def laws(result: Result) -> Iterator[str]:
     """What the laws of the searches missed of direct FEM of the winners."""
-    yield "| search | design | FEM states | RMS, of the range | at worst | RMS, of the largest effort |"
-    yield "|---|---|---|---|---|---|"
-    for name, run in result["runs"].items():
-        for law in (run["verified"] or {}).get("laws", ()):
-            cells = (law.get(key) for key in ("rmse_of_range", "worst_of_range", "rmse_of_largest"))
-            shares = " | ".join(percent(cell) for cell in cells)
-            yield f"| `{name}` | {law['name']} | {law['n_states']} | {shares} |"
+    return table(
+        "search | design | FEM states | RMS, of the range | at worst | RMS, of the largest effort",
+        page.laws(result, ("rmse_of_range", "worst_of_range", "rmse_of_largest")),
+    )
 
 
 def best(result: Result) -> Iterator[str]:
     """The winners' values, one column per search."""
     shown = result["runs"]
     units = {name: unit for run in shown.values() for name, unit in run["units"].items()}
-    names = list(dict.fromkeys(name for run in shown.values() for name in run["best"]["values"]))
-    yield f"| variable | {' | '.join(f'`{name}`' for name in shown)} |"
-    yield f"|---|{'---|' * len(shown)}"
-    for name in names:
-        cells = (_value(run["best"]["values"].get(name), units.get(name, "")) for run in shown.values())
-        yield f"| {name} | {' | '.join(cells)} |"
-
-
-def picture(
-    label: str, words: str, drawn: Callable[[Result], bytes | None]
-) -> Callable[[Result], Iterator[str]]:
-    """A mark that shows a picture where there is one."""
-
-    def lines(result: Result) -> Iterator[str]:
-        if drawn(result) is not None:
-            yield f"![{words}](shape_matching_{label}.png)"
-
-    return lines
-
-
-PICTURES: Mapping[str, Callable[[Result], bytes | None]] = {
-    "backbones": backbones,
-    "history": history,
-    "structures": strip,
-}
-TABLES: Mapping[str, Callable[[Result], Iterable[str]]] = {
-    "state": state,
-    "reached": reached,
-    "runs": runs,
-    "laws": laws,
-    "best": best,
-    "backbones": picture(
-        "backbones", "Backbone of the winners against the target, three projections", backbones
-    ),
-    "history": picture("history", "Best so far of every structure", history),
-    "structures": picture("structures", "Best of every structure", strip),
-}
-
-
-def _both(run: Mapping[str, Any], engine: str, what: str) -> str:
-    return " / ".join(millimetres(of_check(run, metric, engine, what)) for metric in METRICS)
+    return page.values({f"`{name}`": run["best"]["values"] for name, run in shown.items()}, units)
 
 
 def _outside(run: Mapping[str, Any], what: str) -> str:
@@ -120,7 +71,109 @@ def _figures(figures: Mapping[str, Any]) -> str:
     return " / ".join(millimetres(figures[metric]) for metric in METRICS)
 
 
-def _value(value: Any, unit: str) -> str:
-    if value is None:
-        return "–"
-    return str(value) if isinstance(value, int) and not unit else quantity(value, unit, 4)
+def backbones(result: Result) -> bytes | None:
+    """A row per search, three projections in the base's frame, x along the chain."""
+    shown = [(name, run["lines"], run) for name, run in result["runs"].items() if run.get("lines")]
+    if not shown:
+        return None
+    with style.canvas(WIDE_PX, TALL_PX * len(shown) + 70) as figure:
+        grid = figure.subplots(len(shown), len(PLANES), squeeze=False)
+        for row, (name, lines, _) in zip(grid, shown, strict=True):
+            for axes, plane in zip(row, PLANES, strict=True):
+                _projection(axes, lines, plane)
+            row[0].set_title(f"{name}, laws of {lines['laws']}")
+        figure.legend(*grid[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
+        figure.set_layout_engine("constrained", w_pad=0.07, h_pad=0.07)
+        return small_png(figure).tobytes()
+
+
+def _projection(axes: Any, lines: dict[str, Any], plane: tuple[int, int]) -> None:
+    for key, colour, look, label in (
+        ("target_m", style.SERIES[1], "--", "target"),
+        ("backbone_m", style.SERIES[0], "-", "backbone"),
+    ):
+        points = 1e3 * np.array(lines[key], float)
+        axes.plot(points[:, plane[0]], points[:, plane[1]], look, color=colour, lw=2, label=label)
+    joints = 1e3 * np.array(lines["joints_m"], float)
+    axes.plot(joints[:, plane[0]], joints[:, plane[1]], "o", ms=3, color=style.SERIES[0], label="joints")
+    axes.plot([0], [0], "s", ms=6, color=style.INK)
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.set_xlabel(f"{'xyz'[plane[0]]} of the base (mm)")
+    axes.set_ylabel(f"{'xyz'[plane[1]]} of the base (mm)")
+
+
+def history(result: Result) -> bytes | None:
+    """Best so far of every structure of the main search; the winner's in front."""
+    found = result.get("structures", [])
+    if not found or not found[0]["values"]:
+        return None
+    with style.canvas(WIDE_PX, 640) as figure:
+        axes = figure.subplots()
+        for order, one in enumerate(reversed(found)):
+            first = order == len(found) - 1
+            values = [np.nan if value is None else 1e3 * value for value in one["best_so_far"]]
+            axes.plot(
+                one["at"], values, drawstyle="steps-post", color=style.WARN if first else style.SERIES[0],
+                lw=2.4 if first else 0.8, alpha=1 if first else 0.45, label=f"winner, {structure(one)}" if first else
+                ("another structure" if order == 0 else None),
+            )  # fmt: skip
+        axes.set_yscale("log")
+        style.log_labels(axes.yaxis)
+        axes.locator_params(axis="x", integer=True)
+        axes.set_xlabel("candidate of its structure")
+        axes.set_ylabel("RMSE, best so far (mm)")
+        axes.set_title(f"Best so far of {len(found)} structures")
+        axes.legend(loc="upper right")
+        figure.set_layout_engine("constrained")
+        return small_png(figure).tobytes()
+
+
+def strip(result: Result) -> bytes | None:
+    """The best of every structure by its total number of modules; the first few are named."""
+    found = result.get("structures", [])
+    if not found or not found[0]["values"]:
+        return None
+    totals = sorted({total(one) for one in found})
+    with style.canvas(WIDE_PX, 620) as figure:
+        axes = figure.subplots()
+        for column, modules in enumerate(totals):
+            values = [1e3 * one["best"] for one in found if total(one) == modules]
+            places = column + np.random.default_rng(modules).uniform(-0.16, 0.16, len(values))
+            axes.plot(places, values, "o", ms=5, alpha=0.7, color=style.SERIES[0], mew=0)
+            axes.plot([column - 0.25, column + 0.25], [np.median(values)] * 2, color=style.INK, lw=1.5)
+        names = "\n".join(f"{structure(one)}   {1e3 * one['best']:.2f} mm" for one in found[:NAMED])
+        axes.annotate(f"best:\n{names}", (1.01, 0.98), xycoords="axes fraction", va="top", linespacing=1.5)
+        axes.set_xticks(range(len(totals)), [str(modules) for modules in totals])
+        axes.set_xlim(-0.5, len(totals) - 0.5)
+        axes.set_ylim(0, 1.06e3 * max(one["best"] for one in found))
+        axes.set_xlabel("modules in all")
+        axes.set_ylabel("RMSE, best of a structure (mm)")
+        axes.set_title("Best of every structure; bars are medians")
+        figure.set_layout_engine("constrained")
+        return small_png(figure).tobytes()
+
+
+def structure(one: dict[str, Any]) -> str:
+    """7-7-6-6"""
+    return "-".join(str(value) for value in one["values"].values())
+
+
+def total(one: dict[str, Any]) -> int:
+    """Modules in all."""
+    return sum(int(value) for value in one["values"].values())
+
+
+PICTURES: Pictures = {"backbones": backbones, "history": history, "structures": strip}
+WORDS = {
+    "backbones": "Backbone of the winners against the target, three projections",
+    "history": "Best so far of every structure",
+    "structures": "Best of every structure",
+}
+TABLES: Tables = {
+    "state": page.state,
+    "reached": page.reached,
+    "runs": runs,
+    "laws": laws,
+    "best": best,
+    **page.shown_pictures("shape_matching", PICTURES, WORDS),
+}

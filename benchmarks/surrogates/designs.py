@@ -10,11 +10,10 @@ its own. Writes benchmarks/out/designs_GRID.json.
 
 from __future__ import annotations
 
-import argparse
 import time
 from typing import Any
 
-from benchmarks.physics.output import Bar, write
+from benchmarks.output import Bar, parser_of, write
 from benchmarks.surrogates.held_out import as_json, left_out, line, scored, table
 
 from pliant.registry.discovery import Registry, discover
@@ -44,8 +43,6 @@ def contest(grid: str, kinds: list[str] | None) -> None:
             continue
         results[name] = _contender(registry, name, keys, solved, test)
     bars = _bars(grid, results[MAIN]) if "scores" in results.get(MAIN, {}) else []
-    for bar in bars:
-        print(bar)
     write(f"designs_{grid}", {"contenders": results, "folds": FOLDS}, bars)
 
 
@@ -99,9 +96,7 @@ def _bars(grid: str, result: dict[str, Any]) -> list[Bar]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = parser_of(__doc__)
     parser.add_argument("--only", choices=["bending", "helical"])
     parser.add_argument("--kinds", nargs="*")
     asked = parser.parse_args()

@@ -19,11 +19,10 @@ import sys
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-from benchmarks.physics.output import Bar, write
+from benchmarks.output import REFERENCE, Bar, reference_table, write
 from numpy.typing import NDArray
 
 from pliant.errors import MissingDependencyError
@@ -32,7 +31,6 @@ from pliant.records.design import Design
 from pliant.records.fem import FemDataset
 from pliant.registry.discovery import discover
 
-REFERENCE = Path(__file__).parents[3] / "shared/data/reference"
 HELICAL, TENDON = "helical_y_fem_R5.66_l4.72.csv", "tendon_joint_fem.csv"
 KINDS = ("polynomial", "neural", "table")
 STOP_RAD, FREE_TOP_N = -0.02, 7.5
@@ -55,11 +53,12 @@ class Score:
 
 def published(name: str) -> FemDataset:
     """A reference table as data of one axis."""
-    rows = np.genfromtxt(REFERENCE / name, delimiter=",", names=True)
-    names = rows.dtype.names or ()
-    actuation = "pressure_pa" if "pressure_pa" in names else "tendon_force_n"
-    angle = 2 * rows["half_angle_rad"] if "half_angle_rad" in names else rows["joint_angle_rad"]
-    n, moment = len(rows), rows["moment_n_m"]
+    rows = reference_table(name)
+    assert rows is not None
+    actuation = "pressure_pa" if "pressure_pa" in rows else "tendon_force_n"
+    angle = 2 * rows["half_angle_rad"] if "half_angle_rad" in rows else rows["joint_angle_rad"]
+    moment = rows["moment_n_m"]
+    n = len(moment)
     missing = np.full(n, np.nan)
     return FemDataset(
         Design("table", {}),
@@ -170,8 +169,6 @@ def main() -> None:
             best = min(found, key=lambda kind: found[kind].worst)
             what = f"{name}, {label} left out, worst of the range ({best})"
             bars.append(Bar(what, found[best].worst, WORST, "%", at_most=True))
-    for bar in bars:
-        print(bar)
     write("surrogates_elsewhere", results, bars)
 
 

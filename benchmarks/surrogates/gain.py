@@ -11,11 +11,10 @@ benchmarks/out/gain_GRID.json.
 
 from __future__ import annotations
 
-import argparse
 from typing import Any
 
 import numpy as np
-from benchmarks.physics.output import Bar, write
+from benchmarks.output import Bar, parser_of, write
 from benchmarks.surrogates.held_out import misses_of, table
 from scipy.stats import qmc
 
@@ -134,9 +133,7 @@ def _needed(curve: list[tuple[int, float]], wanted: float) -> float:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = parser_of(__doc__)
     parser.add_argument("--only", choices=["bending", "helical"])
     parser.add_argument("--seeds", type=int, default=10)
     asked = parser.parse_args()

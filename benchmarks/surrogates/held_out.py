@@ -10,8 +10,8 @@ import numpy as np
 
 from pliant.execution.progress import Silent
 from pliant.interfaces.meta_model import DesignLaws, FittedMetaModel, MetaModel, MetaModelConfig
+from pliant.pipeline.meta_model.cross_validation import LeftOutResiduals, misses_left_out, parts_of
 from pliant.pipeline.meta_model.designs import from_table
-from pliant.pipeline.meta_model.leaving_out import Misses, misses_left_out, parts_of
 from pliant.pipeline.meta_model.scoring import Scores, scores_of
 from pliant.records.law import LawRecord
 from pliant.records.solved import SolvedDesigns
@@ -21,7 +21,7 @@ FAMILIES = {"bending": "bellow_bending", "helical": "bellow_helical"}
 
 
 class Fitted(MetaModel):
-    """A model that is fitted already, for the scores of `leaving_out`: what is left out was never seen anyway."""
+    """A model that is fitted already, for the scores of `cross_validation`: what is left out was never seen anyway."""
 
     def __init__(self, laws: DesignLaws) -> None:
         super().__init__(MetaModelConfig(kind="fitted"))
@@ -39,7 +39,7 @@ def table(name: str) -> SolvedDesigns:
     return from_table(TABLES / f"{name}.csv", FAMILIES[name.split("_")[0]]).designs
 
 
-def misses_of(laws: DesignLaws, designs: SolvedDesigns) -> Misses:
+def misses_of(laws: DesignLaws, designs: SolvedDesigns) -> LeftOutResiduals:
     """What a fitted model misses on designs."""
     with tempfile.TemporaryDirectory() as folder:
         whole = [np.arange(len(designs))]

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
+
+from benchmarks.output import ROOT
 
 from pliant.errors import UserError
 from pliant.interfaces.surrogate import Surrogate
@@ -12,7 +13,6 @@ from pliant.records.fem import ModuleData
 from pliant.registry.discovery import Registry, discover
 from pliant.tabular.fem_modules import read_designs_table, read_module_table
 
-ROOT = Path(__file__).resolve().parents[2]
 BENDING_GRID = ROOT / "examples/designs/bending_grid.csv"
 HELICAL_GRID = ROOT / "examples/designs/helical_grid.csv"
 BENDING_REFERENCE = ROOT / "examples/data/bellow_bending.csv"

@@ -9,12 +9,11 @@ design of the grid, from the first; the designs between are what it is judged on
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from benchmarks.physics.output import Bar, write
+from benchmarks.output import Bar, parser_of, write
 from benchmarks.surrogates.kinds import FORMS, bending_designs, bending_reference, surrogate
 
 from pliant.errors import UserError
@@ -31,9 +30,7 @@ PUBLISHED = 0.0826
 
 def main() -> None:
     """Fit all kinds to the reference design and to the grid, print a table, write the figures."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = parser_of(__doc__)
     parser.add_argument("--kinds", nargs="+", default=sorted({kind for kind, _ in FORMS.values()}))
     wanted = parser.parse_args().kinds
     reference, grid = bending_reference(), bending_designs()
@@ -49,8 +46,6 @@ def main() -> None:
         results[name] = of_kind(built, reference, grid)
         print(f"{name}\n{told(results[name])}")
     bars = promised(results.get("polynomial, adaptive"))
-    for bar in bars:
-        print(bar)
     write("surrogate_laws", results, bars)
 
 
@@ -93,7 +88,7 @@ def scored(built: Surrogate, design: ModuleData) -> dict[str, Any]:
     if inside is not None:
         width = fitted.law.band(states.check.actuation, states.check.angle_rad[:, None], 0.9)
         assert width is not None
-        row |= {"inside": inside, "half_width_of_range": float(width.mean()) / states.effort_range}
+        row |= {"inside": inside, "half_width_of_range": float(width.mean()) / float(states.ranges[0])}
     return row
 
 

@@ -13,7 +13,7 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from benchmarks.physics.output import Bar, ratio, write
+from benchmarks.output import Bar, ratio, seconds_of, write
 from benchmarks.surrogates.kinds import bending_designs, helical_designs, surrogate
 
 from pliant.records.design import Array
@@ -51,8 +51,6 @@ def main() -> None:
     results["polynomial, three axes"] = timed(
         "polynomial, three axes", built.fit_module(helical_designs()[0]).law
     )
-    for bar in bars:
-        print(bar)
     write("surrogate_speed", results, bars)
 
 
@@ -99,12 +97,7 @@ def points(law: JointLaw, beyond: float, count: int) -> tuple[Array, Array]:
 def rounds(evaluate: Evaluate, p: Array, u: Array, count: int) -> list[float]:
     """Seconds of each of `count` calls, after one that is not counted."""
     evaluate(p, u)
-    times = []
-    for _ in range(count):
-        started = time.perf_counter()
-        evaluate(p, u)
-        times.append(time.perf_counter() - started)
-    return times
+    return seconds_of(lambda: evaluate(p, u), count, time.perf_counter)
 
 
 def require_same(found: Effort, wanted: Effort) -> None:

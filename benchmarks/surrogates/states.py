@@ -8,7 +8,7 @@ of them are scored on scattered states, as shares of the effort's range. Estimat
 - process: Π is a cubic plus a Gaussian process (`states_process`), its lengths the likeliest for the k states;
 - process, lengths of others: lengths likeliest for every fourth design of examples/designs/bending_grid.csv, of which
   this module is none;
-- polynomial, held back: all terms of Π, held back by the evidence of the k states (`shrinkage.prior_of`);
+- polynomial, held back: all terms of Π, held back by the evidence of the k states (`posterior.prior_of`);
 - Polynomial: the surrogate as users have it, which may choose fewer terms instead and wants 6 states at least;
 - least squares: sets of terms, chosen by states left out (a user can) and by the check states (the bound), with states
   chosen for each set apart (`states_least_squares`).
@@ -21,13 +21,12 @@ sampler's, u from −0.5 to 1.2 times the largest free angle, and the published 
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from benchmarks.physics.output import OUT, Bar, write
+from benchmarks.output import OUT, Bar, parser_of, write
 from benchmarks.surrogates.held_out import table
 from benchmarks.surrogates.states_least_squares import KINDS as BASELINE_KINDS
 from benchmarks.surrogates.states_least_squares import data_of, least_squares
@@ -40,8 +39,7 @@ from pliant.records.fem import TRUSTED, ModuleData
 from pliant.records.law import Domain
 from pliant_plugins.surrogates.polynomial.config import PolynomialConfig
 from pliant_plugins.surrogates.polynomial.fit import MORE_WITH_POTENTIAL
-from pliant_plugins.surrogates.polynomial.posterior import Posterior
-from pliant_plugins.surrogates.polynomial.shrinkage import all_terms, prior_of
+from pliant_plugins.surrogates.polynomial.posterior import Posterior, all_terms, prior_of
 from pliant_plugins.surrogates.polynomial.surrogate import Polynomial
 from pliant_plugins.surrogates.polynomial.system import System, values_at
 
@@ -183,9 +181,7 @@ def show(kind: str, found: dict[str, Curve]) -> None:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = parser_of(__doc__)
     parser.add_argument("--skip-least-squares", action="store_true")
     options = parser.parse_args()
     designs = other_designs()
@@ -218,7 +214,7 @@ def main() -> None:
                 for name, curve in found.items()
                 for k, m in enumerate(("RMS", "worst"))
             ]
-    print("", *bars, sep="\n")
+    print()
     write("surrogate_states", results, bars)
 
 

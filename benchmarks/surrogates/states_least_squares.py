@@ -12,9 +12,8 @@ from benchmarks.surrogates.truth import Truth
 from pliant.records.design import Array, Design
 from pliant.records.fem import ModuleData
 from pliant.records.law import Domain
-from pliant_plugins.surrogates.polynomial.energy import Exponents
+from pliant_plugins.surrogates.polynomial.energy import Exponents, main_sets, terms_of
 from pliant_plugins.surrogates.polynomial.energy_system import EnergySystem
-from pliant_plugins.surrogates.polynomial.energy_terms import main_sets, terms_of
 
 # Whether slopes, and travels and energies, are fitted.
 KINDS = {

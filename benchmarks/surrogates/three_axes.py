@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from benchmarks.physics.output import Bar, write
+from benchmarks.output import REFERENCE, ROOT, Bar, seconds_of, write
 
 from pliant.errors import UserError
 from pliant.records.design import Array
@@ -23,14 +23,12 @@ from pliant.records.fem import TRUSTED, ModuleData
 from pliant.records.law import JointLaw
 from pliant.tabular.fem_modules import read_designs_table, read_module_table
 from pliant.tabular.fem_reading import read_table
-from pliant_plugins.surrogates.polynomial.axes import fit_each
-from pliant_plugins.surrogates.polynomial.axes_law import AXES
+from pliant_plugins.surrogates.polynomial.axes import AXES, fit_each
 from pliant_plugins.surrogates.polynomial.config import PolynomialConfig
-from pliant_plugins.surrogates.polynomial.energy_states import Mask, effort_ranges
+from pliant_plugins.surrogates.polynomial.states import Mask, effort_ranges
 from pliant_plugins.surrogates.polynomial.surrogate import Polynomial
 
-ROOT = Path(__file__).parents[2]
-TENDON = ROOT / "../shared/data/reference/tendon_joint_fem.csv"
+TENDON = REFERENCE / "tendon_joint_fem.csv"
 # States are smooth enough for one polynomial where y's, left out, are missed by less than this (RMS).
 SMOOTH = 2e-4
 Scores = dict[str, tuple[float, float]]
@@ -118,12 +116,7 @@ def speed(law: JointLaw, n: int = 100_000) -> float:
     p = random.uniform(*box.actuation, n)
     u = random.uniform(box.deformation[:, 0], box.deformation[:, 1], (n, len(law.axes)))
     law.evaluate(p, u)
-    times = []
-    for _ in range(5):
-        begun = time.process_time()
-        law.evaluate(p, u)
-        times.append(time.process_time() - begun)
-    return n / min(times) / 1e6
+    return n / min(seconds_of(lambda: law.evaluate(p, u), 5)) / 1e6
 
 
 def covered(results: list[dict[str, Any]]) -> tuple[float, int]:
@@ -216,7 +209,6 @@ def main() -> None:
         Bar("share of check states in the 90 % band", totals["test"]["covered"], 0.85, "", False),
         Bar("evaluations, slowest law", totals["grid"]["slowest_million_per_s"], 1.0, "million/s", False),
     ]
-    print(*bars, sep="\n")
     write(
         "surrogate_three_axes", {"designs": results, "test": tests, "totals": totals, "tendon": tendons}, bars
     )

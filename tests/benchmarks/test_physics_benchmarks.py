@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from benchmarks.output import Bar, ratio
 from benchmarks.physics import closed_paths, cosserat, designs, helix, published
 from benchmarks.physics.frames import UnmappedLaw
 from benchmarks.physics.network import fit_errors, network_law
-from benchmarks.physics.output import Bar, ratio
 from benchmarks.physics.random_designs import random_cases
 
 from pliant.interfaces.physics import Simulation
@@ -20,7 +20,7 @@ from pliant_plugins.physics.pybullet.backend import Pybullet
 from pliant_plugins.physics.pybullet.config import PybulletConfig
 from pliant_plugins.physics.quasistatic.backend import Quasistatic
 from pliant_plugins.physics.quasistatic.config import QuasistaticConfig
-from pliant_plugins.surrogates.polynomial.study_form import fit_study
+from pliant_plugins.surrogates.polynomial.study import fit_study
 
 STILL = Quasistatic(QuasistaticConfig())
 

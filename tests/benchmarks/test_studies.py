@@ -9,18 +9,15 @@ from typing import Any
 
 import numpy as np
 import pytest
+from benchmarks.output import Bar
 from benchmarks.studies import gripper_codesign, gripper_page, gripper_policy, shape_matching, shape_page
-from benchmarks.studies.bars import Bar, bar_rows
 from benchmarks.studies.command import Given, run_command
 from benchmarks.studies.gripper_bars import of_seeds, worst_law
 from benchmarks.studies.gripper_check import rise_m, stable
-from benchmarks.studies.gripper_small import few
-from benchmarks.studies.page import DOCS, MARK, publish, rendered
+from benchmarks.studies.page import DOCS, MARK, number, publish, reached, rendered
 from benchmarks.studies.parts import Parts, made_of, published_parts
-from benchmarks.studies.reference_kernel import kernel_s
-from benchmarks.studies.searched import brief, spread
+from benchmarks.studies.searched import brief, kernel_s, spread
 from benchmarks.studies.shape_bars import apart, bars
-from benchmarks.studies.spoken import number
 
 from pliant import api
 from pliant.errors import UserError
@@ -241,7 +238,7 @@ def test_bars() -> None:
     assert not Bar("a", 4.0, 5.0, "", at_most=False).met
     assert Bar("a", None, 5.0, "").met is None
     assert (
-        list(bar_rows([Bar("a", 2e-3, 1e-3, "mm", 1e3).json()]))[-1]
+        list(reached({"bars": [Bar("a", 2e-3, 1e-3, "mm", scale=1e3).json()]}))[-1]
         == "| a | ≤ 1 mm | 2 mm | **missed** | – |"
     )
     assert (
@@ -375,7 +372,7 @@ def test_equal_grasps_are_equal_whoever_searches(tmp_path: Path) -> None:
 
 def test_the_small_gripper_study_can_be_searched(tmp_path: Path) -> None:
     opened = gripper_codesign.small()[0].opened(tmp_path, quiet=True)
-    problem = SearchProblem.of(few(opened.study), opened.bench.registry)
+    problem = SearchProblem.of(gripper_codesign.few(opened.study), opened.bench.registry)
     assert [condition.name for condition in problem.conditions] == ["egg-5", "cylinder-4"]
     acts = {"egg-5": ["egg_inset"], "cylinder-4": ["cylinder_inset"]}
     assert gripper_policy.acting(problem) == acts

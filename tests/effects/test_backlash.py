@@ -7,18 +7,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from tests.effects.bench import model_with
 
-from pliant.interfaces.effect import Model
 from pliant.records.design import Array
 from pliant.testing.samples import sample_chain
-from pliant_plugins.effects.backlash import Backlash, BacklashConfig
 
 WIDTH = 0.04
 paths = arrays(float, st.integers(2, 40), elements=st.floats(-1.0, 1.0))
 
 
 def read(angle: Array, width: float = WIDTH) -> Array:
-    model = Backlash(BacklashConfig(play_rad=width)).apply(Model(sample_chain(modules=2)))
+    model = model_with(sample_chain(modules=2), "backlash", play_rad=width)
     said: Array = model.reported({"angle_rad": angle})["angle_rad"]
     return said
 
@@ -62,7 +61,7 @@ def test_it_does_not_count_samples_or_ask_for_the_rate(angle: Array) -> None:
 def test_movements_within_the_clearance_are_not_seen_and_each_sensor_has_its_own() -> None:
     small = 0.3 + 0.019 * np.sin(np.linspace(0, 20, 200))
     assert float(np.ptp(read(small))) == pytest.approx(0.0, abs=1e-15)
-    model = Backlash(BacklashConfig(play_rad=WIDTH)).apply(Model(sample_chain(modules=2)))
+    model = model_with(sample_chain(modules=2), "backlash", play_rad=WIDTH)
     ramp = np.linspace(0.0, 0.5, 11)
     said = model.reported(
         {"angle_rad": 2 * ramp, "joint_1_angle_rad": ramp, "joint_2_angle_rad": ramp, "tip_x_m": ramp}
@@ -73,7 +72,7 @@ def test_movements_within_the_clearance_are_not_seen_and_each_sensor_has_its_own
 
 
 def test_single_states_and_no_samples_have_no_past() -> None:
-    model = Backlash(BacklashConfig(play_rad=WIDTH)).apply(Model(sample_chain(modules=2)))
+    model = model_with(sample_chain(modules=2), "backlash", play_rad=WIDTH)
     readings = {"angle_rad": 0.3, "joint_angles_rad": [[0.1], [0.2]]}
     assert model.reported(readings) == readings
     assert len(read(np.zeros(0))) == 0

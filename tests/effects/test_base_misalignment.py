@@ -2,42 +2,23 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import pytest
-from pydantic import ValidationError
+from tests.effects.bench import chain_with, followed
 
-from pliant.interfaces.effect import Model
 from pliant.mechanics.kinematics import ChainGeometry, base_rotations, trajectory
 from pliant.mechanics.rotations import exp_map
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
 from pliant.records.history import History
-from pliant.records.rollout import Inputs
-from pliant.registry.discovery import discover
 from pliant.testing.samples import linear_law, sample_chain
-from pliant_plugins.effects.base_misalignment import BaseMisalignment, BaseMisalignmentConfig
 
 PITCH, ROLL = 0.05, -0.03
 N, STIFFNESS = 4, 0.04
 
 
 def tilted(chain: ChainModel, pitch: float = PITCH, roll: float = ROLL) -> ChainModel:
-    effect = BaseMisalignment(BaseMisalignmentConfig(pitch_rad=pitch, roll_rad=roll))
-    return effect.apply(Model(chain)).chain
-
-
-def engine(kind: str, **options: Any) -> Any:
-    component = discover().get("physics", kind)
-    if component.missing():
-        pytest.skip(f"{kind} is not installed")
-    return component.build(component.config_model()(kind=kind, **options))
-
-
-def followed(chain: ChainModel, history: History) -> Array:
-    angles: Array = engine("quasistatic").follow(chain, [history])[0][0].joint_angles
-    return angles
+    return chain_with(chain, "base_misalignment", pitch_rad=pitch, roll_rad=roll)
 
 
 def test_the_tip_of_a_straight_chain_moves_by_its_length_times_the_tilt() -> None:
@@ -82,33 +63,16 @@ def test_under_gravity_a_tilt_is_a_pitch_of_the_bench() -> None:
         turns[:, 1] = pitches + offset
         return History.of({"pressure_pa": np.full(9, 4e3)}, base_angles_rad=turns)
 
-    with_tilt = followed(tilted(chain, roll=0.0), run(0.0))
-    np.testing.assert_allclose(with_tilt, followed(chain, run(PITCH)), atol=1e-10)
-    assert float(np.abs(with_tilt - followed(chain, run(0.0))).max()) > 1e-3
+    (with_tilt,) = followed(tilted(chain, roll=0.0), run(0.0))
+    np.testing.assert_allclose(with_tilt, followed(chain, run(PITCH))[0], atol=1e-10)
+    assert float(np.abs(with_tilt - followed(chain, run(0.0))[0]).max()) > 1e-3
 
 
 def test_one_hanging_joint_bends_by_its_weight_times_the_tilt() -> None:
     """k u = m g a sin(θ − u) for a mass m at a beyond the joint, to the engine's tolerance."""
     chain = sample_chain(linear_law(0.0, STIFFNESS), modules=1, payload=0.05)
-    angle = float(followed(tilted(chain, roll=0.0), History.of({"pressure_pa": 0.0}))[0, 0, 0])
+    angle = float(followed(tilted(chain, roll=0.0), History.of({"pressure_pa": 0.0}))[0][0, 0])
     body = chain.bodies[1]
     lever = 9.81 * (body.mass_kg * body.com_m[0] + 0.05 * chain.tip_offset_m[0])
     # A positive pitch tilts the chain away from the side to which it bends.
     assert STIFFNESS * angle == pytest.approx(lever * np.sin(PITCH - angle), rel=1e-4)
-
-
-@pytest.mark.parametrize("kind", ["mujoco", "pybullet"])
-def test_other_engines_stand_where_the_quasi_static_one_does(kind: str) -> None:
-    chain = tilted(sample_chain(modules=2, payload=0.003))
-    settled = []
-    for name in ("quasistatic", kind):
-        with engine(name).build(chain) as simulation:
-            simulation.apply(Inputs({"pressure_pa": 6e3}))
-            settled.append(simulation.settle().tip_m)
-    assert float(np.abs(settled[1] - settled[0]).max()) < 1e-5
-    assert abs(float(settled[0][1])) > 1e-4
-
-
-def test_tilts_beyond_half_a_radian_are_refused() -> None:
-    with pytest.raises(ValidationError, match="less than or equal to 0.5"):
-        BaseMisalignmentConfig(pitch_rad=0.6)

@@ -6,47 +6,26 @@ from typing import Any
 
 import numpy as np
 import pytest
+from tests.effects.bench import NO_GRAVITY, chain_with, settled
 
 from pliant.config.chain import ChainConfig
-from pliant.errors import UserError
-from pliant.interfaces.effect import Model
 from pliant.mechanics.kinematics import ChainGeometry
 from pliant.mechanics.rotations import exp_map, log_map
 from pliant.pipeline.chain import Segment, build_chain, rod_module
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
-from pliant.records.rollout import Equilibrium, Inputs
-from pliant.registry.discovery import discover
 from pliant.testing.samples import (
-    linear_law,
-    linear_prismatic_law,
     linear_spherical_law,
     sample_chain,
     softening_law,
 )
-from pliant_plugins.effects.cross_axis import CrossAxis, CrossAxisConfig
 
 TURN = 0.2
 ABOUT_X = exp_map(np.array([TURN, 0.0, 0.0]))
-NO_GRAVITY = (0, 0, 0)
 
 
 def turned(chain: ChainModel, turn: float = TURN) -> ChainModel:
-    return CrossAxis(CrossAxisConfig(turn_rad=turn)).apply(Model(chain)).chain
-
-
-def engine(kind: str) -> Any:
-    component = discover().get("physics", kind)
-    if component.missing():
-        pytest.skip(f"{kind} is not installed")
-    return component.build(component.config_model()(kind=kind))
-
-
-def settled(chain: ChainModel, kind: str = "quasistatic", pressure: float = 9e3, **loads: Any) -> Equilibrium:
-    with engine(kind).build(chain) as simulation:
-        simulation.apply(Inputs({"pressure_pa": pressure}, **loads))
-        found: Equilibrium = simulation.settle()
-    return found
+    return chain_with(chain, "cross_axis", turn_rad=turn)
 
 
 def in_base(chain: ChainModel, points: Array) -> Array:
@@ -135,20 +114,3 @@ def test_hanging_angles_do_not_show_it_and_lying_on_the_side_they_do() -> None:
         offs.append(float(np.abs(crossed - plain).max()))
     assert offs[0] < 1e-9
     assert offs[1] > 1e-3
-
-
-@pytest.mark.parametrize("kind", ["mujoco", "pybullet"])
-def test_other_engines_stand_where_the_quasi_static_one_does(kind: str) -> None:
-    chain = turned(sample_chain(modules=3, payload=0.003, base={"direction": [1.0, 0.0, 0.0]}))
-    here, there = (settled(chain, name, 6e3) for name in ("quasistatic", kind))
-    assert float(np.abs(there.markers_m - here.markers_m).max()) < 1e-5
-    assert abs(float(here.tip_m[1])) > 1e-3
-
-
-def test_a_chain_that_only_extends_has_no_such_axis() -> None:
-    with pytest.raises(UserError, match="this chain only extends"):
-        turned(sample_chain(linear_prismatic_law(), modules=2))
-    assert (
-        turned(sample_chain(linear_law(), modules=2), 0.0).joints[0].rest_rotation.tolist()
-        == np.eye(3).tolist()
-    )

@@ -12,26 +12,23 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
+from tests.effects.bench import REGISTRY, effect, model_with, settled
 
 from pliant.errors import UserError
 from pliant.experiments.experiment_catalogue import timed_catalogue
 from pliant.experiments.scale import BenchScale
 from pliant.interfaces.effect import Effect, EffectConfig, Model, parameter
-from pliant.records.chain import Actuator
+from pliant.records.chain import Actuator, ChainModel
+from pliant.records.design import MassProperties
 from pliant.records.history import History
 from pliant.registry.component import Component
 from pliant.testing.effect_bench import SIGHTS
-from pliant.testing.samples import PRESSURE_PA, linear_law, sample_chain, softening_law
+from pliant.testing.samples import PRESSURE_PA, linear_law, linear_prismatic_law, sample_chain, softening_law
 from pliant.units import Angle
-from pliant_plugins.effects.actuation_gain import ActuationGain, ActuationGainConfig
-from pliant_plugins.effects.dead_zone import DeadZone, DeadZoneConfig
-from pliant_plugins.effects.gravity_scale import GravityScale, GravityScaleConfig
-from pliant_plugins.effects.pressure_offset import PressureOffset, PressureOffsetConfig
-from pliant_plugins.effects.sensor_bias import SensorBias, SensorBiasConfig
-from pliant_plugins.effects.supply_lag import SupplyLag, SupplyLagConfig
 from pliant_plugins.manifest import pliant_components
 
 SHIPPED = [c for c in pliant_components() if c.interface == "effect"]
+TENDON_LAW = replace(linear_law(), actuation_name="tendon_force_n")
 ALL = pytest.mark.parametrize("component", SHIPPED, ids=[c.kind for c in SHIPPED])
 # The kinds of docs/reference/effects.md, and two that chains need beside them.
 KINDS = {
@@ -52,9 +49,7 @@ KINDS = {
 
 
 def example(component: Component) -> Effect:
-    config = component.config_model().model_validate({"kind": component.kind, **component.example})
-    effect: Effect = component.build(config)
-    return effect
+    return effect(component.kind, **component.example)
 
 
 def suited(component: Component, modules: int = 3) -> Model:
@@ -171,17 +166,74 @@ def test_no_two_effects_mistake_each_other_without_a_way_out() -> None:
     assert all(notes[notes[kind].look_alike].told_apart for kind in notes)
 
 
+OPPOSED = (Actuator("tendon_force_1_n", 1.0), Actuator("tendon_force_2_n", -1.0))
+HINGES, PULLED = sample_chain(linear_law(), modules=3), sample_chain(TENDON_LAW, modules=3)
+WEIGHTLESS = HINGES.with_(
+    bodies=tuple(MassProperties(0.0, body.com_m, np.zeros((3, 3))) for body in HINGES.bodies)
+)
+UNSTABLE = sample_chain(linear_law(stiffness=-0.04), modules=2)
+SLIDES = sample_chain(linear_prismatic_law(), modules=3)
+ONE = sample_chain(modules=1)
+REFUSED = [
+    ("pressure_offset", PULLED, "needs a pressure, and the chain is actuated by tendon_force_n"),
+    ("dead_zone", PULLED, "needs a pressure, and the chain is actuated by tendon_force_n"),
+    ("leak", PULLED, "'leak' needs a pressure, and the chain is actuated by tendon_force_n"),
+    ("link_stretch", PULLED, "needs a pressure"),
+    ("tendon_friction", HINGES, "law takes pressure_pa; families with tendons are 'tendon_joint'"),
+    ("tendon_friction", PULLED.with_(actuators=OPPOSED), "tendons that pull one way.* has opposed ones"),
+    ("inertia", WEIGHTLESS, "'inertia' needs masses, and the chain has none beyond its base"),
+    ("inertia", UNSTABLE, "slope .* at rest"),
+    ("friction_hysteresis", UNSTABLE, "slope .* at rest"),
+    ("end_restraint", ONE, "two joints or more"),
+    ("inter_module_compliance", ONE, "the chain has one module"),
+    ("inter_module_compliance", SLIDES, "this chain only extends"),
+    ("cross_axis", SLIDES, "this chain only extends"),
+]
+
+
+@pytest.mark.parametrize(("kind", "chain", "says"), REFUSED, ids=[f"{r[0]}-{r[2][:20]}" for r in REFUSED])
+def test_a_chain_that_an_effect_is_not_for_is_refused(kind: str, chain: ChainModel, says: str) -> None:
+    with pytest.raises(UserError, match=says):
+        example(REGISTRY.get("effect", kind)).apply(Model(chain))
+
+
+def test_a_payload_is_mass_enough_and_an_axis_that_is_not_turned_is_any_chain_s() -> None:
+    effect("inertia", scale=1.0).apply(Model(WEIGHTLESS.with_(payload_kg=0.01)))
+    untouched = model_with(HINGES, "cross_axis", turn_rad=0.0).chain.joints[0].rest_rotation
+    assert untouched.tolist() == np.eye(3).tolist()
+
+
+POSED = [
+    ("base_misalignment", {"pitch_rad": 0.05, "roll_rad": -0.03}, {}),
+    ("cross_axis", {"turn_rad": 0.2}, {"base": {"direction": [1.0, 0.0, 0.0]}}),
+    ("inter_module_compliance", {"share": 0.3}, {}),
+]
+
+
+@pytest.mark.parametrize("engine", ["mujoco", "pybullet"])
+@pytest.mark.parametrize(("kind", "values", "posed"), POSED, ids=[p[0] for p in POSED])
+def test_other_engines_stand_where_the_quasi_static_one_does(
+    kind: str, values: dict[str, float], posed: dict[str, Any], engine: str
+) -> None:
+    plain = sample_chain(modules=3, payload=0.003, **posed)
+    chain = model_with(plain, kind, **values).chain
+    here, there = (settled(chain, name, 6e3, moment_n_m=1e-3) for name in ("quasistatic", engine))
+    assert float(np.abs(there.markers_m - here.markers_m).max()) < 1e-5
+    without = settled(plain, pressure=6e3, moment_n_m=1e-3)
+    assert float(np.abs(here.tip_m - without.tip_m).max()) > 1e-4
+
+
 # -- inputs ----------------------------------------------------------------------------------------
 
-GAIN = ActuationGain(ActuationGainConfig(gain=0.5))
-OFFSET = PressureOffset(PressureOffsetConfig(offset="0.4 kPa"))
-DEAD = DeadZone(DeadZoneConfig(threshold="1 kPa"))
+GAIN = effect("actuation_gain", gain=0.5)
+OFFSET = effect("pressure_offset", offset="0.4 kPa")
+DEAD = effect("dead_zone", threshold="1 kPa")
 
 
 def acting(effects: list[Effect], time_s: Any = None, **commanded: Any) -> dict[str, list[float]]:
     changed = model(*commanded)
-    for effect in effects:
-        changed = effect.apply(changed)
+    for one in effects:
+        changed = one.apply(changed)
     reached = changed.commanded(History.of(commanded, time_s, tip_force_n=[1.0, 0, 0], moment_n_m=0.25))
     assert (reached.tip_force_n[0].tolist(), reached.moment_n_m[0]) == ([1.0, 0, 0], 0.25)
     return {name: values.tolist() for name, values in reached.actuation.items()}
@@ -211,23 +263,9 @@ def test_effects_act_in_the_order_of_the_study() -> None:
     assert acting([GAIN, DEAD], pressure_pa=8e3) == {"pressure_pa": [3000.0]}
 
 
-@pytest.mark.parametrize("effect", [OFFSET, DEAD], ids=["pressure_offset", "dead_zone"])
-def test_an_effect_on_pressures_needs_a_pressure(effect: Effect) -> None:
-    with pytest.raises(UserError, match="needs a pressure, and the chain is actuated by tendon_force_n"):
-        effect.apply(model("tendon_force_n"))
-
-
-def lag(time_s: float, second_ratio: float = 1.0) -> SupplyLag:
+def lag(time_s: float, second_ratio: float = 1.0) -> Effect:
     """With the ratio 1 two equal stages in a row, whose closed forms are short."""
-    return SupplyLag(SupplyLagConfig(time_s=time_s, second_ratio=second_ratio))
-
-
-def test_a_lagged_ramp_is_late_by_both_time_constants() -> None:
-    t = np.cumsum([0.0, *np.random.default_rng(3).uniform(0.01, 0.8, 200)])
-    reached = np.array(acting([lag(0.6)], t, pressure_pa=1e3 * t)["pressure_pa"])
-    wanted = t - 2 * 0.6 * (1 - np.exp(-t / 0.6)) + t * np.exp(-t / 0.6)
-    np.testing.assert_allclose(reached, 1e3 * wanted, rtol=1e-9, atol=1e-6)
-    assert 1e3 * t[-1] - reached[-1] == pytest.approx(1200.0)
+    return effect("supply_lag", time_s=time_s, second_ratio=second_ratio)
 
 
 @given(
@@ -269,12 +307,12 @@ def test_lag_acts_on_tendons_and_each_chamber_alone() -> None:
 
 def test_gravity_is_scaled_with_its_direction() -> None:
     tilted = model().with_(chain=model().chain.with_(gravity_m_s2=np.array([1.0, 0.0, -9.0])))
-    after = GravityScale(GravityScaleConfig(factor=1.5)).apply(tilted)
+    after = model_with(tilted, "gravity_scale", factor=1.5)
     np.testing.assert_allclose(after.chain.gravity_m_s2, [1.5, 0.0, -13.5])
 
 
 def test_bias_shifts_each_reported_angle_once_and_no_position() -> None:
-    biased = SensorBias(SensorBiasConfig(bias="2 deg")).apply(model())
+    biased = model_with(model(), "sensor_bias", bias="2 deg")
     b = np.pi / 90
     readings = {
         "angle_rad": 0.3,
@@ -298,5 +336,5 @@ def test_bias_shifts_each_reported_angle_once_and_no_position() -> None:
 
 
 def test_bias_leaves_a_bench_without_angles_alone() -> None:
-    biased = SensorBias(SensorBiasConfig(bias=0.1)).apply(model())
+    biased = model_with(model(), "sensor_bias", bias=0.1)
     assert biased.reported({"tip_x_m": 0.05}) == {"tip_x_m": 0.05}

@@ -4,22 +4,18 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from tests.effects.bench import chain_with, followed
 
-from pliant.interfaces.effect import Model
 from pliant.records.history import History
 from pliant.testing.samples import sample_chain
-from pliant_plugins.effects.gravity_scale import GravityScale, GravityScaleConfig
-from pliant_plugins.physics.quasistatic.backend import Quasistatic
-from pliant_plugins.physics.quasistatic.config import QuasistaticConfig
 
 ASIDE = 0.02
 
 
 def angles(pitch_rad: float, **values: float) -> np.ndarray:
-    chain = GravityScale(GravityScaleConfig(**values)).apply(Model(sample_chain(modules=1))).chain
+    chain = chain_with(sample_chain(modules=1), "gravity_scale", **values)
     history = History.of({"pressure_pa": 0.0}, base_angles_rad=[[0.0, pitch_rad, 0.0]])
-    followed = Quasistatic(QuasistaticConfig()).follow(chain, [history])[0][0]
-    return followed.joint_angles[:, 0, 0]
+    return followed(chain, history)[0][:, 0]
 
 
 def moment(u: float) -> float:

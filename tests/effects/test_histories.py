@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from tests.effects.bench import ENGINE, effect, stepped
 
 from pliant.interfaces.effect import Model
 from pliant.records.chain import ChainModel
@@ -17,15 +18,10 @@ from pliant.records.design import Array
 from pliant.records.history import History
 from pliant.records.rollout import Inputs
 from pliant.records.term import LawTerm
-from pliant.registry.discovery import discover
 from pliant.testing.effect_bench import probe_run
 from pliant.testing.histories import follow_joint, triangles
 from pliant.testing.samples import linear_law, sample_chain
-from pliant_plugins.physics.quasistatic.backend import Quasistatic
-from pliant_plugins.physics.quasistatic.config import QuasistaticConfig
 
-REGISTRY = discover()
-ENGINE = Quasistatic(QuasistaticConfig())
 K, GAIN = 0.04, 8e-7
 P = 15e3
 U = GAIN * P / K  # 0.3 rad
@@ -46,9 +42,7 @@ def chain_of(modules: int) -> ChainModel:
 def model_with(chain: ChainModel, *effects: tuple[str, Mapping[str, Any]]) -> Model:
     model = Model(chain)
     for kind, values in effects:
-        component = REGISTRY.get("effect", kind)
-        config = component.config_model().model_validate({"kind": kind, **values})
-        model = component.build(config).apply(model)
+        model = effect(kind, **values).apply(model)
     return model
 
 
@@ -219,30 +213,21 @@ def test_effects_compose_in_one_run(modules: int) -> None:
 # -- the engine against plain Python and against its own steps ---------------------------------------
 
 
-@pytest.mark.parametrize("effect", MEMORY, ids=[kind for kind, _ in MEMORY])
-def test_the_compiled_loop_is_the_plain_one(effect: tuple[str, Mapping[str, float]]) -> None:
-    chain = model_with(sample_chain(modules=1, gravity=(0, 0, 0)), effect).chain
+@pytest.mark.parametrize("memory", MEMORY, ids=[kind for kind, _ in MEMORY])
+def test_the_compiled_loop_is_the_plain_one(memory: tuple[str, Mapping[str, float]]) -> None:
+    chain = model_with(sample_chain(modules=1, gravity=(0, 0, 0)), memory).chain
     runs = [probe_run("1", "a"), probe_run("2", "a"), probe_run("3", "b", timed=False)]
     for there, here in zip(ENGINE.follow(chain, runs)[0], follow_joint(chain, runs), strict=True):
         np.testing.assert_allclose(there.joint_angles[:, 0, 0], here, atol=1e-6)
 
 
-@pytest.mark.parametrize("effect", MEMORY, ids=[kind for kind, _ in MEMORY])
-def test_settle_and_step_walk_the_same_path_as_a_history(effect: tuple[str, Mapping[str, float]]) -> None:
+@pytest.mark.parametrize("memory", MEMORY, ids=[kind for kind, _ in MEMORY])
+def test_settle_and_step_walk_the_same_path_as_a_history(memory: tuple[str, Mapping[str, float]]) -> None:
     """A loaded chain of eight under gravity, by Newton in all joints at once: another implementation."""
-    chain = model_with(sample_chain(modules=8), effect).chain
+    chain = model_with(sample_chain(modules=8), memory).chain
     history = ramps((P, 4e3), 5e3, 0.5, holds_s=2.0)
     (run,) = ENGINE.follow(chain, [history])[0]
-    walked = []
-    with ENGINE.build(chain) as simulation:
-        simulation.apply(history.at(0))
-        simulation.settle()
-        walked.append(simulation.snapshot().position)
-        for k in range(1, len(history)):
-            simulation.apply(history.at(k))
-            simulation.step(0.5)
-            walked.append(simulation.snapshot().position)
-    np.testing.assert_allclose(run.joint_angles, np.array(walked), atol=2e-5)
+    np.testing.assert_allclose(run.joint_angles, stepped(chain, history, 0.5), atol=2e-5)
 
 
 def excess(angle: float) -> float:

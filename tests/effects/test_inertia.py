@@ -5,25 +5,20 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from scipy.linalg import eigh
+from tests.effects.bench import ENGINE, chain_with, engine, followed
 
 from pliant.errors import UserError
-from pliant.interfaces.effect import Model
+from pliant.interfaces.physics import PhysicsBackend
 from pliant.mechanics.inertia import mass_matrix
 from pliant.pipeline.simulate import check_terms
 from pliant.records.chain import ChainModel
-from pliant.records.design import Array, MassProperties
+from pliant.records.design import Array
 from pliant.records.history import History
 from pliant.testing.samples import linear_law, linear_prismatic_law, linear_spherical_law, sample_chain
-from pliant_plugins.effects.inertia import Inertia, InertiaConfig, lumped_inertia
-from pliant_plugins.effects.viscous_damping import ViscousDamping, ViscousDampingConfig
-from pliant_plugins.physics.mujoco.backend import Mujoco
-from pliant_plugins.physics.mujoco.config import MujocoConfig
-from pliant_plugins.physics.quasistatic.backend import Quasistatic
-from pliant_plugins.physics.quasistatic.config import QuasistaticConfig
+from pliant_plugins.effects.inertia import lumped_inertia
 
 K, GAIN, P = 0.04, 8e-7, 15e3
 END = GAIN * P / K
-ENGINE = Quasistatic(QuasistaticConfig())
 
 
 def chain_of(modules: int, **chain: object) -> ChainModel:
@@ -31,15 +26,13 @@ def chain_of(modules: int, **chain: object) -> ChainModel:
 
 
 def heavy(chain: ChainModel, scale: float = 1.0, damping: float = 0.0) -> ChainModel:
-    return Inertia(InertiaConfig(scale=scale, damping_ratio=damping)).apply(Model(chain)).chain
+    return chain_with(chain, "inertia", scale=scale, damping_ratio=damping)
 
 
 def after_a_step(chain: ChainModel, time_s: Array) -> Array:
     """(t, n) joint angles after the pressure has come within the first step."""
     run = History.of({"pressure_pa": np.where(time_s > 0.0, P, 0.0)}, time_s)
-    (path,), _ = ENGINE.follow(chain, [run])
-    assert path.converged.all()
-    return path.joint_angles[:, :, 0]
+    return followed(chain, run)[0]
 
 
 def period_of(swing: Array, time_s: Array) -> float:
@@ -73,7 +66,7 @@ def test_a_dashpot_beside_it_damps_as_the_oscillator() -> None:
     """J u'' + T K u' + K u = g p after a step, ζ = T ω / 2 = 0.2; backward rates of the dashpot need fine steps."""
     chain = chain_of(1)
     omega = np.sqrt(K / lumped_inertia(chain)[0])
-    damped = ViscousDamping(ViscousDampingConfig(time_s=0.4 / omega)).apply(Model(heavy(chain))).chain
+    damped = chain_with(heavy(chain), "viscous_damping", time_s=0.4 / omega)
     time_s = np.linspace(0.0, 12.0 / omega, 4801)
     ratio, wet = 0.2, omega * np.sqrt(1 - 0.04)
     exact = END * (
@@ -116,11 +109,11 @@ def test_a_chain_has_the_lowest_swing_of_its_mass_matrix(modules: int, payload: 
 
 def test_what_is_reached_slowly_and_slow_runs_have_none() -> None:
     chain, pressures = heavy(chain_of(3)), np.array([0.0, P, 5e3, P])
-    (path,), _ = ENGINE.follow(chain, [History.of({"pressure_pa": pressures})])
-    np.testing.assert_allclose(path.joint_angles[:, 0, 0], GAIN * pressures / K, atol=1e-7)
+    (angles,) = followed(chain, History.of({"pressure_pa": pressures}))
+    np.testing.assert_allclose(angles[:, 0], GAIN * pressures / K, atol=1e-7)
     time_s = np.linspace(0.0, 20.0, 201)
-    (path,), _ = ENGINE.follow(chain, [History.of({"pressure_pa": P * time_s / 20.0}, time_s)])
-    np.testing.assert_allclose(path.joint_angles[:, 0, 0], END * time_s / 20.0, atol=2e-3 * END)
+    (angles,) = followed(chain, History.of({"pressure_pa": P * time_s / 20.0}, time_s))
+    np.testing.assert_allclose(angles[:, 0], END * time_s / 20.0, atol=2e-3 * END)
 
 
 @pytest.mark.parametrize(
@@ -135,18 +128,21 @@ def test_one_joint_of_any_kind_has_its_own_inertia(law: object, axis: int) -> No
 # -- another engine --------------------------------------------------------------------------------
 
 
+def mujoco(drag_1_s: float) -> PhysicsBackend:
+    return engine("mujoco", timestep_s=1e-3, joint_damping=0.0, drag_1_s=drag_1_s)
+
+
 def test_it_is_what_mujoco_has_by_itself() -> None:
     """One joint with a dashpot after a step, in MuJoCo without its drag: the same swing within 2 % of it."""
     chain = chain_of(1, payload=0.02)
     omega = np.sqrt(K / lumped_inertia(chain)[0])
-    damped = ViscousDamping(ViscousDampingConfig(time_s=0.2 / omega)).apply(Model(chain)).chain
+    damped = chain_with(chain, "viscous_damping", time_s=0.2 / omega)
     time_s = np.linspace(0.0, 15.0 / omega, 3001)
     run = History.of({"pressure_pa": np.where(time_s > 0.0, P, 0.0)}, time_s)
-    free = Mujoco(MujocoConfig(timestep_s=1e-3, joint_damping=0.0, drag_1_s=0.0))
-    (moved,), _ = free.follow(damped, [run])
+    (moved,) = followed(damped, run, by=mujoco(0.0))
     mine = after_a_step(heavy(damped), time_s)[:, 0]
     assert mine.max() > 1.6 * END
-    np.testing.assert_allclose(mine, moved.joint_angles[:, 0, 0], atol=0.02 * END)
+    np.testing.assert_allclose(mine, moved[:, 0], atol=0.02 * END)
 
 
 def test_mujoco_s_drag_is_this_damping() -> None:
@@ -155,36 +151,13 @@ def test_mujoco_s_drag_is_this_damping() -> None:
     omega, drag = float(np.sqrt(K / lumped_inertia(chain)[0])), 20.0
     time_s = np.linspace(0.0, 15.0 / omega, 3001)
     run = History.of({"pressure_pa": np.where(time_s > 0.0, P, 0.0)}, time_s)
-    dragged = Mujoco(MujocoConfig(timestep_s=1e-3, joint_damping=0.0, drag_1_s=drag))
-    (moved,), _ = dragged.follow(chain, [run])
+    (moved,) = followed(chain, run, by=mujoco(drag))
     mine = after_a_step(heavy(chain, damping=0.5 * drag / omega), time_s)[:, 0]
     assert 1.2 * END < mine.max() < 1.9 * END
-    np.testing.assert_allclose(mine, moved.joint_angles[:, 0, 0], atol=0.02 * END)
+    np.testing.assert_allclose(mine, moved[:, 0], atol=0.02 * END)
 
 
 def test_engines_that_accelerate_masses_refuse_it() -> None:
     with pytest.raises(UserError, match="physics 'mujoco' accelerates the chain's masses by itself"):
-        check_terms(Mujoco(MujocoConfig()), heavy(chain_of(2)))
+        check_terms(engine("mujoco"), heavy(chain_of(2)))
     check_terms(ENGINE, heavy(chain_of(2)))
-
-
-# -- wrong input -----------------------------------------------------------------------------------
-
-
-def test_a_chain_without_mass_is_refused() -> None:
-    chain = chain_of(3)
-    none = tuple(MassProperties(0.0, body.com_m, np.zeros((3, 3))) for body in chain.bodies)
-    with pytest.raises(UserError, match="'inertia' needs masses, and the chain has none beyond its base"):
-        heavy(chain.with_(bodies=none))
-    heavy(chain.with_(bodies=none, payload_kg=0.01))
-
-
-def test_a_joint_that_is_not_stiff_is_refused() -> None:
-    with pytest.raises(UserError, match="slope .* at rest"):
-        heavy(sample_chain(linear_law(GAIN, -K), modules=2))
-
-
-@pytest.mark.parametrize("wrong", [{"scale": -0.1}, {"scale": 20.1}, {"damping_ratio": 0.6}])
-def test_bounds(wrong: dict[str, float]) -> None:
-    with pytest.raises(ValueError, match="scale|damping_ratio"):
-        InertiaConfig.model_validate(wrong)

@@ -7,50 +7,37 @@ from typing import Any
 
 import numpy as np
 import pytest
+from tests.effects.bench import NO_GRAVITY, chain_with, followed, settled
 
 from pliant.config.chain import ActuatorConfig
-from pliant.errors import UserError
-from pliant.interfaces.effect import Effect, Model
 from pliant.records.chain import ChainModel, Joint
 from pliant.records.design import MassProperties
 from pliant.records.history import History
 from pliant.records.law import Domain, JointLaw
-from pliant.records.rollout import Inputs
-from pliant.registry.discovery import discover
+from pliant.testing.joint_laws import require_exact_slopes, require_potential
 from pliant.testing.samples import (
     PRESSURE_PA,
     barred_law,
     coupled_law,
     linear_law,
-    linear_prismatic_law,
     linear_spherical_law,
     sample_chain,
     softening_law,
 )
-from pliant_plugins.effects.inter_module_compliance import InterModuleCompliance, InterModuleComplianceConfig
 from pliant_plugins.effects.scale import rest_stiffness
 from pliant_plugins.effects.series_law import SeriesLaw
-from pliant_plugins.effects.stiffness import Stiffness, StiffnessConfig
 
 GAIN, K = 8e-7, 0.04
 SHARE = 0.3
-NO_GRAVITY = (0, 0, 0)
 
 
 def connected(chain: ChainModel, share: float = SHARE) -> ChainModel:
-    return InterModuleCompliance(InterModuleComplianceConfig(share=share)).apply(Model(chain)).chain
-
-
-def engine(kind: str = "quasistatic") -> Any:
-    component = discover().get("physics", kind)
-    if component.missing():
-        pytest.skip(f"{kind} is not installed")
-    return component.build(component.config_model()(kind=kind))
+    return chain_with(chain, "inter_module_compliance", share=share)
 
 
 def angles(chain: ChainModel, pressure: float, moment: float = 0.0) -> Any:
     history = History.of({"pressure_pa": pressure}, moment_n_m=moment)
-    return engine().follow(chain, [history])[0][0].joint_angles[0, :, 0]
+    return followed(chain, history)[0][0]
 
 
 @pytest.mark.parametrize(("pressure", "moment"), [(9e3, 0.0), (0.0, 4e-3), (9e3, 4e-3), (5e3, -6e-3)])
@@ -65,11 +52,9 @@ def test_a_linear_chain_under_a_moment_has_its_closed_form(pressure: float, mome
 def test_only_the_sum_over_many_modules_is_a_stiffness() -> None:
     """Two modules: all joints alike, the stiffness 1/(1 + κ/2) where nothing is pressed."""
     chain = sample_chain(linear_law(GAIN, K), modules=2, gravity=NO_GRAVITY)
-    softer: Effect = Stiffness(StiffnessConfig(factor=1 / (1 + SHARE / 2)))
-    np.testing.assert_allclose(
-        angles(connected(chain), 0.0, 4e-3), angles(softer.apply(Model(chain)).chain, 0.0, 4e-3), rtol=1e-6
-    )
-    free = angles(connected(chain), 9e3), angles(softer.apply(Model(chain)).chain, 9e3)
+    softer = chain_with(chain, "stiffness", factor=1 / (1 + SHARE / 2))
+    np.testing.assert_allclose(angles(connected(chain), 0.0, 4e-3), angles(softer, 0.0, 4e-3), rtol=1e-6)
+    free = angles(connected(chain), 9e3), angles(softer, 9e3)
     assert np.all(free[1] > 1.1 * free[0])
 
 
@@ -94,15 +79,9 @@ def test_the_series_law_is_solved_to_rounding(law: JointLaw) -> None:
 @ALL
 def test_slopes_are_derivatives_and_the_energy_is_that_of_both_springs(law: JointLaw) -> None:
     p, q = states(law)
-    series, h, k = SeriesLaw(law, 6.0), 1.0, 1e-5
-    effort = series.evaluate(p, q)
-    in_p = (series.evaluate(p + h, q).tau - series.evaluate(p - h, q).tau) / (2 * h)
-    np.testing.assert_allclose(effort.dtau_dp, in_p, rtol=1e-5, atol=1e-12)
-    for axis, unit in enumerate(np.eye(len(law.axes))):
-        in_q = (series.evaluate(p, q + k * unit).tau - series.evaluate(p, q - k * unit).tau) / (2 * k)
-        np.testing.assert_allclose(effort.dtau_du[:, :, axis], in_q, rtol=1e-5, atol=1e-9)
-        energy = (series.potential(p, q + k * unit) - series.potential(p, q - k * unit)) / (2 * k)
-        np.testing.assert_allclose(effort.tau[:, axis], -energy, rtol=1e-5, atol=1e-10)
+    series = SeriesLaw(law, 6.0)
+    require_exact_slopes(series, p, q, 1e-5)
+    require_potential(series, p, q, 1e-5)
     np.testing.assert_allclose(series.potential(p, 0 * q), 0.0, atol=1e-18)
     by_work = JointLaw.potential(series, p, q)
     np.testing.assert_allclose(series.potential(p, q), by_work, rtol=1e-3, atol=1e-8)
@@ -127,7 +106,7 @@ def test_opposed_chambers_share_a_connection() -> None:
     chain = sample_chain(linear_law(GAIN, K), modules=2, gravity=NO_GRAVITY, **opposed)
     assert rest_stiffness(chain) == pytest.approx(2 * K)
     history = History.of({"pressure_1_pa": 9e3, "pressure_2_pa": 3e3}, moment_n_m=4e-3)
-    found = engine().follow(connected(chain), [history])[0][0].joint_angles[0, :, 0]
+    ((found,),) = followed(connected(chain), history)
     wanted = GAIN * 6e3 / (2 * K) - (1 + SHARE / 2) * 4e-3 / (2 * K)
     np.testing.assert_allclose(found, wanted, rtol=1e-6)
 
@@ -141,17 +120,6 @@ def test_error_bars_shrink_by_what_the_spring_takes() -> None:
     assert inner is not None
     np.testing.assert_allclose(series.band(p, q), inner / (1 + 6.0 * K), rtol=0.2)
     assert SeriesLaw(law, 6.0).band(p, q) is None
-
-
-@pytest.mark.parametrize("kind", ["mujoco", "pybullet"])
-def test_other_engines_stand_where_the_quasi_static_one_does(kind: str) -> None:
-    chain = connected(sample_chain(modules=3, payload=0.003))
-    tips = []
-    for name in ("quasistatic", kind):
-        with engine(name).build(chain) as simulation:
-            simulation.apply(Inputs({"pressure_pa": 6e3}, moment_n_m=1e-3))
-            tips.append(simulation.settle().tip_m)
-    assert float(np.abs(tips[1] - tips[0]).max()) < 1e-5
 
 
 def with_springs_as_joints(chain: ChainModel, compliance: float) -> ChainModel:
@@ -174,20 +142,10 @@ def with_springs_as_joints(chain: ChainModel, compliance: float) -> ChainModel:
 def test_springs_as_joints_of_their_own_give_the_same_pose(law: JointLaw, tolerance_m: float) -> None:
     """Under gravity, a load across the plane and pressure; hinges exactly, balls as far as rotation vectors add."""
     chain = sample_chain(law, modules=3, payload=0.01, base={"direction": [1.0, 0.0, 0.0]})
-    inputs = Inputs({"pressure_pa": 9e3}, tip_force_n=np.array([0.0, 0.1, 0.0]))
     tips = []
     for body in (connected(chain), with_springs_as_joints(chain, SHARE / rest_stiffness(chain)), chain):
-        with engine().build(body) as simulation:
-            simulation.apply(inputs)
-            found = simulation.settle()
-            assert found.converged
-            tips.append(found.tip_m)
+        found = settled(body, tip_force_n=np.array([0.0, 0.1, 0.0]))
+        assert found.converged
+        tips.append(found.tip_m)
     assert float(np.abs(tips[0] - tips[1]).max()) < tolerance_m
     assert float(np.abs(tips[2] - tips[1]).max()) > 3e-4
-
-
-def test_one_module_and_chains_that_extend_are_refused() -> None:
-    with pytest.raises(UserError, match="the chain has one module"):
-        connected(sample_chain(modules=1))
-    with pytest.raises(UserError, match="this chain only extends"):
-        connected(sample_chain(linear_prismatic_law(), modules=3))

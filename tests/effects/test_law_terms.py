@@ -8,41 +8,33 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from tests.effects.bench import effect
 
-from pliant.errors import UserError
 from pliant.interfaces.effect import Effect, Model
 from pliant.records.chain import Actuator, ChainModel
 from pliant.records.design import Array
 from pliant.testing.histories import Motion, drive, triangles
 from pliant.testing.samples import linear_law, sample_chain, softening_law
-from pliant_plugins.effects.friction_hysteresis import FrictionHysteresis, FrictionHysteresisConfig
-from pliant_plugins.effects.mullins import Mullins, MullinsConfig
-from pliant_plugins.effects.permanent_set import PermanentSet, PermanentSetConfig
 from pliant_plugins.effects.scale import rest_stiffness
-from pliant_plugins.effects.self_contact import SelfContact, SelfContactConfig
-from pliant_plugins.effects.stiffness import Stiffness, StiffnessConfig
-from pliant_plugins.effects.thermal_softening import ThermalSoftening, ThermalSofteningConfig
-from pliant_plugins.effects.viscoelastic import Viscoelastic, ViscoelasticConfig
-from pliant_plugins.effects.viscous_damping import ViscousDamping, ViscousDampingConfig
 
 K = 0.04  # N·m/rad, of the linear sample law
 GAIN = 8e-7  # N·m/Pa
 LINEAR = sample_chain(linear_law(GAIN, K), modules=1)
-FRICTION = FrictionHysteresis(FrictionHysteresisConfig(half_width_rad=0.05, break_away_rad=0.01))
+FRICTION = effect("friction_hysteresis", half_width_rad=0.05, break_away_rad=0.01)
 SLIP = 0.05 * K
 unequal_steps = st.lists(st.floats(1e-4, 40.0), min_size=1, max_size=15)
 
 
 def with_effects(chain: ChainModel, *effects: Effect) -> ChainModel:
     model = Model(chain)
-    for effect in effects:
-        model = effect.apply(model)
+    for one in effects:
+        model = one.apply(model)
     return model.chain
 
 
-def added(effect: Effect, motion: Motion, chain: ChainModel = LINEAR) -> Array:
+def added(one: Effect, motion: Motion, chain: ChainModel = LINEAR) -> Array:
     """What the effect adds to the effort along a motion."""
-    return drive(with_effects(chain, effect), motion).effort - drive(chain, motion).effort
+    return drive(with_effects(chain, one), motion).effort - drive(chain, motion).effort
 
 
 # -- viscoelastic and viscous ----------------------------------------------------------------------
@@ -54,7 +46,7 @@ def test_a_held_angle_relaxes_as_its_exponential_at_any_step(
 ) -> None:
     t = np.cumsum([0.0, 1e-9, *steps])
     angle = np.where(t > 0, 0.3, 0.0)
-    moment = added(Viscoelastic(ViscoelasticConfig(share=share, time_s=time_s)), Motion.of(t, angle))
+    moment = added(effect("viscoelastic", share=share, time_s=time_s), Motion.of(t, angle))
     wanted = -share * K * 0.3 * np.exp(-(t[1:] - t[1]) / time_s)
     np.testing.assert_allclose(moment[1:], wanted, rtol=1e-6, atol=1e-14)
 
@@ -63,7 +55,7 @@ def test_a_held_angle_relaxes_as_its_exponential_at_any_step(
 def test_a_steady_motion_tends_to_a_dashpot_exactly(steps: list[float]) -> None:
     """h = T r (1 − exp(−t/T)) for the rate r, whatever the steps."""
     t = np.cumsum([0.0, *steps])
-    moment = added(Viscoelastic(ViscoelasticConfig(share=0.5, time_s=20.0)), Motion.of(t, 1e-3 * t))
+    moment = added(effect("viscoelastic", share=0.5, time_s=20.0), Motion.of(t, 1e-3 * t))
     np.testing.assert_allclose(
         moment, -0.5 * K * 1e-3 * 20.0 * (1 - np.exp(-t / 20.0)), rtol=1e-6, atol=1e-14
     )
@@ -72,7 +64,7 @@ def test_a_steady_motion_tends_to_a_dashpot_exactly(steps: list[float]) -> None:
 def test_branches_add_up_to_a_prony_series() -> None:
     t = np.linspace(0, 60, 61)
     angle = np.where(t > 0, 0.2, 0.0)
-    fast, slow = (Viscoelastic(ViscoelasticConfig(share=0.2, time_s=time)) for time in (2.0, 50.0))
+    fast, slow = (effect("viscoelastic", share=0.2, time_s=time) for time in (2.0, 50.0))
     both = drive(with_effects(LINEAR, fast, slow), Motion.of(t, angle)).effort
     plain = drive(LINEAR, Motion.of(t, angle)).effort
     np.testing.assert_allclose(
@@ -82,16 +74,16 @@ def test_branches_add_up_to_a_prony_series() -> None:
 
 def test_a_state_that_is_reached_slowly_has_relaxed() -> None:
     motion = Motion.of(np.array([0.0, np.inf]), np.array([0.3, 0.5]))
-    for effect in (
-        Viscoelastic(ViscoelasticConfig(share=1.0, time_s=5.0)),
-        ViscousDamping(ViscousDampingConfig(time_s=1.0)),
+    for one in (
+        effect("viscoelastic", share=1.0, time_s=5.0),
+        effect("viscous_damping", time_s=1.0),
     ):
-        assert added(effect, motion).tolist() == [0.0, 0.0]
+        assert added(one, motion).tolist() == [0.0, 0.0]
 
 
 def test_a_dashpot_opposes_the_rate_and_nothing_else() -> None:
     time_s, angle = triangles((0.4, 0.0), 0.2, 0.05, holds_s=1.0)
-    moment = added(ViscousDamping(ViscousDampingConfig(time_s=0.5)), Motion.of(time_s, angle))
+    moment = added(effect("viscous_damping", time_s=0.5), Motion.of(time_s, angle))
     rate = np.append(0.0, np.diff(angle) / 0.05)
     np.testing.assert_allclose(moment, -0.5 * K * rate, atol=1e-15)
     assert set(np.round(rate, 9)) == {0.0, 0.2, -0.2}
@@ -100,11 +92,11 @@ def test_a_dashpot_opposes_the_rate_and_nothing_else() -> None:
 # -- friction --------------------------------------------------------------------------------------
 
 
-def loop_area(effect: Effect, amplitude: float, rate: float) -> float:
+def loop_area(one: Effect, amplitude: float, rate: float) -> float:
     """−∮ M du of the last of three cycles ±amplitude, sampled at the corners of the loop."""
     cycle = round(2 * amplitude / 0.002)
     time_s, angle = triangles((amplitude, -amplitude) * 3, rate, 0.002 / rate)
-    moment = added(effect, Motion.of(time_s, angle))
+    moment = added(one, Motion.of(time_s, angle))
     last = slice(-2 * cycle - 1, None)
     return -float(np.trapezoid(moment[last], angle[last]))
 
@@ -132,7 +124,7 @@ def test_friction_needs_no_clock() -> None:
 
 # -- damage ----------------------------------------------------------------------------------------
 
-MULLINS = Mullins(MullinsConfig(softening=0.3, scale_rad=0.2))
+MULLINS = effect("mullins", softening=0.3, scale_rad=0.2)
 
 
 def elastic(chain: ChainModel, angle: Array) -> Array:
@@ -163,7 +155,7 @@ def test_softening_counts_either_way() -> None:
 
 
 def test_the_unloaded_angle_follows_the_largest_past_angles() -> None:
-    chain = with_effects(LINEAR, PermanentSet(PermanentSetConfig(share=0.1)))
+    chain = with_effects(LINEAR, effect("permanent_set", share=0.1))
     time_s, angle = triangles((0.4, 0.0, 0.2, 0.0, -0.3, 0.0, 0.5), 0.1, 0.1, holds_s=100.0)
     driven = drive(chain, Motion.of(time_s, angle))
     rest = angle + driven.effort / K  # E(u − u₀) = −K (u − u₀)
@@ -176,7 +168,7 @@ def test_the_unloaded_angle_follows_the_largest_past_angles() -> None:
 
 
 def test_contact_is_a_kink() -> None:
-    contact = SelfContact(SelfContactConfig(stiffening=3.0, contact_rad=0.25))
+    contact = effect("self_contact", stiffening=3.0, contact_rad=0.25)
     angle = np.linspace(-0.5, 0.5, 101)
     motion = Motion.of(np.arange(101.0), angle)
     np.testing.assert_allclose(added(contact, motion), -3 * K * np.maximum(angle - 0.25, 0), atol=1e-15)
@@ -187,7 +179,7 @@ def test_contact_is_a_kink() -> None:
 
 @pytest.mark.parametrize(("temperature_c", "factor"), [(22.0, 1.0), (42.0, 0.9), (2.0, 1.1), (400.0, 0.05)])
 def test_the_warmer_the_softer(temperature_c: float, factor: float) -> None:
-    thermal = ThermalSoftening(ThermalSofteningConfig(loss_per_k=0.005))
+    thermal = effect("thermal_softening", loss_per_k=0.005)
     motion = Motion.of(np.arange(3.0), np.array([-0.2, 0.1, 0.4]), 9e3, temperature_c)
     np.testing.assert_allclose(added(thermal, motion), -(factor - 1) * K * motion.angle_rad, atol=1e-15)
 
@@ -196,7 +188,7 @@ def test_stiffness_scales_the_elastic_part_and_leaves_actuation() -> None:
     chain = sample_chain(softening_law(), modules=1)
     motion = Motion.of(np.arange(4.0), np.array([-0.3, 0.1, 0.2, 0.5]), 9e3)
     np.testing.assert_allclose(
-        added(Stiffness(StiffnessConfig(factor=1.3)), motion, chain),
+        added(effect("stiffness", factor=1.3), motion, chain),
         0.3 * elastic(chain, motion.angle_rad),
         rtol=1e-12,
     )
@@ -204,10 +196,10 @@ def test_stiffness_scales_the_elastic_part_and_leaves_actuation() -> None:
 
 def test_factors_multiply_moments_add_and_their_order_does_not_matter() -> None:
     effects: list[Effect] = [
-        Stiffness(StiffnessConfig(factor=1.5)),
-        ThermalSoftening(ThermalSofteningConfig(loss_per_k=0.01)),
+        effect("stiffness", factor=1.5),
+        effect("thermal_softening", loss_per_k=0.01),
         FRICTION,
-        ViscousDamping(ViscousDampingConfig(time_s=0.2)),
+        effect("viscous_damping", time_s=0.2),
     ]
     time_s, angle = triangles((0.4, -0.1), 0.2, 0.05)
     motion = Motion.of(time_s, angle, 5e3, 32.0)
@@ -225,24 +217,17 @@ def test_moments_are_stated_in_the_joint_s_own_stiffness() -> None:
     """A joint a hundred times as stiff under a hundred times the gain moves the same."""
     time_s, angle = triangles((0.4, -0.1), 0.2, 0.05, holds_s=1.0)
     large = sample_chain(linear_law(100 * GAIN, 100 * K), modules=1)
-    for effect in (
+    for one in (
         FRICTION,
-        Viscoelastic(ViscoelasticConfig(share=0.3, time_s=10.0)),
-        ViscousDamping(ViscousDampingConfig(time_s=0.3)),
-        SelfContact(SelfContactConfig(stiffening=2.0, contact_rad=0.2)),
+        effect("viscoelastic", share=0.3, time_s=10.0),
+        effect("viscous_damping", time_s=0.3),
+        effect("self_contact", stiffening=2.0, contact_rad=0.2),
     ):
         motion = Motion.of(time_s, angle, 3e3)
-        np.testing.assert_allclose(
-            added(effect, motion, large), 100 * added(effect, motion), rtol=1e-9, atol=1e-12
-        )
+        np.testing.assert_allclose(added(one, motion, large), 100 * added(one, motion), rtol=1e-9, atol=1e-12)
 
 
 def test_opposed_chambers_are_two_springs() -> None:
     pair = LINEAR.with_(actuators=(Actuator("pressure_1_pa", 1.0), Actuator("pressure_2_pa", -1.0)))
     assert rest_stiffness(LINEAR) == pytest.approx(K)
     assert rest_stiffness(pair) == pytest.approx(2 * K)
-
-
-def test_a_law_without_stiffness_at_rest_is_refused_in_words() -> None:
-    with pytest.raises(UserError, match="slope .* at rest"):
-        with_effects(sample_chain(linear_law(GAIN, -K), modules=1), FRICTION)

@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
+from tests.effects.bench import followed, model_with
 
 from pliant.errors import UserError
 from pliant.interfaces.effect import Model
@@ -17,10 +18,6 @@ from pliant.records.chain import Actuator
 from pliant.records.design import Array
 from pliant.records.history import History, held
 from pliant.testing.samples import linear_law, sample_chain
-from pliant_plugins.effects.leak import Leak, LeakConfig
-from pliant_plugins.effects.supply_lag import SupplyLag, SupplyLagConfig
-from pliant_plugins.physics.quasistatic.backend import Quasistatic
-from pliant_plugins.physics.quasistatic.config import QuasistaticConfig
 
 P, RATE, FILLING = 12e3, 0.05, 0.4
 K, GAIN = 0.04, 8e-7
@@ -28,7 +25,7 @@ PLAIN = Model(sample_chain(linear_law(GAIN, K), modules=1, gravity=(0, 0, 0)))
 
 
 def leaking(rate: float = RATE, filling_s: float = FILLING) -> Model:
-    return Leak(LeakConfig(rate_1_s=rate, filling_time_s=filling_s)).apply(PLAIN)
+    return model_with(PLAIN, "leak", rate_1_s=rate, filling_time_s=filling_s)
 
 
 def reached(model: Model, history: History, name: str = "pressure_pa") -> Array:
@@ -68,9 +65,7 @@ def test_a_run_that_begins_closed_keeps_its_first_pressure() -> None:
 def test_every_model_sees_the_closed_valve() -> None:
     run = closing(np.arange(10.0), 4.0)
     np.testing.assert_array_equal(reached(PLAIN, run), P)
-    engine = Quasistatic(QuasistaticConfig())
-    (path,), _ = engine.follow(PLAIN.chain, [PLAIN.commanded(run)])
-    np.testing.assert_allclose(path.joint_angles[:, 0, 0], GAIN * P / K, atol=1e-7)
+    np.testing.assert_allclose(followed(PLAIN.chain, PLAIN.commanded(run))[0][:, 0], GAIN * P / K, atol=1e-7)
 
 
 def test_a_lagging_chamber_keeps_what_had_arrived() -> None:
@@ -78,7 +73,7 @@ def test_a_lagging_chamber_keeps_what_had_arrived() -> None:
     run = History.of(
         {"pressure_pa": np.where(t > 0, P, 0.0)}, t, valve_open=np.array([1.0, 1.0, 1.0, 0.0, 0.0, 1.0])
     )
-    late = reached(SupplyLag(SupplyLagConfig(time_s=1.0, second_ratio=1.0)).apply(PLAIN), run)
+    late = reached(model_with(PLAIN, "supply_lag", time_s=1.0, second_ratio=1.0), run)
     assert late[2] == pytest.approx(
         P * (1 - 2 * np.exp(-1.0)), rel=1e-3
     )  # 1 − (1 + t/T) e^(−t/T) of two stages
@@ -144,7 +139,7 @@ def test_states_without_a_clock_lack_the_share_only() -> None:
 
 def test_each_chamber_leaks_and_no_tendon() -> None:
     chain = PLAIN.chain.with_(actuators=(Actuator("pressure_1_pa", 1.0), Actuator("pressure_2_pa", -1.0)))
-    model = Leak(LeakConfig(rate_1_s=0.1)).apply(Model(chain))
+    model = model_with(chain, "leak", rate_1_s=0.1)
     t = np.arange(5.0)
     run = History.of({"pressure_1_pa": P, "pressure_2_pa": -P, "tendon_force_n": 3.0}, t, valve_open=t < 1)
     assert reached(model, run, "pressure_1_pa")[-1] == pytest.approx(P / 1.02 * np.exp(-0.4))
@@ -155,28 +150,13 @@ def test_each_chamber_leaks_and_no_tendon() -> None:
 def test_the_joint_sinks_and_without_a_valve_it_hardly_shows() -> None:
     t = np.arange(0.0, 61.0)
     model = leaking(0.02, 0.2)
-    engine = Quasistatic(QuasistaticConfig())
     runs = [model.commanded(closing(t, 0.0)), model.commanded(History.of({"pressure_pa": np.full(61, P)}, t))]
-    closed, opened = (f.joint_angles[:, 0, 0] for f in engine.follow(model.chain, runs)[0])
+    closed, opened = (angles[:, 0] for angles in followed(model.chain, *runs))
     np.testing.assert_allclose(closed, GAIN * P / K / 1.004 * np.exp(-0.02 * t), atol=1e-7)
     np.testing.assert_allclose(opened, GAIN * P / K, rtol=0.005)
 
 
-# -- wrong input -----------------------------------------------------------------------------------
-
-
-def test_a_tendon_does_not_leak() -> None:
-    tendon = PLAIN.with_(chain=PLAIN.chain.with_(actuators=(Actuator("tendon_force_n"),)))
-    with pytest.raises(
-        UserError, match="'leak' needs a pressure, and the chain is actuated by tendon_force_n"
-    ):
-        Leak(LeakConfig(rate_1_s=0.1)).apply(tendon)
-
-
-@pytest.mark.parametrize("wrong", [{"rate_1_s": -0.1}, {"rate_1_s": 3.0}, {"filling_time_s": 0.0}])
-def test_bounds(wrong: dict[str, float]) -> None:
-    with pytest.raises(ValueError, match="rate_1_s|filling_time_s"):
-        LeakConfig.model_validate(wrong)
+# -- files -----------------------------------------------------------------------------------------
 
 
 def written(folder: Path, *valves: str) -> Path:

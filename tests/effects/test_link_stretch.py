@@ -3,15 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
-from pydantic import ValidationError
+from tests.effects.bench import model_with
 
-from pliant.errors import UserError
-from pliant.interfaces.effect import Model
 from pliant.mechanics.kinematics import ChainGeometry
-from pliant.records.chain import Actuator
 from pliant.testing.samples import sample_chain
-from pliant_plugins.effects.link_stretch import LinkStretch, LinkStretchConfig
 
 ANGLES = np.array([[0.3], [-0.1], [0.2]])
 BASE = np.array([0.1, -0.2, 0.4])
@@ -22,8 +17,7 @@ def reported(per_mpa: float, pressure_pa: float) -> dict[str, float]:
     tip = ChainGeometry.of(CHAIN).markers(ANGLES)[-1]
     readings = {f"tip_{axis}_m": float(tip[k]) for k, axis in enumerate("xyz")}
     readings |= {"angle_rad": 0.4, "actuation": pressure_pa}
-    model = LinkStretch(LinkStretchConfig(strain_per_mpa=per_mpa)).apply(Model(CHAIN))
-    return dict(model.reported(readings))
+    return dict(model_with(CHAIN, "link_stretch", strain_per_mpa=per_mpa).reported(readings))
 
 
 def test_positions_are_those_of_a_chain_with_longer_pieces() -> None:
@@ -43,16 +37,5 @@ def test_positions_are_those_of_a_chain_with_longer_pieces() -> None:
 
 def test_without_pressure_or_without_knowing_it_nothing_moves() -> None:
     assert reported(2.0, 0.0) == reported(0.0, 15e3) | {"actuation": 0.0}
-    model = LinkStretch(LinkStretchConfig(strain_per_mpa=2.0)).apply(Model(CHAIN))
+    model = model_with(CHAIN, "link_stretch", strain_per_mpa=2.0)
     assert model.reported({"tip_x_m": 0.05}) == {"tip_x_m": 0.05}
-
-
-def test_a_chain_that_tendons_pull_is_refused() -> None:
-    pulled = CHAIN.with_(actuators=(Actuator("tendon_force_n"),))
-    with pytest.raises(UserError, match="needs a pressure"):
-        LinkStretch(LinkStretchConfig(strain_per_mpa=1.0)).apply(Model(pulled))
-
-
-def test_numbers_outside_the_bounds_are_refused() -> None:
-    with pytest.raises(ValidationError):
-        LinkStretchConfig(strain_per_mpa=21.0)

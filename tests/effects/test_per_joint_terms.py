@@ -6,27 +6,21 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.effects.bench import ENGINE, chain_with, engine, followed, stepped
 
 from pliant.errors import ContractError
-from pliant.interfaces.effect import Model
 from pliant.records.chain import ChainModel
 from pliant.records.history import History
 from pliant.testing.histories import first_joint, follow_joint, triangles
 from pliant.testing.samples import sample_chain, softening_law
-from pliant_plugins.effects.tendon_friction import TendonFriction, TendonFrictionConfig
-from pliant_plugins.physics.mujoco.backend import Mujoco
-from pliant_plugins.physics.mujoco.config import MujocoConfig
-from pliant_plugins.physics.quasistatic.backend import Quasistatic
-from pliant_plugins.physics.quasistatic.config import QuasistaticConfig
 
 F = 15e3  # of a sample law, which knows no units
-ENGINE = Quasistatic(QuasistaticConfig())
 
 
 def rubbing(modules: int = 3, **chain: object) -> ChainModel:
     law = replace(softening_law(), actuation_name="tendon_force_n")
-    config = TendonFrictionConfig(friction=0.3, wrap_at_rest_rad=0.2)
-    return TendonFriction(config).apply(Model(sample_chain(law, modules=modules, **chain))).chain
+    plain = sample_chain(law, modules=modules, **chain)
+    return chain_with(plain, "tendon_friction", friction=0.3, wrap_at_rest_rad=0.2)
 
 
 def pull(levels: tuple[float, ...], rate: float, step_s: float) -> History:
@@ -55,25 +49,16 @@ def test_a_loaded_chain_walks_the_same_path_by_newton_in_all_joints() -> None:
     chain = rubbing(payload=0.004)
     run = pull((F, 5e3), 5e3, 0.5)
     (path,), _ = ENGINE.follow(chain, [run])
-    walked = []
-    with ENGINE.build(chain) as simulation:
-        simulation.apply(run.at(0))
-        simulation.settle()
-        walked.append(simulation.snapshot().position)
-        for k in range(1, len(run)):
-            simulation.apply(run.at(k))
-            simulation.step(0.5)
-            walked.append(simulation.snapshot().position)
-    np.testing.assert_allclose(path.joint_angles, np.array(walked), atol=2e-5)
+    np.testing.assert_allclose(path.joint_angles, stepped(chain, run, 0.5), atol=2e-5)
 
 
 def test_mujoco_in_slow_motion_is_the_quasi_static_path() -> None:
     chain = rubbing(payload=0.004)
     run = pull((F, 5e3, 9e3), 1e3, 1.0)
-    (slow,), _ = Quasistatic(QuasistaticConfig(longest_step_s=0.1)).follow(chain, [run])
-    (path,), _ = Mujoco(MujocoConfig()).follow(chain, [run])  # steps of 0.1 s would jump over its turns
-    span = float(np.ptp(slow.joint_angles, axis=0).max())
-    np.testing.assert_allclose(path.joint_angles, slow.joint_angles, atol=0.005 * span)
+    (slow,) = followed(chain, run, by=engine("quasistatic", longest_step_s=0.1))
+    (path,) = followed(chain, run, by=engine("mujoco"))  # steps of 0.1 s would jump over its turns
+    span = float(np.ptp(slow, axis=0).max())
+    np.testing.assert_allclose(path, slow, atol=0.005 * span)
 
 
 def test_numbers_of_another_chain_are_refused() -> None:

@@ -6,21 +6,19 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from tests.effects.bench import followed, model_with
 
-from pliant.interfaces.effect import Effect, Model
+from pliant.interfaces.effect import Model
 from pliant.mechanics.kinematics import ChainGeometry
 from pliant.records.design import Array
 from pliant.records.history import History
-from pliant.registry.discovery import discover
 from pliant.testing.effect_bench import run_readings
 from pliant.testing.samples import linear_law, sample_chain
 from pliant_plugins.effects.lag import lagged
-from pliant_plugins.effects.sensor_lag import SensorLag, SensorLagConfig
-from pliant_plugins.effects.supply_lag import SupplyLag, SupplyLagConfig
 
 
 def model(time_s: float) -> Model:
-    return SensorLag(SensorLagConfig(time_s=time_s)).apply(Model(sample_chain(modules=2)))
+    return model_with(sample_chain(modules=2), "sensor_lag", time_s=time_s)
 
 
 def read(constant_s: float, time_s: Array, angle: Array) -> Array:
@@ -81,20 +79,14 @@ def test_positions_numbers_lists_and_readings_without_a_clock_are_in_time() -> N
     assert model(0.0).reported(readings)["angle_rad"] is ramp
 
 
-@pytest.mark.parametrize(
-    ("effect", "late"),
-    [(SensorLag(SensorLagConfig(time_s=0.5)), True), (SupplyLag(SupplyLagConfig(time_s=0.5)), False)],
-    ids=["sensor_lag", "supply_lag"],
-)
-def test_a_load_step_at_constant_pressure_tells_it_from_a_supply(effect: Effect, late: bool) -> None:
+@pytest.mark.parametrize(("kind", "late"), [("sensor_lag", True), ("supply_lag", False)])
+def test_a_load_step_at_constant_pressure_tells_it_from_a_supply(kind: str, late: bool) -> None:
     chain = sample_chain(linear_law(), modules=1, gravity=(0, 0, 0))
     t = 0.1 * np.arange(40)
     moment = np.where(t > 0.95, 4e-3, 0.0)
     history = History.of({"pressure_pa": np.full(40, 8e3)}, t, moment_n_m=moment)
-    changed = effect.apply(Model(chain))
-    component = discover().get("physics", "quasistatic")
-    engine = component.build(component.config_model()(kind="quasistatic"))
-    path = engine.follow(changed.chain, [changed.commanded(history)])[0][0].joint_angles
+    changed = model_with(chain, kind, time_s=0.5)
+    path = followed(changed.chain, changed.commanded(history))[0][:, :, None]
     said = run_readings(changed, path, history)
     true = (8e-7 * 8e3 - moment) / 0.04
     np.testing.assert_allclose(path[:, 0, 0], true, atol=1e-9)

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from pydantic import ValidationError
+from tests.effects.bench import effect, model_with
 
 from pliant.interfaces.effect import Model
 from pliant.testing.samples import sample_chain
-from pliant_plugins.effects.sensor_bias import SensorBias, SensorBiasConfig
-from pliant_plugins.effects.sensor_scale import SensorScale, SensorScaleConfig
 
-SCALED = SensorScale(SensorScaleConfig(excess=0.06)).apply(Model(sample_chain(modules=3)))
+SCALED = model_with(sample_chain(modules=3), "sensor_scale", excess=0.06)
 
 
 def test_every_angle_is_scaled_once_and_nothing_else_is() -> None:
@@ -41,14 +39,7 @@ def test_the_sum_of_scaled_joints_is_the_scaled_sum() -> None:
 
 
 def test_scale_and_bias_act_in_the_order_of_the_study() -> None:
-    bias, scale = SensorBias(SensorBiasConfig(bias_rad=0.1)), SensorScale(SensorScaleConfig(excess=0.5))
+    bias, scale = effect("sensor_bias", bias_rad=0.1), effect("sensor_scale", excess=0.5)
     plain = Model(sample_chain(modules=1))
     assert scale.apply(bias.apply(plain)).reported({"angle_rad": 0.2})["angle_rad"] == pytest.approx(0.45)
     assert bias.apply(scale.apply(plain)).reported({"angle_rad": 0.2})["angle_rad"] == pytest.approx(0.4)
-
-
-def test_the_chain_is_the_same_and_a_sensor_that_reads_nothing_is_none() -> None:
-    plain = Model(sample_chain(modules=2))
-    assert SensorScale(SensorScaleConfig(excess=0.1)).apply(plain).chain is plain.chain
-    with pytest.raises(ValidationError):
-        SensorScaleConfig(excess=-1.0)

@@ -6,21 +6,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.effects.bench import chain_with, followed
 
-from pliant.errors import UserError
-from pliant.interfaces.effect import Model
 from pliant.records.chain import Actuator, ChainModel
 from pliant.records.design import Array
 from pliant.records.history import History
 from pliant.testing.histories import Motion, drive, triangles
 from pliant.testing.samples import linear_law, sample_chain
-from pliant_plugins.effects.tendon_friction import TendonFriction, TendonFrictionConfig
-from pliant_plugins.physics.quasistatic.backend import Quasistatic
-from pliant_plugins.physics.quasistatic.config import QuasistaticConfig
 
 K, ARM, F = 0.04, 6.6e-3, 3.0
 MU, WRAP = 0.3, 0.15
-ENGINE = Quasistatic(QuasistaticConfig())
 
 
 def tendon_chain(modules: int = 3, **chain: object) -> ChainModel:
@@ -29,16 +24,13 @@ def tendon_chain(modules: int = 3, **chain: object) -> ChainModel:
 
 
 def rubbing(chain: ChainModel, friction: float = MU, **more: float) -> ChainModel:
-    config = TendonFrictionConfig(friction=friction, **{"wrap_at_rest_rad": WRAP, **more})
-    return TendonFriction(config).apply(Model(chain)).chain
+    return chain_with(chain, "tendon_friction", friction=friction, **{"wrap_at_rest_rad": WRAP, **more})
 
 
 def pulled_and_released(chain: ChainModel) -> tuple[Array, Array]:
     """Tension (t,) and angles (t, n) of one slow pull and release."""
     time_s, force = triangles((F, 0.0), 0.1, 0.1)
-    (path,), _ = ENGINE.follow(chain, [History.of({"tendon_force_n": force}, time_s)])
-    assert path.converged.all()
-    return force, path.joint_angles[:, :, 0]
+    return force, followed(chain, History.of({"tendon_force_n": force}, time_s))[0]
 
 
 def test_every_joint_meets_the_tension_that_the_capstan_leaves() -> None:
@@ -71,11 +63,11 @@ def test_joints_farther_from_the_base_bend_less_while_pulled_and_more_while_rele
 def test_without_tension_there_is_no_loop_and_the_rate_does_not_matter() -> None:
     chain = rubbing(tendon_chain())
     time_s, moment = triangles((5e-3, -5e-3, 0.0), 1e-3, 0.1)
-    (path,), _ = ENGINE.follow(chain, [History.of({"tendon_force_n": 0.0}, time_s, moment_n_m=moment)])
-    np.testing.assert_allclose(path.joint_angles[:, :, 0], np.tile(-moment[:, None] / K, 3), atol=1e-7)
+    (angles,) = followed(chain, History.of({"tendon_force_n": 0.0}, time_s, moment_n_m=moment))
+    np.testing.assert_allclose(angles, np.tile(-moment[:, None] / K, 3), atol=1e-7)
     time_s, force = triangles((F, 1.0, 2.0, 0.0), 0.5, 0.1)
     runs = [History.of({"tendon_force_n": force}, clock) for clock in (time_s, 0.02 * time_s, None)]
-    slow, fast, still = (f.joint_angles for f in ENGINE.follow(chain, runs)[0])
+    slow, fast, still = followed(chain, *runs)
     np.testing.assert_allclose(fast, slow, atol=1e-7)
     np.testing.assert_allclose(still, slow, atol=1e-7)
 
@@ -93,19 +85,3 @@ def test_the_direction_turns_over_within_the_break_away_angle() -> None:
     own = drive(chain, Motion.of(np.arange(7.0), angle, F)).effort + K * angle
     z = np.array([1.0, 1.0, 0.5, 0.0, -0.5, -1.0, -0.95])
     np.testing.assert_allclose(own, ARM * F * np.exp(-MU * z * (0.5 * angle + 1.0)), rtol=1e-12)
-
-
-def test_chains_without_a_tendon_or_with_opposed_ones_are_refused() -> None:
-    with pytest.raises(UserError, match=r"law takes pressure_pa; families with tendons are 'tendon_joint'"):
-        rubbing(sample_chain(linear_law(), modules=2))
-    pair = (Actuator("tendon_force_1_n", 1.0), Actuator("tendon_force_2_n", -1.0))
-    with pytest.raises(UserError, match="tendons that pull one way, and this chain has opposed ones"):
-        rubbing(tendon_chain().with_(actuators=pair))
-
-
-@pytest.mark.parametrize(
-    "wrong", [{"friction": -0.1}, {"friction": 1.6}, {"break_away_rad": 0.0}, {"wrap_at_rest_rad": -0.1}]
-)
-def test_bounds(wrong: dict[str, float]) -> None:
-    with pytest.raises(ValueError, match="friction|break_away|wrap_at_rest"):
-        TendonFrictionConfig.model_validate(wrong)

@@ -4,20 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from tests.effects.bench import chain_with, followed, model_with
 
 from pliant.interfaces.effect import Model
 from pliant.records.history import History
 from pliant.testing.histories import Motion, drive
 from pliant.testing.samples import linear_law, sample_chain, softening_law
-from pliant_plugins.effects.wall_thickness import WallThickness, WallThicknessConfig
-from pliant_plugins.physics.quasistatic.backend import Quasistatic
-from pliant_plugins.physics.quasistatic.config import QuasistaticConfig
+from pliant_plugins.effects.wall_thickness import WallThicknessConfig
 
 P = 12e3
-
-
-def walled(model: Model, ratio: float, **exponents: float) -> Model:
-    return WallThickness(WallThicknessConfig(ratio=ratio, **exponents)).apply(model)
 
 
 def test_both_parts_scale_by_their_powers() -> None:
@@ -27,7 +22,7 @@ def test_both_parts_scale_by_their_powers() -> None:
     def effort(model: Model, pressure: float) -> np.ndarray:
         return drive(model.chain, Motion.of(np.arange(15.0), angle, pressure)).effort
 
-    thick = walled(plain, 1.1, elastic_exponent=3.0, actuation_exponent=-1.0)
+    thick = model_with(plain, "wall_thickness", ratio=1.1, elastic_exponent=3.0, actuation_exponent=-1.0)
     elastic, whole = effort(plain, 0.0), effort(plain, P)
     np.testing.assert_allclose(effort(thick, 0.0), 1.1**3 * elastic, rtol=1e-12, atol=1e-18)
     np.testing.assert_allclose(effort(thick, P), 1.1**3 * elastic + (whole - elastic) / 1.1, rtol=1e-12)
@@ -36,12 +31,12 @@ def test_both_parts_scale_by_their_powers() -> None:
 def test_free_and_blocked_joints_tell_it_from_a_stiffness() -> None:
     """Linear: the free angle goes with s^(b − a), the moment that holds the joint straight with s^b."""
     gain, stiffness, s = 8e-7, 0.04, 0.9
-    model = walled(Model(sample_chain(linear_law(gain, stiffness), modules=1, gravity=(0, 0, 0))), s)
+    chain = sample_chain(linear_law(gain, stiffness), modules=1, gravity=(0, 0, 0))
     blocked = s**0.33 * gain * P
     run = History.of({"pressure_pa": P}, moment_n_m=np.array([0.0, blocked]))
-    (path,), _ = Quasistatic(QuasistaticConfig()).follow(model.chain, [run])
+    (angles,) = followed(chain_with(chain, "wall_thickness", ratio=s), run)
     wanted = [gain * P / stiffness * s ** (0.33 - 2.15), 0.0]
-    np.testing.assert_allclose(path.joint_angles[:, 0, 0], wanted, atol=1e-7)
+    np.testing.assert_allclose(angles[:, 0], wanted, atol=1e-7)
 
 
 @pytest.mark.parametrize("wall_m", [1.35e-3, 1.65e-3])
@@ -55,9 +50,3 @@ def test_the_exponents_are_those_of_the_fem(wall_m: float, fem_states: list[dict
     assert elastic == pytest.approx(ratio**config.elastic_exponent, rel=0.03)
     assert driven[0] / driven[1] == pytest.approx(ratio**config.actuation_exponent, rel=0.02)
     assert abs(np.log(elastic)) > 0.15
-
-
-@pytest.mark.parametrize("wrong", [{"ratio": 0.4}, {"ratio": 2.1}, {"elastic_exponent": 5.0}])
-def test_bounds(wrong: dict[str, float]) -> None:
-    with pytest.raises(ValueError, match="ratio|elastic_exponent"):
-        WallThicknessConfig.model_validate(wrong)

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from tests.surrogates.laws import STATED, WAVY, network_law, one_by_one
 from tests.surrogates.test_drawn_laws import BOX, BOX3, bar, one_axis, three_axes
-from tests.surrogates.test_neural_law import network_law
-from tests.surrogates.test_scalar_law import LAWS, one_by_one
 
 from pliant.config.chain import ChainConfig
 from pliant.mechanics.law_draws import draws
@@ -15,7 +16,7 @@ from pliant.pipeline.chain import Segment, build_chain, rod_module
 from pliant.pipeline.uncertainty import drawn_chains
 from pliant.records.law import JointLaw
 from pliant.testing.samples import softening_law, table_of
-from pliant_plugins.surrogates.polynomial.axes_law import AxesLaw
+from pliant_plugins.surrogates.polynomial.axes import AxesLaw
 from pliant_plugins.surrogates.table.config import TableConfig
 from pliant_plugins.surrogates.table.surrogate import Table
 
@@ -24,11 +25,11 @@ SHARES = (0.6, 1.7)
 
 def shipped() -> dict[str, JointLaw]:
     """A law of each scalar form, with and without limits."""
-    polynomials = {name: LAWS[name] for name in ("wavy", "unbounded", "plain square")}
+    polynomials = {"wavy": WAVY, **{name: STATED[name] for name in ("unbounded", "plain square")}}
     table = Table(TableConfig(kind="table")).fit(table_of(softening_law())).law
     return {
         **polynomials,
-        "axes": AxesLaw((LAWS["wavy"], LAWS["unbounded"], LAWS["even"])),
+        "axes": AxesLaw((WAVY, STATED["unbounded"], replace(WAVY, odd=0.0))),
         "energy": three_axes(bar(BOX3, 1e-4)),
         "neural": network_law(3),
         "table": table,

@@ -19,6 +19,7 @@ from pliant.testing.solved_samples import (
     unseen_designs,
 )
 from pliant_plugins.meta_models.common_form import CommonForm
+from pliant_plugins.meta_models.common_form_fit import fit_common_form
 from pliant_plugins.meta_models.common_form_scales import ParameterMap, turned
 from pliant_plugins.meta_models.common_form_stable import StabilityGrid
 
@@ -26,13 +27,13 @@ from pliant_plugins.meta_models.common_form_stable import StabilityGrid
 @pytest.fixture(scope="module")
 def one_axis() -> tuple[SolvedDesigns, CommonForm, np.ndarray]:
     designs = solved_designs()
-    return designs, *CommonForm.fit(designs)
+    return designs, *fit_common_form(designs)
 
 
 @pytest.fixture(scope="module")
 def three_axes() -> tuple[SolvedDesigns, CommonForm, np.ndarray]:
     designs = solved_spherical_designs((3, 3))
-    return designs, *CommonForm.fit(designs)
+    return designs, *fit_common_form(designs)
 
 
 def _worst_of_range(law: JointLaw, truth: JointLaw) -> float:
@@ -81,7 +82,7 @@ def test_states_of_role_check_and_untrusted_ones_do_not_count(one_axis) -> None:
     for data in designs.data:
         unseen = data.role == "check"
         spoiled.append(replace(data, tau=np.where(unseen[:, None], 7.0, data.tau)))
-    again, _ = CommonForm.fit(replace(designs, data=tuple(spoiled)))
+    again, _ = fit_common_form(replace(designs, data=tuple(spoiled)))
     np.testing.assert_array_equal(again.centre, form.centre)
     np.testing.assert_array_equal(again.directions, form.directions)
 
@@ -94,7 +95,7 @@ def test_a_design_with_few_states_follows_the_others(one_axis) -> None:
     status = np.where(np.arange(len(data)) % 4 == 0, data.status, "self_contact")
     poor = replace(data, status=status)
     rest = [poor if i == number else one for i, one in enumerate(designs.data)]
-    form, targets = CommonForm.fit(replace(designs, data=tuple(rest)))
+    form, targets = fit_common_form(replace(designs, data=tuple(rest)))
     law = form.law(designs.values[number], targets[number])
     assert _worst_of_range(law, sample_law(designs.values[number])) < 0.02
 
@@ -105,7 +106,7 @@ def test_data_without_slopes_are_enough() -> None:
         replace(one, dtau_dp=np.full_like(one.dtau_dp, np.nan), dtau_du=np.full_like(one.dtau_du, np.nan))
         for one in designs.data
     ]
-    form, targets = CommonForm.fit(replace(designs, data=tuple(bare)))
+    form, targets = fit_common_form(replace(designs, data=tuple(bare)))
     law = form.law(designs.values[4], targets[4])
     assert _worst_of_range(law, sample_law(designs.values[4])) < 5e-3
 
@@ -195,4 +196,4 @@ def test_a_design_without_trusted_states_is_named() -> None:
     designs = solved_designs((2, 2))
     lost = replace(designs.data[2], status=np.full(len(designs.data[2]), "self_contact"))
     with pytest.raises(UserError, match=r"design 3 of 4 has 0 trusted states .*fem\.self_contact: pass"):
-        CommonForm.fit(replace(designs, data=(*designs.data[:2], lost, designs.data[3])))
+        fit_common_form(replace(designs, data=(*designs.data[:2], lost, designs.data[3])))

@@ -23,9 +23,12 @@ from pliant.testing.solved_samples import (
     unseen_designs,
 )
 from pliant_plugins.meta_models.coefficients.config import CoefficientsConfig
-from pliant_plugins.meta_models.coefficients.laws import CoefficientLaws
-from pliant_plugins.meta_models.coefficients.model import Coefficients
-from pliant_plugins.meta_models.coefficients.study import law_of_targets, study_targets
+from pliant_plugins.meta_models.coefficients.model import (
+    CoefficientLaws,
+    Coefficients,
+    law_of_targets,
+    study_targets,
+)
 from pliant_plugins.meta_models.networks import Layers
 from pliant_plugins.meta_models.neural.config import NeuralMetaConfig
 from pliant_plugins.meta_models.neural.laws import EnergyLaws

@@ -16,8 +16,7 @@ from pliant_plugins.meta_models.regression.closed_forms import (
 )
 from pliant_plugins.meta_models.regression.config import RegressionConfig
 from pliant_plugins.meta_models.regression.gaussian_process import GaussianProcesses, _fitted
-from pliant_plugins.meta_models.regression.laws import RegressionLaws
-from pliant_plugins.meta_models.regression.model import Regression
+from pliant_plugins.meta_models.regression.model import Regression, RegressionLaws
 
 pytest.importorskip("sklearn", reason="needs scikit-learn")
 

@@ -10,7 +10,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from pliant.pipeline.law_misses import Misses
 from pliant.pipeline.law_speed import evaluations_per_second
 from pliant.pipeline.learning import (
     WITH,
@@ -23,6 +22,7 @@ from pliant.pipeline.learning import (
     with_checks,
 )
 from pliant.pipeline.module_data import as_scored, module_of, module_of_axes
+from pliant.pipeline.residuals import Residuals
 from pliant.pipeline.workbench import Workbench
 from pliant.records.fem import ModuleData
 from pliant.registry.discovery import discover
@@ -156,7 +156,9 @@ def test_misses_count_each_axis_in_its_own_states_and_all_where_all_are_held() -
     one = table_of(linear_law())
     module = module_of_axes({"y": one, "x": replace(one, axis="x")}, ("x", "y"))
     together = replace(module, explored=np.where(np.arange(len(module)) < 3, "coupling", module.explored))
-    missed = Misses.of(together, ("x", "y"), lambda p, u: np.nan_to_num(together.tau) + [0.0, 1e-3], box(2))
+    missed = Residuals.of(
+        together, ("x", "y"), lambda p, u: np.nan_to_num(together.tau) + [0.0, 1e-3], box(2)
+    )
     assert missed.ranges == pytest.approx([np.ptp(one.moment_n_m[: len(one)])] * 2)
     assert (missed.axis[missed.state >= 3] == (module.explored[missed.state[missed.state >= 3]] == "y")).all()
     assert missed.share[missed.axis == 1] == pytest.approx(1e-3 / missed.ranges[1])
@@ -168,12 +170,12 @@ def test_misses_count_each_axis_in_its_own_states_and_all_where_all_are_held() -
 def test_states_outside_the_box_or_not_trusted_are_not_scored() -> None:
     module = data()
     law = replace(softening_law())
-    every = Misses.of_law(module, law)
+    every = Residuals.of_law(module, law)
     assert len(every.state) == len(module) and every.worst < 1e-15
-    narrow = Misses.of(module, ("y",), lambda p, u: 0 * u, np.array([[0.0, 7e3], [-0.1, 0.2]]))
+    narrow = Residuals.of(module, ("y",), lambda p, u: 0 * u, np.array([[0.0, 7e3], [-0.1, 0.2]]))
     assert module.actuation[narrow.state].max() <= 7e3 and module.deformation[narrow.state].max() <= 0.2
     touching = replace(module, status=np.where(np.arange(len(module)) < 5, "self_contact", "ok"))
-    assert len(Misses.of_law(touching, law).state) == len(module) - 5
+    assert len(Residuals.of_law(touching, law).state) == len(module) - 5
 
 
 def test_the_scored_states_of_a_table_are_found_again() -> None:
@@ -181,9 +183,9 @@ def test_the_scored_states_of_a_table_are_found_again() -> None:
     report = polynomial().fit_module(module).report
     scored = as_scored(module, report)
     assert (scored.role == "check").sum() == report.n_heldout
-    assert Misses.of_law(scored, polynomial().fit_module(module).law).rows(scored.role == "check").worst == (
-        pytest.approx(report.worst_of_range, rel=1e-9)
-    )
+    assert Residuals.of_law(scored, polynomial().fit_module(module).law).rows(
+        scored.role == "check"
+    ).worst == (pytest.approx(report.worst_of_range, rel=1e-9))
 
 
 def test_speed_is_counted_in_evaluations() -> None:

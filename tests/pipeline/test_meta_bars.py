@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pliant.pipeline.meta_model.bars import Bars, _Axis
+from pliant.pipeline.meta_model.error_bars import Bars, _Axis
 from pliant.records.error_bar import ErrorBar
 from pliant.records.law import Domain
 from pliant.testing.samples import linear_law
@@ -156,7 +156,7 @@ def test_an_axis_without_states_of_a_design(sample):
 
 
 def test_many_designs_are_thinned(monkeypatch, sample):
-    from pliant.pipeline.meta_model import bars as module
+    from pliant.pipeline.meta_model import error_bars as module
 
     monkeypatch.setattr(module, "MOST_STATES", 60 * 5)
     keep = module._chosen(np.repeat(np.arange(60), STATES), 60)

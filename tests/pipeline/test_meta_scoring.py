@@ -8,8 +8,7 @@ import pytest
 from pliant.errors import UserError
 from pliant.execution.progress import Silent
 from pliant.interfaces.meta_model import DesignLaws, FittedMetaModel, MetaModel, MetaModelConfig
-from pliant.pipeline.meta_model.free_branch import free_branch
-from pliant.pipeline.meta_model.leaving_out import misses_left_out, parts_of
+from pliant.pipeline.meta_model.cross_validation import free_branch, misses_left_out, parts_of
 from pliant.pipeline.meta_model.scoring import Scores, scores_of
 from pliant.records.law import Effort, JointLaw
 from pliant.testing.meta_model_stand_in import StandInMetaModel, StandInMetaModelConfig

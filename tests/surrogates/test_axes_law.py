@@ -2,48 +2,20 @@
 
 from __future__ import annotations
 
-import json
 from typing import Any
 
 import numpy as np
 import pytest
 from pydantic import ValidationError
-from tests.surrogates.test_scalar_law import WAVY, one_by_one, require_same, states
+from tests.surrogates.laws import MAIN, SIDE, TWIST, WAVY, points, spatial, stated, surrogate, with_a_box
 
 from pliant.errors import UserError
 from pliant.records.fem import FemDataset
 from pliant.records.law import Domain, JointLaw
-from pliant.store.codec import decode, encode
 from pliant.testing.samples import softening_law, table_of
-from pliant_plugins.surrogates.polynomial.axes_law import AxesLaw
+from pliant_plugins.surrogates.polynomial.axes import AxesLaw
 from pliant_plugins.surrogates.polynomial.config import PolynomialConfig
 from pliant_plugins.surrogates.polynomial.law import PolynomialLaw
-from pliant_plugins.surrogates.polynomial.surrogate import Polynomial
-
-TWIST = {"k_n": 0.0, "m_a": -2e-7, "m_e": 0.01, "b_e": 0.03}
-SIDE = {"k_n": 0.0, "m_a": -1e-7, "m_e": 0.02, "b_e": 0.015}
-MAIN = {"k_n": 1.6e-6, "m_a": -1.7e-6, "m_e": 0.1, "b_e": 0.0245}
-
-
-def stated(coefficients: dict[str, float], **more: Any) -> dict[str, Any]:
-    return {"form": "study", "odd": True, "coefficients": coefficients, **more}
-
-
-def surrogate(**config: Any) -> Polynomial:
-    return Polynomial(PolynomialConfig.model_validate(config))
-
-
-def spatial(**y: Any) -> AxesLaw:
-    axes = {"x": stated(TWIST), "y": y or stated(MAIN), "z": stated(SIDE)}
-    law = surrogate(axes=axes).stated()
-    assert isinstance(law, AxesLaw)
-    return law
-
-
-def with_a_box() -> AxesLaw:
-    """Axes whose boxes, degrees and continuations differ."""
-    x, _, z = spatial().laws
-    return AxesLaw((x, WAVY, z))
 
 
 def test_each_axis_has_its_own_effort() -> None:
@@ -62,27 +34,12 @@ def test_each_axis_has_its_own_effort() -> None:
     np.testing.assert_array_equal(off, 0.0)
 
 
-@pytest.mark.parametrize("law", [spatial(), with_a_box()], ids=["stated", "with a box"])
-def test_the_plain_function_is_the_law(law: AxesLaw) -> None:
-    p, u = states(law)
-    u = u * [1.0, 0.7, -0.4]
-    require_same(one_by_one(law, p, u), law.evaluate(p, u))
-
-
-def test_the_effort_is_minus_the_gradient_of_the_potential() -> None:
+def test_the_potential_is_the_general_quadrature() -> None:
     law = with_a_box()
-    p, u = states(law)
-    u = u * [1.0, 0.7, -0.4]
-    tau, step = law.evaluate(p, u).tau, 1e-5
-    for k in range(3):
-        push = step * np.eye(3)[k]
-        slope = (law.potential(p, u + push) - law.potential(p, u - push)) / (2 * step)
-        np.testing.assert_allclose(-slope, tau[:, k], rtol=1e-5, atol=1e-9)
-    np.testing.assert_array_equal(law.potential(p, 0 * u), 0.0)
-    inside = np.abs(u).max(axis=1) < 0.2
-    np.testing.assert_allclose(  # the general quadrature meets a corner of |u| at its end only
-        law.potential(p, u)[inside], JointLaw.potential(law, p, u)[inside], rtol=1e-9, atol=1e-14
-    )
+    p, u = points(law, 0.0)
+    inside = np.abs(u).max(axis=1) < 0.2  # the quadrature meets a corner of |u| at its end only
+    quadrature = JointLaw.potential(law, p, u)
+    np.testing.assert_allclose(law.potential(p, u)[inside], quadrature[inside], rtol=1e-9, atol=1e-14)
 
 
 def test_the_domain_is_what_the_axes_share() -> None:
@@ -99,18 +56,6 @@ def test_the_domain_is_what_the_axes_share() -> None:
     assert np.isinf(law.domain.deformation[:2]).all()
     excess = law.domain.excess(np.array([16e3]), np.array([[0.0, 2.0, 0.2]]))
     np.testing.assert_allclose(excess, [[1e3, 0.0, 0.0, 0.2 - np.radians(10)]])
-
-
-@pytest.mark.parametrize("law", [spatial(), with_a_box()], ids=["stated", "with a box"])
-def test_the_record_gives_the_same_bits(law: AxesLaw) -> None:
-    arrays: dict[str, np.ndarray] = {}
-    text = json.dumps(encode(law.record(), arrays))
-    again = surrogate().load(decode(json.loads(text), arrays))
-    p, u = states(law)
-    for name in ("tau", "dtau_dp", "dtau_du"):
-        np.testing.assert_array_equal(getattr(again.evaluate(p, u), name), getattr(law.evaluate(p, u), name))
-    np.testing.assert_array_equal(again.domain.deformation, law.domain.deformation)
-    assert (again.joint, again.axes, again.actuation_name) == (law.joint, law.axes, law.actuation_name)
 
 
 def table() -> FemDataset:

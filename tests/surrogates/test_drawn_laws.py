@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from pliant.mechanics.law_draws import DrawnLaw, error_tables
 from pliant.records.error_bar import ErrorBar
 from pliant.records.law import Domain, JointLaw
-from pliant_plugins.surrogates.polynomial.drawn import drawn_energies, drawn_polynomials
 from pliant_plugins.surrogates.polynomial.energy import EnergyBasis
 from pliant_plugins.surrogates.polynomial.energy_law import EnergyLaw
 from pliant_plugins.surrogates.polynomial.law import PolynomialLaw
@@ -54,16 +54,11 @@ def assert_same(drawn: tuple[JointLaw, ...], law: JointLaw, seed: int) -> None:
         assert one.scalar() is not None and one.domain is law.domain
 
 
-def test_a_drawn_polynomial_is_the_law_plus_the_error() -> None:
-    law = one_axis(bar(BOX, 1e-4))
-    assert_same(drawn_polynomials(law, 3, seed=4), law, 4)
+@pytest.mark.parametrize(
+    "law", [one_axis(bar(BOX, 1e-4)), three_axes(bar(BOX3, 1e-4))], ids=["polynomial", "energy"]
+)
+def test_a_drawn_law_is_the_law_plus_the_error(law: JointLaw) -> None:
     assert_same(law.draws(3, seed=4), law, 4)
-
-
-def test_a_drawn_energy_is_the_law_plus_the_error() -> None:
-    law = three_axes(bar(BOX3, 1e-4))
-    assert_same(drawn_energies(law, 3, seed=5), law, 5)
-    assert_same(law.draws(3, seed=5), law, 5)
 
 
 def test_a_law_without_an_error_bar_draws_nothing() -> None:

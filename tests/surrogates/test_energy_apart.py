@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pliant.testing.samples import coupled_law, module_table_of
-from pliant_plugins.surrogates.polynomial.axes_law import AxesLaw
+from pliant_plugins.surrogates.polynomial.axes import AxesLaw
 from pliant_plugins.surrogates.polynomial.energy_apart import compared, fit_apart
 from pliant_plugins.surrogates.polynomial.energy_fit import fit_energy
 from pliant_plugins.surrogates.polynomial.energy_kernel import evaluate

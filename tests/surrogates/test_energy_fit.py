@@ -89,9 +89,9 @@ def test_wrong_states_are_refused_in_one_sentence() -> None:
     tau[5, 2] = np.nan
     with pytest.raises(UserError, match="of axis z is nan in state 6"):
         fit_energy(replace(data, tau=tau), 4)
-    with pytest.raises(UserError, match="at least 16 trusted states"):
+    with pytest.raises(UserError, match="at least 16 states"):
         fit_energy(data.rows(np.arange(len(data)) < 10), 4)
-    with pytest.raises(UserError, match="same angle about x"):
+    with pytest.raises(UserError, match="same angle_rad of axis x"):
         fit_energy(data.rows(data.explored == "y"), 4)
     twice = data.rows(np.arange(len(data)).repeat(1) >= 0)
     twice.deformation[1], twice.actuation[1] = twice.deformation[0], twice.actuation[0]

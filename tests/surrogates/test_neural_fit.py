@@ -188,7 +188,7 @@ def test_too_few_states_of_one_axis_and_of_three() -> None:
     few = data.rows(np.arange(len(data)) < 4)
     with pytest.raises(UserError, match="a neural law needs at least 6 states"):
         Neural(NeuralConfig()).fit(few)
-    with pytest.raises(UserError, match="needs at least 16 trusted states"):
+    with pytest.raises(UserError, match="a neural law of 3 coupled axes needs at least 16 states"):
         Neural(NeuralConfig()).fit_module(spherical_states(20, 10))
 
 
@@ -205,7 +205,7 @@ def test_torch_counts_in_the_key_of_a_fit() -> None:
     asked: list[Recipe] = []
 
     class Store:
-        def make(self, recipe: Recipe, compute: object, note: object) -> None:
+        def make(self, recipe: Recipe, *others: object) -> None:
             asked.append(recipe)
 
     bench = Workbench(Registry((component,)), cast(ArtifactStore, Store()))

@@ -12,7 +12,7 @@ from pliant.errors import UserError
 from pliant.records.design import Design
 from pliant.records.fem import FemDataset
 from pliant_plugins.surrogates.polynomial.config import PolynomialConfig, StudyCoefficients
-from pliant_plugins.surrogates.polynomial.study_differences import fit_differences
+from pliant_plugins.surrogates.polynomial.study import fit_differences
 from pliant_plugins.surrogates.polynomial.surrogate import Polynomial
 
 TRUE = StudyCoefficients(k_n=1.6e-6, m_a=-1.7e-6, b_a=-0.002, m_e=0.1, b_e=0.025)

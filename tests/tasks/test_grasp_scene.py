@@ -12,7 +12,7 @@ from pliant.mechanics.stills import still
 from pliant.meshing.surfaces import support
 from pliant.records.chain import ChainModel
 from pliant.records.scene import Contact, Part
-from pliant.testing.scene_stand_in import StandInScene
+from pliant.testing.stand_ins import StandInScene
 from pliant_plugins.tasks.grasp.config import GraspConfig
 from pliant_plugins.tasks.grasp.episode import phases, play
 from pliant_plugins.tasks.grasp.metrics import Grip, TrialMetrics, mode_of, summary

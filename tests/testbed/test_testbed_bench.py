@@ -33,6 +33,8 @@ from benchmarks.evidence.workers import ANY, make
 from hypothesis import given
 from hypothesis import strategies as st
 
+from pliant.errors import UserError
+
 ROOT = Path(__file__).resolve().parents[2]
 KEY = bytes(range(32))
 Z2 = 1.959963984540054**2
@@ -307,7 +309,7 @@ def test_the_page_is_written_from_numbers_alone(tmp_path: Path) -> None:
     publish(data, page, tmp_path)
     assert page.read_text() == text
     page.write_text("<!-- bench: nonsense -->\n<!-- end -->")
-    with pytest.raises(ValueError, match="nonsense"):
+    with pytest.raises(UserError, match="nonsense"):
         publish(data, page, tmp_path)
     hidden, columns, shares = matrix(data)
     assert shares[hidden.index("mullins"), columns.index("mullins")] == pytest.approx(95)

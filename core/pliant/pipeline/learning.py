@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from pliant.errors import UserError
 from pliant.interfaces.surrogate import Surrogate, SurrogateConfig
-from pliant.pipeline.law_misses import Misses, fitted_box
+from pliant.pipeline.residuals import Residuals, fitted_box
 from pliant.pipeline.surrogate import without_tables
 from pliant.pipeline.workbench import Workbench, content
 from pliant.records.design import Array
@@ -223,9 +223,9 @@ def _point(surrogate: Surrogate, subset: ModuleData, data: ModuleData, box: Arra
     return {"rms": missed.rms, "worst": missed.worst, "wall_s": wall_s}
 
 
-def _checked(data: ModuleData, law: JointLaw, box: Array) -> Misses:
+def _checked(data: ModuleData, law: JointLaw, box: Array) -> Residuals:
     columns = [0, *(1 + data.axes.index(axis) for axis in law.axes)]
-    missed = Misses.of(data, law.axes, lambda p, u: law.evaluate(p, u).tau, box[columns])
+    missed = Residuals.of(data, law.axes, lambda p, u: law.evaluate(p, u).tau, box[columns])
     return missed.rows(missed.check)
 
 

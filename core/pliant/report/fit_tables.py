@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from pliant.formatting import Unit, effort_unit, number, percent, seconds
-from pliant.pipeline.law_misses import Misses
 from pliant.pipeline.learning import states_needed
+from pliant.pipeline.residuals import Residuals
 from pliant.records.design import Array
 from pliant.records.fem import ModuleData
 from pliant.records.law import JointLaw
@@ -65,14 +65,14 @@ def axes_table(data: ModuleData, law: JointLaw, ranges: Array | None = None) -> 
     """Errors of τ by axis at trusted states; None for a law of one axis. `ranges` (k,) stand for those of the data."""
     if len(law.axes) == 1:
         return None
-    effort, missed = effort_unit(law), Misses.of_law(data, law, ranges=ranges)
+    effort, missed = effort_unit(law), Residuals.of_law(data, law, ranges=ranges)
     rows: list[Cells] = []
     for together in (False, True):
         for k, axis in enumerate(law.axes):
             part = missed.rows((missed.axis == k) & (missed.together == together))
             if len(part.state):
                 rows.append([f"all held: {axis}" if together else axis, *_by_role(part, effort)])
-    whole = Misses.of_law(data, law, every=True, ranges=ranges)
+    whole = Residuals.of_law(data, law, every=True, ranges=ranges)
     rows.append(["every axis in every state", *_by_role(whole, effort)])
     head = ["axis", "fitted, worst of range", "left out, RMS of range", "left out, worst of range"]
     note = (
@@ -223,10 +223,10 @@ SURROGATES: tuple[Column[Fitted], ...] = (
 )
 
 
-def _by_role(part: Misses, effort: Unit) -> list[str]:
+def _by_role(part: Residuals, effort: Unit) -> list[str]:
     fit, left = part.rows(~part.check), part.rows(part.check)
 
-    def said(group: Misses, value: float) -> str:
+    def said(group: Residuals, value: float) -> str:
         return f"{percent(value)} ({len(group.state)})" if len(group.state) else "–"
 
     return [
@@ -237,7 +237,7 @@ def _by_role(part: Misses, effort: Unit) -> list[str]:
     ]
 
 
-def _beside(title: str, missed: Misses, effort: Unit) -> Cells:
+def _beside(title: str, missed: Residuals, effort: Unit) -> Cells:
     """A row of the study's form where the law's own report has none: scored here, on the same states."""
     part = missed.rows(missed.check)
     rmse, worst = float(np.sqrt(np.mean(part.miss**2))), float(np.abs(part.miss).max(initial=0.0))

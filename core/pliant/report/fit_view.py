@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from pliant.interfaces.surrogate import SurrogateConfig
-from pliant.pipeline.law_misses import Misses
 from pliant.pipeline.law_speed import evaluations_per_second
+from pliant.pipeline.residuals import Residuals
 from pliant.records.design import Array
 from pliant.records.fem import ModuleData
 from pliant.records.law import FitReport, JointLaw
@@ -73,9 +73,9 @@ class Fitted:
         return least_stable(self.law)
 
     @cached_property
-    def misses(self) -> Misses:
+    def misses(self) -> Residuals:
         """What the law misses, by state and axis."""
-        return Misses.of_law(self.data, self.law, ranges=self.ranges)
+        return Residuals.of_law(self.data, self.law, ranges=self.ranges)
 
     @cached_property
     def ranges(self) -> Array | None:
@@ -86,20 +86,20 @@ class Fitted:
         return np.array(found, float) if all(isinstance(one, float | int) for one in found) else None
 
     @cached_property
-    def study_misses(self) -> dict[str, Misses]:
+    def study_misses(self) -> dict[str, Residuals]:
         """What each of the study's forms misses at the same states, by its title."""
         box = np.vstack([self.law.domain.actuation, self.law.domain.deformation])
         found = {}
         for key, title in STUDY_FORMS.items():
             forms = self.study_forms(key)
             if len(forms) == len(self.explored):
-                found[title] = Misses.of(
+                found[title] = Residuals.of(
                     self.data, self.law.axes, _efforts(forms, self.law.axes), box, ranges=self.ranges
                 )
         if not found and self.study_law is not None and self.study_law.axes == self.law.axes:
             beside = self.study_law
             title = STUDY_FORMS["study_form"]
-            found[title] = Misses.of(
+            found[title] = Residuals.of(
                 self.data, beside.axes, lambda p, u: beside.evaluate(p, u).tau, box, ranges=self.ranges
             )
         return found

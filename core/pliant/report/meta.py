@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from pliant.formatting import percent, seconds, units_of_page
-from pliant.pipeline.meta_model.leaving_out import Misses
+from pliant.pipeline.meta_model.cross_validation import LeftOutResiduals
 from pliant.pipeline.meta_model.next_design import Proposal
 from pliant.pipeline.meta_model.parameters import shown, spoken
 from pliant.pipeline.meta_model.stage import MetaModelStage
@@ -107,7 +107,7 @@ def fitted_model(
         name=f"{stage.config.kind}, the study's form" if study else stage.config.kind,
         kind=stage.config.kind,
         designs=stage.designs,
-        misses=Misses.of_values(stage.artifact.value["misses"]),
+        misses=LeftOutResiduals(**stage.artifact.value["misses"]),
         scores=stage.scores,
         coverage=stage.coverage,
         details=stage.details,

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from pliant.formatting import NamedUnit, percent, unit_of
 from pliant.pipeline.law_speed import evaluations_per_second
-from pliant.pipeline.meta_model.leaving_out import Misses
+from pliant.pipeline.meta_model.cross_validation import LeftOutResiduals
 from pliant.pipeline.meta_model.next_design import Proposal
 from pliant.pipeline.meta_model.parameters import spoken
 from pliant.pipeline.meta_model.scoring import Scores, shares
@@ -47,7 +47,7 @@ class MetaFitted:
     name: str
     kind: str
     designs: SolvedDesigns
-    misses: Misses
+    misses: LeftOutResiduals
     scores: Mapping[str, Scores]
     coverage: Mapping[str, Mapping[str, float]]
     details: Mapping[str, Any]

@@ -5,6 +5,7 @@ Law terms in `effect_terms`; that a diagnosis finds it in `effect_found`.
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any, get_args
 
 import numpy as np
@@ -35,9 +36,10 @@ from pliant.testing.effect_bench import (
 )
 from pliant.testing.effect_found import suite as found_again
 from pliant.testing.effect_terms import suite as terms
+from pliant.testing.joint_laws import require_exact_slopes, require_potential
 from pliant.testing.samples import PRESSURE_PA
 from pliant.testing.stand_ins import StandIn, StandInConfig
-from pliant.testing.suite import Subject, Suite, require, require_close
+from pliant.testing.suite import Subject, Suite, require, require_close, require_refused
 from pliant.units import UnitError, parse_quantity
 
 suite = Suite("effect")
@@ -107,13 +109,11 @@ def config_keeps_the_bounds(subject: Subject) -> None:
         for value in (*p.plausible, p.neutral, *p.bounds):
             subject.configured({p.name: value})
         width = p.bounds[1] - p.bounds[0]
-        for value in (p.bounds[0] - 0.01 * width, p.bounds[1] + 0.01 * width):
-            try:
-                subject.configured({p.name: value})
-            except ValidationError:
-                continue
-            require(
-                False, f"{subject.model.__name__} accepts {p.name} = {value:g}, outside the bounds {p.bounds}"
+        for outside in ({p.name: p.bounds[0] - 0.01 * width}, {p.name: p.bounds[1] + 0.01 * width}):
+            require_refused(
+                partial(subject.configured, outside),
+                f"{subject.model.__name__} accepts {outside}, outside the bounds {p.bounds}",
+                error=ValidationError,
             )
 
 
@@ -258,19 +258,10 @@ def wrapped_laws_stay_laws(subject: Subject) -> None:
     require(changed.n_joints == plain.n_joints, "the chain has another number of joints")
     pairs = {(a.law, b.law): None for a, b in zip(changed.joints, plain.joints, strict=True)}
     p, u = np.full(5, 0.7 * PRESSURE_PA), ANGLES[:, None]
-    h, k = 1.0, 1e-5
+    whose = " of the wrapped law"
     for law, inner in ((changed.laws[a], plain.laws[b]) for a, b in pairs):
-        effort = law.evaluate(p, u)
-        in_p = (law.evaluate(p + h, u).tau - law.evaluate(p - h, u).tau) / (2 * h)
-        in_u = (law.evaluate(p, u + k).tau - law.evaluate(p, u - k).tau) / (2 * k)
-        energy = -(law.potential(p, u + 1e-4) - law.potential(p, u - 1e-4)) / 2e-4
-        require_close(effort.dtau_dp, in_p, "dtau_dp of the wrapped law is not the slope of tau", rtol=1e-4)
-        require_close(
-            effort.dtau_du[:, :, 0], in_u, "dtau_du of the wrapped law is not the slope of tau", rtol=1e-4
-        )
-        require_close(
-            effort.tau[:, 0], energy, "τ of the wrapped law is not −∂Π/∂u: scale the potential too", rtol=1e-4
-        )
+        require_exact_slopes(law, p, u, 1e-4, whose)
+        require_potential(law, p, u, 1e-4, whose)
         require(
             (law.joint, law.axes, law.actuation_name) == (inner.joint, inner.axes, inner.actuation_name),
             "joint, axes or actuation_name of the wrapped law differ from the inner law's",

@@ -23,43 +23,9 @@ from pliant.interfaces.meta_model import (
 )
 from pliant.records.design import Array
 from pliant.records.fem import TRUSTED, IntArray
-from pliant.records.law import Domain, Effort, JointKind, JointLaw, LawRecord
+from pliant.records.law import Domain, JointKind, LawRecord
 from pliant.records.solved import Parameter, SolvedDesigns
-
-
-@dataclass(frozen=True, eq=False)
-class MonomialLaw(JointLaw):
-    """τ = −∂Π/∂u of Π = Σ_j c_j p^a_j u^b_j, p in units of `domain.actuation`'s upper end."""
-
-    terms: Array
-    powers: IntArray
-    domain: Domain
-    joint: JointKind
-    axes: tuple[str, ...]
-    actuation_name: str
-
-    def evaluate(self, actuation: Array, deformation: Array) -> Effort:
-        q, top = np.asarray(actuation, float) / self.domain.actuation[1], self.domain.actuation[1]
-        u = np.asarray(deformation, float)
-        columns = [slope_columns(self.powers, q, u, (k,)) for k in range(u.shape[1])]
-        tau = -np.stack([values @ self.terms for values in columns], axis=1)
-        first = np.where(self.powers[:, 0] > 0, 1.0, 0.0)  # the power of p is 0 or 1
-        at_one = [slope_columns(self.powers, np.ones(len(q)), u, (k,)) for k in range(u.shape[1])]
-        by_p = -np.stack([values @ (first * self.terms) for values in at_one], axis=1) / top
-        by_u = np.stack(
-            [
-                -slope_columns(self.powers, q, u, (j, k)) @ self.terms
-                for j, k in product(range(u.shape[1]), repeat=2)
-            ],
-            axis=1,
-        )
-        return Effort(tau, by_p, by_u.reshape(len(u), u.shape[1], u.shape[1]))
-
-    def record(self) -> LawRecord:
-        values = {"joint": self.joint, "axes": list(self.axes), "actuation_name": self.actuation_name}
-        box = {"actuation": self.domain.actuation, "deformation": self.domain.deformation}
-        powers = self.powers.astype(float)
-        return LawRecord("stand_in", values, {"terms": self.terms, "powers": powers, **box})
+from pliant.testing.samples import EnergyLaw, slope_columns
 
 
 def powers_of(n_axes: int) -> IntArray:
@@ -71,16 +37,6 @@ def powers_of(n_axes: int) -> IntArray:
         if 1 <= sum(b) <= (2 if a else 4) and (a or sum(b) > 1)
     ]
     return np.array(found)
-
-
-def slope_columns(powers: IntArray, q: Array, u: Array, axes: tuple[int, ...]) -> Array:
-    """(n, j) each term of the energy, differentiated by the u of the axes named."""
-    left, factor = powers[:, 1:].copy(), np.ones(len(powers))
-    for k in axes:
-        factor = factor * left[:, k]
-        left[:, k] = np.maximum(left[:, k] - 1, 0)
-    columns: Array = factor * q[:, None] ** powers[:, 0] * np.prod(u[:, None, :] ** left, axis=2)
-    return columns
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,11 +54,12 @@ class StandInLaws(DesignLaws):
     axes: tuple[str, ...]
     actuation_name: str
 
-    def law(self, values: Array) -> JointLaw:
+    def law(self, values: Array) -> EnergyLaw:
         psi = design_columns(self.box, np.atleast_2d(values))[0]
         domain = Domain(np.array([0.0, self.top]), (self.boxes @ psi).reshape(-1, 2))
         powers = powers_of(len(self.axes))
-        return MonomialLaw(self.terms @ psi, powers, domain, self.joint, self.axes, self.actuation_name)
+        terms = self.terms @ psi / self.top ** powers[:, 0]  # they were fitted in p / top
+        return EnergyLaw(terms, powers, domain, self.joint, self.axes, self.actuation_name)
 
     def doubt(self, values: Array) -> Array:
         psi = design_columns(self.box, values)

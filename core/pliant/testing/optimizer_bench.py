@@ -52,15 +52,15 @@ def two_ends(trial: Trial) -> Trial:
 
 
 def two_places(trial: Trial) -> Trial:
-    """A bowl whose bottom is at a = −0.5 in the first context and at a = +0.5 in the second."""
-    bottom = 0.5 if trial.context else -0.5
+    """A paraboloid whose minimum is at a = −0.5 in the first context and at a = +0.5 in the second."""
+    minimum = 0.5 if trial.context else -0.5
     a, b = float(trial.values["a"]), float(trial.values["b"])
-    return trial.scored((a - bottom) ** 2 + b**2)
+    return trial.scored((a - minimum) ** 2 + b**2)
 
 
 def half_plane(trial: Trial) -> Trial:
-    """A bowl in the corner of the plane where a + b ≤ −1; the other 78 % are refused, half of them after they were
-    evaluated, as where a metric breaks the constraint: to an objective below all that are allowed.
+    """A paraboloid in the corner of the plane where a + b ≤ −1; the other 78 % are refused, half of them after they
+    were evaluated, as where a metric breaks the constraint: to an objective below all that are allowed.
     """
     a, b = float(trial.values["a"]), float(trial.values["b"])
     if a + b > -1:

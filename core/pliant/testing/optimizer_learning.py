@@ -1,4 +1,4 @@
-"""Checks that an `Optimizer` learns: bowls, refused candidates, several objectives, contexts."""
+"""Checks that an `Optimizer` learns: paraboloids, refused candidates, several objectives, contexts."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """Checks of a `PhysicsBackend`: conventions, honesty and the life of a simulation.
 
-Statics is in `physics_loads` and `physics_points`, scenes with contact in `physics_scene`, what engines may declare
-beside in `physics_histories` and `physics_batches`.
+Statics is in `physics_loads`, scenes with contact in `physics_scene`, what engines may declare beside in
+`physics_runs`.
 """
 
 from __future__ import annotations
@@ -11,33 +11,31 @@ from pathlib import Path
 
 import numpy as np
 
-from pliant.errors import UserError
 from pliant.interfaces.physics import Capabilities, PhysicsBackend, Simulation
 from pliant.mechanics.kinematics import ChainGeometry
 from pliant.records.law import Domain
 from pliant.records.rollout import Inputs
-from pliant.testing.physics_batches import suite as batches
 from pliant.testing.physics_bench import (
     NO_GRAVITY,
     POSITION_M,
     bent_chain,
     chain_numbers,
+    needs,
     pressed,
     settled_under,
 )
-from pliant.testing.physics_histories import suite as histories
 from pliant.testing.physics_loads import suite as loads
-from pliant.testing.physics_points import suite as points
+from pliant.testing.physics_runs import suite as runs
 from pliant.testing.physics_scene import suite as scenes
 from pliant.testing.samples import (
     MODULE_LENGTH_M,
     linear_law,
     sample_chain,
 )
-from pliant.testing.suite import CheckSkipped, Subject, Suite, require, require_close
+from pliant.testing.suite import Subject, Suite, require, require_close, require_refused
 
 suite = Suite("physics")
-for other in (loads, points, histories, batches, scenes):
+for other in (loads, runs, scenes):
     suite.checks.extend(other.checks)
 KINDS = ("revolute", "spherical", "prismatic")
 
@@ -99,13 +97,17 @@ def markers_follow_the_kinematics(subject: Subject) -> None:
 @suite.check("an input without a value raises `UserError` that names it.")
 def refuses_missing_inputs(subject: Subject) -> None:
     with subject.build().build(sample_chain(modules=2)) as simulation:
-        try:
+
+        def driven_by_a_tendon() -> None:
             simulation.apply(Inputs({"tendon_force_n": 1.0}))
             simulation.settle()
-        except UserError as error:
-            require("pressure_pa" in str(error), f"the message does not name the missing input: '{error}'")
-            return
-        require(False, "a chain driven by pressure_pa settled without a value for it")
+
+        require_refused(
+            driven_by_a_tendon,
+            "a chain driven by pressure_pa settled without a value for it",
+            "pressure_pa",
+            "missing input",
+        )
 
 
 @suite.check("where a law is used outside its domain is reported: joint from 1, variable, excess.")
@@ -243,9 +245,7 @@ def leaves_the_chain_alone(subject: Subject) -> None:
     "`export` writes the file that it was asked for and names it first; engines without a format declare none."
 )
 def exports_a_file(subject: Subject) -> None:
-    engine: PhysicsBackend = subject.build()
-    if not engine.capabilities.export:
-        raise CheckSkipped(f"{subject.component.label} exports no files")
+    engine = needs(subject, "export")
     chain = bent_chain(payload=0.004)
     before = chain_numbers(chain)
     with tempfile.TemporaryDirectory() as folder:

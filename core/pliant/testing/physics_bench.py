@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from pliant.interfaces.physics import PhysicsBackend
+from pliant.mechanics.statics import ChainStatics, Loads
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
 from pliant.records.rollout import Equilibrium, Inputs
@@ -30,6 +31,20 @@ def settled_under(subject: Subject, chain: ChainModel, inputs: Inputs) -> Equili
     with backend.build(chain) as simulation:
         simulation.apply(inputs)
         return simulation.settle()
+
+
+def unbalanced(chain: ChainModel, inputs: Inputs, settled: Equilibrium) -> float:
+    """The largest effort that the common statics leaves unbalanced in a settled chain."""
+    efforts = ChainStatics(chain).residual(settled.joint_angles, Loads.of(chain, inputs))
+    return float(np.abs(efforts).max())
+
+
+def needs(subject: Subject, capability: str) -> PhysicsBackend:
+    """The engine; skips the check where its `Capabilities` lack this one."""
+    engine: PhysicsBackend = subject.build()
+    if not getattr(engine.capabilities, capability):
+        raise CheckSkipped(f"{subject.component.label} has no {capability.replace('_', ' ')}")
+    return engine
 
 
 def needs_joint(subject: Subject, kind: str) -> None:

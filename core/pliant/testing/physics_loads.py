@@ -1,13 +1,12 @@
-"""Checks of a `PhysicsBackend`: equilibrium under every kind of load, with known answers."""
+"""Checks of a `PhysicsBackend`: equilibrium under every kind of load, forces and cords at points of bodies too."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from pliant.mechanics.kinematics import ChainGeometry
-from pliant.mechanics.statics import ChainStatics, Loads
-from pliant.records.chain import Actuator
-from pliant.records.rollout import Inputs
+from pliant.records.chain import Actuator, ChainModel
+from pliant.records.rollout import Cord, Inputs, PointForce
 from pliant.testing.physics_bench import (
     ANGLE_RAD,
     NO_GRAVITY,
@@ -17,6 +16,7 @@ from pliant.testing.physics_bench import (
     needs_joint,
     pressed,
     settled_under,
+    unbalanced,
 )
 from pliant.testing.samples import (
     MODULE_LENGTH_M,
@@ -33,6 +33,10 @@ from pliant.testing.suite import Subject, Suite, require, require_close
 suite = Suite("physics")
 WORKED_ANGLE_RAD = 0.359718
 WORKED_TIP_M = (0.059451, 0.0, -0.007889)
+AT = np.array([0.004, 0.001, 0.003])
+FORCE = PointForce(2, AT, np.array([0.05, 0.02, -0.04]))
+CORD = Cord(4, AT, np.array([0.03, -0.02, 0.01]), 0.08)
+LAW_EFFORT_N_M = 0.012
 
 
 @suite.check(
@@ -79,9 +83,7 @@ def settles_in_equilibrium(subject: Subject) -> None:
     inputs = pressed(tip_force_n=np.array([0.01, 0.02, 0.0]))
     settled = settled_under(subject, chain, inputs)
     require(settled.converged, "a plain chain with a small load did not converge")
-    residual = float(
-        np.abs(ChainStatics(chain).residual(settled.joint_angles, Loads.of(chain, inputs))).max()
-    )
+    residual = unbalanced(chain, inputs, settled)
     scale = softening_law().k_n * PRESSURE_PA
     require(
         residual <= RESIDUAL_SHARE * scale,
@@ -174,9 +176,7 @@ def admits_that_it_did_not_converge(subject: Subject) -> None:
     chain = sample_chain(runaway, modules=1, gravity=NO_GRAVITY)
     inputs = pressed()
     settled = settled_under(subject, chain, inputs)
-    residual = float(
-        np.abs(ChainStatics(chain).residual(settled.joint_angles, Loads.of(chain, inputs))).max()
-    )
+    residual = unbalanced(chain, inputs, settled)
     scale = runaway.gain[0] * PRESSURE_PA
     require(
         not settled.converged or residual <= RESIDUAL_SHARE * scale or not np.isfinite(residual),
@@ -197,9 +197,7 @@ def spherical_efforts_are_energy_consistent(subject: Subject) -> None:
     chain = sample_chain(linear_spherical_law(), modules=4, base={"direction": [1, 0, 0.3]}, payload=0.02)
     inputs = pressed(2 * PRESSURE_PA)
     settled = settled_under(subject, chain, inputs)
-    residual = float(
-        np.abs(ChainStatics(chain).residual(settled.joint_angles, Loads.of(chain, inputs))).max()
-    )
+    residual = unbalanced(chain, inputs, settled)
     scale = 8e-7 * 2 * PRESSURE_PA
     require(
         settled.converged and residual <= RESIDUAL_SHARE * scale,
@@ -229,3 +227,56 @@ def prismatic_joints_extend(subject: Subject) -> None:
         "tip (m) of the extended chain",
         atol=2 * POSITION_M,
     )
+
+
+def balances(subject: Subject, chain: ChainModel, inputs: Inputs, cause: str) -> None:
+    """The chain settles where the common statics balances, and away from where it does without these loads."""
+    settled = settled_under(subject, chain, inputs)
+    require(settled.converged, "a plain chain with small loads at points did not converge")
+    residual = unbalanced(chain, inputs, settled)
+    require(
+        residual <= RESIDUAL_SHARE * LAW_EFFORT_N_M,
+        f"the unbalanced effort is {residual:.3g} N·m, {residual / LAW_EFFORT_N_M:.1%} of the law's: {cause}",
+    )
+
+
+@suite.check("a point force is a dead force in the world at a point of its body's frame.")
+def point_forces_act_where_they_say(subject: Subject) -> None:
+    balances(
+        subject,
+        bent_chain(payload=0.004),
+        pressed(forces=(FORCE,)),
+        "the force acts on another body, at another point, or turns with the body",
+    )
+
+
+@suite.check("a cord pulls its point toward the pulley with its tension, wherever the chain goes.")
+def cords_pull_toward_their_pulleys(subject: Subject) -> None:
+    balances(
+        subject,
+        bent_chain(payload=0.004),
+        pressed(cords=(CORD,)),
+        "the cord keeps its first direction, its tension changes, or it acts at another point",
+    )
+
+
+@suite.check("a cord from the tip to a pulley far below is the tip force of its tension.")
+def long_cords_are_dead_forces(subject: Subject) -> None:
+    chain, far = bent_chain(), 1e4
+    cord = Cord(chain.n_joints, chain.tip_offset_m, np.array([0.0, 0.0, -far]), 0.05)
+    pulled = settled_under(subject, chain, pressed(cords=(cord,)))
+    pushed = settled_under(subject, chain, pressed(tip_force_n=np.array([0.0, 0.0, -0.05])))
+    require_close(
+        pulled.markers_m,
+        pushed.markers_m,
+        "markers (m) under a long cord and under its force",
+        atol=POSITION_M,
+    )
+
+
+@suite.check("spherical joints take point forces and cords about all three axes.")
+def points_load_spherical_joints(subject: Subject) -> None:
+    needs_joint(subject, "spherical")
+    chain = sample_chain(linear_spherical_law(), modules=4)
+    inputs = Inputs({"pressure_pa": PRESSURE_PA}, forces=(FORCE,), cords=(CORD,))
+    balances(subject, chain, inputs, "loads at points are not mapped by the joints' Jacobians")

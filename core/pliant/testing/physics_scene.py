@@ -6,11 +6,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from pliant.interfaces.physics import PhysicsBackend, SceneSimulation
+from pliant.interfaces.physics import SceneSimulation
 from pliant.records.design import Array
 from pliant.records.law import Domain
 from pliant.records.rollout import Cord, Inputs, PointForce
 from pliant.records.scene import Arm, Contact, Part, Scene, SceneState
+from pliant.testing.physics_bench import needs
 from pliant.testing.samples import PRESSURE_PA, linear_law
 from pliant.testing.scenes import (
     NO_GRAVITY_M_S2,
@@ -23,7 +24,7 @@ from pliant.testing.scenes import (
     scene_numbers,
 )
 from pliant.testing.stand_ins import StandIn, StandInConfig
-from pliant.testing.suite import CheckSkipped, Subject, Suite, require, require_close
+from pliant.testing.suite import Subject, Suite, require, require_close
 
 suite = Suite("physics")
 G = 9.81
@@ -34,14 +35,6 @@ SETTLED_M = 5e-5
 PLACE_M = 1e-9
 STILL_RAD_S = 2e-4
 LIFT_M_S = np.array([0.0, 0.0, 0.03])
-
-
-def scened(subject: Subject) -> PhysicsBackend:
-    """The engine, or `CheckSkipped` where it has no scenes."""
-    engine: PhysicsBackend = subject.build()
-    if not engine.capabilities.contacts:
-        raise CheckSkipped(f"{subject.component.label} has no contacts")
-    return engine
 
 
 def run(simulation: SceneSimulation, duration_s: float) -> SceneState:
@@ -77,7 +70,7 @@ def starts_where_the_scene_is(subject: Subject) -> None:
         position_m=np.array([0.1, -0.2, 0.3]), rotation=np.array([[0.0, -0.6, 0.8], [1, 0, 0], [0, 0.8, 0.6]])
     )
     finger = sample_finger((0.02, 0.01, 0.5))
-    with scened(subject).build_scene(Scene((Arm(finger),), (box,))) as simulation:
+    with needs(subject, "contacts").build_scene(Scene((Arm(finger),), (box,))) as simulation:
         state = simulation.snapshot()
         require_close(
             state.positions_m, [box.position_m], "position (m) of an object's own frame", atol=PLACE_M
@@ -94,7 +87,7 @@ def starts_where_the_scene_is(subject: Subject) -> None:
 )
 def objects_fall(subject: Subject) -> None:
     box = lopsided_box(position_m=np.array([0.0, 0.0, 1.0]))
-    with scened(subject).build_scene(Scene((), (box,))) as simulation:
+    with needs(subject, "contacts").build_scene(Scene((), (box,))) as simulation:
         state = run(simulation, 0.2)
     require_close(
         state.velocities[0], [0, 0, -G * 0.2, 0, 0, 0], "velocity after 0.2 s of falling", atol=2e-3
@@ -110,7 +103,7 @@ def pushes_accelerate(subject: Subject) -> None:
     force, turning = np.array([0.04, 0.0, -0.02]), np.array([0.0, 3e-6, 0.0])
     scene = Scene((), (lopsided_box(), sample_box(position_m=np.ones(3))), gravity_m_s2=NO_GRAVITY_M_S2)
     inertia = scene.objects[1].mass.inertia_kg_m2[1, 1]
-    with scened(subject).build_scene(scene) as simulation:
+    with needs(subject, "contacts").build_scene(scene) as simulation:
         simulation.push(0, force)
         simulation.push(1, np.zeros(3), turning)
         run(simulation, 0.1)
@@ -129,7 +122,7 @@ def pushes_accelerate(subject: Subject) -> None:
 @suite.check("an object rests on the floor; the contact forces carry its weight, within 1 %.")
 def rests_on_the_floor(subject: Subject) -> None:
     box = sample_box(position_m=np.array([0.0, 0.0, 0.116]))
-    with scened(subject).build_scene(Scene((), (box,), floor_m=0.1)) as simulation:
+    with needs(subject, "contacts").build_scene(Scene((), (box,), floor_m=0.1)) as simulation:
         state = run(simulation, 1.0)
         contacts = simulation.contacts()
     require_close(state.positions_m[0], [0, 0, 0.115], "place (m) of a box on the floor", atol=2e-4)
@@ -155,7 +148,7 @@ def rests_on_the_floor(subject: Subject) -> None:
 )
 def friction_is_the_product(subject: Subject) -> None:
     product = 0.8 * 0.5
-    engine = scened(subject)
+    engine = needs(subject, "contacts")
     along = np.array([0.8, 0.6, 0.0])
     ways = []
     for share in (0.95, 1.05):
@@ -193,7 +186,7 @@ def arms_settle_in_equilibrium(subject: Subject) -> None:
     statics = StandIn(StandInConfig()).build(finger.with_(gravity_m_s2=scene.gravity_m_s2))
     statics.apply(inputs)
     wanted = statics.settle()
-    with scened(subject).build_scene(scene) as simulation:
+    with needs(subject, "contacts").build_scene(scene) as simulation:
         simulation.apply([inputs])
         for _ in range(20):
             state = run(simulation, 0.2)
@@ -212,7 +205,7 @@ def arms_settle_in_equilibrium(subject: Subject) -> None:
 def carriage_moves_arms(subject: Subject) -> None:
     velocity = np.array([0.02, -0.01, 0.03])
     arms = (Arm(sample_finger()), Arm(sample_finger((0.1, 0.0, 0.0))))
-    with scened(subject).build_scene(Scene(arms, gravity_m_s2=NO_GRAVITY_M_S2)) as simulation:
+    with needs(subject, "contacts").build_scene(Scene(arms, gravity_m_s2=NO_GRAVITY_M_S2)) as simulation:
         before = [simulation.markers(k) for k in range(2)]
         simulation.carry(velocity)
         run(simulation, 0.2)
@@ -230,7 +223,7 @@ def carriage_moves_arms(subject: Subject) -> None:
 )
 def contacts_have_signs(subject: Subject) -> None:
     scene = pinch_scene()
-    with scened(subject).build_scene(scene) as simulation:
+    with needs(subject, "contacts").build_scene(scene) as simulation:
         held(simulation)
         contacts, state = simulation.contacts(), simulation.snapshot()
     touching = [c for c in contacts if "arm" in (c.first.kind, c.second.kind)]
@@ -267,7 +260,7 @@ def contacts_have_signs(subject: Subject) -> None:
 
 @suite.check("what two fingers hold rises with the carriage and creeps by at most 0.1 mm/s.")
 def held_objects_do_not_creep(subject: Subject) -> None:
-    with scened(subject).build_scene(pinch_scene()) as simulation:
+    with needs(subject, "contacts").build_scene(pinch_scene()) as simulation:
         held(simulation)
         first = simulation.snapshot()
         last = run(simulation, 0.6)
@@ -289,7 +282,7 @@ def held_objects_do_not_creep(subject: Subject) -> None:
     "`restore` brings a scene in contact back exactly, and the same steps then give the same motion."
 )
 def restores_a_scene(subject: Subject) -> None:
-    with scened(subject).build_scene(pinch_scene()) as simulation:
+    with needs(subject, "contacts").build_scene(pinch_scene()) as simulation:
         held(simulation)
         kept = simulation.snapshot()
         numbers = _numbers(kept).copy()
@@ -321,7 +314,7 @@ def scenes_report_extrapolation(subject: Subject) -> None:
         Arm(sample_finger((x, 0.0, 0.0), linear_law(stiffness=0.2, domain=box)))
         for x, box in ((0.0, wide), (0.1, narrow))
     )
-    with scened(subject).build_scene(Scene(arms)) as simulation:
+    with needs(subject, "contacts").build_scene(Scene(arms)) as simulation:
         simulation.apply(pinching(9e3))
         simulation.step(CONTROL_S)
         require(not simulation.outside_domain(), "a state inside the domains is reported")
@@ -337,7 +330,7 @@ def scenes_report_extrapolation(subject: Subject) -> None:
 
 @suite.check("two scenes of one engine do not know of each other; `close` twice is harmless.")
 def scenes_are_independent(subject: Subject) -> None:
-    engine = scened(subject)
+    engine = needs(subject, "contacts")
     box = sample_box(position_m=np.array([0.0, 0.0, 0.5]))
     first, other = engine.build_scene(Scene((), (box,))), engine.build_scene(pinch_scene())
     other.apply(pinching())
@@ -361,7 +354,7 @@ def scenes_are_independent(subject: Subject) -> None:
 def leaves_the_scene_alone(subject: Subject) -> None:
     scene = pinch_scene()
     before = scene_numbers(scene)
-    with scened(subject).build_scene(scene) as simulation:
+    with needs(subject, "contacts").build_scene(scene) as simulation:
         simulation.apply(pinching())
         run(simulation, 0.1)
     require(np.array_equal(before, scene_numbers(scene)), "an array of the scene was changed in place")

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 
@@ -12,9 +13,11 @@ from pliant.pipeline.chain import Segment, build_chain, rod_module
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array, Design
 from pliant.records.error_bar import ErrorBar
-from pliant.records.fem import FemDataset, ModuleData
+from pliant.records.fem import FemDataset, IntArray, ModuleData
 from pliant.records.law import Domain, Effort, JointKind, JointLaw, LawRecord
 
+# The coefficients of an energy by powers of p and of each u.
+Terms = Mapping[tuple[int, ...], float]
 MODULE_LENGTH_M = 11e-3
 MODULE_MASS_KG = 1.6e-3
 PRESSURE_PA = 15e3
@@ -140,39 +143,57 @@ def table_of(law: JointLaw, noise_n_m: float = 0.0, pressures: int = 6, angles: 
 
 
 @dataclass(frozen=True, eq=False)
-class CoupledLaw(JointLaw):
-    """Π = K·u²/2 − p (g u_y + m u_y²/2) + a u_x² u_y + b u_y u_z²: three axes that know of each other."""
+class EnergyLaw(JointLaw):
+    """τ = −∂Π/∂u of Π = Σ_j c_j p^a_j u^b_j, with a_j 0 or 1 and u^b the product over all axes.
 
+    Attributes:
+        terms: c (j,).
+        powers: (j, 1 + axes), a and b of each term.
+    """
+
+    terms: Array
+    powers: IntArray
     domain: Domain
-    stiffness: tuple[float, float, float] = (0.05, 0.03, 0.04)
-    gain: float = 3e-7
-    softening: float = 1e-7
-    a: float = 0.015
-    b: float = -0.015
-    joint: JointKind = "spherical"
-    axes: tuple[str, ...] = ("x", "y", "z")
+    joint: JointKind = "revolute"
+    axes: tuple[str, ...] = ("y",)
     actuation_name: str = "pressure_pa"
 
     def evaluate(self, actuation: Array, deformation: Array) -> Effort:
         p, u = np.asarray(actuation, float), np.asarray(deformation, float)
-        x, y, z = u.T
-        tau = -u * self.stiffness
-        tau[:, 0] -= 2 * self.a * x * y
-        tau[:, 1] += p * (self.gain + self.softening * y) - self.a * x**2 - self.b * z**2
-        tau[:, 2] -= 2 * self.b * y * z
-        gain = np.zeros_like(u)
-        gain[:, 1] = self.gain + self.softening * y
-        slope = np.tile(-np.diag(self.stiffness), (len(u), 1, 1))
-        slope[:, 0, 0] -= 2 * self.a * y
-        slope[:, 1, 1] += p * self.softening
-        slope[:, 2, 2] -= 2 * self.b * y
-        slope[:, 0, 1] = slope[:, 1, 0] = -2 * self.a * x
-        slope[:, 1, 2] = slope[:, 2, 1] = -2 * self.b * z
-        return Effort(tau, gain, slope)
+        n, a = u.shape
+        driven = np.where(self.powers[:, 0] > 0, self.terms, 0.0)
+        tau = [slope_columns(self.powers, p, u, (k,)) @ self.terms for k in range(a)]
+        by_p = [slope_columns(self.powers, np.ones(n), u, (k,)) @ driven for k in range(a)]
+        by_u = [slope_columns(self.powers, p, u, pair) @ self.terms for pair in product(range(a), repeat=2)]
+        return Effort(
+            -np.stack(tau, axis=1), -np.stack(by_p, axis=1), -np.stack(by_u, axis=1).reshape(n, a, a)
+        )
 
     def record(self) -> LawRecord:
-        values = {"stiffness": self.stiffness, "gain": self.gain, "softening": self.softening}
-        return LawRecord("coupled_sample", {**values, "a": self.a, "b": self.b}, {})
+        values = {"joint": self.joint, "axes": list(self.axes), "actuation_name": self.actuation_name}
+        box = {"actuation": self.domain.actuation, "deformation": self.domain.deformation}
+        return LawRecord(
+            "energy_sample", values, {"terms": self.terms, "powers": self.powers.astype(float), **box}
+        )
+
+
+def slope_columns(powers: IntArray, p: Array, u: Array, axes: tuple[int, ...]) -> Array:
+    """(n, j) each term p^a u^b of an energy, differentiated by the u of the axes named."""
+    left, factor = powers[:, 1:].copy(), np.ones(len(powers))
+    for k in axes:
+        factor = factor * left[:, k]
+        left[:, k] = np.maximum(left[:, k] - 1, 0)
+    columns: Array = factor * p[:, None] ** powers[:, 0] * np.prod(u[:, None, :] ** left, axis=2)
+    return columns
+
+
+def energy_law(terms: Terms, domain: Domain | None = None) -> EnergyLaw:
+    """The law of an energy whose coefficients are given by powers (of p, then of u): a hinge, or a ball joint."""
+    powers = np.array(list(terms))
+    coefficients, box = np.array(list(terms.values())), domain or Domain.unbounded(powers.shape[1] - 1)
+    if powers.shape[1] == 2:
+        return EnergyLaw(coefficients, powers, box)
+    return EnergyLaw(coefficients, powers, box, "spherical", ("x", "y", "z"))
 
 
 def module_table_of(law: JointLaw, energies: bool = True, slopes: bool = True) -> ModuleData:
@@ -217,6 +238,8 @@ def module_table_of(law: JointLaw, energies: bool = True, slopes: bool = True) -
     )
 
 
-def coupled_law() -> CoupledLaw:
-    """The coupled law, without limits."""
-    return CoupledLaw(Domain.unbounded(3))
+def coupled_law() -> EnergyLaw:
+    """Three axes that know of each other, without limits: Π = K·u²/2 − p (g y + m y²/2) + a x² y − a y z²."""
+    stiffness: Terms = {(0, 2, 0, 0): 0.025, (0, 0, 2, 0): 0.015, (0, 0, 0, 2): 0.02}
+    driven: Terms = {(1, 0, 1, 0): -3e-7, (1, 0, 2, 0): -5e-8}
+    return energy_law({**stiffness, **driven, (0, 2, 1, 0): 0.015, (0, 0, 1, 2): -0.015})

@@ -7,15 +7,16 @@ box: −0.5 to 1.2 times the largest free angle about y, ±0.3 rad about x and z
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pliant.records.design import Array, Design
 from pliant.records.fem import ModuleData
-from pliant.records.law import Domain, Effort, JointKind, JointLaw, LawRecord
+from pliant.records.law import Domain, JointLaw
 from pliant.records.solved import SolvedDesigns
+from pliant.testing.samples import EnergyLaw, energy_law
 
 FAMILY = "sample"
 NAMES = ("average_radius_m", "wall_m")
@@ -25,85 +26,40 @@ PRESSURE_PA = 15e3
 LATERAL_RAD = 0.3
 
 
-@dataclass(frozen=True, eq=False)
-class SampleLaw(JointLaw):
-    """The law of one axis, y, of a design (R, t):
+def sample_law(values: Array) -> EnergyLaw:
+    """The true law of one axis, y, of a design (R, t), with its box:
 
     τ = k p + m p u − b u − c u² − d u³ with k ∝ R³, m ∝ R², b ∝ t², c ∝ t, d ∝ t/R.
     """
-
-    values: Array
-    domain: Domain
-    joint: JointKind = "revolute"
-    axes: tuple[str, ...] = ("y",)
-    actuation_name: str = "pressure_pa"
-
-    def evaluate(self, actuation: Array, deformation: Array) -> Effort:
-        p, u = np.asarray(actuation, float), np.asarray(deformation, float)[:, 0]
-        k, m, b, c, d = self._terms()
-        tau = k * p + m * p * u - b * u - c * u**2 - d * u**3
-        slope = m * p - b - 2 * c * u - 3 * d * u**2
-        return Effort(tau[:, None], (k + m * u)[:, None], slope[:, None, None])
-
-    def _terms(self) -> tuple[float, ...]:
-        r, t = float(self.values[0] / 7.5e-3), float(self.values[1] / 1.5e-3)
-        return 1.6e-6 * r**3, -0.8e-6 * r**2, 0.03 * t**2, 0.02 * t, 0.02 * t / r
-
-    def record(self) -> LawRecord:
-        return LawRecord("design_sample", {"axes": list(self.axes)}, {"values": self.values})
+    law = energy_law(_bending_terms(values))
+    return replace(law, domain=Domain(np.array([0.0, PRESSURE_PA]), _bending_range(law)[None]))
 
 
-@dataclass(frozen=True, eq=False)
-class SphericalSampleLaw(SampleLaw):
-    """The law of three axes: the same about y; x and z are coupled with it and with each other by
+def _bending_terms(values: Array) -> dict[tuple[int, ...], float]:
+    r, t = float(values[0] / 7.5e-3), float(values[1] / 1.5e-3)
+    k, m, b, c, d = 1.6e-6 * r**3, -0.8e-6 * r**2, 0.03 * t**2, 0.02 * t, 0.02 * t / r
+    return {(1, 1): -k, (1, 2): -m / 2, (0, 2): b / 2, (0, 3): c / 3, (0, 4): d / 4}
+
+
+def spherical_sample_law(values: Array) -> EnergyLaw:
+    """The true law of three axes, with its box: the same about y; x and z are coupled with it and with each other by
 
     −∂/∂u of ½ b_x u_x² + ½ b_z u_z² + g u_x u_z + (e u_y + h p)(u_x² + u_z²)/2.
     """
-
-    joint: JointKind = "spherical"
-    axes: tuple[str, ...] = ("x", "y", "z")
-
-    def evaluate(self, actuation: Array, deformation: Array) -> Effort:
-        p, u = np.asarray(actuation, float), np.asarray(deformation, float)
-        r, t = float(self.values[0] / 7.5e-3), float(self.values[1] / 1.5e-3)
-        b_x, b_z, g, e, h = 0.03 * t, 0.02 * t * r, 0.002 * t, 0.01 * r, 2e-7 * r**2
-        alone = SampleLaw.evaluate(self, p, u[:, 1:2])
-        x, y, z = u.T
-        both = e * y + h * p
-        tau = np.stack(
-            [
-                -b_x * x - g * z - both * x,
-                alone.tau[:, 0] - e * (x**2 + z**2) / 2,
-                -b_z * z - g * x - both * z,
-            ],
-            axis=1,
-        )
-        by_p = np.stack([-h * x, alone.dtau_dp[:, 0], -h * z], axis=1)
-        by_u = np.empty((len(u), 3, 3))
-        by_u[:, 0, 0], by_u[:, 2, 2] = -b_x - both, -b_z - both
-        by_u[:, 1, 1] = alone.dtau_du[:, 0, 0]
-        by_u[:, 0, 1] = by_u[:, 1, 0] = -e * x
-        by_u[:, 1, 2] = by_u[:, 2, 1] = -e * z
-        by_u[:, 0, 2] = by_u[:, 2, 0] = -g
-        return Effort(tau, by_p, by_u)
-
-
-def sample_law(values: Array) -> SampleLaw:
-    """The true law of one axis, with its box."""
-    law = SampleLaw(np.asarray(values, float), Domain.unbounded(1))
-    return SampleLaw(law.values, Domain(np.array([0.0, PRESSURE_PA]), _bending_range(law)[None]))
-
-
-def spherical_sample_law(values: Array) -> SphericalSampleLaw:
-    """The true law of three axes, with its box."""
-    values = np.asarray(values, float)
+    r, t = float(values[0] / 7.5e-3), float(values[1] / 1.5e-3)
+    b_x, b_z, g, e, h = 0.03 * t, 0.02 * t * r, 0.002 * t, 0.01 * r, 2e-7 * r**2
+    alone = _bending_terms(values)
+    terms: dict[tuple[int, ...], float] = {(a, 0, b, 0): value for (a, b), value in alone.items()}
+    terms |= {(0, 2, 0, 0): b_x / 2, (0, 0, 0, 2): b_z / 2, (0, 1, 0, 1): g}
+    for x, z in ((2, 0), (0, 2)):
+        terms |= {(0, x, 1, z): e / 2, (1, x, 0, z): h / 2}
     lateral = np.array([-LATERAL_RAD, LATERAL_RAD])
-    bending = _bending_range(SampleLaw(values, Domain.unbounded(1)))
-    box = Domain(np.array([0.0, PRESSURE_PA]), np.stack([lateral, bending, lateral]))
-    return SphericalSampleLaw(values, box)
+    bending = _bending_range(energy_law(alone))
+    box = np.stack([lateral, bending, lateral])
+    return energy_law(terms, Domain(np.array([0.0, PRESSURE_PA]), box))
 
 
-def _bending_range(law: SampleLaw) -> Array:
+def _bending_range(law: JointLaw) -> Array:
     wide: Array = np.array([-0.5, 1.2]) * free_angles(law, np.array([PRESSURE_PA]))[0, 0]
     return wide
 

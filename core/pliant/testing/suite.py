@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import re
 import time
 import traceback
 import unittest
@@ -12,7 +13,7 @@ from typing import Any, Literal, TypeVar
 
 import numpy as np
 
-from pliant.errors import ContractError, MissingDependencyError, PliantError
+from pliant.errors import ContractError, MissingDependencyError, PliantError, UserError
 from pliant.interfaces.base import ComponentConfig
 from pliant.registry.component import Component
 
@@ -54,6 +55,25 @@ def require_close(got: Any, wanted: Any, finding: str, rtol: float = 0.0, atol: 
     worst = np.unravel_index(int(error.argmax()), error.shape)
     numbers = f"(got {a[worst]:.9g}, expected {b[worst]:.9g}, allowed difference {limit:.2g})"
     require(error.max() <= limit, f"{finding} {numbers}")
+
+
+def require_refused(
+    call: Callable[[], object],
+    accepted: str,
+    says: str = "",
+    what: str = "cause",
+    error: type[Exception] = UserError,
+) -> None:
+    """Raise `Finding` unless the call raises this error; `says` is a pattern that its message holds.
+
+    `accepted` is the finding where the call goes through, `what` is what a message without the pattern lacks.
+    """
+    try:
+        call()
+    except error as raised:
+        require(re.search(says, str(raised)), f"the message names no {what}: '{raised}'")
+        return
+    raise Finding(accepted)
 
 
 @dataclass(eq=False)

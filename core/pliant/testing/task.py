@@ -18,8 +18,7 @@ from pliant.records.shape import Shape
 from pliant.store.codec import encode
 from pliant.testing.physics_bench import chain_numbers
 from pliant.testing.samples import linear_law, sample_chain
-from pliant.testing.scene_stand_in import StandInScene
-from pliant.testing.stand_ins import StandIn, StandInConfig, StandInSimulation
+from pliant.testing.stand_ins import StandIn, StandInConfig, StandInScene, StandInSimulation
 from pliant.testing.suite import CheckSkipped, Subject, Suite, require, require_close
 
 suite = Suite("task")

@@ -13,13 +13,14 @@ share of |v|²/12 for others.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
+from pliant.mechanics.law_around import LawAround
 from pliant.records.design import Array
 from pliant.records.error_bar import ErrorBar
-from pliant.records.law import Domain, Effort, JointKind, JointLaw, LawRecord
+from pliant.records.law import Effort, JointLaw, LawRecord
 
 MOST_STEPS = 40
 # Newton ends when the deformation is known to this many rad.
@@ -28,20 +29,14 @@ LEAST_STEP = 1.0 / 64.0
 
 
 @dataclass(frozen=True, eq=False)
-class SeriesLaw(JointLaw):
-    """`inner` behind a spring that turns by `compliance` rad per N·m about every axis; `inner`'s domain and error."""
+class SeriesLaw(LawAround):
+    """`law` behind a spring that turns by `compliance` rad per N·m about every axis; with `law`'s domain and error."""
 
-    inner: JointLaw
     compliance: float
-    joint: JointKind = field(init=False)
-    axes: tuple[str, ...] = field(init=False)
-    actuation_name: str = field(init=False)
-    domain: Domain = field(init=False)
-    error: ErrorBar | None = field(init=False)
 
-    def __post_init__(self) -> None:
-        for name in ("joint", "axes", "actuation_name", "domain", "error"):
-            object.__setattr__(self, name, getattr(self.inner, name))
+    @property
+    def error(self) -> ErrorBar | None:  # type: ignore[override]
+        return self.law.error
 
     def evaluate(self, actuation: Array, deformation: Array) -> Effort:
         """See `JointLaw.evaluate`."""
@@ -59,7 +54,7 @@ class SeriesLaw(JointLaw):
         """See `JointLaw.band`: the inner law's where the joint is, less what the spring takes of it."""
         p, q = np.asarray(actuation, float), np.asarray(deformation, float)
         v, effort = self._divided(p, q)
-        inner = self.inner.band(p, v, level)
+        inner = self.law.band(p, v, level)
         if inner is None:
             return None
         stiffer = np.linalg.inv(np.eye(q.shape[1]) - self.compliance * effort.dtau_du)
@@ -68,23 +63,23 @@ class SeriesLaw(JointLaw):
 
     def draws(self, count: int, seed: int) -> tuple[JointLaw, ...]:
         """See `JointLaw.draws`."""
-        return tuple(SeriesLaw(law, self.compliance) for law in self.inner.draws(count, seed))
+        return tuple(SeriesLaw(law, self.compliance) for law in self.law.draws(count, seed))
 
     def record(self) -> LawRecord:
         """See `JointLaw.record`."""
-        inner = self.inner.record()
+        inner = self.law.record()
         values = {"compliance_rad_per_n_m": self.compliance, "inner": {"kind": inner.kind, **inner.values}}
         return LawRecord("series", values, inner.arrays)
 
     def _stored(self, p: Array, q: Array) -> Array:
         v, effort = self._divided(p, q)
         spring = 0.5 * self.compliance * np.einsum("na,na->n", effort.tau, effort.tau)
-        return np.asarray(self.inner.potential(p, v) + spring)
+        return np.asarray(self.law.potential(p, v) + spring)
 
     def _divided(self, p: Array, q: Array) -> tuple[Array, Effort]:
         """The joint's own deformation v (n, a) and the inner law there: Newton, shortened where it does not help."""
         identity = np.eye(q.shape[1])
-        v, effort = q, self.inner.evaluate(p, q)
+        v, effort = q, self.law.evaluate(p, q)
         short = np.ones(len(q))
         missing = v - q - self.compliance * effort.tau
         size = np.abs(missing).max(axis=1)
@@ -94,7 +89,7 @@ class SeriesLaw(JointLaw):
             if not np.abs(step).max(initial=0.0) > PRECISION_RAD:
                 break
             ahead = v - step
-            there = self.inner.evaluate(p, ahead)
+            there = self.law.evaluate(p, ahead)
             left = ahead - q - self.compliance * there.tau
             now = np.abs(left).max(axis=1)
             better = (now < size) | (short <= LEAST_STEP)

@@ -8,9 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from pliant.interfaces.meta_model import DesignLaws
 from pliant.records.design import Array
-from pliant.records.law import Domain, JointKind, JointLaw
-from pliant.records.solved import SolvedDesigns
+from pliant.records.law import Domain, JointKind, JointLaw, LawRecord
+from pliant.records.solved import Parameter
 from pliant_plugins.meta_models.common_form_scales import ParameterMap, Trends
 from pliant_plugins.meta_models.common_form_stable import StabilityGrid
 from pliant_plugins.surrogates.polynomial.energy import EnergyBasis, Exponents
@@ -63,7 +64,7 @@ class CommonForm:
     _grid: StabilityGrid = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        scale = max(abs(value) for value in self.actuation)
+        scale = self.largest_actuation
         box = np.vstack([np.array(self.actuation) / scale, self.extent])
         grid = StabilityGrid.of(self.exponents, box, self.main, self.margin)
         object.__setattr__(self, "_grid", grid.transformed(np.column_stack([self.centre, self.directions])))
@@ -73,16 +74,10 @@ class CommonForm:
         """Names of the targets."""
         return tuple(f"component_{i + 1}" for i in range(self.directions.shape[1]))
 
-    @staticmethod
-    def fit(designs: SolvedDesigns) -> tuple[CommonForm, Array]:
-        """The form and the targets (n, q) of the designs.
-
-        Trusted states of role "fit" only. Deterministic. Raises `UserError` for a design without such states.
-        """
-        # The fit makes forms, so its module needs this one.
-        from pliant_plugins.meta_models.common_form_fit import fit_common_form
-
-        return fit_common_form(designs)
+    @property
+    def largest_actuation(self) -> float:
+        """p_max, the scale of the actuation."""
+        return max(abs(value) for value in self.actuation)
 
     def sizes_at(self, places: Array) -> Array:
         """(m, k + 1) reach of each axis, and energy, at scaled parameters (m, d)."""
@@ -98,6 +93,11 @@ class CommonForm:
         """(m,) mean size of the main effort of designs (m, d), N·m or N: what one unit of |z| amounts to."""
         sizes = self.sizes_at(self.parameters(values))
         found: Array = sizes[:, -1] / sizes[:, self.main]
+        return found
+
+    def energy(self, values: Array) -> Array:
+        """(m,) energy that scales the law of designs (m, d)."""
+        found: Array = self.effort(values) * self.reach(values)[:, self.main]
         return found
 
     def domain(self, values: Array) -> Domain:
@@ -141,8 +141,7 @@ class CommonForm:
         return Domain(np.array(self.actuation), box * reach[:, None])
 
     def _law(self, coefficients: Array, reach: Array, domain: Domain) -> JointLaw:
-        scale = max(abs(value) for value in self.actuation)
-        x_map, u_map = np.array([0.0, scale]), np.column_stack([np.zeros(len(reach)), reach])
+        x_map, u_map = np.array([0.0, self.largest_actuation]), np.column_stack([np.zeros(len(reach)), reach])
         common = {"axes": self.axes, "joint": self.joint, "actuation_name": self.actuation_name}
         if len(self.axes) > 1:
             basis = EnergyBasis(self.exponents, x_map, u_map)
@@ -199,3 +198,30 @@ class CommonForm:
             parts = (read(f"{name}_{part}") for part in TREND_PARTS)
             fields[name] = Trends(int(values[f"{name}_degree"]), *parts)
         return CommonForm(**fields)
+
+
+@dataclass(frozen=True, eq=False)
+class FormLaws(DesignLaws):
+    """A fitted meta-model that rests on a common form; kinds add what gives a design's targets or energy."""
+
+    names: tuple[str, ...]
+    box: Array
+    fixed: Mapping[str, Parameter]
+    form: CommonForm
+
+    def record_of(self, kind: str, arrays: Mapping[str, Array], **values: Any) -> LawRecord:
+        """The record of a kind: its own arrays and values beside those that all share."""
+        form, form_arrays = self.form.record()
+        shared = {"names": list(self.names), "fixed": dict(self.fixed), "form": form}
+        return LawRecord(kind, {**shared, **values}, {**form_arrays, **arrays, "box": self.box})
+
+    @staticmethod
+    def shared_fields(record: LawRecord) -> dict[str, Any]:
+        """The attributes of this class from a record, by name."""
+        values, arrays = record.values, record.arrays
+        return {
+            "names": tuple(values["names"]),
+            "box": np.asarray(arrays["box"], float),
+            "fixed": dict(values["fixed"]),
+            "form": CommonForm.of_record(values["form"], arrays),
+        }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -10,12 +11,12 @@ from pliant.errors import UserError
 from pliant.records.design import Array
 from pliant.records.solved import SolvedDesigns
 from pliant_plugins.meta_models.common_form import CommonForm
-from pliant_plugins.meta_models.common_form_choice import chosen_terms
 from pliant_plugins.meta_models.common_form_population import Population, fit_population
 from pliant_plugins.meta_models.common_form_scales import (
     ParameterMap,
     Trends,
     degree_for,
+    fitted,
     monomials,
     sizes_of,
     turned,
@@ -24,7 +25,6 @@ from pliant_plugins.meta_models.common_form_stable import StabilityGrid
 from pliant_plugins.meta_models.common_form_terms import (
     Equations,
     equations,
-    fitted,
     is_even,
     orthonormal,
     scaled_basis,
@@ -41,7 +41,10 @@ CORNERS = 3
 
 
 def fit_common_form(designs: SolvedDesigns) -> tuple[CommonForm, Array]:
-    """See `CommonForm.fit`."""
+    """The form and the targets (n, q) of the designs, from trusted states of role "fit" only.
+
+    Deterministic. Raises `UserError` for a design without such states.
+    """
     first = designs.data[0]
     main = first.axes.index(first.main_axis)
     _enough_states(designs)
@@ -202,3 +205,56 @@ def _principal(coefficients: Array) -> tuple[Array, Array]:
     left = np.sqrt(np.cumsum(sizes[::-1] ** 2)[::-1] / len(coefficients))
     count = int(np.clip(np.sum(left > NEGLIGIBLE), 1, MOST_TARGETS))
     return centre, directions[:count].T
+
+
+LEFT_OUT = 0.25
+SEED = 0
+ROUNDS = 6
+# Of several axes smaller sets win within this factor of the best error; of one axis, where all are small, none does.
+WITHIN = 1.15
+# Sets after two that are worse than the best by this factor are not tried.
+HOPELESS = 3.0
+# The share of the effort's size that suffices.
+ENOUGH = 2e-4
+
+
+def chosen_terms(
+    sets: Sequence[Exponents],
+    of_terms: Callable[[Exponents], list[Equations]],
+    h: Array,
+    held: Callable[[Exponents], Array],
+) -> tuple[Exponents, list[float]]:
+    """The chosen exponents, and the error of each set that was tried.
+
+    Of every design a seeded quarter of the states is left out; the error is the root mean square of what the fit of
+    all designs to the other states misses of their efforts, as a share of the effort's mean size.
+    """
+    errors: list[float] = []
+    for exponents in sets:
+        errors.append(_error(of_terms(exponents), h, held(exponents)))
+        if errors[-1] < ENOUGH:
+            break
+        if len(errors) > 2 and min(errors[-2:]) > HOPELESS * min(errors):
+            break
+    within = WITHIN if sets[0].shape[1] > 2 else 1.0
+    first = next(i for i, error in enumerate(errors) if error <= max(within * min(errors), ENOUGH))
+    return sets[first], errors
+
+
+def _error(blocks: list[Equations], h: Array, held: Array) -> float:
+    random = np.random.default_rng(SEED)
+    kept, left = [], []
+    for one in blocks:
+        n = int(one.state.max()) + 1
+        out = np.zeros(n, bool)
+        out[random.permutation(n)[: int(LEFT_OUT * n)]] = True
+        kept.append(one.of_states(~out))
+        left.append(one.of_states(out))
+    lift = orthonormal(kept)
+    population = fit_population([one.lifted(lift) for one in kept], h, ROUNDS, lift.T @ held @ lift)
+    missed = [
+        (one.right - one.rows @ (lift @ own))[one.value]
+        for one, own in zip(left, population.coefficients, strict=True)
+    ]
+    together = np.concatenate(missed)
+    return float(np.sqrt(np.mean(together**2))) if together.size else 0.0

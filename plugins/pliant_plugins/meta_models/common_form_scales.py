@@ -142,10 +142,16 @@ def sizes_of(designs: SolvedDesigns) -> Array:
     return np.array(found)
 
 
+def fitted(data: ModuleData) -> NDArray[np.bool_]:
+    """(n,) the states that a meta-model may see: trusted ones of role "fit"."""
+    seen: NDArray[np.bool_] = np.isin(data.status, TRUSTED) & (data.role == "fit")
+    return seen
+
+
 def turned(data: ModuleData) -> tuple[Array, Array]:
     """(k,) lowest and (k,) highest deformation of fitted states; of side axes those that are not trusted count too."""
     seen = data.role == "fit"
-    good = seen & np.isin(data.status, TRUSTED)
+    good = fitted(data)
     low, high = (np.asarray(end(data.deformation[seen], axis=0), float) for end in (np.min, np.max))
     main = data.axes.index(data.main_axis)
     low[main], high[main] = np.min(data.deformation[good, main]), np.max(data.deformation[good, main])
@@ -153,7 +159,7 @@ def turned(data: ModuleData) -> tuple[Array, Array]:
 
 
 def _sizes(data: ModuleData) -> list[float]:
-    good = np.isin(data.status, TRUSTED) & (data.role == "fit")
+    good = fitted(data)
     main = data.axes.index(data.main_axis)
     low, high = turned(data)
     reach = np.maximum(np.maximum(-low, high), FLOOR)

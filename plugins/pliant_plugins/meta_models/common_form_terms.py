@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pliant.records.design import Array
-from pliant.records.fem import TRUSTED, ModuleData
+from pliant.records.fem import ModuleData
+from pliant_plugins.meta_models.common_form_scales import fitted
 from pliant_plugins.surrogates.polynomial.energy import EnergyBasis, Exponents, unit
 
 # As in the polynomial surrogate: slopes of a polynomial are steeper than its values.
@@ -60,12 +61,6 @@ def scaled_basis(exponents: Exponents) -> EnergyBasis:
     """Terms of scaled variables: actuation by its largest value, deformations by their reach."""
     k = exponents.shape[1] - 1
     return EnergyBasis(exponents, np.array([0.0, 1.0]), np.tile([0.0, 1.0], (k, 1)))
-
-
-def fitted(data: ModuleData) -> NDArray[np.bool_]:
-    """(n,) the states that a meta-model may see: trusted ones of role "fit"."""
-    seen: NDArray[np.bool_] = np.isin(data.status, TRUSTED) & (data.role == "fit")
-    return seen
 
 
 def equations(

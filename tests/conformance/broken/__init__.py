@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import pkgutil
+import sys
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
@@ -50,6 +51,20 @@ class Variants:
             return cls
 
         return register
+
+    def by_part(self, base: type, attribute: str) -> Callable[[str, str], Callable[[type], type]]:
+        """A decorator like `by`, for a part: the implementation is `base` with this part as its `attribute`."""
+
+        def by(check: str, says: str) -> Callable[[type], type]:
+            def register(part: type) -> type:
+                members = {attribute: part, "__doc__": part.__doc__, "__module__": part.__module__}
+                whole = type(f"With{part.__name__}", (base,), members)
+                setattr(sys.modules[part.__module__], whole.__name__, self.by(check, says)(whole))
+                return part
+
+            return register
+
+        return by
 
 
 def good(interface: str) -> Component:

@@ -1,6 +1,7 @@
 """Good effects, an actuation gain at the law and as a law term, and effects that reach where they should not."""
 
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
@@ -8,9 +9,10 @@ from pydantic import Field, field_validator
 
 from broken import Variants
 from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, Model, Place, Readings, parameter
+from pliant.mechanics.law_around import LawAround
 from pliant.records.design import Array
 from pliant.records.history import REFERENCE_TEMPERATURE_C, History
-from pliant.records.law import Domain, Effort, JointKind, JointLaw, LawRecord
+from pliant.records.law import Effort
 from pliant.records.term import LawTerm, TermFunction
 from pliant.registry.component import Component
 from pliant.units import Ratio
@@ -26,26 +28,14 @@ class GainConfig(EffectConfig):
 
 
 @dataclass(frozen=True, eq=False)
-class GainedLaw(JointLaw):
+class GainedLaw(LawAround):
     """τ(g p, u)."""
 
-    inner: JointLaw
     gain: float
-    joint: JointKind = field(init=False)
-    axes: tuple[str, ...] = field(init=False)
-    actuation_name: str = field(init=False)
-    domain: Domain = field(init=False)
-
-    def __post_init__(self) -> None:
-        for name in ("joint", "axes", "actuation_name", "domain"):
-            object.__setattr__(self, name, getattr(self.inner, name))
 
     def evaluate(self, actuation: Array, deformation: Array) -> Effort:
-        inner = self.inner.evaluate(self.gain * actuation, deformation)
+        inner = self.law.evaluate(self.gain * actuation, deformation)
         return replace(inner, dtau_dp=self.gain * inner.dtau_dp)
-
-    def record(self) -> LawRecord:
-        return self.inner.record()
 
 
 class Gain(Effect):
@@ -158,7 +148,7 @@ class UnslopedLaw(GainedLaw):
 
     def evaluate(self, actuation: Array, deformation: Array) -> Effort:
         good = super().evaluate(actuation, deformation)
-        return replace(good, dtau_dp=self.inner.evaluate(actuation, deformation).dtau_dp)
+        return replace(good, dtau_dp=self.law.evaluate(actuation, deformation).dtau_dp)
 
 
 @variants.by("wrapped_laws_stay_laws", "dtau_dp of the wrapped law is not the slope")
@@ -224,7 +214,7 @@ class LosesReadings(Gain):
 
 
 class TermGain(Gain):
-    """The same gain as a law term; subclasses break the term."""
+    """The same gain as a law term; parts of it break the term."""
 
     term: ClassVar[LawTerm]
 
@@ -232,135 +222,94 @@ class TermGain(Gain):
         return model.with_term(replace(self.term, parameters=(self.config.gain - 1.0,)))
 
 
-def term(
-    role: Any, function: TermFunction, n_states: int = 0, keeps: bool = False, needs_time: bool = True
-) -> LawTerm:
-    return LawTerm(role, function, (), n_states, keeps, needs_time)
+def broken_term(
+    check: str, says: str, n_states: int = 0, needs_time: bool = True, is_inertia: bool = False
+) -> Callable[[TermFunction], TermFunction]:
+    """Decorator: a function of a law term that breaks one check."""
+
+    def register(function: TermFunction) -> TermFunction:
+        term = replace(LawTerm("moment", function, (), n_states, False, needs_time), is_inertia=is_inertia)
+        members = {"term": term, "__doc__": function.__doc__, "__module__": __name__}
+        name = f"With{function.__name__}"
+        globals()[name] = variants.by(check, says)(type(name, (TermGain,), members))
+        return function
+
+    return register
 
 
+@broken_term("terms_write_new_and_leave_old", "changed `old` in place", n_states=1)
 def _changes_old(u: float, rate: float, dt: float, p: float, t: float, old: Any, new: Any, c: Any) -> float:
+    """Counts in the past."""
     new[0] = old[0]
     old[0] += 1.0
     return -1e-3 * c[0] * new[0]
 
 
-@variants.by("terms_write_new_and_leave_old", "changed `old` in place")
-class ChangesOld(TermGain):
-    """Counts in the past."""
-
-    term = term("moment", _changes_old, 1)
-
-
+@broken_term("terms_write_new_and_leave_old", "`new` arrives unset", n_states=1)
 def _leaves_new(u: float, rate: float, dt: float, p: float, t: float, old: Any, new: Any, c: Any) -> float:
+    """Writes its memory only where it changes."""
     if u > 0.3:
         new[0] = u
     return -1e-3 * c[0] * u
 
 
-@variants.by("terms_write_new_and_leave_old", "`new` arrives unset")
-class LeavesNew(TermGain):
-    """Writes its memory only where it changes."""
-
-    term = term("moment", _leaves_new, 1)
-
-
+@broken_term("terms_that_use_time_say_so", "needs_time is False", needs_time=False)
 def _damps(u: float, rate: float, dt: float, p: float, t: float, old: Any, new: Any, c: Any) -> float:
-    return -0.01 * c[0] * rate
-
-
-@variants.by("terms_that_use_time_say_so", "needs_time is False")
-class HidesItsRate(TermGain):
     """A dashpot that says it needs no time."""
-
-    term = term("moment", _damps, needs_time=False)
+    return -0.01 * c[0] * rate
 
 
 CALLS = np.zeros(1)
 
 
+@broken_term("terms_remember_in_states_only", "a global or a mutable default")
 def _counts_calls(u: float, rate: float, dt: float, p: float, t: float, old: Any, new: Any, c: Any) -> float:
+    """Keeps its memory in a global."""
     CALLS[0] += 1.0
     return 1e-3 * c[0] * float(np.sin(CALLS[0]))
 
 
-@variants.by("terms_remember_in_states_only", "a global or a mutable default")
-class RemembersOutside(TermGain):
-    """Keeps its memory in a global."""
-
-    term = term("moment", _counts_calls)
-
-
+@broken_term(
+    "terms_are_the_same_compiled", r"effect.py, line \d+: the law term '_by_name' cannot be compiled"
+)
 def _by_name(u: float, rate: float, dt: float, p: float, t: float, old: Any, new: Any, c: Any) -> float:
+    """Uses what the compiler does not know."""
     share = {"share": c[0]}
     return -0.01 * float(str(share["share"])) * u
 
 
-@variants.by(
-    "terms_are_the_same_compiled", r"effect.py, line \d+: the law term '_by_name' cannot be compiled"
-)
-class OnlyPython(TermGain):
-    """Uses what the compiler does not know."""
-
-    term = term("moment", _by_name)
-
-
+@broken_term("terms_are_the_same_compiled", "in plain Python differ in run", needs_time=False)
 def _overflows(u: float, rate: float, dt: float, p: float, t: float, old: Any, new: Any, c: Any) -> float:
+    """Reckons with integers that only Python lets grow."""
     picoradians = int(1e12 * u)
     return 1e-25 * c[0] * float(picoradians * picoradians)
 
 
-@variants.by("terms_are_the_same_compiled", "in plain Python differ in run")
-class Overflows(TermGain):
-    """Reckons with integers that only Python lets grow."""
-
-    term = term("moment", _overflows, needs_time=False)
-
-
+@broken_term("terms_keep_the_joint_stable", "the joint snaps", needs_time=False)
 def _pushes(u: float, rate: float, dt: float, p: float, t: float, old: Any, new: Any, c: Any) -> float:
+    """A spring that pushes away, stiffer than the joint."""
     return c[0] * u
 
 
-@variants.by("terms_keep_the_joint_stable", "the joint snaps")
-class Snaps(TermGain):
-    """A spring that pushes away, stiffer than the joint."""
-
-    term = term("moment", _pushes, needs_time=False)
-
-
+@broken_term("terms_make_no_energy", "a sign")
 def _drives(u: float, rate: float, dt: float, p: float, t: float, old: Any, new: Any, c: Any) -> float:
+    """A dashpot with the wrong sign."""
     return 0.01 * c[0] * rate
 
 
-@variants.by("terms_make_no_energy", "a sign")
-class Drives(TermGain):
-    """A dashpot with the wrong sign."""
-
-    term = term("moment", _drives)
-
-
+@broken_term("terms_do_not_count_samples", "advance with dt_s", n_states=1)
 def _forgets(u: float, rate: float, dt: float, p: float, t: float, old: Any, new: Any, c: Any) -> float:
+    """Its memory fades by a tenth per sample, however long that is."""
     new[0] = 0.9 * old[0] + 0.1 * u
     return 0.01 * c[0] * (new[0] - u)
 
 
-@variants.by("terms_do_not_count_samples", "advance with dt_s")
-class CountsSamples(TermGain):
-    """Its memory fades by a tenth per sample, however long that is."""
-
-    term = term("moment", _forgets, 1)
-
-
+@broken_term("terms_do_not_count_samples", "a swing of .* differs", n_states=2, is_inertia=True)
 def _lags(u: float, rate: float, dt: float, p: float, t: float, old: Any, new: Any, c: Any) -> float:
+    """A mass whose acceleration is the change of a rate from sample to sample."""
     new[0] = old[0] + 0.2 * (rate - old[0])
     new[1] = new[0] - old[0]
     return -0.2 * c[0] * c[0] * new[1]
-
-
-@variants.by("terms_do_not_count_samples", "a swing of .* differs")
-class CountsSamplesOfASwing(TermGain):
-    """A mass whose acceleration is the change of a rate from sample to sample."""
-
-    term = replace(term("moment", _lags, 2), is_inertia=True)
 
 
 # -- effects that a diagnosis would not find: no run is named, a run shows nothing, a neighbour in disguise

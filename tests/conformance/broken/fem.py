@@ -60,140 +60,102 @@ class Falsified(Skfem):
         return self.wrapper(super().solver(problem, material), problem)
 
 
+broken_by = variants.by_part(Falsified, "wrapper")
+
+
+@broken_by("rest_state_is_zero", "energy_j of the rest state is not zero")
 class EnergyConstant(Wrapped):
+    """An energy with a constant."""
+
     def seen(self, state: FemState) -> FemState:
         return replace(state, energy_j=state.energy_j + 1e-3)
 
 
-@variants.by("rest_state_is_zero", "energy_j of the rest state is not zero")
-class RestHasEnergy(Falsified):
-    """An energy with a constant."""
-
-    wrapper = EnergyConstant
-
-
+@broken_by("small_bends_follow_beam_theory", "not −E I / l")
 class HalfStiffness(Wrapped):
+    """The stiffness of the half module."""
+
     def seen(self, state: FemState) -> FemState:
         return altered(state, dmoment_du=state.dmoment_du / 2)
 
 
-@variants.by("small_bends_follow_beam_theory", "not −E I / l")
-class PieceStiffness(Falsified):
-    """The stiffness of the half module."""
-
-    wrapper = HalfStiffness
-
-
+@broken_by("small_pressures_follow_beam_theory", "thrust on the end sections is missing")
 class NoThrust(Wrapped):
+    """Too little actuation."""
+
     def seen(self, state: FemState) -> FemState:
         return altered(state, dmoment_dp=0.6 * state.dmoment_dp)
 
 
-@variants.by("small_pressures_follow_beam_theory", "thrust on the end sections is missing")
-class ForgetsTheCaps(Falsified):
-    """Too little actuation."""
-
-    wrapper = NoThrust
-
-
+@broken_by("scales_with_the_module", "does not give twice the moment_n_m")
 class PieceMoment(Wrapped):
+    """Right for quarters of a module only."""
+
     def seen(self, state: FemState) -> FemState:
         return altered(state, moment_n_m=state.moment_n_m * 4.0 / self.problem.energy_scale)
 
 
-@variants.by("scales_with_the_module", "does not give twice the moment_n_m")
-class IgnoresEnergyScale(Falsified):
-    """Right for quarters of a module only."""
-
-    wrapper = PieceMoment
-
-
+@broken_by("free_state_has_no_moment", "free state's moment .* is not zero")
 class EarlyFree(Wrapped):
+    """A free branch that is not free."""
+
     def free(self, actuation: float, start: FemState) -> FemState:
         return altered(super().free(actuation, start), moment_n_m=1e-4)
 
 
-@variants.by("free_state_has_no_moment", "free state's moment .* is not zero")
-class StopsEarly(Falsified):
-    """A free branch that is not free."""
-
-    wrapper = EarlyFree
-
-
+@broken_by("constrained_state_holds_the_angle", "angle .* is not the one asked for")
 class HalfAngle(Wrapped):
+    """Takes the module's angle for the piece's."""
+
     def constrained(self, actuation: float, held: Held, start: FemState) -> FemState:
         return self.inner.constrained(actuation, held / self.problem.deformation_scale, start)
 
 
-@variants.by("constrained_state_holds_the_angle", "angle .* is not the one asked for")
-class HoldsTheta(Falsified):
-    """Takes the module's angle for the piece's."""
-
-    wrapper = HalfAngle
-
-
+@broken_by("branches_agree", "the branches solve different equations")
 class OffsetMoment(Wrapped):
+    """A constrained branch with a little more pressure."""
+
     def constrained(self, actuation: float, held: Held, start: FemState) -> FemState:
         state = super().constrained(actuation, held, start)
         return altered(state, moment_n_m=state.moment_n_m + 1e-9 * actuation)
 
 
-@variants.by("branches_agree", "the branches solve different equations")
-class TwoEquations(Falsified):
-    """A constrained branch with a little more pressure."""
-
-    wrapper = OffsetMoment
-
-
+@broken_by("moment_has_the_right_sign", "blocked at u = 0 under pressure, the moment is -")
 class Reversed(Wrapped):
+    """The reaction for the action."""
+
     def seen(self, state: FemState) -> FemState:
         return altered(state, moment_n_m=-state.moment_n_m)
 
 
-@variants.by("moment_has_the_right_sign", "blocked at u = 0 under pressure, the moment is -")
-class Reaction(Falsified):
-    """The reaction for the action."""
-
-    wrapper = Reversed
-
-
+@broken_by("slope_in_pressure_is_exact", "dmoment_dp .* differs from the finite difference")
 class FrozenPressureSlope(Wrapped):
+    """∂τ/∂p of the rest state everywhere."""
+
     def seen(self, state: FemState) -> FemState:
         return altered(state, dmoment_dp=self.inner.rest().dmoment_dp)
 
 
-@variants.by("slope_in_pressure_is_exact", "dmoment_dp .* differs from the finite difference")
-class OldGain(Falsified):
-    """∂τ/∂p of the rest state everywhere."""
-
-    wrapper = FrozenPressureSlope
-
-
+@broken_by("slope_in_angle_is_exact", "dmoment_du .* differs from the finite difference")
 class FrozenAngleSlope(Wrapped):
+    """∂τ/∂u of the rest state everywhere."""
+
     def seen(self, state: FemState) -> FemState:
         return altered(state, dmoment_du=self.inner.rest().dmoment_du)
 
 
-@variants.by("slope_in_angle_is_exact", "dmoment_du .* differs from the finite difference")
-class OldStiffness(Falsified):
-    """∂τ/∂u of the rest state everywhere."""
-
-    wrapper = FrozenAngleSlope
-
-
+@broken_by("energy_is_the_work_done", "energy and moment belong to different pieces")
 class PieceEnergy(Wrapped):
+    """The energy of the solved quarter."""
+
     def seen(self, state: FemState) -> FemState:
         return replace(state, energy_j=state.energy_j / 4)
 
 
-@variants.by("energy_is_the_work_done", "energy and moment belong to different pieces")
-class QuarterEnergy(Falsified):
-    """The energy of the solved quarter."""
-
-    wrapper = PieceEnergy
-
-
+@broken_by("continues_from_a_saved_state", "KeyError")
 class Remembers(Wrapped):
+    """Only starts from states that it made itself."""
+
     def __init__(self, inner: ModuleSolver, problem: ModuleProblem) -> None:
         super().__init__(inner, problem)
         self.known: dict[float, FemState] = {}
@@ -206,65 +168,42 @@ class Remembers(Wrapped):
         return super().constrained(actuation, held, self.known[start.wall_s])
 
 
-@variants.by("continues_from_a_saved_state", "KeyError")
-class KeepsItsOwn(Falsified):
-    """Only starts from states that it made itself."""
-
-    wrapper = Remembers
-
-
+@broken_by("path_does_not_matter", "depends on the start")
 class Lagging(Wrapped):
+    """Keeps a trace of where it came from."""
+
     def constrained(self, actuation: float, held: Held, start: FemState) -> FemState:
         state = super().constrained(actuation, held, start)
         return altered(state, moment_n_m=state.moment_n_m + 1e-4 * start.moment_n_m)
 
 
-@variants.by("path_does_not_matter", "depends on the start")
-class NotConverged(Falsified):
-    """Keeps a trace of where it came from."""
-
-    wrapper = Lagging
-
-
+@broken_by("deformed_nodes_follow_the_bend", "end section is not a plane turned by")
 class Unturned(Wrapped):
+    """Pictures without rotation."""
+
     def deformed_nodes(self, state: FemState) -> Array:
         nodes = self.problem.mesh.nodes_m
         return nodes + np.array([0.0, 0.0, -0.1]) * nodes[:, :1] * state.angle_rad
 
 
-@variants.by("deformed_nodes_follow_the_bend", "end section is not a plane turned by")
-class Sheared(Falsified):
-    """Pictures without rotation."""
-
-    wrapper = Unturned
-
-
+@broken_by("fields_stand_at_the_nodes", "is not that of `deformed_nodes`")
 class Undisplaced(Wrapped):
+    """Fields without the displacement."""
+
     def fields(self, state: FemState) -> ModuleFields:
         fields = self.inner.fields(state)
         return replace(fields, displacement_m=self.inner.fields(self.inner.rest()).displacement_m)
 
 
-@variants.by("fields_stand_at_the_nodes", "is not that of `deformed_nodes`")
-class FieldsOfTheReference(Falsified):
-    """Fields without the displacement."""
-
-    wrapper = Undisplaced
-
-
+@broken_by("says_when_it_does_not_converge", "far beyond any equilibrium gave a state")
 class Careless(Wrapped):
+    """Hides that Newton failed."""
+
     def free(self, actuation: float, start: FemState) -> FemState:
         try:
             return super().free(actuation, start)
         except StateNotConvergedError:
             return start
-
-
-@variants.by("says_when_it_does_not_converge", "far beyond any equilibrium gave a state")
-class GivesTheLastState(Falsified):
-    """Hides that Newton failed."""
-
-    wrapper = Careless
 
 
 @variants.by("refuses_unknown_problems", "was accepted")
@@ -278,19 +217,18 @@ class TakesAnything(Falsified):
 # -- backends whose states of several axes, extensions or tendons are falsified one by one
 
 
+@broken_by("states_have_all_axes", "tau has shape \\(1,\\)")
 class MainAxisOnly(Wrapped):
+    """Reports the main axis's effort alone."""
+
     def seen(self, state: FemState) -> FemState:
         return replace(state, tau=state.tau[[state.main]])
 
 
-@variants.by("states_have_all_axes", "tau has shape \\(1,\\)")
-class OneEffort(Falsified):
-    """Reports the main axis's effort alone."""
-
-    wrapper = MainAxisOnly
-
-
+@broken_by("small_bends_about_all_axes_follow_beam_theory", "stiffness in twist")
 class PolarMoment(Wrapped):
+    """A tube twice as stiff in twist as any warping allows."""
+
     def rest(self) -> FemState:
         state = self.inner.rest()
         slope = state.dtau_du.copy()
@@ -299,40 +237,28 @@ class PolarMoment(Wrapped):
         return replace(state, dtau_du=slope)
 
 
-@variants.by("small_bends_about_all_axes_follow_beam_theory", "stiffness in twist")
-class HeldWarping(Falsified):
-    """A tube twice as stiff in twist as any warping allows."""
-
-    wrapper = PolarMoment
-
-
+@broken_by("slopes_in_all_axes_are_exact", "is not symmetric under pressure")
 class Lopsided(Wrapped):
+    """Moments that are not conjugate to the rotation vector."""
+
     def seen(self, state: FemState) -> FemState:
         upper = np.triu(np.ones_like(state.dtau_du), 1)
         return replace(state, dtau_du=state.dtau_du + 1e-3 * np.abs(state.dtau_du).max() * upper)
 
 
-@variants.by("slopes_in_all_axes_are_exact", "is not symmetric under pressure")
-class BodyFrameMoment(Falsified):
-    """Moments that are not conjugate to the rotation vector."""
-
-    wrapper = Lopsided
-
-
+@broken_by("axes_decouple_by_symmetry", "couples axes that symmetry separates")
 class Coupled(Wrapped):
+    """What plane end sections of a whole module would do."""
+
     def seen(self, state: FemState) -> FemState:
         k = len(state.tau)
         return replace(state, dtau_du=state.dtau_du - 5e-4 * (np.ones((k, k)) - np.eye(k)))
 
 
-@variants.by("axes_decouple_by_symmetry", "couples axes that symmetry separates")
-class SpuriousCoupling(Falsified):
-    """What plane end sections of a whole module would do."""
-
-    wrapper = Coupled
-
-
+@broken_by("axes_that_are_not_held_are_free", "not zero along the axis that is free")
 class HoldsAll(Wrapped):
+    """Leaves free axes where they were."""
+
     def constrained(self, actuation: float, held: Held, start: FemState) -> FemState:
         if isinstance(held, Mapping):
             here = dict(zip(self.problem.axes, start.deformation.tolist(), strict=True))
@@ -340,28 +266,20 @@ class HoldsAll(Wrapped):
         return super().constrained(actuation, held, start)
 
 
-@variants.by("axes_that_are_not_held_are_free", "not zero along the axis that is free")
-class HoldsEveryAxis(Falsified):
-    """Leaves free axes where they were."""
-
-    wrapper = HoldsAll
-
-
+@broken_by("refuses_unknown_axes", "the axis 'w' was held")
 class Tolerant(Wrapped):
+    """Leaves out what it does not know."""
+
     def constrained(self, actuation: float, held: Held, start: FemState) -> FemState:
         if isinstance(held, Mapping):
             held = {axis: u for axis, u in held.items() if axis in self.problem.axes}
         return super().constrained(actuation, held, start)
 
 
-@variants.by("refuses_unknown_axes", "the axis 'w' was held")
-class TakesAnyAxis(Falsified):
-    """Leaves out what it does not know."""
-
-    wrapper = Tolerant
-
-
+@broken_by("small_extensions_follow_rod_theory", "is not −E A / l")
 class Strain(Wrapped):
+    """The strain as a prismatic joint's coordinate."""
+
     def seen(self, state: FemState) -> FemState:
         if self.problem.joint != "prismatic":
             return state
@@ -369,20 +287,9 @@ class Strain(Wrapped):
         return replace(state, tau=state.tau * length, dtau_du=state.dtau_du * length**2)
 
 
-@variants.by("small_extensions_follow_rod_theory", "is not −E A / l")
-class StrainForExtension(Falsified):
-    """The strain as a prismatic joint's coordinate."""
-
-    wrapper = Strain
-
-
+@broken_by("tendon_works_on_its_travel", "belong to different pieces")
 class HalfTravel(Wrapped):
-    def seen(self, state: FemState) -> FemState:
-        return replace(state, travel=state.travel / 2)
-
-
-@variants.by("tendon_works_on_its_travel", "belong to different pieces")
-class TravelOfTheHalf(Falsified):
     """The tendon drawn out of one half."""
 
-    wrapper = HalfTravel
+    def seen(self, state: FemState) -> FemState:
+        return replace(state, travel=state.travel / 2)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import fields, replace
 from typing import Any, ClassVar, Literal
 
@@ -11,15 +12,15 @@ from broken import Variants
 from pliant.errors import UserError
 from pliant.interfaces.meta_model import DesignLaws, FittedMetaModel
 from pliant.records.design import Array
-from pliant.records.law import Effort, JointLaw, LawRecord
+from pliant.records.law import Effort, LawRecord
 from pliant.records.solved import SolvedDesigns
 from pliant.registry.component import Component
 from pliant.testing.meta_model_stand_in import (
-    MonomialLaw,
     StandInLaws,
     StandInMetaModel,
     StandInMetaModelConfig,
 )
+from pliant.testing.samples import EnergyLaw
 
 
 class SmallConfig(StandInMetaModelConfig):
@@ -29,7 +30,13 @@ class SmallConfig(StandInMetaModelConfig):
 
 
 class SmallLaws(StandInLaws):
-    """Its record names the kind that reads it."""
+    """Its record names the kind that reads it; `made` is the class of its laws."""
+
+    made: ClassVar[type[EnergyLaw]] = EnergyLaw
+
+    def law(self, values: Array) -> EnergyLaw:
+        law: EnergyLaw = _as(self.made, super().law(values))
+        return law
 
     def record(self) -> LawRecord:
         return replace(super().record(), kind="small")
@@ -64,6 +71,18 @@ variants = Variants(
         "terms quadratic in the parameters",
     )
 )
+broken_by = variants.by_part(Small, "laws")
+
+
+def broken_law(check: str, says: str) -> Callable[[type], type]:
+    """Decorator: a law of one design that breaks one check."""
+
+    def register(law: type) -> type:
+        members = {"made": law, "__doc__": law.__doc__, "__module__": __name__}
+        broken_by(check, says)(type(f"{law.__name__}s", (SmallLaws,), members))
+        return law
+
+    return register
 
 
 @variants.by("predicts_designs_left_out", "% of its range off")
@@ -101,51 +120,29 @@ class AlwaysBends(Small):
         return replace(good, laws=replace(good.laws, actuation_name="tendon_force_n"))  # type: ignore[type-var]
 
 
-class LawIs(SmallLaws):
-    """Laws of another class, or changed."""
+@broken_by("laws_are_stable_in_their_box", "the stiffness of an unseen design falls to")
+class NegativeStiffness(SmallLaws):
+    """Passive stiffness nearly lost."""
 
-    def law(self, values: Array) -> JointLaw:
-        good = super().law(values)
-        assert isinstance(good, MonomialLaw)
-        return self.falsified(good, values)
-
-    def falsified(self, law: MonomialLaw, values: Array) -> JointLaw:
-        raise NotImplementedError
-
-
-class NegativeStiffness(LawIs):
-    def falsified(self, law: MonomialLaw, values: Array) -> JointLaw:
+    def law(self, values: Array) -> EnergyLaw:
+        law = super().law(values)
         squares = (law.powers[:, 0] == 0) & (law.powers[:, 1:].sum(axis=1) == 2)
         return replace(law, terms=law.terms - 0.9 * np.abs(law.terms) * squares)
 
 
-@variants.by("laws_are_stable_in_their_box", "the stiffness of an unseen design falls to")
-class Unstable(Small):
-    """Passive stiffness nearly lost."""
+@broken_law("slopes_are_derivatives", "dtau_dp is not the slope of tau")
+class WrongSlopeLaw(EnergyLaw):
+    """∂τ/∂p twice."""
 
-    laws = NegativeStiffness
-
-
-class WrongSlopeLaw(MonomialLaw):
     def evaluate(self, actuation: Array, deformation: Array) -> Effort:
         good = super().evaluate(actuation, deformation)
         return replace(good, dtau_dp=2 * good.dtau_dp)
 
 
-class WrongSlopes(LawIs):
-    def falsified(self, law: MonomialLaw, values: Array) -> JointLaw:
-        changed: JointLaw = _as(WrongSlopeLaw, law)
-        return changed
+@broken_law("laws_create_no_energy", "creates energy")
+class CirculatingLaw(EnergyLaw):
+    """x drives z and z drives x back."""
 
-
-@variants.by("slopes_are_derivatives", "dtau_dp is not the slope of tau")
-class SlopeOff(Small):
-    """∂τ/∂p twice."""
-
-    laws = WrongSlopes
-
-
-class CirculatingLaw(MonomialLaw):
     def evaluate(self, actuation: Array, deformation: Array) -> Effort:
         good = super().evaluate(actuation, deformation)
         if deformation.shape[1] < 3:
@@ -154,94 +151,50 @@ class CirculatingLaw(MonomialLaw):
         return replace(good, tau=good.tau + deformation @ around.T, dtau_du=good.dtau_du + around)
 
 
-class Circulating(LawIs):
-    def falsified(self, law: MonomialLaw, values: Array) -> JointLaw:
-        changed: JointLaw = _as(CirculatingLaw, law)
-        return changed
+@broken_law("joints_do_not_affect_each_other", "depends on which other joints")
+class BatchedLaw(EnergyLaw):
+    """Uses the batch's mean."""
 
-
-@variants.by("laws_create_no_energy", "creates energy")
-class Pumps(Small):
-    """x drives z and z drives x back."""
-
-    laws = Circulating
-
-
-class BatchedLaw(MonomialLaw):
     def evaluate(self, actuation: Array, deformation: Array) -> Effort:
         good = super().evaluate(actuation, deformation)
         return replace(good, tau=good.tau + 1e-4 * deformation.mean())
 
 
-class Batched(LawIs):
-    def falsified(self, law: MonomialLaw, values: Array) -> JointLaw:
-        changed: JointLaw = _as(BatchedLaw, law)
-        return changed
+@broken_by("domain_follows_the_design", "not that to which a design like this is sampled")
+class OneBox(SmallLaws):
+    """The same range of u for every design."""
 
-
-@variants.by("joints_do_not_affect_each_other", "depends on which other joints")
-class NormalisesBatches(Small):
-    """Uses the batch's mean."""
-
-    laws = Batched
-
-
-class OneBox(LawIs):
-    def falsified(self, law: MonomialLaw, values: Array) -> JointLaw:
+    def law(self, values: Array) -> EnergyLaw:
+        law = super().law(values)
         return replace(law, domain=replace(law.domain, deformation=np.tile([-1.0, 1.0], (len(law.axes), 1))))
 
 
-@variants.by("domain_follows_the_design", "not that to which a design like this is sampled")
-class OneBoxForAll(Small):
-    """The same range of u for every design."""
+@broken_law("laws_stay_finite_outside_their_domain", "not finite outside the domain")
+class RefusingLaw(EnergyLaw):
+    """No number outside the box of u."""
 
-    laws = OneBox
-
-
-class RefusingLaw(MonomialLaw):
     def evaluate(self, actuation: Array, deformation: Array) -> Effort:
         good = super().evaluate(actuation, deformation)
         outside = np.any(self.domain.excess(actuation, deformation) != 0, axis=1)
         return replace(good, tau=np.where(outside[:, None], np.nan, good.tau))
 
 
-class Refusing(LawIs):
-    def falsified(self, law: MonomialLaw, values: Array) -> JointLaw:
-        changed: JointLaw = _as(RefusingLaw, law)
-        return changed
-
-
-@variants.by("laws_stay_finite_outside_their_domain", "not finite outside the domain")
-class NanOutside(Small):
-    """No number outside the box of u."""
-
-    laws = Refusing
-
-
+@broken_by("laws_are_smooth_in_the_parameters", "a jump")
 class Rounding(SmallLaws):
-    def law(self, values: Array) -> JointLaw:
+    """Gives the law of the nearest grid point."""
+
+    def law(self, values: Array) -> EnergyLaw:
         low, high = self.box.T
         return super().law(low + np.round((values - low) / (high - low) * 3) / 3 * (high - low))
 
 
-@variants.by("laws_are_smooth_in_the_parameters", "a jump")
-class NearestDesign(Small):
-    """Gives the law of the nearest grid point."""
-
-    laws = Rounding
-
-
+@broken_by("record_gives_the_same_bits", "the record rounds a number")
 class SinglePrecision(SmallLaws):
+    """Stores 32 bits."""
+
     def record(self) -> LawRecord:
         good = super().record()
         return replace(good, arrays={**good.arrays, "terms": np.float32(self.terms)})
-
-
-@variants.by("record_gives_the_same_bits", "the record rounds a number")
-class Rounds(Small):
-    """Stores 32 bits."""
-
-    laws = SinglePrecision
 
 
 @variants.by("is_deterministic", "two fits of the same designs differ")
@@ -272,40 +225,28 @@ class TrustsAll(Small):
         return super().fit(replace(designs, data=data))
 
 
+@broken_by("flags_designs_outside", "not flagged by how far")
 class Boundless(SmallLaws):
+    """Claims to hold for every design."""
+
     def excess(self, values: Array) -> Array:
         return np.zeros(len(self.names))
 
 
-@variants.by("flags_designs_outside", "not flagged by how far")
-class Everywhere(Small):
-    """Claims to hold for every design."""
-
-    laws = Boundless
-
-
+@broken_by("doubt_grows_away_from_solved_designs", "far outside")
 class Backwards(SmallLaws):
+    """Is surest where nothing was solved."""
+
     def doubt(self, values: Array) -> Array:
         return 1 / super().doubt(values)
 
 
-@variants.by("doubt_grows_away_from_solved_designs", "far outside")
-class Overconfident(Small):
-    """Is surest where nothing was solved."""
-
-    laws = Backwards
-
-
+@broken_by("gain_is_a_share", "no shares of the mean squared error")
 class Greedy(SmallLaws):
-    def gain(self, candidates: Array, over: Array) -> Array | None:
-        return super().doubt(candidates)
-
-
-@variants.by("gain_is_a_share", "no shares of the mean squared error")
-class GainsInOtherUnits(Small):
     """Gives its doubt for a gain."""
 
-    laws = Greedy
+    def gain(self, candidates: Array, over: Array) -> Array | None:
+        return super().doubt(candidates)
 
 
 @variants.by("says_when_there_are_too_few_designs", "fitted to a single design")

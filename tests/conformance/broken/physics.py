@@ -41,6 +41,7 @@ class Engine(StandIn):
 variants = Variants(
     Component("physics", "small", "broken.physics:EngineConfig", "broken.physics:Engine", "plain Newton")
 )
+broken_by = variants.by_part(Engine, "simulation")
 
 
 @variants.by("declares_its_capabilities", "joints")
@@ -57,7 +58,10 @@ class NoInertia(Engine):
     capabilities = Capabilities(joints=StandIn.capabilities.joints, dynamic=True)
 
 
+@broken_by("dynamic_is_what_it_says", "dynamic is False")
 class Creeping(StandInSimulation):
+    """Approaches its equilibria by and by, and says that each step is one."""
+
     def step(self, duration_s: float) -> None:
         before = self.snapshot()
         super().step(duration_s)
@@ -65,48 +69,29 @@ class Creeping(StandInSimulation):
         self.restore(replace(after, position=before.position + 0.3 * (after.position - before.position)))
 
 
-@variants.by("dynamic_is_what_it_says", "dynamic is False")
-class HalfWay(Engine):
-    """Approaches its equilibria by and by, and says that each step is one."""
-
-    simulation = Creeping
-
-
+@broken_by("starts_straight", "markers .* of the straight chain")
 class Millimetres(StandInSimulation):
+    """Its own length unit comes out."""
+
     def markers(self) -> Array:
         return 1e3 * super().markers()
 
 
-@variants.by("starts_straight", "markers .* of the straight chain")
-class Scaled(Engine):
-    """Its own length unit comes out."""
-
-    simulation = Millimetres
-
-
+@broken_by("stays_at_rest_without_loads", "without any load")
 class Preloaded(StandInSimulation):
+    """A joint that keeps a little angle."""
+
     def settle(self) -> Equilibrium:
         good = super().settle()
         return replace(good, joint_angles=good.joint_angles + 1e-4)
 
 
-@variants.by("stays_at_rest_without_loads", "without any load")
-class FrictionMotors(Engine):
-    """A joint that keeps a little angle."""
-
-    simulation = Preloaded
-
-
+@broken_by("gives_the_worked_number", "joint angles")
 class WeakPressure(StandInSimulation):
-    def apply(self, inputs: Inputs) -> None:
-        super().apply(replace(inputs, actuation={k: 0.99 * v for k, v in inputs.actuation.items()}))
-
-
-@variants.by("gives_the_worked_number", "joint angles")
-class LosesPressure(Engine):
     """One per cent less pressure."""
 
-    simulation = WeakPressure
+    def apply(self, inputs: Inputs) -> None:
+        super().apply(replace(inputs, actuation={k: 0.99 * v for k, v in inputs.actuation.items()}))
 
 
 @variants.by("balances_a_weight", "under the module's own weight")
@@ -117,31 +102,23 @@ class Weightless(Engine):
         return chain.with_(bodies=(*chain.bodies[:-1], replace(chain.bodies[-1], mass_kg=0.0)))
 
 
+@broken_by("settles_in_equilibrium", "the unbalanced effort is")
 class Sloppy(StandInSimulation):
+    """Stops one per cent before equilibrium and says that it converged."""
+
     def settle(self) -> Equilibrium:
         good = super().settle()
         self.q = 0.99 * self.q
         return replace(good, joint_angles=self.q.copy(), markers_m=self.markers())
 
 
-@variants.by("settles_in_equilibrium", "the unbalanced effort is")
-class StopsEarly(Engine):
-    """Stops one per cent before equilibrium and says that it converged."""
-
-    simulation = Sloppy
-
-
+@broken_by("markers_follow_the_kinematics", "do not belong to joint_angles")
 class OldMarkers(StandInSimulation):
+    """Reads positions before the engine updated them."""
+
     def settle(self) -> Equilibrium:
         before = self.markers()
         return replace(super().settle(), markers_m=before)
-
-
-@variants.by("markers_follow_the_kinematics", "do not belong to joint_angles")
-class StaleMarkers(Engine):
-    """Reads positions before the engine updated them."""
-
-    simulation = OldMarkers
 
 
 @variants.by("turns_with_its_base", "markers .* of the moved chain")
@@ -160,16 +137,12 @@ class NoPayload(Engine):
         return chain.with_(payload_kg=0.0)
 
 
+@broken_by("moment_opposes_actuation", "under an opposing moment")
 class HelpingMoment(StandInSimulation):
-    def apply(self, inputs: Inputs) -> None:
-        super().apply(replace(inputs, moment_n_m=-inputs.moment_n_m))
-
-
-@variants.by("moment_opposes_actuation", "under an opposing moment")
-class Helps(Engine):
     """The moment acts along the actuation."""
 
-    simulation = HelpingMoment
+    def apply(self, inputs: Inputs) -> None:
+        super().apply(replace(inputs, moment_n_m=-inputs.moment_n_m))
 
 
 @variants.by("opposed_actuators_cancel", "equal opposed pressures")
@@ -180,44 +153,35 @@ class Unsigned(Engine):
         return chain.with_(actuators=tuple(replace(a, sign=1.0) for a in chain.actuators))
 
 
+@broken_by("refuses_missing_inputs", "without a value for it")
 class Defaulting(StandInSimulation):
+    """A missing pressure is 0."""
+
     def apply(self, inputs: Inputs) -> None:
         zero = {a.input: 0.0 for a in self.chain.actuators}
         super().apply(replace(inputs, actuation={**zero, **inputs.actuation}))
 
 
-@variants.by("refuses_missing_inputs", "without a value for it")
-class AssumesZero(Engine):
-    """A missing pressure is 0."""
-
-    simulation = Defaulting
-
-
+@broken_by("reports_extrapolation", "reported were \\[\\]")
 class Silent(StandInSimulation):
+    """Never reports extrapolation."""
+
     def settle(self) -> Equilibrium:
         return replace(super().settle(), outside_domain=())
 
 
-@variants.by("reports_extrapolation", "reported were \\[\\]")
-class SaysNothing(Engine):
-    """Never reports extrapolation."""
-
-    simulation = Silent
-
-
+@broken_by("admits_that_it_did_not_converge", "called converged and stable")
 class Optimist(StandInSimulation):
+    """Always converged, always stable."""
+
     def settle(self) -> Equilibrium:
         return replace(super().settle(), converged=True, stable=True)
 
 
-@variants.by("admits_that_it_did_not_converge", "called converged and stable")
-class AlwaysFine(Engine):
-    """Always converged, always stable."""
-
-    simulation = Optimist
-
-
+@broken_by("restores_a_snapshot", "copy it")
 class Aliased(StandInSimulation):
+    """Its snapshot is a view."""
+
     def snapshot(self) -> SimulationState:
         return SimulationState(self.time_s, self.q, np.zeros_like(self.q))
 
@@ -229,26 +193,18 @@ class Aliased(StandInSimulation):
         return good
 
 
-@variants.by("restores_a_snapshot", "copy it")
-class SharesItsState(Engine):
-    """Its snapshot is a view."""
-
-    simulation = Aliased
-
-
+@broken_by("steps_forward_in_time", "passed in two steps")
 class WholeSteps(StandInSimulation):
+    """Advances by whole internal steps of 50 ms only."""
+
     def step(self, duration_s: float) -> None:
         super().step(0.05 * round(duration_s / 0.05))
 
 
-@variants.by("steps_forward_in_time", "passed in two steps")
-class CoarseClock(Engine):
-    """Advances by whole internal steps of 50 ms only."""
-
-    simulation = WholeSteps
-
-
+@broken_by("simulations_are_independent", "shared state")
 class Shared(StandInSimulation):
+    """All simulations live in one world."""
+
     last: ClassVar[dict[str, Array]] = {}
 
     def settle(self) -> Equilibrium:
@@ -261,27 +217,16 @@ class Shared(StandInSimulation):
         return self.statics.geometry.markers(np.resize(q, self.q.shape))
 
 
-@variants.by("simulations_are_independent", "shared state")
-class OneWorld(Engine):
-    """All simulations live in one world."""
-
-    simulation = Shared
-
-
+@broken_by("closes_cleanly", "RuntimeError")
 class ClosesOnce(StandInSimulation):
+    """Raises when it is closed twice."""
+
     open = True
 
     def close(self) -> None:
         if not self.open:
             raise RuntimeError("not connected")
         self.open = False
-
-
-@variants.by("closes_cleanly", "RuntimeError")
-class Disconnects(Engine):
-    """Raises when it is closed twice."""
-
-    simulation = ClosesOnce
 
 
 @variants.by("leaves_the_chain_alone", "changed in place")
@@ -294,6 +239,9 @@ class ScalesMasses(Engine):
         return chain
 
 
+@broken_by(
+    "spherical_efforts_are_energy_consistent", "applied as a torque in the parent's or the child's frame"
+)
 class NaiveTorques(StandInSimulation):
     """Balances τ itself, as a torque in the joint's rest frame, against the loads' moments Jᵀ⁻¹ Q."""
 
@@ -310,27 +258,14 @@ class NaiveTorques(StandInSimulation):
         return replace(good, joint_angles=self.q.copy(), markers_m=self.markers())
 
 
-@variants.by(
-    "spherical_efforts_are_energy_consistent", "applied as a torque in the parent's or the child's frame"
-)
-class TorqueInChildFrame(Engine):
-    """Its spherical joints balance torques instead of conjugate efforts."""
-
-    simulation = NaiveTorques
-
-
+@broken_by("prismatic_joints_extend", "extension")
 class Doubled(StandInSimulation):
+    """Extensions in its own unit."""
+
     def settle(self) -> Equilibrium:
         good = super().settle()
         slides = self.chain.laws[0].joint == "prismatic"
         return replace(good, joint_angles=good.joint_angles * (1e3 if slides else 1.0))
-
-
-@variants.by("prismatic_joints_extend", "extension")
-class SlidesInMillimetres(Engine):
-    """Extensions in its own unit."""
-
-    simulation = Doubled
 
 
 class Follower(Engine):

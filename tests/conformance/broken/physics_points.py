@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from broken.physics import Engine, variants
+from broken.physics import Engine, broken_by, variants
 from pliant.interfaces.physics import Capabilities
 from pliant.records.rollout import Inputs, PointForce, Sensitivity
 from pliant.testing.stand_ins import StandInSimulation
@@ -14,18 +14,15 @@ from pliant_plugins.physics.quasistatic.backend import Quasistatic
 from pliant_plugins.physics.quasistatic.config import QuasistaticConfig
 
 
+@broken_by("point_forces_act_where_they_say", "unbalanced effort")
 class AtOrigins(StandInSimulation):
+    """Point forces act at the origins of bodies."""
+
     def apply(self, inputs: Inputs) -> None:
         super().apply(replace(inputs, forces=tuple(replace(f, point_m=np.zeros(3)) for f in inputs.forces)))
 
 
-@variants.by("point_forces_act_where_they_say", "unbalanced effort")
-class PushesOrigins(Engine):
-    """Point forces act at the origins of bodies."""
-
-    simulation = AtOrigins
-
-
+@broken_by("cords_pull_toward_their_pulleys", "keeps its first direction")
 class Straight(StandInSimulation):
     """Cords keep the direction that they have on the straight chain."""
 
@@ -40,37 +37,22 @@ class Straight(StandInSimulation):
         self.applied = replace(self.applied, forces=(*self.applied.forces, *dead))
 
 
-@variants.by("cords_pull_toward_their_pulleys", "keeps its first direction")
-class DeadCords(Engine):
-    """Cords as dead forces."""
-
-    simulation = Straight
-
-
+@broken_by("long_cords_are_dead_forces", "under a long cord")
 class Halved(StandInSimulation):
+    """Takes a cord for a loop of which both strands pull."""
+
     def apply(self, inputs: Inputs) -> None:
         super().apply(replace(inputs, cords=tuple(c.scaled(0.5) for c in inputs.cords)))
 
 
-@variants.by("long_cords_are_dead_forces", "under a long cord")
-class HalfTension(Engine):
-    """Takes a cord for a loop of which both strands pull."""
-
-    simulation = Halved
-
-
+@broken_by("points_load_spherical_joints", "not mapped")
 class PlanarPoints(StandInSimulation):
+    """Loads at points reach hinges only."""
+
     def apply(self, inputs: Inputs) -> None:
         if self.chain.laws[0].joint == "spherical":
             inputs = replace(inputs, forces=(), cords=())
         super().apply(inputs)
-
-
-@variants.by("points_load_spherical_joints", "not mapped")
-class HingesOnly(Engine):
-    """Loads at points reach hinges only."""
-
-    simulation = PlanarPoints
 
 
 class Batcher(Engine):

@@ -69,18 +69,17 @@ class Scenes(Engine):
         return scene
 
 
+scene_broken_by = variants.by_part(Scenes, "wrapper")
+
+
+@scene_broken_by("starts_where_the_scene_is", "object's own frame")
 class CentresOut(Wrapped):
+    """Poses of centres of mass come out."""
+
     def snapshot(self) -> SceneState:
         good = super().snapshot()
         arms = [r @ one.mass.com_m for r, one in zip(good.rotations, self.scene.objects, strict=True)]
         return replace(good, positions_m=good.positions_m + np.array(arms).reshape(-1, 3))
-
-
-@variants.by("starts_where_the_scene_is", "object's own frame")
-class ReportsCentres(Scenes):
-    """Poses of centres of mass come out."""
-
-    wrapper = CentresOut
 
 
 @variants.by("objects_fall", "of falling")
@@ -113,16 +112,12 @@ class PushesOnce(Scenes):
     wrapper = Impulses
 
 
+@scene_broken_by("rests_on_the_floor", "force \\(N\\) of the floor")
 class Impulsive(Wrapped):
-    def contacts(self) -> tuple[Contact, ...]:
-        return tuple(replace(c, normal_n=2e-3 * c.normal_n) for c in super().contacts())
-
-
-@variants.by("rests_on_the_floor", "force \\(N\\) of the floor")
-class ImpulsesForForces(Scenes):
     """Impulses of a step instead of forces."""
 
-    wrapper = Impulsive
+    def contacts(self) -> tuple[Contact, ...]:
+        return tuple(replace(c, normal_n=2e-3 * c.normal_n) for c in super().contacts())
 
 
 @variants.by("friction_is_the_product", "as if the larger coefficient counted")
@@ -133,82 +128,61 @@ class LargerCounts(Scenes):
         return replace(scene, floor_friction=1.0)
 
 
+@scene_broken_by("arms_settle_in_equilibrium", "loads at points")
 class WithoutPoints(Wrapped):
+    """Scenes without loads at points."""
+
     def apply(self, inputs: Sequence[Inputs]) -> None:
         super().apply([replace(one, forces=(), cords=()) for one in inputs])
 
 
-@variants.by("arms_settle_in_equilibrium", "loads at points")
-class LosesPoints(Scenes):
-    """Scenes without loads at points."""
-
-    wrapper = WithoutPoints
-
-
+@scene_broken_by("carriage_moves_arms", "carriage_m after 0.2 s")
 class Slow(Wrapped):
+    """A motor that does not quite hold its speed."""
+
     def carry(self, velocity_m_s: Array) -> None:
         super().carry(0.99 * velocity_m_s)
 
 
-@variants.by("carriage_moves_arms", "carriage_m after 0.2 s")
-class WeakMotor(Scenes):
-    """A motor that does not quite hold its speed."""
-
-    wrapper = Slow
-
-
+@scene_broken_by("contacts_have_signs", "the normal points from first to second")
 class Reversed(Wrapped):
+    """Normals from second to first."""
+
     def contacts(self) -> tuple[Contact, ...]:
         return tuple(replace(c, normal=-c.normal) for c in super().contacts())
 
 
-@variants.by("contacts_have_signs", "the normal points from first to second")
-class NormalsBack(Scenes):
-    """Normals from second to first."""
-
-    wrapper = Reversed
-
-
+@scene_broken_by("held_objects_do_not_creep", "a held box creeps by 0.4")
 class Creeping(Wrapped):
+    """Friction as MuJoCo has it by default."""
+
     def snapshot(self) -> SceneState:
         good = super().snapshot()
         down = np.array([0.0, 0.0, -4.5e-4 * good.time_s])
         return replace(good, positions_m=good.positions_m + down)
 
 
-@variants.by("held_objects_do_not_creep", "a held box creeps by 0.4")
-class SoftFriction(Scenes):
-    """Friction as MuJoCo has it by default."""
-
-    wrapper = Creeping
-
-
+@scene_broken_by("restores_a_scene", "state after restore")
 class Hasty(Wrapped):
+    """Takes a step to bring its caches up to date."""
+
     def restore(self, state: SceneState) -> None:
         super().restore(state)
         self.inner.step(2e-3)
 
 
-@variants.by("restores_a_scene", "state after restore")
-class StepsOnRestore(Scenes):
-    """Takes a step to bring its caches up to date."""
-
-    wrapper = Hasty
-
-
+@scene_broken_by("scenes_report_extrapolation", "reported were \\[1, 2, 3\\]")
 class PerArm(Wrapped):
+    """Joints are numbered from 1 in every arm."""
+
     def outside_domain(self) -> tuple[OutsideDomain, ...]:
         return tuple(replace(o, module=(o.module - 1) % 3 + 1) for o in super().outside_domain())
 
 
-@variants.by("scenes_report_extrapolation", "reported were \\[1, 2, 3\\]")
-class NumbersPerArm(Scenes):
-    """Joints are numbered from 1 in every arm."""
-
-    wrapper = PerArm
-
-
+@scene_broken_by("scenes_are_independent", "beside another scene")
 class OneWorld(Wrapped):
+    """Only the newest scene moves."""
+
     world: ClassVar[list[SceneSimulation]] = []
 
     def __init__(self, scene: Scene) -> None:
@@ -218,13 +192,6 @@ class OneWorld(Wrapped):
     def step(self, duration_s: float) -> None:
         if self.world[0] is self.inner:
             super().step(duration_s)
-
-
-@variants.by("scenes_are_independent", "beside another scene")
-class OneAtATime(Scenes):
-    """Only the newest scene moves."""
-
-    wrapper = OneWorld
 
 
 @variants.by("leaves_the_scene_alone", "changed in place")

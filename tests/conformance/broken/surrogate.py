@@ -111,6 +111,9 @@ class Lawed(Line):
         )
 
 
+broken_by = variants.by_part(Lawed, "law")
+
+
 @variants.by("fits_a_linear_law", "fitted linear law is off")
 class WrongSign(Line):
     """The moment's sign reversed."""
@@ -138,55 +141,39 @@ class SeesEverything(Line):
         return super().score(law, data, n_fitted, "fit")
 
 
+@broken_by("slopes_are_derivatives", "dtau_du is not the slope of tau")
 class WrongSlope(LineLaw):
+    """∂τ/∂u with the sign of a stiffness."""
+
     def evaluate(self, actuation: Array, deformation: Array) -> Effort:
         good = super().evaluate(actuation, deformation)
         return replace(good, dtau_du=-good.dtau_du)
 
 
-@variants.by("slopes_are_derivatives", "dtau_du is not the slope of tau")
-class SlopeSign(Lawed):
-    """∂τ/∂u with the sign of a stiffness."""
-
-    law = WrongSlope
-
-
+@broken_by("joints_do_not_affect_each_other", "depends on which other joints")
 class Batched(LineLaw):
+    """Uses the batch's mean."""
+
     def evaluate(self, actuation: Array, deformation: Array) -> Effort:
         good = super().evaluate(actuation, deformation)
         return replace(good, tau=good.tau + 1e-4 * deformation.mean())
 
 
-@variants.by("joints_do_not_affect_each_other", "depends on which other joints")
-class NormalisesBatches(Lawed):
-    """Uses the batch's mean."""
-
-    law = Batched
-
-
+@broken_by("record_gives_the_same_bits", "the record rounds a number")
 class Rounded(LineLaw):
+    """Stores 32 bits."""
+
     def record(self) -> LawRecord:
         good = super().record()
         return replace(good, arrays={**good.arrays, "terms": np.float32(self.terms)})
 
 
-@variants.by("record_gives_the_same_bits", "the record rounds a number")
-class SinglePrecision(Lawed):
-    """Stores 32 bits."""
-
-    law = Rounded
-
-
+@broken_by("effort_derives_from_the_potential", "τ is not −∂Π/∂u")
 class OtherEnergy(LineLaw):
-    def potential(self, actuation: Array, deformation: Array) -> Array:
-        return 2 * super().potential(actuation, deformation)
-
-
-@variants.by("effort_derives_from_the_potential", "τ is not −∂Π/∂u")
-class EnergyOff(Lawed):
     """Twice the energy."""
 
-    law = OtherEnergy
+    def potential(self, actuation: Array, deformation: Array) -> Array:
+        return 2 * super().potential(actuation, deformation)
 
 
 @variants.by("domain_is_the_box_of_the_data", "not the box of the fitted states")
@@ -198,18 +185,14 @@ class Boundless(Line):
         return replace(good, law=replace(good.law, domain=Domain.unbounded(1)))  # type: ignore[type-var]
 
 
+@broken_by("stays_finite_outside_the_domain", "not finite outside the domain")
 class Refusing(LineLaw):
+    """No number outside its box."""
+
     def evaluate(self, actuation: Array, deformation: Array) -> Effort:
         good = super().evaluate(actuation, deformation)
         outside = np.any(self.domain.excess(actuation, deformation) != 0, axis=1)
         return replace(good, tau=np.where(outside[:, None], np.nan, good.tau))
-
-
-@variants.by("stays_finite_outside_the_domain", "not finite outside the domain")
-class NanOutside(Lawed):
-    """No number outside its box."""
-
-    law = Refusing
 
 
 @variants.by("law_is_stable", "∂τ/∂u reaches")

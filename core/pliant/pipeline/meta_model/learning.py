@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from pliant.errors import UserError
 from pliant.execution.progress import Progress
 from pliant.interfaces.meta_model import MetaModel
-from pliant.pipeline.law_misses import Misses
 from pliant.pipeline.learning import keep_points, kept_points, spread_order
 from pliant.pipeline.meta_model.stage import NOT_FITTED, MetaModelStage
+from pliant.pipeline.residuals import Residuals
 from pliant.pipeline.workbench import Workbench, content
 from pliant.records.solved import SolvedDesigns
 from pliant.store.store import Artifact
@@ -104,7 +104,7 @@ def _shares(law: Any, designs: SolvedDesigns, index: int) -> Any:
     """(m,) |miss| of one design's trusted states, as shares of the range of each axis' effort."""
     data = designs.data[index]
     everywhere = np.tile([-np.inf, np.inf], (1 + len(law.axes), 1))
-    return Misses.of(data, law.axes, lambda p, u: law.evaluate(p, u).tau, everywhere).share
+    return Residuals.of(data, law.axes, lambda p, u: law.evaluate(p, u).tau, everywhere).share
 
 
 def _scores(shares: Mapping[int, Any], rows: Sequence[int] | NDArray[np.int64]) -> dict[str, float] | None:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pliant.pipeline.meta_model.leaving_out import Misses
+from pliant.pipeline.meta_model.cross_validation import LeftOutResiduals
 from pliant.records.design import Array
 from pliant.records.solved import SolvedDesigns
 
@@ -90,14 +90,14 @@ class Scores:
         return Scores(axes=axes, **{name: values[name] for name in names})
 
 
-def scores_of(designs: SolvedDesigns, misses: Misses) -> dict[str, Scores]:
+def scores_of(designs: SolvedDesigns, misses: LeftOutResiduals) -> dict[str, Scores]:
     """Scores of all designs, of those inside the range and of those on its border; empty groups are left out."""
     border = designs.corners()
     groups = {"all": np.ones(len(designs), bool), "interior": ~border, "border": border}
     return {place: _scores(place, designs, misses, groups[place]) for place in PLACES if groups[place].any()}
 
 
-def _scores(place: str, designs: SolvedDesigns, misses: Misses, group: NDArray[np.bool_]) -> Scores:
+def _scores(place: str, designs: SolvedDesigns, misses: LeftOutResiduals, group: NDArray[np.bool_]) -> Scores:
     axes = designs.data[0].axes
     rows = group[misses.design]
     found = {}
@@ -122,7 +122,7 @@ def _scores(place: str, designs: SolvedDesigns, misses: Misses, group: NDArray[n
     )
 
 
-def _axis(misses: Misses, a: int, keep: NDArray[np.bool_]) -> AxisScores:
+def _axis(misses: LeftOutResiduals, a: int, keep: NDArray[np.bool_]) -> AxisScores:
     miss, tau = misses.miss[keep, a], misses.tau[keep, a]
     share = shares(misses)[keep, a]
     spread = float(np.sum((tau - tau.mean()) ** 2))
@@ -136,13 +136,13 @@ def _axis(misses: Misses, a: int, keep: NDArray[np.bool_]) -> AxisScores:
     )
 
 
-def shares(misses: Misses) -> Array:
+def shares(misses: LeftOutResiduals) -> Array:
     """(m, a) misses as shares of the range that the true effort of that design and axis has over its states."""
     found: Array = misses.miss / effort_ranges(misses)[misses.design]
     return found
 
 
-def effort_ranges(misses: Misses) -> Array:
+def effort_ranges(misses: LeftOutResiduals) -> Array:
     """(n, a) range of the true effort of each design and axis."""
     ranges: Array = np.full_like(misses.size, np.nan)
     for design in np.unique(misses.design):
@@ -154,7 +154,7 @@ def effort_ranges(misses: Misses) -> Array:
     return ranges
 
 
-def _largest_free(misses: Misses) -> Array:
+def _largest_free(misses: LeftOutResiduals) -> Array:
     """(n,) largest free angle of each design; NaN without free states."""
     found = np.full(len(misses.size), np.nan)
     for design in np.unique(misses.free_design):

@@ -15,10 +15,10 @@ from pliant.config.study import Study
 from pliant.interfaces.family import FamilyConfig
 from pliant.interfaces.material import MaterialConfig
 from pliant.interfaces.meta_model import DesignLaws, MetaModel, MetaModelConfig
-from pliant.pipeline.meta_model import bars as error_bars
-from pliant.pipeline.meta_model.bars import Bars
+from pliant.pipeline.meta_model import error_bars
+from pliant.pipeline.meta_model.cross_validation import box_of, effort_size, misses_left_out, parts_of
 from pliant.pipeline.meta_model.designs import Solved, solved_designs, trusted
-from pliant.pipeline.meta_model.leaving_out import box_of, effort_size, misses_left_out, parts_of
+from pliant.pipeline.meta_model.error_bars import Bars
 from pliant.pipeline.meta_model.parameters import values_of
 from pliant.pipeline.meta_model.scoring import Scores, scores_of
 from pliant.pipeline.surrogate import LawStage
@@ -103,7 +103,7 @@ def meta_model_stage(bench: Workbench, study: Study, solved: Solved | None = Non
             "details": dict(fitted.details),
             "scores": {place: one.as_values() for place, one in scores_of(designs, misses).items()},
             "coverage": bars.coverage(designs.corners()),
-            "misses": misses.as_values(),
+            "misses": dict(vars(misses)),
             "bars": error_bars.as_values(bars),
             "parts": len(parts),
             "fit_s": fit_s,

@@ -12,7 +12,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
 from pliant.formatting import actuation_unit, deformation_unit, effort_unit, number, percent
-from pliant.pipeline.law_misses import Misses
+from pliant.pipeline.residuals import Residuals
 from pliant.records.design import Array
 from pliant.records.law import JointLaw
 from pliant.report.figures import style
@@ -65,7 +65,7 @@ def residual_map(fitted: Fitted) -> style.Png:
         return style.png(figure)
 
 
-def _panel(axes: Any, fitted: Fitted, missed: Misses, name: str, title: str, norm: LogNorm) -> None:
+def _panel(axes: Any, fitted: Fitted, missed: Residuals, name: str, title: str, norm: LogNorm) -> None:
     data, k = fitted.data, missed.axes.index(name)
     part = missed.rows(missed.axis == k)
     p_unit, u_unit = actuation_unit(data.actuation_name), deformation_unit(data)
@@ -93,7 +93,7 @@ def _panel(axes: Any, fitted: Fitted, missed: Misses, name: str, title: str, nor
     axes.set_title(text[0].upper() + text[1:], fontsize=9)
 
 
-def _norm(columns: Mapping[str, Misses]) -> LogNorm:
+def _norm(columns: Mapping[str, Residuals]) -> LogNorm:
     """Whole decades around all errors that are drawn."""
     shares = np.concatenate([m.share for m in columns.values()])
     shares = 100 * np.maximum(shares[np.isfinite(shares)], LOWEST)

@@ -9,11 +9,10 @@ import numpy as np
 from pliant.interfaces.meta_model import DesignLaws, FittedMetaModel, MetaModel, enough_designs
 from pliant.records.law import LawRecord
 from pliant.records.solved import SolvedDesigns
-from pliant_plugins.meta_models.common_form import CommonForm
+from pliant_plugins.meta_models.common_form_fit import fit_common_form
 from pliant_plugins.meta_models.neural.config import NeuralMetaConfig
-from pliant_plugins.meta_models.neural.laws import KIND, EnergyLaws
+from pliant_plugins.meta_models.neural.laws import KIND, EnergyLaws, TorqueLaws, fit_torques
 from pliant_plugins.meta_models.neural.states import ScaledStates
-from pliant_plugins.meta_models.neural.torques import TorqueLaws, fit_torques
 from pliant_plugins.meta_models.neural.training import fit_ridges
 
 
@@ -25,7 +24,7 @@ class NeuralMetaModel(MetaModel):
     def fit(self, designs: SolvedDesigns) -> FittedMetaModel:
         """Scales and boxes of the common form, then the network; torch trains it, numpy evaluates it."""
         enough_designs(designs, self.fewest, KIND)
-        form, _ = CommonForm.fit(designs)
+        form, _ = fit_common_form(designs)
         states = ScaledStates.of(designs, form)
         c = self.config
         common: dict[str, Any] = {

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pliant.records.design import Array
-from pliant.records.fem import TRUSTED
 from pliant.records.solved import SolvedDesigns
 from pliant_plugins.meta_models.common_form import CommonForm
+from pliant_plugins.meta_models.common_form_scales import fitted
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,11 +34,11 @@ class ScaledStates:
     @staticmethod
     def of(designs: SolvedDesigns, form: CommonForm) -> ScaledStates:
         """States of role "fit" whose status is trusted."""
-        reaches, energies = form.reach(designs.values), energies_of(form, designs.values)
-        top = top_of(form)
+        reaches, energies = form.reach(designs.values), form.energy(designs.values)
+        top = form.largest_actuation
         parts: list[tuple[Array, ...]] = []
         for number, data in enumerate(designs.data):
-            keep = np.isin(data.status, TRUSTED) & (data.role == "fit")
+            keep = fitted(data)
             reach, energy = reaches[number], energies[number]
             x, v = data.actuation[keep] / top, data.deformation[keep] / reach
             parts.append(
@@ -52,14 +52,3 @@ class ScaledStates:
             )
         design, points, tau, gain, slope = (np.concatenate(column) for column in zip(*parts, strict=True))
         return ScaledStates(form.parameters(designs.values), design, points, tau, gain, slope)
-
-
-def top_of(form: CommonForm) -> float:
-    """The scale of the actuation."""
-    return max(abs(value) for value in form.actuation)
-
-
-def energies_of(form: CommonForm, values: Array) -> Array:
-    """(m,) energy that scales the law of designs (m, d)."""
-    found: Array = form.effort(values) * form.reach(values)[:, form.main]
-    return found

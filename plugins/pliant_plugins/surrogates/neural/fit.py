@@ -15,11 +15,10 @@ from pliant_plugins.surrogates.neural.doubt import error_bar
 from pliant_plugins.surrogates.neural.law import NeuralLaw
 from pliant_plugins.surrogates.neural.system import Scales, States
 from pliant_plugins.surrogates.neural.training import Stop, train
+from pliant_plugins.surrogates.stability import stable_choice
 
 # Parts of the states that are left out in turn.
 FOLDS = 4
-# As for polynomials: stability may cost a factor of 3 and 0.2 % of the range; snap-through in the data costs more.
-STABILITY_PRICE = (3.0, 2e-3)
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,11 +57,7 @@ def fit_network(
     errors = np.sqrt(np.mean((misses / ranges) ** 2, axis=(1, 2)))
     laws = [NeuralLaw(stop.networks[0], domain, **named) for stop in stops]
     slopes = [law.outside.largest_slope for law in laws]
-    chosen = int(np.argmin(errors))
-    affordable = STABILITY_PRICE[0] * errors[chosen] + STABILITY_PRICE[1]
-    stable = [k for k, slope in enumerate(slopes) if slope < 0 and errors[k] <= affordable]
-    if stable:
-        chosen = min(stable, key=lambda k: float(errors[k]))
+    chosen = stable_choice(errors.tolist(), slopes)
     history = tuple(
         _step(stop, float(error), slope < 0) for stop, error, slope in zip(stops, errors, slopes, strict=True)
     )

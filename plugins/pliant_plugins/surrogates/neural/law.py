@@ -13,6 +13,7 @@ from pliant.records.law import Domain, Effort, JointKind, JointLaw, LawRecord, S
 from pliant_plugins.surrogates.neural.continuation import Continuation, continue_
 from pliant_plugins.surrogates.neural.network import Network
 from pliant_plugins.surrogates.neural.scalar import network_effort, pack, shared
+from pliant_plugins.surrogates.records import arrays_of, law_record, shared_fields
 
 KIND = "neural"
 
@@ -81,27 +82,12 @@ class NeuralLaw(JointLaw):
 
     def record(self) -> LawRecord:
         """Network, domain and error bar; the continuation follows from them."""
-        values = {"joint": self.joint, "axes": list(self.axes), "actuation_name": self.actuation_name}
-        arrays = {
-            **self.network.arrays(),
-            "domain_actuation": self.domain.actuation,
-            "domain_deformation": self.domain.deformation,
-            **({} if self.error is None else self.error.arrays()),
-        }
-        return LawRecord(KIND, values, arrays)
+        return law_record(KIND, self, self.network.arrays())
 
     @staticmethod
     def of_record(record: LawRecord) -> NeuralLaw:
         """The law of a record; both evaluate to the same bits."""
-        arrays = {name: np.asarray(array, float) for name, array in record.arrays.items()}
-        return NeuralLaw(
-            Network(**{name: arrays[name] for name in Network.__dataclass_fields__}),
-            Domain(arrays["domain_actuation"], arrays["domain_deformation"]),
-            axes=tuple(record.values["axes"]),
-            joint=record.values["joint"],
-            actuation_name=str(record.values["actuation_name"]),
-            error=ErrorBar.of_arrays(record.arrays),
-        )
+        return NeuralLaw(Network(**arrays_of(record, *Network.__dataclass_fields__)), **shared_fields(record))
 
     def _energy(self, points: Array) -> Array:
         """(n,) Π̃, see `Continuation`."""

@@ -6,18 +6,17 @@ from typing import Any
 
 import numpy as np
 
-from pliant.errors import UserError
 from pliant.interfaces.surrogate import FittedLaw, Surrogate
 from pliant.records.fem import FemDataset, ModuleData
-from pliant.records.law import FitReport, LawRecord
+from pliant.records.law import LawRecord
 from pliant_plugins.surrogates.neural.config import NeuralConfig
 from pliant_plugins.surrogates.neural.fit import Trained, fit_network
 from pliant_plugins.surrogates.neural.law import KIND, NeuralLaw
 from pliant_plugins.surrogates.neural.system import States
-from pliant_plugins.surrogates.polynomial import energy_report, scoring
-from pliant_plugins.surrogates.polynomial.energy_states import split_axes
-from pliant_plugins.surrogates.polynomial.states import Split, split
+from pliant_plugins.surrogates.polynomial import scoring
+from pliant_plugins.surrogates.polynomial.states import effort_ranges, split
 from pliant_plugins.surrogates.polynomial.system import joint_of
+from pliant_plugins.surrogates.records import require_kind
 
 
 class Neural(Surrogate):
@@ -48,23 +47,23 @@ class Neural(Surrogate):
                 fit.dmoment_du[:, None, None],
             ),
             states.domain,
-            np.array([np.ptp(fit.moment_n_m)]),
+            effort_ranges(fit),
             self.config.units,
             self.config.seed,
             axes=(data.axis,),
             joint=joint_of(data),
             actuation_name=data.actuation_name,
         )
-        return FittedLaw(found.law, _report(found.law, states, self._details(found)))
+        return FittedLaw(found.law, scoring.report(found.law, states, self._details(found)))
 
     def fit_module(self, data: ModuleData) -> FittedLaw:
         """Fit all axes of a joint together, with what moves one axis turning another; one axis as `fit` does.
 
-        Raises `UserError` as `polynomial.energy_states.split_axes` does.
+        Raises `UserError` as `polynomial.states.split` does.
         """
         if len(data.axes) == 1:
             return self.fit(data.axis(data.axes[0]))
-        states = split_axes(data)
+        states = split(data, "a neural law")
         fit = states.fit
         found = fit_network(
             States(np.column_stack([fit.actuation, fit.deformation]), fit.tau, fit.dtau_dp, fit.dtau_du),
@@ -76,13 +75,12 @@ class Neural(Surrogate):
             joint=data.joint,
             actuation_name=data.actuation_name,
         )
-        report = energy_report.report(found.law, states, self._details(found), found.largest_slope)
+        report = scoring.report_axes(found.law, states, self._details(found), found.largest_slope)
         return FittedLaw(found.law, report)
 
     def load(self, record: LawRecord) -> NeuralLaw:
         """The law of a record that `NeuralLaw.record` wrote."""
-        if record.kind != KIND:
-            raise UserError(f"surrogate '{KIND}' cannot read a law of kind '{record.kind}'")
+        require_kind(record, KIND)
         return NeuralLaw.of_record(record)
 
     def _details(self, found: Trained) -> dict[str, Any]:
@@ -95,23 +93,3 @@ class Neural(Surrogate):
             "largest_slope": found.largest_slope,
             "stable": found.largest_slope < 0,
         }
-
-
-def _report(law: NeuralLaw, states: Split, details: dict[str, Any]) -> FitReport:
-    return FitReport(
-        n_fitted=len(states.fit),
-        n_heldout=len(states.check),
-        effort_range=states.effort_range,
-        **scoring.errors(law, states.check, states.effort_range),
-        details={
-            **details,
-            "held_out": states.held_out,
-            "excluded": states.excluded,
-            "in_contact": states.in_contact,
-            "coverage": scoring.coverage(states.fit, states.domain),
-            "slope_errors": scoring.slope_errors(law, states.check),
-            "residuals": scoring.residuals(law, states.check),
-            "error_bar": scoring.error_bar(law, states.check, states.effort_range),
-            **scoring.study_beside(states),
-        },
-    )

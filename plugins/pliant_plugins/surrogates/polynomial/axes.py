@@ -1,18 +1,120 @@
-"""A spherical joint's law from the laws of its axes, and the errors of all of them together."""
+"""The law of a spherical joint whose three axes do not affect each other: made, fitted, scored."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
 from pliant.errors import UserError
 from pliant.interfaces.surrogate import FittedLaw, Surrogate
+from pliant.records.design import Array
+from pliant.records.error_bar import BarsOfAxes, ErrorBar
 from pliant.records.fem import FemDataset
-from pliant.records.law import FitReport, JointLaw
-from pliant_plugins.surrogates.polynomial.axes_law import AXES, AxesLaw
+from pliant.records.law import Domain, Effort, FitReport, JointKind, JointLaw, LawRecord, ScalarLaw
+from pliant_plugins.surrogates.polynomial.law import PolynomialLaw
+
+AXES = ("x", "y", "z")
+
+
+@dataclass(frozen=True, eq=False)
+class AxesLaw(JointLaw):
+    """τ_k(p, u) = law_k(p, u_k) for k = x, y, z, the components of the joint's rotation vector.
+
+    It derives from the potential Σ Π_k(p, u_k). Its domain is the box of all three laws: their pressures in
+    common, and each one's own angles. Its error bar is that of the laws that have one.
+
+    Attributes:
+        laws: one law for each of x, y, z, all of one kind, whose `scalar` function takes any number of axes.
+
+    Raises:
+        UserError: the laws take different inputs or have no actuation in common.
+    """
+
+    laws: tuple[JointLaw, JointLaw, JointLaw]
+    axes: tuple[str, ...] = AXES
+    joint: JointKind = "spherical"
+    actuation_name: str = field(init=False)
+    domain: Domain = field(init=False)
+    error: ErrorBar | None = field(init=False, default=None)
+
+    def __post_init__(self) -> None:
+        names = sorted({law.actuation_name for law in self.laws})
+        if len(names) > 1:
+            raise UserError(
+                f"surrogate.axes: one joint has one actuation, and its axes take {' and '.join(names)}; give all of "
+                "them the same 'actuation_name'."
+            )
+        boxes = np.array([law.domain.actuation for law in self.laws])
+        common = np.array([boxes[:, 0].max(), boxes[:, 1].min()])
+        if not common[0] < common[1]:
+            ranges = ", ".join(f"{a} {low:g} to {high:g}" for a, (low, high) in zip(AXES, boxes, strict=True))
+            raise UserError(f"the axes have no {names[0]} in common: {ranges}")
+        deformation = np.concatenate([law.domain.deformation for law in self.laws])
+        object.__setattr__(self, "actuation_name", names[0])
+        object.__setattr__(self, "domain", Domain(common, deformation))
+        bars = tuple(law.error for law in self.laws)
+        if any(bar is not None for bar in bars):
+            object.__setattr__(self, "error", BarsOfAxes(bars))
+
+    def evaluate(self, actuation: Array, deformation: Array) -> Effort:
+        """τ (n, 3), ∂τ/∂p (n, 3) and the diagonal ∂τ/∂u (n, 3, 3) for deformation (n, 3)."""
+        u = np.asarray(deformation, float)
+        each = [law.evaluate(actuation, u[:, k : k + 1]) for k, law in enumerate(self.laws)]
+        slopes = np.zeros((len(u), 3, 3))
+        for k, effort in enumerate(each):
+            slopes[:, k, k] = effort.dtau_du[:, 0, 0]
+        return Effort(
+            np.concatenate([effort.tau for effort in each], axis=1),
+            np.concatenate([effort.dtau_dp for effort in each], axis=1),
+            slopes,
+        )
+
+    def potential(self, actuation: Array, deformation: Array) -> Array:
+        """Π(p, u) − Π(p, 0) in J, shape (n,), in closed form."""
+        u = np.asarray(deformation, float)
+        total: Array = np.sum(
+            [law.potential(actuation, u[:, k : k + 1]) for k, law in enumerate(self.laws)], axis=0
+        )
+        return total
+
+    def scalar(self) -> ScalarLaw:
+        """The same law for compiled engines."""
+        each = [scalar for law in self.laws if (scalar := law.scalar()) is not None]
+        parameters = np.concatenate([scalar.parameters for scalar in each])
+        return ScalarLaw(each[0].function, parameters, each[0].shared)
+
+    def record(self) -> LawRecord:
+        """The records of the axes, their names led by the axis."""
+        records = {axis: law.record() for axis, law in zip(AXES, self.laws, strict=True)}
+        values = {
+            "joint": self.joint,
+            "axes": list(AXES),
+            "actuation_name": self.actuation_name,
+            "of_axes": {axis: dict(record.values) for axis, record in records.items()},
+        }
+        arrays = {
+            f"{axis}_{name}": array
+            for axis, record in records.items()
+            for name, array in record.arrays.items()
+        }
+        return LawRecord(records[AXES[0]].kind, values, arrays)
+
+    @staticmethod
+    def of_record(
+        record: LawRecord, of_axis: Callable[[LawRecord], JointLaw] = PolynomialLaw.of_record
+    ) -> AxesLaw:
+        """The law of a record, the laws of its axes made by `of_axis`; both evaluate to the same bits."""
+
+        def one(axis: str) -> JointLaw:
+            start = f"{axis}_"
+            arrays = {k.removeprefix(start): v for k, v in record.arrays.items() if k.startswith(start)}
+            return of_axis(LawRecord(record.kind, record.values["of_axes"][axis], arrays))
+
+        return AxesLaw((one("x"), one("y"), one("z")))
+
 
 FEM = ""
 # Of each axis's own report; the rest of it stands under `axes`.

@@ -12,9 +12,10 @@ from pliant.errors import UserError
 from pliant.records.design import Array
 from pliant.records.fem import COUPLING, FemDataset, ModuleData
 from pliant.records.law import Domain
-from pliant_plugins.surrogates.polynomial.axes_law import AXES, AxesLaw
-from pliant_plugins.surrogates.polynomial.fit import STABILITY_PRICE, Candidate, fit_adaptive
+from pliant_plugins.surrogates.polynomial.axes import AXES, AxesLaw
+from pliant_plugins.surrogates.polynomial.fit import Candidate, fit_adaptive
 from pliant_plugins.surrogates.polynomial.states import MINIMUM_STATES
+from pliant_plugins.surrogates.stability import stable_choice
 
 # Degrees that are tried beside the largest of an energy: less, as many, more.
 DEGREES = (-5, -1, 3)
@@ -118,10 +119,7 @@ def _best(own: FemDataset, max_main: int) -> Candidate:
     found = list(_tried(own, domain, max_main))
     size = float(np.ptp(own.moment_n_m))
     errors = [_trimmed((left_out(one) / size) ** 2) for one in found]
-    best = int(np.argmin(errors))
-    affordable = STABILITY_PRICE[0] * errors[best] + STABILITY_PRICE[1]
-    stable = [k for k, one in enumerate(found) if one.largest_slope < 0 and errors[k] <= affordable]
-    return found[min(stable, key=lambda k: errors[k]) if stable else best]
+    return found[stable_choice(errors, [one.largest_slope for one in found])]
 
 
 def _tried(own: FemDataset, domain: Domain, max_main: int) -> Iterator[Candidate]:

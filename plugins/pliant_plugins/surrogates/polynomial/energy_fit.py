@@ -15,7 +15,15 @@ from pliant.interfaces.surrogate import FittedLaw
 from pliant.records.design import Array
 from pliant.records.fem import COUPLING, ModuleData
 from pliant.records.law import JointLaw
-from pliant_plugins.surrogates.polynomial.energy import Exponents
+from pliant_plugins.surrogates.polynomial.energy import (
+    PARITIES,
+    Coupling,
+    Exponents,
+    Main,
+    coupling_sets,
+    main_sets,
+    terms_of,
+)
 from pliant_plugins.surrogates.polynomial.energy_apart import (
     COUNTED,
     choice_of,
@@ -23,19 +31,11 @@ from pliant_plugins.surrogates.polynomial.energy_apart import (
     fit_apart,
     quality,
 )
-from pliant_plugins.surrogates.polynomial.energy_bar import error_bar
 from pliant_plugins.surrogates.polynomial.energy_law import EnergyLaw
-from pliant_plugins.surrogates.polynomial.energy_report import report
-from pliant_plugins.surrogates.polynomial.energy_states import Mask, effort_ranges, split_axes
-from pliant_plugins.surrogates.polynomial.energy_system import EnergySystem, Solution
-from pliant_plugins.surrogates.polynomial.energy_terms import (
-    PARITIES,
-    Coupling,
-    Main,
-    coupling_sets,
-    main_sets,
-    terms_of,
-)
+from pliant_plugins.surrogates.polynomial.energy_system import EnergySystem, Solution, error_bar
+from pliant_plugins.surrogates.polynomial.scoring import report_axes
+from pliant_plugins.surrogates.polynomial.states import Mask, effort_ranges, split
+from pliant_plugins.surrogates.stability import affordable
 
 # More terms than this share of the equations are never worth while.
 MOST_TERMS = 0.5
@@ -43,8 +43,6 @@ MOST_TERMS = 0.5
 MAIN_FIRST = 30.0
 # Two term sets whose errors differ by less than this share of the range are equally good.
 NEGLIGIBLE = 1e-9
-# As in a fit of one axis: stability may cost a factor of 3 and 0.2 % of the range.
-STABILITY_PRICE = (3.0, 2e-3)
 STABILITY_GRID = (5, 7)  # levels in p, and in each u
 ALONE_GRID = (31, 61)
 FEWEST_ALONE = 6  # states of the main axis alone from which its terms are chosen
@@ -79,9 +77,9 @@ def fit_energy(data: ModuleData, max_main: int, with_energy: bool = True) -> Fit
     Three laws by themselves take the energy's place where they miss states left out less (`compared`), unless only
     the energy is stable. They hold for
     modules whose other axes are free; what one axis does to another is then not in the law, and the report says so.
-    Raises `UserError` as `split_axes` does, and where the states do not determine a law.
+    Raises `UserError` as `split` does, and where the states do not determine a law.
     """
-    states = split_axes(data)
+    states = split(data, "a law")
     system = EnergySystem(states.fit, states.domain, effort_ranges(states.fit), with_energy)
     chosen, candidates = choose(system, max_main)
     together = quality(chosen.solution.misses, states.fit, system.ranges)
@@ -92,13 +90,13 @@ def fit_energy(data: ModuleData, max_main: int, with_energy: bool = True) -> Fit
     if apart is not None and not unstable and compared(together, by_itself) > 1:
         law: JointLaw = apart.law
         choice = {**choice_of(apart, by_itself), **beside}
-        return FittedLaw(law, report(law, states, choice, apart.largest_slope))
+        return FittedLaw(law, report_axes(law, states, choice, apart.largest_slope))
     error = error_bar(system, chosen.terms, chosen.solution)
     law = replace(
         law_of(system, chosen.terms, chosen.solution.coefficients).pruned(system.ranges), error=error
     )
     choice = {**_choice(chosen, candidates, system), "terms_kept": len(law.coefficients), **beside}
-    return FittedLaw(law, report(law, states, choice, chosen.largest_slope()))
+    return FittedLaw(law, report_axes(law, states, choice, chosen.largest_slope()))
 
 
 def choose(system: EnergySystem, max_main: int) -> tuple[Candidate, list[Candidate]]:
@@ -213,8 +211,7 @@ def _better(one: Candidate, other: Candidate) -> bool:
 def _fewest(candidates: list[Candidate]) -> Candidate:
     """The one-standard-error rule among laws that are stable over the box, if one of them is about as good."""
     by_error = sorted(candidates, key=lambda c: c.rmse)
-    affordable = STABILITY_PRICE[0] * by_error[0].rmse + STABILITY_PRICE[1]
-    near = (c for c in by_error if c.rmse <= affordable)
+    near = (c for c in by_error if c.rmse <= affordable(by_error[0].rmse))
     stable = next((c for c in near if c.largest_slope() < 0), None)
     best = stable or by_error[0]
     limit = best.rmse + best.rmse_se + NEGLIGIBLE

@@ -8,6 +8,7 @@ from itertools import combinations_with_replacement
 
 import numpy as np
 
+from pliant.mechanics.law_draws import error_tables
 from pliant.records.design import Array
 from pliant.records.error_bar import ErrorBar
 from pliant.records.law import Domain, Effort, JointKind, JointLaw, LawRecord, ScalarLaw
@@ -15,7 +16,8 @@ from pliant_plugins.surrogates.polynomial.energy import EnergyBasis, unit
 from pliant_plugins.surrogates.polynomial.energy_continuation import UPPER, continuation, packed
 from pliant_plugins.surrogates.polynomial.energy_kernel import evaluate
 from pliant_plugins.surrogates.polynomial.energy_scalar import energy_effort, shared
-from pliant_plugins.surrogates.polynomial.law import KIND
+from pliant_plugins.surrogates.polynomial.law import KIND, monomials
+from pliant_plugins.surrogates.records import arrays_of, law_record, shared_fields
 
 # Of the efforts' ranges: smaller changes of τ are no loss.
 NEGLIGIBLE = 1e-7
@@ -106,47 +108,41 @@ class EnergyLaw(JointLaw):
         return packed(self.basis, self.coefficients, box, how)
 
     def draws(self, count: int, seed: int) -> tuple[JointLaw, ...]:
-        """Laws with the work of drawn errors as further terms; empty where the law states no error."""
-        from pliant_plugins.surrogates.polynomial.drawn import drawn_energies  # it makes such laws
-
-        return drawn_energies(self, count, seed)
+        """Laws whose energy has the work of drawn errors (`mechanics.law_draws`) taken away; empty without an error."""
+        if self.error is None:
+            return ()
+        box = np.vstack([self.domain.actuation, self.domain.deformation])
+        old = self.basis
+        drawn = []
+        for tables in error_tables(self, count, seed):
+            exponents, coefficients = [old.exponents], [self.coefficients]
+            for a, table in enumerate(tables):
+                maps = np.vstack([old.actuation_map, old.deformation_map[a]])
+                work = monomials(table, box[[0, 1 + a]], maps)
+                i, j = (grid.ravel() for grid in np.indices(work.shape))
+                powers = np.zeros((work.size, 1 + len(self.axes)), np.int64)
+                powers[:, 0], powers[:, 1 + a] = i, j + 1
+                exponents.append(powers)
+                coefficients.append(-work.ravel() * old.deformation_map[a, 1] / (j + 1))
+            basis = replace(old, exponents=np.concatenate(exponents))
+            drawn.append(replace(self, basis=basis, coefficients=np.concatenate(coefficients)))
+        return tuple(drawn)
 
     def record(self) -> LawRecord:
         """Terms, coefficients, scales, domain and error bar."""
-        values = {
-            "form": "energy",
-            "joint": self.joint,
-            "axes": list(self.axes),
-            "actuation_name": self.actuation_name,
-        }
+        basis = self.basis
         arrays = {
-            "exponents": self.basis.exponents.astype(float),
+            "exponents": basis.exponents.astype(float),
             "coefficients": self.coefficients,
-            "actuation_map": self.basis.actuation_map,
-            "deformation_map": self.basis.deformation_map,
-            "domain_actuation": self.domain.actuation,
-            "domain_deformation": self.domain.deformation,
-            **(self.error.arrays() if self.error else {}),
+            "actuation_map": basis.actuation_map,
+            "deformation_map": basis.deformation_map,
         }
-        return LawRecord(KIND, values, arrays)
+        return law_record(KIND, self, arrays, form="energy")
 
     @staticmethod
     def of_record(record: LawRecord) -> EnergyLaw:
         """The law of a record; both evaluate to the same bits."""
-        arrays, values = record.arrays, record.values
-        basis = EnergyBasis(
-            np.asarray(arrays["exponents"], np.int64),
-            np.asarray(arrays["actuation_map"], float),
-            np.asarray(arrays["deformation_map"], float),
-        )
-        return EnergyLaw(
-            basis,
-            np.asarray(arrays["coefficients"], float),
-            Domain(
-                np.asarray(arrays["domain_actuation"], float), np.asarray(arrays["domain_deformation"], float)
-            ),
-            axes=tuple(values["axes"]),
-            joint=values["joint"],
-            actuation_name=str(values["actuation_name"]),
-            error=ErrorBar.of_arrays(arrays),
-        )
+        read = arrays_of(record, "coefficients", "actuation_map", "deformation_map")
+        coefficients = read.pop("coefficients")
+        basis = EnergyBasis(np.asarray(record.arrays["exponents"], np.int64), **read)
+        return EnergyLaw(basis, coefficients, **shared_fields(record))

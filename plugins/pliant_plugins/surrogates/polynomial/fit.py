@@ -11,15 +11,13 @@ from pliant.errors import UserError
 from pliant.records.fem import FemDataset
 from pliant.records.law import Domain
 from pliant_plugins.surrogates.polynomial.law import PolynomialLaw, largest_slope
-from pliant_plugins.surrogates.polynomial.posterior import Posterior, solve
-from pliant_plugins.surrogates.polynomial.shrinkage import Prior, all_terms, prior_of
+from pliant_plugins.surrogates.polynomial.posterior import Posterior, Prior, all_terms, prior_of, solve
 from pliant_plugins.surrogates.polynomial.system import System, Terms
+from pliant_plugins.surrogates.stability import affordable
 
 FAR_MORE = 5.0  # times the folds' error: such misses of fitted states count instead of it
 # Errors below this share of the effort's range are all the same to everyone.
 NEGLIGIBLE = 1e-10
-# Stability may cost a factor of 3 and 0.2 % of the range; snap-through that is in the data costs more.
-STABILITY_PRICE = (3.0, 2e-3)
 
 # Energies and travels determine so many more degrees of the effort.
 MORE_WITH_POTENTIAL = 3
@@ -57,7 +55,7 @@ def fit_adaptive(data: FemDataset, domain: Domain, max_degree: int) -> tuple[Can
 
     Of the sets of terms that the states determine by themselves, chosen is the one with the fewest terms whose
     error is within one standard error of the smallest. All terms of the largest degree, each held back by
-    `shrinkage.prior_of`, take its place where their error is the smallest by a standard error, or, for states that
+    `posterior.prior_of`, take its place where their error is the smallest by a standard error, or, for states that
     are spread and stand on no grid, not much larger: there folds leave out corners and say little of the inside.
     Where states know their energy and travel, the same terms fitted to those too compete with them.
     Both are chosen among the laws that are stable over the whole domain if one of them is about as good as the
@@ -76,8 +74,7 @@ def fit_adaptive(data: FemDataset, domain: Domain, max_degree: int) -> tuple[Can
     candidates += held
     best = min(candidates, key=lambda c: c.rmse)
     stable = [c for c in candidates if c.largest_slope < 0]
-    affordable = STABILITY_PRICE[0] * best.rmse + STABILITY_PRICE[1]
-    eligible = stable if any(c.rmse <= affordable for c in stable) else candidates
+    eligible = stable if any(c.rmse <= affordable(best.rmse) for c in stable) else candidates
     return _choose(eligible), candidates
 
 

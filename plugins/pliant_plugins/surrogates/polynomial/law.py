@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
+from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
+from pliant.mechanics.law_draws import error_tables
 from pliant.records.design import Array
 from pliant.records.error_bar import ErrorBar
 from pliant.records.law import Domain, Effort, JointKind, JointLaw, LawRecord, ScalarLaw
 from pliant_plugins.surrogates.continued import ContinuedLaw
 from pliant_plugins.surrogates.polynomial.batch import effort
 from pliant_plugins.surrogates.polynomial.scalar import axes_effort, block, shared
+from pliant_plugins.surrogates.records import arrays_of, law_record, shared_fields
 
 KIND = "polynomial"
+ARRAYS = ("coefficients", "actuation_map", "deformation_map")
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,46 +71,29 @@ class PolynomialLaw(ContinuedLaw):
         return ScalarLaw(axes_effort, parameters, shared)
 
     def draws(self, count: int, seed: int) -> tuple[JointLaw, ...]:
-        """Laws with drawn errors as further coefficients; empty where the law states no error."""
-        from pliant_plugins.surrogates.polynomial.drawn import drawn_polynomials  # it makes such laws
-
-        return drawn_polynomials(self, count, seed)
+        """Laws with drawn errors (`mechanics.law_draws`) as further coefficients; empty without an error bar."""
+        if self.error is None:
+            return ()
+        limits = np.vstack([self.domain.actuation, self.domain.deformation])
+        maps = np.vstack([self.actuation_map, self.deformation_map])
+        drawn = []
+        for tables in error_tables(self, count, seed):
+            added = monomials(tables[0], limits, maps)
+            total = np.zeros(np.maximum(self.coefficients.shape, added.shape))
+            for one in (self.coefficients, added):
+                total[tuple(map(slice, one.shape))] += one
+            drawn.append(replace(self, coefficients=total))
+        return tuple(drawn)
 
     def record(self) -> LawRecord:
         """Coefficients, scales and domain; `Polynomial.load` makes the same law of them."""
-        values = {
-            "joint": self.joint,
-            "axes": list(self.axes),
-            "actuation_name": self.actuation_name,
-            "odd": self.odd,
-        }
-        arrays = {
-            "coefficients": self.coefficients,
-            "actuation_map": self.actuation_map,
-            "deformation_map": self.deformation_map,
-            "domain_actuation": self.domain.actuation,
-            "domain_deformation": self.domain.deformation,
-            **(self.error.arrays() if self.error else {}),
-        }
-        return LawRecord(KIND, values, arrays)
+        return law_record(KIND, self, {name: getattr(self, name) for name in ARRAYS}, odd=self.odd)
 
     @staticmethod
     def of_record(record: LawRecord) -> PolynomialLaw:
         """The law of a record; both evaluate to the same bits."""
-        arrays, values = record.arrays, record.values
-        return PolynomialLaw(
-            np.asarray(arrays["coefficients"], float),
-            np.asarray(arrays["actuation_map"], float),
-            np.asarray(arrays["deformation_map"], float),
-            Domain(
-                np.asarray(arrays["domain_actuation"], float), np.asarray(arrays["domain_deformation"], float)
-            ),
-            odd=float(values["odd"]),
-            actuation_name=str(values["actuation_name"]),
-            axes=tuple(values["axes"]),
-            joint=values["joint"],
-            error=ErrorBar.of_arrays(arrays),
-        )
+        odd = float(record.values["odd"])
+        return PolynomialLaw(**arrays_of(record, *ARRAYS), **shared_fields(record), odd=odd)
 
     def _pack(self) -> tuple[Array, NDArray[np.int64], Array]:
         """Coefficients, their number in each row and all other numbers, as `batch.effort` takes them."""
@@ -166,3 +153,16 @@ def largest_slope(law: JointLaw) -> float:
     (low_p, high_p), (low_u, high_u) = law.domain.actuation, law.domain.deformation[0]
     p, u = np.meshgrid(np.linspace(low_p, high_p, 61), np.linspace(low_u, high_u, 61))
     return float(law.evaluate(p.ravel(), u.reshape(-1, 1)).dtau_du.max())
+
+
+def monomials(table: Array, limits: Array, maps: Array) -> Array:
+    """(I, J) coefficients of x^i v^j, scaled by `maps` (2, 2), of a Chebyshev table in coordinates of `limits`."""
+    out = table
+    for axis, ((low, high), (centre, scale)) in enumerate(zip(limits, maps, strict=True)):
+        size = table.shape[axis]
+        # Columns: monomials of the map's coordinate as Chebyshev series of the box's, t = (x·scale + centre − m)/h.
+        nodes = chebyshev.chebpts1(size)
+        x = ((low + high) / 2 + nodes * (high - low) / 2 - centre) / scale
+        change = np.linalg.solve(np.vander(x, size, increasing=True), chebyshev.chebvander(nodes, size - 1))
+        out = np.moveaxis(np.tensordot(change, out, axes=(1, axis)), 0, axis)
+    return out

@@ -1,29 +1,126 @@
-"""Errors of a law on states that it has not seen."""
+"""Errors of a law on states that it has not seen: of one axis, or axis by axis and where several are held."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
 from pliant.errors import UserError
-from pliant.records.fem import FemDataset
-from pliant.records.law import Domain, JointLaw
+from pliant.records.design import Array
+from pliant.records.fem import COUPLING, FemDataset, ModuleData
+from pliant.records.law import Domain, FitReport, JointLaw
 from pliant_plugins.surrogates.polynomial.config import StudyCoefficients
-from pliant_plugins.surrogates.polynomial.states import Split
-from pliant_plugins.surrogates.polynomial.study_differences import energies_known, fit_differences
-from pliant_plugins.surrogates.polynomial.study_form import fit_study, study_law
+from pliant_plugins.surrogates.polynomial.states import Mask, Split
+from pliant_plugins.surrogates.polynomial.study import (
+    energies_known,
+    fit_differences,
+    fit_study,
+    study_law,
+)
 
 # Of the band that a report checks.
 LEVEL = 0.9
 
 
-def errors(law: JointLaw, data: FemDataset, effort_range: float) -> dict[str, float]:
-    """rmse and worst (N·m), worst_of_range and r2 of the moments of `data`."""
-    missed = law.evaluate(data.actuation, data.angle_rad[:, None]).tau[:, 0] - data.moment_n_m
-    spread = float(np.sum((data.moment_n_m - data.moment_n_m.mean()) ** 2))
+def report(
+    law: JointLaw, states: Split[FemDataset], details: Mapping[str, Any], odd: bool = False
+) -> FitReport:
+    """Errors of a law of one axis on its check states; the study's forms, with `odd` or not, stand beside it."""
+    check = states.check
+    u, given = check.angle_rad[:, None], check.moment_n_m
+    predicted = law.evaluate(check.actuation, u).tau[:, 0]
+    band = law.band(check.actuation, u, LEVEL)
+    size = float(states.ranges[0])
+    error_bar = None
+    if band is not None:
+        error_bar = {
+            "level": LEVEL,
+            "covered": float(np.mean(np.abs(predicted - given) <= band[:, 0])),
+            "n": len(check),
+            "mean_half_width_of_range": float(band.mean()) / size,
+        }
+    return FitReport(
+        n_fitted=len(states.fit),
+        n_heldout=len(check),
+        effort_range=size,
+        **errors(predicted - given, given, size),
+        details={
+            **details,
+            "held_out": states.held_out,
+            "excluded": states.excluded,
+            "in_contact": states.in_contact,
+            "coverage": coverage(states.fit, states.domain),
+            "error_bar": error_bar,
+            "slope_errors": slope_errors(law, check),
+            "residuals": _residuals(check.actuation, check.angle_rad, given, predicted),
+            **study_beside(states, odd),
+        },
+    )
+
+
+def report_axes(
+    law: JointLaw, states: Split[ModuleData], choice: Mapping[str, Any], largest_slope: float
+) -> FitReport:
+    """`details["axes"]` has each axis on the states that explore it, `details["coupling"]` those that hold several.
+
+    Totals are over all check states and axes; `r2` and `worst_of_range` are those of the worst axis.
+    """
+    check, fit = states.check, states.fit
+    predicted = law.evaluate(check.actuation, check.deformation).tau
+    missed = predicted - check.tau
+
+    def scores(k: int, rows: Mask) -> dict[str, Any]:
+        size = float(states.ranges[k])
+        found = errors(missed[rows, k], check.tau[rows, k], size)
+        return {"n_heldout": int(rows.sum()), **found, "effort_range": size}
+
+    axes: dict[str, Any] = {}
+    for k, axis in enumerate(check.axes):
+        own = check.explored == axis
+        if not own.any():
+            own = np.ones(len(check), bool)
+        axes[axis] = {
+            **scores(k, own),
+            "n_fitted": int(np.sum(fit.explored == axis)),
+            "form": choice["form"],
+            "held_out": states.held_out,
+            "stable": largest_slope < 0,
+            "residuals": _residuals(
+                check.actuation[own], check.deformation[own, k], check.tau[own, k], predicted[own, k]
+            ),
+        }
+    several = check.explored == COUPLING
+    details: dict[str, Any] = {
+        **choice,
+        "held_out": states.held_out,
+        "stated_axes": [],
+        "excluded": states.excluded,
+        "in_contact": states.in_contact,
+        "largest_slope": largest_slope,
+        "stable": largest_slope < 0,
+        "axes": axes,
+        "error_bar": _axes_error_bar(law, states, np.abs(missed)),
+    }
+    if several.any():
+        details[COUPLING] = {axis: scores(k, several) for k, axis in enumerate(check.axes)}
+    return FitReport(
+        n_fitted=len(fit),
+        n_heldout=len(check),
+        rmse=float(np.sqrt(np.mean(missed**2))),
+        worst=float(np.abs(missed).max()),
+        worst_of_range=float((np.abs(missed) / states.ranges).max()),
+        r2=min(one["r2"] for one in axes.values()),
+        effort_range=float(states.ranges.max()),
+        details=details,
+    )
+
+
+def errors(missed: Array, given: Array, effort_range: float) -> dict[str, float]:
+    """rmse and worst (N·m), worst_of_range and r2 of efforts `given` (n,) that are missed by `missed` (n,)."""
+    spread = float(np.sum((given - given.mean()) ** 2))
     worst = float(np.abs(missed).max())
     return {
         "rmse": float(np.sqrt(np.mean(missed**2))),
@@ -33,18 +130,30 @@ def errors(law: JointLaw, data: FemDataset, effort_range: float) -> dict[str, fl
     }
 
 
-def error_bar(law: JointLaw, data: FemDataset, effort_range: float) -> dict[str, float] | None:
-    """Share of the states of `data` that lie in the law's band, and the band's mean half-width; None without one."""
-    u = data.angle_rad[:, None]
-    band = law.band(data.actuation, u, LEVEL)
+def axes_known(data: ModuleData) -> Mask:
+    """(n, k) marks the axes that a state says something of: the one that it explores, or all where it holds several."""
+    known: Mask = data.explored[:, None] == np.array(data.axes)
+    known |= (data.explored == COUPLING)[:, None]
+    return known if known.any() else np.ones_like(known)
+
+
+def _axes_error_bar(law: JointLaw, states: Split[ModuleData], missed: Array) -> dict[str, Any] | None:
+    """Shares of check states in the law's band, each axis where it is explored or held; None without a band."""
+    check = states.check
+    band = law.band(check.actuation, check.deformation, LEVEL)
     if band is None:
         return None
-    missed = np.abs(law.evaluate(data.actuation, u).tau[:, 0] - data.moment_n_m)
+    inside, known = missed <= band, axes_known(check)
     return {
         "level": LEVEL,
-        "covered": float(np.mean(missed <= band[:, 0])),
-        "n": len(data),
-        "mean_half_width_of_range": float(band.mean()) / effort_range,
+        "covered": float(inside[known].mean()),
+        "n": int(known.sum()),
+        "mean_half_width_of_range": float((band / states.ranges)[known].mean()),
+        "axes": {
+            axis: {"covered": float(inside[own, k].mean()), "n": int(own.sum())}
+            for k, axis in enumerate(check.axes)
+            if (own := known[:, k]).any()
+        },
     }
 
 
@@ -61,17 +170,17 @@ def slope_errors(law: JointLaw, data: FemDataset) -> dict[str, float]:
     return result
 
 
-def residuals(law: JointLaw, data: FemDataset) -> dict[str, list[float]]:
+def _residuals(actuation: Array, angle: Array, given: Array, predicted: Array) -> dict[str, list[float]]:
     """What a picture of the fit needs, state by state."""
     return {
-        "actuation": data.actuation.tolist(),
-        "angle_rad": data.angle_rad.tolist(),
-        "moment_n_m": data.moment_n_m.tolist(),
-        "predicted_n_m": law.evaluate(data.actuation, data.angle_rad[:, None]).tau[:, 0].tolist(),
+        "actuation": actuation.tolist(),
+        "angle_rad": angle.tolist(),
+        "moment_n_m": given.tolist(),
+        "predicted_n_m": predicted.tolist(),
     }
 
 
-def study_beside(split: Split, odd: bool = False) -> dict[str, Any]:
+def study_beside(split: Split[FemDataset], odd: bool = False) -> dict[str, Any]:
     """The study's forms fitted to the same states and scored on the same states, by the details' names.
 
     `study_form` is fitted by least squares; `study_finite_differences` is there where strain energies are known.
@@ -83,14 +192,16 @@ def study_beside(split: Split, odd: bool = False) -> dict[str, Any]:
 
 
 def _scored(
-    split: Split, odd: bool, procedure: Callable[[FemDataset, bool], StudyCoefficients]
+    split: Split[FemDataset], odd: bool, procedure: Callable[[FemDataset, bool], StudyCoefficients]
 ) -> dict[str, Any]:
     try:
         coefficients = procedure(split.fit, odd)
     except UserError as error:
         return {"problem": str(error)}
+    check = split.check
     law = study_law(coefficients, odd, split.domain, split.fit.actuation_name, split.fit.axis)
-    scores: dict[str, Any] = errors(law, split.check, split.effort_range)
+    missed = law.evaluate(check.actuation, check.angle_rad[:, None]).tau[:, 0] - check.moment_n_m
+    scores: dict[str, Any] = errors(missed, check.moment_n_m, float(split.ranges[0]))
     return {**scores, "parameters": coefficients.canonical(), "odd": odd}
 
 

@@ -3,17 +3,22 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pliant.errors import UserError
-from pliant.records.fem import SELF_CONTACT, TRUSTED, FemDataset
+from pliant.records.design import Array
+from pliant.records.fem import SELF_CONTACT, TRUSTED, FemDataset, ModuleData
 from pliant.records.law import Domain
 
 Mask = NDArray[np.bool_]
+Data = TypeVar("Data", FemDataset, ModuleData)
 
+# Of one axis; of several, a plane in (p, u_1 … u_k) for each, and as much again to judge it by.
 MINIMUM_STATES = 6
+MINIMUM_PER_AXIS = 4
 HELD_OUT_SHARE = 0.2
 HELD_OUT_SEED = 0
 # Repeats of a bench test scatter; a tenth of the range is a mistake.
@@ -21,23 +26,46 @@ CONTRADICTION = 0.1
 
 
 @dataclass(frozen=True, eq=False)
-class Split:
-    """States to fit, states to score, the law's domain, the range of the effort, how they were chosen.
+class Split(Generic[Data]):
+    """States to fit, states to score, the law's domain, the range (k,) of each axis' effort, how they were chosen.
 
     `excluded` counts the states that are neither fitted nor scored, `in_contact` those that are fitted or
     scored although convolutions touch there: the law then has the stiffness of a module without contact.
     """
 
-    fit: FemDataset
-    check: FemDataset
+    fit: Data
+    check: Data
     domain: Domain
-    effort_range: float
+    ranges: Array
     held_out: str
     excluded: dict[str, int]
     in_contact: int
 
 
-def split(data: FemDataset, law: str = "a polynomial law") -> Split:
+@dataclass(frozen=True, eq=False)
+class _Columns:
+    """What a state is made of: `at` (n, 1 + k) actuation and deformations, `tau` (n, k), and the names of both."""
+
+    at: Array
+    tau: Array
+    at_names: tuple[str, ...]
+    tau_names: tuple[str, ...]
+
+    @staticmethod
+    def of(data: FemDataset | ModuleData) -> _Columns:
+        if isinstance(data, FemDataset):
+            at, tau = np.column_stack([data.actuation, data.angle_rad]), data.moment_n_m[:, None]
+            return _Columns(at, tau, (data.actuation_name, "angle_rad"), ("moment_n_m",))
+        about = [f" of axis {axis}" if len(data.axes) > 1 else "" for axis in data.axes]
+        return _Columns(
+            np.column_stack([data.actuation, data.deformation]),
+            data.tau,
+            (data.actuation_name, *(f"angle_rad{axis}" for axis in about)),
+            tuple(f"moment_n_m{axis}" for axis in about),
+        )
+
+
+def split(data: Data, law: str = "a polynomial law") -> Split[Data]:
     """Check the data, bound the domain by trusted states, choose which states are fitted and which scored.
 
     The domain is the box of the trusted states of role "fit": it ends where self-contact takes over. Inside it
@@ -45,111 +73,114 @@ def split(data: FemDataset, law: str = "a polynomial law") -> Split:
     "check" are scored; data without any hold out a seeded fifth of the states inside the box.
     Raises `UserError` for numbers that are not finite, contradictions and too few states; `law` is its noun.
     """
-    _finite(data)
+    columns = _Columns.of(data)
+    _finite(columns)
     good = np.isin(data.status, TRUSTED)
     converged = good | (data.status == SELF_CONTACT)
-    _agreeing(data, converged)
-    trusted = data.rows(good & (data.role == "fit"))
-    _enough(trusted, data, law)
-    domain = _box(trusted)
-    outside = _outside(domain, data)
-    usable = data.rows(converged & ~outside)
+    _agreeing(columns, np.flatnonzero(converged))
+    trusted = good & (data.role == "fit")
+    _enough(data, trusted, law)
+    box = np.column_stack([columns.at[trusted].min(axis=0), columns.at[trusted].max(axis=0)])
+    domain = Domain(box[0], box[1:])
+    # Outside by more than rounding.
+    excess = np.abs(domain.excess(columns.at[:, 0], columns.at[:, 1:]))
+    outside = np.any(excess > 1e-9 * np.ptp(box, axis=1), axis=1)
     reason = np.where(good, "outside the fitted box", data.status)
     names, counts = np.unique(reason[outside | ~converged], return_counts=True)
-    excluded = {str(name): int(count) for name, count in zip(names, counts, strict=True)}
-    fit, check = usable.rows(usable.role == "fit"), usable.rows(usable.role == "check")
+    usable = data.rows(converged & ~outside)
+    chosen = usable.role == "check"
     held_out = "states of role check"
-    if len(check) == 0:
-        chosen = _hold_out(fit)
-        fit, check = fit.rows(~chosen), fit.rows(chosen)
+    if not chosen.any():
+        chosen = _hold_out(_Columns.of(usable).at)
         held_out = (
-            f"no state has role check in the domain: {len(check)} of {len(usable)} held out at random, "
+            f"no state has role check in the domain: {chosen.sum()} of {len(usable)} held out at random, "
             f"seed {HELD_OUT_SEED}"
         )
-        _enough(fit, data, law)
-    contact = int(np.sum(usable.status == SELF_CONTACT))
-    return Split(fit, check, domain, float(np.ptp(usable.moment_n_m)), held_out, excluded, contact)
+        _enough(usable, ~chosen, law)
+    return Split(
+        usable.rows(~chosen),
+        usable.rows(chosen),
+        domain,
+        effort_ranges(usable),
+        held_out,
+        {str(name): int(count) for name, count in zip(names, counts, strict=True)},
+        int(np.sum(usable.status == SELF_CONTACT)),
+    )
 
 
-def _box(data: FemDataset) -> Domain:
-    p, u = data.actuation, data.angle_rad
-    return Domain(np.array([p.min(), p.max()]), np.array([[u.min(), u.max()]]))
+def effort_ranges(data: FemDataset | ModuleData) -> Array:
+    """(k,) max − min of each axis' effort in the states that explore it; in all states where there are none."""
+    if isinstance(data, FemDataset):
+        return np.array([np.ptp(data.moment_n_m)])
+    ranges = []
+    for k, axis in enumerate(data.axes):
+        own = data.tau[data.explored == axis, k]
+        ranges.append(np.ptp(own) if len(own) > 1 and np.ptp(own) > 0 else np.ptp(data.tau[:, k]))
+    return np.array(ranges, float)
 
 
-def _outside(domain: Domain, data: FemDataset) -> Mask:
-    """States outside the box by more than rounding."""
-    excess = np.abs(domain.excess(data.actuation, data.angle_rad[:, None]))
-    size = np.array([np.ptp(domain.actuation), np.ptp(domain.deformation[0])])
-    return np.any(excess > 1e-9 * size, axis=1)
+def _finite(columns: _Columns) -> None:
+    for values, names in ((columns.at, columns.at_names), (columns.tau, columns.tau_names)):
+        for value, name in zip(values.T, names, strict=True):
+            for bad in np.flatnonzero(~np.isfinite(value))[:1]:
+                raise UserError(f"{name} is {value[bad]} in state {bad + 1}: a state needs a finite number")
 
 
-def _finite(data: FemDataset) -> None:
-    for name, label in (
-        ("actuation", data.actuation_name),
-        ("angle_rad", "angle_rad"),
-        ("moment_n_m", "moment_n_m"),
-    ):
-        bad = np.flatnonzero(~np.isfinite(getattr(data, name)))
-        if bad.size:
-            value = getattr(data, name)[bad[0]]
-            raise UserError(f"{label} is {value} in state {bad[0] + 1}: a state needs a finite number")
-
-
-def _agreeing(data: FemDataset, trusted: Mask) -> None:
-    index = np.flatnonzero(trusted)
+def _agreeing(columns: _Columns, index: NDArray[np.int64]) -> None:
     if index.size < 2:
         return
-    p, u, moment = data.actuation[index], data.angle_rad[index], data.moment_n_m[index]
-    order = np.lexsort((moment, u, p))
-    same = (np.diff(p[order]) == 0) & (np.diff(u[order]) == 0)
-    apart = np.flatnonzero(same & (np.diff(moment[order]) > CONTRADICTION * np.ptp(moment)))
-    if apart.size:
-        first, second = sorted((index[order[apart[0]]], index[order[apart[0] + 1]]))
+    at, tau = columns.at[index], columns.tau[index]
+    order = np.lexsort((tau[:, 0], *at.T[::-1]))
+    same = np.all(np.diff(at[order], axis=0) == 0, axis=1)
+    apart = np.abs(np.diff(tau[order], axis=0)) > CONTRADICTION * np.ptp(tau, axis=0)
+    for place in np.flatnonzero(same & apart.any(axis=1))[:1]:
+        first, second = sorted((index[order[place]], index[order[place + 1]]))
+        k = int(np.flatnonzero(apart[place])[0])
+        where = " and ".join(
+            f"{name} = {value:g}" for name, value in zip(columns.at_names, columns.at[first], strict=True)
+        )
         raise UserError(
-            f"states {first + 1} and {second + 1} contradict each other: at {data.actuation_name} = "
-            f"{data.actuation[first]:g} and angle_rad = {data.angle_rad[first]:g} one has the moment "
-            f"{data.moment_n_m[first]:g} N·m, the other {data.moment_n_m[second]:g} N·m"
+            f"states {first + 1} and {second + 1} contradict each other: at {where} one has the "
+            f"{_effort(columns.tau_names[k])} {columns.tau[first, k]:g} N·m, the other {columns.tau[second, k]:g} N·m"
         )
 
 
-def _hold_out(data: FemDataset) -> Mask:
+def _effort(name: str) -> str:
+    return name.replace("moment_n_m", "moment")
+
+
+def _hold_out(at: Array) -> Mask:
     """Mask of the held-out states; those on the border of the box stay in the fit and span the domain."""
-    inside = np.ones(len(data), bool)
-    for values in (data.actuation, data.angle_rad):
-        inside &= (values > values.min()) & (values < values.max())
-    wanted = max(1, round(HELD_OUT_SHARE * len(data)))
-    candidates = np.flatnonzero(inside)
-    if candidates.size < wanted:
-        candidates = np.arange(len(data))
-    chosen = np.zeros(len(data), bool)
+    inside = np.flatnonzero(np.all((at > at.min(axis=0)) & (at < at.max(axis=0)), axis=1))
+    wanted = max(1, round(HELD_OUT_SHARE * len(at)))
+    candidates = inside if len(inside) >= wanted else np.arange(len(at))
+    chosen = np.zeros(len(at), bool)
     chosen[np.random.default_rng(HELD_OUT_SEED).choice(candidates, wanted, replace=False)] = True
     return chosen
 
 
-def _enough(fit: FemDataset, data: FemDataset, law: str) -> None:
-    names, counts = np.unique(data.status[~np.isin(data.status, TRUSTED)], return_counts=True)
-    left_out = "".join(
-        f"; {n} with status '{name}' are not trusted" for name, n in zip(names, counts, strict=True)
-    )
-    if len(fit) < MINIMUM_STATES:
-        raise UserError(
-            f"{law} needs at least {MINIMUM_STATES} states to fit besides those that score it, "
-            f"and there are {len(fit)}{left_out}{_let_pass(names)}"
+def _enough(data: FemDataset | ModuleData, fitted: Mask, law: str) -> None:
+    columns, count = _Columns.of(data), int(fitted.sum())
+    k = columns.tau.shape[1]
+    wanted = MINIMUM_STATES if k == 1 else MINIMUM_PER_AXIS * (k + 1)
+    if count < wanted:
+        names, counts = np.unique(data.status[~np.isin(data.status, TRUSTED)], return_counts=True)
+        left_out = "".join(
+            f"; {n} with status '{name}' are not trusted" for name, n in zip(names, counts, strict=True)
         )
-    for values, label in ((fit.actuation, fit.actuation_name), (fit.angle_rad, "angle_rad")):
-        if np.ptp(values) == 0:
+        let_pass = "; 'fem.self_contact: pass' keeps states in which convolutions go through each other"
+        raise UserError(
+            f"{law}{f' of {k} coupled axes' if k > 1 else ''} needs at least {wanted} states to fit besides those that "
+            f"score it, and there are {count}{left_out}{let_pass if SELF_CONTACT in names else ''}"
+        )
+    for value, name in zip(columns.at[fitted].T, columns.at_names, strict=True):
+        if np.ptp(value) == 0:
             raise UserError(
-                f"all {len(fit)} states have the same {label} ({values[0]:g}): a law of it needs two levels"
+                f"all {count} states have the same {name} ({value[0]:g}): a law of it needs two levels"
             )
-    if np.ptp(fit.moment_n_m) == 0:
-        raise UserError(
-            f"all {len(fit)} states have the moment {fit.moment_n_m[0]:g} N·m: add states with an external "
-            "moment (the constrained branch)"
-        )
-
-
-def _let_pass(statuses: NDArray[np.str_]) -> str:
-    """The end of a sentence: how to keep states in which convolutions overlap."""
-    if SELF_CONTACT not in statuses:
-        return ""
-    return "; 'fem.self_contact: pass' keeps states in which convolutions go through each other"
+    for value, name in zip(columns.tau[fitted].T, columns.tau_names, strict=True):
+        if np.ptp(value) == 0:
+            raise UserError(
+                f"all {count} states have the {_effort(name)} {value[0]:g} N·m: add states with an external "
+                "moment (the constrained branch)"
+            )

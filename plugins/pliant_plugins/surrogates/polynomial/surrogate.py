@@ -7,22 +7,26 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from pliant.errors import UserError
 from pliant.interfaces.surrogate import FittedLaw, Surrogate
 from pliant.records.fem import FemDataset, ModuleData
-from pliant.records.law import FitReport, LawRecord
+from pliant.records.law import LawRecord
 from pliant_plugins.surrogates.polynomial import scoring
-from pliant_plugins.surrogates.polynomial.axes import axes_law, fit_each
-from pliant_plugins.surrogates.polynomial.axes_law import AXES, AxesLaw
+from pliant_plugins.surrogates.polynomial.axes import AXES, AxesLaw, axes_law, fit_each
 from pliant_plugins.surrogates.polynomial.config import PolynomialConfig
 from pliant_plugins.surrogates.polynomial.energy_fit import fit_energy
 from pliant_plugins.surrogates.polynomial.energy_law import EnergyLaw
 from pliant_plugins.surrogates.polynomial.fit import Candidate, fit_adaptive
 from pliant_plugins.surrogates.polynomial.law import KIND, PolynomialLaw, largest_slope
-from pliant_plugins.surrogates.polynomial.states import Split, split
-from pliant_plugins.surrogates.polynomial.study_differences import fit_differences
-from pliant_plugins.surrogates.polynomial.study_form import fit_study, stated_domain, study_bar, study_law
+from pliant_plugins.surrogates.polynomial.states import split
+from pliant_plugins.surrogates.polynomial.study import (
+    fit_differences,
+    fit_study,
+    stated_domain,
+    study_bar,
+    study_law,
+)
 from pliant_plugins.surrogates.polynomial.system import joint_of
+from pliant_plugins.surrogates.records import require_kind
 
 # An energy's degree is one more than its effort's; where walls meet, the main axis alone takes four more.
 MORE_IN_ENERGY = 5
@@ -33,7 +37,7 @@ class Polynomial(Surrogate):
 
     Form "adaptive" fits values and slopes by least squares, energies and travels of FEM states too where that
     helps, and chooses the degree by cross-validation; form
-    "study" is the published one (see `study_form` and `study_differences`). `FitReport.details` holds the
+    "study" is the published one (see `study`). `FitReport.details` holds the
     cross-validation table, the residuals, the share of states inside the error bar and the errors of the study's
     forms on the same states.
     """
@@ -125,12 +129,13 @@ class Polynomial(Surrogate):
                 "deformation_map": law.deformation_map.tolist(),
             }
             choice = {"form": "adaptive", **_choice(chosen, candidates)}
-        return FittedLaw(law, _report(law, states, {**choice, "parameters": parameters}))
+        slope = largest_slope(law)
+        details = {**choice, "parameters": parameters, "largest_slope": slope, "stable": slope < 0}
+        return FittedLaw(law, scoring.report(law, states, details, bool(choice.get("odd", False))))
 
     def load(self, record: LawRecord) -> PolynomialLaw | AxesLaw | EnergyLaw:
         """The law of a record that `PolynomialLaw.record`, `AxesLaw.record` or `EnergyLaw.record` wrote."""
-        if record.kind != KIND:
-            raise UserError(f"surrogate '{KIND}' cannot read a law of kind '{record.kind}'")
+        require_kind(record, KIND)
         if record.values.get("form") == "energy":
             return EnergyLaw.of_record(record)
         if record.values["joint"] == "spherical":
@@ -163,26 +168,3 @@ def _choice(chosen: Candidate, candidates: list[Candidate]) -> dict[str, Any]:
         "potential": chosen.potential,
         "cross_validation": table,
     }
-
-
-def _report(law: PolynomialLaw, states: Split, details: dict[str, Any]) -> FitReport:
-    slope = largest_slope(law)
-    return FitReport(
-        n_fitted=len(states.fit),
-        n_heldout=len(states.check),
-        effort_range=states.effort_range,
-        **scoring.errors(law, states.check, states.effort_range),
-        details={
-            **details,
-            "held_out": states.held_out,
-            "excluded": states.excluded,
-            "in_contact": states.in_contact,
-            "largest_slope": slope,
-            "stable": slope < 0,
-            "coverage": scoring.coverage(states.fit, states.domain),
-            "error_bar": scoring.error_bar(law, states.check, states.effort_range),
-            "slope_errors": scoring.slope_errors(law, states.check),
-            "residuals": scoring.residuals(law, states.check),
-            **scoring.study_beside(states, bool(details.get("odd", False))),
-        },
-    )

@@ -17,7 +17,7 @@ SLOPE_WEIGHT = 0.2
 POTENTIAL_WEIGHT = 1.0
 FOLDS = 6
 SEED = 0
-# States closer than this share of the half-range stand on one level.
+# States closer than this, in scaled coordinates, stand on one level.
 LEVEL = 1e-3
 # A bench meets its levels only nearly: states in groups narrower than this, and further apart, stand on levels too.
 JITTER = 0.1
@@ -59,7 +59,7 @@ class System:
         self.travel = np.where(np.isfinite(held), travel, np.nan) * self.x_map[1] / unit
         # Slopes come from computations, which meet their levels and tell more of each than one value.
         slopes_known = [bool(np.isfinite(slope).any()) for slope in self.slopes]
-        levels = [_levels(c, 0.0 if any(slopes_known) else JITTER) for c in (self.x, self.v)]
+        levels = [levels_of(c, 0.0 if any(slopes_known) else JITTER) for c in (self.x, self.v)]
         self.few = [
             bool(level.max() < FEW_LEVELS) and not known
             for level, known in zip(levels, slopes_known, strict=True)
@@ -141,7 +141,7 @@ def _folds(levels: list[NDArray[np.int64]]) -> list[Mask]:
     return folds or [np.arange(n) == k for k in range(n)]
 
 
-def _levels(coordinate: Array, jitter: float) -> NDArray[np.int64]:
+def levels_of(coordinate: Array, jitter: float = 0.0) -> NDArray[np.int64]:
     """(n,) number of each state's level, from 0 in ascending order.
 
     Groups narrower than `jitter` and further apart are levels; where there are other groups, equal values are.
@@ -149,9 +149,9 @@ def _levels(coordinate: Array, jitter: float) -> NDArray[np.int64]:
     order = np.argsort(coordinate, kind="stable")
     steps = np.diff(coordinate[order])
     level = np.empty(len(coordinate), np.int64)
-    for gap in (jitter, LEVEL):
+    for gap in (jitter, LEVEL) if jitter else (LEVEL,):
         level[order] = np.concatenate([[0], np.cumsum(steps > gap)])
-        if all(np.ptp(coordinate[level == k]) < gap for k in range(level.max() + 1)):
+        if gap == LEVEL or all(np.ptp(coordinate[level == k]) < gap for k in range(level.max() + 1)):
             break
     return level
 

@@ -21,6 +21,8 @@ from pliant.errors import UserError
 from pliant.records.design import Array
 from pliant.records.fem import FemDataset
 from pliant.records.law import Domain
+from pliant_plugins.surrogates.polynomial.system import levels_of
+from pliant_plugins.surrogates.stability import affordable
 from pliant_plugins.surrogates.table import spline
 
 # Of slopes by coordinates in [0, 1]: they are steeper than the values and would rule the fit.
@@ -29,10 +31,8 @@ CELLS_P, CELLS_U = (3, 12), (6, 16)
 FOLDS, SEED = 8, 0
 SMOOTHING = tuple(10.0**k for k in range(-10, 3, 2))
 FINER = (0.01, 0.1, 1.0, 10.0, 100.0)
-LEVEL = 1e-3  # states closer than this share of the range stand on one level
 RIDGE = 1e-12
 # Falling everywhere may cost this factor and share of the range; snap-through that is in the data costs more.
-STABILITY_PRICE = (3.0, 2e-3)
 FLATTEST = 0.02  # of the mean slope: what a law that must fall keeps everywhere
 PUSH, PUSHES = 1e3, 60
 
@@ -84,7 +84,7 @@ def fit_table(data: FemDataset, domain: Domain) -> Smoothed:
     found, forced = free, False
     if system.rises(free):
         fallen, rmse = system.falling(best), system.rmse_of_fitted
-        if rmse(fallen) <= STABILITY_PRICE[0] * max(error(best), rmse(free)) + STABILITY_PRICE[1]:
+        if rmse(fallen) <= affordable(max(error(best), rmse(free))):
             found, forced = fallen, True
     table = found.reshape(system.shape) * system.range
     log = tuple((*s, e) for s, e in tried.items())
@@ -100,7 +100,7 @@ class _System:
         x = (data.actuation - domain.actuation[0]) / spans[0]
         v = (data.angle_rad - domain.deformation[0, 0]) / spans[1]
         self.range = float(np.ptp(data.moment_n_m))
-        levels = [_levels(c) for c in (x, v)]
+        levels = [levels_of(c) for c in (x, v)]
         cells = (
             int(np.clip(levels[0].max(), *CELLS_P)),
             int(np.clip(min(levels[1].max(), 2 * round(np.sqrt(len(x)))), *CELLS_U)),
@@ -212,14 +212,6 @@ def _products(first: Array, second: Array) -> Array:
 def _roughness(size: int, order: int) -> Array:
     steps = np.diff(np.eye(size), order, axis=0)
     return steps.T @ steps
-
-
-def _levels(coordinate: Array) -> NDArray[np.int64]:
-    """(n,) number of each state's level, from 0 in ascending order."""
-    order = np.argsort(coordinate, kind="stable")
-    level = np.empty(len(coordinate), np.int64)
-    level[order] = np.concatenate([[0], np.cumsum(np.diff(coordinate[order]) > LEVEL)])
-    return level
 
 
 def _folds(levels: list[NDArray[np.int64]]) -> Iterator[Mask]:

@@ -10,6 +10,7 @@ from pliant.records.design import Array
 from pliant.records.error_bar import ErrorBar
 from pliant.records.law import Domain, JointKind, LawRecord, ScalarLaw
 from pliant_plugins.surrogates.continued import ContinuedLaw
+from pliant_plugins.surrogates.records import arrays_of, law_record, shared_fields
 from pliant_plugins.surrogates.table import spline
 from pliant_plugins.surrogates.table.scalar import axes_effort, block, shared
 
@@ -50,27 +51,12 @@ class TableLaw(ContinuedLaw):
 
     def record(self) -> LawRecord:
         """Coefficients, box and error bar; `Table.load` makes the same law of them."""
-        values = {"joint": self.joint, "axes": list(self.axes), "actuation_name": self.actuation_name}
-        arrays = {
-            "coefficients": self.coefficients,
-            "domain_actuation": self.domain.actuation,
-            "domain_deformation": self.domain.deformation,
-            **(self.error.arrays() if self.error else {}),
-        }
-        return LawRecord(KIND, values, arrays)
+        return law_record(KIND, self, {"coefficients": self.coefficients})
 
     @staticmethod
     def of_record(record: LawRecord) -> TableLaw:
         """The law of a record; both evaluate to the same bits."""
-        arrays, values = {name: np.asarray(a, float) for name, a in record.arrays.items()}, record.values
-        return TableLaw(
-            arrays["coefficients"],
-            Domain(arrays["domain_actuation"], arrays["domain_deformation"]),
-            str(values["actuation_name"]),
-            tuple(values["axes"]),
-            values["joint"],
-            ErrorBar.of_arrays(arrays),
-        )
+        return TableLaw(**arrays_of(record, "coefficients"), **shared_fields(record))
 
     def _inside(self, p: Array, u: Array) -> Array:
         (x, by_p), (v, by_u) = self._scaled(p, u)

@@ -3,23 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pliant.errors import UserError
 from pliant.interfaces.surrogate import FittedLaw, Surrogate
 from pliant.records.error_bar import ErrorBar
 from pliant.records.fem import FemDataset
-from pliant.records.law import FitReport, JointLaw, LawRecord
+from pliant.records.law import JointLaw, LawRecord
 from pliant_plugins.surrogates.polynomial import scoring
-from pliant_plugins.surrogates.polynomial.axes import fit_each
-from pliant_plugins.surrogates.polynomial.axes_law import AXES, AxesLaw
+from pliant_plugins.surrogates.polynomial.axes import AXES, AxesLaw, fit_each
 from pliant_plugins.surrogates.polynomial.law import largest_slope
-from pliant_plugins.surrogates.polynomial.states import Split, split
+from pliant_plugins.surrogates.polynomial.states import split
+from pliant_plugins.surrogates.polynomial.system import joint_of
+from pliant_plugins.surrogates.records import require_kind
 from pliant_plugins.surrogates.table.config import TableConfig
 from pliant_plugins.surrogates.table.fit import Smoothed, fit_table
 from pliant_plugins.surrogates.table.law import KIND, TableLaw
@@ -71,14 +70,14 @@ class Table(Surrogate):
             states.domain,
             data.actuation_name,
             (data.axis,),
-            "prismatic" if data.joint == "prismatic" else "revolute",
+            joint_of(data),
+            error,
         )
-        return FittedLaw(replace(law, error=error), _report(law, states, found))
+        return FittedLaw(law, scoring.report(law, states, _choice(law, found)))
 
     def load(self, record: LawRecord) -> JointLaw:
         """The law of a record that `TableLaw.record` or `AxesLaw.record` wrote."""
-        if record.kind != KIND:
-            raise UserError(f"surrogate '{KIND}' cannot read a law of kind '{record.kind}'")
+        require_kind(record, KIND)
         if record.values["joint"] == "spherical":
             return AxesLaw.of_record(record, TableLaw.of_record)
         return TableLaw.of_record(record)
@@ -89,33 +88,17 @@ def _told(n: int) -> NDArray[np.int64]:
     return np.sort(np.random.default_rng(SEED).permutation(n)[:MOST_PLACES])
 
 
-def _report(law: TableLaw, states: Split, found: Smoothed) -> FitReport:
+def _choice(law: TableLaw, found: Smoothed) -> dict[str, Any]:
     slope = largest_slope(law)
     order, in_p, in_u = found.smoothing
-    details: dict[str, Any] = {
+    names = ("order", "actuation", "deformation", "rmse_of_range")
+    return {
         "form": "table",
         "cells": [size - 3 for size in law.coefficients.shape],
         "smoothing": {"order": order, "actuation": in_p, "deformation": in_u},
         "left_out_rmse_of_range": found.rmse,
         "forced_to_fall": found.forced,
-        "tried": [
-            dict(zip(("order", "actuation", "deformation", "rmse_of_range"), t, strict=True))
-            for t in found.tried
-        ],
-        "held_out": states.held_out,
-        "excluded": states.excluded,
-        "in_contact": states.in_contact,
+        "tried": [dict(zip(names, one, strict=True)) for one in found.tried],
         "largest_slope": slope,
         "stable": slope < 0,
-        "coverage": scoring.coverage(states.fit, states.domain),
-        "slope_errors": scoring.slope_errors(law, states.check),
-        "residuals": scoring.residuals(law, states.check),
-        **scoring.study_beside(states),
     }
-    return FitReport(
-        n_fitted=len(states.fit),
-        n_heldout=len(states.check),
-        effort_range=states.effort_range,
-        **scoring.errors(law, states.check, states.effort_range),
-        details=details,
-    )

@@ -23,7 +23,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from pliant.pipeline.meta_model.leaving_out import Misses, box_of, effort_size
+from pliant.pipeline.meta_model.cross_validation import LeftOutResiduals, box_of, effort_size
 from pliant.records.design import Array
 from pliant.records.error_bar import FLOOR, GROWTH, ErrorBar
 from pliant.records.law import JointLaw
@@ -62,7 +62,7 @@ class Bars:
     share: Array
 
     @staticmethod
-    def of(designs: SolvedDesigns, misses: Misses) -> Bars:
+    def of(designs: SolvedDesigns, misses: LeftOutResiduals) -> Bars:
         """The bars of a meta-model's misses."""
         low, width = designs.box[:, 0], designs.scale
         keep = _chosen(misses.design, len(designs))

@@ -17,8 +17,8 @@ from pliant.errors import UserError
 from pliant.execution.progress import Progress
 from pliant.interfaces.meta_model import MetaModel, enough_to_score
 from pliant.pipeline.meta_model.designs import trusted
-from pliant.pipeline.meta_model.free_branch import free_misses
 from pliant.records.design import Array
+from pliant.records.fem import TRUSTED, ModuleData
 from pliant.records.law import JointLaw
 from pliant.records.solved import SolvedDesigns
 from pliant.store.store import (
@@ -37,7 +37,7 @@ DIGESTS = "digests.json"
 
 
 @dataclass(frozen=True, eq=False)
-class Misses:
+class LeftOutResiduals:
     """What the laws of designs that were left out miss on all their trusted states.
 
     Attributes:
@@ -66,15 +66,6 @@ class Misses:
     free_miss: Array
     free_angle: Array
     wall_s: float
-
-    def as_values(self) -> dict[str, Any]:
-        """The misses as a plain dict, for the store."""
-        return dict(vars(self))
-
-    @staticmethod
-    def of_values(values: Mapping[str, Any]) -> Misses:
-        """The misses that `as_values` gave."""
-        return Misses(**values)
 
 
 def parts_of(designs: SolvedDesigns, folds: int, fewest: int, stated: bool = True) -> list[NDArray[np.int64]]:
@@ -110,7 +101,7 @@ def misses_left_out(
     parts: Sequence[NDArray[np.int64]],
     partial: Path,
     progress: Progress,
-) -> Misses:
+) -> LeftOutResiduals:
     """Fit without each part and predict its designs; finished parts stay in `partial` for the next attempt."""
     bar = progress.begin("designs left out", len(designs))
     found = []
@@ -182,13 +173,13 @@ def _of_design(law: JointLaw, designs: SolvedDesigns, index: int) -> dict[str, A
     }
 
 
-def _merged(found: Sequence[Mapping[str, Any]], n: int) -> Misses:
+def _merged(found: Sequence[Mapping[str, Any]], n: int) -> LeftOutResiduals:
     order = np.concatenate([one["part"] for one in found])
     back = np.argsort(order)
     assert len(order) == n
     names = ("design", "place", "miss", "tau", "counts", "check", "free_design", "free_miss", "free_angle")
     joined = {name: np.concatenate([one[name] for one in found]) for name in names}
-    return Misses(
+    return LeftOutResiduals(
         **joined,
         size=np.concatenate([one["size"] for one in found])[back],
         doubt=np.concatenate([one["doubt"] for one in found])[back],
@@ -219,3 +210,57 @@ def effort_size(law: JointLaw) -> Array:
         deformation[:, a] = low + u * (high - low)
         sizes.append(float(np.ptp(law.evaluate(p, deformation).tau[:, a])))
     return np.array(sizes)
+
+
+STEPS = 12  # of the pressure between two free states
+NEWTON = 30
+# Of the law's own size, where Newton is done; and the longest step, in the same unit as u (rad, or shares of the box).
+TOLERANCE = 1e-10
+LONGEST = 0.25
+
+
+def free_misses(law: JointLaw, data: ModuleData) -> tuple[Array, Array]:
+    """Main deformation on the law's free branch minus that of the free trusted states with p > 0, and the latter.
+
+    NaN where the law has no equilibrium on the branch that starts at rest.
+    """
+    main = data.axes.index(data.main_axis)
+    rows = (data.branch == "free") & (data.actuation > 0) & np.isin(data.status, TRUSTED)
+    rows &= data.explored == data.main_axis
+    order = np.argsort(data.actuation[rows], kind="stable")
+    p, u = data.actuation[rows][order], data.deformation[rows][order]
+    return free_branch(law, p)[:, main] - u[:, main], u[:, main]
+
+
+def free_branch(law: JointLaw, actuation: Array) -> Array:
+    """(n, a) equilibria without load at ascending actuations (n,), followed from rest; NaN from where there is none."""
+    found = np.full((len(actuation), len(law.axes)), np.nan)
+    u, before = np.zeros(len(law.axes)), 0.0
+    reach = LONGEST * np.ptp(law.domain.deformation, axis=1)
+    for index, target in enumerate(np.asarray(actuation, float)):
+        for p in np.linspace(before, target, STEPS + 1)[1:]:
+            reached = _newton(law, float(p), u, reach)
+            if reached is None:
+                return found
+            u = reached
+        found[index], before = u, float(target)
+    return found
+
+
+def _newton(law: JointLaw, p: float, start: Array, reach: Array) -> Array | None:
+    """The stable equilibrium near `start`, or None."""
+    u, at = start.copy(), np.array([p])
+    for _ in range(NEWTON):
+        effort = law.evaluate(at, u[None])
+        slope = effort.dtau_du[0]
+        try:
+            step = np.linalg.solve(slope, effort.tau[0])
+        except np.linalg.LinAlgError:
+            return None
+        if not np.all(np.isfinite(step)):
+            return None
+        u = u - step / max(1.0, float(np.max(np.abs(step) / reach)))
+        if np.all(np.abs(step) <= TOLERANCE * reach):
+            stable = np.linalg.eigvalsh(-(slope + slope.T) / 2)[0] > 0
+            return u if stable else None
+    return None

@@ -16,7 +16,7 @@ INSIDE = 1e-9  # of a box's width: rounding
 
 
 @dataclass(frozen=True, eq=False)
-class Misses:
+class Residuals:
     """Predicted minus solved effort, m entries.
 
     A state that explores one axis tells of that axis alone, a state that holds all axes of all of them. Shares are
@@ -50,7 +50,7 @@ class Misses:
         inside: Array,
         every: bool = False,
         ranges: Array | None = None,
-    ) -> Misses:
+    ) -> Residuals:
         """Misses of `predict`, from (n,) and (n, k) to (n, k), at trusted states inside a box (1 + k, 2).
 
         With `every`, each state tells of all axes whose effort it knows, of those that follow freely too; `ranges`
@@ -70,7 +70,7 @@ class Misses:
                 axis.append(np.full(len(known), k))
         rows, place = np.concatenate(state), np.concatenate(axis)
         miss = predict(data.actuation, u)[rows, place] - tau[rows, place]
-        return Misses(
+        return Residuals(
             axes,
             rows,
             place,
@@ -82,12 +82,14 @@ class Misses:
         )
 
     @staticmethod
-    def of_law(data: ModuleData, law: JointLaw, every: bool = False, ranges: Array | None = None) -> Misses:
+    def of_law(
+        data: ModuleData, law: JointLaw, every: bool = False, ranges: Array | None = None
+    ) -> Residuals:
         """Misses of a law at trusted states inside its domain."""
         box = np.vstack([law.domain.actuation, law.domain.deformation])
-        return Misses.of(data, law.axes, lambda p, u: law.evaluate(p, u).tau, box, every, ranges)
+        return Residuals.of(data, law.axes, lambda p, u: law.evaluate(p, u).tau, box, every, ranges)
 
-    def rows(self, keep: NDArray[np.bool_]) -> Misses:
+    def rows(self, keep: NDArray[np.bool_]) -> Residuals:
         """The entries that a mask (m,) chooses."""
         names = ("state", "axis", "miss", "share", "check", "together")
         return replace(self, **{name: getattr(self, name)[keep] for name in names})

@@ -1,0 +1,93 @@
+"""What every joint law must hold: shared by the checks of surrogates, of meta-models and of effects that wrap laws."""
+
+from __future__ import annotations
+
+import io
+import json
+from typing import TypeVar
+
+import numpy as np
+
+from pliant.records.design import Array
+from pliant.records.law import JointLaw
+from pliant.store.codec import decode, encode
+from pliant.testing.suite import require, require_close
+
+T = TypeVar("T")
+EFFORTS = ("tau", "dtau_dp", "dtau_du")
+
+
+def stored(value: T) -> T:
+    """The value as the store writes and reads it: JSON and arrays without pickle. Raises where it is no data."""
+    arrays: dict[str, np.ndarray] = {}
+    text = json.dumps(encode(value, arrays), allow_nan=False)
+    file = io.BytesIO()
+    np.savez(file, allow_pickle=False, **arrays)
+    file.seek(0)
+    with np.load(file, allow_pickle=False) as read:
+        again: T = decode(json.loads(text), dict(read))
+    return again
+
+
+def require_exact_slopes(law: JointLaw, p: Array, u: Array, rtol: float, whose: str = "") -> None:
+    """∂τ/∂p and ∂τ/∂u are those of central differences, with shapes (n, a) and (n, a, a)."""
+    effort = law.evaluate(p, u)
+    n, a = u.shape
+    shapes = [getattr(effort, name).shape for name in EFFORTS]
+    require(shapes == [(n, a), (n, a), (n, a, a)], f"tau, dtau_dp and dtau_du{whose} have shapes {shapes}")
+    in_p = (law.evaluate(p + 1.0, u).tau - law.evaluate(p - 1.0, u).tau) / 2
+    require_close(effort.dtau_dp, in_p, f"dtau_dp{whose} is not the slope of tau", rtol=rtol)
+    for j, step in enumerate(1e-5 * np.eye(a)):
+        in_u = (law.evaluate(p, u + step).tau - law.evaluate(p, u - step).tau) / 2e-5
+        require_close(effort.dtau_du[:, :, j], in_u, f"dtau_du{whose} is not the slope of tau", rtol=rtol)
+
+
+def require_potential(law: JointLaw, p: Array, u: Array, rtol: float, whose: str = "") -> None:
+    """τ = −∂Π/∂u by central differences of the law's potential."""
+    tau = law.evaluate(p, u).tau
+    for j, step in enumerate(1e-4 * np.eye(u.shape[1])):
+        slope = -(law.potential(p, u + step) - law.potential(p, u - step)) / 2e-4
+        require_close(slope, tau[:, j], f"τ{whose} is not −∂Π/∂u: scale the potential too", rtol=rtol)
+
+
+def require_joints_apart(law: JointLaw, p: Array, u: Array) -> None:
+    """Joints evaluated together or one by one give the same."""
+    together = law.evaluate(p, u)
+    alone = [law.evaluate(p[i : i + 1], u[i : i + 1]) for i in range(len(p))]
+    for name in EFFORTS:
+        require_close(
+            getattr(together, name),
+            np.concatenate([getattr(effort, name) for effort in alone]),
+            f"{name} depends on which other joints are evaluated",
+            rtol=1e-9,
+        )
+
+
+def require_finite_outside(law: JointLaw) -> None:
+    """A law of one axis answers outside its domain with finite numbers, and flags the excess."""
+    p, u = np.array([0.0, 3e4, -5e3, 3e4]), np.array([[1.5], [0.2], [-1.2], [1.5]])
+    effort = law.evaluate(p, u)
+    require(
+        all(np.all(np.isfinite(getattr(effort, name))) for name in EFFORTS),
+        "τ or a slope is not finite outside the domain: engines pass through such points on their way",
+    )
+    require(np.all(np.any(law.domain.excess(p, u) != 0, axis=1)), "points outside the domain are not flagged")
+
+
+def require_same_bits(law: JointLaw, again: JointLaw, p: Array, u: Array) -> None:
+    """A law that was read back evaluates to the same bits and has the same joint, axes, input and domain."""
+    one, two = law.evaluate(p, u), again.evaluate(p, u)
+    for name in EFFORTS:
+        require(
+            np.array_equal(getattr(one, name), getattr(two, name)),
+            f"{name} of the loaded law differs: the record rounds a number or leaves one out",
+        )
+    require(
+        (again.joint, again.axes, again.actuation_name) == (law.joint, law.axes, law.actuation_name),
+        "joint, axes or actuation_name are lost in the record",
+    )
+    require(
+        np.array_equal(again.domain.actuation, law.domain.actuation)
+        and np.array_equal(again.domain.deformation, law.domain.deformation),
+        "the domain is lost in the record",
+    )

@@ -1,0 +1,48 @@
+"""What the records of all fitted laws share: joint, axes, actuation, the box of the data, the error bar."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from pliant.errors import UserError
+from pliant.records.design import Array
+from pliant.records.error_bar import ErrorBar
+from pliant.records.law import Domain, JointLaw, LawRecord
+
+
+def law_record(kind: str, law: JointLaw, arrays: Mapping[str, Array], **values: Any) -> LawRecord:
+    """The record of a law: its own arrays and values beside the shared ones."""
+    shared = {
+        "domain_actuation": law.domain.actuation,
+        "domain_deformation": law.domain.deformation,
+        **(law.error.arrays() if law.error else {}),
+    }
+    named = {"joint": law.joint, "axes": list(law.axes), "actuation_name": law.actuation_name}
+    return LawRecord(kind, {**named, **values}, {**arrays, **shared})
+
+
+def require_kind(record: LawRecord, kind: str) -> None:
+    """Raise `UserError` for the record of another surrogate."""
+    if record.kind != kind:
+        raise UserError(f"surrogate '{kind}' cannot read a law of kind '{record.kind}'")
+
+
+def shared_fields(record: LawRecord) -> dict[str, Any]:
+    """The shared attributes of the law of a record, by name."""
+    arrays, values = record.arrays, record.values
+    box = (np.asarray(arrays[f"domain_{side}"], float) for side in ("actuation", "deformation"))
+    return {
+        "domain": Domain(*box),
+        "axes": tuple(values["axes"]),
+        "joint": values["joint"],
+        "actuation_name": str(values["actuation_name"]),
+        "error": ErrorBar.of_arrays(arrays),
+    }
+
+
+def arrays_of(record: LawRecord, *names: str) -> dict[str, Any]:
+    """Arrays of a record as floating-point numbers, by name."""
+    return {name: np.asarray(record.arrays[name], float) for name in names}

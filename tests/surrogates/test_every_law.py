@@ -1,0 +1,156 @@
+"""What every fitted or stated law is: an energy's gradient, smooth across its box, its plain function, its record."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from tests.surrogates.laws import (
+    AXES,
+    STATED,
+    WAVY,
+    energy_law,
+    network_law,
+    one_by_one,
+    points,
+    require_same,
+    spatial,
+    with_a_box,
+)
+
+from pliant.records.error_bar import ErrorBar
+from pliant.records.law import JointLaw
+from pliant.store.codec import decode, encode
+from pliant.testing.samples import softening_law, table_of
+from pliant_plugins.physics.compiled.laws import law_address
+from pliant_plugins.surrogates.neural.config import NeuralConfig
+from pliant_plugins.surrogates.neural.surrogate import Neural
+from pliant_plugins.surrogates.polynomial.config import PolynomialConfig
+from pliant_plugins.surrogates.polynomial.surrogate import Polynomial
+from pliant_plugins.surrogates.table.config import TableConfig
+from pliant_plugins.surrogates.table.surrogate import Table
+
+STABLE: dict[str, JointLaw] = {
+    "wavy": WAVY,
+    "even": replace(WAVY, odd=0.0),
+    "stated": STATED["stated"],
+    "table": Table(TableConfig()).fit(table_of(softening_law(), noise_n_m=2e-5)).law,
+    **{f"energy {k}": energy_law(k) for k in AXES},
+    **{f"network {k}": network_law(k) for k in AXES},
+}
+LAWS: dict[str, JointLaw] = {
+    **STABLE,
+    **STATED,
+    "unstable": replace(WAVY, coefficients=-WAVY.coefficients),
+    "three stated axes": spatial(),
+    "three axes with a box": with_a_box(),
+}
+LOADERS = {
+    "polynomial": Polynomial(PolynomialConfig()),
+    "table": Table(TableConfig()),
+    "neural": Neural(NeuralConfig()),
+}
+every_law = pytest.mark.parametrize("law", LAWS.values(), ids=LAWS)
+stable_law = pytest.mark.parametrize("law", STABLE.values(), ids=STABLE)
+
+
+@every_law
+@pytest.mark.parametrize("beyond", [0.0, 0.15, 2.0])
+def test_efforts_and_slopes_are_derivatives_of_one_potential(law: JointLaw, beyond: float) -> None:
+    p, u = points(law, beyond)
+    effort, h, dp = law.evaluate(p, u), 1e-5, 0.05
+    k = len(law.axes)
+    assert [v.shape for v in (effort.tau, effort.dtau_dp, effort.dtau_du)] == [
+        (200, k),
+        (200, k),
+        (200, k, k),
+    ]
+    in_p = (law.evaluate(p + dp, u).tau - law.evaluate(p - dp, u).tau) / (2 * dp)
+    np.testing.assert_allclose(effort.dtau_dp, in_p, rtol=1e-4, atol=1e-4 * np.abs(in_p).max())
+    for i, step in enumerate(h * np.eye(k)):
+        fall = -(law.potential(p, u + step) - law.potential(p, u - step)) / (2 * h)
+        in_u = (law.evaluate(p, u + step).tau - law.evaluate(p, u - step).tau) / (2 * h)
+        np.testing.assert_allclose(effort.tau[:, i], fall, rtol=1e-5, atol=1e-6 * np.abs(fall).max())
+        np.testing.assert_allclose(effort.dtau_du[:, :, i], in_u, rtol=1e-4, atol=1e-5 * np.abs(in_u).max())
+    np.testing.assert_allclose(effort.dtau_du, np.swapaxes(effort.dtau_du, 1, 2), atol=1e-14)
+    np.testing.assert_array_equal(law.potential(p, np.zeros_like(u)), 0.0)
+
+
+@every_law
+def test_efforts_and_slopes_are_continuous_across_every_side_of_the_box(law: JointLaw) -> None:
+    """C¹: on both sides of a face, other coordinates inside and outside, τ and all slopes agree."""
+    box = np.vstack([law.domain.actuation, law.domain.deformation])
+    for side, limits in enumerate(box):
+        for border in limits[np.isfinite(limits)]:
+            at = np.column_stack(points(law, 0.3, 40))
+            at[:, side] = border
+            gap = 1e-9 * np.eye(len(box))[side] * np.ptp(at if np.isinf(limits).any() else limits)
+            require_same(*(law.evaluate((at + d)[:, 0], (at + d)[:, 1:]) for d in (-gap, gap)), rtol=1e-6)
+
+
+@stable_law
+@pytest.mark.parametrize("beyond", [0.05, 0.2, 1.0, 20.0])
+def test_a_stable_law_keeps_a_fifth_of_its_stiffness_however_far_outside(
+    law: JointLaw, beyond: float
+) -> None:
+    inside = np.linalg.eigvalsh(-law.evaluate(*points(law, 0.0, 2000)).dtau_du).min()
+    assert inside > 0
+    assert np.linalg.eigvalsh(-law.evaluate(*points(law, beyond, 2000)).dtau_du).min() > 0.2 * inside
+
+
+@stable_law
+def test_no_work_over_a_closed_loop_that_leaves_the_box(law: JointLaw) -> None:
+    turn = np.linspace(0, 2 * np.pi, 4001)[:-1]
+    k = len(law.axes)
+    path = 0.1 + 0.7 * np.stack([np.cos(turn + 0.7 * i) * np.sin((i + 1) * turn) for i in range(k)], axis=1)
+    velocity = np.roll(path, -1, axis=0) - np.roll(path, 1, axis=0)
+    tau = law.evaluate(np.full(len(turn), 9e3), path).tau
+    assert abs(np.sum(tau * velocity)) < 1e-4 * np.sum(np.abs(tau * velocity))
+
+
+@every_law
+def test_far_away_is_finite_and_flagged(law: JointLaw) -> None:
+    p, u = np.array([1e9, -1e9]), np.outer([1e3, -50.0], np.ones(len(law.axes)))
+    effort = law.evaluate(p, u)
+    values = (effort.tau, effort.dtau_dp, effort.dtau_du, law.potential(p, u))
+    assert all(np.isfinite(one).all() for one in values)
+    bounded = np.isfinite(law.domain.actuation).any() or np.isfinite(law.domain.deformation).any()
+    assert np.all(np.any(law.domain.excess(p, u) != 0, axis=1)) == bounded
+
+
+@every_law
+@pytest.mark.parametrize("beyond", [0.0, 1.0])
+def test_the_plain_function_is_the_law_and_compiles(law: JointLaw, beyond: float) -> None:
+    p, u = points(law, beyond, 40, seed=4)
+    scalar = law.scalar()
+    assert scalar is not None and np.isfinite(scalar.parameters).all()
+    assert law_address(scalar.function) != 0  # numba refuses what an engine could not compile
+    require_same(one_by_one(law, p, u), law.evaluate(p, u), rtol=1e-9)
+
+
+@every_law
+def test_a_record_gives_the_same_bits_through_json(law: JointLaw) -> None:
+    if law.error is None and law.joint == "revolute" and np.isfinite(law.domain.deformation).all():
+        box = np.vstack([law.domain.actuation, law.domain.deformation])
+        p, u = points(law, 0.0, 12)
+        law = replace(law, error=ErrorBar.of(box, p, u, np.random.default_rng(0).normal(0, 1e-5, u.shape)))  # type: ignore[type-var]
+    arrays: dict[str, np.ndarray] = {}
+    text = json.dumps(encode(law.record(), arrays))
+    record = decode(json.loads(text), arrays)
+    again = LOADERS[record.kind].load(record)
+    p, u = points(law, 1.0)
+    first, second = law.evaluate(p, u), again.evaluate(p, u)
+    for name in ("tau", "dtau_dp", "dtau_du"):
+        np.testing.assert_array_equal(getattr(first, name), getattr(second, name))
+    np.testing.assert_array_equal(law.potential(p, u), again.potential(p, u))
+    assert (again.error is None) == (law.error is None)
+    np.testing.assert_array_equal(again.band(p, u), law.band(p, u))  # type: ignore[arg-type]
+    assert (again.joint, again.axes, again.actuation_name) == (law.joint, law.axes, law.actuation_name)
+    np.testing.assert_array_equal(again.domain.deformation, law.domain.deformation)
+
+
+def test_laws_of_one_form_share_their_function() -> None:
+    functions = {law.scalar().function for name, law in LAWS.items() if law.record().kind == "polynomial"}  # type: ignore[union-attr]
+    assert len(functions) == 2  # of polynomials and of energies
