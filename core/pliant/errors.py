@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import difflib
+import sys
 from collections.abc import Iterable
+from typing import NoReturn
 
 INTERRUPTED = 130  # exit code after Ctrl-C
 
@@ -13,6 +15,12 @@ def interrupted(error: BaseException | None) -> bool:
     while error is not None and not isinstance(error, KeyboardInterrupt):
         error = error.__cause__ or error.__context__
     return error is not None
+
+
+def interrupted_at_start() -> NoReturn:
+    """End the command: Ctrl-C came while its modules were still being imported."""
+    print("interrupted before anything began.", file=sys.stderr)
+    sys.exit(INTERRUPTED)
 
 
 class PliantError(Exception):

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import sys
-
-from pliant.errors import INTERRUPTED
+from pliant.errors import interrupted_at_start
 
 
 def main() -> None:
@@ -14,5 +12,4 @@ def main() -> None:
 
         app()
     except KeyboardInterrupt:
-        print("interrupted before anything began.", file=sys.stderr)
-        sys.exit(INTERRUPTED)
+        interrupted_at_start()

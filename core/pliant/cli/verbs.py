@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import ast
 import importlib
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -12,6 +13,7 @@ import typer
 from typer.core import TyperCommand, TyperGroup
 
 from pliant import __version__
+from pliant.errors import interrupted_at_start
 
 # Verb → module of `pliant.cli` that holds a function of its name, in the order of `pliant --help`.
 VERBS = {
@@ -47,7 +49,8 @@ class Verb(TyperCommand):
 
     def make_context(self, info_name: str | None, args: list[str], parent: Any = None, **extra: Any) -> Any:
         """The context of the real command: click goes on with that one."""
-        return self.command().make_context(info_name, args, parent, **extra)
+        with _interrupts_answered():
+            return self.command().make_context(info_name, args, parent, **extra)
 
     def command(self) -> Any:
         """The command with its options."""
@@ -72,6 +75,20 @@ class Verbs(TyperGroup):
         super().__init__(**settings)
         for name in VERBS:
             self.add_command(Verb(name))
+
+    def make_context(self, *args: Any, **extra: Any) -> Any:
+        """The context of the whole command line; reading its options imports modules too."""
+        with _interrupts_answered():
+            return super().make_context(*args, **extra)
+
+
+@contextmanager
+def _interrupts_answered() -> Iterator[None]:
+    """Ctrl-C is answered with a sentence: typer itself would end without a word."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        interrupted_at_start()
 
 
 app = typer.Typer(
