@@ -9,6 +9,7 @@ import pytest
 from rich.console import Console
 
 from pliant.cli import bars
+from pliant.execution import progress
 
 
 def _console(terminal: bool) -> tuple[Console, io.StringIO]:
@@ -17,7 +18,7 @@ def _console(terminal: bool) -> tuple[Console, io.StringIO]:
 
 
 def test_lines_never_state_a_negative_time(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(bars, "LINE_EVERY_S", -1.0)
+    monkeypatch.setattr(progress, "LINE_EVERY_S", -1.0)
     console, text = _console(terminal=False)
     task = bars.TerminalProgress(console, quiet=False).begin("FEM states", 2)
     for _ in range(4):

@@ -109,13 +109,6 @@ def factor(angle, rate, dt_s, actuation, temperature_c, old, new, parameters):
 @pytest.mark.parametrize(
     ("right", "wrong", "says"),
     [
-        (
-            "    rise: float =",
-            "    from typing import Annotated\n    from pydantic import Field\n"
-            "    rise: Annotated[float, Field(le=3.0)] =",
-            "rise: Input should be less than or equal to 3",
-        ),
-        ("(0.5, 4.0)", "(0.5, 40.0)", "OwnConfig.rise: plausible"),
         ("1.0 + parameters[0] *", "1.0 / (angle - angle) *", "'own' could not be judged"),
         ("parameters[0]", "parameter[0]", "'own' was left out: "),
     ],
@@ -130,6 +123,16 @@ def test_a_mistake_in_an_effect_of_ones_own_is_told_and_the_others_are_judged(
     assert call.code == 0, call.err
     assert says in call.out
     assert "Missing: sensor_bias." in call.out
+    assert "Traceback" not in call.err
+
+
+def test_a_parameter_declared_wrongly_is_named_with_its_line(pliant, bench, workplace) -> None:
+    assert OWN.count("(0.5, 4.0)") == 1
+    (workplace / "own.py").write_text(OWN.replace("(0.5, 4.0)", "(0.5, 40.0)"))
+    bench.write_text(bench.read_text() + "plugins: [own.py]\n")
+    call = pliant("diagnose", bench, "--data", "bench.csv", "--effect", "own", *FEW)
+    assert call.code == 2
+    assert "own.py, line 7" in call.err and "OwnConfig.rise: plausible" in call.err
     assert "Traceback" not in call.err
 
 

@@ -72,7 +72,7 @@ def test_a_diagnosis_says_which_run_splits_its_class() -> None:
     (one,) = (one for one in found.classes if "stiffness" in one.kinds)
     (written,) = (entry for entry in diagnosis_json(found)["classes"] if "stiffness" in entry["kinds"])
     assert written["run"] == one.run and written["words"] and written["minutes"] > 0.0
-    assert sorted(kind for part in written["parts"] for kind in part) == written["kinds"]
+    assert sorted(kind for part in written["parts"] for kind in part) == list(written["kinds"])
     (sentence,) = (line for line in why(found, REGISTRY) if "cannot tell" in line)
     assert "stiffness" in sentence and f"'{one.run}'" in sentence
 

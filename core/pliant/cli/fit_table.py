@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+from dataclasses import replace
 from pathlib import Path
 
 from pliant.cli.session import Session, check_writable, plain
@@ -51,7 +52,7 @@ def fit_table(
         here.show(document)
         return
     here.result.update(document.data)
-    _write(here, source, kind, own.law, out)
+    document = replace(document, brief=(*document.brief, _write(here, source, kind, own.law, out)))
     here.show(document, out, stored_fit_page(bench, document, fitted[:1], {}, fitted))
 
 
@@ -74,8 +75,8 @@ def _check_free(source: Path, kind: str, out: Path) -> None:
         raise UserError(f"{study} is there already, of another law; give another --out.")
 
 
-def _write(here: Session, source: Path, kind: str, law: JointLaw, out: Path) -> None:
-    """The study, unless it is there already, and the result; the law's page has its place here."""
+def _write(here: Session, source: Path, kind: str, law: JointLaw, out: Path) -> str:
+    """Write the study, unless it is there already, and the result; returns the line that says so."""
     study = out / STUDY
     kept = study.exists()
     if not kept:
@@ -83,7 +84,7 @@ def _write(here: Session, source: Path, kind: str, law: JointLaw, out: Path) -> 
     write_atomically(out / RESULT, json.dumps(plain(here.result), indent=1, allow_nan=False) + "\n")
     here.result["study"] = str(study)
     what = "kept as it was;" if kept else "set the chain's measures in it, then"
-    here.say(f"study    {study}: {what} 'pliant run {study}'")
+    return f"study    {study}: {what} 'pliant run {study}'"
 
 
 def _law_line(source: Path, kind: str, out: Path) -> str:
