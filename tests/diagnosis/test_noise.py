@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 from tests.diagnosis.quick import P, colour, measurement_of, ramp, run_of
 
-from pliant.diagnosis.noise import NoiseView, noise_view
-from pliant.measurements.repeats import repeat_groups
+from pliant.diagnosis.noise import NoiseView, _between_run_scatter, _deviations, noise_view
+from pliant.measurements.floors import Floor
+from pliant.measurements.repeats import RepeatGroup, repeat_groups
 from pliant.records.measurement import Measurement
 
 N = 400
@@ -107,3 +108,20 @@ def test_a_run_that_was_done_once_counts_as_much_as_others(phi: float) -> None:
         return noise_view(measurement, residuals[:n], scales, repeat_groups(measurement)).n_effective
 
     assert counted(one_less) == pytest.approx(1.1 * counted(pairs_only), rel=1e-6)
+
+
+def test_scatter_between_runs_is_told_with_its_doubt() -> None:
+    """Between over within, less 1.6449 standard errors of the floor; never below nothing."""
+    floor = Floor("angle_rad", "rad", 1.0, 3.0, None, 3.0, "repeats", 0.6, 2, 4, False)
+    assert _between_run_scatter(floor) == pytest.approx(3.0 * (1.0 - 1.6449 * 0.2))
+    assert _between_run_scatter(replace(floor, se=3.0)) == 0.0
+    assert _between_run_scatter(replace(floor, between=None)) == 1.0
+
+
+@pytest.mark.parametrize("repeats", [2, 3, 5])
+def test_deviations_from_the_mean_of_repeats_keep_the_scatter_of_one_run(repeats: int) -> None:
+    """n − 1 of n parts of the variance are left beside the mean, so √(n/(n−1)) makes them whole."""
+    rng = np.random.default_rng(8)
+    residuals = [{"angle_rad": rng.normal(0.0, 1.0, 20_000)} for _ in range(repeats)]
+    found = _deviations(residuals, [RepeatGroup(tuple(range(repeats)), False)])
+    assert [np.std(run["angle_rad"]) for run in found] == pytest.approx([1.0] * repeats, rel=0.02)

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-import pytest
-from tests.diagnosis.tables import table
+from dataclasses import replace
 
-from pliant.diagnosis.verdict import THRESHOLDS, UNKNOWN, judge
+import pytest
+from tests.diagnosis.tables import row, table
+
+from pliant.diagnosis.verdict import THRESHOLDS, UNKNOWN, judge, log_evidence, predicts_unseen
 
 CLEAN = {(): 1.02, ("a",): 1.0, ("b",): 1.01}
 MISSING = {(): 9.0, ("a",): 1.0, ("b",): 5.0}
@@ -47,3 +49,20 @@ def test_ambiguous_names_both_and_selects_neither() -> None:
 
 def test_unknown_is_credible() -> None:
     assert judge(table(STRANGE), THRESHOLDS, 2).credible == (UNKNOWN,)
+
+
+@pytest.mark.parametrize(("left", "first"), [(2.5, ("a",)), (4.0, UNKNOWN)])
+def test_an_effect_outside_the_list_has_its_price(left: float, first: tuple[str, ...]) -> None:
+    """One that brings the error near the floor is believed before an unknown one, which could have any form."""
+    evidence = log_evidence(table({(): left + 10.0, ("a",): left}, n=100.0), THRESHOLDS)
+    assert max(evidence, key=lambda kinds: evidence[kinds]) == first
+
+
+@pytest.mark.parametrize(("rise", "predicts"), [(1.02, True), (1.1, False)])
+def test_conditions_left_out_may_rise_by_little(rise: float, predicts: bool) -> None:
+    made = table({(): 2.0, ("a",): 1.0})
+    rows = {
+        (): replace(row((), 2.0), unseen=(1.0, 1.0)),
+        ("a",): replace(row(("a",), 1.0), unseen=(rise, rise)),
+    }
+    assert predicts_unseen(replace(made, rows=rows), ("a",)) is predicts

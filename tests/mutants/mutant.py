@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import random
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -114,6 +115,10 @@ def _places(room: str, file: Path) -> Iterator[tuple[Mutant, str]]:
 def _changed(node: ast.AST) -> str | None:
     """The node's text with its sign, factor, comparison, connective or negation changed; None for other nodes."""
     if isinstance(node, ast.BinOp) and type(node.op) in SWAPPED:
+        if isinstance(node.op, ast.Div) and re.search(
+            r"folder|root|path|FILE|MANIFEST|name", ast.unparse(node)
+        ):
+            return None  # a path, which fails at once
         if any(
             isinstance(side, ast.Constant | ast.JoinedStr) and not _number(side)
             for side in (node.left, node.right)

@@ -61,7 +61,7 @@ def _nearest(name: str, users: dict[str, set[str]]) -> list[Path]:
     while layer and len(found) < 4 * MOST_FILES:
         layer = {user for one in layer for user in users[one]} - seen
         seen |= layer
-        here = [one for one in sorted(layer) if one.split(".")[-1].startswith("test_")]
+        here = [one for one in sorted(layer) if one.startswith("tests.") and ".test_" in one]
         found += sorted(here, key=lambda one: not room & set(one.split(".")))
     return [ROOT / (one.replace(".", "/") + ".py") for one in found[:MOST_FILES]]
 
