@@ -10,7 +10,7 @@ from ruamel.yaml import YAML
 from pliant.cli.best_study import write_best
 from pliant.config.loading import StudyFile, load_study
 from pliant.config.paths import change_paths
-from pliant.config.writing import StudyDraft
+from pliant.config.writing import StudyDraft, _agree
 from pliant.errors import UserError
 from pliant.registry.discovery import discover
 
@@ -242,3 +242,14 @@ def test_any_value_reads_back(draft, read_back, value):
     made.set(("key",), value)
     assert read_back(made, full=False)[0].get("key") == value
     assert read_back(made, full=True)[0]["key"] == value
+
+
+@pytest.mark.parametrize(
+    ("written", "same"), [("6.1662 mm", True), ("6.17 mm", False), (0.0061662, True), (None, False)]
+)
+def test_what_differs_for_a_segment_reads_back_as_it_was_written(written: object, same: bool) -> None:
+    """A segment keeps the keys of its design as written: with or without unit, as a number or a text."""
+    meant = [{"modules": 7, "family": {"average_radius_m": 0.0061662}}]
+    read = [{"modules": 7, "family": {"average_radius": written}}]
+    assert _agree("segments", meant, read) is same
+    assert not _agree("segments", meant, [*read, *read])

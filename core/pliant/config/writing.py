@@ -29,7 +29,7 @@ from pliant.config.loading import (
 from pliant.config.paths import change_paths
 from pliant.errors import UserError
 from pliant.registry.discovery import Registry
-from pliant.units import strip_unit_suffix
+from pliant.units import UnitError, parse_quantity, si_unit, strip_unit_suffix
 
 DIGITS = 16  # of the base's digest
 # A remark of an earlier fit gives way to the new one; what people wrote behind it stays.
@@ -377,12 +377,39 @@ def _check(path: Path, canonical: Mapping[str, Any], registry: Registry) -> None
     """What was written must read back as the study that was meant."""
     meant = _comparable(canonical)
     read = _comparable(load_study(path, registry, note=lambda _: None).canonical())
-    different = [key for key in meant if meant[key] != read.get(key)]
+    different = [key for key in meant if not _agree(key, meant[key], read.get(key))]
     if different:
         raise UserError(
             f"the new study would not say the same as the old one in {', '.join(different)}; write overrides, anchors "
             "and merges ('&', '*', '<<') out in the study and try again."
         )
+
+
+def _agree(name: str, meant: Any, read: Any) -> bool:
+    """Whether two values say the same: what differs for a segment is kept as written, `module_length: 4.6 mm`."""
+    if isinstance(meant, Mapping) and isinstance(read, Mapping):
+        here, there = (
+            {strip_unit_suffix(key): (key, item) for key, item in of.items()} for of in (meant, read)
+        )
+        return here.keys() == there.keys() and all(
+            _agree(max(key, there[bare][0], key=len), item, there[bare][1])
+            for bare, (key, item) in here.items()
+        )
+    if isinstance(meant, list | tuple) and isinstance(read, list | tuple):
+        pairs = zip(meant, read, strict=False)
+        return len(meant) == len(read) and all(_agree(name, one, other) for one, other in pairs)
+    return bool(meant == read or _in_si(name, meant) == _in_si(name, read))
+
+
+def _in_si(name: str, value: Any) -> Any:
+    """A quantity as a number in the unit of its key; anything else as it is."""
+    unit = si_unit(name)
+    if not isinstance(value, str) or not unit:
+        return value
+    try:
+        return parse_quantity(value, unit)
+    except UnitError:
+        return value
 
 
 def _comparable(canonical: Mapping[str, Any]) -> dict[str, Any]:
