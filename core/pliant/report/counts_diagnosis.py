@@ -56,7 +56,8 @@ def counts_diagnosis_json(found: CountEvidence, judged: CountJudgement, registry
     return {
         "verdict": judged.verdict,
         "sentence": counts_headline(judged),
-        "reasons": list(judged.reasons) or [counts_headline(judged)],
+        "reasons": list(judged.reasons)
+        or ([counts_headline(judged)] if judged.verdict == "ambiguous" else []),
         "hypotheses": hypotheses_json(found),
         "selected": list(judged.selected),
         "credible_set": [list(kinds) for kinds in judged.credible],

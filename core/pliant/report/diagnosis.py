@@ -95,7 +95,7 @@ def diagnosis_json(found: Diagnosis, next_file: str | None = None) -> dict[str, 
     return {
         "verdict": judgement.verdict,
         "sentence": headline(found),
-        "reasons": list(judgement.reasons) or [headline(found)],
+        "reasons": list(judgement.reasons) or ([headline(found)] if judgement.verdict == "ambiguous" else []),
         "hypotheses": hypotheses_json(found),
         "selected": list(judgement.selected),
         "credible_set": [list(kinds) for kinds in judgement.credible],
