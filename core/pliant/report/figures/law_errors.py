@@ -14,10 +14,9 @@ from matplotlib.ticker import MaxNLocator
 from pliant.formatting import actuation_unit, deformation_unit, effort_unit, number, percent
 from pliant.pipeline.residuals import Residuals
 from pliant.records.design import Array
-from pliant.records.law import JointLaw
 from pliant.report.figures import style
 from pliant.report.figures.fem import actuation_word, coordinate_words
-from pliant.report.fit_view import Fitted
+from pliant.report.fit_view import Fitted, slope_grid
 
 LOWEST = 1e-8  # share of the range below which errors are drawn alike
 HEIGHT = 470
@@ -118,37 +117,8 @@ def _legend(figure: Any, fitted: Fitted) -> None:
     figure.legend(handles=handles, loc="outside lower center", ncols=len(handles), handletextpad=0.3)
 
 
-POINTS = 81
 LEVELS = 14
 FLAT = 0.02  # of the largest slope: less than that across the box is shown as one colour
-
-
-def slope_grid(law: JointLaw, axis: str) -> tuple[Array, Array, Array]:
-    """p (m,), u (m,) and ∂τ_axis/∂u_axis (m, m) over the law's box, the other axes at zero."""
-    k = law.axes.index(axis)
-    p = _even(law.domain.actuation)
-    u = _even(law.domain.deformation[k])
-    P, V = np.meshgrid(p, u, indexing="ij")
-    deformation = np.zeros((P.size, len(law.axes)))
-    deformation[:, k] = V.ravel()
-    slopes = law.evaluate(P.ravel(), deformation).dtau_du[:, k, k]
-    return p, u, slopes.reshape(P.shape)
-
-
-def _even(limits: Array) -> Array:
-    return np.linspace(float(limits[0]), float(limits[1]), POINTS)
-
-
-def least_stable(law: JointLaw, count: int = 4000) -> float:
-    """The largest eigenvalue of the symmetric part of ∂τ/∂u in the box: below 0 the joint is stable everywhere.
-
-    Looked for at `count` random places and, axis by axis, on the grid of `slope_grid`.
-    """
-    box = np.vstack([law.domain.actuation, law.domain.deformation])
-    values = box[:, 0] + np.ptp(box, axis=1) * np.random.default_rng(0).random((count, len(box)))
-    slopes = law.evaluate(values[:, 0], values[:, 1:]).dtau_du
-    largest = float(np.linalg.eigvalsh((slopes + np.swapaxes(slopes, 1, 2)) / 2).max())
-    return max(largest, *(float(slope_grid(law, axis)[2].max()) for axis in law.axes))
 
 
 def slope_map(fitted: Fitted) -> style.Png:
