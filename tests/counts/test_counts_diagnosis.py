@@ -6,12 +6,18 @@ from tests.counts.counts_study import HEADER, STUDY
 
 from pliant.config.conditions import PlausibleRange
 from pliant.config.loading import load_study
-from pliant.diagnosis.counts_candidates import VariedParameter, effect_parameters, levels_of, task_parameters
-from pliant.diagnosis.counts_diagnosis import judge_counts, probabilities, weighed
+from pliant.diagnosis.counts_diagnosis import (
+    VariedParameter,
+    effect_parameters,
+    judge_counts,
+    levels_of,
+    probabilities,
+    task_parameters,
+    weighed,
+)
 from pliant.diagnosis.verdict import NOTHING, UNKNOWN
 from pliant.errors import UserError
-from pliant.evidence.counts import CountedStudy, counted_study
-from pliant.evidence.trials import Setting
+from pliant.evidence.counts import CountedStudy, Setting, counted_study
 from pliant.records.counts import CountCondition, Counts, CountSet
 from pliant.registry.discovery import discover
 from pliant.report.counts_diagnosis import counts_diagnosis_json, counts_headline, counts_why

@@ -22,8 +22,7 @@ from tests.diagnosis.quick import (
     run_of,
 )
 
-from pliant.diagnosis.diagnosis import Diagnosis, diagnose
-from pliant.diagnosis.interpretation import explanation, headline
+from pliant.diagnosis.diagnosis import Diagnosis, diagnose, explanation, headline
 from pliant.errors import NotReachedError, UserError
 from pliant.interfaces.effect import EffectConfig
 from pliant.records.chain import Actuator, ChainModel

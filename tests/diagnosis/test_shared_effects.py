@@ -7,8 +7,7 @@ from collections.abc import Mapping
 import pytest
 
 from pliant.diagnosis.excitation import ConfoundedPair
-from pliant.diagnosis.shared_effects import pairs_alike, shared_effects
-from pliant.diagnosis.verdict import NOTHING, THRESHOLDS, UNKNOWN, Kinds
+from pliant.diagnosis.verdict import NOTHING, THRESHOLDS, UNKNOWN, Kinds, pairs_alike, shared_effects
 
 LAGS = pairs_alike([ConfoundedPair("damping", "lag", 0.1), ConfoundedPair("slow_camera", "damping", 0.1)])
 OPEN: dict[Kinds, float] = {

@@ -8,8 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from pliant.evidence.comparison import Comparison
-from pliant.evidence.interpretation import interpret
+from pliant.evidence.comparison import Comparison, interpret
 from pliant.evidence.places import Place
 from pliant.evidence.scores import GroupError, OutputError
 from pliant.formatting import number, unit_of, whole_percent

@@ -8,8 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from pliant.diagnosis.diagnosis import Diagnosis
-from pliant.diagnosis.interpretation import headline, next_words, why
+from pliant.diagnosis.diagnosis import Diagnosis, headline, next_words, why
 from pliant.diagnosis.verdict import NOTHING, UNKNOWN, Kinds, named
 from pliant.formatting import listed, number, unit_of
 from pliant.records.measurement import Measurement

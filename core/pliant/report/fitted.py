@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
-from pliant.diagnosis.cross_validation import Score
+from pliant.diagnosis.fitting import Score
 from pliant.diagnosis.next_run import NextRun
 from pliant.diagnosis.uncertainty import Estimate, Uncertainty
 from pliant.formatting import display_unit, number, rounded_to_sd, whole_percent, with_sd

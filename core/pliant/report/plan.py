@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from pliant.diagnosis.design import RunDesign
-from pliant.diagnosis.diagnosis import Diagnosis
-from pliant.diagnosis.interpretation import headline
+from pliant.diagnosis.classes import RunDesign
+from pliant.diagnosis.diagnosis import Diagnosis, headline
 from pliant.diagnosis.next_run import NextRun, RankedRun
 from pliant.diagnosis.verdict import named
 from pliant.experiments.planned_run import PlannedRun

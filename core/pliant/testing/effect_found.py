@@ -13,14 +13,12 @@ from pathlib import Path
 
 import numpy as np
 
-from pliant.diagnosis.diagnosis import Diagnosis, diagnose
-from pliant.diagnosis.interpretation import headline
+from pliant.diagnosis.diagnosis import Diagnosis, diagnose, headline
 from pliant.diagnosis.verdict import named
 from pliant.errors import closest
 from pliant.evidence.prediction import POSITION, Predictor
 from pliant.experiments.experiment_catalogue import BUILDERS, timed_catalogue
-from pliant.experiments.planned_run import PlannedRun
-from pliant.experiments.scale import BenchScale
+from pliant.experiments.planned_run import BenchScale, PlannedRun
 from pliant.formatting import listed
 from pliant.interfaces.effect import EffectConfig, EffectParameter
 from pliant.pipeline.workbench import Workbench
