@@ -108,16 +108,6 @@ def _shard(text: str) -> tuple[int, int]:
     return part, count
 
 
-def _run(bench: Bench, plan: Plan, scheduler: str | None) -> None:
-    if scheduler is None:
-        run(bench, plan)
-        return
-    from pliant.execution.executors import executor_for
-
-    with executor_for(scheduler) as executor:
-        run(bench, plan, executor)
-
-
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run what is left, judge, print the tables, write evidence.json."""
     given = _arguments(arguments)
@@ -130,7 +120,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     if given.fresh:
         bench.results.unlink(missing_ok=True)
     if not given.summarise:
-        _run(bench, plan, given.scheduler)
+        run(bench, plan, given.scheduler)
     items = judged(bench, plan)
     data = {**summary(items), "planned": planned(plan)}
     print(tables(data))
