@@ -32,8 +32,7 @@ from benchmarks.evidence.bench import Bench, judged, run
 from benchmarks.evidence.counting import summary
 from benchmarks.evidence.judge import ERROR
 from benchmarks.evidence.protocols import NAMES
-from benchmarks.evidence.publish import expected_time, publish
-from benchmarks.evidence.tables import tables
+from benchmarks.evidence.publish import as_text, expected_time, publish
 from benchmarks.evidence.tasks import Plan, planned, small_plan
 from benchmarks.evidence.truths import CLEAN, KINDS, UNKNOWN
 from benchmarks.evidence.workers import write
@@ -123,7 +122,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         run(bench, plan, given.scheduler)
     items = judged(bench, plan)
     data = {**summary(items), "planned": planned(plan)}
-    print(tables(data))
+    print(as_text(data))
     target = given.out / ("evidence.json" if name == "full" else f"evidence_{name}.json")
     write(target, json.dumps(data, indent=1))
     if given.publish:
