@@ -6,13 +6,13 @@ import json
 import math
 import os
 import re
+import shutil
 import signal
 import stat
 import subprocess
 import sys
 import time
 from collections import Counter
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -23,10 +23,9 @@ from benchmarks.evidence.bench import Bench, Job
 from benchmarks.evidence.counting import reliability, summary, wilson
 from benchmarks.evidence.judge import judge
 from benchmarks.evidence.oracle import best, choice, mean_squares
-from benchmarks.evidence.publish import PAGE, TABLES, expected_time, publish
+from benchmarks.evidence.publish import PAGE, TABLES, as_text, expected_time, publish
 from benchmarks.evidence.result_pictures import matrix
 from benchmarks.evidence.sets import SetSpec, make_set
-from benchmarks.evidence.tables import tables
 from benchmarks.evidence.tasks import Plan, Task, planned, small_plan
 from benchmarks.evidence.truths import CLEAN, KINDS, UNKNOWN, right_verdicts, robots_of
 from benchmarks.evidence.workers import ANY, make
@@ -160,9 +159,9 @@ def test_summary_counts_what_it_is_given() -> None:
     assert (data["false_alarms"]["right"], data["false_alarms"]["n"]) == (1, 10)
     assert data["credible_set"]["coverage"]["right"] == 4 and data["credible_set"]["median_size"] == 1
     assert data["confusion"]["effect"] == {"mullins": {"mullins": 3, "stiffness": 1}}
-    page = tables(json.loads(json.dumps(data)))
+    page = as_text(json.loads(json.dumps(data)))
     assert "mullins 3, stiffness 1" in page and "75.0 %" in page
-    assert "none tried" in tables(summary([]))
+    assert "not tried" in as_text(summary([]))
 
 
 CLASSES = [["actuation_gain", "stiffness", "wall_thickness"]]
@@ -327,23 +326,23 @@ def test_a_torn_line_is_closed_off_and_passed_over(tmp_path: Path) -> None:
     assert results.read(tmp_path / "none.jsonl") == {}
 
 
+NONE = dict.fromkeys(("clean", "unknown", "pairs", "weak", "poor", "noload", "plan", "improve"), 0)
+THREE = Plan(kinds=("stiffness",), seeds=3, other_every=0, **NONE)  # type: ignore[arg-type]
+
+
+@pytest.fixture(scope="module")
+def three_sets(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A bench's folder with its sets made: no other process needs to compile the truths."""
+    made = Bench(tmp_path_factory.mktemp("made") / "evidence", "full")
+    for task in THREE.tasks():
+        make(task, task.secret_id(made.key()), made.sets, made.key())
+    return made.folder
+
+
 def bench(out: Path, *more: str, seconds: str = "0") -> subprocess.Popen[str]:
     command = [sys.executable, str(ROOT / "benchmarks" / "evidence" / "run_bench.py"), "--out", str(out)]
     command += ["--diagnoser", "testbed_stand_in", "--workers", "1", "--kinds", "stiffness", "--seeds", "3"]
-    command += [
-        "--weak",
-        "0",
-        "--poor",
-        "0",
-        "--noload",
-        "0",
-        "--plan",
-        "0",
-        "--improve",
-        "0",
-        "--pairs",
-        "0",
-    ]
+    command += [word for name in NONE for word in (f"--{name}", "0")]
     command += ["--other-every", "0", *more]
     paths = {"PYTHONPATH": str(Path(__file__).parent), "STAND_IN_SECONDS": seconds}
     return subprocess.Popen(
@@ -351,7 +350,8 @@ def bench(out: Path, *more: str, seconds: str = "0") -> subprocess.Popen[str]:
     )
 
 
-def test_a_killed_bench_goes_on_where_it_was(tmp_path: Path) -> None:
+def test_a_killed_bench_goes_on_where_it_was(three_sets: Path, tmp_path: Path) -> None:
+    shutil.copytree(three_sets, tmp_path / "evidence")
     lines = tmp_path / "evidence" / "full.jsonl"
     first = bench(tmp_path, seconds="2")
     while not (lines.exists() and results.read(lines)):
@@ -373,12 +373,8 @@ def test_a_killed_bench_goes_on_where_it_was(tmp_path: Path) -> None:
     assert "stiffness 3" in third.communicate()[0] and third.returncode == 0
 
 
-def test_shards_run_apart_and_are_summarised_as_one(tmp_path: Path) -> None:
-    apart = {"clean": 0, "unknown": 0, "pairs": 0, "weak": 0, "poor": 0, "noload": 0, "plan": 0, "improve": 0}
-    plan = replace(Plan(kinds=("stiffness",), seeds=3, other_every=0), **apart)  # type: ignore[arg-type]
-    whole = Bench(tmp_path / "evidence", "full")
-    for task in plan.tasks():  # made here, so that no process compiles truths again
-        make(task, task.secret_id(whole.key()), whole.sets, whole.key())
+def test_shards_run_apart_and_are_summarised_as_one(three_sets: Path, tmp_path: Path) -> None:
+    shutil.copytree(three_sets, tmp_path / "evidence")
     said = {}
     for part in ("1/2", "2/2"):
         one = bench(tmp_path, "--shard", part)
