@@ -20,7 +20,7 @@ from pliant.errors import UserError
 from pliant.evidence.counts import CountedStudy, Setting, counted_study
 from pliant.records.counts import CountCondition, Counts, CountSet
 from pliant.registry.discovery import discover
-from pliant.report.counts_diagnosis import counts_diagnosis_json, counts_headline, counts_why
+from pliant.report.counts import counts_diagnosis_json, counts_why
 
 REGISTRY = discover()
 LOADS = np.array([1.0, 2.0, 3.0, 4.0, 5.0, 6.0])
@@ -130,7 +130,7 @@ def test_the_contracts_keys():
     best = result["hypotheses"][0]
     assert best["parameters"]["task.friction"]["value"] == 1.0
     assert best["heldout"]["success"]["rmse"] < 0.15
-    assert counts_headline(judged) == "Missing: task.friction."
+    assert judged.sentence == "Missing: task.friction."
     assert "task.friction 1;" in " ".join(counts_why(found, judged))
 
 

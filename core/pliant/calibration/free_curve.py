@@ -17,7 +17,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import scipy
 
-from pliant.calibration.calibration import constants_of
+from pliant.calibration.fitting import constants_of
 from pliant.errors import NotReachedError
 from pliant.interfaces.family import ActuatorFamily
 from pliant.interfaces.fem import FEMBackend, FemConfig, ModuleSolver

@@ -17,8 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pliant.calibration.calibration import Constant
-from pliant.calibration.fitting import Fit
+from pliant.calibration.fitting import Constant, Fit
 from pliant.calibration.reading import BenchData
 from pliant.formatting import display_unit, listed, number, quantity, unit_of, whole_percent, with_sd
 from pliant.interfaces.material import MaterialConfig

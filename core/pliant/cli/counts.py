@@ -12,8 +12,7 @@ from pliant.errors import UserError
 from pliant.evidence.counts import CountedStudy, compare_counted, counted_study
 from pliant.execution.executors import checked_workers
 from pliant.pipeline.workbench import Workbench
-from pliant.report.counts import counts_document
-from pliant.report.counts_diagnosis import counts_diagnosis_document
+from pliant.report.counts import counts_diagnosis_document, counts_document
 
 
 def compare_counts_verb(

@@ -20,12 +20,12 @@ import numpy as np
 
 from pliant.diagnosis.candidates import EffectSet
 from pliant.diagnosis.catalogue_view import CataloguePrediction, CatalogueView
-from pliant.diagnosis.diagnosis import applicable
 from pliant.diagnosis.excitation import (
     SEPARABLE,
     TYPICAL_SNR,
     ConfoundedPair,
     Excitation,
+    applicable,
     confounded_with,
     excitations,
 )

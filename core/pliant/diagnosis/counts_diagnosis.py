@@ -29,7 +29,16 @@ from pydantic import ValidationError
 from pliant.config.conditions import PlausibleRange
 from pliant.config.problems import sentences
 from pliant.config.task_keys import TaskKey, changed_task, need_key, value_at
-from pliant.diagnosis.verdict import NOT_PREDICTIVE, NOTHING, UNKNOWN, Kinds, Verdict, credible_set, named
+from pliant.diagnosis.verdict import (
+    NOT_PREDICTIVE,
+    NOTHING,
+    UNKNOWN,
+    Judgement,
+    Kinds,
+    Verdict,
+    credible_set,
+    named,
+)
 from pliant.errors import UserError
 from pliant.evidence.binomial import Count, fisher_p, holm, log_own, log_predictive
 from pliant.evidence.counts import CountComparison, CountedStudy, Setting, compare_counts, simulate_trials
@@ -338,21 +347,16 @@ class NextCount:
 
 
 @dataclass(frozen=True)
-class CountJudgement:
-    """A verdict with what it rests on.
+class CountJudgement(Judgement):
+    """A verdict with what it rests on, as `Judgement`.
 
     Attributes:
-        verdict, selected, credible, reasons: as in `pliant.diagnosis.verdict.Judgement`.
         not_excited: explanations that change no simulated count beyond chance at any level tried.
         smallest: explanation → the smallest change that these conditions would show.
         alike: pairs of explanations that move the conditions alike, and the share that one leaves of the other.
         next_count: what to count next; None where the explanations agree everywhere.
     """
 
-    verdict: Verdict
-    selected: Kinds
-    credible: tuple[Kinds, ...]
-    reasons: tuple[str, ...]
     not_excited: tuple[Kinds, ...]
     smallest: Mapping[Kinds, float]
     alike: tuple[tuple[Kinds, Kinds, float], ...]
@@ -367,6 +371,7 @@ def judge_counts(found: CountEvidence) -> CountJudgement:
     smallest = {kinds: _smallest(found, row) for kinds, row in found.rows.items() if len(row.parameters) == 1}
     return CountJudgement(
         verdict=verdict,
+        probability=found.probability,
         selected=selected,
         credible=credible,
         reasons=reasons,

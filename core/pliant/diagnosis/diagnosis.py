@@ -18,6 +18,7 @@ from pliant.diagnosis.excitation import (
     ConfoundedPair,
     Detectable,
     Excitation,
+    applicable,
     confounded_with,
     detectable,
     excitations,
@@ -46,7 +47,6 @@ from pliant.diagnosis.verdict import (
     Kinds,
     Verdict,
     judge,
-    sentence_of,
 )
 from pliant.errors import NotReachedError, UserError
 from pliant.evidence.covariates import covariates
@@ -209,21 +209,6 @@ def diagnose(
     )
 
 
-def applicable(registry: Registry, fitter: Fitter, kinds: Sequence[str]) -> tuple[list[str], dict[str, str]]:
-    """Kinds that this chain can have, and the others with the reason that their plugin gives."""
-    fits: list[str] = []
-    reasons: dict[str, str] = {}
-    for kind in kinds:
-        try:
-            candidate = EffectSet.of(registry, (kind,))
-            fitter.look(candidate, candidate.starts()[0])
-        except UserError as error:
-            reasons[kind] = str(error)
-            continue
-        fits.append(kind)
-    return fits, reasons
-
-
 def _followed(
     measurement: Measurement, plain: Sequence[Mapping[str, Array]]
 ) -> tuple[Measurement, tuple[str, ...]]:
@@ -326,11 +311,6 @@ MOST_NAMED = 4
 WRONG_UNIT = "A unit in the file looks wrong (see the remarks): settle that first, then believe a verdict."
 
 
-def headline(found: Diagnosis) -> str:
-    """The verdict in one sentence."""
-    return sentence_of(found.verdict, found.selected, found.judgement.credible)
-
-
 def explanation(found: Diagnosis, registry: Registry) -> list[str]:
     """Why, what follows from it, and what to do next."""
     proposed = next_words(found)
@@ -392,10 +372,10 @@ def _dependence(found: Diagnosis) -> list[str]:
     most = [(name, value) for name, value in found.depends_on.items() if value >= 0.1][:3]
     if not most:
         return []
-    words = [f"{_circumstance(found, name)} ({whole_percent(value)})" for name, value in most]
+    words = [f"{circumstance(found, name)} ({whole_percent(value)})" for name, value in most]
     return [f"What is unexplained depends on {', '.join(words)}: shares of its variance on runs left out."]
 
 
-def _circumstance(found: Diagnosis, name: str) -> str:
+def circumstance(found: Diagnosis, name: str) -> str:
     """A covariate, or a pair of them, in words."""
     return " × ".join(found.circumstances.get(part, part) for part in name.split(" × "))

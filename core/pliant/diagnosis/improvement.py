@@ -15,7 +15,7 @@ from itertools import pairwise
 import numpy as np
 
 from pliant.config.study import Study
-from pliant.diagnosis.diagnosis import Diagnosis, diagnose, explanation, headline
+from pliant.diagnosis.diagnosis import Diagnosis, diagnose, explanation
 from pliant.diagnosis.extension import Extension, Ground, extend
 from pliant.diagnosis.fitting import Residuals, Score, score
 from pliant.diagnosis.next_run import NextRun
@@ -327,7 +327,7 @@ def _stop_words(found: Diagnosis, registry: Registry, added: bool) -> str:
     if found.verdict == "nothing_missing":
         return "What is left is noise: no listed effect lowers the error of the training runs any further."
     cannot_tell = added and found.verdict == "insufficient_data"
-    first = "Whether more is missing these data cannot tell." if cannot_tell else headline(found)
+    first = "Whether more is missing these data cannot tell." if cannot_tell else found.judgement.sentence
     return " ".join([first, *explanation(found, registry)])
 
 

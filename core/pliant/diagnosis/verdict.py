@@ -189,11 +189,8 @@ def sorted_kinds(kinds: Sequence[str]) -> Kinds:
 
 def at_limit(fit: EffectFit) -> tuple[str, ...]:
     """Parameters of a fit that ended on a bound."""
-    return tuple(
-        parameter.name
-        for parameter, there in zip(fit.candidate.parameters, fit.at_limit, strict=True)
-        if there
-    )
+    ends = zip(fit.candidate.parameters, fit.at_limit, strict=True)
+    return tuple(parameter.name for parameter, there in ends if there)
 
 
 def _left_over(
@@ -248,10 +245,20 @@ class Judgement:
     """
 
     verdict: Verdict
-    probability: dict[Kinds, float]
+    probability: Mapping[Kinds, float]
     selected: Kinds
     credible: tuple[Kinds, ...]
     reasons: tuple[str, ...]
+
+    @property
+    def sentence(self) -> str:
+        """The verdict in one sentence, with the explanations that are left."""
+        contenders = [named(kinds) for kinds in self.credible[:MOST_NAMED]]
+        if more := len(self.credible) - len(contenders):
+            contenders.append(f"{more} more")
+        return HEADLINES[self.verdict].format(
+            kinds=" and ".join(self.selected), contenders=" or ".join(contenders)
+        )
 
 
 def named(kinds: Kinds) -> str:
@@ -259,14 +266,6 @@ def named(kinds: Kinds) -> str:
     if kinds == NOTHING:
         return "nothing missing"
     return "an effect outside the list" if kinds == UNKNOWN else " + ".join(kinds)
-
-
-def sentence_of(verdict: Verdict, selected: Kinds, credible: Sequence[Kinds]) -> str:
-    """A verdict in one sentence, with the explanations that are left."""
-    contenders = [named(kinds) for kinds in credible[:MOST_NAMED]]
-    if more := len(credible) - len(contenders):
-        contenders.append(f"{more} more")
-    return HEADLINES[verdict].format(kinds=" and ".join(selected), contenders=" or ".join(contenders))
 
 
 def judge(table: EvidenceTable, thresholds: EvidenceThresholds, n_excited: int) -> Judgement:

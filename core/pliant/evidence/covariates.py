@@ -145,8 +145,8 @@ def covariates(
     add("tip_force_n", named_unit("tip force", "N"), (np.linalg.norm(f, axis=1) for f in force))
     toward = [_main_axis(f) for f in force]
     if len(np.unique(np.concatenate(toward))) > 2:
-        ways = tuple(f"tip force toward {sign}{axis}" for axis in "xyz" for sign in "−+")
-        add("tip_force_direction", named_unit("direction of the tip force"), toward, *ways, "no tip force")
+        sides = [f"tip force toward {sign}{axis}" for axis in "xyz" for sign in "−+"]
+        add("tip_force_direction", named_unit("direction of the tip force"), toward, *sides, "no tip force")
     payload = (np.full(len(h), np.nan) if h.payload_kg is None else h.payload_kg for h in histories)
     add("payload_kg", named_unit("payload", "kg"), payload, rest="no payload stated")
     add("temperature_c", named_unit("temperature", "degC"), (h.temperature_c for h in histories))

@@ -289,11 +289,12 @@ class RunMaker:
         **conditions: Any,
     ) -> PlannedRun:
         """A run of this drive, without a clock where shares stand alone; `conditions` are those of `History.of`."""
-        timed = isinstance(wave, Wave)
-        share, clock = (wave.share, wave.time_s) if timed else (wave, None)
+        timed = wave if isinstance(wave, Wave) else None
+        share = wave.share if isinstance(wave, Wave) else wave
+        clock = None if timed is None else timed.time_s
         inputs = self.scale.actuation(share)
         history = History.of(inputs, clock, run=name, **{**self.scale.usual, **conditions})
-        minutes = round(set_up + wave.seconds / 60.0, 1) if timed else set_up
+        minutes = set_up if timed is None else round(set_up + timed.seconds / 60.0, 1)
         return PlannedRun(name, words, history, minutes, adds, needs)
 
     def cycles(self, shape: RunShape, period_s: float, amplitudes: Sequence[float]) -> Wave:

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pliant.diagnosis.diagnosis import Diagnosis, diagnose, headline
+from pliant.diagnosis.diagnosis import Diagnosis, diagnose
 from pliant.diagnosis.verdict import named
 from pliant.errors import closest
 from pliant.evidence.prediction import POSITION, Predictor
@@ -173,7 +173,7 @@ def _told(subject: Subject, found: Diagnosis) -> str:
     seen = (
         f"with {values} hidden in {listed(list(dict.fromkeys((*names, *PLAIN_RUNS))))} the diagnosis says: "
     )
-    seen += f"{headline(found)} ({', '.join(shares)}). "
+    seen += f"{found.judgement.sentence} ({', '.join(shares)}). "
     if kind in found.not_excited:
         return seen + "These runs do not show it: name others in exciting, or widen the plausible range"
     return (
