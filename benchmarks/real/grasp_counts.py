@@ -27,7 +27,7 @@ from benchmarks.grasp.gripper import STUDY
 from benchmarks.output import REFERENCE, ROOT, write
 
 from pliant import api
-from pliant.config.conditions import PlausibleRange
+from pliant.config.measurements import PlausibleRange
 from pliant.diagnosis.counts_candidates import VariedParameter, effect_parameters, task_parameters
 from pliant.diagnosis.counts_diagnosis import CountEvidence, count_evidence
 from pliant.diagnosis.verdict import NOTHING, UNKNOWN

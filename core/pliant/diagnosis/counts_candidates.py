@@ -9,7 +9,7 @@ from typing import Any, cast
 import numpy as np
 from pydantic import ValidationError
 
-from pliant.config.conditions import PlausibleRange
+from pliant.config.measurements import PlausibleRange
 from pliant.config.problems import sentences
 from pliant.config.task_keys import TaskKey, changed_task, need_key, value_at
 from pliant.errors import UserError
