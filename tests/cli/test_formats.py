@@ -31,6 +31,7 @@ CALLS = {
     "plan": ("loop/finger.yaml",),
     "render": ("law.yaml", "--backbone", "--out", "line.png"),
     "export": ("law.yaml", "--out", "chain.xml"),
+    "store": (),
 }
 # Lists and objects that hold nothing in these runs: the hidden effect is found, nothing is left to measure.
 MAY_BE_EMPTY = {
