@@ -2,17 +2,19 @@
 
 The calling process holds the key: it draws truths, measures them, seals the labels, and opens them when all is done.
 Diagnosers, worker processes or those of a dask cluster that see the folder, get the paths of a study and a CSV, no
-more. Results are appended line by line, so that a killed bench goes on where it was.
+more. Results are appended as lines of JSON that survive kill -9: a killed bench goes on where it was.
 """
 
 from __future__ import annotations
 
+import json
+import os
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-from benchmarks.evidence import diagnosers, results, seal
+from benchmarks.evidence import diagnosers, seal
 from benchmarks.evidence.judge import Judged, judge
 from benchmarks.evidence.tasks import PLANS, Plan, Task, digest
 from benchmarks.evidence.workers import ANY, Question, add_runs, ask, make
@@ -54,7 +56,7 @@ class Bench:
     def lines(self) -> dict[str, dict[str, Any]]:
         """All results of this name, those of every shard."""
         files = [self.folder / f"{self.name}.jsonl", *sorted(self.folder.glob(f"{self.name}.*-of-*.jsonl"))]
-        return {name: line for file in files for name, line in results.read(file).items()}
+        return {name: line for file in files for name, line in read(file).items()}
 
     @property
     def sets(self) -> Path:
@@ -66,6 +68,39 @@ class Bench:
 
     def key(self) -> bytes:
         return seal.judge_key(self.folder / "judge.key")
+
+
+def append(path: Path, line: dict[str, Any]) -> None:
+    """One line in one write at the end of the file, on the disk when this returns.
+
+    A piece of a line that a killed process left behind is closed off first and ignored by `read`.
+    """
+    path.parent.mkdir(parents=True, exist_ok=True)
+    text = (json.dumps(line) + "\n").encode()
+    handle = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND, 0o644)
+    try:
+        size = os.fstat(handle).st_size
+        if size and os.pread(handle, 1, size - 1) != b"\n":
+            text = b"\n" + text
+        os.write(handle, text)
+        os.fsync(handle)
+    finally:
+        os.close(handle)
+
+
+def read(path: Path) -> dict[str, dict[str, Any]]:
+    """Lines by their `id`, the last one of each; what is no line of results is passed over."""
+    lines: dict[str, dict[str, Any]] = {}
+    if not path.exists():
+        return lines
+    for text in path.read_text(errors="replace").splitlines():
+        try:
+            line = json.loads(text)
+        except json.JSONDecodeError:
+            continue
+        if isinstance(line, dict) and "id" in line:
+            lines[line["id"]] = line
+    return lines
 
 
 def diagnoser_digest() -> str:
@@ -101,7 +136,7 @@ def run(bench: Bench, plan: Plan, scheduler: str | None = None) -> None:
             default processes of this machine ask.
     """
     key, code = bench.key(), diagnoser_digest()
-    found = results.read(bench.results)
+    found = read(bench.results)
     others = sum(line.get("code") != code for line in found.values())
     if others:
         print(f"{others} results are by other code of pliant; --fresh forgets them", flush=True)
@@ -133,7 +168,7 @@ def run(bench: Bench, plan: Plan, scheduler: str | None = None) -> None:
                     job.runs = add_runs(job.task, job.name, bench.sets, chosen)
                     put(job)
                     continue
-                results.append(bench.results, {**_with_plan(line, job), "code": code})
+                append(bench.results, {**_with_plan(line, job), "code": code})
                 bar.advance()
     bar.finish()
 

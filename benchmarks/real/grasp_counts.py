@@ -27,7 +27,7 @@ from benchmarks.grasp.gripper import STUDY
 from benchmarks.output import REFERENCE, ROOT, write
 
 from pliant import api
-from pliant.config.conditions import PlausibleRange
+from pliant.config.measurements import PlausibleRange
 from pliant.diagnosis.counts_diagnosis import (
     CountEvidence,
     VariedParameter,

@@ -42,10 +42,11 @@ from pliant.evidence.prediction import Predictor, measurement_of_study
 from pliant.execution.executors import Workers
 from pliant.execution.progress import Progress, Silent
 from pliant.experiments.experiment_catalogue import own_runs
-from pliant.pipeline.meta_model import MetaModelStage, Proposal, Scores, designs_to_solve, meta_model_stage
+from pliant.pipeline.meta_model.cross_validation import Scores
+from pliant.pipeline.meta_model.next_design import Proposal, designs_to_solve
+from pliant.pipeline.meta_model.stage import MetaModelStage, meta_model_stage
 from pliant.pipeline.study import StudyRun, simulate_study
-from pliant.pipeline.sweep import sweep_study
-from pliant.pipeline.sweep_records import SweepRun
+from pliant.pipeline.sweep import SweepRun, sweep_study
 from pliant.pipeline.workbench import Workbench
 from pliant.records.law import JointLaw
 from pliant.records.measurement import Measurement

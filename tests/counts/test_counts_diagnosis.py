@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from tests.counts.counts_study import HEADER, STUDY
 
-from pliant.config.conditions import PlausibleRange
 from pliant.config.loading import load_study
+from pliant.config.measurements import PlausibleRange
 from pliant.diagnosis.counts_diagnosis import (
     VariedParameter,
     effect_parameters,

@@ -18,8 +18,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from benchmarks.evidence import results, seal
-from benchmarks.evidence.bench import Bench, Job
+from benchmarks.evidence import seal
+from benchmarks.evidence.bench import Bench, Job, append, read
 from benchmarks.evidence.counting import reliability, summary, wilson
 from benchmarks.evidence.judge import judge
 from benchmarks.evidence.oracle import best, choice, mean_squares
@@ -262,7 +262,7 @@ def test_shards_share_the_tasks_and_their_results_are_read_as_one(tmp_path: Path
     shared = [task for shard in shards for task in shard.share_of(tasks)]
     assert len(shared) == len(tasks) == len(set(shared))
     for k, shard in enumerate(shards):
-        results.append(shard.results, {"id": f"set{k}", "n": k})
+        append(shard.results, {"id": f"set{k}", "n": k})
     assert sorted(Bench(tmp_path, "full").lines()) == ["set0", "set1", "set2"]
 
 
@@ -318,12 +318,12 @@ def test_the_page_is_written_from_numbers_alone(tmp_path: Path) -> None:
 
 def test_a_torn_line_is_closed_off_and_passed_over(tmp_path: Path) -> None:
     path = tmp_path / "r.jsonl"
-    results.append(path, {"id": "a", "n": 1})
+    append(path, {"id": "a", "n": 1})
     with path.open("a") as file:
         file.write('{"id": "b", "n"')  # killed while writing
-    results.append(path, {"id": "c", "n": 3})
-    assert results.read(path) == {"a": {"id": "a", "n": 1}, "c": {"id": "c", "n": 3}}
-    assert results.read(tmp_path / "none.jsonl") == {}
+    append(path, {"id": "c", "n": 3})
+    assert read(path) == {"a": {"id": "a", "n": 1}, "c": {"id": "c", "n": 3}}
+    assert read(tmp_path / "none.jsonl") == {}
 
 
 NONE = dict.fromkeys(("clean", "unknown", "pairs", "weak", "poor", "noload", "plan", "improve"), 0)
@@ -354,18 +354,18 @@ def test_a_killed_bench_goes_on_where_it_was(three_sets: Path, tmp_path: Path) -
     shutil.copytree(three_sets, tmp_path / "evidence")
     lines = tmp_path / "evidence" / "full.jsonl"
     first = bench(tmp_path, seconds="2")
-    while not (lines.exists() and results.read(lines)):
+    while not (lines.exists() and read(lines)):
         assert first.poll() is None, first.communicate()[0]
         time.sleep(0.1)
     first.send_signal(signal.SIGKILL)
     first.wait()
-    before = results.read(lines)
+    before = read(lines)
     assert 1 <= len(before) < 3
     second = bench(tmp_path)
     said = second.communicate()[0]
     assert second.returncode == 0, said
     assert f"3 sets, {len(before)} done before" in said
-    after = results.read(lines)
+    after = read(lines)
     assert len(after) == 3 and all(after[name] == line for name, line in before.items())
     data = json.loads((tmp_path / "evidence.json").read_text())
     assert (data["effects"]["right"], data["effects"]["n"]) == (3, 3)
@@ -382,7 +382,7 @@ def test_shards_run_apart_and_are_summarised_as_one(three_sets: Path, tmp_path: 
         assert one.returncode == 0, said[part]
     assert "2 sets, 0 done before" in said["1/2"] and "1 sets, 0 done before" in said["2/2"]
     files = sorted((tmp_path / "evidence").glob("full.*-of-2.jsonl"))
-    assert [len(results.read(file)) for file in files] == [2, 1]
+    assert [len(read(file)) for file in files] == [2, 1]
     (tmp_path / "evidence.json").unlink()
     merged = bench(tmp_path, "--summarise")
     assert "stiffness 3" in merged.communicate()[0] and merged.returncode == 0

@@ -26,7 +26,7 @@ import numpy as np
 import scipy
 from pydantic import ValidationError
 
-from pliant.config.conditions import PlausibleRange
+from pliant.config.measurements import PlausibleRange
 from pliant.config.problems import sentences
 from pliant.config.task_keys import TaskKey, changed_task, need_key, value_at
 from pliant.diagnosis.verdict import (

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from pliant.formatting import number, percent, seconds
-from pliant.pipeline.meta_model.scoring import AxisScores, Scores
+from pliant.pipeline.meta_model.cross_validation import AxisScores, Scores
 from pliant.report.document import Cells, Column, Table
 from pliant.report.meta_view import MetaFitted, parameter_unit
 from pliant.report.provenance import short_text, words
