@@ -1,4 +1,4 @@
-"""Noise as residuals show it: floors, effective size, slip between repeats, on noise of known colour."""
+"""Noise as residuals show it: floors, effective size, scatter and drift between repeats, on noise of known colour."""
 
 from __future__ import annotations
 
@@ -7,19 +7,30 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from tests.diagnosis.quick import P, colour, measurement_of, ramp, run_of
+from tests.diagnosis.tables import table
 
-from pliant.diagnosis.noise import NoiseView, _between_run_scatter, _deviations, noise_view
+from pliant.diagnosis.noise import (
+    Drift,
+    NoiseView,
+    _between_run_scatter,
+    _deviations,
+    drift_between,
+    noise_view,
+)
+from pliant.diagnosis.verdict import THRESHOLDS, judge
 from pliant.measurements.floors import Floor
 from pliant.measurements.repeats import RepeatGroup, repeat_groups
 from pliant.records.measurement import Measurement
 
 N = 400
+SCALES = {"angle_rad": 1.0}
 
 
 def runs(conditions: int, repeats: int) -> Measurement:
     """Levels that differ, each repeated."""
+    clock, ramp_ = 0.5 * np.arange(N), np.linspace(0, 1, N)
     histories = [
-        run_of(f"r{c}{k}", 0.5 * np.arange(N), P * (c + 1) / conditions * np.linspace(0, 1, N))
+        run_of(f"r{c}{k}", clock, P * (c + 1) / conditions * ramp_)
         for c in range(conditions)
         for k in range(repeats)
     ]
@@ -27,36 +38,31 @@ def runs(conditions: int, repeats: int) -> Measurement:
 
 
 def view(
-    conditions: int = 6, repeats: int = 2, *, phi: float, offset: float, missed: float = 0.0
+    conditions: int = 6, repeats: int = 2, *, phi: float, offset: float = 0.0, missed: float = 0.0
 ) -> NoiseView:
     """Noise of unit standard deviation, offsets between runs, and what the model misses, alike in repeats."""
     rng = np.random.default_rng(5)
     measurement = runs(conditions, repeats)
-    residuals = [
-        {
-            "angle_rad": colour(rng, N, 1.0, phi)
-            + rng.normal(0, offset)
-            + missed * np.sin(np.arange(N) / 20.0 + k // repeats)
-        }
-        for k in range(len(measurement.runs))
-    ]
-    return noise_view(measurement, residuals, {"angle_rad": 1.0}, repeat_groups(measurement))
+    residuals = []
+    for k in range(len(measurement.runs)):
+        noise = colour(rng, N, 1.0, phi) + rng.normal(0, offset)
+        residuals.append({"angle_rad": noise + missed * np.sin(np.arange(N) / 20.0 + k // repeats)})
+    return noise_view(measurement, residuals, SCALES, repeat_groups(measurement))
 
 
 @pytest.mark.parametrize("phi", [0.0, 0.6, 0.9])
 def test_effective_readings_are_those_of_the_noise_s_colour(phi: float) -> None:
-    wanted = 12 * N * (1 - phi) / (1 + phi)
-    assert view(phi=phi, offset=0.0).n_effective == pytest.approx(wanted, rel=0.3)
+    assert view(phi=phi).n_effective == pytest.approx(12 * N * (1 - phi) / (1 + phi), rel=0.3)
 
 
 def test_what_the_model_misses_is_no_noise() -> None:
-    plain, missed = view(phi=0.6, offset=0.0), view(phi=0.6, offset=0.0, missed=5.0)
+    plain, missed = view(phi=0.6), view(phi=0.6, missed=5.0)
     assert missed.floor_square == pytest.approx(plain.floor_square, rel=1e-6)
     assert missed.n_effective == pytest.approx(plain.n_effective, rel=1e-6)
 
 
 def test_offsets_between_repeats_are_slip() -> None:
-    still, slipping = view(phi=0.6, offset=0.0), view(phi=0.6, offset=3.0)
+    still, slipping = view(phi=0.6), view(phi=0.6, offset=3.0)
     assert 1.0 <= still.between_run_scatter < 1.3
     assert slipping.between_run_scatter == pytest.approx(np.sqrt(10.0), rel=0.4)
     assert slipping.floor_square == pytest.approx(10.0, rel=0.7)
@@ -64,22 +70,20 @@ def test_offsets_between_repeats_are_slip() -> None:
 
 
 def test_without_repeats_nothing_is_judged() -> None:
-    alone = view(conditions=6, repeats=1, phi=0.0, offset=0.0)
-    assert not alone.judged
-    assert alone.between_run_scatter == 1.0
+    alone = view(repeats=1, phi=0.0)
+    assert not alone.judged and alone.between_run_scatter == 1.0
     assert alone.floor_square == pytest.approx(1.0, rel=0.15)
-    assert view(phi=0.0, offset=0.0).judged
+    assert view(phi=0.0).judged
 
 
 def test_the_unit_of_the_floor_is_the_scale() -> None:
-    measurement = runs(3, 2)
-    rng = np.random.default_rng(0)
+    measurement, rng = runs(3, 2), np.random.default_rng(0)
     residuals = [{"angle_rad": rng.normal(0, 0.01, N)} for _ in measurement.runs]
-    groups = repeat_groups(measurement)
-    one = noise_view(measurement, residuals, {"angle_rad": 0.01}, groups)
-    other = noise_view(measurement, residuals, {"angle_rad": 0.005}, groups)
-    assert one.floor_square == pytest.approx(1.0, rel=0.1)
-    assert other.floor_square == pytest.approx(4.0 * one.floor_square)
+    one, other = (
+        noise_view(measurement, residuals, {"angle_rad": scale}, repeat_groups(measurement)).floor_square
+        for scale in (0.01, 0.005)
+    )
+    assert one == pytest.approx(1.0, rel=0.1) and other == pytest.approx(4.0 * one)
 
 
 def test_repeats_sampled_differently_and_runs_without_readings() -> None:
@@ -89,25 +93,21 @@ def test_repeats_sampled_differently_and_runs_without_readings() -> None:
     residuals = [{"angle_rad": rng.normal(size=len(h))} for h in histories]
     measurement = measurement_of(histories, residuals)
     residuals[1]["angle_rad"][:] = np.nan
-    found = noise_view(measurement, residuals, {"angle_rad": 1.0}, repeat_groups(measurement))
+    found = noise_view(measurement, residuals, SCALES, repeat_groups(measurement))
     assert 10 < found.n_effective <= sum(map(len, histories)) - len(histories[1])
     assert found.floor_square == pytest.approx(1.0, rel=0.5)
 
 
 @pytest.mark.parametrize("phi", [0.0, 0.9])
 def test_a_run_that_was_done_once_counts_as_much_as_others(phi: float) -> None:
-    rng = np.random.default_rng(6)
-    whole = runs(6, 2)
+    rng, whole = np.random.default_rng(6), runs(6, 2)
     residuals = [{"angle_rad": colour(rng, N, 1.0, phi)} for _ in whole.runs]
-    one_less = replace(whole, runs=whole.runs[:-1])
-    scales = {"angle_rad": 1.0}
-    pairs_only = replace(whole, runs=whole.runs[:-2])
 
-    def counted(measurement: Measurement) -> float:
-        n = len(measurement.runs)
-        return noise_view(measurement, residuals[:n], scales, repeat_groups(measurement)).n_effective
+    def counted(n: int) -> float:
+        part = replace(whole, runs=whole.runs[:n])
+        return noise_view(part, residuals[:n], SCALES, repeat_groups(part)).n_effective
 
-    assert counted(one_less) == pytest.approx(1.1 * counted(pairs_only), rel=1e-6)
+    assert counted(11) == pytest.approx(1.1 * counted(10), rel=1e-6)
 
 
 def test_scatter_between_runs_is_told_with_its_doubt() -> None:
@@ -125,3 +125,50 @@ def test_deviations_from_the_mean_of_repeats_keep_the_scatter_of_one_run(repeats
     residuals = [{"angle_rad": rng.normal(0.0, 1.0, 20_000)} for _ in range(repeats)]
     found = _deviations(residuals, [RepeatGroup(tuple(range(repeats)), False)])
     assert [np.std(run["angle_rad"]) for run in found] == pytest.approx([1.0] * repeats, rel=0.02)
+
+
+# -- repeats that differ in proportion to what they read ----------------------------------------------
+
+DRIFT_SIGMA, DRIFT_N = 0.01, 60
+
+
+def drifting(change: float, offset: float = 0.0, conditions: int = 8, seed: int = 1) -> Measurement:
+    """Each condition twice, all first runs before all second ones, which read `change` more of an angle."""
+    rng, arch = np.random.default_rng(seed), np.sin(np.linspace(0.0, np.pi, DRIFT_N))
+    histories, readings = [], []
+    for again in range(2):
+        for k in range(conditions):
+            angle = (0.2 + 0.05 * k) * arch * (1.0 + again * change) + offset * rng.standard_normal()
+            readings.append({"angle_rad": angle + DRIFT_SIGMA * rng.standard_normal(DRIFT_N)})
+            histories.append(run_of(f"r{again}{k}", np.arange(float(DRIFT_N)), 1e3 * (k + 1) * arch))
+    return measurement_of(histories, readings)
+
+
+def drift_of(measurement: Measurement, explained: bool = False) -> Drift | None:
+    residuals = [{"angle_rad": run.outputs["angle_rad"] * (not explained)} for run in measurement.runs]
+    return drift_between(measurement, residuals, {"angle_rad": DRIFT_SIGMA}, repeat_groups(measurement))
+
+
+def test_a_change_of_scale_is_found_with_its_size() -> None:
+    measurement = drifting(0.1)
+    drift = drift_of(measurement)
+    assert drift is not None
+    assert drift.share == pytest.approx(0.1 / 1.05, rel=0.05)  # of the mean of both
+    angles = [run.outputs["angle_rad"] for run in measurement.runs]
+    spread = np.concatenate([angle - angle.mean() for angle in angles]).std()
+    assert drift.size == pytest.approx(drift.share * spread / DRIFT_SIGMA, rel=0.05)
+
+
+def test_noise_offsets_and_what_a_model_explains_are_no_drift_and_few_groups_tell_nothing() -> None:
+    assert all(drift_of(drifting(0.0, offset=0.03, seed=seed)) is None for seed in range(5))
+    assert drift_of(drifting(0.1), explained=True) is None
+    assert drift_of(drifting(0.1, conditions=4)) is None
+
+
+@pytest.mark.parametrize(("size", "verdict"), [(2.0, "not_repeatable"), (0.5, "missing_effect")])
+def test_a_large_drift_is_the_verdict_and_a_small_one_is_not(size: float, verdict: str) -> None:
+    plain = table({(): 3.0, ("a",): 1.0, ("b",): 2.9})
+    noise = replace(plain.noise, drift=Drift("angle_rad", -0.04, size * THRESHOLDS.drift, -9.0))
+    judged = judge(replace(plain, noise=noise), THRESHOLDS, 2)
+    assert judged.verdict == verdict
+    assert ("4.0% less angle_rad" in " ".join(judged.reasons)) is (verdict == "not_repeatable")

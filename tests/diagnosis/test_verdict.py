@@ -1,68 +1,210 @@
-"""Each verdict by a table that calls for it, and which of them comes first."""
+"""Evidence, probabilities and verdicts by tables made by hand; what credible explanations have in common."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 
+import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from tests.diagnosis.tables import row, table
 
-from pliant.diagnosis.verdict import THRESHOLDS, UNKNOWN, judge, log_evidence, predicts_unseen
+from pliant.diagnosis.verdict import (
+    NOTHING,
+    THRESHOLDS,
+    UNKNOWN,
+    EvidenceTable,
+    Kinds,
+    credible_set,
+    judge,
+    log_evidence,
+    predicts_unseen,
+    probabilities,
+    room_above_floor,
+    shared_effects,
+)
 
-CLEAN = {(): 1.02, ("a",): 1.0, ("b",): 1.01}
-MISSING = {(): 9.0, ("a",): 1.0, ("b",): 5.0}
-TWINS = {(): 9.0, ("a",): 1.0, ("b",): 1.0}
-STRANGE = {(): 90.0, ("a",): 80.0, ("b",): 85.0}
-CASES = [
-    ("nothing_missing", CLEAN, {}, 2),
-    ("missing_effect", MISSING, {}, 2),
-    ("missing_effect", MISSING, {"judged": False}, 2),
-    ("ambiguous", TWINS, {}, 2),
-    ("unknown_effect", STRANGE, {}, 2),
-    ("not_repeatable", MISSING, {"slip": 3.0}, 2),
-    ("insufficient_data", MISSING, {"n": 5.0}, 2),
-    ("insufficient_data", MISSING, {"readings": 10}, 2),
-    ("insufficient_data", MISSING, {"readings": 10, "slip": 3.0}, 2),
-    ("insufficient_data", CLEAN, {}, 1),
-    ("insufficient_data", CLEAN, {"judged": False}, 2),
-    ("missing_effect", {(): 9.0, ("a",): 1.0}, {}, 1),
-]
+SQUARES = st.floats(0.5, 50.0)
 
 
-@pytest.mark.parametrize(("verdict", "squares", "noise", "excited"), CASES)
-def test_verdicts(verdict, squares, noise, excited) -> None:
-    found = judge(table(squares, **noise), THRESHOLDS, excited)
-    assert found.verdict == verdict
-    assert found.selected == (("a",) if verdict == "missing_effect" else ())
-    assert sum(found.probability.values()) == pytest.approx(1.0)
-    assert bool(found.reasons) is (
-        verdict not in ("missing_effect", "ambiguous")
-    )  # these say it in their headline
-    assert all(reason.endswith(".") for reason in found.reasons)
+def weighed(found: EvidenceTable) -> dict[Kinds, float]:
+    return probabilities(log_evidence(found, THRESHOLDS), THRESHOLDS.temperature)
 
 
-def test_ambiguous_names_both_and_selects_neither() -> None:
-    found = judge(table(TWINS), THRESHOLDS, 2)
-    assert set(found.credible) == {("a",), ("b",)}
-    assert found.selected == ()
+def odds(t: EvidenceTable, one: tuple[str, ...], other: tuple[str, ...]) -> float:
+    evidence = log_evidence(t, THRESHOLDS)
+    return evidence[one] - evidence[other]
 
 
-def test_unknown_is_credible() -> None:
-    assert judge(table(STRANGE), THRESHOLDS, 2).credible == (UNKNOWN,)
+@given(nothing=st.floats(1.0, 50.0), a=SQUARES, b=SQUARES, n=st.floats(2.0, 1e4), judged=st.booleans())
+def test_probabilities_sum_to_one_whatever_the_order(nothing, a, b, n, judged) -> None:
+    squares = {(): nothing, ("a",): min(a, nothing), ("b",): min(b, nothing), ("a", "b"): min(a, b, nothing)}
+    found = weighed(table(squares, n=n, judged=judged))
+    assert sum(found.values()) == pytest.approx(1.0)
+    assert list(found.values()) == sorted(found.values(), reverse=True)
+    assert (UNKNOWN in found) is judged
+    again = weighed(table(dict(reversed(list(squares.items()))), n=n, judged=judged))
+    assert list(again) == list(found) and again == pytest.approx(found)
+    chosen = credible_set(found)
+    assert sum(found[k] for k in chosen) >= 0.9 - 1e-12
+    assert sum(found[k] for k in chosen[:-1]) < 0.9
+
+
+def test_data_without_noise_and_fits_without_equilibrium_have_probabilities() -> None:
+    with np.errstate(all="raise"):
+        found = weighed(table({(): 4.0, ("a",): 0.0, ("b",): np.inf}, floor=0.0))
+    assert sum(found.values()) == pytest.approx(1.0)
+    assert next(iter(found)) == ("a",) and found[("b",)] == 0.0
+    assert next(iter(weighed(table({(): 0.0, ("a",): 0.0}, floor=0.0)))) == ()
+
+
+def test_what_a_slightly_wrong_law_explains_is_no_merit() -> None:
+    """An effect that explains less than `excited`² of the noise's square is not paid, however many readings."""
+    for n in (1e2, 1e4, 1e6):
+        assert odds(table({(): 1.0 + 0.9 * THRESHOLDS.excited**2, ("a",): 1.0}, n=n), ("a",), ()) < 0
+    assert odds(table({(): 3.0, ("a",): 1.0}), ("a",), ()) > 20
+
+
+def test_a_further_effect_must_explain_more_than_an_equation_may_leave() -> None:
+    alone = {(): 101.0, ("a",): 1.0 + 0.5 * THRESHOLDS.model_form_tolerance * 100, ("b",): 90.0}
+    assert odds(table({**alone, ("a", "b"): 1.0}, n=1e4), ("a", "b"), ("a",)) < 0
+    assert odds(table({**alone, ("a",): 30.0, ("a", "b"): 1.0}, n=1e4), ("a", "b"), ("a",)) > 0
+
+
+def test_unknown_is_for_errors_that_nothing_explains() -> None:
+    assert next(iter(weighed(table({(): 50.0, ("a",): 45.0}, n=300)))) == UNKNOWN
+    assert odds(table({(): 50.0, ("a",): 1.0}, n=300), ("a",), UNKNOWN) > 20
+    explained = 10.0  # what right equations leave over of it is no proof
+    for left, believed in ((0.05, True), (0.3, False)):
+        single = 1.0 + left * explained
+        t = table({(): single + explained, ("a",): single}, n=400.0)
+        assert bool(odds(t, ("a",), UNKNOWN) > 0) is believed
 
 
 @pytest.mark.parametrize(("left", "first"), [(2.5, ("a",)), (4.0, UNKNOWN)])
 def test_an_effect_outside_the_list_has_its_price(left: float, first: tuple[str, ...]) -> None:
     """One that brings the error near the floor is believed before an unknown one, which could have any form."""
-    evidence = log_evidence(table({(): left + 10.0, ("a",): left}, n=100.0), THRESHOLDS)
-    assert max(evidence, key=lambda kinds: evidence[kinds]) == first
+    assert next(iter(weighed(table({(): left + 10.0, ("a",): left}, n=100.0)))) == first
+
+
+def test_each_parameter_costs_half_the_logarithm_of_n_and_each_effect_by_the_length_of_the_list() -> None:
+    t = table({(): 3.0, ("a",): 1.0, ("b",): 1.0}, n=100.0)
+    t.rows[("b",)].__dict__["n_parameters"] = 2
+    assert odds(t, ("a",), ("b",)) == pytest.approx(0.5 * np.log(100.0))
+    few = {(): 1.2, ("a",): 1.0}
+    many = few | {(kind,): 1.2 for kind in "bcdefghijk"}
+    dearer = odds(table(few), ("a",), ()) - odds(table(many), ("a",), ())
+    assert dearer == pytest.approx(THRESHOLDS.effect * np.log(12 / 2))
+
+
+def test_sets_of_one_size_are_weighed_alike_whatever_their_parts_explain_alone() -> None:
+    squares = {(): 8.0, ("a",): 3.0, ("b",): 7.0, ("c",): 7.5, ("d",): 7.6, ("a", "b"): 1.0, ("c", "d"): 1.0}
+    assert odds(table(squares), ("a", "b"), ("c", "d")) == pytest.approx(0.0)
+
+
+def test_room_above_the_floor_and_errors_over_it() -> None:
+    several = {(): 10.0, **{(kind,): 9.9 for kind in "abc"}}
+    for found, room in (
+        (table({(): 10.0}), True),
+        (table({(): 1.05}), False),
+        (table(several, n=30.0), True),
+        (table(several, n=3.0), False),
+        (table({(): 10.0}, floor=np.nan), True),
+    ):
+        assert room_above_floor(found, (), THRESHOLDS) is room
+    assert table({(): 4.0}).over_floor(4.0) == pytest.approx(2.0)
+    assert np.isnan([table({(): 4.0}, floor=floor).over_floor(4.0) for floor in (0.0, np.nan)]).all()
+
+
+CLEAN = {(): 1.02, ("a",): 1.0, ("b",): 1.01}
+MISSING = {(): 9.0, ("a",): 1.0, ("b",): 5.0}
+TWINS = {(): 9.0, ("a",): 1.0, ("b",): 1.0}
+STRANGE = {(): 90.0, ("a",): 80.0, ("b",): 85.0}
+
+
+@pytest.mark.parametrize(
+    ("verdict", "squares", "noise", "excited"),
+    [
+        ("nothing_missing", CLEAN, {}, 2),
+        ("missing_effect", MISSING, {}, 2),
+        ("missing_effect", MISSING, {"judged": False}, 2),
+        ("ambiguous", TWINS, {}, 2),
+        ("unknown_effect", STRANGE, {}, 2),
+        ("not_repeatable", MISSING, {"slip": 3.0}, 2),
+        ("insufficient_data", MISSING, {"n": 5.0}, 2),
+        ("insufficient_data", MISSING, {"readings": 10}, 2),
+        ("insufficient_data", MISSING, {"readings": 10, "slip": 3.0}, 2),
+        ("insufficient_data", CLEAN, {}, 1),
+        ("insufficient_data", CLEAN, {"judged": False}, 2),
+        ("missing_effect", {(): 9.0, ("a",): 1.0}, {}, 1),
+    ],
+)
+def test_verdicts(verdict, squares, noise, excited) -> None:
+    found = judge(table(squares, **noise), THRESHOLDS, excited)
+    assert found.verdict == verdict
+    assert found.selected == (("a",) if verdict == "missing_effect" else ())
+    assert sum(found.probability.values()) == pytest.approx(1.0)
+    assert bool(found.reasons) is (verdict not in ("missing_effect", "ambiguous"))  # their headline says it
+    if squares is TWINS:
+        assert set(found.credible) == {("a",), ("b",)}
+    if squares is STRANGE:
+        assert found.credible == (UNKNOWN,)
 
 
 @pytest.mark.parametrize(("rise", "predicts"), [(1.02, True), (1.1, False)])
 def test_conditions_left_out_may_rise_by_little(rise: float, predicts: bool) -> None:
-    made = table({(): 2.0, ("a",): 1.0})
-    rows = {
-        (): replace(row((), 2.0), unseen=(1.0, 1.0)),
-        ("a",): replace(row(("a",), 1.0), unseen=(rise, rise)),
-    }
-    assert predicts_unseen(replace(made, rows=rows), ("a",)) is predicts
+    plain, better = replace(row((), 2.0), unseen=(1.0, 1.0)), replace(row(("a",), 1.0), unseen=(rise, rise))
+    made = replace(table({(): 2.0, ("a",): 1.0}), rows={(): plain, ("a",): better})
+    assert predicts_unseen(made, ("a",)) is predicts
+
+
+# -- effects that stand for one another ---------------------------------------------------------------
+
+LAGS = frozenset(map(frozenset, [("damping", "lag"), ("slow_camera", "damping")]))
+OPEN: dict[Kinds, float] = {
+    ("damping",): 0.24,
+    ("lag",): 0.21,
+    ("bias", "damping"): 0.18,
+    ("slow_camera",): 0.15,
+    ("bias", "lag"): 0.12,
+    ("bias", "slow_camera"): 0.08,
+    NOTHING: 0.02,
+}
+
+
+def core(probability: Mapping[Kinds, float], at_bound=None, alike=LAGS):
+    ordered = dict(sorted(probability.items(), key=lambda item: -item[1]))
+    found = shared_effects(ordered, alike, at_bound or {}, THRESHOLDS)
+    return found and (found.chosen, found.stands_for)
+
+
+def without(rival: Kinds) -> dict[Kinds, float]:
+    return {**{kinds: p * 0.89 / 0.98 for kinds, p in OPEN.items() if kinds}, rival: 0.11}
+
+
+@pytest.mark.parametrize(
+    ("probability", "found"),
+    [
+        (OPEN, ("damping", ("damping", "lag", "slow_camera"))),  # lag and slow_camera are joined over damping
+        ({("a",): 0.6, ("a", "b"): 0.3, ("a", "c"): 0.08, NOTHING: 0.02}, ("a", ("a",))),
+        *((without(rival), None) for rival in (NOTHING, UNKNOWN, ("friction",))),
+        ({("damping",): 0.5, ("bias", "lag"): 0.5}, None),  # exchanged only where all else is equal
+        ({("damping",): 0.95, ("lag",): 0.05}, None),  # one credible hypothesis is a verdict
+        (
+            {("bias", "damping"): 0.55, ("bias", "lag"): 0.4, ("damping",): 0.03, NOTHING: 0.02},
+            ("damping", ("damping", "lag")),
+        ),
+    ],
+)
+def test_look_alikes_that_hold_nearly_all_probability_have_a_stand_in(probability, found) -> None:
+    assert core(probability) == found
+    assert core(OPEN, alike=frozenset()) is None  # what the runs tell apart is not exchanged
+
+
+def test_a_shape_on_its_bound_is_no_stand_in_while_another_is_free() -> None:
+    assert core(OPEN, {("damping",): frozenset({"damping"})})[0] == "lag"
+    assert core(OPEN, {kinds: frozenset(kinds) for kinds in OPEN})[0] == "damping"
+    # it counts where the effect is most probable
+    assert core(OPEN, {("bias", "damping"): frozenset({"damping"})})[0] == "damping"
