@@ -1,4 +1,4 @@
-"""Knobs: scaling there and back, bounds, starts."""
+"""Fit parameters: scaling there and back, bounds, starts."""
 
 from __future__ import annotations
 
@@ -17,48 +17,26 @@ parameters = pytest.mark.parametrize("parameter", KNOBS, ids=lambda parameter: p
 
 
 @parameters
-def test_the_plausible_end_is_of_order_one(parameter: FitParameter) -> None:
+@given(share=st.floats(0.0, 1.0), far=st.floats(-1e3, 500.0))
+def test_values_and_numbers_there_and_back(parameter: FitParameter, share: float, far: float) -> None:
     low, high = parameter.plausible
     assert 0.9 < max(abs(low), abs(high)) < 1.7
     assert parameter.limits[0] <= low < high <= parameter.limits[1]
     if parameter.is_strength and parameter.declared.prior == "normal":
         assert parameter.value(0.0) == parameter.declared.neutral
-
-
-@parameters
-@given(share=st.floats(0.0, 1.0))
-def test_values_and_knobs_there_and_back(parameter: FitParameter, share: float) -> None:
-    low, high = parameter.limits
-    x = low + share * (high - low)
+    x = parameter.limits[0] + share * (parameter.limits[1] - parameter.limits[0])
     assert parameter.x(parameter.value(x)) == pytest.approx(x, abs=1e-9 * (1 + abs(x)))
-
-
-@parameters
-@given(x=st.floats(-1e3, 1e3))
-def test_values_stay_within_bounds(parameter: FitParameter, x: float) -> None:
-    low, high = parameter.declared.bounds
-    assert low <= parameter.value(min(x, 500.0)) <= high
-
-
-@parameters
-@given(share=st.floats(0.05, 0.95))
-def test_the_slope_is_that_of_the_value(parameter: FitParameter, share: float) -> None:
-    low, high = (max(parameter.limits[0], -2.0), min(parameter.limits[1], 2.0))
-    x, h = low + share * (high - low), 1e-6
-    assert (parameter.value(x + h) - parameter.value(x - h)) / (2 * h) == pytest.approx(
-        parameter.slope(x), rel=1e-5
-    )
+    assert parameter.declared.bounds[0] <= parameter.value(far) <= parameter.declared.bounds[1]
+    ends = max(parameter.limits[0], -2.0), min(parameter.limits[1], 2.0)
+    x, h = ends[0] + (0.05 + 0.9 * share) * (ends[1] - ends[0]), 1e-6
+    slope = (parameter.value(x + h) - parameter.value(x - h)) / (2 * h)
+    assert slope == pytest.approx(parameter.slope(x), rel=1e-5)
 
 
 @given(
-    neutral=st.floats(-10, 10),
-    reach=st.floats(1e-3, 1e3),
-    share=st.floats(0.0, 0.9),
-    x=st.floats(-0.9, 0.9),
+    neutral=st.floats(-10, 10), reach=st.floats(1e-3, 1e3), share=st.floats(0.0, 0.9), x=st.floats(-0.9, 0.9)
 )
-def test_any_normal_parameter_scales_there_and_back(
-    neutral: float, reach: float, share: float, x: float
-) -> None:
+def test_any_normal_parameter_scales_there_and_back(neutral, reach, share, x) -> None:
     bounds = (neutral - 2 * reach, neutral + 2 * reach)
     plausible = (neutral - share * reach, neutral + reach)
     parameter = FitParameter(0, "some", EffectParameter("value", "1", neutral, bounds, plausible))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -22,16 +22,15 @@ from tests.diagnosis.quick import (
 
 from pliant.diagnosis import fitting
 from pliant.diagnosis.candidates import EffectSet
-from pliant.diagnosis.fitting import EffectFit, Fitter
+from pliant.diagnosis.fitting import PRIOR_WEIGHT, EffectFit, Fitter, condition_of_runs, heldout_residual
 from pliant.evidence.prediction import Predictor
 
 CHAIN = joint()
 
 
-def fitted(kind: str, *, sigma: float = SIGMA, seed: int = 3, fitter: type[Fitter] = Fitter) -> EffectFit:
-    measurement = measured(CHAIN, rich(), effect(kind), sigma=sigma, phi=0.0, seed=seed)
-    made = fitter_of(predictor_of(CHAIN, measurement), max(sigma, 1e-6))
-    return fitter(made.predictor, made.readings).fit(EffectSet.of(REGISTRY, (kind,)))
+def fitted(kind: str, *, sigma: float = SIGMA) -> EffectFit:
+    measurement = measured(CHAIN, rich(), effect(kind), sigma=sigma, phi=0.0, seed=3)
+    return fitter_of(predictor_of(CHAIN, measurement), max(sigma, 1e-6)).fit(EffectSet.of(REGISTRY, (kind,)))
 
 
 @pytest.mark.parametrize("kind", VALUES)
@@ -54,40 +53,32 @@ def test_without_noise_they_come_back_exactly(kind: str) -> None:
         assert fit.values[f"{kind}.{name}"] == pytest.approx(value, rel=2e-3)
 
 
-class Watched(Fitter):
-    """Keeps the costs that the descent accepts."""
-
-    def __init__(self, *given: Any) -> None:
-        super().__init__(*given)
-        self.paths: list[list[float]] = []
-
-    def _descend(self, candidate, point, iterations):
-        end, converged = super()._descend(candidate, point, iterations)
-        self.paths.append([point.cost, end.cost])
-        return end, converged
-
-
 @pytest.mark.parametrize("kind", ["mullins", "friction_hysteresis", "dead_zone", "self_contact"])
 def test_the_cost_never_rises_and_bounds_hold(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
     # The truth is another effect: the fit is pushed toward the ends of its range.
     measurement = measured(CHAIN, rich(1), effect("stiffness", factor=0.5), seed=2)
-    made = fitter_of(predictor_of(CHAIN, measurement))
-    watched = Watched(made.predictor, made.readings)
+    fitter = fitter_of(predictor_of(CHAIN, measurement))
     asked: list[np.ndarray] = []
-    point = fitting._Misfit.point
+    costs: list[tuple[float, float]] = []
+    point, descend = fitting._Misfit.point, Fitter._descend
 
     def watching(self: fitting._Misfit, x: np.ndarray) -> object:
         asked.append(x.copy())
         return point(self, x)
 
+    def descending(self: Fitter, candidate, start, iterations):
+        end, converged = descend(self, candidate, start, iterations)
+        costs.append((start.cost, end.cost))
+        return end, converged
+
     monkeypatch.setattr(fitting._Misfit, "point", watching)
+    monkeypatch.setattr(Fitter, "_descend", descending)
     candidate = EffectSet.of(REGISTRY, (kind,))
-    fit = watched.fit(candidate)
-    assert all(end <= start for start, end in watched.paths)
+    fit = fitter.fit(candidate)
+    assert costs and all(end <= start for start, end in costs)
     low, high = candidate.limits()
     assert asked and all(np.all((low - 1e-12 <= x) & (x <= high + 1e-12)) for x in asked)
-    start = watched.look(candidate, candidate.starts()[0])
-    assert fit.mean_square() <= start.mean_square()
+    assert fit.mean_square() <= fitter.look(candidate, candidate.starts()[0]).mean_square()
 
 
 def test_a_bound_that_is_reached_is_told() -> None:
@@ -151,3 +142,82 @@ def test_starts_without_equilibrium(limit: float) -> None:
         assert fit.values["stiffness.factor"] == pytest.approx(0.9, abs=0.02)
     else:
         assert fit.mean_square() == np.inf
+
+
+# -- errors left out of a fit against refits ----------------------------------------------------------
+
+CANDIDATE = EffectSet.of(REGISTRY, ("mullins", "stiffness"))  # three parameters
+
+
+def linear(seed: int, n: int = 240, x: np.ndarray | None = None):
+    """A fit of y = J x at its optimum (or at x), the readings and their groups."""
+    rng = np.random.default_rng(seed)
+    slopes, y = rng.normal(size=(n, 3)), rng.normal(size=n)
+    y += slopes @ np.array([0.8, 0.1, -0.1])
+    groups = np.repeat(np.arange(6), n // 6)
+    best = np.linalg.lstsq(slopes, y, rcond=None)[0] if x is None else x
+    return EffectFit(CANDIDATE, best, y - slopes @ best, slopes, True, (False,) * 3), slopes, y, groups
+
+
+def refit(slopes: np.ndarray, y: np.ndarray, weight: float = PRIOR_WEIGHT) -> np.ndarray:
+    return np.linalg.solve(slopes.T @ slopes + weight * np.eye(slopes.shape[1]), slopes.T @ y)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_the_formula_is_the_refit(seed: int) -> None:
+    fit, slopes, y, groups = linear(seed)
+    left = heldout_residual(fit, groups)
+    for group in range(6):
+        mine = groups == group
+        there = refit(slopes[~mine], y[~mine])
+        np.testing.assert_allclose(left[mine], y[mine] - slopes[mine] @ there, atol=1e-10)
+    assert left @ left > fit.residual @ fit.residual
+
+
+def test_it_is_the_refit_from_any_point_near_the_optimum() -> None:
+    best, _, _, groups = linear(0)
+    moved, *_ = linear(0, x=best.x + 0.05)
+    np.testing.assert_allclose(heldout_residual(moved, groups), heldout_residual(best, groups), atol=1e-10)
+
+
+def test_what_only_one_group_shows_is_nothing_without_it() -> None:
+    fit, slopes, y, groups = linear(1)
+    slopes[groups != 2, 0] = 0.0
+    best = np.linalg.lstsq(slopes, y, rcond=None)[0]
+    fit = EffectFit(CANDIDATE, best, y - slopes @ best, slopes, True, (False,) * 3)
+    mine = groups == 2
+    others = refit(slopes[~mine][:, 1:], y[~mine])
+    np.testing.assert_allclose(
+        heldout_residual(fit, groups)[mine], y[mine] - slopes[mine][:, 1:] @ others, atol=1e-10
+    )
+
+
+def test_one_group_alone_predicts_as_the_model_without_the_effect_and_nothing_has_nothing_to_leave() -> None:
+    fit, _, y, groups = linear(2)
+    np.testing.assert_allclose(heldout_residual(fit, np.zeros_like(groups)), y, atol=1e-10)
+    nothing = EffectFit(EffectSet.of(REGISTRY, ()), np.zeros(0), np.arange(4.0), np.zeros((4, 0)), True, ())
+    np.testing.assert_array_equal(heldout_residual(nothing, np.array([0, 0, 1, 1])), np.arange(4.0))
+
+
+def test_moves_stay_within_bounds() -> None:
+    _, slopes, y, groups = linear(3)
+    mine = groups == 0
+    low, _ = CANDIDATE.limits()
+    y = y + slopes @ np.array([low[0] + 0.01, 0.0, 0.0])  # the loss is at its least but for group 0
+    fit = EffectFit(
+        CANDIDATE, np.array([low[0], 0, 0]), y - slopes[:, 0] * low[0], slopes, True, (True, False, False)
+    )
+    left = heldout_residual(fit, groups)
+    free = refit(slopes[~mine], y[~mine])
+    clipped = np.maximum(free, low)
+    np.testing.assert_allclose(left[mine], y[mine] - slopes[mine] @ clipped, atol=1e-8)
+
+
+def test_groups() -> None:
+    np.testing.assert_array_equal(condition_of_runs(5, [(0, 3), (1, 4)]), [0, 1, 2, 0, 1])
+
+
+def test_a_fit_without_an_equilibrium_has_no_left_out_error() -> None:
+    found, _, y, groups = linear(0)
+    lost = replace(found, residual=np.full_like(y, np.nan), slopes=np.full_like(found.slopes, np.nan))
+    assert np.isnan(heldout_residual(lost, groups, y)).all()

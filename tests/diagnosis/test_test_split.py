@@ -20,21 +20,20 @@ def test_about_a_quarter_of_the_runs():
         assert 0.15 <= len(lock(measurement).runs) / len(measurement.runs) <= 0.34
 
 
-def test_readings_are_hidden_and_inputs_are_kept():
+def test_readings_are_hidden_inputs_are_kept_and_one_condition_is_unseen():
     measurement = zeros()
     found = lock(measurement)
     for k, (run, hidden) in enumerate(zip(measurement.runs, found.training.runs, strict=True)):
         assert hidden.history is run.history
         assert np.isnan(hidden.outputs["angle_rad"]).all() == (k in found.runs)
-
-
-def test_one_condition_is_unseen_and_another_has_one_repeat_locked():
-    measurement = zeros()
-    found = lock(measurement)
     groups = [set(group.runs) for group in repeat_groups(measurement)]
     whole = [group for group in groups if group <= set(found.runs)]
     assert len(whole) == 1 and set(found.unseen) == whole[0]
     assert any(len(group & set(found.runs)) == 1 for group in groups)
+    # the only orientation, the only load, a new specimen stay in training
+    names = [measurement.runs[k].name for k in found.unseen]
+    assert not any(name.startswith(("level", "pressed", "virgin")) for name in names)
+    assert not set(found.runs) & set(lock(found.training).runs)  # runs without readings are not put aside
 
 
 def test_training_keeps_repeats_to_see_its_noise_by():
@@ -51,18 +50,9 @@ def test_training_keeps_repeats_to_see_its_noise_by():
 
 def test_readings_do_not_decide():
     measurement = zeros()
-    other = measurement_of(
-        [run.history for run in measurement.runs],
-        [{"angle_rad": np.full(len(run), float(k))} for k, run in enumerate(measurement.runs)],
-    )
+    readings = [{"angle_rad": np.full(len(run), float(k))} for k, run in enumerate(measurement.runs)]
+    other = measurement_of([run.history for run in measurement.runs], readings)
     assert lock(other).runs == lock(measurement).runs
-
-
-def test_what_is_alone_in_its_circumstances_stays_in_training():
-    """The only orientation, the only load, a new specimen."""
-    measurement = zeros()
-    names = [measurement.runs[k].name for k in lock(measurement).unseen]
-    assert not any(name.startswith(("level", "pressed", "virgin")) for name in names)
 
 
 def test_three_runs_are_too_few():
@@ -70,13 +60,6 @@ def test_three_runs_are_too_few():
     found = lock(measurement)
     assert found.runs == () and found.training is measurement
     assert "too few" in found.why
-
-
-def test_runs_without_readings_are_not_put_aside():
-    measurement = zeros()
-    silent = lock(measurement).runs
-    again = lock(lock(measurement).training)
-    assert not set(silent) & set(again.runs)
 
 
 def test_where_every_run_is_needed_none_is_put_aside_and_a_sentence_says_so():

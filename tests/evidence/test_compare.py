@@ -28,9 +28,11 @@ def place(comparison, condition):
 
 def test_clean_data_raise_few_alarms():
     """With every floor, offset and noise memory estimated from the repeats, at most 8 % of data sets alarm."""
-    sets = 120
+    sets = 60
     offsets = (0.0, 0.001, 0.003)
-    alarms = sum(bool(compare(*bench(seed, offset=offsets[seed % 3])).significant) for seed in range(sets))
+    alarms = sum(
+        bool(compare(*bench(seed, offset=offsets[seed % 3], dt=0.4)).significant) for seed in range(sets)
+    )
     assert alarms <= 0.08 * sets
 
 
@@ -147,16 +149,6 @@ def test_without_repeats_a_large_effect_still_stands_out():
     comparison = compare(*bench(0, repeats=1, effect=falling_shift(0.05)))
     assert not comparison.judged
     assert place(comparison, "falling pressure").significant
-
-
-def test_json_has_the_keys_that_others_rely_on(friction):
-    result = comparison_json(friction)
-    assert set(result) >= {"outputs", "rmse_over_floor", "runs", "worst", "n_samples", "n_effective"}
-    output = result["outputs"]["angle_rad"]
-    assert set(output) >= {"rmse", "unit", "noise_floor", "ratio_to_floor", "bias"}
-    assert output["unit"] == "rad"
-    assert set(result["worst"][0]) >= {"condition", "share_of_error", "z"}
-    assert {entry["name"] for entry in result["covariates"]} >= {"direction", "pressure_pa"}
 
 
 def test_the_same_seed_gives_the_same_intervals():
