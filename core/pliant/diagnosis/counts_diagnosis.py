@@ -11,8 +11,6 @@ The three kinds of explanation (nothing, something listed, something else) are e
 what is listed shares its third: the price of looking at many (Scott and Berger, *Ann. Statist.* 38 (2010) 2587).
 What changes no simulated count takes no part. Evidences are divided by 2, as in every diagnosis: no simulation is
 exact. Repeats that scatter more than binomially divide them again.
-
-What may explain counts: numbers of effects and of the task, each moved to a few levels of its plausible range.
 """
 
 from __future__ import annotations
@@ -41,7 +39,14 @@ from pliant.diagnosis.verdict import (
 )
 from pliant.errors import UserError
 from pliant.evidence.binomial import Count, fisher_p, holm, log_own, log_predictive
-from pliant.evidence.counts import CountComparison, CountedStudy, Setting, compare_counts, simulate_trials
+from pliant.evidence.counts import (
+    ConditionResult,
+    CountComparison,
+    CountedStudy,
+    Setting,
+    compare_counts,
+    simulate_trials,
+)
 from pliant.execution.executors import Workers
 from pliant.interfaces.effect import EffectConfig
 from pliant.pipeline.workbench import Workbench
@@ -153,21 +158,14 @@ def _task_parameter(counted: CountedStudy, one: PlausibleRange, steps: int) -> V
     present = {value_at(counted.task_of(c), key) for c in meant}
     neutral = float(present.pop()) if len(present) == 1 and None not in present else None
     for level in (low, high):
-        for condition in meant[:1]:
-            try:
-                changed_task(counted.task_of(condition), {key.dotted: level})
-            except ValidationError as error:
-                text = sentences(error, type(counted.task), lambda at: "", ("task",))
-                raise UserError(f"'measurements.plausible' of {one.key}: {text}") from None
+        try:
+            changed_task(counted.task_of(meant[0]), {key.dotted: level})
+        except ValidationError as error:
+            text = sentences(error, type(counted.task), lambda at: "", ("task",))
+            raise UserError(f"'measurements.plausible' of {one.key}: {text}") from None
     name = f"{key.dotted} where {_said(one.where)}" if where else key.dotted
-    return VariedParameter(
-        key.dotted,
-        name,
-        key.si or "1",
-        levels_of(low, high, neutral, steps),
-        neutral,
-        where=tuple(where.items()),
-    )
+    levels = levels_of(low, high, neutral, steps)
+    return VariedParameter(key.dotted, name, key.si or "1", levels, neutral, where=tuple(where.items()))
 
 
 def _si(value: float | str, key: TaskKey, one: PlausibleRange) -> float:
@@ -184,6 +182,7 @@ def _said(where: Mapping[str, Any]) -> str:
 
 
 TEMPERATURE = 2.0
+Point = tuple[tuple[VariedParameter, ...], tuple[float, ...]]  # what is moved, and its levels
 
 
 @dataclass(frozen=True, eq=False)
@@ -208,37 +207,37 @@ class Explanation:
         return tuple(parameter.name for parameter in self.parameters)
 
     @property
+    def total(self) -> Array:
+        """(points,) log-likelihood of all conditions together."""
+        return np.asarray(self.log_likelihood.sum(axis=1))
+
+    @property
     def log_evidence(self) -> float:
         """log of the mean likelihood over the grid."""
-        total = self.log_likelihood.sum(axis=1)
-        return float(scipy.special.logsumexp(total) - np.log(len(total)))
+        return float(scipy.special.logsumexp(self.total) - np.log(len(self.total)))
 
     @property
     def best(self) -> int:
         """The point of the largest likelihood."""
-        return int(np.argmax(self.log_likelihood.sum(axis=1)))
+        return int(np.argmax(self.total))
 
     @property
     def weights(self) -> Array:
         """(points,) posterior probability of each point."""
-        total = self.log_likelihood.sum(axis=1)
-        weights: Array = np.exp(total - scipy.special.logsumexp(total))
-        return weights
+        return np.asarray(np.exp(self.total - scipy.special.logsumexp(self.total)))
 
     @property
     def shares(self) -> Array:
         """(conditions,) probability of success, mean over the points by their weights."""
         s, m = np.moveaxis(np.array(self.simulated, float), 2, 0)
-        shares: Array = self.weights @ ((s + 1) / (m + 2))
-        return shares
+        return np.asarray(self.weights @ ((s + 1) / (m + 2)))
 
     @property
     def unseen(self) -> Array:
         """(conditions,) log probability of each condition's count when the others alone choose the point."""
-        total = self.log_likelihood.sum(axis=1, keepdims=True)
-        others = total - self.log_likelihood
-        left: Array = scipy.special.logsumexp(total, axis=0) - scipy.special.logsumexp(others, axis=0)
-        return left
+        total = self.total[:, None]
+        left = scipy.special.logsumexp(total, axis=0)
+        return np.asarray(left - scipy.special.logsumexp(total - self.log_likelihood, axis=0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -274,11 +273,9 @@ def count_evidence(
         hypotheses: parameters that are moved together; the model as it is takes part always.
         workers: see `executor_for`.
     """
-    points = [((), ())] + [
-        (tuple(parameters), levels)
-        for parameters in hypotheses
-        for levels in itertools.product(*(k.levels for k in parameters))
-    ]
+    points: list[Point] = [((), ())]
+    for moved in hypotheses:
+        points += [(tuple(moved), levels) for levels in itertools.product(*(one.levels for one in moved))]
     conditions = counted.counts.conditions
     settings = []
     for parameters, levels in points:
@@ -294,7 +291,7 @@ def count_evidence(
 
 def weighed(
     counted: CountedStudy,
-    points: Sequence[tuple[tuple[VariedParameter, ...], tuple[float, ...]]],
+    points: Sequence[Point],
     simulated: Sequence[tuple[Count, ...]],
 ) -> CountEvidence:
     """The table of simulated counts: `points` are (parameters, levels), NOTHING's with no parameters."""
@@ -302,10 +299,9 @@ def weighed(
     rows: dict[Kinds, Explanation] = {}
     for parameters in dict.fromkeys(parameters for parameters, _ in points):
         of = [k for k, (moved, _) in enumerate(points) if moved == parameters]
-        likelihood = [[log_predictive(a, b) for a, b in zip(measured, simulated[k], strict=True)] for k in of]
-        row = Explanation(
-            parameters, tuple(points[k][1] for k in of), tuple(simulated[k] for k in of), np.array(likelihood)
-        )
+        counts = tuple(simulated[k] for k in of)
+        likelihood = [[log_predictive(a, b) for a, b in zip(measured, one, strict=True)] for one in counts]
+        row = Explanation(parameters, tuple(points[k][1] for k in of), counts, np.array(likelihood))
         rows[row.kinds] = row
     comparisons = {
         kinds: compare_counts(counted.counts, row.simulated[row.best]) for kinds, row in rows.items()
@@ -386,39 +382,38 @@ def _verdict(found: CountEvidence) -> tuple[Verdict, tuple[str, ...]]:
     plain = found.comparison
     first = next(iter(found.probability))
     if plain.contradictory:
-        names = "; ".join(one.condition.words for one in plain.contradictory[:4])
         return "not_repeatable", (
-            f"Sets of one condition contradict each other ({names}): something changed that no column says.",
+            f"Sets of one condition contradict each other ({_named(plain.contradictory)}): something changed that no "
+            "column says.",
         )
     if plain.n_samples < FEWEST_TRIALS or len(plain.conditions) < FEWEST_CONDITIONS:
         return "insufficient_data", (
             f"There are {plain.n_samples} trials under {len(plain.conditions)} conditions; a verdict needs at least "
             f"{FEWEST_TRIALS} under {FEWEST_CONDITIONS}.",
         )
+    allowed = ("The differences are what counting allows, and nothing listed does better.",)
     if first == NOTHING and not plain.disagreeing:
-        return "nothing_missing", (
-            "The differences are what counting allows, and nothing listed does better.",
-        )
+        return "nothing_missing", allowed
     if found.probability[first] < BELIEVED:
         return "ambiguous", ()
     if first == UNKNOWN:
         return "unknown_effect", (
             "No listed explanation predicts these counts better than giving each condition a probability of its own.",
         )
-    left = found.comparisons[first].disagreeing
-    if left:
-        names = "; ".join(one.condition.words for one in left[:4])
+    if left := found.comparisons[first].disagreeing:
         what = " + ".join(first) or "the model as it is"
         return "unknown_effect", (
-            f"Of what is listed, {what} explains these counts best, and it is wrong beyond chance in {names}.",
+            f"Of what is listed, {what} explains these counts best, and it is wrong beyond chance in {_named(left)}.",
         )
     if first == NOTHING:
-        return "nothing_missing", (
-            "The differences are what counting allows, and nothing listed does better.",
-        )
+        return "nothing_missing", allowed
     if found.rows[first].unseen.sum() <= found.rows[NOTHING].unseen.sum():
         return "ambiguous", (NOT_PREDICTIVE.format(kinds=named(first), what="conditions"),)
     return "missing_effect", ()
+
+
+def _named(conditions: Sequence[ConditionResult]) -> str:
+    return "; ".join(one.condition.words for one in conditions[:4])
 
 
 def _smallest(found: CountEvidence, row: Explanation) -> float:

@@ -6,7 +6,7 @@ A diagnosis in sentences that a bench scientist would use.
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -51,6 +51,7 @@ from pliant.diagnosis.verdict import (
 from pliant.errors import NotReachedError, UserError
 from pliant.evidence.covariates import covariates
 from pliant.evidence.importance import importance
+from pliant.evidence.places import padded
 from pliant.evidence.prediction import Predictor
 from pliant.experiments.planned_run import PlannedRun
 from pliant.formatting import listed, whole_percent
@@ -141,7 +142,7 @@ def diagnose(
     runs: Sequence[PlannedRun] = (),
     tick: Tick | None = None,
 ) -> Diagnosis:
-    """EffectFit every candidate, weigh them, and say what can be said.
+    """Fit every candidate, weigh them, and say what can be said.
 
     Args:
         predictor: a study's model, driven by the measured histories.
@@ -171,9 +172,18 @@ def diagnose(
         search.tick = tick
     table = search.run(chosen)
     silent = not_excited(shown, thresholds)
-    not_tried = _not_tried(left_out, [kind for kind in chosen if not _solved(search.fits, kind)])
+    not_tried = [f"'{kind}' was left out: {reason}" for kind, reason in left_out.items()]
+    not_tried += [
+        f"'{kind}' could not be judged: with it the model finds no equilibrium at any start of its fit; "
+        f"'pliant check effect {kind}' may tell why."
+        for kind in chosen
+        if not np.all(np.isfinite(search.fits[(kind,)].residual))
+    ]
     judgement = judge(table, thresholds, len(chosen) - len(silent))
-    explained = _explained(judgement)
+    explained = next(kinds for kinds in judgement.probability if kinds != UNKNOWN)
+    noiseless = (
+        f"The readings have no noise: errors are weighed against {SHARE_OF_RANGE:.0%} of each output's range."
+    )
     residuals = readings.unpack(search.fits[explained].residual)
     found = covariates(measurement, readings.unpack(readings.values - search.fits[explained].residual))
     n = table.noise.n_effective
@@ -198,7 +208,9 @@ def diagnose(
             *measurement.remarks,
             *lost,
             *floor_remarks({name: floors[name] for name in predictor.outputs}),
-            *_remarks(predictor, not_tried, table),
+            *not_tried,
+            *predictor.remarks,
+            *([noiseless] if table.noise.floor_square <= LEAST_SQUARE else []),
             *([undecided] if undecided else []),
         ),
         explained=explained,
@@ -222,16 +234,16 @@ def _followed(
         runs.append(run)
     if not without:
         return measurement, ()
-    worst = max(without, key=lambda name: without[name])
-    if sum(without.values()) > MOST_WITHOUT * sum(map(len, runs)):
+    worst, n = max(without, key=lambda name: without[name]), sum(without.values())
+    of = sum(map(len, runs))
+    if n > MOST_WITHOUT * of:
         raise NotReachedError(
-            f"{measurement.source}: the model has no equilibrium in {sum(without.values())} of "
-            f"{sum(map(len, runs))} measured states, most of them in run '{worst}'; look at the loads and their "
-            "units, and at the law's domain."
+            f"{measurement.source}: the model has no equilibrium in {n} of {of} measured states, most of them in run "
+            f"'{worst}'; look at the loads and their units, and at the law's domain."
         )
     return replace(measurement, runs=tuple(runs)), (
-        f"The model has no equilibrium in {sum(without.values())} of {sum(map(len, runs))} samples, most of them "
-        f"in run '{worst}': these readings are left out. CataloguePrediction at their loads, and at the law's domain.",
+        f"The model has no equilibrium in {n} of {of} samples, most of them in run '{worst}': these readings are left "
+        "out. Look at their loads, and at the law's domain.",
     )
 
 
@@ -240,22 +252,14 @@ def _scales(
 ) -> tuple[dict[str, float], dict[str, Floor]]:
     """The floor of each output that can be read, or a share of its range where nothing tells it."""
     residuals = [
-        {
-            name: run.outputs[name] - model[name] if name in model else np.full(len(run), np.nan)
-            for name in measurement.outputs
-        }
+        {name: run.outputs[name] - values for name, values in model.items() if name in run.outputs}
         for run, model in zip(measurement.runs, plain, strict=True)
     ]
-    floors = noise_floors(measurement, residuals)
+    floors = noise_floors(measurement, padded(measurement, residuals))
     scales = scales_of(measurement, floors, predictor.outputs)
     if not scales:
         raise UserError(f"{measurement.source}: no reading of {', '.join(predictor.outputs)} is there.")
     return scales, floors
-
-
-def _explained(judgement: Judgement) -> Kinds:
-    """The most probable hypothesis that predicts something."""
-    return next(kinds for kinds in judgement.probability if kinds != UNKNOWN)
 
 
 def _estimates(
@@ -279,32 +283,6 @@ def _ways_to_excite(
         configs = {kind: EffectSet.of(registry, (kind,)).configs(shown[kind].x) for kind in unnamed}
         words.update(run_that_excites(view, configs))
     return words
-
-
-def _solved(fits: Mapping[Kinds, EffectFit], kind: str) -> bool:
-    return bool(np.all(np.isfinite(fits[(kind,)].residual)))
-
-
-def _not_tried(refused: Mapping[str, str], unsolved: Sequence[str]) -> list[str]:
-    """Which candidates could not be judged, and why."""
-    return [
-        *(f"'{kind}' was left out: {reason}" for kind, reason in refused.items()),
-        *(
-            f"'{kind}' could not be judged: with it the model finds no equilibrium at any start of its fit; "
-            f"'pliant check effect {kind}' may tell why."
-            for kind in unsolved
-        ),
-    ]
-
-
-def _remarks(predictor: Predictor, not_tried: Sequence[str], table: EvidenceTable) -> list[str]:
-    remarks = [*not_tried]
-    remarks += predictor.remarks
-    if table.noise.floor_square <= LEAST_SQUARE:
-        remarks.append(
-            f"The readings have no noise: errors are weighed against {SHARE_OF_RANGE:.0%} of each output's range."
-        )
-    return remarks
 
 
 MOST_NAMED = 4
@@ -332,22 +310,18 @@ def why(found: Diagnosis, registry: Registry) -> list[str]:
         notes = registry.get("effect", kind).implementation_class().notes
         if notes.signature:
             lines.append(f"{kind}: {notes.signature}")
-        lines += _confused(found, kind)
+        twins = [pair.b for pair in found.indistinguishable if pair.a == kind][:MOST_NAMED]
+        if twins:  # look-alikes that these runs cannot exclude
+            lines.append(f"Under these runs {kind} can hardly be told from {' or '.join(twins)}.")
     if found.verdict != "missing_effect":  # a selected effect stands out of its class
-        first = [kind for kinds in found.judgement.credible for kind in kinds]
-        lines += [class_words(one, first) for one in classes_at_issue(found)]
+        left = {kind for kinds in found.judgement.credible for kind in kinds}
+        lines += [class_words(one, left) for one in found.classes if left & set(one.kinds)]
     if found.verdict in ("unknown_effect", "nothing_missing", "insufficient_data"):
         lines += _dependence(found)
     return lines
 
 
-def classes_at_issue(found: Diagnosis) -> list[EffectClass]:
-    """Classes with an effect of an explanation that is left."""
-    left = {kind for kinds in found.judgement.credible for kind in kinds}
-    return [one for one in found.classes if left & set(one.kinds)]
-
-
-def class_words(one: EffectClass, first: Sequence[str] = ()) -> str:
+def class_words(one: EffectClass, first: Collection[str] = ()) -> str:
     """Which effects look the same, those of `first` named first, and the run that parts them."""
     kinds = sorted(one.kinds, key=lambda kind: (kind not in first, kind))
     more = len(kinds) - MOST_NAMED
@@ -359,21 +333,13 @@ def class_words(one: EffectClass, first: Sequence[str] = ()) -> str:
     return f"{alike}; the run '{one.run}' {would} ({one.words}, {one.minutes:g} min)."
 
 
-def _confused(found: Diagnosis, kind: str) -> list[str]:
-    """CataloguePrediction-alikes that these runs cannot exclude."""
-    twins = [pair.b for pair in found.indistinguishable if pair.a == kind]
-    if not twins:
-        return []
-    return [f"Under these runs {kind} can hardly be told from {' or '.join(twins[:MOST_NAMED])}."]
-
-
 def _dependence(found: Diagnosis) -> list[str]:
     """What the residual of the best explanation depends on."""
     most = [(name, value) for name, value in found.depends_on.items() if value >= 0.1][:3]
     if not most:
         return []
-    words = [f"{circumstance(found, name)} ({whole_percent(value)})" for name, value in most]
-    return [f"What is unexplained depends on {', '.join(words)}: shares of its variance on runs left out."]
+    words = ", ".join(f"{circumstance(found, name)} ({whole_percent(value)})" for name, value in most)
+    return [f"What is unexplained depends on {words}: shares of its variance on runs left out."]
 
 
 def circumstance(found: Diagnosis, name: str) -> str:

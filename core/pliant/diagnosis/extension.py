@@ -31,8 +31,9 @@ from pliant.diagnosis.fitting import (
 from pliant.diagnosis.noise import NoiseView, noise_view
 from pliant.diagnosis.uncertainty import Estimate, Uncertainty, rounded, uncertainty
 from pliant.errors import UserError
-from pliant.evidence.prediction import Predictor, RunReadings
-from pliant.interfaces.effect import EffectConfig, EffectParameter
+from pliant.evidence.places import padded
+from pliant.evidence.prediction import Predictor
+from pliant.interfaces.effect import EffectConfig
 from pliant.measurements.floors import noise_floors
 from pliant.measurements.repeats import RepeatGroup, repeat_groups
 from pliant.pipeline.workbench import Workbench
@@ -108,14 +109,10 @@ class Ground:
         bare = study.model_copy(update={"effects": ()})
         return Ground(Predictor.of_study(bench, bare, measurement), measurement, repeat_groups(measurement))
 
-    def predict(self, effects: Sequence[EffectConfig]) -> tuple[RunReadings, ...]:
-        """Readings of the model with these effects."""
-        return self.predictor.predict(effects)
-
     def residuals(self, effects: Sequence[EffectConfig], measured: Measurement | None = None) -> Residuals:
         """Per run by output of the model; of other readings of the same runs where they are given."""
         runs = (self.measurement if measured is None else measured).runs
-        predicted = self.predict(effects)
+        predicted = self.predictor.predict(effects)
         return [
             {name: run.outputs[name] - values for name, values in model.items()}
             for run, model in zip(runs, predicted, strict=True)
@@ -127,7 +124,7 @@ class Ground:
         Raises:
             UserError: no reading that the model has.
         """
-        floors = noise_floors(self.measurement, self._padded(self.residuals(effects)))
+        floors = noise_floors(self.measurement, padded(self.measurement, self.residuals(effects)))
         scales = scales_of(self.measurement, floors, self.predictor.outputs)
         if not scales:
             raise UserError(
@@ -135,17 +132,11 @@ class Ground:
             )
         return ReadingVector.of(self.measurement, tuple(scales), scales)
 
-    def _padded(self, residuals: Residuals) -> Residuals:
-        return [
-            {name: run.get(name, np.full(len(measured), np.nan)) for name in self.measurement.outputs}
-            for run, measured in zip(residuals, self.measurement.runs, strict=True)
-        ]
-
 
 def extend(
     ground: Ground, effects: Sequence[EffectConfig], kinds: Sequence[str], *, profiles: bool = True
 ) -> Extension:
-    """EffectFit effects of these kinds: in place those that are among `effects`, behind them the others.
+    """Fit effects of these kinds: in place those that are among `effects`, behind them the others.
 
     Args:
         ground: the bare model and the measurement.
@@ -225,17 +216,14 @@ def _rounded(
     values: dict[str, float] = {}
     for digits in range(DIGITS, MOST_DIGITS + 1):
         values = {
-            one.name: _within(one.parameter, rounded(one.value, one.sd, digits)) for one in found.estimates
+            one.name: float(np.clip(rounded(one.value, one.sd, digits), *one.parameter.bounds))
+            for one in found.estimates
         }
         effects = candidate.with_values(values)
         there = fitter.look(StudyCandidate((), (), (), effects), np.zeros(0)).mean_square(fitter.weights)
         if abs(there - wanted) <= ROUNDING * wanted:
             break
     return values
-
-
-def _within(parameter: EffectParameter, value: float) -> float:
-    return min(max(value, parameter.bounds[0]), parameter.bounds[1])
 
 
 def write_extended_study(

@@ -1,4 +1,4 @@
-"""EffectFit a candidate to measured readings with the physics in the loop.
+"""Fit a candidate to measured readings with the physics in the loop.
 
 Levenberg–Marquardt (`pliant.least_squares`) in the fit parameters' x, with the engine's own derivatives.
 
@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pliant.diagnosis.candidates import EffectSet
+from pliant.evidence.places import Residuals
 from pliant.evidence.prediction import Predictor
 from pliant.least_squares import Point, Steps, descend
 from pliant.measurements.floors import Floor
@@ -62,21 +63,15 @@ class ReadingVector:
         for k, name in enumerate(outputs):
             for r, run in enumerate(measurement.runs):
                 piece = run.outputs[name][masks[k][r]] / scales[name]
+                n = len(piece)
                 pieces.append(piece)
-                runs.append(np.full(len(piece), r))
-                which.append(np.full(len(piece), k))
-                quarters.append(QUARTERS * np.arange(len(piece)) // max(len(piece), 1))
-        of_run = np.concatenate(runs).astype(np.intp)
-        whole = len(np.unique(of_run)) >= FEWEST_FOLDS
-        return ReadingVector(
-            tuple(outputs),
-            dict(scales),
-            np.concatenate(pieces),
-            of_run,
-            np.concatenate(which).astype(np.intp),
-            of_run if whole else (QUARTERS * of_run + np.concatenate(quarters)).astype(np.intp),
-            masks,
-        )
+                runs.append(np.full(n, r))
+                which.append(np.full(n, k))
+                quarters.append(QUARTERS * np.arange(n) // max(n, 1))
+        of_run, of_output, quarter = (np.concatenate(v).astype(np.intp) for v in (runs, which, quarters))
+        fold = of_run if len(np.unique(of_run)) >= FEWEST_FOLDS else QUARTERS * of_run + quarter
+        values = np.concatenate(pieces)
+        return ReadingVector(tuple(outputs), dict(scales), values, of_run, of_output, fold, masks)
 
     def __len__(self) -> int:
         return len(self.values)
@@ -182,9 +177,7 @@ class Fitter:
             return EffectFit(candidate, point.x, point.residual, point.slopes, True, ())
         tried = starts or candidate.starts()
         points = [self._start(candidate, x) for x in tried]
-        if not any(
-            np.isfinite(point.cost) for point in points
-        ):  # no equilibrium so far out: begin near nothing
+        if not any(np.isfinite(point.cost) for point in points):  # so far out none: begin near nothing
             points = [self._start(candidate, NEAR_NOTHING * x) for x in tried]
         if len(points) > 1:
             points = [self._descend(candidate, point, TRIAL_ITERATIONS)[0] for point in points]
@@ -290,17 +283,15 @@ def heldout_residual(fit: EffectFit, groups: NDArray[np.intp], plain: Array | No
         mine = groups == group
         slopes, residual = fit.slopes[~mine], fit.residual[~mine]
         normal = slopes.T @ slopes
-        if plain is not None and _share_left(normal, whole + prior) < LEAST_LEFT:
+        if (
+            plain is not None
+            and np.linalg.eigvals(np.linalg.solve(whole + prior, normal)).real.min() < LEAST_LEFT
+        ):
             left[mine] = plain[mine]
             continue
         move = np.linalg.solve(normal + prior, slopes.T @ residual - PRIOR_WEIGHT * fit.x)
         left[mine] -= fit.slopes[mine] @ (np.clip(fit.x + move, low, high) - fit.x)
     return left
-
-
-def _share_left(rest: Array, whole: Array) -> float:
-    """Least share of the information that stays, over all directions of the parameters."""
-    return float(np.linalg.eigvals(np.linalg.solve(whole, rest)).real.min())
 
 
 def condition_of_runs(n_runs: int, repeats: Sequence[Sequence[int]]) -> NDArray[np.intp]:
@@ -311,7 +302,6 @@ def condition_of_runs(n_runs: int, repeats: Sequence[Sequence[int]]) -> NDArray[
     return condition.astype(np.intp)
 
 
-Residuals = Sequence[Mapping[str, Array]]
 # An output without any floor is weighed by this share of its range.
 SHARE_OF_RANGE = 0.02
 

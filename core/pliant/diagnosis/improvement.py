@@ -248,7 +248,7 @@ class _Walk:
 
     def _seen(self) -> str:
         """Where the model fails on the training runs now."""
-        return interpret(compare(self.locked.training, self.ground.predict(self.effects)))
+        return interpret(compare(self.locked.training, self.ground.predictor.predict(self.effects)))
 
     def scored(self, stop: str, reason: str, final: Extension | None) -> Improvement:
         """Errors of all steps over one floor."""

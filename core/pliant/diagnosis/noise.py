@@ -16,13 +16,13 @@ from itertools import combinations
 
 import numpy as np
 
+from pliant.evidence.places import Residuals, padded
 from pliant.measurements.effective import clock_of, effective_samples
 from pliant.measurements.floors import Floor, noise_floors
 from pliant.measurements.repeats import RepeatGroup
 from pliant.records.design import Array
 from pliant.records.measurement import Measurement
 
-Residuals = Sequence[Mapping[str, Array]]
 # Groups of repeats from which on a common sign means anything, and t from which on it does.
 FEWEST, SURE = 5, 5.0
 
@@ -65,28 +65,21 @@ def drift_between(
 def _of(
     measurement: Measurement, residuals: Residuals, name: str, scale: float, groups: Sequence[RepeatGroup]
 ) -> Drift | None:
-    slopes, weights, counts = [], [], []
+    found = []
     for group in groups:
         known = [_slope(measurement, residuals, name, *pair) for pair in combinations(group.runs, 2)]
         of_pairs = [one for one in known if one is not None]
         if of_pairs:
-            slope, weight, count = np.mean(of_pairs, axis=0)
-            slopes.append(slope)
-            weights.append(weight)
-            counts.append(count)
-    if len(slopes) < FEWEST:
+            found.append(np.mean(of_pairs, axis=0))
+    if len(found) < FEWEST:
         return None
-    b, w = np.array(slopes), np.array(weights)
+    b, w, counts = np.array(found).T.copy()
     mean = float(np.average(b, weights=w))
     error = float(np.sqrt(np.sum(w * (b - mean) ** 2) / (len(b) - 1) / w.sum()))
     if abs(mean) <= SURE * error:
         return None
-    return Drift(
-        name,
-        mean,
-        abs(mean) * float(np.sqrt(w.sum() / np.sum(counts))) / scale,
-        mean / error if error > 0.0 else np.inf,
-    )
+    size = abs(mean) * float(np.sqrt(w.sum() / np.sum(counts))) / scale
+    return Drift(name, mean, size, mean / error if error > 0.0 else np.inf)
 
 
 def _slope(
@@ -145,25 +138,22 @@ def noise_view(
         scales: unit of each output, for the mean over outputs.
         groups: repeats.
     """
-    padded = [
-        {name: run.get(name, np.full(len(m), np.nan)) for name in measurement.outputs}
-        for m, run in zip(measurement.runs, residuals, strict=True)
-    ]
-    floors = {name: floor for name, floor in noise_floors(measurement, padded).items() if name in scales}
-    deviations = _deviations(padded, groups)
+    residuals = padded(measurement, residuals)
+    floors = {name: floor for name, floor in noise_floors(measurement, residuals).items() if name in scales}
+    deviations = _deviations(residuals, groups)
     counted = effective_samples(deviations, measurement)
     squares = [(floors[name].value / scale) ** 2 for name, scale in scales.items()]
-    shares = [sum(int(np.isfinite(run[name]).sum()) for run in padded) for name in scales]
+    shares = [sum(int(np.isfinite(run[name]).sum()) for run in residuals) for name in scales]
     between = [_between_run_scatter(floor) for floor in floors.values()]
     return NoiseView(
         floors=floors,
         n_effective=float(
-            sum(_of_all_runs(name, counted[name], padded, deviations, measurement) for name in scales)
+            sum(_of_all_runs(name, counted[name], residuals, deviations, measurement) for name in scales)
         ),
         floor_square=float(np.average(squares, weights=shares)) if any(shares) else np.nan,
         judged=all(floor.source in WHOLE for floor in floors.values()),
         between_run_scatter=max([1.0, *between]),
-        drift=drift_between(measurement, padded, scales, groups),
+        drift=drift_between(measurement, residuals, scales, groups),
     )
 
 
@@ -223,11 +213,4 @@ def _deviations(
     if repeated:
         for index in set(range(len(found))) - repeated:
             found[index] = {name: np.full_like(row, np.nan) for name, row in found[index].items()}
-    return _whole(found, residuals, repeated)
-
-
-def _whole(
-    deviations: list[dict[str, Array]], residuals: Sequence[Mapping[str, Array]], repeated: set[int]
-) -> list[dict[str, Array]]:
-    """The deviations; residuals where nothing is repeated."""
-    return deviations if repeated else [dict(run) for run in residuals]
+    return found

@@ -82,9 +82,13 @@ class Estimate:
     @property
     def words(self) -> str:
         """``0.212 ± 0.014, 90 % between 0.19 and 0.236`` in SI, as a study writes it; with what is to be doubted."""
-        return ", ".join(
-            [with_sd(self.value, self.sd, Unit(self.unit)), f"90 % {self._between()}", *self.doubts]
-        )
+        low, high = number(self.low, 3), number(self.high, 3)
+        between = f"between {low} and {high}"
+        if self.open_low or self.open_high:
+            between = f"below {high}" if self.open_low else f"above {low}"
+        if self.open_low and self.open_high:
+            between = "anywhere within its bounds"
+        return ", ".join([with_sd(self.value, self.sd, Unit(self.unit)), f"90 % {between}", *self.doubts])
 
     @property
     def doubts(self) -> tuple[str, ...]:
@@ -93,19 +97,10 @@ class Estimate:
         if self.includes_neutral:
             found.append(f"includes {quantity(self.parameter.neutral, self.unit, 3)}: no effect")
         if not self.plausible:
-            low, high = self.parameter.plausible
             unit = display_unit(self.unit)
-            outside = f"{unit.text(low, 3)} to {unit.text(high, 3)}"
-            found.append(f"implausible: {unit.text(self.value, 3)} is outside {outside}")
+            value, low, high = (unit.text(v, 3) for v in (self.value, *self.parameter.plausible))
+            found.append(f"implausible: {value} is outside {low} to {high}")
         return tuple(found)
-
-    def _between(self) -> str:
-        low, high = number(self.low, 3), number(self.high, 3)
-        if self.open_low and self.open_high:
-            return "anywhere within its bounds"
-        if self.open_low:
-            return f"below {high}"
-        return f"above {low}" if self.open_high else f"between {low} and {high}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -183,11 +178,9 @@ def uncertainty(fitter: Fitter, fit: EffectFit, n_effective: float, profiles: bo
 
 def square_per_reading(fitter: Fitter, fit: EffectFit, n_effective: float) -> float:
     """s²: what one independent reading adds to Σ r² by chance, as these residuals show it."""
-    n = float(fitter.weights.sum())
     free = max(n_effective - len(fit.x), 1.0)
-    return (
-        max(fit.mean_square(fitter.weights), LEAST_SQUARE) * n / free
-    )  # data without noise have none to show
+    square = max(fit.mean_square(fitter.weights), LEAST_SQUARE)  # data without noise have none to show
+    return square * float(fitter.weights.sum()) / free
 
 
 def covariance_of(fitter: Fitter, fit: EffectFit, scale: float) -> Array:
@@ -235,8 +228,7 @@ class _Profile:
     along: Array
 
     def __post_init__(self) -> None:
-        self._cost = self._squares(self.fit)
-        self._last = self.fit.x
+        self._cost, self._last = self._squares(self.fit), self.fit.x
 
     def height(self, x: float) -> float:
         low, high = self.fit.candidate.limits()

@@ -17,6 +17,7 @@ import numpy as np
 
 from pliant.diagnosis.fitting import EffectFit
 from pliant.diagnosis.noise import NoiseView
+from pliant.records.design import Array
 
 Kinds = tuple[str, ...]
 NOTHING: Kinds = ()
@@ -128,9 +129,8 @@ def log_evidence(table: EvidenceTable, thresholds: EvidenceThresholds) -> dict[K
         found[kinds] = -0.5 * n * np.log(square) - 0.5 * row.n_parameters * np.log(n) - price * len(kinds)
     if table.noise.judged:
         best = max(found, key=lambda kinds: found[kinds])
-        square = table.noise.floor_square + _left_over(
-            table, best, thresholds, thresholds.unknown_form_tolerance
-        )
+        left = _left_over(table, best, thresholds, thresholds.unknown_form_tolerance)
+        square = table.noise.floor_square + left
         found[UNKNOWN] = -0.5 * n * np.log(square) - thresholds.unknown
     return found
 
@@ -163,11 +163,14 @@ def predicts_unseen(table: EvidenceTable, kinds: Kinds) -> bool:
     row = table.rows[kinds]
     simpler = [tuple(kind for kind in kinds if kind != left) for left in kinds]
     others = [table.rows[part] for part in simpler if part in table.rows]
-    return all(row.heldout_square < other.heldout_square and _no_worse_unseen(row, other) for other in others)
+    return all(
+        row.heldout_square < other.heldout_square
+        and _no_worse_unseen(np.array(row.unseen), np.array(other.unseen))
+        for other in others
+    )
 
 
-def _no_worse_unseen(row: Row, other: Row) -> bool:
-    mine, theirs = np.array(row.unseen), np.array(other.unseen)
+def _no_worse_unseen(mine: Array, theirs: Array) -> bool:
     both = np.isfinite(mine) & np.isfinite(theirs)
     return bool(mine[both].sum() <= UNSEEN_RISE * theirs[both].sum())
 
@@ -198,9 +201,8 @@ def _left_over(
 ) -> float:
     """What a slightly wrong law and the slightly wrong equations of a hypothesis may leave above the noise."""
     explained = table.nothing.mean_square - table.rows[kinds].mean_square
-    return thresholds.excited**2 + (thresholds.model_form_tolerance if form is None else form) * max(
-        explained, 0.0
-    )
+    tolerance = thresholds.model_form_tolerance if form is None else form
+    return thresholds.excited**2 + tolerance * max(explained, 0.0)
 
 
 def _allowance(table: EvidenceTable, kinds: Kinds, thresholds: EvidenceThresholds) -> float:
@@ -376,22 +378,21 @@ def shared_effects(
         total = sum(p for kinds, p in known.items() if not group.isdisjoint(kinds))
         if total < thresholds.believed or (best is not None and total <= best.probability):
             continue
-        members = sorted(group, key=lambda kind: (-_held(known, kind), kind))
-        free = [kind for kind in members if kind not in at_bound.get(_leading(known, kind), frozenset())]
+        held = {kind: {kinds: p for kinds, p in known.items() if kind in kinds} for kind in group}
+        members = sorted(group, key=lambda kind: (-sum(held[kind].values()), kind))
+        leading = {kind: max(held[kind], key=held[kind].__getitem__) for kind in group}
+        free = [kind for kind in members if kind not in at_bound.get(leading[kind], frozenset())]
         best = SharedEffect((free or members)[0], tuple(members), total)
     return best
 
 
 def shapes_at_bound(fits: Mapping[Kinds, EffectFit]) -> dict[Kinds, frozenset[str]]:
     """For each fitted hypothesis the effects of which a parameter other than the strength ended on a bound."""
-    return {
-        kinds: frozenset(
-            parameter.kind
-            for parameter, there in zip(fit.candidate.parameters, fit.at_limit, strict=True)
-            if there and not parameter.is_strength
-        )
-        for kinds, fit in fits.items()
-    }
+    found = {}
+    for kinds, fit in fits.items():
+        ends = zip(fit.candidate.parameters, fit.at_limit, strict=True)
+        found[kinds] = frozenset(one.kind for one, there in ends if there and not one.is_strength)
+    return found
 
 
 def _groups(credible: Collection[Kinds], alike: Collection[frozenset[str]]) -> list[frozenset[str]]:
@@ -402,13 +403,3 @@ def _groups(credible: Collection[Kinds], alike: Collection[frozenset[str]]) -> l
             joined = [group for group in groups if group & pair]
             groups = [group for group in groups if not group & pair] + [frozenset().union(*joined)]
     return groups
-
-
-def _held(probability: Mapping[Kinds, float], kind: str) -> float:
-    """Probability of all hypotheses with an effect."""
-    return sum(p for kinds, p in probability.items() if kind in kinds)
-
-
-def _leading(probability: Mapping[Kinds, float], kind: str) -> Kinds:
-    """The most probable hypothesis with an effect."""
-    return max((kinds for kinds in probability if kind in kinds), key=lambda kinds: probability[kinds])
