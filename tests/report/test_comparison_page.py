@@ -20,22 +20,20 @@ def page_of(measurement, predicted, title="finger"):
 
 
 def test_the_page_shows_runs_places_loops_and_a_map():
-    made = page_of(*bench(0, effect=falling_shift(0.01)), title="<b>finger</b>")
+    settings = [(5e3, 0.0)]
+    made, again = (
+        page_of(*bench(0, effect=falling_shift(0.02), settings=settings), title="<b>finger</b>") for _ in "ab"
+    )
     assert set(made.pictures) == {"runs", "where_1", "loops_1", "map"}
     assert all(png.tobytes().startswith(PNG) for png in made.pictures.values())
     assert "&lt;b&gt;finger" in made.html and "<b>finger" not in made.html
-    assert "The model is off by" in made.html and "falling pressure" in made.html
+    assert "falling pressure" in made.html
     assert "<script" not in made.html and "http" not in made.html.replace("data:image", "")
-
-
-def test_the_same_comparison_gives_the_same_bytes():
-    settings = [(5e3, 0.0)]
-    first, second = (page_of(*bench(0, settings=settings)).html for _ in range(2))
-    assert first == second
+    assert made.html == again.html
 
 
 def test_a_chain_has_pictures_of_two_outputs():
-    made = page_of(*bench(0, n_joints=3, settings=[(5e3, 0.0)]))
+    made = page_of(*bench(0, n_joints=3, settings=[(5e3, 0.0)], dt=0.4))
     assert set(made.pictures) == {"runs", "runs_2", "where_1", "where_2", "loops_1", "loops_2", "map"}
 
 
@@ -66,8 +64,8 @@ def test_awkward_measurements_have_a_page(case):
 
 
 def test_many_runs_and_many_samples_stay_readable():
-    """Thirty runs of thousands of samples: no more than 12 are drawn, and the page stays small."""
-    settings = [(5e3, k * 1e-3) for k in range(30)]
-    made = page_of(*bench(0, settings=settings, repeats=1, dt=0.01))
+    """Fifteen runs of a thousand samples: no more than 12 are drawn, and the page stays small."""
+    settings = [(5e3, k * 1e-3) for k in range(15)]
+    made = page_of(*bench(0, settings=settings, repeats=1, dt=0.03))
     assert "one run of each condition, the worst first" in made.html
     assert len(made.html) < 5e6

@@ -102,33 +102,19 @@ def test_every_verdict_has_a_whole_page(case):
     sections = re.findall(r"<section.*?</section>", page.html, re.DOTALL)
     assert len(sections) >= 4
     assert all(re.search(r"<img|<td|<p", section) for section in sections)
+    first = re.findall(r"<h2>(.*?)</h2>", page.html.split("</aside>")[-1])[0]
+    assert (first == "Noise") is (found.verdict == "not_repeatable")  # the repeats are the finding
+    assert ("repeats" in page.pictures) is (found.verdict != "insufficient_data")  # of a run alone
+    assert ("nobody knows whether the bench repeats" in page.html) is (found.verdict == "insufficient_data")
 
 
-def test_the_page_is_self_contained_and_escaped(case):
-    html = case[2].html
-    assert "<script" not in html and "http" not in html.replace("data:image", "")
-    assert "&lt;b&gt;finger" in html and "<b>finger" not in html
-
-
-def test_the_same_diagnosis_gives_the_same_bytes(missing):
-    first, second = (
-        rendered(diagnosis_document("f", missing.measurement, missing.found, REGISTRY)).html for _ in range(2)
-    )
-    assert first == second
-
-
-def test_a_bench_that_does_not_repeat_shows_its_repeats_first():
-    measurement, found = made("not_repeatable")
-    page = rendered(diagnosis_document("f", measurement, found, REGISTRY))
-    assert re.findall(r"<h2>(.*?)</h2>", page.html.split("</aside>")[-1])[0] == "Noise"
-    assert "repeats" in page.pictures
-
-
-def test_a_run_alone_has_no_picture_of_repeats():
-    measurement, found = made("insufficient_data")
-    page = rendered(diagnosis_document("f", measurement, found, REGISTRY))
-    assert "repeats" not in page.pictures
-    assert "nobody knows whether the bench repeats" in page.html
+def test_the_page_is_self_contained_escaped_and_the_same_each_time(case):
+    measurement, found, page = case
+    assert "<script" not in page.html and "http" not in page.html.replace("data:image", "")
+    assert "&lt;b&gt;finger" in page.html and "<b>finger" not in page.html
+    if found.verdict == "insufficient_data":  # the smallest
+        again = rendered(diagnosis_document("<b>finger</b>", measurement, found, REGISTRY))
+        assert again.html == page.html
 
 
 def test_the_model_as_it_is_and_an_unknown_effect_are_always_among_the_bars(missing, ambiguous):
@@ -230,22 +216,16 @@ def test_what_is_printed_is_the_value_to_a_twentieth_of_its_deviation(value, sha
     assert abs(printed - value) <= max(0.051 * sd, 0.006 * value if sd >= 10 else 0.0)
 
 
-def test_readings_without_noise_and_missing_ones_have_a_page():
+@pytest.mark.parametrize("clock", [True, False])
+def test_readings_without_noise_or_time_and_missing_ones_have_a_page(clock):
     chain = joint()
-    measurement = measured(chain, rich(), effect("stiffness"), sigma=0.0)
+    histories = poor(2) if clock else [replace(h, time_s=None) for h in poor(2)]
+    measurement = measured(chain, histories, effect("stiffness"), sigma=0.0 if clock else 2e-3)
     holes = [
         {"angle_rad": np.where(np.arange(len(run)) % 7 == 3, np.nan, run.outputs["angle_rad"])}
         for run in measurement.runs
     ]
-    punched = measurement_of([run.history for run in measurement.runs], holes)
+    punched = measurement_of(histories, holes) if clock else measurement
     found = diagnose(predictor_of(chain, punched), kinds=("stiffness", "actuation_gain"))
     page = rendered(diagnosis_document("f", punched, found, REGISTRY))
     assert "changes_1" in page.pictures and "nan" not in re.sub(r'"data:[^"]*"', "", page.html)
-
-
-def test_a_measurement_without_time_has_a_page():
-    chain = joint()
-    histories = [replace(h, time_s=None) for h in poor(2)]
-    measurement = measured(chain, histories, effect("stiffness"))
-    found = diagnose(predictor_of(chain, measurement), kinds=("stiffness", "sensor_bias"))
-    assert "changes_1" in rendered(diagnosis_document("f", measurement, found, REGISTRY)).pictures

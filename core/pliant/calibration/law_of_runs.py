@@ -15,6 +15,7 @@ import numpy as np
 from pliant.calibration.fitting import Problem, minimised
 from pliant.config.study import Study
 from pliant.errors import NotReachedError, UserError, closest
+from pliant.evidence.places import padded
 from pliant.evidence.prediction import Predictor
 from pliant.interfaces.surrogate import SurrogateConfig
 from pliant.measurements.effective import effective_samples
@@ -132,7 +133,11 @@ class _Errors:
             raise UserError("The chain has several laws; runs are fitted with one law for all joints.")
         predictor = Predictor.of_study(bench, study, measurement)
         self.backend, self.outputs = predictor.backend, predictor.outputs
-        self.spans = {name: self._span(name) for name in self.outputs}
+        read = {
+            name: np.concatenate([run.outputs[name] for run in measurement.runs]) for name in self.outputs
+        }
+        spans = {name: float(np.nanmax(values) - np.nanmin(values)) for name, values in read.items()}
+        self.spans = {name: max(span, SMALLEST_RANGE) for name, span in spans.items()}
 
     def of(self, values: Array) -> list[dict[str, Array]]:
         """Per run by output (t,), SI; NaN where nothing was read or the model has no equilibrium."""
@@ -151,7 +156,7 @@ class _Errors:
             for run, error in zip(self.measurement.runs, self.of(values), strict=True)
             for name in self.outputs
         ]
-        packed: Array = np.concatenate(pieces)
+        packed = np.concatenate(pieces)
         return packed if np.isfinite(packed).all() else None
 
     def rmse(self, values: Array) -> dict[str, float]:
@@ -161,16 +166,8 @@ class _Errors:
 
     def n_effective(self, values: Array) -> float:
         """Independent readings, by the error's correlation in time."""
-        padded = [
-            {name: run.get(name, np.full(len(m), np.nan)) for name in self.measurement.outputs}
-            for m, run in zip(self.measurement.runs, self.of(values), strict=True)
-        ]
-        counted = effective_samples(padded, self.measurement)
+        counted = effective_samples(padded(self.measurement, self.of(values)), self.measurement)
         return float(sum(counted[name] for name in self.outputs))
-
-    def _span(self, name: str) -> float:
-        series: Array = np.concatenate([run.outputs[name] for run in self.measurement.runs])
-        return max(float(np.nanmax(series) - np.nanmin(series)), SMALLEST_RANGE)
 
 
 def _deviations(slopes: Array, residual: Array, n_effective: float) -> Array | None:

@@ -190,21 +190,36 @@ def read_bench_data(path: Path, test: str | None = None) -> BenchData:
         rows = read_columns(sheet, columns)
     remarks = rows.remarks
     kept = _kept(path, rows, (x, y), remarks)
-    found = _assembled(path, kind, columns, (x, y), rows, kept, test)
+    problems, lines = Problems(path, advice=ADVICE), rows.lines[kept]
+    mode, specimen = (np.array(rows.texts.get(n, [""] * len(kept)), str)[kept] for n in ("test", "specimen"))
+    default = "" if kind == "free" else (test or "uniaxial")
+    mode = np.array([word.lower() or default for word in mode.tolist()])
+    for line, word in zip(lines.tolist(), mode.tolist(), strict=True):
+        if kind == "tensile" and word not in MODES:
+            problems.add(
+                line, f"column test: '{word}' is not one of {', '.join(MODES)}{closest(word, MODES)}"
+            )
+    stated = f"sigma_{y.name}"
+    sigma = rows.numbers[stated][kept] if stated in columns else None
+    if sigma is not None:
+        for line in lines[~(sigma > 0)].tolist():
+            problems.add(line, f"column {stated}: it must be a number above 0 in every row")
+    problems.raise_if_any()
+    set_to, measured = (rows.numbers[column.name][kept] for column in (x, y))
+    set_to = 1 + set_to if x.name == "strain" else set_to
     check = check_tensile if kind == "tensile" else check_free
-    lines = rows.lines[kept]
-    remarks += check(path, x.written, y.written, found[0], found[1], lines)
+    remarks += check(path, x.written, y.written, set_to, measured, lines)
     return BenchData(
         source=path.name,
         sha256=hashlib.sha256(path.read_bytes()).hexdigest(),
         kind=kind,
         x_name="stretch" if kind == "tensile" else x.name,
         y_name=y.name,
-        x=found[0],
-        y=found[1],
-        mode=found[2],
-        sigma=found[3],
-        specimen=found[4],
+        x=set_to,
+        y=measured,
+        mode=mode,
+        sigma=sigma,
+        specimen=specimen,
         remarks=tuple(remarks),
     )
 
@@ -260,52 +275,14 @@ def _meant(names: Sequence[str], unknown: Sequence[str]) -> str:
 
 def _kept(path: Path, rows: Values, needed: tuple[Column, Column], remarks: list[str]) -> np.ndarray:
     """Rows that have both numbers and no moment; what is left out is said."""
-    values = [rows.numbers[column.name] for column in needed]
-    kept = np.isfinite(values[0]) & np.isfinite(values[1])
-    if not np.all(kept):
-        lines = [rows.lines[i] for i in np.flatnonzero(~kept)]
-        remarks.append(f"Left out: {plural(len(lines), 'row')} with a blank ({lines_text(lines)}).")
-    if "moment_n_m" in rows.numbers:
-        loaded = kept & (np.nan_to_num(rows.numbers["moment_n_m"]) != 0)
-        if loaded.any():
-            lines = [rows.lines[i] for i in np.flatnonzero(loaded)]
-            remarks.append(
-                f"Left out: {plural(len(lines), 'row')} with a moment ({lines_text(lines)}); a free curve has none."
-            )
-        kept &= ~loaded
+    kept = np.all([np.isfinite(rows.numbers[column.name]) for column in needed], axis=0)
+    loaded = kept & (np.nan_to_num(rows.numbers.get("moment_n_m", np.zeros(len(kept)))) != 0)
+    reasons = ((~kept, "with a blank", ""), (loaded, "with a moment", "; a free curve has none"))
+    for which, why, end in reasons:
+        lines = [rows.lines[i] for i in np.flatnonzero(which)]
+        if lines:
+            remarks.append(f"Left out: {plural(len(lines), 'row')} {why} ({lines_text(lines)}){end}.")
+    kept &= ~loaded
     if not kept.any():
         raise UserError(f"{path}: no row is left to fit. {' '.join(remarks)}".strip())
     return kept
-
-
-def _assembled(
-    path: Path,
-    kind: Kind,
-    columns: dict[str, Column],
-    needed: tuple[Column, Column],
-    rows: Values,
-    kept: np.ndarray,
-    test: str | None,
-) -> tuple[Array, Array, np.ndarray, Array | None, np.ndarray]:
-    """x, y, mode, sigma and specimen of the rows that are kept."""
-    x, y = (rows.numbers[column.name][kept] for column in needed)
-    if needed[0].name == "strain":
-        x = 1 + x
-    lines = rows.lines[kept]
-    problems = Problems(path, advice=ADVICE)
-    default = "" if kind == "free" else (test or "uniaxial")
-    words = np.array(rows.texts.get("test", [""] * len(rows.lines)), dtype=str)[kept]
-    mode = np.array([word.lower() or default for word in words.tolist()])
-    for line, word in zip(lines.tolist(), mode.tolist(), strict=True):
-        if kind == "tensile" and word not in MODES:
-            problems.add(
-                line, f"column test: '{word}' is not one of {', '.join(MODES)}{closest(word, MODES)}"
-            )
-    sigma = None
-    if f"sigma_{needed[1].name}" in columns:
-        sigma = rows.numbers[f"sigma_{needed[1].name}"][kept]
-        for line in lines[~(sigma > 0)].tolist():
-            problems.add(line, f"column sigma_{needed[1].name}: it must be a number above 0 in every row")
-    problems.raise_if_any()
-    names = np.array(rows.texts.get("specimen", [""] * len(rows.lines)), dtype=str)[kept]
-    return x, y, np.where(mode == default, default, mode), sigma, names

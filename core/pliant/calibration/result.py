@@ -1,7 +1,5 @@
 """Fitted constants of a material, and sentences on how far they can be told apart and how far the law fits.
 
-How sure fitted constants are, and which combinations the data do not decide.
-
 With weighted residuals r (n,) and slopes J (n, k): covariance s² (JᵀJ)⁻¹, s² = Σ r²/(n − k); where the file states the
 standard deviations, s² = max(1, Σ r²/(n − k)), for they may be too hopeful but not the fit's proof. Neighbouring
 residuals that are alike (a law that misses the curve a little) are worth fewer: n is replaced by n (1 − ρ)/(1 + ρ), ρ
@@ -269,14 +267,13 @@ def _determined(found: Calibration, scales: Array) -> tuple[str, float, float]:
 
 def _exchangeable(found: Calibration) -> list[str]:
     remarks = []
-    for i, first in enumerate(found.constants):
-        for j, second in enumerate(found.constants[:i]):
-            rho = float(found.certainty.correlation[i, j])
-            if abs(rho) > ALIKE:
-                remarks.append(
-                    f"{second.written} and {first.written} nearly trade places in these data (correlation "
-                    f"{number(rho, 4)}): what they give together is surer than each alone."
-                )
+    for i, j in zip(*np.tril_indices(len(found.constants), -1), strict=True):
+        first, second, rho = found.constants[i], found.constants[j], float(found.certainty.correlation[i, j])
+        if abs(rho) > ALIKE:
+            remarks.append(
+                f"{second.written} and {first.written} nearly trade places in these data (correlation "
+                f"{number(rho, 4)}): what they give together is surer than each alone."
+            )
     return remarks
 
 

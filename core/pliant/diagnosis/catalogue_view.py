@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from pliant.diagnosis.candidates import EffectSet
 from pliant.diagnosis.fitting import SHARE_OF_RANGE, STEP, ReadingVector
 from pliant.evidence.prediction import POSITION, Predictor
-from pliant.experiments.planned_run import PlannedRun
+from pliant.experiments.planned_run import PlannedRun, unread_run
 from pliant.records.design import Array
 from pliant.records.history import History
-from pliant.records.measurement import MeasuredRun, Measurement
+from pliant.records.measurement import Measurement
 
 # Noise of an output that was not measured: a share of its range, and not below these.
 LEAST_ANGLE_RAD, LEAST_OF_LENGTH = 0.002, 0.001
@@ -119,8 +119,8 @@ def _unread(runs: Sequence[PlannedRun], outputs: tuple[str, ...]) -> Measurement
         body = f"{run.history.specimen} {number}"
         before = _conditioning(run.history).with_(specimen="" if run.new_specimen else body)
         measured += [
-            _blank(before, every, ()),
-            _blank(run.history.with_(specimen=body), every, (*outputs, *run.adds)),
+            unread_run(before, every),
+            unread_run(run.history.with_(specimen=body), every, (*outputs, *run.adds)),
         ]
     return Measurement(tuple(measured), every, source="the menu")
 
@@ -137,11 +137,6 @@ def _conditioning(history: History) -> History:
         run=f"before {history.run}",
         payload_kg=None if history.payload_kg is None else float(history.payload_kg[0]),
     )
-
-
-def _blank(history: History, every: Sequence[str], read: Sequence[str]) -> MeasuredRun:
-    values = {name: np.full(len(history), 0.0 if name in read else np.nan) for name in every}
-    return MeasuredRun(history, values, {}, np.ones(len(history)), np.zeros(0))
 
 
 def _added_scales(predictor: Predictor, names: Sequence[str]) -> dict[str, float]:

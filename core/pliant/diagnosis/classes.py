@@ -4,11 +4,9 @@ Two effects belong together where neither can be told from the other: each imita
 bent as they must be. Only the inputs and the model decide this, no reading does, so that a class can be stated before
 anything is measured or unsealed. Classes are the connected parts of these pairs.
 
-What runs could tell before anything is measured: effects × runs, and the fewest runs that tell the effects apart.
-
-Nothing is read, so that nothing is probable: every effect stands at the far end of its plausible range, and a run tells
-two of them apart where neither can imitate the other (`classes.py`). Runs are chosen one by one, each for what it
-splits more beside those before it.
+Before anything is measured nothing is probable: every effect then stands at the far end of its plausible range, and a
+run tells two of them apart where neither can imitate the other. Runs are chosen one by one, each for what it splits
+more beside those before it.
 """
 
 from __future__ import annotations
@@ -32,9 +30,9 @@ from pliant.diagnosis.excitation import (
 from pliant.diagnosis.fitting import SHARE_OF_RANGE, Fitter
 from pliant.diagnosis.verdict import THRESHOLDS, Kinds
 from pliant.evidence.prediction import Predictor
-from pliant.experiments.planned_run import PlannedRun
+from pliant.experiments.planned_run import PlannedRun, unread_run
 from pliant.records.design import Array
-from pliant.records.measurement import MeasuredRun, Measurement
+from pliant.records.measurement import Measurement
 from pliant.registry.discovery import Registry
 
 # Eigenvalues below this share of the largest are directions that are not there.
@@ -256,17 +254,9 @@ class RunDesign:
 
 def unread(runs: Sequence[PlannedRun], outputs: Sequence[str]) -> Measurement:
     """A measurement of these runs without a reading: what a predictor needs to begin with."""
-    measured = [
-        MeasuredRun(
-            run.history,
-            {name: np.full(len(run.history), np.nan) for name in outputs},
-            {},
-            np.ones(len(run.history)),
-            np.zeros(0),
-        )
-        for run in runs
-    ]
-    return Measurement(tuple(measured), tuple(outputs), source="the menu")
+    return Measurement(
+        tuple(unread_run(run.history, outputs) for run in runs), tuple(outputs), source="the menu"
+    )
 
 
 def design_runs(

@@ -46,11 +46,11 @@ from pliant.diagnosis.verdict import (
 )
 from pliant.evidence.prediction import Predictor
 from pliant.experiments.experiment_catalogue import static_catalogue, timed_catalogue
-from pliant.experiments.planned_run import SET_UP, BenchScale, PlannedRun
+from pliant.experiments.planned_run import SET_UP, BenchScale, PlannedRun, unread_run
 from pliant.interfaces.effect import EffectConfig
 from pliant.measurements.repeats import repeat_groups
 from pliant.records.design import Array
-from pliant.records.measurement import MeasuredRun, Measurement
+from pliant.records.measurement import Measurement
 
 # Directions whose size is below this share of the largest are rounding.
 FLAT = 1e-9
@@ -408,7 +408,7 @@ def _ranked(
 
 def done_before(view: CatalogueView, measurement: Measurement) -> tuple[int, ...]:
     """Places of the menu's runs whose inputs are those of a run that was measured."""
-    planned = [MeasuredRun(run.history, {}, {}, np.ones(len(run.history)), np.zeros(0)) for run in view.runs]
+    planned = [unread_run(run.history) for run in view.runs]
     n = len(measurement.runs)
     groups = repeat_groups(replace(measurement, runs=(*measurement.runs, *planned)))
     return tuple(sorted(k - n for group in groups if min(group.runs) < n for k in group.runs if k >= n))

@@ -20,7 +20,7 @@ from pliant.mechanics.kinematics import ChainGeometry
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
 from pliant.records.history import REFERENCE_TEMPERATURE_C, History
-from pliant.records.measurement import Measurement
+from pliant.records.measurement import MeasuredRun, Measurement
 
 # Where no load was measured, loads are this share of the torque (or force) at the largest actuation.
 LOAD_OF_PEAK = 0.15
@@ -318,3 +318,9 @@ def named_run(runs: Sequence[PlannedRun], name: str) -> PlannedRun:
     if name not in names:
         raise UserError(f"There is no run '{name}'{closest(name, names)} The runs are {', '.join(names)}.")
     return runs[names.index(name)]
+
+
+def unread_run(history: History, outputs: Sequence[str] = (), read: Sequence[str] = ()) -> MeasuredRun:
+    """The run before it is done: zeros for the outputs that will be read in it, NaN for the others."""
+    values = {name: np.full(len(history), 0.0 if name in read else np.nan) for name in outputs}
+    return MeasuredRun(history, values, {}, np.ones(len(history)), np.zeros(0))
