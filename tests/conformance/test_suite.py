@@ -20,7 +20,7 @@ from pliant.testing import (
     parametrize_with_checks,
     run_checks,
 )
-from pliant.testing.suite import Finding, require_close
+from pliant.testing.suite import Finding, agree
 
 CASES = [(interface, case) for interface in broken.SUITES for case in broken.of(interface)]
 # Checks that their broken plugin fails by an exception of its own.
@@ -140,6 +140,6 @@ def test_every_clause_is_a_sentence(interface: str) -> None:
     ],
 )
 def test_differences_are_told_in_numbers(got: list[float], says: str) -> None:
-    require_close([1.0, 2.005], [1.0, 2.0], "off", atol=0.01)
+    agree([1.0, 2.005], [1.0, 2.0], "off", atol=0.01)
     with pytest.raises(Finding, match=says):
-        require_close(got, [1.0, 2.0], "off", atol=0.01)
+        agree(got, [1.0, 2.0], "off", atol=0.01)
