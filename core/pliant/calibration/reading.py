@@ -20,7 +20,7 @@ from pliant.errors import UserError, closest
 from pliant.formatting import plural
 from pliant.mechanics.homogeneous import MODES
 from pliant.records.design import Array
-from pliant.tabular.schema import Column, Known, Schema, Values, read_columns
+from pliant.tabular.schema import FileColumn, Known, Schema, Values, read_columns
 from pliant.tabular.text import Problems, lines_text, open_sheet
 
 Kind = Literal["tensile", "free"]
@@ -119,7 +119,7 @@ def read_bench_data(path: Path, test: str | None = None) -> BenchData:
     )
 
 
-def _kind(path: Path, header: Sequence[str], columns: dict[str, Column], test: str | None) -> Kind:
+def _kind(path: Path, header: Sequence[str], columns: dict[str, FileColumn], test: str | None) -> Kind:
     if test is not None:
         return "free" if test == "free" else "tensile"
     for place in (1, 0):  # what was measured says more than what was set
@@ -133,8 +133,8 @@ def _kind(path: Path, header: Sequence[str], columns: dict[str, Column], test: s
 
 
 def _needed(
-    path: Path, header: Sequence[str], columns: dict[str, Column], kind: Kind
-) -> tuple[Column, Column]:
+    path: Path, header: Sequence[str], columns: dict[str, FileColumn], kind: Kind
+) -> tuple[FileColumn, FileColumn]:
     """What was set and what was measured, one column each."""
     found = []
     for names in OF_KIND[kind]:
@@ -168,7 +168,7 @@ def _meant(names: Sequence[str], unknown: Sequence[str]) -> str:
     return "."
 
 
-def _kept(path: Path, rows: Values, needed: tuple[Column, Column], remarks: list[str]) -> np.ndarray:
+def _kept(path: Path, rows: Values, needed: tuple[FileColumn, FileColumn], remarks: list[str]) -> np.ndarray:
     """Rows that have both numbers and no moment; what is left out is said."""
     values = [rows.numbers[column.name] for column in needed]
     kept = np.isfinite(values[0]) & np.isfinite(values[1])
@@ -191,8 +191,8 @@ def _kept(path: Path, rows: Values, needed: tuple[Column, Column], remarks: list
 def _assembled(
     path: Path,
     kind: Kind,
-    columns: dict[str, Column],
-    needed: tuple[Column, Column],
+    columns: dict[str, FileColumn],
+    needed: tuple[FileColumn, FileColumn],
     rows: Values,
     kept: np.ndarray,
     test: str | None,

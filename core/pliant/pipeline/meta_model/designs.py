@@ -24,7 +24,7 @@ from pliant.pipeline.workbench import Workbench
 from pliant.records.design import Array
 from pliant.records.fem import TRUSTED, ModuleData
 from pliant.records.solved import SolvedDesigns
-from pliant.tabular.fem_modules import read_labelled_designs
+from pliant.tabular.fem_reading import read_labelled_designs
 
 
 @dataclass(frozen=True, eq=False)
