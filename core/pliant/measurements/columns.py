@@ -150,7 +150,9 @@ def read_header(
         elif column.written != column.name and column.written not in notes.rename:
             remarks.append(f"Column '{column.written}' is read as {column.name}.")
     places = {name: i for i, name in enumerate(written)}
-    texts = {name: places[found[name].written] for name in ("run", "specimen") if name in found}
+    texts: dict[str, int] = {
+        name: places[found[name].written] for name in ("run", "specimen") if name in found
+    }
     return Header(tuple(used), places, texts, tuple(remarks))
 
 

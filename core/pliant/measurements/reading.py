@@ -6,6 +6,7 @@ import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -183,7 +184,7 @@ def _run(
     def column(name: str, default: float = 0.0) -> Array:
         return columns.get(name, np.full(n, default))
 
-    def check(bad: Array, problem: str) -> None:
+    def check(bad: Any, problem: str) -> None:
         if bad.any():
             raise UserError(f"{path}, {lines_text(lines[bad].tolist())}: {problem}")
 

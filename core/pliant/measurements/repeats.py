@@ -116,7 +116,10 @@ def _tolerances(signals: Sequence[dict[str, Array]]) -> dict[str, float]:
         values = [run[name] for run in signals if name in run and run[name].size]
         low, high = min(v.min() for v in values), max(v.max() for v in values)
         spans[name] = float(max(high, 0.0) - min(low, 0.0))
-    tolerances = dict.fromkeys(BASE, SAME_ANGLE_RAD) | {"temperature_c": SAME_TEMPERATURE_K}
+    tolerances: dict[str, float] = {
+        **dict.fromkeys(BASE, SAME_ANGLE_RAD),
+        "temperature_c": SAME_TEMPERATURE_K,
+    }
     for name in spans.keys() - tolerances.keys():
         alike = [span for other, span in spans.items() if _family(other) == _family(name)]
         tolerances[name] = SAME * max(alike)
