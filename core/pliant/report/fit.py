@@ -22,10 +22,9 @@ from pliant.formatting import (
 )
 from pliant.interfaces.surrogate import Surrogate, SurrogateConfig
 from pliant.pipeline.learning import learning_stage
-from pliant.pipeline.module_data import as_scored, module_of, module_of_axes
+from pliant.pipeline.residuals import as_scored, module_of, module_of_axes
 from pliant.pipeline.study import DEFAULT_SURROGATE, DesignStages
-from pliant.pipeline.study_beside import study_law_beside
-from pliant.pipeline.surrogate import LawStage
+from pliant.pipeline.surrogate import LawStage, study_law_beside
 from pliant.pipeline.workbench import Workbench
 from pliant.records.design import Array
 from pliant.records.fem import ModuleData
