@@ -117,7 +117,7 @@ def _tolerances(signals: Sequence[dict[str, Array]]) -> dict[str, float]:
         low, high = min(v.min() for v in values), max(v.max() for v in values)
         spans[name] = float(max(high, 0.0) - min(low, 0.0))
     tolerances: dict[str, float] = {
-        **dict.fromkeys(BASE, SAME_ANGLE_RAD),
+        **dict.fromkeys(BASE, float(SAME_ANGLE_RAD)),
         "temperature_c": SAME_TEMPERATURE_K,
     }
     for name in spans.keys() - tolerances.keys():
