@@ -243,4 +243,4 @@ def model_runs_under_a_task(subject: Subject) -> None:
         numbers.append(np.concatenate([np.ravel(part) for part in parts]))
     require(np.all(np.isfinite(numbers[0])), "with the effect the task's result is not finite")
     memory = "maps keep memory from one simulation to the next"
-    require(np.array_equal(*numbers), f"a second run with the same effect differs: {memory}")
+    require(np.array_equal(numbers[0], numbers[1]), f"a second run with the same effect differs: {memory}")

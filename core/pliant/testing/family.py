@@ -254,10 +254,10 @@ def smaller_pieces_are_of_the_same_module(subject: Subject) -> None:
     alone = piece.axes == (main,) and piece.main_axis == main
     require(alone, f"the piece for axis '{main}' alone has the axes {piece.axes}")
     is_not = "is not that of the whole problem"
-    lengths = [one.deformation_scale * one.span_m for one in (piece, whole)]
-    agree(*lengths, f"deformation_scale · span_m {is_not}", rtol=1e-9)
-    volumes = [one.energy_scale * _volume(one) for one in (piece, whole)]
-    agree(*volumes, f"energy_scale · volume (m³) {is_not}: a forgotten mirror half", rtol=VOLUME_TOLERANCE)
+    own, all_of = (one.deformation_scale * one.span_m for one in (piece, whole))
+    agree(own, all_of, f"deformation_scale · span_m {is_not}", rtol=1e-9)
+    own, all_of = (one.energy_scale * _volume(one) for one in (piece, whole))
+    agree(own, all_of, f"energy_scale · volume (m³) {is_not}: a forgotten mirror half", rtol=VOLUME_TOLERANCE)
     require(
         (piece.joint, piece.actuation) == (whole.joint, whole.actuation),
         f"the piece is a {piece.joint} joint under {piece.actuation}, the whole a {whole.joint} one under "

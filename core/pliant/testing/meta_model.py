@@ -226,8 +226,8 @@ def _require_same(subject: Subject, one: SolvedDesigns, two: SolvedDesigns, find
     laws, others = (model.fit(designs).laws for designs in (one, two))
     for values in unseen_designs(3):
         p, u = _points(laws.law(values))
-        taus = [each.law(values).evaluate(p, u).tau for each in (laws, others)]
-        require(np.array_equal(*taus), finding)
+        tau, other = (each.law(values).evaluate(p, u).tau for each in (laws, others))
+        require(np.array_equal(tau, other), finding)
 
 
 def is_deterministic(subject: Subject) -> None:
@@ -257,8 +257,8 @@ def untrusted_states_are_not_fitted(subject: Subject) -> None:
         rows = high & (one.deformation[:, 0] < 0)
         honest.append(replace(one, status=np.where(rows, SELF_CONTACT, one.status)))
         altered.append(_altered(honest[-1], rows))
-    pair = [replace(designs, data=tuple(data)) for data in (honest, altered)]
-    _require_same(subject, *pair, "the laws changed when only the efforts of states in self-contact did")
+    one, two = (replace(designs, data=tuple(data)) for data in (honest, altered))
+    _require_same(subject, one, two, "the laws changed when only the efforts of states in self-contact did")
 
 
 def flags_designs_outside(subject: Subject) -> None:

@@ -73,8 +73,8 @@ def bent_chain(**chain: object) -> ChainModel:
 @once
 def _bent(subject: Subject, payload_kg: float = PAYLOAD_KG, loaded: bool = True) -> Equilibrium:
     """The bent chain under pressure, with a payload and with the tip force or without."""
-    loads = {"tip_force_n": TIP_FORCE_N} if loaded else {}
-    return settled_under(subject, bent_chain(payload=payload_kg), pressed(**loads))
+    inputs = pressed(tip_force_n=TIP_FORCE_N) if loaded else pressed()
+    return settled_under(subject, bent_chain(payload=payload_kg), inputs)
 
 
 def _needs_joint(subject: Subject, kind: str) -> None:

@@ -326,5 +326,6 @@ def scene_numbers(scene: Scene) -> Array:
     shapes = [shape for arm in scene.arms for piece in arm.chain.shapes for shape in piece]
     parts += [a for body in scene.objects for a in (body.mass.com_m, body.mass.inertia_kg_m2)]
     shapes += [shape for body in scene.objects for shape in body.shapes]
-    parts += [a for posed in (*shapes, *scene.objects) for a in (posed.position_m, posed.rotation)]
+    parts += [a for posed in shapes for a in (posed.position_m, posed.rotation)]
+    parts += [a for body in scene.objects for a in (body.position_m, body.rotation)]
     return np.concatenate([np.ravel(part) for part in parts])
