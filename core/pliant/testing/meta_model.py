@@ -258,7 +258,9 @@ def untrusted_states_are_not_fitted(subject: Subject) -> None:
         honest.append(replace(one, status=np.where(rows, SELF_CONTACT, one.status)))
         altered.append(_altered(honest[-1], rows))
     first, second = (replace(designs, data=tuple(data)) for data in (honest, altered))
-    _require_same(subject, first, second, "the laws changed when only the efforts of states in self-contact did")
+    _require_same(
+        subject, first, second, "the laws changed when only the efforts of states in self-contact did"
+    )
 
 
 def flags_designs_outside(subject: Subject) -> None:
