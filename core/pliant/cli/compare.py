@@ -32,7 +32,9 @@ ReportFolder = Annotated[
 Workers = Annotated[
     int,
     typer.Option(
-        "--workers", metavar="N", help="Processes that simulate the conditions of a file of counts."
+        "--workers",
+        metavar="N",
+        help="Processes that fit hypotheses or simulate the conditions of counts; 1 by default.",
     ),
 ]
 

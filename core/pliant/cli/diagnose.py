@@ -60,7 +60,7 @@ def diagnose(
         kinds = effect or here.registry.kinds("effect")
         own = own_runs(loaded, predictor.chain, measurement)
         with fitting_bar(here, len(kinds)) as bar:
-            found = diagnose_with(predictor, kinds=kinds, runs=own, tick=bar.tick)
+            found = diagnose_with(predictor, kinds=kinds, runs=own, tick=bar.tick, workers=workers)
         file = _next_file(found, folder, study, loaded, measurement, data)
         here.result.update(study=loaded.name, data=measurement.source, data_sha256=measurement.sha256)
         here.show(

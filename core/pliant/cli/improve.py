@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from pliant.cli.compare import DataFile
+from pliant.cli.compare import DataFile, Workers
 from pliant.cli.fitting_bar import fitting_bar
 from pliant.cli.new_study import Force, Full, check_target
 from pliant.cli.options import DEFAULT_STORE, JsonFile, Overrides, Quiet, StoreFolder, StudyFile
@@ -43,6 +43,7 @@ def improve(
     report: ReportFolder = None,
     force: Force = False,
     full: Full = False,
+    workers: Workers = 1,
     store: StoreFolder = DEFAULT_STORE,
     json: JsonFile = None,
     quiet: Quiet = False,
@@ -60,7 +61,7 @@ def improve(
         measurement = measurement_of_study(bench, loaded, data)
         check_writable(folder)
         with fitting_bar(here, len(effect or here.registry.kinds("effect"))) as bar:
-            found = improve_with(bench, loaded, measurement, kinds=effect, tick=bar.tick)
+            found = improve_with(bench, loaded, measurement, kinds=effect, tick=bar.tick, workers=workers)
         here.result.update(study=loaded.name, data=measurement.source, data_sha256=measurement.sha256)
         here.result["final_study"] = str(study)
         if found.final is not None:

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 
-from pliant.cli.compare import DataFile
+from pliant.cli.compare import DataFile, Workers
 from pliant.cli.diagnose import Candidates
 from pliant.cli.fitting_bar import fitting_bar
 from pliant.cli.options import DEFAULT_STORE, JsonFile, Overrides, Quiet, StoreFolder, StudyFile
@@ -60,6 +60,7 @@ def plan(
     minutes: Minutes = None,
     effect: Candidates = None,
     out: Folder = None,
+    workers: Workers = 1,
     store: StoreFolder = DEFAULT_STORE,
     json: JsonFile = None,
     quiet: Quiet = False,
@@ -80,7 +81,19 @@ def plan(
         here.result |= {"study": loaded.name, "out": str(folder)}
         if data or loaded.measurements is not None:
             measurement = measurement_of_study(bench, loaded, data)
-            _after(here, bench, loaded, study, measurement, data, kinds, runs or AFTER_DATA, most, folder)
+            _after(
+                here,
+                bench,
+                loaded,
+                study,
+                measurement,
+                data,
+                kinds,
+                runs or AFTER_DATA,
+                most,
+                folder,
+                workers,
+            )
         else:
             _before(here, bench, loaded, study, kinds, runs, most, folder)
 
@@ -96,6 +109,7 @@ def _after(
     runs: int,
     minutes: float,
     folder: Path,
+    workers: int,
 ) -> None:
     """Runs that decide between what a diagnosis leaves."""
     predictor = Predictor.of_study(bench, loaded, measurement)
@@ -104,7 +118,7 @@ def _after(
     if minutes < shortest:
         raise UserError(f"--minutes {minutes:g}: the shortest run takes {shortest:g} min with setting up.")
     with fitting_bar(here, len(kinds)) as bar:
-        found = diagnose(predictor, kinds=kinds, runs=own, tick=bar.tick)
+        found = diagnose(predictor, kinds=kinds, runs=own, tick=bar.tick, workers=workers)
     chosen, remark = _chosen(predictor, found, own, runs, minutes)
     planned = [
         (f"run_{k}_{one.name}.csv".replace(" ", "_").replace("/", "_"), one.planned)
