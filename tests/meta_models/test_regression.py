@@ -9,14 +9,16 @@ import pytest
 
 from pliant.errors import UserError
 from pliant.testing.solved_samples import RANGE, grid, sample_law, solved_designs, unseen_designs
-from pliant_plugins.meta_models.regression.closed_forms import (
+from pliant_plugins.meta_models.config import RegressionConfig
+from pliant_plugins.meta_models.regression import (
+    GaussianProcesses,
+    Regression,
+    RegressionLaws,
+    _fitted,
     fit_kernel_ridge,
     fit_polynomial,
     legendre_products,
 )
-from pliant_plugins.meta_models.regression.config import RegressionConfig
-from pliant_plugins.meta_models.regression.gaussian_process import GaussianProcesses, _fitted
-from pliant_plugins.meta_models.regression.model import Regression, RegressionLaws
 
 pytest.importorskip("sklearn", reason="needs scikit-learn")
 

@@ -7,8 +7,7 @@ import pytest
 
 from pliant.testing.samples import coupled_law, module_table_of
 from pliant_plugins.surrogates.polynomial.axes import AxesLaw
-from pliant_plugins.surrogates.polynomial.energy_apart import compared, fit_apart
-from pliant_plugins.surrogates.polynomial.energy_fit import fit_energy
+from pliant_plugins.surrogates.polynomial.energy_fit import compared, fit_apart, fit_energy
 from pliant_plugins.surrogates.polynomial.energy_kernel import evaluate
 from pliant_plugins.surrogates.polynomial.energy_law import EnergyLaw
 from pliant_plugins.surrogates.polynomial.posterior import Posterior

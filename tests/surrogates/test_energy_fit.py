@@ -7,7 +7,7 @@ import pytest
 
 from pliant.errors import UserError
 from pliant.testing.samples import coupled_law, linear_spherical_law, module_table_of
-from pliant_plugins.surrogates.polynomial.config import PolynomialConfig
+from pliant_plugins.surrogates.config import PolynomialConfig
 from pliant_plugins.surrogates.polynomial.energy_fit import fit_energy
 from pliant_plugins.surrogates.polynomial.energy_law import EnergyLaw
 from pliant_plugins.surrogates.polynomial.surrogate import Polynomial

@@ -22,11 +22,11 @@ from pliant.store.store import ArtifactStore, Recipe
 from pliant.tabular.fem_reading import read_table
 from pliant.testing.samples import linear_spherical_law, softening_law, table_of
 from pliant_plugins.manifest import pliant_components
-from pliant_plugins.surrogates.neural.config import NeuralConfig
+from pliant_plugins.surrogates.config import NeuralConfig
 
 torch = pytest.importorskip("torch", reason="pip install 'pliant[neural]'")
 from pliant_plugins.surrogates.neural.surrogate import Neural  # noqa: E402
-from pliant_plugins.surrogates.neural.system import Scales, States, System  # noqa: E402
+from pliant_plugins.surrogates.neural.training import Scales, States, System  # noqa: E402
 
 DATA = Path(__file__).parents[2] / "examples/data"
 UNITS = 12

@@ -10,7 +10,7 @@ from numba.core.registry import CPUDispatcher
 
 from pliant.records.law import Domain, Effort
 from pliant_plugins.surrogates.continued import ContinuedLaw
-from pliant_plugins.surrogates.polynomial import batch
+from pliant_plugins.surrogates.polynomial import kernel
 from pliant_plugins.surrogates.polynomial.law import PolynomialLaw
 
 BOX = Domain(np.array([0.0, 15e3]), np.array([[-0.2, 0.45]]))
@@ -101,6 +101,6 @@ def test_what_is_not_a_number_stays_so_and_spoils_no_other_point() -> None:
 
 def test_compiled_functions_call_none_of_other_files() -> None:
     """numba's cache on disk sees changes of a function's own file only."""
-    called = [value for value in vars(batch).values() if isinstance(value, CPUDispatcher)]
+    called = [value for value in vars(kernel).values() if isinstance(value, CPUDispatcher)]
     assert called
-    assert all(function.py_func.__module__ == batch.__name__ for function in called)
+    assert all(function.py_func.__module__ == kernel.__name__ for function in called)

@@ -13,7 +13,7 @@ from pliant.errors import UserError
 from pliant.records.design import Design
 from pliant.records.fem import FemDataset
 from pliant.records.law import LawRecord
-from pliant_plugins.surrogates.polynomial.config import PolynomialConfig
+from pliant_plugins.surrogates.config import PolynomialConfig
 from pliant_plugins.surrogates.polynomial.surrogate import Polynomial
 
 REFERENCE = Path(__file__).parents[2] / ".." / "shared" / "data" / "reference"

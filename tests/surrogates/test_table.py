@@ -12,11 +12,10 @@ from pliant.errors import UserError
 from pliant.tabular.fem_reading import read_table
 from pliant.tabular.fem_writing import write_table
 from pliant.testing.samples import linear_law, softening_law, table_of
+from pliant_plugins.surrogates.config import TableConfig
 from pliant_plugins.surrogates.polynomial.axes import AxesLaw
 from pliant_plugins.surrogates.table import spline
-from pliant_plugins.surrogates.table.config import TableConfig
-from pliant_plugins.surrogates.table.law import TableLaw
-from pliant_plugins.surrogates.table.surrogate import Table
+from pliant_plugins.surrogates.table.surrogate import Table, TableLaw
 
 RANDOM = np.random.default_rng(4)
 
