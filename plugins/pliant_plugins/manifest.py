@@ -124,7 +124,7 @@ def _modules() -> list[Component]:
         Component(
             interface="fem",
             kind="skfem",
-            config=f"{HERE}.fem.skfem.config:SkfemConfig",
+            config=f"{HERE}.fem.config:SkfemConfig",
             implementation=f"{HERE}.fem.skfem.backend:Skfem",
             summary="scikit-fem discretisation in a bend frame, exact slopes, pardiso or SuperLU",
             example={"pressure_max": "15 kPa"},
@@ -134,7 +134,7 @@ def _modules() -> list[Component]:
         Component(
             interface="fem",
             kind="ngsolve",
-            config=f"{HERE}.fem.ngsolve.config:NgsolveConfig",
+            config=f"{HERE}.fem.config:NgsolveConfig",
             implementation=f"{HERE}.fem.ngsolve.backend:Ngsolve",
             summary="NGSolve: Taylor–Hood elements and differentiated energies, an independent check",
             example={"pressure_max": "15 kPa", "order": 2},

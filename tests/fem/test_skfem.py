@@ -15,10 +15,10 @@ from pliant.meshing.grids import grid_cells, grid_faces
 from pliant.meshing.hexahedra import boundary_faces
 from pliant.records.fem import FemState, ModuleMesh, ModuleProblem
 from pliant_plugins.families.bellow_bending.family import BellowBending, BellowBendingConfig
+from pliant_plugins.fem.config import SkfemConfig
 from pliant_plugins.fem.skfem.assembly import Assembler
 from pliant_plugins.fem.skfem.backend import Skfem, SkfemSolver
 from pliant_plugins.fem.skfem.basis import cell_data
-from pliant_plugins.fem.skfem.config import SkfemConfig
 from pliant_plugins.fem.skfem.pattern import Terms
 from pliant_plugins.materials.neo_hookean import NeoHookean, NeoHookeanConfig
 

@@ -45,8 +45,6 @@ def test_where_bowls_help_no_axis_that_is_inside_coupling_ends_sooner() -> None:
 
 def test_a_continuation_takes_milliseconds(monkeypatch: pytest.MonkeyPatch) -> None:
     """A design search makes thousands of laws: the places that are looked at are few."""
-    from pliant_plugins.surrogates.polynomial import energy_law
-
     seen: list[int] = []
     evaluate = energy_law_module.evaluate
 
