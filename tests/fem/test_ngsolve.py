@@ -126,15 +126,6 @@ def test_both_codes_agree_on_the_coarse_bellow(bellow: BellowBending) -> None:
         assert getattr(held, name) == pytest.approx(getattr(held_2, name), rel=5e-3)
 
 
-def test_slopes_of_the_mixed_form_are_exact() -> None:
-    s = solver(box_problem(), rubber())
-    state = s.constrained(15e3, 0.1, s.rest())
-    along_p = [s.constrained(15e3 + d, 0.1, state).moment_n_m for d in (50.0, -50.0)]
-    along_u = [s.constrained(15e3, 0.1 + d, state).moment_n_m for d in (1e-3, -1e-3)]
-    assert state.dmoment_dp == pytest.approx((along_p[0] - along_p[1]) / 100, rel=1e-5)
-    assert state.dmoment_du == pytest.approx((along_u[0] - along_u[1]) / 2e-3, rel=1e-5)
-
-
 def test_nearly_incompressible_bellows_do_not_lock(bellow: BellowBending) -> None:
     problem = bellow.problem()
     soft, hard = (-solver(problem, rubber(nu)).rest().dmoment_du for nu in (0.49, 0.4995))
