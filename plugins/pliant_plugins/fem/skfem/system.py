@@ -1,4 +1,4 @@
-"""The discrete system of one module: U and W to second order, condensed to the globals (`pliant_plugins.fem.newton`)."""
+"""The discrete system of one module, U and W to second order, condensed to the globals for `fem.newton`."""
 
 from __future__ import annotations
 

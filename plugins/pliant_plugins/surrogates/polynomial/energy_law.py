@@ -51,7 +51,7 @@ class Continuation:
 
 
 def packed(basis: EnergyBasis, coefficients: Array, box: Array, how: Continuation) -> Array:
-    """The parameters of `energy_scalar.energy_effort`; box (1 + k, 2)."""
+    """The parameters of `energy_kernel.energy_effort`; box (1 + k, 2)."""
     maps = (basis.actuation_map, basis.deformation_map)
     reaches = (how.reach_p, how.reach_u)
     return pack(basis.exponents, coefficients, maps, box, reaches, how.bowls, how.gains)
@@ -193,7 +193,7 @@ class EnergyLaw(JointLaw):
       K L² (a²/2 + a − (1 + a) ln(1 + a)), a = |δu|/L, whose stiffness rises from zero to K.
 
     With the L of u, the largest of four, and the least K, half of the border's smallest stiffness remains at a few
-    places outside: where terms bend most, and where they are as good as constant (see `energy_continuation`).
+    places outside: where terms bend most, and where they are as good as constant (see `continuation`).
 
     Attributes:
         basis: the terms φ_t and their scales.
