@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
 
-from pliant.execution.progress import Progress
+from pliant.execution.progress import Progress, bar_of
 from pliant.interfaces.optimizer import OK, Trial, Value, Variable
 from pliant.records.design import Array
 from pliant.records.search import FoundDesign, Slope
@@ -45,14 +45,11 @@ def slopes(problem: SearchProblem, best: FoundDesign, many: Many, progress: Prog
     candidates += [{**best.values, one.name: value} for one, tried in probes for _, value in tried]
     trials = [Trial(number, values, best.context) for number, values in enumerate(candidates)]
     objectives = []
-    bar = progress.begin("about the best design", len(trials))
-    try:
+    with bar_of(progress, "about the best design", len(trials)) as bar:
         for trial in many(trials):
             bar.advance()
             allowed = trial.state == OK and not trial.violation > 0.0
             objectives.append(float(trial.objectives[0]) if allowed else float("nan"))
-    finally:
-        bar.finish()
     made, at = [], 1
     for one, tried in probes:
         around, at = objectives[at : at + len(tried)], at + len(tried)

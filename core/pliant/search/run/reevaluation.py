@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from pliant.execution.jobs import JobQueue
-from pliant.execution.progress import Progress
+from pliant.execution.progress import Progress, bar_of
 from pliant.interfaces.optimizer import Trial, Value, Variable
 from pliant.search.problem.search_problem import SearchProblem
 from pliant.search.run.journal import Generation, Journal
@@ -58,15 +58,12 @@ def reevaluated(
     before_s = batches[-1].wall_s if batches else 0.0
     known = {_candidate(told): told for batch in batches for told in batch.trials}
     left = [row for _, row in chosen if _candidate(row) not in known]
-    bar = progress.begin("the best once more", len(chosen), len(chosen) - len(left))
-    try:
+    with bar_of(progress, "the best once more", len(chosen), len(chosen) - len(left)) as bar:
         for one in queue.each([Trial(k, row.values, row.context) for k, row in enumerate(left)]):
             told = told_of(one)
             journal.append(Generation(1, 1, (told,), before_s + time.perf_counter() - begun))
             known[_candidate(told)] = told
             bar.advance()
-    finally:
-        bar.finish()
     found = [
         (branch, replace(known[_candidate(row)], number=row.number, first=row.objectives))
         for branch, row in chosen

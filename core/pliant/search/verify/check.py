@@ -15,6 +15,7 @@ from pliant.config.study import Study
 from pliant.errors import NotReachedError, PliantError, interrupted
 from pliant.execution.executors import Executor, InlineExecutor
 from pliant.execution.jobs import JobQueue
+from pliant.execution.progress import bar_of
 from pliant.pipeline.remote import RemoteStudy
 from pliant.pipeline.study import laws_of_study
 from pliant.pipeline.workbench import Workbench, content
@@ -172,8 +173,7 @@ def run_ahead(
     if not others or isinstance(executor, InlineExecutor):
         return
     engines, begun = engines_of(bench, first), time.perf_counter()
-    bar = bench.progress.begin("first run of the check", len(engines))
-    try:
+    with bar_of(bench.progress, "first run of the check", len(engines)) as bar:
         for engine in engines:
             try:
                 run_in(bench, first, engine)
@@ -181,8 +181,6 @@ def run_ahead(
                 if interrupted(error):
                     raise KeyboardInterrupt from None
             bar.advance()
-    finally:
-        bar.finish()
     solved = solvable(problem.study)
     left = len(others) + (1 + len(others) if solved else 0)
     if (time.perf_counter() - begun) * left < WORTH_S:
@@ -195,10 +193,10 @@ def run_ahead(
             others += direct
     remote = [RemoteStudy.of(bench, study, MODULES if executor.remote else ()) for study in others]
     jobs = [RunJob(study, engine) for study in remote for engine in range(len(engines))]
-    bar = bench.progress.begin("runs of the check", len(jobs))
-    try:
-        with suppress(NotReachedError), JobQueue(executor, run) as queue:
-            for _ in queue.each(jobs):
-                bar.advance()
-    finally:
-        bar.finish()
+    with (
+        bar_of(bench.progress, "runs of the check", len(jobs)) as bar,
+        suppress(NotReachedError),
+        JobQueue(executor, run) as queue,
+    ):
+        for _ in queue.each(jobs):
+            bar.advance()

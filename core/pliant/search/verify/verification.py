@@ -10,6 +10,7 @@ import numpy as np
 
 from pliant.config.study import Study
 from pliant.errors import PliantError, interrupted
+from pliant.execution.progress import bar_of
 from pliant.interfaces.family import FamilyConfig
 from pliant.interfaces.physics import PhysicsConfig
 from pliant.pipeline.meta_model.designs import trusted
@@ -108,8 +109,7 @@ def _simulated(
     """Engine → condition → metrics; engines that fail leave a note instead."""
     engines = engines_of(bench, cases[0][1])
     found: dict[str, dict[str, Numbers]] = {}
-    bar = bench.progress.begin(f"check {what}", len(engines) * len(cases))
-    try:
+    with bar_of(bench.progress, f"check {what}", len(engines) * len(cases)) as bar:
         for condition, study in cases:
             trials = getattr(study.task, "trials", None)
             for engine in engines:
@@ -128,8 +128,6 @@ def _simulated(
                     if result.not_reached or not result.final.converged:
                         notes.append(f"{place}: {result.not_reached or 'the chain did not settle.'}")
                 bar.advance()
-    finally:
-        bar.finish()
     return found
 
 
