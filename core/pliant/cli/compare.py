@@ -13,8 +13,7 @@ from pliant.cli.session import check_writable, session
 from pliant.errors import UserError
 from pliant.evidence.comparison import compare as compare_with
 from pliant.evidence.counts import is_counted
-from pliant.evidence.measured import measurement_of_study
-from pliant.evidence.prediction import Predictor
+from pliant.evidence.prediction import Predictor, measurement_of_study
 from pliant.formatting import listed
 from pliant.report.comparison import comparison_document
 

@@ -7,14 +7,12 @@ from pathlib import Path
 
 from pliant.cli.session import Session, check_writable
 from pliant.config.study import Study
-from pliant.diagnosis.counts_candidates import effect_parameters, task_parameters
-from pliant.diagnosis.counts_diagnosis import count_evidence, judge_counts
+from pliant.diagnosis.counts_diagnosis import count_evidence, effect_parameters, judge_counts, task_parameters
 from pliant.errors import UserError
 from pliant.evidence.counts import CountedStudy, compare_counted, counted_study
 from pliant.execution.executors import checked_workers
 from pliant.pipeline.workbench import Workbench
-from pliant.report.counts import counts_document
-from pliant.report.counts_diagnosis import counts_diagnosis_document
+from pliant.report.counts import counts_diagnosis_document, counts_document
 
 
 def compare_counts_verb(

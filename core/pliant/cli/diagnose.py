@@ -18,9 +18,8 @@ from pliant.config.study import Study
 from pliant.diagnosis.diagnosis import Diagnosis
 from pliant.diagnosis.diagnosis import diagnose as diagnose_with
 from pliant.evidence.counts import is_counted
-from pliant.evidence.measured import measurement_of_study
-from pliant.evidence.prediction import Predictor
-from pliant.experiments.protocols import own_runs
+from pliant.evidence.prediction import Predictor, measurement_of_study
+from pliant.experiments.experiment_catalogue import own_runs
 from pliant.records.measurement import Measurement
 from pliant.report.diagnosis import diagnosis_document
 

@@ -12,11 +12,10 @@ from pliant.cli.new_study import Force, Full, check_target
 from pliant.cli.options import DEFAULT_STORE, JsonFile, Overrides, Quiet, StoreFolder, StudyFile
 from pliant.cli.session import Session, session
 from pliant.config.study import Study
-from pliant.diagnosis.extended_study import write_extended_study
-from pliant.diagnosis.extension import Ground
+from pliant.diagnosis.extension import Ground, write_extended_study
 from pliant.diagnosis.extension import extend as extend_with
 from pliant.errors import UserError
-from pliant.evidence.measured import measurement_of_study
+from pliant.evidence.prediction import measurement_of_study
 from pliant.report.extension import extension_document, origin
 
 Effects = Annotated[

@@ -12,9 +12,9 @@ from pliant.cli.fitting_bar import fitting_bar
 from pliant.cli.new_study import Force, Full, check_target
 from pliant.cli.options import DEFAULT_STORE, JsonFile, Overrides, Quiet, StoreFolder, StudyFile
 from pliant.cli.session import check_writable, session
-from pliant.diagnosis.extended_study import write_extended_study
+from pliant.diagnosis.extension import write_extended_study
 from pliant.diagnosis.improvement import improve as improve_with
-from pliant.evidence.measured import measurement_of_study
+from pliant.evidence.prediction import measurement_of_study
 from pliant.report.extension import cited
 from pliant.report.improvement import improvement_document, origin, stands_for
 

@@ -16,7 +16,7 @@ from pliant.cli.options import DEFAULT_STORE, JsonFile, Overrides, Quiet, StoreF
 from pliant.cli.protocol_files import write_runs
 from pliant.cli.session import Session, check_writable, session
 from pliant.config.study import Study
-from pliant.diagnosis.design import design_runs, unread
+from pliant.diagnosis.classes import design_runs, unread
 from pliant.diagnosis.diagnosis import Diagnosis, diagnose
 from pliant.diagnosis.next_run import (
     Belief,
@@ -28,10 +28,9 @@ from pliant.diagnosis.next_run import (
     view_of,
 )
 from pliant.errors import UserError
-from pliant.evidence.measured import measurement_of_study
-from pliant.evidence.prediction import Predictor
-from pliant.experiments.protocols import own_runs, runs_of
-from pliant.experiments.scale import BenchScale
+from pliant.evidence.prediction import Predictor, measurement_of_study
+from pliant.experiments.experiment_catalogue import own_runs, runs_of
+from pliant.experiments.planned_run import BenchScale
 from pliant.pipeline.study import chain_of_study
 from pliant.pipeline.workbench import Workbench
 from pliant.records.measurement import Measurement
@@ -122,7 +121,7 @@ def _chosen(
     """Runs one after another, and a sentence where several explanations are left and none of them helps."""
     if found.verdict == "not_repeatable" and found.next_run is not None:
         return (found.next_run,), ""
-    belief = Belief.of(found.fits, found.judgement.probability, found.readings, found.noise)
+    belief = Belief.of(found.fits, found.judgement.probability, found.noise)
     view = view_of(predictor, found.scales, found.noise.n_effective, own)
     done = done_before(view, predictor.measurement)
     chosen = next_runs(view, belief, runs, minutes, done)

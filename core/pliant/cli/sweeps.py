@@ -10,8 +10,7 @@ from pliant.cli.options import workers_or_scheduler
 from pliant.cli.session import Session, check_writable, plain
 from pliant.config.study import Study
 from pliant.errors import NotReachedError
-from pliant.pipeline.sweep import sweep_study
-from pliant.pipeline.sweep_table import write_sweep_table
+from pliant.pipeline.sweep import sweep_study, write_sweep_table
 from pliant.pipeline.workbench import Workbench
 from pliant.report.sweep import sweep_document
 from pliant.store.store import write_atomically

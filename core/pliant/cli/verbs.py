@@ -36,6 +36,7 @@ VERBS = {
     "render": "render",
     "view": "view",
     "optimize": "optimize",
+    "store": "store",
 }
 
 

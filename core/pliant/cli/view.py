@@ -13,8 +13,15 @@ from pliant.cli.session import session
 from pliant.config.study import Study
 from pliant.interfaces.task import SceneTask
 from pliant.interfaces.viewer import Viewer
-from pliant.pipeline.handle import ChainHandle, highest_actuation, prepared_chain
-from pliant.pipeline.motion import chain_frames, chain_scene, drawn_chain, motion_of_run
+from pliant.pipeline.motion import (
+    ChainHandle,
+    chain_frames,
+    chain_scene,
+    drawn_chain,
+    highest_actuation,
+    motion_of_run,
+    prepared_chain,
+)
 from pliant.pipeline.study import StudyRun, laws_of_study, simulate_study
 from pliant.pipeline.workbench import Workbench
 from pliant.records.motion import Motion

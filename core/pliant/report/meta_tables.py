@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from pliant.formatting import number, percent, seconds
-from pliant.pipeline.meta_model.scoring import AxisScores, Scores
+from pliant.pipeline.meta_model.cross_validation import AxisScores, Scores
 from pliant.report.document import Cells, Column, Table
 from pliant.report.meta_view import MetaFitted, parameter_unit
 from pliant.report.provenance import short_text, words
@@ -26,6 +26,11 @@ WORTH = {
 }
 
 
+def share_text(share: float) -> str:
+    """A share in percent, three digits."""
+    return percent(share, 3)
+
+
 class ScoreRow(NamedTuple):
     """Scores of one axis of a group of designs; `first` where it is the group's first row."""
 
@@ -36,30 +41,20 @@ class ScoreRow(NamedTuple):
 
 
 SCORES: tuple[Column[ScoreRow], ...] = (
-    Column(lambda r: r.label, head="designs left out", brief="designs left out"),
-    Column(lambda r: r.scores.n_designs, head="designs", brief="designs"),
-    Column(lambda r: r.axis.n_states, head="states"),
-    Column(lambda r: r.axis.r2, head="R²", brief="R²", text=lambda r: f"{r.axis.r2:.6f}"),
+    Column("label", head="designs left out", brief="designs left out"),
+    Column("scores.n_designs", head="designs", brief="designs"),
+    Column("axis.n_states", head="states"),
+    Column("axis.r2", head="R²", brief="R²", show=lambda r2: f"{r2:.6f}"),
+    Column("axis.rmse_of_range", head="RMS of range", brief="RMS", show=share_text),
+    Column("axis.worst_of_range", head="worst of range", brief="worst", show=share_text),
     Column(
-        lambda r: r.axis.rmse_of_range,
-        head="RMS of range",
-        brief="RMS",
-        text=lambda r: percent(r.axis.rmse_of_range, 3),
-    ),
-    Column(
-        lambda r: r.axis.worst_of_range,
-        head="worst of range",
-        brief="worst",
-        text=lambda r: percent(r.axis.worst_of_range, 3),
-    ),
-    Column(
-        lambda r: r.scores.free_median,
+        "scores.free_median",
         head="free angle, median",
         brief="free: median",
-        text=lambda r: percent(r.scores.free_median, 3) if r.first else "",
+        text=lambda r: share_text(r.scores.free_median) if r.first else "",
     ),
     Column(
-        lambda r: r.scores.free_worst,
+        "scores.free_worst",
         head="free angle, worst",
         brief="worst",
         text=lambda r: _worst(r.scores.free_worst, r.scores.free_lost) if r.first else "",

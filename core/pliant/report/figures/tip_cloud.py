@@ -19,7 +19,7 @@ def tip_cloud(spread: Mapping[str, Any], tip_m: Array) -> style.Png | None:
     """The two coordinates that vary most, then how far the tips lie from their mean; None without settled runs.
 
     Args:
-        spread: of `pliant.pipeline.uncertainty`.
+        spread: of `pliant.pipeline.simulate`.
         tip_m: (3,) with the laws themselves.
     """
     tips = np.asarray(spread["tips_m"], float)

@@ -22,8 +22,7 @@ from pliant.config.search import RobustConfig
 from pliant.config.study import Study
 from pliant.config.study_keys import KeyPath, study_key
 from pliant.errors import UserError
-from pliant.pipeline.meta_model.designs import solved_designs
-from pliant.pipeline.meta_model.parameters import MATERIAL, ROUNDING, shown
+from pliant.pipeline.meta_model.designs import MATERIAL, ROUNDING, shown, solved_designs
 from pliant.pipeline.workbench import Workbench
 from pliant.records.design import Array
 from pliant.registry.discovery import Registry
