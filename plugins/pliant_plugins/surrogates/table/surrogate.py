@@ -156,8 +156,9 @@ class _System:
         self.folds = list(_folds(levels))
         self._parts = []
         for fold in self.folds:
-            rows, right = self.matrix[fold[self.state]], self.right[fold[self.state]]
-            self._parts.append((rows.T @ rows, rows.T @ right))
+            chosen = fold[self.state]
+            part = self.matrix[chosen]
+            self._parts.append((part.T @ part, part.T @ self.right[chosen]))
 
     def penalty(self, smoothing: Smoothing) -> Array:
         """(k, k) λ_p |D_p c|² + λ_u |D_u c|² with a grain that makes it definite."""
