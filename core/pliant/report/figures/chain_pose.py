@@ -35,13 +35,12 @@ def chain_pose(run: FinishedRun) -> style.Png:
     several = len(engines) > 1
     panels = [*(f"view{n}" for n in range(len(planes))), *(["apart"] if several else [])]
     ratios = [1.15] * len(planes) + ([0.85] if several else [])
-    with style.canvas(720 + 500 * (len(panels) - 1), 720) as figure:
+    with style.canvas(720 + 500 * (len(panels) - 1), 720, wspace=0.05) as figure:
         axes: dict[str, Any] = figure.subplot_mosaic([panels], width_ratios=ratios)
         for number, plane in enumerate(planes):
             draw_poses(axes[f"view{number}"], run, plane, legend=number == 0)
         if several:
             draw_distances(axes["apart"], engines)
-        figure.set_layout_engine("constrained", w_pad=0.09, h_pad=0.09, wspace=0.05)
         return style.png(figure)
 
 
@@ -83,8 +82,7 @@ def draw_poses(axes: Any, run: FinishedRun, plane: tuple[int, int], legend: bool
         )
     axes.set_aspect("equal", adjustable="datalim")
     axes.margins(0.1)
-    axes.set_xlabel(f"world {NAMES[i]} (mm)")
-    axes.set_ylabel(f"world {NAMES[j]} (mm)")
+    axes.set(xlabel=f"world {NAMES[i]} (mm)", ylabel=f"world {NAMES[j]} (mm)")
     _annotate(axes, run, engines[0], plane)
     given = actuation(run)
     title = f" at {actuation_unit(given[0]).text(given[1])}" if given else ""
@@ -114,10 +112,12 @@ def draw_distances(axes: Any, engines: list[Ran]) -> None:
     axes.set_yscale("log")
     axes.grid(True, which="major")
     axes.set_xticks(_ticks(count), labels=[_marker_name(k, count) for k in _ticks(count)])
-    axes.set_xlim(-0.4, count - 0.6)
-    axes.set_ylabel("distance (µm)")
-    axes.set_xlabel("marker (joint)")
-    axes.set_title(f"Distance to {engines[0].kind}")
+    axes.set(
+        xlim=(-0.4, count - 0.6),
+        ylabel="distance (µm)",
+        xlabel="marker (joint)",
+        title=f"Distance to {engines[0].kind}",
+    )
     if worst == 0:
         axes.text(0.5, 0.5, "identical", transform=axes.transAxes, ha="center")
         return

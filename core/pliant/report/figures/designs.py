@@ -23,8 +23,7 @@ def parity_picture(fitted: MetaFitted) -> style.Png:
     data = fitted.designs.data[0]
     effort = effort_unit(data)
     names = fitted.axes
-    with style.canvas(1560, 500 * len(names) + 40) as figure:
-        figure.set_layout_engine("constrained", w_pad=0.09, h_pad=0.09, wspace=0.04)
+    with style.canvas(1560, 500 * len(names) + 40, wspace=0.04) as figure:
         grid = figure.subplots(len(names), 3, squeeze=False)
         for row, (a, name) in zip(grid, enumerate(names), strict=True):
             symbol = rf"$\tau_{name}$" if len(names) > 1 else r"$\tau$"
@@ -36,15 +35,16 @@ def parity_picture(fitted: MetaFitted) -> style.Png:
                 axes.set_title(
                     f"{symbol}, {place}: {count} designs, R² {_r2(fitted, place, name)}", fontsize=9.5
                 )
-                axes.set_xlabel(f"solved {symbol} ({effort.symbol})")
-                axes.set_ylabel(f"predicted {symbol} ({effort.symbol})")
+                axes.set(
+                    xlabel=f"solved {symbol} ({effort.symbol})",
+                    ylabel=f"predicted {symbol} ({effort.symbol})",
+                )
             for place, rows in reversed(groups.items()):
                 tau = effort.factor * fitted.misses.tau[rows, a]
                 _dots(row[2], tau, 100 * fitted.shares[rows, a], COLOURS[place], place)
             row[2].axhline(0, color=style.SOFT, lw=0.9, zorder=1)
             row[2].set_title("Predicted − solved", fontsize=9.5)
-            row[2].set_xlabel(f"solved {symbol} ({effort.symbol})")
-            row[2].set_ylabel("% of the design's range")
+            row[2].set(xlabel=f"solved {symbol} ({effort.symbol})", ylabel="% of the design's range")
             row[2].legend(loc="best", markerscale=1.6)
         return style.png(figure)
 
@@ -58,8 +58,7 @@ def free_picture(fitted: MetaFitted) -> style.Png | None:
     word = "extension" if data.joint == "prismatic" else "angle"
     u, miss = unit.factor * misses.free_angle, unit.factor * misses.free_miss
     largest = np.array([np.abs(u[misses.free_design == d]).max() for d in misses.free_design])
-    with style.canvas(1560, 560) as figure:
-        figure.set_layout_engine("constrained", w_pad=0.09, h_pad=0.09, wspace=0.04)
+    with style.canvas(1560, 560, wspace=0.04) as figure:
         left, right = figure.subplots(1, 2)
         for place in PLACES[::-1]:
             rows = fitted.border[misses.free_design] == (place == "border")
@@ -69,14 +68,16 @@ def free_picture(fitted: MetaFitted) -> style.Png | None:
                 _dots(right, u[rows], 100 * miss[rows] / largest[rows], COLOURS[place], place)
         right.axhline(0, color=style.SOFT, lw=0.9, zorder=1)
         every = fitted.scores["all"]
-        left.set_title(
-            f"Free {word}: median miss {percent(every.free_median)}, worst {_worst(every.free_worst)}"
+        left.set(
+            title=f"Free {word}: median miss {percent(every.free_median)}, worst {_worst(every.free_worst)}",
+            xlabel=f"solved free {word} ({unit.symbol})",
+            ylabel=f"predicted free {word} ({unit.symbol})",
         )
-        left.set_xlabel(f"solved free {word} ({unit.symbol})")
-        left.set_ylabel(f"predicted free {word} ({unit.symbol})")
-        right.set_title("Predicted − solved")
-        right.set_xlabel(f"solved free {word} ({unit.symbol})")
-        right.set_ylabel(f"% of the design's largest free {word}")
+        right.set(
+            title="Predicted − solved",
+            xlabel=f"solved free {word} ({unit.symbol})",
+            ylabel=f"% of the design's largest free {word}",
+        )
         right.legend(loc="best", markerscale=1.6)
         return style.png(figure)
 
@@ -133,8 +134,7 @@ def design_errors(fitted: MetaFitted) -> style.Png:
     norm = LogNorm(low, max(high, 10 * low))
     columns = min(max(len(pairs), 1), 3)
     rows = -(-max(len(pairs), 1) // columns)
-    with style.canvas(1560 if columns > 1 else 1000, 540 * rows + 60) as figure:
-        figure.set_layout_engine("constrained", w_pad=0.09, h_pad=0.09, wspace=0.04)
+    with style.canvas(1560 if columns > 1 else 1000, 540 * rows + 60, wspace=0.04) as figure:
         grid = figure.subplots(rows, columns, squeeze=False).ravel()
         if not pairs:
             _against(grid[0], fitted, shares, norm)
@@ -166,8 +166,7 @@ def _pair(axes: Any, fitted: MetaFitted, i: int, j: int, shares: Any, norm: LogN
             zorder=7,
         )  # fmt: skip
     axes.margins(0.1)
-    axes.set_xlabel(x_unit.axis)
-    axes.set_ylabel(y_unit.axis)
+    axes.set(xlabel=x_unit.axis, ylabel=y_unit.axis)
 
 
 def _against(axes: Any, fitted: MetaFitted, shares: Any, norm: LogNorm) -> None:
@@ -175,8 +174,7 @@ def _against(axes: Any, fitted: MetaFitted, shares: Any, norm: LogNorm) -> None:
     _scatter(axes, fitted.designs.values[:, 0] * unit.factor, shares, fitted, shares, norm)
     axes.set_yscale("log")
     style.log_labels(axes.yaxis)
-    axes.set_xlabel(unit.axis)
-    axes.set_ylabel("worst miss (% of the design's range)")
+    axes.set(xlabel=unit.axis, ylabel="worst miss (% of the design's range)")
 
 
 def _scatter(axes: Any, x: Any, y: Any, fitted: MetaFitted, shares: Any, norm: LogNorm) -> None:

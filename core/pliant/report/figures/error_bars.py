@@ -21,11 +21,10 @@ FEWEST = 10  # states below which a curve of its own says nothing
 
 def coverage_picture(curves: Sequence[BandCoverage], what: str = "states left out") -> style.Png:
     """Left: coverage by level, with what chance allows. Right: miss against band at 90 %."""
-    with style.canvas(1560, 640) as figure:
+    with style.canvas(1560, 640, wspace=0.04) as figure:
         left, right = figure.subplots(1, 2)
         _coverage(left, curves, what)
         _widths(right, curves)
-        figure.set_layout_engine("constrained", w_pad=0.09, h_pad=0.09, wspace=0.04)
         return style.png(figure)
 
 
@@ -48,10 +47,12 @@ def _coverage(axes: Any, curves: Sequence[BandCoverage], what: str) -> None:
         )  # fmt: skip
     axes.set_xlim(45, 101)
     lowest = min(float(c.covered.min()) for c in curves if c is curves[0] or c.n >= FEWEST)
-    axes.set_ylim(min(40.0, 100 * lowest - 5), 103)
-    axes.set_xlabel("stated level of the band (%)")
-    axes.set_ylabel(f"{what} inside it (%)")
-    axes.set_title("What the bars state and what they hold")
+    axes.set(
+        ylim=(min(40.0, 100 * lowest - 5), 103),
+        xlabel="stated level of the band (%)",
+        ylabel=f"{what} inside it (%)",
+        title="What the bars state and what they hold",
+    )
     axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.14), ncols=3, fontsize=8, columnspacing=1.2)
 
 
@@ -76,17 +77,18 @@ def _widths(axes: Any, curves: Sequence[BandCoverage]) -> None:
             6 if many else 30, color=colour, marker=marker, linewidths=0, alpha=0.5 if many else 0.9, zorder=4,
             label=curve.label if first else None,
         )  # fmt: skip
-    axes.set_xscale("log")
-    axes.set_yscale("log")
+    axes.set(xscale="log", yscale="log")
     axes.set_xlim(*across)
     axes.set_ylim(low, high)
     for axis in (axes.xaxis, axes.yaxis):
         style.log_labels(axis)
     outside = sum(int(np.sum(c.missed > c.half_width)) for c in curves)
     count = sum(c.n for c in curves)
-    axes.set_xlabel("half-width of the 90 % band (% of the effort's range)")
-    axes.set_ylabel("miss (% of the effort's range)")
-    axes.set_title(f"Each band and its miss: {outside} of {count} outside")
+    axes.set(
+        xlabel="half-width of the 90 % band (% of the effort's range)",
+        ylabel="miss (% of the effort's range)",
+        title=f"Each band and its miss: {outside} of {count} outside",
+    )
     axes.legend(loc="upper left")
 
 
@@ -102,7 +104,6 @@ LOW, HIGH = 0.85, 0.95  # of the 90 % band: what this project asks of itself
 def design_bars(fitted: MetaFitted) -> style.Png:
     """Stated against covered, one line for each place."""
     with style.canvas(1000, 640) as figure:
-        figure.set_layout_engine("constrained", w_pad=0.09, h_pad=0.09)
         axes = figure.subplots()
         axes.plot([45, 100], [45, 100], color=style.SOFT, lw=1.1, zorder=1, label="as stated")
         lowest = 45.0
@@ -116,10 +117,12 @@ def design_bars(fitted: MetaFitted) -> style.Png:
             [90], [90], [[90 - 100 * LOW], [100 * HIGH - 90]], color=style.SERIES[2], capsize=5, lw=1.6, zorder=2,
             label="wanted of the 90 % band: 85 to 95 %",
         )  # fmt: skip
-        axes.set_ylim(lowest, 103)
-        axes.set_xlim(45, 101)
-        axes.set_xlabel("stated level of the band (%)")
-        axes.set_ylabel("states of designs left out inside it (%)")
-        axes.set_title("What the bars of unseen designs hold")
+        axes.set(
+            ylim=(lowest, 103),
+            xlim=(45, 101),
+            xlabel="stated level of the band (%)",
+            ylabel="states of designs left out inside it (%)",
+            title="What the bars of unseen designs hold",
+        )
         axes.legend(loc="lower right")
         return style.png(figure)

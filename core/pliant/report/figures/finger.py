@@ -48,7 +48,7 @@ def finger_picture(run: FinishedRun) -> style.Png:
     panels = [*(["body"] if bodies else []), "law", *(["pose"] if ran(run) else [])]
     ratios = {"body": 1.5, "law": 1.0, "pose": 1.0}
     width = WIDTH_PX if len(panels) == 3 else 620 * len(panels)
-    with style.canvas(width, HEIGHT_PX if len(panels) > 1 else 560) as figure:
+    with style.canvas(width, HEIGHT_PX if len(panels) > 1 else 560, pad=(0.08, 0.09), wspace=0.03) as figure:
         axes: dict[str, Any] = figure.subplot_mosaic([panels], width_ratios=[ratios[p] for p in panels])
         if bodies:
             draw_bodies(figure, axes["body"], run, bodies)
@@ -59,7 +59,6 @@ def finger_picture(run: FinishedRun) -> style.Png:
             draw_poses(axes["pose"], run, views(run)[0])
             if len(ran(run)) > 1:
                 axes["pose"].set_title(f"{axes['pose'].get_title(loc='left')}, {len(ran(run))} engines")
-        figure.set_layout_engine("constrained", w_pad=0.08, h_pad=0.09, wspace=0.03)
         return style.png(figure)
 
 

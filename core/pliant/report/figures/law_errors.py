@@ -34,7 +34,7 @@ def residual_map(fitted: Fitted) -> style.Png:
     # Panels of one law stand side by side, those of several laws in a row for each axis.
     across = len(columns) if len(columns) > 1 else len(names)
     down = len(cells) // across
-    with style.canvas(1560 if across > 1 else 940, HEIGHT * down + 130) as figure:
+    with style.canvas(1560 if across > 1 else 940, HEIGHT * down + 130, wspace=0.03) as figure:
         grid = figure.subplots(
             down, across, squeeze=False, sharex="row" if len(columns) > 1 else False, sharey=True
         )
@@ -60,7 +60,6 @@ def residual_map(fitted: Fitted) -> style.Png:
         bar.ax.yaxis.set_major_formatter(lambda value, _: number(float(value), 1))
         bar.outline.set_visible(False)
         _legend(figure, fitted)
-        figure.set_layout_engine("constrained", w_pad=0.09, h_pad=0.09, wspace=0.03)
         return style.png(figure)
 
 
@@ -83,8 +82,7 @@ def _panel(axes: Any, fitted: Fitted, missed: Residuals, name: str, title: str, 
             edgecolor=style.INK, linewidths=[1.1 if marker in "DP" else 0.4], zorder=4 if marker in "DP" else 3,
         )  # fmt: skip
     axes.margins(0.07)
-    axes.set_xlabel(coordinate_words(data, name))
-    axes.set_ylabel(f"{actuation_word(data)} ({p_unit.symbol})")
+    axes.set(xlabel=coordinate_words(data, name), ylabel=f"{actuation_word(data)} ({p_unit.symbol})")
     worst = part.rows(part.check).worst
     says = f"worst {percent(worst)} left out" if np.isfinite(worst) else f"worst {percent(part.worst)}"
     words = [f"axis {name}" if len(data.axes) > 1 else "", title]
@@ -130,8 +128,7 @@ def slope_map(fitted: Fitted) -> style.Png:
         effort_unit(law),
     )
     per = "m" if law.joint == "prismatic" else "rad"
-    with style.canvas(1000 if len(names) == 1 else 1560, 600) as figure:
-        figure.set_layout_engine("constrained", w_pad=0.09, h_pad=0.09, wspace=0.03)
+    with style.canvas(1000 if len(names) == 1 else 1560, 600, wspace=0.03) as figure:
         grid = figure.subplots(1, len(names), squeeze=False)[0]
         for axes, name in zip(grid, names, strict=True):
             p, u, slopes = slope_grid(law, name)
@@ -154,8 +151,7 @@ def slope_map(fitted: Fitted) -> style.Png:
             bar.ax.yaxis.set_major_formatter(lambda value, _: number(float(value), 4))
             bar.set_label(rf"$\partial\tau/\partial u$ ({effort.symbol}/{per})")
             axes.grid(False)
-            axes.set_xlabel(coordinate_words(data, name))
-            axes.set_ylabel(f"{actuation_word(data)} ({p_unit.symbol})")
+            axes.set(xlabel=coordinate_words(data, name), ylabel=f"{actuation_word(data)} ({p_unit.symbol})")
             word = "softest" if shown.max() < 0 else "UNSTABLE"
             text = f"axis {name}: {word}" if len(names) > 1 else word
             largest = number(float(shown.max()), 3)
@@ -190,14 +186,12 @@ def surrogate_bars(fitted: Sequence[Fitted]) -> style.Png:
         ("Time of the fit", "s", [f.wall_s for f in fitted]),
         ("Evaluations with slopes", "million a second", [f.per_second / 1e6 for f in fitted]),
     )
-    with style.canvas(1560, 170 + 70 * len(fitted)) as figure:
+    with style.canvas(1560, 170 + 70 * len(fitted), wspace=0.04) as figure:
         grid = figure.subplots(1, 3, sharey=True)
         for axes, (title, unit, values) in zip(grid, panels, strict=True):
             _bars(axes, names, np.maximum(values, SMALLEST))
-            axes.set_title(title)
-            axes.set_xlabel(unit)
+            axes.set(title=title, xlabel=unit)
         grid[0].invert_yaxis()
-        figure.set_layout_engine("constrained", w_pad=0.09, h_pad=0.09, wspace=0.04)
         return style.png(figure)
 
 
@@ -206,8 +200,7 @@ def _bars(axes: Any, names: Sequence[str], values: Any) -> None:
     places = np.arange(len(names))
     colours = [style.SERIES[k % len(style.SERIES)] for k in places]
     axes.barh(places, values - low, left=low, height=0.6, color=colours, zorder=3)
-    axes.set_xscale("log")
-    axes.set_xlim(low, values.max() * (values.max() / low) ** 0.25)
+    axes.set(xscale="log", xlim=(low, values.max() * (values.max() / low) ** 0.25))
     axes.set_yticks(places, names)
     axes.grid(axis="y", visible=False)
     style.log_labels(axes.xaxis)

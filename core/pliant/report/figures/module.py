@@ -51,7 +51,7 @@ def in_a_row(bodies: Sequence[Titled], bar: Callable[[Any, Any], None]) -> style
     height = scale * (top - bottom)
     picture_px = max(round(height + 110), FEWEST_PX)
     total = sum(slots) + GAP_PX * len(slots) + 170
-    with style.canvas(round(total), picture_px) as figure:
+    with style.canvas(round(total), picture_px, pad=None) as figure:
         left = 20.0
         for (title, surface, look), box, width, slot in zip(bodies, boxes, widths, slots, strict=True):
             start = left + (slot - scale * width) / 2

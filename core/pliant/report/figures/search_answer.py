@@ -26,15 +26,14 @@ def search_answer(read: SearchView) -> style.Png | None:
     if not axes_of:
         return None
     several = len(read.result.best) > 1
-    with style.canvas(WIDTH_PX, ROW_PX * len(axes_of) + 110 + 60 * several) as figure:
+    with style.canvas(WIDTH_PX, ROW_PX * len(axes_of) + 110 + 60 * several, pad=(0.08, 0.06)) as figure:
         axes = figure.subplots()
         for row, axis in enumerate(axes_of):
             _range(axes, axis, row)
         for number, design in enumerate(read.result.best):
             _design(axes, axes_of, design, number, read, several)
         axes.set_yticks(range(len(axes_of)), [textwrap.fill(a.title, LABEL) for a in axes_of])
-        axes.set_ylim(len(axes_of) - 0.45, -0.55)
-        axes.set_xlim(-0.14, 1.14 if several else 1.24)
+        axes.set(ylim=(len(axes_of) - 0.45, -0.55), xlim=(-0.14, 1.14 if several else 1.24))
         axes.set_xticks([])
         axes.grid(visible=False)
         axes.tick_params(axis="y", length=0)
@@ -45,7 +44,6 @@ def search_answer(read: SearchView) -> style.Png | None:
         )
         if several and len(read.result.best) <= MOST:
             figure.legend(loc="outside lower center", ncols=min(4, len(read.result.best)))
-        figure.set_layout_engine("constrained", w_pad=0.08, h_pad=0.06)
         return small_png(figure)
 
 

@@ -30,23 +30,24 @@ def search_designs(drawn: Sequence[Drawing]) -> style.Png | None:
     low, high = points.min(axis=0), points.max(axis=0)
     pad = 0.06 * float(size.max())
     width = 430 if len(shown) > 1 else 620
-    with style.canvas(max(width * len(shown) + 90, 700), 500 * len(planes) + 60) as figure:
+    with style.canvas(max(width * len(shown) + 90, 700), 500 * len(planes) + 60, pad=(0.06, 0.06)) as figure:
         grid = figure.subplots(len(planes), len(shown), squeeze=False, sharey="row", sharex="row")
         for column, one in enumerate(shown):
             for row, plane in enumerate(planes):
                 axes = grid[row, column]
                 _draw(axes, one, plane)
-                axes.set_aspect("equal")
-                axes.set_xlim(1e3 * (low[plane[0]] - pad), 1e3 * (high[plane[0]] + pad))
-                axes.set_ylim(1e3 * (low[plane[1]] - pad), 1e3 * (high[plane[1]] + pad))
-                axes.set_xlabel(f"world {'xyz'[plane[0]]} (mm)")
+                axes.set(
+                    aspect="equal",
+                    xlim=(1e3 * (low[plane[0]] - pad), 1e3 * (high[plane[0]] + pad)),
+                    ylim=(1e3 * (low[plane[1]] - pad), 1e3 * (high[plane[1]] + pad)),
+                    xlabel=f"world {'xyz'[plane[0]]} (mm)",
+                )
                 if column == 0:
                     axes.set_ylabel(f"world {'xyz'[plane[1]]} (mm)")
             grid[0, column].set_title(textwrap.fill(one.label, 26))
         handles = grid[0, 0].get_legend_handles_labels()
         if handles[0]:
             figure.legend(*handles, loc="outside lower center", ncols=4)
-        figure.set_layout_engine("constrained", w_pad=0.06, h_pad=0.06)
         return style.png(figure)
 
 

@@ -25,7 +25,6 @@ def search_front(read: SearchView) -> style.Png | None:
             _panel(axes, read, pair)
         figure.axes[0].legend(loc="best")
         figure.axes[0].set_title("The front among all candidates")
-        figure.set_layout_engine("constrained", w_pad=0.09, h_pad=0.09)
         return small_png(figure)
 
 
@@ -50,5 +49,4 @@ def _panel(axes: Any, read: SearchView, pair: tuple[int, int]) -> None:
         low, high = min(low, values.min()), max(high, values.max())
         pad = 0.06 * (high - low) or 1e-9
         limit(low - pad, high + pad)
-    axes.set_xlabel(f"{one.title}, {one.best_word}")
-    axes.set_ylabel(f"{other.title}, {other.best_word}")
+    axes.set(xlabel=f"{one.title}, {one.best_word}", ylabel=f"{other.title}, {other.best_word}")

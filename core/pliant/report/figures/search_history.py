@@ -27,7 +27,7 @@ def search_history(read: SearchView) -> style.Png:
     """Candidates against their number, failures at the rim, best so far; with contexts a moving median."""
     scores, branches = read.scores(), len(read.result.branches)
     x: Array = _within(read) if branches > 1 else np.arange(1.0, len(scores) + 1)
-    with style.canvas(WIDTH_PX, HEIGHT_PX) as figure:
+    with style.canvas(WIDTH_PX, HEIGHT_PX, pad=(0.08, 0.06)) as figure:
         axes = figure.subplots()
         _limits(axes, read, scores)
         if read.ok.any():
@@ -37,11 +37,12 @@ def search_history(read: SearchView) -> style.Png:
         _rim(axes, read, x)
         axes.set_xlim(0, max(float(x.max(initial=1)), 1) * 1.01)
         each = " of its search" if branches > 1 else ""
-        axes.set_xlabel(f"candidate{each}, in the order of evaluation")
-        axes.set_ylabel(read.objective.title)
-        axes.set_title(f"Objective of every candidate ({read.objective.best_word})")
+        axes.set(
+            xlabel=f"candidate{each}, in the order of evaluation",
+            ylabel=read.objective.title,
+            title=f"Objective of every candidate ({read.objective.best_word})",
+        )
         figure.legend(loc="outside upper right", ncols=6, markerscale=1.6)
-        figure.set_layout_engine("constrained", w_pad=0.08, h_pad=0.06)
         return small_png(figure)
 
 
@@ -54,7 +55,9 @@ def branch_strip(read: SearchView) -> style.Png | None:
     values = np.array([scores[row] for _, row in found])
     labels = [names[branch] for branch, _ in found]
     few = len(found) <= NAMED
-    with style.canvas(WIDTH_PX if not few else 1300, 40 * len(found) + 200 if few else 560) as figure:
+    with style.canvas(
+        WIDTH_PX if not few else 1300, 40 * len(found) + 200 if few else 560, pad=(0.08, 0.06)
+    ) as figure:
         axes = figure.subplots()
         (_named if few else _ranked)(axes, values, labels)
         value = axes.xaxis if few else axes.yaxis
@@ -63,7 +66,6 @@ def branch_strip(read: SearchView) -> style.Png | None:
             style.log_labels(value)
         (axes.set_xlabel if few else axes.set_ylabel)(f"best {read.objective.title}")
         axes.set_title(f"Best of each of {len(found)} searches ({read.branch_title()})")
-        figure.set_layout_engine("constrained", w_pad=0.08, h_pad=0.06)
         return style.png(figure)
 
 
@@ -86,8 +88,7 @@ def _ranked(axes: Any, values: Array, labels: list[str]) -> None:
         text, (0.02, 0.95 if upward else 0.05), xycoords="axes fraction", va="top" if upward else "bottom", fontsize=9,
         linespacing=1.5,
     )  # fmt: skip
-    axes.set_xlim(0, len(values) + 1)
-    axes.set_xlabel("rank of the search")
+    axes.set(xlim=(0, len(values) + 1), xlabel="rank of the search")
 
 
 def _limits(axes: Any, read: SearchView, scores: Array) -> None:
@@ -98,8 +99,7 @@ def _limits(axes: Any, read: SearchView, scores: Array) -> None:
         axes.set_yticks([])
         return
     if log_suits(scores):
-        axes.set_yscale("log")
-        axes.set_ylim(finite.min() / 1.25, finite.max() * 1.9)
+        axes.set(yscale="log", ylim=(finite.min() / 1.25, finite.max() * 1.9))
         style.log_labels(axes.yaxis)
         return
     low, high = shown_range(scores, read.objective.maximised)

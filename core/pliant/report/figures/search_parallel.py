@@ -30,7 +30,7 @@ def search_parallel(read: SearchView) -> style.Png | None:
     rows, axes_of = thinned(read.order()), read.varied()
     if len(rows) < 2 or not axes_of:
         return None
-    with style.canvas(WIDTH_PX, ROW_PX * (len(axes_of) + 1) + 130) as figure:
+    with style.canvas(WIDTH_PX, ROW_PX * (len(axes_of) + 1) + 130, pad=(0.08, 0.06)) as figure:
         axes = figure.subplots()
         scores, scale = read.scores()[rows], _Scale.of(read)
         places = [*(_places(axis, rows) for axis in axes_of), scale.places(scores)]
@@ -50,15 +50,13 @@ def search_parallel(read: SearchView) -> style.Png | None:
         ]
         axes.set_yticks(levels, names)
         axes.get_yticklabels()[-1].set_fontweight("bold")
-        axes.set_ylim(len(places) - 0.5, -0.5)
-        axes.set_xlim(-0.13, 1.13)
+        axes.set(ylim=(len(places) - 0.5, -0.5), xlim=(-0.13, 1.13))
         axes.set_xticks([])
         axes.grid(visible=False)
         axes.tick_params(axis="y", length=0)
         for side in ("left", "bottom"):
             axes.spines[side].set_visible(False)
         axes.set_title(f"{len(rows)} of {int(read.ok.sum())} evaluated candidates, the best in orange")
-        figure.set_layout_engine("constrained", w_pad=0.08, h_pad=0.06)
         return small_png(figure)
 
 

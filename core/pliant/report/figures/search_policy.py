@@ -26,7 +26,7 @@ def search_policy(read: SearchView) -> style.Png | None:
         return None
     columns = min(COLUMNS, len(axes_of))
     rows, count = -(-len(axes_of) // columns), len(read.result.conditions)
-    with style.canvas(480 * columns + 240, rows * (42 * count + 130) + 20) as figure:
+    with style.canvas(480 * columns + 240, rows * (42 * count + 130) + 20, pad=(0.07, 0.07)) as figure:
         grid = figure.subplots(rows, columns, squeeze=False, sharey=True).ravel()
         for axes, axis in zip(grid, axes_of, strict=False):
             _panel(axes, read, axis)
@@ -35,7 +35,6 @@ def search_policy(read: SearchView) -> style.Png | None:
         for axes in grid[::columns]:
             axes.set_yticks(range(count), [textwrap.fill(n, LABEL) for n in read.result.conditions])
         grid[0].set_ylim(count - 0.4, -0.6)
-        figure.set_layout_engine("constrained", w_pad=0.07, h_pad=0.07)
         return small_png(figure)
 
 

@@ -19,7 +19,7 @@ def search_robust(read: SearchView) -> style.Png | None:
     if found is None or not found.spread:
         return None
     factor = read.objective.unit.factor
-    with style.canvas(1500, 580) as figure:
+    with style.canvas(1500, 580, pad=(0.09, 0.06)) as figure:
         left, right = figure.subplots(1, 2)
         for row, (name, values) in enumerate(found.spread.items()):
             shown = factor * np.sort(np.asarray(values, float)[np.isfinite(values)])
@@ -45,17 +45,14 @@ def search_robust(read: SearchView) -> style.Png | None:
                        label="without any deviation" if row == 0 else None)  # fmt: skip
             right.plot(factor * measured, row + 0.3, marker="^", ms=10, color=style.INK, **look,
                        label=measure_words(found) if row == 0 else None)  # fmt: skip
-        left.set_ylim(0, 103)
-        left.set_ylabel("scenarios up to here (%)")
+        left.set(ylim=(0, 103), ylabel="scenarios up to here (%)")
         left.legend(loc="best")
         left.set_title("Share of the scenarios")
         right.set_yticks(range(len(found.spread)), [f"{name}\ndesign" for name in found.spread])
-        right.set_ylim(len(found.spread) - 0.45, -0.55)
-        right.set_title(f"Each of {found.samples} scenarios")
+        right.set(ylim=(len(found.spread) - 0.45, -0.55), title=f"Each of {found.samples} scenarios")
         for axes in (left, right):
             axes.set_xlabel(f"{read.objective.title}, {read.objective.best_word}")
         figure.legend(*right.get_legend_handles_labels(), loc="outside lower right", ncols=2)
-        figure.set_layout_engine("constrained", w_pad=0.09, h_pad=0.06)
         return style.png(figure)
 
 

@@ -36,7 +36,7 @@ def search_slopes(read: SearchView) -> style.Png | None:
         return None
     columns = min(COLUMNS, len(slopes))
     rows = -(-len(slopes) // columns)
-    with style.canvas(max(PANEL_PX * columns + 60, 820), 330 * rows + 20) as figure:
+    with style.canvas(max(PANEL_PX * columns + 60, 820), 330 * rows + 20, pad=(0.06, 0.07)) as figure:
         grid = figure.subplots(rows, columns, squeeze=False, sharey=True).ravel()
         axes_of = {axis.name: axis for axis in read.axes}
         for axes, slope in zip(grid, slopes, strict=False):
@@ -45,7 +45,6 @@ def search_slopes(read: SearchView) -> style.Png | None:
             axes.set_axis_off()
         for row in range(rows):
             grid[row * columns].set_ylabel(textwrap.fill(read.objective.title, 22))
-        figure.set_layout_engine("constrained", w_pad=0.06, h_pad=0.07)
         return small_png(figure)
 
 

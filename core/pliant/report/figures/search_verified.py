@@ -21,7 +21,7 @@ def search_verified(read: SearchView) -> style.Png | None:
     engines = [e for e in found.verified if e in found.predicted]
     if not names or not engines:
         return None
-    with style.canvas(max(430 * len(names), 900), 130 + 90 * len(engines) + 60) as figure:
+    with style.canvas(max(430 * len(names), 900), 130 + 90 * len(engines) + 60, pad=(0.08, 0.06)) as figure:
         for axes, name in zip(
             figure.subplots(1, len(names), squeeze=False, sharey=True)[0], names, strict=True
         ):
@@ -57,7 +57,6 @@ def search_verified(read: SearchView) -> style.Png | None:
             axes.locator_params(axis="x", nbins=4)
             axes.set_title(textwrap.fill(f"{label} ({unit.symbol})" if unit.symbol else label, 28))
         figure.legend(loc="outside lower center", ncols=2)
-        figure.set_layout_engine("constrained", w_pad=0.08, h_pad=0.06)
         return style.png(figure)
 
 

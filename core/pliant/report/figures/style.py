@@ -57,10 +57,17 @@ RC: dict[str, Any] = {
 
 
 @contextmanager
-def canvas(width_px: int, height_px: int) -> Iterator[Figure]:
-    """A figure of this size in the house style; the style holds inside the block only."""
+def canvas(
+    width_px: float, height_px: float, pad: tuple[float, float] | None = (0.09, 0.09), wspace: float = 0.02
+) -> Iterator[Figure]:
+    """A figure of this size in the house style; the style holds inside the block only.
+
+    Panels keep `pad` apart (inches) and `wspace` (a share of their width); places are given by hand without a pad.
+    """
     with matplotlib.rc_context(RC):
         figure = Figure(figsize=(width_px / DPI, height_px / DPI), dpi=DPI)
+        if pad is not None:
+            figure.set_layout_engine("constrained", w_pad=pad[0], h_pad=pad[1], wspace=wspace)
         FigureCanvasAgg(figure)
         yield figure
 

@@ -28,8 +28,7 @@ def tip_cloud(spread: Mapping[str, Any], tip_m: Array) -> style.Png | None:
     mean = np.asarray(spread["tip_mean_m"], float)
     i, j = sorted(np.argsort(-np.ptp(tips, axis=0), kind="stable")[:2])
     unit = _unit(float(spread["tip_radius_m"]))
-    with style.canvas(1560, 640) as figure:
-        figure.set_layout_engine("constrained", w_pad=0.09, h_pad=0.09, wspace=0.04)
+    with style.canvas(1560, 640, wspace=0.04) as figure:
         cloud, distance = figure.subplots(1, 2)
         _cloud(cloud, spread, tips, mean, np.asarray(tip_m, float), (int(i), int(j)), unit)
         _distance(distance, spread, tips, mean, unit)
@@ -68,9 +67,11 @@ def _cloud(
     )
     axes.set_aspect("equal", adjustable="datalim")
     axes.margins(0.12)
-    axes.set_xlabel(f"tip {COORDINATES[i]} from that of the laws ({unit.symbol})")
-    axes.set_ylabel(f"tip {COORDINATES[j]} from that of the laws ({unit.symbol})")
-    axes.set_title("Where the tip may be")
+    axes.set(
+        xlabel=f"tip {COORDINATES[i]} from that of the laws ({unit.symbol})",
+        ylabel=f"tip {COORDINATES[j]} from that of the laws ({unit.symbol})",
+        title="Where the tip may be",
+    )
     axes.legend(loc="best", fontsize=8)
 
 
@@ -85,11 +86,13 @@ def _distance(axes: Any, spread: Mapping[str, Any], tips: Array, mean: Array, un
         f"{level:g} % within {number(radius, 2)} {unit.symbol}", (0, level), (6, 4),
         textcoords="offset points", fontsize=9, color=style.WARN,
     )  # fmt: skip
-    axes.set_xlim(0, 1.06 * float(max(reach.max(), radius)))
-    axes.set_ylim(0, 104)
-    axes.set_xlabel(f"distance from the mean tip ({unit.symbol})")
-    axes.set_ylabel("runs (%)")
-    axes.set_title("How far from the mean")
+    axes.set(
+        xlim=(0, 1.06 * float(max(reach.max(), radius))),
+        ylim=(0, 104),
+        xlabel=f"distance from the mean tip ({unit.symbol})",
+        ylabel="runs (%)",
+        title="How far from the mean",
+    )
 
 
 def _unit(length_m: float) -> Unit:
