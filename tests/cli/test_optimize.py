@@ -15,7 +15,7 @@ from tests.cli.search_study import BUDGET, STUDY
 from pliant import api
 from pliant.config.loading import load_study
 from pliant.registry.discovery import discover
-from pliant.report.search_folder import read_search
+from pliant.report.search_files import read_search
 
 pytest.importorskip("cma")
 

@@ -7,7 +7,7 @@ from pliant.errors import PliantError
 from pliant.interfaces.task import SceneTask
 from pliant.pipeline.workbench import Workbench
 from pliant.records.search import FoundDesign, SearchResult
-from pliant.report.search_folder import DrawnDesign
+from pliant.report.search_files import DrawnDesign
 from pliant.report.search_view import spread_of
 from pliant.search.evaluate.fast_path import FastPath
 from pliant.search.problem.search_problem import SearchProblem

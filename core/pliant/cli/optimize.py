@@ -28,9 +28,8 @@ from pliant.pipeline.study import physics_of_study
 from pliant.pipeline.workbench import Workbench
 from pliant.records.search import FoundDesign, SearchResult
 from pliant.registry.discovery import Registry
-from pliant.report.search import search_document, write_search_page
-from pliant.report.search_files import BEST, HISTORY, JSON, copy_exported, write_history
-from pliant.report.search_lines import best_said
+from pliant.report.search import best_said, search_document, write_search_page
+from pliant.report.search_files import BEST, HISTORY, RESULT, copy_exported, write_history
 from pliant.search.evaluate.evaluator import problem_of
 from pliant.search.problem.search_problem import SearchProblem
 from pliant.search.run.search import nothing_found
@@ -100,7 +99,7 @@ def _write(
         if not converged(result, study, engine):
             here.exit_code = NotReachedError.exit_code
     _write_page(here, bench, folder, study, problem, result)
-    write_atomically(folder / JSON, dumps(plain(here.result), indent=1, allow_nan=False))
+    write_atomically(folder / RESULT, dumps(plain(here.result), indent=1, allow_nan=False))
 
 
 def _write_designs(

@@ -33,7 +33,7 @@ from pliant.pipeline.study import (
 from pliant.report.fem import fem_document, stored_fem_page
 from pliant.report.folder import finished, read_folder, table_name, write_folder
 from pliant.report.run import run_document, run_json, run_lines, simulation_document, stored_run_page
-from pliant.report.search_folder import is_search
+from pliant.report.search_files import is_search
 from pliant.tabular.fem_writing import write_table
 
 OutFolder = Annotated[

@@ -10,10 +10,11 @@ from typing import Any
 import matplotlib
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.colors import Colormap, LinearSegmentedColormap
+from matplotlib.colors import Colormap, LinearSegmentedColormap, to_rgb
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
 from numpy.typing import NDArray
+from PIL import Image
 
 from pliant.formatting import number
 
@@ -134,3 +135,28 @@ def round_length(target: float) -> float:
 def _part(name: str, low: float, high: float) -> Colormap:
     whole = matplotlib.colormaps[name]
     return LinearSegmentedColormap.from_list(f"{name}-part", whole(np.linspace(low, high, 128)))
+
+
+COLOURS = 96
+NEAR_PAPER = 240
+HOUSE = (*SERIES, INK, SOFT, FAINT, PAPER)  # kept, however few pixels have them
+PALE = (1.0, 0.66, 0.33)  # the same mixed with paper: the edges of lines and letters
+
+
+def small_png(figure: Any) -> Png:
+    """The figure of many thin lines or dots as PNG bytes with a palette, a fraction of the bytes."""
+    whole = Image.open(io.BytesIO(png(figure).tobytes())).convert("RGB")
+    common = (whole.quantize(COLOURS, dither=Image.Dither.NONE).getpalette() or [])[: 3 * COLOURS]
+    # PIL looks colours up roughly: without others beside it, paper stays white.
+    bright = [min(common[k : k + 3]) > NEAR_PAPER for k in range(0, len(common), 3)]
+    palette = Image.new("P", (1, 1))
+    palette.putpalette([*(255 if bright[k // 3] else c for k, c in enumerate(common)), *_house()])
+    buffer = io.BytesIO()
+    whole.quantize(palette=palette, dither=Image.Dither.NONE).save(buffer, format="PNG", optimize=True)
+    return np.frombuffer(buffer.getvalue(), dtype=np.uint8)
+
+
+def _house() -> list[int]:
+    """The house's colours and paler ones, as a palette's numbers."""
+    mixed = [[1 - share * (1 - c) for c in to_rgb(name)] for name in HOUSE for share in PALE]
+    return [round(255 * c) for colour in mixed for c in colour]
