@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
 import matplotlib
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.colors import Colormap, LinearSegmentedColormap, to_rgb
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Colormap, LinearSegmentedColormap, Normalize, to_rgb
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, NullFormatter
 from numpy.typing import NDArray
 from PIL import Image
@@ -82,7 +85,8 @@ def png(figure: Figure) -> Png:
 
 def pressure_map() -> Colormap:
     """Colours of actuation levels: dark to green; yellow, unreadable on white, is left out."""
-    return _part("viridis", 0.0, 0.74)
+    part = matplotlib.colormaps["viridis"](np.linspace(0.0, 0.74, 128))
+    return LinearSegmentedColormap.from_list("viridis-part", part)
 
 
 def stretch_map() -> Colormap:
@@ -102,6 +106,27 @@ def stress_map() -> Colormap:
 def error_map() -> Colormap:
     """Colours of errors, pale where there are none; dark enough everywhere to be seen on paper."""
     return LinearSegmentedColormap.from_list("error", ["#f7ecc8", "#f2b563", "#dd6a4c", "#98305f", "#3b1150"])
+
+
+def entry(label: str, marker: str, **look: Any) -> Line2D:
+    """A marker of a legend."""
+    return Line2D([], [], ls="", marker=marker, label=label, **look)
+
+
+def key_below(figure: Figure, handles: Sequence[Any], **look: Any) -> None:
+    """A legend in one row below all panels."""
+    figure.legend(handles=handles, loc="outside lower center", ncols=len(handles), handletextpad=0.3, **look)
+
+
+def colour_bar(
+    figure: Figure, mapped: tuple[Normalize, Colormap] | ScalarMappable, label: str, **place: Any
+) -> Axes:
+    """A bar of colours with its label; `place` says where, as matplotlib's `colorbar` takes it."""
+    shown = ScalarMappable(*mapped) if isinstance(mapped, tuple) else mapped
+    bar = figure.colorbar(shown, **place)
+    bar.set_label(label)
+    bar.outline.set_visible(False)  # type: ignore[operator]
+    return bar.ax
 
 
 def bare(axes: Any) -> None:
@@ -132,11 +157,6 @@ def round_length(target: float) -> float:
     return float(max(f * power for f in (1.0, 2.0, 5.0) if f * power <= target * (1 + 1e-9)))
 
 
-def _part(name: str, low: float, high: float) -> Colormap:
-    whole = matplotlib.colormaps[name]
-    return LinearSegmentedColormap.from_list(f"{name}-part", whole(np.linspace(low, high, 128)))
-
-
 COLOURS = 96
 NEAR_PAPER = 240
 HOUSE = (*SERIES, INK, SOFT, FAINT, PAPER)  # kept, however few pixels have them
@@ -150,13 +170,9 @@ def small_png(figure: Any) -> Png:
     # PIL looks colours up roughly: without others beside it, paper stays white.
     bright = [min(common[k : k + 3]) > NEAR_PAPER for k in range(0, len(common), 3)]
     palette = Image.new("P", (1, 1))
-    palette.putpalette([*(255 if bright[k // 3] else c for k, c in enumerate(common)), *_house()])
+    mixed = [[1 - share * (1 - c) for c in to_rgb(name)] for name in HOUSE for share in PALE]
+    own = [round(255 * c) for colour in mixed for c in colour]
+    palette.putpalette([*(255 if bright[k // 3] else c for k, c in enumerate(common)), *own])
     buffer = io.BytesIO()
     whole.quantize(palette=palette, dither=Image.Dither.NONE).save(buffer, format="PNG", optimize=True)
     return np.frombuffer(buffer.getvalue(), dtype=np.uint8)
-
-
-def _house() -> list[int]:
-    """The house's colours and paler ones, as a palette's numbers."""
-    mixed = [[1 - share * (1 - c) for c in to_rgb(name)] for name in HOUSE for share in PALE]
-    return [round(255 * c) for colour in mixed for c in colour]
