@@ -6,7 +6,7 @@ import pytest
 from tests.cli.joint_study import JOINT as STUDY
 from tests.diagnosis.quick import effect, joint, measured, rich
 
-from pliant.cli.fitting_bar import fitting_bar
+from pliant.cli.bars import fitting_bar
 from pliant.measurements.writing import write_measurement
 
 FEW = ("--effect", "stiffness", "--effect", "sensor_bias", "--effect", "supply_lag")
@@ -164,11 +164,10 @@ def test_the_bar_ends_with_what_was_fitted(kinds) -> None:
         def __getattr__(self, name):
             return lambda value=1: said.append((name, value))
 
-    class Here:
-        class progress:  # noqa: N801 - stands for a property
-            begin = staticmethod(lambda title, total: said.append((title, total)) or Bar())
+    class Progress:
+        begin = staticmethod(lambda title, total: said.append((title, total)) or Bar())
 
-    with fitting_bar(Here(), kinds) as bar:
+    with fitting_bar(Progress(), kinds) as bar:
         for name in ("nothing", "a", "b", "a + b", "nothing", "a"):
             bar.tick(name)
     titles = [entry for entry in said if entry[0].startswith("fitting")]

@@ -9,12 +9,11 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 
+from pliant.cli.bars import fitting_bar
 from pliant.cli.compare import DataFile
-from pliant.cli.diagnose import Candidates
-from pliant.cli.fitting_bar import fitting_bar
-from pliant.cli.options import DEFAULT_STORE, JsonFile, Overrides, Quiet, StoreFolder, StudyFile
-from pliant.cli.protocol_files import write_runs
-from pliant.cli.session import Session, check_writable, session
+from pliant.cli.diagnose import Candidates, write_runs
+from pliant.cli.options import Overrides, StudyFile, verb
+from pliant.cli.session import Session, check_writable
 from pliant.config.study import Study
 from pliant.diagnosis.design import design_runs, unread
 from pliant.diagnosis.diagnosis import Diagnosis, diagnose
@@ -53,7 +52,9 @@ Folder = Annotated[
 AFTER_DATA = 2
 
 
+@verb()
 def plan(
+    here: Session,
     study: StudyFile,
     overrides: Overrides = None,
     data: DataFile = None,
@@ -61,29 +62,25 @@ def plan(
     minutes: Minutes = None,
     effect: Candidates = None,
     out: Folder = None,
-    store: StoreFolder = DEFAULT_STORE,
-    json: JsonFile = None,
-    quiet: Quiet = False,
 ) -> None:
     """Which runs to do next: with data those that decide between the explanations left, without data a protocol."""
-    with session("plan", json, quiet) as here:
-        loaded = here.study(study, overrides)
-        if runs is not None and runs < 1:
-            raise UserError(f"--runs is {runs}; it should be 1 or more.")
-        if minutes is not None and not minutes > 0:
-            raise UserError(f"--minutes is {minutes:g}; it should be above 0.")
-        folder = out or Path("runs") / f"{loaded.name}-plan"
-        check_writable(folder)
-        bench, most = here.bench(store), np.inf if minutes is None else minutes
-        kinds = effect or here.registry.kinds("effect")
-        for kind in kinds:
-            here.registry.get("effect", kind)
-        here.result |= {"study": loaded.name, "out": str(folder)}
-        if data or loaded.measurements is not None:
-            measurement = measurement_of_study(bench, loaded, data)
-            _after(here, bench, loaded, study, measurement, data, kinds, runs or AFTER_DATA, most, folder)
-        else:
-            _before(here, bench, loaded, study, kinds, runs, most, folder)
+    loaded = here.study(study, overrides)
+    if runs is not None and runs < 1:
+        raise UserError(f"--runs is {runs}; it should be 1 or more.")
+    if minutes is not None and not minutes > 0:
+        raise UserError(f"--minutes is {minutes:g}; it should be above 0.")
+    folder = out or Path("runs") / f"{loaded.name}-plan"
+    check_writable(folder)
+    bench, most = here.bench(), np.inf if minutes is None else minutes
+    kinds = effect or here.registry.kinds("effect")
+    for kind in kinds:
+        here.registry.get("effect", kind)
+    here.result |= {"study": loaded.name, "out": str(folder)}
+    if data or loaded.measurements is not None:
+        measurement = measurement_of_study(bench, loaded, data)
+        _after(here, bench, loaded, study, measurement, data, kinds, runs or AFTER_DATA, most, folder)
+    else:
+        _before(here, bench, loaded, study, kinds, runs, most, folder)
 
 
 def _after(
@@ -104,7 +101,7 @@ def _after(
     shortest = min(run.minutes for run in catalogue_of(predictor, own))
     if minutes < shortest:
         raise UserError(f"--minutes {minutes:g}: the shortest run takes {shortest:g} min with setting up.")
-    with fitting_bar(here, len(kinds)) as bar:
+    with fitting_bar(here.progress, len(kinds)) as bar:
         found = diagnose(predictor, kinds=kinds, runs=own, tick=bar.tick)
     chosen, remark = _chosen(predictor, found, own, runs, minutes)
     planned = [

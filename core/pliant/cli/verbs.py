@@ -34,7 +34,7 @@ VERBS = {
     "improve": "improve",
     "export": "export",
     "render": "render",
-    "view": "view",
+    "view": "render",
     "optimize": "optimize",
 }
 
