@@ -73,7 +73,7 @@ def test_ctrl_c_inside_compiled_code_is_an_interrupt(pliant, bench, monkeypatch)
         except KeyboardInterrupt as interrupt:  # what numba makes of it
             raise SystemError("returned a result with an exception set") from interrupt
 
-    monkeypatch.setattr("pliant.cli.diagnose.diagnose_with", stopped)
+    monkeypatch.setattr("pliant.cli.evidence.diagnose_with", stopped)
     call = pliant("diagnose", bench, "--data", "bench.csv", "--json", "out.json", *FEW)
     assert call.code == 130
     assert "interrupted" in call.err

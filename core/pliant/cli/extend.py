@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from pliant.cli.compare import DataFile
+from pliant.cli.evidence import DataFile
 from pliant.cli.options import (
     Force,
     Full,
@@ -61,7 +61,8 @@ def extend(
     measurement = measurement_of_study(bench, loaded, data)
     ground = Ground.of(bench, loaded, measurement)
     found = extend_with(ground, loaded.effects, kinds)
-    here.result.update(study=loaded.name, data=measurement.source, data_sha256=measurement.sha256, out=None)
+    here.measured(loaded, measurement)
+    here.result["out"] = None
     remarks = tuple(ground.predictor.remarks)
     here.show(extension_document(loaded.name, measurement, found, here.registry, remarks))
     if found.absent:

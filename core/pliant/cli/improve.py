@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from pliant.cli.bars import fitting_bar
-from pliant.cli.compare import DataFile
+from pliant.cli.evidence import Candidates, DataFile, report_folder
 from pliant.cli.options import (
     Force,
     Full,
@@ -30,14 +30,6 @@ NewStudy = Annotated[
         "--out", metavar="NEW.yaml", help="The new study; <study>-improved.yaml beside it by default."
     ),
 ]
-ReportFolder = Annotated[
-    Path | None,
-    typer.Option("--report", metavar="DIR", help="Folder of the report; runs/<name>-improve by default."),
-]
-Candidates = Annotated[
-    list[str] | None,
-    typer.Option("--effect", metavar="KIND", help="Candidate, may be repeated; all effects by default."),
-]
 
 
 @verb()
@@ -48,7 +40,7 @@ def improve(
     data: DataFile = None,
     effect: Candidates = None,
     out: NewStudy = None,
-    report: ReportFolder = None,
+    report: Annotated[Path | None, report_folder("improve", "--report")] = None,
     force: Force = False,
     full: Full = False,
 ) -> None:
@@ -65,7 +57,7 @@ def improve(
     check_writable(folder)
     with fitting_bar(here.progress, len(effect or here.registry.kinds("effect"))) as bar:
         found = improve_with(bench, loaded, measurement, kinds=effect, tick=bar.tick)
-    here.result.update(study=loaded.name, data=measurement.source, data_sha256=measurement.sha256)
+    here.measured(loaded, measurement)
     here.result["final_study"] = str(study)
     if found.final is not None:
         notes = {kind: stands_for(step) for step in found.steps for kind in step.added}

@@ -23,6 +23,8 @@ from pliant.config.loading import load_study
 from pliant.config.study import Study
 from pliant.errors import INTERRUPTED, PliantError, UserError, interrupted
 from pliant.pipeline.workbench import Workbench
+from pliant.records.counts import Counts
+from pliant.records.measurement import Measurement
 from pliant.registry.discovery import Registry, discover
 from pliant.registry.files import blamed, with_files
 from pliant.report.document import Document
@@ -82,6 +84,10 @@ class Session:
                 f"{', '.join(searched)}: for 'pliant optimize'; '{self.command}' takes the study as it is."
             )
         return study
+
+    def measured(self, study: Study, data: Measurement | Counts) -> None:
+        """Keep for the JSON which study was held against which data."""
+        self.result.update(study=study.name, data=data.source, data_sha256=data.sha256)
 
     @property
     def progress(self) -> TerminalProgress:
