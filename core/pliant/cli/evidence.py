@@ -55,7 +55,7 @@ NEXT_RUN = "next_run.csv"
 def report_folder(verb: str, option: str = "--out") -> typer.models.OptionInfo:
     """The option for the folder of a verb's report."""
     text = f"Folder of the report; runs/<name>-{verb} by default."
-    return typer.Option(option, metavar="DIR", help=text)  # type: ignore[no-any-return]
+    return typer.Option(option, metavar="DIR", help=text)
 
 
 @verb()
@@ -122,8 +122,9 @@ def diagnose(
     runs = [(NEXT_RUN, planned)] if planned is not None else []
     files = write_runs(folder, runs, measurement.outputs, study, loaded, measurement, data)
     here.measured(loaded, measurement)
-    more = {"asked": effect or (), "next_file": files[0] if files else None}
-    here.show(diagnosis_document(name, measurement, found, here.registry, **more), folder)
+    file = files[0] if files else None
+    document = diagnosis_document(name, measurement, found, here.registry, asked=effect or (), next_file=file)
+    here.show(document, folder)
 
 
 def _counted(here: Session, study: Study, data: Sequence[Path] | None, workers: int) -> CountedStudy | None:

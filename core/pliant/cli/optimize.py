@@ -177,7 +177,7 @@ def _chosen(problem: SearchProblem, result: SearchResult) -> list[tuple[str, Fou
 
 
 # Units of a study's text, which are read again: not those of `pliant.formatting`.
-WRITTEN = {"m": (1e3, "mm"), "Pa": (1e-3, "kPa"), "kg": (1e3, "g"), "N": (1.0, "N"), "s": (1.0, "s")}
+TEXT_UNITS = {"m": (1e3, "mm"), "Pa": (1e-3, "kPa"), "kg": (1e3, "g"), "N": (1.0, "N"), "s": (1.0, "s")}
 
 
 def write_best(
@@ -225,9 +225,9 @@ def _as_written(canonical: Mapping[str, Any], path: Sequence[str | int]) -> Any:
         name = next(n for n in node if strip_unit_suffix(n) == strip_unit_suffix(str(key)))
         node = node[name]
     unit = si_unit(name)
-    if not (isinstance(node, float) and unit in WRITTEN):
+    if not (isinstance(node, float) and unit in TEXT_UNITS):
         return node
-    factor, short = WRITTEN[unit]
+    factor, short = TEXT_UNITS[unit]
     for text in (f"{float(f'{factor * node:.12g}')!r} {short}", f"{factor * node!r} {short}"):
         if parse_quantity(text, unit) == node:
             return text

@@ -41,7 +41,7 @@ def run_drawn(run: FinishedRun) -> Drawn:
     block = run.study.get("fem") or {}
     backend = str(block.get("kind", "")) if isinstance(block, Mapping) else ""
     solved = [Solved(d.name, d.module, backend) for d in run.designs if d.module is not None]
-    *states, cost = data_sections(solved, RESIDUALS) or [None]
+    *states, cost = [None, *data_sections(solved, RESIDUALS)]
     parts = [
         "FEM shape of one module at this pressure, bent to each joint's angle and stacked; ghosts show the rest state "
         "and levels on the way, colour the stretch of the skin"
@@ -206,7 +206,9 @@ def law_table(run: FinishedRun) -> Table | None:
         parts = [fit.details.get("form", "law")]
         parts += [f"degree {fit.details['degree']}"] if fit.details.get("degree") is not None else []
         parts += [f"{fit.details['terms']} terms"] if fit.details.get("terms") is not None else []
-        scored = {", ".join([*parts, f"{fit.n_fitted} states fitted"]): vars(fit)}
+        scored: dict[str, Mapping[str, Any]] = {
+            ", ".join([*parts, f"{fit.n_fitted} states fitted"]): vars(fit)
+        }
         if form is not None and fit.details.get("form") != "study":
             scored["the study's form"] = form
         for name, scores in scored.items():

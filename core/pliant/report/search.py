@@ -153,8 +153,8 @@ def warned(read: SearchView) -> Iterator[Warned]:
                 yield Warned(unbroken(sentence))
         yield from map(Warned, found.notes)
     if (failures := sum(result.failed.values())) > OFTEN * max(result.evaluations, 1):
-        text = f"{failures} of {plural(result.evaluations, 'evaluation')} failed; good designs may be among them."
-        yield Warned(text, tuple(f"{cause}: {n}" for cause, n in list(result.failed.items())[:LISTED]))
+        sentence = f"{failures} of {plural(result.evaluations, 'evaluation')} failed; good designs may be among them."
+        yield Warned(sentence, tuple(f"{cause}: {n}" for cause, n in list(result.failed.items())[:LISTED]))
     if late(read):
         yield Warned(
             "The best design came in the last tenth of a search that its budget ended: a longer one may do better."

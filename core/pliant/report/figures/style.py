@@ -125,7 +125,7 @@ def colour_bar(
     shown = ScalarMappable(*mapped) if isinstance(mapped, tuple) else mapped
     bar = figure.colorbar(shown, **place)
     bar.set_label(label)
-    bar.outline.set_visible(False)  # type: ignore[operator]
+    bar.outline.set_visible(False)
     return bar.ax
 
 
