@@ -46,6 +46,20 @@ class Call:
     out: str
     err: str
 
+    def done(self, code=0):
+        """The call itself, which ended so."""
+        assert self.code == code, self.err
+        return self
+
+    def refused(self, *words):
+        """It ended with 2 and one or two sentences on standard error that hold the words."""
+        said = " ".join(self.err.split())
+        assert self.code == 2, said
+        assert "error: " in said and "Traceback" not in said and said.count(". ") <= 3, said
+        for word in words:
+            assert word in said, said
+        return self
+
 
 @pytest.fixture
 def workplace(tmp_path, monkeypatch):
@@ -64,6 +78,17 @@ def pliant(workplace):
         if result.exception is not None and not isinstance(result.exception, SystemExit):
             raise result.exception
         return Call(result.exit_code, result.stdout, result.stderr)
+
+    return call
+
+
+@pytest.fixture
+def json_of(pliant):
+    """Call the command, which must end with 0; its JSON."""
+
+    def call(*arguments, code=0):
+        pliant(*arguments, "--json", "result.json").done(code)
+        return json.loads(Path("result.json").read_text())
 
     return call
 
