@@ -14,7 +14,7 @@ from tests.report.pages import check_sound, words
 from pliant.errors import UserError
 from pliant.formatting import number, percent, seconds
 from pliant.pipeline.learning import learning_curve
-from pliant.pipeline.module_data import module_of
+from pliant.pipeline.residuals import module_of
 from pliant.pipeline.study import Design, DesignStages
 from pliant.pipeline.surrogate import LawStage, law_stage
 from pliant.pipeline.workbench import Workbench

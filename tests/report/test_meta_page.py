@@ -14,11 +14,10 @@ from tests.report.pages import check_sound
 
 from pliant.execution.progress import Silent
 from pliant.formatting import percent
-from pliant.pipeline.meta_model.cross_validation import misses_left_out, parts_of
+from pliant.pipeline.learning import design_learning
+from pliant.pipeline.meta_model.cross_validation import misses_left_out, parts_of, scores_of
 from pliant.pipeline.meta_model.error_bars import Bars
-from pliant.pipeline.meta_model.learning import design_learning
 from pliant.pipeline.meta_model.next_design import Proposal
-from pliant.pipeline.meta_model.scoring import scores_of
 from pliant.records.design import Array
 from pliant.records.law import JointLaw
 from pliant.records.solved import SolvedDesigns

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pliant.pipeline.module_data import module_of
+from pliant.pipeline.residuals import module_of
 from pliant.records.design import Design
 from pliant.records.fem import FemDataset
 from pliant.records.law import Domain

@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 
 from pliant.calibration.calibration import calibrate as calibrate_with
-from pliant.calibration.constants import Constant, changed
+from pliant.calibration.fitting import Constant, changed
 from pliant.calibration.reading import BenchData, read_bench_data
 from pliant.calibration.result import Calibration
 from pliant.cli.options import (

@@ -12,23 +12,20 @@ from pliant.cli.bars import fitting_bar
 from pliant.cli.options import Overrides, StudyFile, verb
 from pliant.cli.session import Session, check_writable
 from pliant.config.study import Study
-from pliant.diagnosis.counts_candidates import effect_parameters, task_parameters
-from pliant.diagnosis.counts_diagnosis import count_evidence, judge_counts
+from pliant.diagnosis.counts_diagnosis import count_evidence, effect_parameters, judge_counts, task_parameters
 from pliant.diagnosis.diagnosis import diagnose as diagnose_with
 from pliant.errors import UserError
 from pliant.evidence.comparison import compare as compare_with
 from pliant.evidence.counts import CountedStudy, compare_counted, counted_study, is_counted
-from pliant.evidence.measured import measurement_of_study
-from pliant.evidence.prediction import Predictor
+from pliant.evidence.prediction import Predictor, measurement_of_study
 from pliant.execution.executors import checked_workers
+from pliant.experiments.experiment_catalogue import own_runs
 from pliant.experiments.planned_run import PlannedRun
 from pliant.experiments.protocol_file import write_protocol
-from pliant.experiments.protocols import own_runs
 from pliant.formatting import listed
 from pliant.records.measurement import Measurement
 from pliant.report.comparison import comparison_document
-from pliant.report.counts import counts_document
-from pliant.report.counts_diagnosis import counts_diagnosis_document
+from pliant.report.counts import counts_diagnosis_document, counts_document
 from pliant.report.diagnosis import diagnosis_document
 
 DataFile = Annotated[

@@ -18,11 +18,10 @@ from pliant.cli.options import (
 )
 from pliant.cli.session import Session
 from pliant.config.study import Study
-from pliant.diagnosis.extended_study import write_extended_study
-from pliant.diagnosis.extension import Ground
+from pliant.diagnosis.extension import Ground, write_extended_study
 from pliant.diagnosis.extension import extend as extend_with
 from pliant.errors import UserError
-from pliant.evidence.measured import measurement_of_study
+from pliant.evidence.prediction import measurement_of_study
 from pliant.report.extension import extension_document, origin
 
 Effects = Annotated[

@@ -15,7 +15,7 @@ from pliant.cli.session import Session, check_writable, plain
 from pliant.config.study import Study
 from pliant.errors import MissingDependencyError, UserError
 from pliant.interfaces.surrogate import SurrogateConfig
-from pliant.pipeline.meta_model.learning import design_learning_stage
+from pliant.pipeline.learning import design_learning_stage
 from pliant.pipeline.meta_model.next_design import check_count, designs_to_solve, write_proposals
 from pliant.pipeline.meta_model.stage import MetaModelStage, meta_model_stage
 from pliant.pipeline.study import DEFAULT_SURROGATE, Design, DesignStages, laws_of_study

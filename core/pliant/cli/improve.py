@@ -18,9 +18,9 @@ from pliant.cli.options import (
     verb,
 )
 from pliant.cli.session import Session, check_writable
-from pliant.diagnosis.extended_study import write_extended_study
+from pliant.diagnosis.extension import write_extended_study
 from pliant.diagnosis.improvement import improve as improve_with
-from pliant.evidence.measured import measurement_of_study
+from pliant.evidence.prediction import measurement_of_study
 from pliant.report.extension import cited
 from pliant.report.improvement import improvement_document, origin, stands_for
 

@@ -14,7 +14,7 @@ from pliant.cli.evidence import Candidates, DataFile, write_runs
 from pliant.cli.options import Overrides, StudyFile, verb
 from pliant.cli.session import Session, check_writable
 from pliant.config.study import Study
-from pliant.diagnosis.design import design_runs, unread
+from pliant.diagnosis.classes import design_runs, unread
 from pliant.diagnosis.diagnosis import Diagnosis, diagnose
 from pliant.diagnosis.next_run import (
     Belief,
@@ -26,11 +26,9 @@ from pliant.diagnosis.next_run import (
     view_of,
 )
 from pliant.errors import UserError
-from pliant.evidence.measured import measurement_of_study
-from pliant.evidence.prediction import Predictor
-from pliant.experiments.planned_run import PlannedRun
-from pliant.experiments.protocols import own_runs, runs_of
-from pliant.experiments.scale import BenchScale
+from pliant.evidence.prediction import Predictor, measurement_of_study
+from pliant.experiments.experiment_catalogue import own_runs, runs_of
+from pliant.experiments.planned_run import BenchScale, PlannedRun
 from pliant.pipeline.study import chain_of_study
 from pliant.records.measurement import Measurement
 from pliant.report.plan import design_document, plan_document

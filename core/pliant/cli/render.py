@@ -17,8 +17,16 @@ from pliant.config.study import Study
 from pliant.errors import UserError, closest
 from pliant.interfaces.task import SceneTask
 from pliant.interfaces.viewer import View, Viewer
-from pliant.pipeline.handle import ChainHandle, highest_actuation, prepared_chain
-from pliant.pipeline.motion import at_times, chain_frames, chain_scene, drawn_chain, motion_of_run
+from pliant.pipeline.motion import (
+    ChainHandle,
+    at_times,
+    chain_frames,
+    chain_scene,
+    drawn_chain,
+    highest_actuation,
+    motion_of_run,
+    prepared_chain,
+)
 from pliant.pipeline.study import StudyRun, laws_of_study, simulate_study
 from pliant.pipeline.workbench import Workbench
 from pliant.records.design import Array

@@ -35,8 +35,7 @@ from pliant.pipeline.study import (
     laws_of_study,
     simulate_study,
 )
-from pliant.pipeline.sweep import sweep_study
-from pliant.pipeline.sweep_table import write_sweep_table
+from pliant.pipeline.sweep import sweep_study, write_sweep_table
 from pliant.pipeline.workbench import Workbench
 from pliant.records.fem import ModuleData
 from pliant.report.fem import fem_document, stored_fem_page

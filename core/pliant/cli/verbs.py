@@ -36,6 +36,7 @@ VERBS = {
     "render": "render",
     "view": "render",
     "optimize": "optimize",
+    "store": "store",
 }
 
 

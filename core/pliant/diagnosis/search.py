@@ -19,9 +19,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pliant.diagnosis.candidates import EffectSet
-from pliant.diagnosis.cross_validation import condition_of_runs, heldout_residual
 from pliant.diagnosis.excitation import Excitation
-from pliant.diagnosis.fitting import MOST_LOST, EffectFit, Fitter, ReadingVector
+from pliant.diagnosis.fitting import (
+    MOST_LOST,
+    EffectFit,
+    Fitter,
+    ReadingVector,
+    condition_of_runs,
+    heldout_residual,
+)
 from pliant.diagnosis.noise import NoiseView, noise_view
 from pliant.diagnosis.verdict import (
     NOTHING,

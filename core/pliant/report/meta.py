@@ -9,8 +9,8 @@ import numpy as np
 
 from pliant.formatting import percent, seconds, units_of_page
 from pliant.pipeline.meta_model.cross_validation import LeftOutResiduals
+from pliant.pipeline.meta_model.designs import shown, spoken
 from pliant.pipeline.meta_model.next_design import Proposal
-from pliant.pipeline.meta_model.parameters import shown, spoken
 from pliant.pipeline.meta_model.stage import MetaModelStage
 from pliant.pipeline.workbench import Workbench
 from pliant.report.document import Document, Drawn, Table, Warned, brief, brief_table, capital

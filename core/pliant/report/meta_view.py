@@ -12,11 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pliant.formatting import NamedUnit, number, percent, seconds, unit_of
-from pliant.pipeline.law_speed import evaluations_per_second
-from pliant.pipeline.meta_model.cross_validation import LeftOutResiduals
+from pliant.pipeline.meta_model.cross_validation import AxisScores, LeftOutResiduals, Scores, shares
+from pliant.pipeline.meta_model.designs import spoken
 from pliant.pipeline.meta_model.next_design import Proposal
-from pliant.pipeline.meta_model.parameters import spoken
-from pliant.pipeline.meta_model.scoring import AxisScores, Scores, shares
+from pliant.pipeline.surrogate import evaluations_per_second
 from pliant.records.design import Array
 from pliant.records.law import FitReport, JointLaw
 from pliant.records.solved import SolvedDesigns

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from pliant.formatting import deformation_unit, fixed, number, seconds, unit_of
-from pliant.pipeline.sweep_records import DesignOutcome, SweepRun
+from pliant.pipeline.sweep import DesignOutcome, SweepRun
 from pliant.report.document import Column, Document, Table, as_json
 
 MOST_LINES = 100

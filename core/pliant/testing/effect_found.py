@@ -14,13 +14,11 @@ from pathlib import Path
 import numpy as np
 
 from pliant.diagnosis.diagnosis import Diagnosis, diagnose
-from pliant.diagnosis.interpretation import headline
 from pliant.diagnosis.verdict import named
 from pliant.errors import closest
 from pliant.evidence.prediction import POSITION, Predictor
 from pliant.experiments.experiment_catalogue import BUILDERS, timed_catalogue
-from pliant.experiments.planned_run import PlannedRun
-from pliant.experiments.scale import BenchScale
+from pliant.experiments.planned_run import BenchScale, PlannedRun
 from pliant.formatting import listed
 from pliant.interfaces.effect import EffectConfig, EffectParameter
 from pliant.pipeline.workbench import Workbench
@@ -175,7 +173,7 @@ def _told(subject: Subject, found: Diagnosis) -> str:
     seen = (
         f"with {values} hidden in {listed(list(dict.fromkeys((*names, *PLAIN_RUNS))))} the diagnosis says: "
     )
-    seen += f"{headline(found)} ({', '.join(shares)}). "
+    seen += f"{found.judgement.sentence} ({', '.join(shares)}). "
     if kind in found.not_excited:
         return seen + "These runs do not show it: name others in exciting, or widen the plausible range"
     return (

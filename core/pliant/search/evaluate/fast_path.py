@@ -17,8 +17,7 @@ from pliant.interfaces.physics import PhysicsBackend
 from pliant.interfaces.task import SceneTask, Task
 from pliant.mechanics.law_draws import draws
 from pliant.pipeline.chain import NO_SHAPES, Module, RigidPiece, Segment, build_chain, family_module
-from pliant.pipeline.meta_model.designs import Solved, solved_designs
-from pliant.pipeline.meta_model.parameters import MATERIAL, NO_PART_IN_THE_LAW, values_of
+from pliant.pipeline.meta_model.designs import MATERIAL, NO_PART_IN_THE_LAW, Solved, solved_designs, values_of
 from pliant.pipeline.meta_model.stage import MetaModelStage, meta_model_stage
 from pliant.pipeline.simulate import check_capabilities, run_task
 from pliant.pipeline.study import (

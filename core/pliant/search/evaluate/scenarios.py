@@ -21,8 +21,7 @@ import numpy as np
 from pliant.config.search import RobustConfig
 from pliant.config.study import Study
 from pliant.errors import UserError
-from pliant.pipeline.meta_model.designs import solved_designs
-from pliant.pipeline.meta_model.parameters import MATERIAL, ROUNDING, shown
+from pliant.pipeline.meta_model.designs import MATERIAL, ROUNDING, shown, solved_designs
 from pliant.pipeline.workbench import Workbench
 from pliant.records.design import Array
 from pliant.registry.discovery import Registry

@@ -14,8 +14,7 @@ from pliant.config.study import Study
 from pliant.errors import PliantError, interrupted
 from pliant.interfaces.family import FamilyConfig
 from pliant.interfaces.physics import PhysicsConfig
-from pliant.pipeline.meta_model.designs import trusted
-from pliant.pipeline.meta_model.parameters import parameters_of, spoken
+from pliant.pipeline.meta_model.designs import parameters_of, spoken, trusted
 from pliant.pipeline.simulate import simulate_stage
 from pliant.pipeline.study import DesignStages, chain_of_study, laws_of_study, physics_of_study
 from pliant.pipeline.workbench import Workbench
