@@ -1,6 +1,11 @@
 """A command line to call in-process and studies to call it with."""
 
 import json
+import os
+import signal
+import subprocess
+import sys
+import time
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -59,6 +64,24 @@ class Call:
         for word in words:
             assert word in said, said
         return self
+
+
+def interrupted(arguments, working):
+    """Start the command, press Ctrl-C once it is `working()`, and see that it and its workers end as they should."""
+    command = [sys.executable, "-m", "pliant", *map(str, arguments)]
+    process = subprocess.Popen(command, start_new_session=True, stderr=subprocess.PIPE)
+    until = time.monotonic() + 120
+    while not working():
+        assert time.monotonic() < until
+        time.sleep(0.05)
+    os.killpg(process.pid, signal.SIGINT)  # as a terminal does: to workers too
+    said = process.communicate(timeout=150)[1].decode()  # busy machines begin their workers slowly
+    assert process.returncode == 130, said
+    assert "finished work is kept, run the same command to go on" in said and "Traceback" not in said
+    with pytest.raises(ProcessLookupError):
+        for _ in range(200):
+            os.killpg(process.pid, 0)
+            time.sleep(0.05)
 
 
 @pytest.fixture

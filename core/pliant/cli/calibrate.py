@@ -10,8 +10,8 @@ from typing import Annotated
 import typer
 
 from pliant.calibration.calibration import calibrate as calibrate_with
-from pliant.calibration.fitting import Constant, changed
-from pliant.calibration.reading import BenchData, read_bench_data
+from pliant.calibration.fitting import changed
+from pliant.calibration.reading import read_bench_data
 from pliant.calibration.result import Calibration
 from pliant.cli.options import (
     Force,
@@ -99,10 +99,18 @@ def write_study(
     full: bool = False,
 ) -> None:
     """Write the study with the fitted constants, rounded to six digits."""
-    rounded = changed(found.config, found.constants, [_rounded(c) for c in found.constants])
+    rounded = changed(
+        found.config,
+        found.constants,
+        [parse_quantity(_text(c.value, c.is_modulus), c.unit or "dimensionless") for c in found.constants],
+    )
     assert rounded is not None
     draft = StudyDraft(source, overrides)
-    draft.set(("material", "kind"), rounded.kind, _note(found.data, found.covered))
+    draft.set(
+        ("material", "kind"),
+        rounded.kind,
+        f"fitted to {found.data.source} (sha256 {found.data.sha256[:8]}), {found.covered}",
+    )
     for field in dict.fromkeys(c.field for c in found.constants):
         key, modulus = written_name(type(rounded), field), field.endswith("_pa")
         value = getattr(rounded, field)
@@ -114,17 +122,9 @@ def write_study(
     draft.write(target, {**study.canonical(), "material": rounded.canonical()}, registry, full)
 
 
-def _note(data: BenchData, covered: str) -> str:
-    return f"fitted to {data.source} (sha256 {data.sha256[:8]}), {covered}"
-
-
 def _text(value: float, is_modulus: bool) -> str:
     return f"{value / 1e3:.6g} kPa" if is_modulus else f"{value:.6g}"
 
 
 def _written(value: float, is_modulus: bool) -> str | float:
     return _text(value, True) if is_modulus else float(_text(value, False))
-
-
-def _rounded(constant: Constant) -> float:
-    return parse_quantity(_text(constant.value, constant.is_modulus), constant.unit or "dimensionless")

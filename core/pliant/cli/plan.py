@@ -107,7 +107,7 @@ def _after(
         found = diagnose(predictor, kinds=kinds, runs=own, tick=bar.tick)
     if found.verdict == "not_repeatable" and found.next_run is not None:
         return found, (found.next_run,), ""
-    belief = Belief.of(found.fits, found.judgement.probability, found.readings, found.noise)
+    belief = Belief.of(found.fits, found.judgement.probability, found.noise)
     view = view_of(predictor, found.scales, found.noise.n_effective, own)
     chosen = next_runs(view, belief, runs, minutes, done_before(view, predictor.measurement))
     return found, chosen, "" if chosen else undecidable(belief)

@@ -146,7 +146,7 @@ def tip_cloud(spread: Mapping[str, Any], tip_m: Array) -> style.Png | None:
         return None
     mean = np.asarray(spread["tip_mean_m"], float)
     i, j = sorted(np.argsort(-np.ptp(tips, axis=0), kind="stable")[:2])
-    unit = _unit(float(spread["tip_radius_m"]))
+    unit = display_unit("m") if float(spread["tip_radius_m"]) >= 1e-4 else Unit("µm", 1e6)
     with style.canvas(1560, 640, wspace=0.04) as figure:
         cloud, distance = figure.subplots(1, 2)
         _cloud(cloud, spread, tips, mean, np.asarray(tip_m, float), (int(i), int(j)), unit)
@@ -212,8 +212,3 @@ def _distance(axes: Any, spread: Mapping[str, Any], tips: Array, mean: Array, un
         ylabel="runs (%)",
         title="How far from the mean",
     )
-
-
-def _unit(length_m: float) -> Unit:
-    """Millimetres, or micrometres where the cloud is smaller."""
-    return display_unit("m") if length_m >= 1e-4 else Unit("µm", 1e6)

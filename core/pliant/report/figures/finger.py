@@ -233,7 +233,9 @@ def draw_distances(axes: Any, engines: list[Ran]) -> None:
     count = len(distances[0])
     axes.set_yscale("log")
     axes.grid(True, which="major")
-    axes.set_xticks(_ticks(count), labels=[_marker_name(k, count) for k in _ticks(count)])
+    axes.set_xticks(
+        _ticks(count), labels=[{0: "base", count - 1: "tip"}.get(k, str(k)) for k in _ticks(count)]
+    )
     axes.set(
         xlim=(-0.4, count - 0.6),
         ylabel="distance (µm)",
@@ -330,7 +332,3 @@ def _flat(markers: Array, plane: tuple[int, int]) -> tuple[Array, Array]:
 def _ticks(count: int) -> list[int]:
     step = max(1, round((count - 2) / 8))
     return [0, *range(step, count - 1 - step // 2, step), count - 1]
-
-
-def _marker_name(index: int, count: int) -> str:
-    return {0: "base", count - 1: "tip"}.get(index, str(index))
