@@ -23,7 +23,6 @@ from pliant.records.law import Domain
 from pliant.registry.discovery import discover
 from pliant.report.document import page_table
 from pliant.report.figures.error_bars import coverage_picture
-from pliant.report.figures.law_errors import residual_map, slope_map
 from pliant.report.fit import (
     fit_document,
     fit_sentence,
@@ -32,7 +31,7 @@ from pliant.report.fit import (
     fitted_law,
     stored_fit_page,
 )
-from pliant.report.fit_page import bar_section, comparison_section
+from pliant.report.fit_page import bar_section, comparison_section, residual_map, slope_map
 from pliant.report.fit_tables import (
     SURROGATES,
     axes_table,

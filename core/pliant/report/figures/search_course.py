@@ -1,7 +1,8 @@
-"""A search as it went: every candidate's objective in the order of evaluation, and the best of every branch."""
+"""A search as it went: every candidate's objective, the best of every branch, the front of several objectives."""
 
 from __future__ import annotations
 
+import itertools
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,6 @@ from numpy.typing import NDArray
 from pliant.records.design import Array
 from pliant.records.search import STATUSES
 from pliant.report.figures import style
-from pliant.report.figures.search_small import small_png
 from pliant.report.search_view import SearchView, log_suits
 
 WIDTH_PX, HEIGHT_PX = 1560, 620
@@ -27,7 +27,7 @@ def search_history(read: SearchView) -> style.Png:
     """Candidates against their number, failures at the rim, best so far; with contexts a moving median."""
     scores, branches = read.scores(), len(read.result.branches)
     x: Array = _within(read) if branches > 1 else np.arange(1.0, len(scores) + 1)
-    with style.canvas(WIDTH_PX, HEIGHT_PX) as figure:
+    with style.canvas(WIDTH_PX, HEIGHT_PX, pad=(0.08, 0.06)) as figure:
         axes = figure.subplots()
         _limits(axes, read, scores)
         if read.ok.any():
@@ -37,12 +37,13 @@ def search_history(read: SearchView) -> style.Png:
         _rim(axes, read, x)
         axes.set_xlim(0, max(float(x.max(initial=1)), 1) * 1.01)
         each = " of its search" if branches > 1 else ""
-        axes.set_xlabel(f"candidate{each}, in the order of evaluation")
-        axes.set_ylabel(read.objective.title)
-        axes.set_title(f"Objective of every candidate ({read.objective.best_word})")
+        axes.set(
+            xlabel=f"candidate{each}, in the order of evaluation",
+            ylabel=read.objective.title,
+            title=f"Objective of every candidate ({read.objective.best_word})",
+        )
         figure.legend(loc="outside upper right", ncols=6, markerscale=1.6)
-        figure.set_layout_engine("constrained", w_pad=0.08, h_pad=0.06)
-        return small_png(figure)
+        return style.small_png(figure)
 
 
 def branch_strip(read: SearchView) -> style.Png | None:
@@ -54,7 +55,9 @@ def branch_strip(read: SearchView) -> style.Png | None:
     values = np.array([scores[row] for _, row in found])
     labels = [names[branch] for branch, _ in found]
     few = len(found) <= NAMED
-    with style.canvas(WIDTH_PX if not few else 1300, 40 * len(found) + 200 if few else 560) as figure:
+    with style.canvas(
+        WIDTH_PX if not few else 1300, 40 * len(found) + 200 if few else 560, pad=(0.08, 0.06)
+    ) as figure:
         axes = figure.subplots()
         (_named if few else _ranked)(axes, values, labels)
         value = axes.xaxis if few else axes.yaxis
@@ -63,7 +66,6 @@ def branch_strip(read: SearchView) -> style.Png | None:
             style.log_labels(value)
         (axes.set_xlabel if few else axes.set_ylabel)(f"best {read.objective.title}")
         axes.set_title(f"Best of each of {len(found)} searches ({read.branch_title()})")
-        figure.set_layout_engine("constrained", w_pad=0.08, h_pad=0.06)
         return style.png(figure)
 
 
@@ -86,8 +88,7 @@ def _ranked(axes: Any, values: Array, labels: list[str]) -> None:
         text, (0.02, 0.95 if upward else 0.05), xycoords="axes fraction", va="top" if upward else "bottom", fontsize=9,
         linespacing=1.5,
     )  # fmt: skip
-    axes.set_xlim(0, len(values) + 1)
-    axes.set_xlabel("rank of the search")
+    axes.set(xlim=(0, len(values) + 1), xlabel="rank of the search")
 
 
 def _limits(axes: Any, read: SearchView, scores: Array) -> None:
@@ -98,8 +99,7 @@ def _limits(axes: Any, read: SearchView, scores: Array) -> None:
         axes.set_yticks([])
         return
     if log_suits(scores):
-        axes.set_yscale("log")
-        axes.set_ylim(finite.min() / 1.25, finite.max() * 1.9)
+        axes.set(yscale="log", ylim=(finite.min() / 1.25, finite.max() * 1.9))
         style.log_labels(axes.yaxis)
         return
     low, high = shown_range(scores, read.objective.maximised)
@@ -224,3 +224,43 @@ def _within(read: SearchView) -> Array:
         mine = branch == k
         number[mine] = np.arange(1, mine.sum() + 1)
     return number
+
+
+MOST_PAIRS = 3
+
+
+def search_front(read: SearchView) -> style.Png | None:
+    """A panel per pair of objectives; None for one objective."""
+    pairs = list(itertools.combinations(range(len(read.objectives)), 2))[:MOST_PAIRS]
+    if not pairs or not read.result.best:
+        return None
+    with style.canvas(1000 if len(pairs) == 1 else 560 * len(pairs), 640) as figure:
+        for axes, pair in zip(figure.subplots(1, len(pairs), squeeze=False)[0], pairs, strict=True):
+            _panel(axes, read, pair)
+        figure.axes[0].legend(loc="best")
+        figure.axes[0].set_title("The front among all candidates")
+        return style.small_png(figure)
+
+
+def _panel(axes: Any, read: SearchView, pair: tuple[int, int]) -> None:
+    one, other = (read.objectives[k] for k in pair)
+    axes.scatter(
+        read.scores(pair[0]), read.scores(pair[1]), 10, color="#8fb3d0", lw=0, alpha=0.6, label="candidate"
+    )
+    points = np.array(
+        [[d.objectives[o.name] * o.unit.factor for o in (one, other)] for d in read.result.best]
+    )
+    points = points[np.argsort(points[:, 0])]
+    line = "-" if len(read.objectives) == 2 else ""
+    axes.plot(
+        *points.T, ls=line, marker="o", ms=6, color=style.WARN, lw=1.2, label=f"front ({len(points)} designs)"
+    )
+    for limit, objective, values in (
+        (axes.set_xlim, one, points[:, 0]),
+        (axes.set_ylim, other, points[:, 1]),
+    ):
+        low, high = shown_range(read.scores(objective.column), objective.maximised)
+        low, high = min(low, values.min()), max(high, values.max())
+        pad = 0.06 * (high - low) or 1e-9
+        limit(low - pad, high + pad)
+    axes.set(xlabel=f"{one.title}, {one.best_word}", ylabel=f"{other.title}, {other.best_word}")
