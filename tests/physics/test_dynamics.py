@@ -91,14 +91,6 @@ def test_damped_motion_ends_in_the_equilibrium(
         np.testing.assert_allclose(simulation.markers(), settled, atol=2e-4)
 
 
-def test_time_advances_by_what_was_asked(engine: PhysicsBackend, massless_finger: ChainModel) -> None:
-    with engine.build(massless_finger) as simulation:
-        simulation.apply(Inputs({"pressure_pa": 1e3}))
-        simulation.step(0.0007)
-        simulation.step(0.0)
-        assert simulation.snapshot().time_s == 0.0007
-
-
 def test_a_step_shorter_than_any_clock_is_a_step(engine: PhysicsBackend, massless_finger: ChainModel) -> None:
     with engine.build(massless_finger) as simulation:
         simulation.apply(Inputs({"pressure_pa": 1e3}))

@@ -58,14 +58,6 @@ def test_pybullet_missing_is_one_sentence(
         Pybullet(PybulletConfig()).build(massless_finger)
 
 
-def test_close_twice(engine: PhysicsBackend, massless_finger: ChainModel) -> None:
-    simulation = engine.build(massless_finger)
-    simulation.close()
-    simulation.close()
-    with engine.build(massless_finger) as another:
-        assert np.isfinite(another.markers()).all()
-
-
 def test_the_longest_chain_of_every_kind(
     dynamic_engine: PhysicsBackend, finger_of: Callable[..., ChainModel]
 ) -> None:

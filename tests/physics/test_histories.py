@@ -16,10 +16,10 @@ from pliant.records.chain import Actuator, ChainModel
 from pliant.records.history import Followed, History
 from pliant.records.term import LawTerm
 from pliant.testing.samples import linear_law, linear_spherical_law, sample_chain, softening_law
-from pliant_plugins.physics.quasistatic import joint_effort
 from pliant_plugins.physics.quasistatic.backend import Quasistatic
 from pliant_plugins.physics.quasistatic.config import QuasistaticConfig
-from pliant_plugins.physics.quasistatic.packing import tabulate
+from pliant_plugins.physics.quasistatic.hinge import law_at
+from pliant_plugins.physics.quasistatic.histories import tabulate
 from pliant_plugins.physics.stepping import step_through
 
 STRENGTHS = {**VALUES, **MORE_VALUES}
@@ -122,16 +122,6 @@ def test_a_long_chain_that_curls_and_snaps_is_followed() -> None:
         moment_n_m=np.zeros(41),
     )
     agree(chain, [level])
-
-
-def test_no_clock_means_settled_states() -> None:
-    chain = with_effects(sample_chain(modules=3), "viscous_damping", "viscoelastic").chain
-    timed = history(time_s=None)
-    (path,), _ = ENGINE.follow(chain, [timed])
-    with ENGINE.build(sample_chain(modules=3)) as simulation:
-        for k in (0, 9, 40):
-            simulation.apply(timed.at(k))
-            np.testing.assert_allclose(path.joint_angles[k], simulation.settle().joint_angles, atol=1e-7)
 
 
 def test_a_run_begins_slowly_at_its_first_sample() -> None:
@@ -283,7 +273,7 @@ def test_a_table_is_the_law() -> None:
     p, u = rng.uniform(0, P, 400), rng.uniform(-1.0, 1.0, 400)
     got = np.array(
         [
-            joint_effort.law_at.py_func(table.cells.ravel(), table.grid[None], table.cells.shape[:2], 0, a, b)
+            law_at.py_func(table.cells.ravel(), table.grid[None], table.cells.shape[:2], 0, a, b)
             for a, b in zip(p, u, strict=True)
         ]
     )
@@ -299,7 +289,7 @@ def test_a_table_is_smooth_across_cells_and_straight_outside() -> None:
     cells, grid, size = table.cells.ravel(), table.grid[None], table.cells.shape[:2]
 
     def law(p: float, u: float) -> tuple[float, float]:
-        return joint_effort.law_at.py_func(cells, grid, size, 0, p, u)
+        return law_at.py_func(cells, grid, size, 0, p, u)
 
     u_node = table.grid[2] + 130 * table.grid[3]
     p_node = table.grid[0] + 11 * table.grid[1]
@@ -334,10 +324,6 @@ def clumsy(angle, rate, dt, p, t, old, new, c):  # type: ignore[no-untyped-def]
 
 def steady(angle, rate, dt_s, actuation, temperature_c, old, new, parameters):
     return parameters[0]
-
-
-def nothing(angle, rate, dt, p, t, old, new, c):  # type: ignore[no-untyped-def]
-    return 0.0
 
 
 def swept() -> History:
@@ -377,11 +363,6 @@ def test_a_term_that_cannot_be_compiled_names_its_file_and_line() -> None:
         ENGINE.follow(chain, [swept()])
 
 
-def test_a_missing_input_names_the_run() -> None:
-    with pytest.raises(UserError, match="run 'lost' has no pressure_pa"):
-        ENGINE.follow(BASE, [History.of({"tendon_force_n": np.ones(3)}, np.arange(3.0), run="lost")])
-
-
 @pytest.mark.parametrize("name", ["pressure_pa", "moment_n_m", "temperature_c", "base_angles_rad", "time_s"])
 def test_a_gap_in_what_drives_the_chain_names_run_and_sample(name: str) -> None:
     gap = history("gap")
@@ -399,14 +380,6 @@ def test_spatial_joints_feel_the_temperature() -> None:
     chain = with_effects(sample_chain(linear_spherical_law(), modules=2), "thermal_softening").chain
     (warm, cold), _ = ENGINE.follow(chain, [history(), history(temperature_c=np.full(41, 22.0))])
     assert np.abs(warm.joint_angles - cold.joint_angles).max() > 1e-3
-
-
-def test_damage_goes_on_from_run_to_run_of_spatial_joints() -> None:
-    chain = with_effects(sample_chain(linear_spherical_law(), modules=2), "mullins").chain
-    small = history("b", specimen="one").with_actuation(pressure_pa=0.5 * history().actuation["pressure_pa"])
-    paths, _ = ENGINE.follow(chain, [history(specimen="one"), small, small.with_(specimen="two")])
-    after, virgin = paths[1].joint_angles, paths[2].joint_angles
-    assert np.abs(after - virgin).max() > 1e-3
 
 
 def test_all_shipped_effects_are_tested_here() -> None:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 import pytest
 
@@ -11,9 +9,9 @@ from pliant.errors import UserError
 from pliant.interfaces.physics import SceneSimulation
 from pliant.mechanics.rotations import exp_map
 from pliant.records.chain import ChainModel
-from pliant.records.design import Array, MassProperties
+from pliant.records.design import MassProperties
 from pliant.records.rollout import Inputs
-from pliant.records.scene import Arm, FreeBody, Part, Scene, SceneState
+from pliant.records.scene import Arm, FreeBody, Scene, SceneState
 from pliant.records.shape import Shape, TriangleMesh
 from pliant.testing.samples import linear_law, sample_chain
 from pliant_plugins.physics.mujoco.backend import Mujoco
@@ -49,104 +47,6 @@ def build(scene: Scene, **config: object) -> SceneSimulation:
 
 def pinch(simulation: SceneSimulation, pressure: float = 15e3) -> None:
     simulation.apply([Inputs({"pressure_pa": pressure})] * 2)
-
-
-def held(simulation: SceneSimulation) -> Array:
-    """Height of the block above the carriage."""
-    state = simulation.snapshot()
-    return np.asarray(state.positions_m[0] - state.carriage_m)
-
-
-def test_an_object_falls_freely() -> None:
-    """z = z₀ − g t² / 2 with the first-order error g t h / 2 of the step, whatever the calls' lengths."""
-    with build(Scene((), (block(1.0),)), contact_timestep_s=1e-3) as simulation:
-        for duration in (0.05, 0.1, 0.05):
-            simulation.step(duration)
-        state = simulation.snapshot()
-    fallen = 1.0 - state.positions_m[0, 2]
-    assert fallen == pytest.approx(0.5 * G * 0.2**2, abs=0.6 * G * 0.2 * 1e-3)
-    assert state.velocities[0, 2] == pytest.approx(-G * 0.2, rel=1e-9)
-    assert state.time_s == pytest.approx(0.2)
-
-
-def test_a_resting_object_is_carried_by_the_floor() -> None:
-    with build(Scene((), (block(SIDE_M / 2 + 0.2, x_m=0.3),), floor_m=0.2)) as simulation:
-        simulation.step(0.5)
-        contacts, height = simulation.contacts(), simulation.snapshot().positions_m[0, 2]
-        for contact in contacts:
-            assert contact.first == Part("floor") and contact.second == Part("object", 0)
-            np.testing.assert_allclose(contact.normal, [0, 0, 1], atol=1e-9)
-            assert contact.position_m[2] == pytest.approx(0.2, abs=1e-4)
-        total = sum(c.normal_n * c.normal + c.friction_n for c in contacts)
-    np.testing.assert_allclose(total, [0, 0, MASS_KG * G], atol=1e-6)
-    assert height == pytest.approx(0.2 + SIDE_M / 2, abs=5e-5)
-
-
-@pytest.mark.parametrize(("floor", "own"), [(0.5, 0.8), (1.0, 0.4), (0.8, 0.5)])
-def test_sliding_starts_at_the_product_of_both_coefficients(floor: float, own: float) -> None:
-    """Gravity tilted inside and outside of tan α = μ₁ μ₂ = 0.4; outside, the block slides by g (sin α − μ cos α)."""
-    moved = []
-    for share in (0.97, 1.4):
-        tilt = np.arctan(share * 0.4)
-        gravity = G * np.array([np.sin(tilt), 0.0, -np.cos(tilt)])
-        scene = Scene((), (block(SIDE_M / 2, own),), 0.0, floor, gravity)
-        with build(scene) as simulation:
-            simulation.step(0.2)
-            before = simulation.snapshot()
-            simulation.step(0.2)
-            after = simulation.snapshot()
-        moved.append(after.velocities[0, 0] - before.velocities[0, 0])
-    slide = 0.2 * G * (np.sin(tilt) - 0.4 * np.cos(tilt))
-    assert abs(moved[0]) < 1e-4
-    assert moved[1] == pytest.approx(slide, rel=0.05)
-
-
-def test_arms_carry_a_block_at_the_speed_of_the_carriage() -> None:
-    """Friction holds the pinched block against its weight; it creeps by less than 0.1 mm/s."""
-    speed = 0.03
-    with build(pincers()) as simulation:
-        pinch(simulation)
-        simulation.step(0.5)
-        simulation.carry(np.array([0.0, 0.0, speed]))
-        simulation.step(1.0)
-        start = held(simulation)
-        simulation.step(1.0)
-        creep = np.linalg.norm(held(simulation) - start)
-        state, contacts = simulation.snapshot(), simulation.contacts()
-    assert state.positions_m[0, 2] > SIDE_M / 2 + 0.05
-    assert state.velocities[0, 2] == pytest.approx(speed, abs=1e-4)
-    np.testing.assert_allclose(state.carriage_m, [0, 0, 2 * speed], atol=1e-12)
-    assert creep < 1e-4
-    assert {c.first.kind for c in contacts} == {"arm"} and {c.first.number for c in contacts} == {0, 1}
-    total = sum(c.normal_n * c.normal + c.friction_n for c in contacts)
-    np.testing.assert_allclose(total, [0, 0, MASS_KG * G], atol=2e-3)
-    for c in contacts:
-        assert np.linalg.norm(c.friction_n) <= 0.8 * c.normal_n * 1.001
-        assert c.normal @ c.friction_n == pytest.approx(0.0, abs=1e-12)
-
-
-def test_without_enough_friction_the_block_stays_behind() -> None:
-    with build(pincers(friction=0.05)) as simulation:
-        pinch(simulation)
-        simulation.step(0.5)
-        simulation.carry(np.array([0.0, 0.0, 0.03]))
-        simulation.step(1.5)
-        assert simulation.snapshot().positions_m[0, 2] < SIDE_M / 2 + 1e-3
-
-
-def test_a_push_moves_an_object_and_the_carriage_yields_to_nothing() -> None:
-    with build(Scene((), (block(0.0),), gravity_m_s2=np.zeros(3))) as simulation:
-        simulation.push(0, np.array([0.3, 0.0, 0.0]), np.array([0.0, 0.0, 1e-4]))
-        simulation.step(0.1)
-        velocity = simulation.snapshot().velocities[0]
-    inertia = MASS_KG * SIDE_M**2 / 6
-    np.testing.assert_allclose(velocity, [1.0, 0, 0, 0, 0, 0.1 * 1e-4 / inertia], rtol=1e-6, atol=1e-9)
-    with build(pincers()) as simulation:
-        pinch(simulation)
-        simulation.push(0, np.array([0.0, 0.0, -20.0]))
-        simulation.carry(np.array([0.01, 0.0, 0.02]))
-        simulation.step(0.4)
-        np.testing.assert_allclose(simulation.snapshot().carriage_m, [4e-3, 0, 8e-3], atol=1e-12)
 
 
 def test_after_restore_the_same_steps_give_the_same_bits() -> None:
@@ -242,22 +142,6 @@ def test_arms_move_alike_alone_and_in_a_scene(loaded_finger: ChainModel) -> None
             alone.step(0.05)
             np.testing.assert_allclose(together[k], alone.markers(), atol=1e-7)
             np.testing.assert_allclose(angles[k], alone.snapshot().position, atol=1e-5)
-
-
-def test_joints_outside_their_data_are_counted_through_all_arms(finger_of: Callable[..., ChainModel]) -> None:
-    chain = finger_of("revolute", 3)
-    law = type(chain.laws[0])(domain=_box())
-    arms = (Arm(chain.with_(laws=(law,))), Arm(chain.with_(laws=(law,))))
-    with build(Scene(arms)) as simulation:
-        simulation.apply([Inputs({"pressure_pa": 1e3}), Inputs({"pressure_pa": 3e3})])
-        outside = simulation.outside_domain()
-    assert [entry.module for entry in outside if entry.variable == "pressure_pa"] == [4, 5, 6]
-
-
-def _box() -> object:
-    from pliant.records.law import Domain
-
-    return Domain(np.array([0.0, 2e3]), np.array([[-1.0, 1.0]]))
 
 
 def test_unbounded_motion_is_an_error_that_says_what_to_change() -> None:

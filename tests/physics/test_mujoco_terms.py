@@ -205,14 +205,6 @@ def test_arms_of_a_scene_remember_as_they_do_alone() -> None:
 # -- refusals -----------------------------------------------------------------------------------------
 
 
-def test_a_gap_in_a_history_is_named() -> None:
-    history = slow_history(4.0)
-    pressure = history.actuation["pressure_pa"].copy()
-    pressure[3] = np.nan
-    with pytest.raises(UserError, match="sample 4: pressure_pa is not a finite number"):
-        engine().follow(sample_chain(modules=1), [history.with_actuation(pressure_pa=pressure)])
-
-
 def test_an_old_mujoco_has_no_scenes(monkeypatch: pytest.MonkeyPatch) -> None:
     import mujoco
 

@@ -10,8 +10,6 @@ import pytest
 
 from pliant.errors import ContractError, UserError
 from pliant.mechanics.rotations import exp_map
-from pliant.mechanics.statics import ChainStatics, Loads
-from pliant.records.chain import Actuator
 from pliant.records.design import Array
 from pliant.records.rollout import Inputs
 from pliant.records.scene import Arm, Part, Scene
@@ -19,9 +17,6 @@ from pliant.records.shape import Shape, TriangleMesh
 from pliant.testing.samples import (
     PRESSURE_PA,
     linear_law,
-    linear_prismatic_law,
-    linear_spherical_law,
-    softening_law,
 )
 from pliant.testing.scenes import (
     NO_GRAVITY_M_S2,
@@ -32,12 +27,9 @@ from pliant.testing.scenes import (
     sample_box,
     sample_finger,
 )
+from pliant_plugins.physics.pybullet.arm import WorldScale
 from pliant_plugins.physics.pybullet.backend import Pybullet
 from pliant_plugins.physics.pybullet.config import PybulletConfig
-from pliant_plugins.physics.pybullet.scaling import WorldScale
-from pliant_plugins.physics.pybullet.scene import SceneEfforts
-from pliant_plugins.physics.quasistatic.backend import Quasistatic
-from pliant_plugins.physics.quasistatic.config import QuasistaticConfig
 
 pytestmark = pytest.mark.skipif(
     importlib.util.find_spec("pybullet") is None,
@@ -126,55 +118,6 @@ def test_scaling_keeps_densities_and_turns() -> None:
     np.testing.assert_allclose(scale.shape(box.shapes[0]).size_m, [0.15, 0.15, 0.15])
 
 
-@pytest.mark.parametrize("law", [linear_spherical_law(), linear_prismatic_law()], ids=["ball", "slide"])
-def test_arms_of_other_joints_settle_in_a_scene(law) -> None:
-    finger = sample_finger(law=law, modules=1)
-    inputs = Inputs({"pressure_pa": PRESSURE_PA})
-    with engine(joint_damping=1e-4 if law.joint == "spherical" else 2.0).build_scene(
-        Scene((Arm(finger),))
-    ) as simulation:
-        simulation.apply([inputs])
-        for _ in range(25):
-            simulation.step(0.02)
-        q = simulation.snapshot().coordinates[0]
-    residual = np.abs(ChainStatics(finger).residual(q, Loads.of(finger, inputs))).max()
-    assert residual < 1e-3 * np.abs(law.gain).max() * PRESSURE_PA
-    assert np.abs(q).max() > 1e-4
-
-
-def test_a_settled_arm_is_where_the_quasistatic_engine_puts_it() -> None:
-    finger = sample_finger((0.0, 0.1, 0.2), softening_law(), modules=4, payload=0.003)
-    inputs = Inputs({"pressure_pa": PRESSURE_PA})
-    with Quasistatic(QuasistaticConfig()).build(finger) as chain:
-        chain.apply(inputs)
-        wanted = chain.settle().markers_m
-    with engine(joint_damping=4e-4).build_scene(Scene((Arm(finger),))) as simulation:
-        simulation.apply([inputs])
-        for _ in range(75):
-            simulation.step(0.02)
-        np.testing.assert_allclose(simulation.markers(0), wanted, atol=1e-5)
-
-
-def test_arms_under_different_pressures_share_no_effort() -> None:
-    """Arms of one law are one call; other laws, pressures, signs and terms make groups of their own."""
-    pair = (Actuator("pressure_1_pa", 1.0), Actuator("pressure_2_pa", -1.0))
-    chains = [
-        sample_finger(law=softening_law(), modules=2),
-        sample_finger(law=softening_law(), modules=3),
-        sample_finger(law=linear_law(), modules=4),
-        sample_finger(law=linear_law(), modules=2).with_(actuators=pair),
-    ]
-    given = [{"pressure_pa": 5e3}, {"pressure_pa": 9e3}, {"pressure_pa": 9e3}]
-    actuations = [*given, {"pressure_1_pa": 1e3, "pressure_2_pa": 4e3}]
-    loads = [Loads.of(c, Inputs(a)) for c, a in zip(chains, actuations, strict=True)]
-    efforts = SceneEfforts(chains)
-    efforts.under(loads)
-    random = np.random.default_rng(3)
-    q = [random.uniform(-0.3, 0.3, (chain.n_joints, 1)) for chain in chains]
-    for chain, load, at, got in zip(chains, loads, q, efforts.evaluate(q), strict=True):
-        np.testing.assert_allclose(got, ChainStatics(chain).effort(at, load), rtol=1e-12)
-
-
 def test_snapshots_are_exact_and_move_to_another_simulation() -> None:
     """Bullet's world goes with the snapshot, so even contact impulses are those of the first simulation."""
 
@@ -226,9 +169,7 @@ def test_friction_reaches_bullet() -> None:
     scene = pinch_scene()
     scene = replace(scene, arms=tuple(replace(arm, friction=0.37) for arm in scene.arms), floor_friction=0.2)
     with engine().build_scene(scene) as simulation:
-        world = simulation._world
-        bodies = [arm.body for arm in world.arms]
-        told = [world.bullet.getDynamicsInfo(b, 1, physicsClientId=world.client)[1] for b in bodies]
+        told = [simulation.client.getDynamicsInfo(arm.body, 1)[1] for arm in simulation.joints]
         assert told == pytest.approx([0.37, 0.37])
 
 

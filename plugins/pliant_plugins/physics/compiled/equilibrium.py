@@ -1,4 +1,9 @@
-"""Compiled: the equilibrium of one chain under one set of loads, as an engine calls it."""
+"""Compiled: Newton's method on the potential of a chain, globalised so that it ends in a minimum.
+
+Where the stiffness K is positive definite the step is Newton's; elsewhere K is shifted by a multiple of 1 until it
+is (Nocedal & Wright 2006, algorithm 3.3), so every step descends. A step that does not reduce the residual is cut
+back until the potential has decreased sufficiently. An equilibrium that is a saddle is left along its lowest mode.
+"""
 
 from __future__ import annotations
 
@@ -6,10 +11,203 @@ import numpy as np
 from numba import njit
 
 from pliant.mechanics.efforts import DOMAIN_ROUNDING
-from pliant_plugins.physics.compiled.chain_stiffness import new_factor
-from pliant_plugins.physics.compiled.cholesky import factorise
-from pliant_plugins.physics.compiled.descent import descend, relax
-from pliant_plugins.physics.compiled.statics import new_frame
+from pliant.mechanics.statics import NEUTRAL_SHARE
+from pliant_plugins.physics.compiled.chain_stiffness import (
+    factorise,
+    factorise_chain,
+    fill_dense,
+    new_factor,
+    solve_chain,
+)
+from pliant_plugins.physics.compiled.statics import balance, new_frame, place, potential, stiffen
+
+SUFFICIENT_DECREASE = 1e-4
+MAX_HALVINGS = 30
+# Share of the longest step by which a saddle is left along its most negative mode.
+PUSH = 0.2
+# Difference of ∂τ/∂u to its transpose, relative to the stiffness, beyond which a law has no energy.
+ROUNDING = 1e-12
+RELAX_ITERATIONS = 400
+# Turn of a joint (share of the longest step) at which the first step of the relaxation aims.
+RELAX_SHARE = 0.1
+
+
+@njit(cache=True, nogil=True)
+def _largest(values):  # type: ignore[no-untyped-def]
+    largest = 0.0
+    for value in values.flat:
+        largest = max(largest, abs(value))
+    return largest
+
+
+@njit(cache=True, nogil=True)
+def _newton(parts, skewness, step):  # type: ignore[no-untyped-def]
+    """Overwrites step (n·a,), the residual, with K⁻¹ of it; laws without an energy have an unsymmetric K."""
+    if skewness > ROUNDING * _largest(parts[3]):
+        step[:] = np.linalg.solve(_dense(parts), step)
+    else:
+        solve_chain(parts, step)
+
+
+@njit(cache=True, nogil=True)
+def _dense(parts):  # type: ignore[no-untyped-def]
+    n, a, _ = parts[0].shape
+    stiffness = np.empty((n * a, n * a))
+    fill_dense(parts, stiffness)
+    return stiffness
+
+
+@njit(cache=True, nogil=True)
+def _factorise_shifted(parts):  # type: ignore[no-untyped-def]
+    """Cholesky's factor of K + s 1 with about the smallest s ≥ 0 that makes it positive; returns s."""
+    scale = _largest(parts[3])
+    if not np.isfinite(scale):
+        return np.inf
+    shift = 1e-3 * scale + 1e-300
+    while not factorise_chain(parts, shift):
+        shift *= 3.0
+    return shift
+
+
+@njit(cache=True, nogil=True)
+def _lowest_mode(parts):  # type: ignore[no-untyped-def]
+    """Whether K has a negative curvature beyond rounding, and its lowest mode."""
+    values, modes = np.linalg.eigh(_dense(parts))
+    return values[0] < -NEUTRAL_SHARE * np.abs(values).max(), modes[:, 0].copy()
+
+
+@njit(cache=True, nogil=True)
+def _leave_saddle(chain, q, mode, length, frame):  # type: ignore[no-untyped-def]
+    """Moves q along the mode, in the direction that goes lower."""
+    body, laws, loads = chain
+    push = (mode * (length / np.abs(mode).max())).reshape(q.shape)
+    place(body, q - push, frame)
+    down = potential(body, laws, loads, q - push, frame)
+    place(body, q + push, frame)
+    if potential(body, laws, loads, q + push, frame) <= down:
+        q += push
+    else:
+        q -= push
+
+
+@njit(cache=True, nogil=True)
+def _search(chain, q, step, share, positive, norm, above, frame):  # type: ignore[no-untyped-def]
+    """Moves q along the step (n, a), the `share` of a whole one, or less far.
+
+    `above` is the potential at q, or no number where nobody has needed it yet.
+
+    Returns:
+        largest residual, its norm, potential (or no number) where it ends; whether the step helped.
+    """
+    body, laws, loads = chain
+    slope = np.sum(frame[9] * step)
+    start = q.copy()
+    q += step
+    size, reached = balance(body, laws, loads, q, frame)
+    if positive and reached <= (1.0 - 0.1 * share) * norm:
+        return size, reached, np.nan, True
+    whole = reached
+    below = potential(body, laws, loads, q, frame) if np.isfinite(reached) else np.inf
+    moved = False
+    if np.isnan(above):
+        place(body, start, frame)
+        above = potential(body, laws, loads, start, frame)
+        moved = True
+    rounding = 1e-14 * max(abs(above), 1e-12)
+    part = 1.0
+    for _ in range(MAX_HALVINGS):
+        if above - below >= SUFFICIENT_DECREASE * part * slope - rounding:
+            if moved:
+                size, reached = balance(body, laws, loads, q, frame)
+            return size, reached, below, True
+        part *= 0.5
+        q[:] = start + part * step
+        place(body, q, frame)
+        below = potential(body, laws, loads, q, frame)
+        moved = True
+    q[:] = start + step if whole < norm else start
+    size, reached = balance(body, laws, loads, q, frame)
+    return size, reached, np.nan, whole < norm
+
+
+@njit(cache=True, nogil=True)
+def descend(chain, q, frame, parts, options):  # type: ignore[no-untyped-def]
+    """Moves q (n, a) to a stable equilibrium.
+
+    Args:
+        chain: `Body.arrays`, `CompiledLaws.arrays`, `load_arrays`.
+        frame: see `new_frame`; filled at the q where it ends.
+        parts: see `new_factor`, of rank 3 and 3 more for each cord.
+        options: tolerance on the largest residual, iterations allowed, longest move of a coordinate in one.
+
+    Returns:
+        whether it arrived, whether K is positive (semi-)definite at the end, the largest residual, iterations.
+    """
+    tolerance, max_iterations, max_step = options
+    body, laws, loads = chain
+    size, norm = balance(body, laws, loads, q, frame)
+    energy = np.nan
+    for iteration in range(max_iterations + 1):
+        if not np.isfinite(size):
+            return False, False, size, iteration
+        skewness = stiffen(body, loads, q, frame, parts)
+        positive = factorise_chain(parts, 0.0)
+        if size <= tolerance:
+            if positive:
+                return True, True, size, iteration
+            unstable, mode = _lowest_mode(parts)
+            if not unstable:
+                return True, True, size, iteration
+            if iteration < max_iterations:
+                _leave_saddle(chain, q, mode, PUSH * max_step, frame)
+                size, norm = balance(body, laws, loads, q, frame)
+                energy = np.nan
+            continue
+        if iteration == max_iterations:
+            return False, positive, size, iteration
+        step = frame[9].ravel().copy()
+        if positive:
+            _newton(parts, skewness, step)
+        else:
+            if not np.isfinite(_factorise_shifted(parts)):
+                return False, False, size, iteration
+            solve_chain(parts, step)
+        share = min(1.0, max_step / _largest(step))
+        moved = (share * step).reshape(q.shape)
+        size, norm, energy, helped = _search(chain, q, moved, share, positive, norm, energy, frame)
+        if not helped:
+            return False, positive, size, iteration + 1
+    return False, False, size, max_iterations
+
+
+@njit(cache=True, nogil=True)
+def relax(chain, q, frame, parts, options):  # type: ignore[no-untyped-def]
+    """Like `descend`, as an overdamped motion with ever longer steps, (K + δ 1) Δq = r.
+
+    Pseudo-transient continuation with switched evolution (Kelley & Keyes, SIAM J. Numer. Anal. 35, 1998): slow, but it
+    follows a long chain through curls and snaps, in which the residual must grow before it falls.
+    """
+    tolerance, _, max_step = options
+    body, laws, loads = chain
+    size, _ = balance(body, laws, loads, q, frame)
+    damping = size / (RELAX_SHARE * max_step)
+    done = 0
+    while done < RELAX_ITERATIONS:
+        done += 1
+        if size <= 1e3 * tolerance or not np.isfinite(size):
+            break
+        stiffen(body, loads, q, frame, parts)
+        shift = damping
+        while not factorise_chain(parts, shift) and np.isfinite(shift):
+            shift = 2.0 * shift + 1e-12
+        step = frame[9].ravel().copy()
+        solve_chain(parts, step)
+        q += (min(1.0, max_step / _largest(step)) * step).reshape(q.shape)
+        reached, _ = balance(body, laws, loads, q, frame)
+        damping *= min(max(reached / size, 0.1), 2.0)
+        size = reached
+    converged, stable, size, more = descend(chain, q, frame, parts, options)
+    return converged, stable, size, done + more
 
 
 @njit(cache=True, nogil=True)

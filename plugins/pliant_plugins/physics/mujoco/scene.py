@@ -14,29 +14,37 @@ from typing import Any
 
 import mujoco
 import numpy as np
+from numba import njit
 
 from pliant.errors import UserError
-from pliant.interfaces.physics import SceneSimulation
 from pliant.mechanics.rotations import matrix_of_quaternion, quaternion_of_matrix
-from pliant.mechanics.statics import ChainStatics, Loads
+from pliant.mechanics.statics import Loads
 from pliant.mechanics.terms import Memory
+from pliant.records.chain import ChainModel
 from pliant.records.design import Array
-from pliant.records.rollout import Inputs, OutsideDomain
-from pliant.records.scene import Contact, Part, Scene, SceneState
-from pliant_plugins.physics.compiled.dof_forces import drive_arms
-from pliant_plugins.physics.dynamic import arms_outside_domain, loads_of_arms
+from pliant.records.rollout import Inputs
+from pliant.records.scene import Contact, Scene, SceneState
+from pliant.records.shape import Shape
+from pliant_plugins.physics.compiled.motion import drive_arms
+from pliant_plugins.physics.dynamic import ArmsScene, contact_of
 from pliant_plugins.physics.mujoco.config import MujocoConfig
 from pliant_plugins.physics.mujoco.joints import ChainJoints
-from pliant_plugins.physics.mujoco.mjcf import CARRIAGE_DOFS, CARRIAGE_KG, Geom, arm_prefix, scene_mjcf
-from pliant_plugins.physics.mujoco.nearness import Nearness
+from pliant_plugins.physics.mujoco.mjcf import CARRIAGE_DOFS, CARRIAGE_KG, Geom, scene_mjcf
 from pliant_plugins.physics.mujoco.warned import silent, unstable
 
 # Everything that the next step depends on but inputs, which the snapshot's user gives again.
 STATE = mujoco.mjtState.mjSTATE_FULLPHYSICS | mujoco.mjtState.mjSTATE_WARMSTART
 OBJECT_DOFS = 6
+# An object that is slower rests.
+REST_M_S = 2e-3
+# Nothing may move further in a step than this share of the distance that counts as near: what is far in a
+# list that is one step old is then still apart after the next.
+SHARE = 0.5
+# What stands for bodies that are not objects; these are numbered from 0.
+ARM, FLOOR = -2, -1
 
 
-class MujocoScene(SceneSimulation):
+class MujocoScene(ArmsScene):
     """A scene in MuJoCo, its arms driven by their laws at every step; see `SceneSimulation`."""
 
     def __init__(self, scene: Scene, config: MujocoConfig) -> None:
@@ -46,40 +54,37 @@ class MujocoScene(SceneSimulation):
                 f"scenes need MuJoCo 3.13 or later, which has the integrator 'discrete'; here is {mujoco.__version__}. "
                 "Install it with: pip install --upgrade mujoco"
             )
-        self.scene = scene
+        super().__init__(scene, [arm.chain for arm in scene.arms])
         self._config = config
-        document = scene_mjcf(scene, config)
-        self._model = model = mujoco.MjModel.from_xml_string(document.mjcf)
+        mjcf, geoms = scene_mjcf(scene, config)
+        self._model = model = mujoco.MjModel.from_xml_string(mjcf)
         self._data = data = mujoco.MjData(model)
-        statics = [ChainStatics(arm.chain) for arm in scene.arms]
         self._arms = [
-            ChainJoints(model, data, arm.chain, one, arm_prefix(k))
-            for k, (arm, one) in enumerate(zip(scene.arms, statics, strict=True))
+            ChainJoints(model, data, chain, statics, f"arm_{k}_")
+            for k, (chain, statics) in enumerate(zip(self._chains, self._statics, strict=True))
         ]
         self._driver = Arms(model, data, self._arms, config.joint_damping)
-        self._loads = [Loads.unactuated(arm.chain) for arm in scene.arms]
         self._driver.apply(self._loads)
-        self._reader = ContactReader(model, data, document.geoms)
-        self._nearness = Nearness(scene, model, document.geoms, config)
+        self._parts = {model.geom(geom.name).id: geom.part for geom in geoms}
+        self._nearness = Nearness(scene, model, geoms, config)
         first = model.nv - OBJECT_DOFS * len(scene.objects)
         self._object_poses = data.qpos[model.nq - 7 * len(scene.objects) :].reshape(-1, 7)
         self._object_rates = data.qvel[first:].reshape(-1, OBJECT_DOFS)
         self._first_object = model.nbody - len(scene.objects)
         carriage = slice(0, CARRIAGE_DOFS)
         self._carriage = (data.qpos[carriage], data.qvel[carriage], data.qfrc_applied[carriage])
-        self._velocity = np.zeros(CARRIAGE_DOFS)
-        self._time_s = 0.0
         # Whether MuJoCo's contacts are those of the last step, and not of one before `restore`.
         self._has_contacts = False
         self._look()
         self._near = self._nearness.is_near(data)
 
-    def apply(self, inputs: Sequence[Inputs]) -> None:
-        self._loads = loads_of_arms(self.scene, [arm.chain for arm in self.scene.arms], inputs)
-        self._driver.apply(self._loads)
+    @property
+    def joints(self) -> Sequence[ChainJoints]:
+        return self._arms
 
-    def carry(self, velocity_m_s: Array) -> None:
-        self._velocity = np.array(velocity_m_s, float)
+    def apply(self, inputs: Sequence[Inputs]) -> None:
+        super().apply(inputs)
+        self._driver.apply(self._loads)
 
     def push(self, index: int, force_n: Array, moment_n_m: Array | None = None) -> None:
         moment = np.zeros(3) if moment_n_m is None else moment_n_m
@@ -178,47 +183,110 @@ class MujocoScene(SceneSimulation):
     def contacts(self) -> tuple[Contact, ...]:
         if not self._has_contacts:
             self._look()
-        return self._reader.read()
-
-    def outside_domain(self) -> tuple[OutsideDomain, ...]:
-        statics, coordinates = [arm.statics for arm in self._arms], [arm.q for arm in self._arms]
-        return arms_outside_domain(statics, coordinates, self._loads, self._time_s)
-
-
-# Which of two bodies comes first.
-RANK = {"arm": 0, "floor": 1, "object": 2}
-
-
-class ContactReader:
-    """Reads what the last solve left in `data`."""
-
-    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, geoms: Sequence[Geom]) -> None:
-        self._model, self._data = model, data
-        self._parts: dict[int, Part] = {model.geom(geom.name).id: geom.part for geom in geoms}
-
-    def read(self) -> tuple[Contact, ...]:
-        """Active contacts in MuJoCo's order; its normal and its force are those on the second geom."""
-        data = self._data
-        found = []
+        data, contacts = self._data, []
+        # In MuJoCo's order; its normal and its force are those on the second geom.
         for index in np.flatnonzero(data.contact.efc_address >= 0).tolist():
-            contact = data.contact[index]
-            first, second = (self._parts[int(geom)] for geom in contact.geom)
-            frame, force = contact.frame.reshape(3, 3), np.zeros(6)
+            contact, force = data.contact[index], np.zeros(6)
+            frame = contact.frame.reshape(3, 3)
             mujoco.mj_contactForce(self._model, data, index, force)
-            sign = 1.0
-            if (RANK[first.kind], first.number) > (RANK[second.kind], second.number):
-                first, second, sign = second, first, -1.0
-            found.append(
-                Contact(
-                    first,
-                    second,
-                    position_m=contact.pos.copy(),
-                    normal=sign * frame[0],
-                    normal_n=float(force[0]),
-                    friction_n=sign * (force[1:3] @ frame[1:]),
-                )
-            )
-        return tuple(found)
+            one, other = (self._parts[int(geom)] for geom in contact.geom)
+            place, friction = contact.pos.copy(), force[1:3] @ frame[1:]
+            order = "arm floor object"
+            contacts.append(contact_of(one, other, place, 1.0 * frame[0], float(force[0]), friction, order))
+        return tuple(contacts)
+
+
+class Nearness:
+    """Whether arms are near objects, and how fast anything moves."""
+
+    def __init__(
+        self, scene: Scene, model: mujoco.MjModel, geoms: Sequence[Geom], config: MujocoConfig
+    ) -> None:
+        self._bodies = np.full(model.ngeom, FLOOR)
+        for geom in geoms:
+            number = {"arm": ARM, "floor": FLOOR}.get(geom.part.kind, geom.part.number)
+            self._bodies[model.geom(geom.name).id] = number
+        reaches = [np.ones(CARRIAGE_DOFS)]
+        for arm in scene.arms:
+            reaches.append(np.repeat(_reaches(arm.chain), 3 if arm.chain.laws[0].joint == "spherical" else 1))
+        self._arms = np.concatenate(reaches)
+        self._objects = np.array([_extent(free.shapes) for free in scene.objects])
+        self._long = config.timestep_s
+        self._short = min(config.contact_timestep_s, config.timestep_s)
+        self._room = SHARE * config.near_m
+
+    def is_near(self, data: mujoco.MjData) -> bool:
+        """Whether an arm is near an object by the last list of contacts, or an object touches nothing."""
+        contacts = data.contact
+        return bool(_is_near(contacts.geom, contacts.efc_address, self._bodies, len(self._objects)))
+
+    def longest_step(self, rates: Array, near: bool) -> float:
+        """Longest step (s) from the present velocities of all dofs."""
+        if not len(self._objects):
+            return self._long
+        if near:
+            return self._short
+        arms, objects = _speeds(rates, self._arms, self._objects)
+        if objects > REST_M_S:
+            return self._short
+        return max(self._short, min(self._long, self._room / max(arms + objects, 1e-9)))
+
+
+@njit(cache=True)
+def _is_near(geoms, rows, bodies, n_objects):  # type: ignore[no-untyped-def]
+    """See `Nearness.is_near`; `bodies` are the geoms' objects, ARM or FLOOR, `rows` ≥ 0 where forces act."""
+    touched = np.zeros(n_objects, np.bool_)
+    for k in range(len(geoms)):
+        for side in range(2):
+            body = bodies[geoms[k, side]]
+            if body == ARM:
+                return True
+            if body >= 0 and rows[k] >= 0:
+                touched[body] = True
+    return not touched.all()
+
+
+@njit(cache=True)
+def _speeds(rates, reaches, extents):  # type: ignore[no-untyped-def]
+    """Bounds of the speed of any point of carriage and arms, and of the objects."""
+    arms, objects = 0.0, 0.0
+    n = len(reaches)
+    for k in range(n):
+        arms += abs(rates[k]) * reaches[k]
+    for k in range(len(extents)):
+        v = rates[n + 6 * k : n + 6 * k + 6]
+        linear = np.sqrt(v[0] ** 2 + v[1] ** 2 + v[2] ** 2)
+        objects = max(objects, linear + extents[k] * np.sqrt(v[3] ** 2 + v[4] ** 2 + v[5] ** 2))
+    return arms, objects
+
+
+def _reaches(chain: ChainModel) -> Array:
+    """(n,) how far the farthest point beyond each joint is from it at most; 1 for prismatic joints."""
+    n = chain.n_joints
+    if chain.laws[0].joint == "prismatic":
+        return np.ones(n)
+    links = np.array([np.linalg.norm(joint.offset_m) for joint in chain.joints[1:]] + [0.0])
+    own = [float(np.linalg.norm(chain.tip_offset_m)) if i == n - 1 else 0.0 for i in range(n)]
+    if chain.shapes:
+        own = [max(o, _extent(shapes)) for o, shapes in zip(own, chain.shapes[1:], strict=True)]
+    reaches = np.empty(n)
+    beyond = 0.0
+    for i in range(n - 1, -1, -1):
+        beyond = max(own[i], links[i] + beyond)
+        reaches[i] = beyond
+    return reaches
+
+
+def _extent(shapes: Sequence[Shape]) -> float:
+    """Farthest distance of any point of the shapes from the origin of their body, or a little more."""
+    found = [0.0]
+    for shape in shapes:
+        if shape.mesh is not None:
+            own = float(np.linalg.norm(shape.mesh.vertices_m, axis=1).max())
+        else:
+            own = float(np.linalg.norm(shape.size_m)) + (shape.size_m[0] if shape.kind == "capsule" else 0.0)
+        found.append(float(np.linalg.norm(shape.position_m)) + own)
+    return max(found)
 
 
 class Arms:
@@ -228,15 +296,14 @@ class Arms:
         self, model: mujoco.MjModel, data: mujoco.MjData, joints: Sequence[ChainJoints], damping: float
     ) -> None:
         self._joints, self._physical = joints, damping
-        self._model = model
-        self._qpos, self._applied, self._damping = data.qpos, data.qfrc_applied, model.dof_damping
-        self._laws = _joined(joints)
+        self._engine = (data.qpos, data.qvel, data.qfrc_applied, model.dof_damping)
+        self._laws = None if any(arm.rested() is not None for arm in joints) else _joined(joints)
         table, last = [], 0
         for arm in joints:
             first, last = last, last + arm.n_joints
             table.append([first, last, arm.coordinate, arm.dof, arm.ball, arm.main])
         self._table = np.array(table, np.int64).reshape(-1, 6)
-        self._axes = np.array([np.resize(arm.order, 3) for arm in joints], np.int64).reshape(-1, 3)
+        self._axes = np.array([arm.layout[1] for arm in joints], np.int64).reshape(-1, 3)
         self._loads: Sequence[Loads] = ()
         # What law terms know of the past, arm by arm; None where an arm has none.
         self.memories: list[Memory | None] = [arm.rested() for arm in joints]
@@ -259,8 +326,8 @@ class Arms:
             for arm, loads, memory in zip(self._joints, self._loads, self.memories, strict=True):
                 arm.drive(loads if memory is None else loads.after(memory.over(step_s)), self._physical)
             return
-        given = (self._values, self._moments, self._physical, step_s)
-        drive_arms(self._laws, self._table, self._axes, *given, self._qpos, self._applied, self._damping)
+        table, inputs = (self._table, self._axes), (self._values, self._moments)
+        drive_arms(self._laws, self._joints[0].terms, *table, inputs, self._physical, step_s, self._engine)
 
     def remember(self, step_s: float) -> None:
         """Let law terms remember a step of this length that has ended where the arms are."""

@@ -7,8 +7,9 @@ takes over when the full step does not halve the residual.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
+from typing import NamedTuple
 
 import numpy as np
 
@@ -21,8 +22,7 @@ MAX_HALVINGS = 30
 PUSH = 0.2
 
 
-@dataclass(frozen=True)
-class NewtonOptions:
+class NewtonOptions(NamedTuple):
     """tolerance on the largest residual, iterations allowed, longest move of a coordinate in one step."""
 
     tolerance: float
@@ -44,6 +44,10 @@ class Solution:
     iterations: int
     markers: Array | None = None
     inside: bool = False
+
+
+# The stable equilibrium of one chain under any loads, reached from coordinates q (n, a).
+Solver = Callable[[Array, Loads], Solution]
 
 
 def minimise(statics: ChainStatics, loads: Loads, q: Array, options: NewtonOptions) -> Solution:
@@ -123,22 +127,3 @@ def _leave_saddle(statics: ChainStatics, loads: Loads, q: Array, mode: Array, le
     push = mode * (length / np.abs(mode).max())
     up, down = q + push, q - push
     return up if statics.potential(up, loads) <= statics.potential(down, loads) else down
-
-
-class Solver(Protocol):
-    """The equilibrium of one chain under any loads."""
-
-    def solve(self, q: Array, loads: Loads) -> Solution:
-        """The stable equilibrium reached from coordinates q (n, a)."""
-
-
-@dataclass(frozen=True, eq=False)
-class PlainSolver:
-    """`minimise` of any chain: any law, law terms with memory."""
-
-    statics: ChainStatics
-    options: NewtonOptions
-
-    def solve(self, q: Array, loads: Loads) -> Solution:
-        """See `Solver`."""
-        return minimise(self.statics, loads, q, self.options)
