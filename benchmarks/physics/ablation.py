@@ -44,7 +44,10 @@ def main() -> None:
     def script(step_s: float, motor_n_m: float) -> Ended:
         return published.run(chain, efforts_of(law), LOAD_KG, motor_n_m, step_s)
 
-    tables = {"mujoco": table("mujoco: joint damping, N·m·s/rad", STEPS_S, DAMPINGS, rest, mujoco), "published": []}
+    tables = {
+        "mujoco": table("mujoco: joint damping, N·m·s/rad", STEPS_S, DAMPINGS, rest, mujoco),
+        "published": [],
+    }
     if known("pybullet"):
         title = "published formulation: friction of the motors, N·m"
         tables["published"] = table(title, PUBLISHED_STEPS_S, MOTORS_N_M, rest, script)
@@ -52,7 +55,11 @@ def main() -> None:
 
 
 def table(
-    title: str, steps: Sequence[float], dampings: Sequence[Any], rest_m: Array, run: Callable[[float, Any], Ended]
+    title: str,
+    steps: Sequence[float],
+    dampings: Sequence[Any],
+    rest_m: Array,
+    run: Callable[[float, Any], Ended],
 ) -> list[dict[str, Any]]:
     """Distance from equilibrium and CPU time, a row per step size, a column per damping."""
     print(f"{title}; mm from equilibrium after 2 s (CPU ms)")

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Literal, NamedTuple
 
@@ -219,6 +219,11 @@ class Ended:
     angles_rad: Array
     markers_m: Array
     cpu_s: float
+
+
+def efforts_of(law: JointLaw) -> Callable[[float, Array], Array]:
+    """τ (n, 3) at a pressure and joint angles (n, 3), all joints in one call."""
+    return lambda pressure_pa, angles: law.evaluate(np.full(len(angles), pressure_pa), angles).tau
 
 
 def run_history(backend: PhysicsBackend, chain: ChainModel, load_kg: float, step_s: float) -> Ended:

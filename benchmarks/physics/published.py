@@ -20,8 +20,8 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from benchmarks.physics.helix import DURATION_S, PRESSURE_PA, RAMP_S, Ended
+from numpy.typing import NDArray
 
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
@@ -75,9 +75,7 @@ def _run(
         pressure = PRESSURE_PA * min(k * step_s / RAMP_S, 1.0)
         states = bullet.getJointStatesMultiDof(body, joints)
         torque = efforts(pressure, rotation_vectors(np.array([state[0] for state in states])))
-        bullet.setJointMotorControlMultiDofArray(
-            body, joints, bullet.TORQUE_CONTROL, forces=torque.tolist()
-        )
+        bullet.setJointMotorControlMultiDofArray(body, joints, bullet.TORQUE_CONTROL, forces=torque.tolist())
         if load_kg:
             at = bullet.getLinkState(body, tip)[4]
             bullet.applyExternalForce(body, tip, weight, at, bullet.WORLD_FRAME)

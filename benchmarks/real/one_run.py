@@ -11,7 +11,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from benchmarks.real.folds import BLOCK_S, folds, rms
+from benchmarks.real.two_bellow_data import BLOCK_S, folds, rms
 
 from pliant.calibration.law_of_runs import law_of_runs
 from pliant.config.study import Study

@@ -16,13 +16,18 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-sys.path.insert(0, str(Path(__file__).parents[2]))
-
 from benchmarks.output import write
-from benchmarks.real.folds import BLOCK_S, rms
 from benchmarks.real.one_run import OneRun, Step
-from benchmarks.real.static_laws import StaticLaw, static_laws
-from benchmarks.real.two_bellow_data import ANGLE, FILE, Bench, open_bench
+from benchmarks.real.two_bellow_data import (
+    ANGLE,
+    BLOCK_S,
+    FILE,
+    Bench,
+    StaticLaw,
+    open_bench,
+    rms,
+    static_laws,
+)
 
 from pliant.config.study import Study
 from pliant.diagnosis.improvement import improve

@@ -5,21 +5,17 @@ python -m benchmarks.real.two_bellow_pictures    writes docs/pictures/two_bellow
 
 from __future__ import annotations
 
-import sys
 import tempfile
 from collections.abc import Sequence
 from pathlib import Path
-
-sys.path.insert(0, str(Path(__file__).parents[2]))
 
 import matplotlib
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 from benchmarks.real.one_run import OneRun, Step
-from benchmarks.real.static_laws import StaticLaw
 from benchmarks.real.two_bellow import DIRECTIONS, baselines
-from benchmarks.real.two_bellow_data import FILE, Bench, open_bench
+from benchmarks.real.two_bellow_data import FILE, Bench, StaticLaw, open_bench
 from matplotlib.axes import Axes
 
 from pliant.records.design import Array

@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 from benchmarks.output import Bar, ratio
 from benchmarks.physics import closed_paths, cosserat, designs, helix, published
-from benchmarks.physics.frames import UnmappedLaw
-from benchmarks.physics.network import fit_errors, network_law
-from benchmarks.physics.random_designs import random_cases
+from benchmarks.physics.helix import UnmappedLaw, random_cases
+from benchmarks.physics.published import fit_errors, network_law
 
 from pliant.interfaces.physics import Simulation
 from pliant.mechanics.statics import ChainStatics
@@ -127,7 +126,7 @@ def test_the_bare_script_moves_as_the_engine_without_friction(monkeypatch: pytes
         )
 
     chain = heavy(law)
-    bare = published.run(chain, lambda p, u: law.evaluate(np.full(22, p), u).tau, 0.02, motor_n_m=0.0)
+    bare = published.run(chain, helix.efforts_of(law), 0.02, motor_n_m=0.0)
     with Pybullet(PybulletConfig(joint_damping=0.0)).build(heavy(UnmappedLaw(law, "child"))) as simulation:
         _ramp(simulation, 0.03)
         moved = simulation.markers()

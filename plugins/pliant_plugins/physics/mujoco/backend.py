@@ -76,7 +76,8 @@ class Samples(NamedTuple):
             before = column[np.maximum(number - 1, 0)]
             return np.asarray(weight * column[number] + (1.0 - weight) * before)
 
-        return Samples(*map(mixed, self[:4]), self.duration[number] / parts[number])
+        inputs = [mixed(column) for column in self[:4]]
+        return Samples(*inputs, duration=self.duration[number] / parts[number])
 
 
 class MujocoSimulation(DynamicSimulation):

@@ -130,7 +130,8 @@ def scene_mjcf(scene: Scene, config: MujocoConfig) -> tuple[str, tuple[Geom, ...
     def add(body: Element, part: Part, friction: float, **how: str) -> None:
         geoms.append(Geom(f"geom_{len(geoms)}", part, friction))
         # contype 0: nothing touches but the pairs that are written out.
-        SubElement(body, "geom", name=geoms[-1].name, mass="0", contype="0", conaffinity="0", **how)
+        none = {"mass": "0", "contype": "0", "conaffinity": "0"}
+        SubElement(body, "geom", {"name": geoms[-1].name, **none, **how})
 
     def add_shapes(body: Element, part: Part, friction: float, shapes: Sequence[Shape]) -> None:
         for shape in shapes:
