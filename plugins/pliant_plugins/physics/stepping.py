@@ -61,40 +61,8 @@ class Steppable(Simulation):
 Through = Callable[[Any, History, float], tuple[Array, NDArray[np.bool_]]]
 
 
-def step_through(
-    build: Callable[[ChainModel], Steppable],
-    chain: ChainModel,
-    histories: Sequence[History],
-    towards: Sequence[Variation],
-    longest_step_s: float = math.inf,
-    through: Through | None = None,
-) -> Paths:
-    """See `PhysicsBackend.follow`; samples further apart than `longest_step_s` are reached in equal parts.
-
-    `through` goes through one run; `sample_by_sample` unless the engine has a faster way.
-
-    Raises:
-        UserError: a base or payload that changes within a run, an input that is missing or not a number.
-    """
-
-    def walk(chain: ChainModel, histories: Sequence[History]) -> tuple[Followed, ...]:
-        check_driven(chain, histories)
-        return _all(build, chain, histories, longest_step_s, through or sample_by_sample)
-
-    paths = walk(chain, histories)
-    moved = [walk(v.chain, v.histories) for v in towards]
-    return paths, tuple(
-        tuple(Followed(a.joint_angles - b.joint_angles, b.converged) for a, b in zip(one, paths, strict=True))
-        for one in moved
-    )
-
-
 def sample_by_sample(
-    simulation: Steppable,
-    history: History,
-    longest_step_s: float,
-    first: int = 0,
-    last: int | None = None,
+    simulation: Steppable, history: History, longest_step_s: float, first: int = 0, last: int | None = None
 ) -> tuple[Array, NDArray[np.bool_]]:
     """Joint coordinates (t, n, a) at the samples from `first` to `last` (exclusive), and whether each was reached."""
     q: list[Array] = []
@@ -115,6 +83,46 @@ def sample_by_sample(
     return np.array(q), np.array(converged)
 
 
+def step_through(
+    build: Callable[[ChainModel], Steppable],
+    chain: ChainModel,
+    histories: Sequence[History],
+    towards: Sequence[Variation],
+    longest_step_s: float = math.inf,
+    through: Through = sample_by_sample,
+) -> Paths:
+    """See `PhysicsBackend.follow`; samples further apart than `longest_step_s` are reached in equal parts.
+
+    `through` goes through one run.
+
+    Raises:
+        UserError: a base or payload that changes within a run, an input that is missing or not a number.
+    """
+
+    def walk(chain: ChainModel, histories: Sequence[History]) -> list[Followed]:
+        """One run after another; what terms keep goes on with the specimen."""
+        check_driven(chain, histories)
+        keeps = np.repeat([term.keeps for term in chain.terms], [term.n_states for term in chain.terms])
+        damage: dict[str, Array] = {}
+        paths = []
+        for history in histories:
+            with closing(build(_placed(chain, history))) as simulation:
+                if history.specimen in damage:
+                    simulation.restore(replace(simulation.snapshot(), memory=damage[history.specimen]))
+                paths.append(Followed(*through(simulation, history, longest_step_s)))
+                memory = simulation.snapshot().memory
+            if keeps.any() and memory is not None:
+                damage[history.specimen] = np.where(keeps, memory, 0.0)
+        return paths
+
+    paths = walk(chain, histories)
+    moved = [walk(v.chain, v.histories) for v in towards]
+    return tuple(paths), tuple(
+        tuple(Followed(a.joint_angles - b.joint_angles, b.converged) for a, b in zip(one, paths, strict=True))
+        for one in moved
+    )
+
+
 def n_parts(duration_s: Any, longest_step_s: float) -> Any:
     """Equal parts of finite durations that are no longer than the longest step; at least 1."""
     return np.maximum(1, np.ceil(np.asarray(duration_s) / longest_step_s - 1e-9)).astype(np.int64)
@@ -122,51 +130,18 @@ def n_parts(duration_s: Any, longest_step_s: float) -> Any:
 
 def check_driven(chain: ChainModel, histories: Sequence[History]) -> None:
     """Raise `UserError` where a history lacks an input of the chain, or a number of it."""
+    names = ("time_s", "tip_force_n", "moment_n_m", "temperature_c", "base_angles_rad", "payload_kg")
     for history in histories:
         missing = [a.input for a in chain.actuators if a.input not in history.actuation]
         if missing:
             raise UserError(f"run '{history.run}' has no {missing[0]}, which drives the chain")
-        _check_finite(history)
-
-
-def _check_finite(history: History) -> None:
-    for name, values in {
-        **history.actuation,
-        "time_s": history.time_s,
-        "tip_force_n": history.tip_force_n,
-        "moment_n_m": history.moment_n_m,
-        "temperature_c": history.temperature_c,
-        "base_angles_rad": history.base_angles_rad,
-        "payload_kg": history.payload_kg,
-    }.items():
-        if values is not None and not np.all(np.isfinite(values)):
-            sample = int(np.flatnonzero(~np.isfinite(values).reshape(len(values), -1).all(axis=1))[0])
-            raise UserError(
-                f"run '{history.run}', sample {sample + 1}: {name} is not a finite number; a chain cannot be "
-                "followed over a gap in what drives it, so fill it or leave the sample out."
-            )
-
-
-def _all(
-    build: Callable[[ChainModel], Steppable],
-    chain: ChainModel,
-    histories: Sequence[History],
-    longest_step_s: float,
-    through: Through,
-) -> tuple[Followed, ...]:
-    """One run after another; what terms keep goes on with the specimen."""
-    keeps = np.repeat([term.keeps for term in chain.terms], [term.n_states for term in chain.terms])
-    damage: dict[str, Array] = {}
-    paths = []
-    for history in histories:
-        with closing(build(_placed(chain, history))) as simulation:
-            if history.specimen in damage:
-                simulation.restore(replace(simulation.snapshot(), memory=damage[history.specimen]))
-            paths.append(Followed(*through(simulation, history, longest_step_s)))
-            memory = simulation.snapshot().memory
-        if keeps.any() and memory is not None:
-            damage[history.specimen] = np.where(keeps, memory, 0.0)
-    return tuple(paths)
+        for name, values in {**history.actuation, **{name: getattr(history, name) for name in names}}.items():
+            if values is not None and not np.all(np.isfinite(values)):
+                sample = int(np.flatnonzero(~np.isfinite(values).reshape(len(values), -1).all(axis=1))[0])
+                raise UserError(
+                    f"run '{history.run}', sample {sample + 1}: {name} is not a finite number; a chain cannot be "
+                    "followed over a gap in what drives it, so fill it or leave the sample out."
+                )
 
 
 def _placed(chain: ChainModel, history: History) -> ChainModel:

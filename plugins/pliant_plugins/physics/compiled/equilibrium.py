@@ -41,39 +41,11 @@ def _largest(values):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _newton(parts, skewness, step):  # type: ignore[no-untyped-def]
-    """Overwrites step (n·a,), the residual, with K⁻¹ of it; laws without an energy have an unsymmetric K."""
-    if skewness > ROUNDING * _largest(parts[3]):
-        step[:] = np.linalg.solve(_dense(parts), step)
-    else:
-        solve_chain(parts, step)
-
-
-@njit(cache=True, nogil=True)
 def _dense(parts):  # type: ignore[no-untyped-def]
     n, a, _ = parts[0].shape
     stiffness = np.empty((n * a, n * a))
     fill_dense(parts, stiffness)
     return stiffness
-
-
-@njit(cache=True, nogil=True)
-def _factorise_shifted(parts):  # type: ignore[no-untyped-def]
-    """Cholesky's factor of K + s 1 with about the smallest s ≥ 0 that makes it positive; returns s."""
-    scale = _largest(parts[3])
-    if not np.isfinite(scale):
-        return np.inf
-    shift = 1e-3 * scale + 1e-300
-    while not factorise_chain(parts, shift):
-        shift *= 3.0
-    return shift
-
-
-@njit(cache=True, nogil=True)
-def _lowest_mode(parts):  # type: ignore[no-untyped-def]
-    """Whether K has a negative curvature beyond rounding, and its lowest mode."""
-    values, modes = np.linalg.eigh(_dense(parts))
-    return values[0] < -NEUTRAL_SHARE * np.abs(values).max(), modes[:, 0].copy()
 
 
 @njit(cache=True, nogil=True)
@@ -155,23 +127,27 @@ def descend(chain, q, frame, parts, options):  # type: ignore[no-untyped-def]
         if size <= tolerance:
             if positive:
                 return True, True, size, iteration
-            unstable, mode = _lowest_mode(parts)
-            if not unstable:
+            curvatures, modes = np.linalg.eigh(_dense(parts))
+            if curvatures[0] >= -NEUTRAL_SHARE * np.abs(curvatures).max():  # 0 within rounding
                 return True, True, size, iteration
             if iteration < max_iterations:
-                _leave_saddle(chain, q, mode, PUSH * max_step, frame)
+                _leave_saddle(chain, q, modes[:, 0].copy(), PUSH * max_step, frame)
                 size, norm = balance(body, laws, loads, q, frame)
                 energy = np.nan
             continue
         if iteration == max_iterations:
             return False, positive, size, iteration
-        step = frame[9].ravel().copy()
-        if positive:
-            _newton(parts, skewness, step)
-        else:
-            if not np.isfinite(_factorise_shifted(parts)):
-                return False, False, size, iteration
+        step, scale = frame[9].ravel().copy(), _largest(parts[3])
+        if positive and skewness > ROUNDING * scale:  # a law without an energy
+            step[:] = np.linalg.solve(_dense(parts), step)
+        elif positive or np.isfinite(scale):
+            # About the smallest shift that makes the stiffness positive.
+            shift = 0.0 if positive else 1e-3 * scale + 1e-300
+            while not positive and not factorise_chain(parts, shift):
+                shift *= 3.0
             solve_chain(parts, step)
+        else:
+            return False, False, size, iteration
         share = min(1.0, max_step / _largest(step))
         moved = (share * step).reshape(q.shape)
         size, norm, energy, helped = _search(chain, q, moved, share, positive, norm, energy, frame)

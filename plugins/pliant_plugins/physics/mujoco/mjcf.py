@@ -7,7 +7,7 @@ prescribed: unlike a mocap body's it is seen by the contact solver, so what is h
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from xml.etree.ElementTree import Element, SubElement, tostring
@@ -161,8 +161,11 @@ def scene_mjcf(scene: Scene, config: MujocoConfig) -> tuple[str, tuple[Geom, ...
         add_inertia(body, free.mass)
         add_shapes(body, Part("object", number), free.friction, free.shapes)
     contact = SubElement(root, "contact")
-    for one, other in _touching(geoms):
-        _add_pair(contact, one, other, config)
+    for one, other in combinations(geoms, 2):
+        kinds = {one.part.kind, other.part.kind}
+        # Objects touch arms, floor and other objects; arms touch the floor.
+        if ("object" in kinds and one.part != other.part) or kinds == {"arm", "floor"}:
+            _add_pair(contact, one, other, config)
     return tostring(root, encoding="unicode"), tuple(geoms)
 
 
@@ -170,14 +173,6 @@ def placed(shape: Shape) -> dict[str, str]:
     """Kind and pose of a shape as a geom has them."""
     rotation = text(quaternion_of_matrix(np.asarray(shape.rotation, float)))
     return {"type": shape.kind, "pos": text(shape.position_m), "quat": rotation}
-
-
-def _touching(geoms: Sequence[Geom]) -> Iterator[tuple[Geom, Geom]]:
-    """Pairs that collide: objects with arms, floor and other objects; arms with the floor."""
-    for one, other in combinations(geoms, 2):
-        kinds = {one.part.kind, other.part.kind}
-        if ("object" in kinds and one.part != other.part) or kinds == {"arm", "floor"}:
-            yield one, other
 
 
 def _add_pair(contact: Element, one: Geom, other: Geom, config: MujocoConfig) -> None:
