@@ -7,8 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.physics.conftest import StudyLaw, finger
-from tests.physics.scalar_laws import SCALAR, ScalarStudy, study
+from tests.physics.conftest import SCALAR, ScalarStudy, StudyLaw, finger, study
 
 from pliant.errors import UserError
 from pliant.mechanics.efforts import JointEfforts
@@ -27,9 +26,7 @@ def two_laws(kind: str, n: int = 5) -> ChainModel:
     """Opposed actuators on a chain whose joints have two laws in turn."""
     chain = finger(SCALAR[kind](), n, actuators=TWO)
     joints = tuple(type(j)(k % 2, j.offset_m, j.rest_rotation) for k, j in enumerate(chain.joints))
-    other = SCALAR[kind]()
-    if isinstance(other, ScalarStudy):
-        other.b_e = 0.04
+    other = ScalarStudy(b_e=0.04) if kind == "revolute" else SCALAR[kind]()
     return chain.with_(laws=(*chain.laws, other), joints=joints)
 
 
@@ -60,12 +57,10 @@ def not_scalar(p: float, u: Array, c: Array, tau: Array, dtau_dp: Array, dtau_du
 
 
 def test_a_law_that_cannot_be_compiled_is_a_sentence() -> None:
-    class Broken(StudyLaw):
-        def scalar(self) -> ScalarLaw:
-            return ScalarLaw(not_scalar, np.zeros(1))
-
+    broken = ScalarStudy()
+    broken.form = ScalarLaw(not_scalar, np.zeros(1))
     with pytest.raises(UserError, match=r"the law 'not_scalar' cannot be compiled"):
-        CompiledLaws.of(finger(Broken()))
+        CompiledLaws.of(finger(broken))
 
 
 def test_machine_code_older_than_the_room_is_discarded() -> None:
@@ -83,7 +78,7 @@ def test_joints_of_one_law_share_its_parameters() -> None:
     law = ScalarStudy()
     laws = CompiledLaws.of(finger(law, 30))
     assert laws is not None
-    np.testing.assert_array_equal(laws.parameters, law.scalar().parameters)
+    np.testing.assert_array_equal(laws.parameters, law.form.parameters)
     assert (laws.spans == [0, 5]).all()
     assert len(set(laws.addresses)) == 1
-    assert law.scalar().function is study
+    assert law.form.function is study

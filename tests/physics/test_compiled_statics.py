@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from tests.physics.conftest import random_chain
-from tests.physics.scalar_laws import SCALAR
+from tests.physics.conftest import SCALAR, random_chain
 
 from pliant.mechanics.statics import ChainStatics, Loads
 from pliant.records.chain import Actuator, ChainModel

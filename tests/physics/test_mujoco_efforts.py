@@ -6,8 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from tests.physics.conftest import SpatialLaw
-from tests.physics.scalar_laws import ScalarSpatial
+from tests.physics.conftest import ScalarSpatial, SpatialLaw
 
 from pliant.interfaces.physics import SimulationState
 from pliant.mechanics.inertia import mass_matrix

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from tests.physics.scalar_laws import SCALAR
+from tests.physics.conftest import SCALAR
 
 from pliant.interfaces.physics import Run
 from pliant.records.chain import ChainModel

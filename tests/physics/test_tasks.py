@@ -14,19 +14,21 @@ from pliant.interfaces.task import Task
 from pliant.records.chain import Actuator, ChainModel
 from pliant.records.law import Domain, JointLaw
 from pliant.records.rollout import TaskResult
+from pliant_plugins.physics.quasistatic.backend import Quasistatic
+from pliant_plugins.physics.quasistatic.config import QuasistaticConfig
 from pliant_plugins.tasks.free_bending import FreeBending, FreeBendingConfig
 from pliant_plugins.tasks.tip_load import TipLoad, TipLoadConfig
 
+STILL = Quasistatic(QuasistaticConfig())
 
-def perform(task: Task, chain: ChainModel, engine: PhysicsBackend) -> TaskResult:
+
+def perform(task: Task, chain: ChainModel, engine: PhysicsBackend = STILL) -> TaskResult:
     with engine.build(task.prepare(chain)) as simulation:
         return task.run(simulation)
 
 
-def test_free_bending_ramps_to_the_worked_number(
-    quasistatic: PhysicsBackend, massless_finger: ChainModel
-) -> None:
-    result = perform(FreeBending(FreeBendingConfig(pressure="15 kPa")), massless_finger, quasistatic)
+def test_free_bending_ramps_to_the_worked_number(massless_finger: ChainModel) -> None:
+    result = perform(FreeBending(FreeBendingConfig(pressure="15 kPa")), massless_finger)
     assert result.final.converged
     assert result.metrics["tip_x_m"] == pytest.approx(0.059451, abs=1e-6)
     assert result.metrics["bend_angle_rad"] == pytest.approx(8 * 0.359718, abs=1e-5)
@@ -44,33 +46,29 @@ def test_free_bending_ramps_to_the_worked_number(
     np.testing.assert_array_equal(rollout.markers_m[-1], result.final.markers_m)
 
 
-def test_tip_load_hangs_its_payload(quasistatic: PhysicsBackend, loaded_finger: ChainModel) -> None:
+def test_tip_load_hangs_its_payload(loaded_finger: ChainModel) -> None:
     config = TipLoadConfig(pressure_pa=15e3, payload="13 g", steps=1)
-    own = perform(TipLoad(config), loaded_finger.with_(payload_kg=0.0), quasistatic)
-    chains = perform(TipLoad(TipLoadConfig(pressure_pa=15e3, steps=1)), loaded_finger, quasistatic)
+    own = perform(TipLoad(config), loaded_finger.with_(payload_kg=0.0))
+    chains = perform(TipLoad(TipLoadConfig(pressure_pa=15e3, steps=1)), loaded_finger)
     np.testing.assert_array_equal(own.final.markers_m, chains.final.markers_m)
     weight = TipLoadConfig(pressure_pa=15e3, payload_kg=0.0, tip_force_n=(0.0, 0.0, -0.013 * 9.81), steps=1)
-    force = perform(TipLoad(weight), loaded_finger, quasistatic)
+    force = perform(TipLoad(weight), loaded_finger)
     np.testing.assert_allclose(force.final.markers_m, own.final.markers_m, atol=1e-10)
 
 
-def test_numbered_chambers_take_the_pressure_in_the_first(
-    quasistatic: PhysicsBackend, massless_finger: ChainModel
-) -> None:
+def test_numbered_chambers_take_the_pressure_in_the_first(massless_finger: ChainModel) -> None:
     opposed = massless_finger.with_(actuators=(Actuator("pressure_1_pa"), Actuator("pressure_2_pa", -1.0)))
-    result = perform(FreeBending(FreeBendingConfig(pressure_pa=15e3, steps=2)), opposed, quasistatic)
+    result = perform(FreeBending(FreeBendingConfig(pressure_pa=15e3, steps=2)), opposed)
     assert result.rollout is not None
     np.testing.assert_array_equal(result.rollout.actuation[-1], [15e3, 0.0])
     assert result.final.joint_angles.min() > 0.1
 
 
 def test_extrapolation_anywhere_on_the_ramp_is_reported(
-    quasistatic: PhysicsBackend, massless_finger: ChainModel, study_law: Callable[..., JointLaw]
+    massless_finger: ChainModel, study_law: Callable[..., JointLaw]
 ) -> None:
     law = study_law(domain=Domain(np.array([0.0, 10e3]), np.array([[-0.1, 0.3]])))
-    result = perform(
-        FreeBending(FreeBendingConfig(pressure_pa=15e3)), massless_finger.with_(laws=(law,)), quasistatic
-    )
+    result = perform(FreeBending(FreeBendingConfig(pressure_pa=15e3)), massless_finger.with_(laws=(law,)))
     worst = {(entry.module, entry.variable): entry for entry in result.final.outside_domain}
     assert len(worst) == 16
     assert worst[3, "pressure_pa"].excess == pytest.approx(5e3)
@@ -84,9 +82,9 @@ def test_exactly_one_drive(drive: dict[str, float]) -> None:
         FreeBendingConfig(**drive)
 
 
-def test_tendon_task_on_a_pressure_chain(quasistatic: PhysicsBackend, massless_finger: ChainModel) -> None:
+def test_tendon_task_on_a_pressure_chain(massless_finger: ChainModel) -> None:
     task = FreeBending(FreeBendingConfig(tendon_force="2 N"))
     with pytest.raises(
         UserError, match="gives 'tendon_force', but the laws of the chain are driven by pressure_pa"
     ):
-        perform(task, massless_finger, quasistatic)
+        perform(task, massless_finger)

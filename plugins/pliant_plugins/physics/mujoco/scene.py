@@ -18,7 +18,6 @@ from numba import njit
 
 from pliant.errors import UserError
 from pliant.mechanics.rotations import matrix_of_quaternion, quaternion_of_matrix
-from pliant.mechanics.statics import Loads
 from pliant.mechanics.terms import Memory
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
@@ -29,7 +28,7 @@ from pliant_plugins.physics.compiled.motion import drive_arms
 from pliant_plugins.physics.dynamic import ArmsScene, contact_of
 from pliant_plugins.physics.mujoco.config import MujocoConfig
 from pliant_plugins.physics.mujoco.joints import ChainJoints
-from pliant_plugins.physics.mujoco.mjcf import CARRIAGE_DOFS, CARRIAGE_KG, Geom, scene_mjcf
+from pliant_plugins.physics.mujoco.mjcf import CARRIAGE_DOFS, CARRIAGE_KG, scene_mjcf
 from pliant_plugins.physics.mujoco.warned import silent, unstable
 
 # Everything that the next step depends on but inputs, which the snapshot's user gives again.
@@ -63,10 +62,23 @@ class MujocoScene(ArmsScene):
             ChainJoints(model, data, chain, statics, f"arm_{k}_")
             for k, (chain, statics) in enumerate(zip(self._chains, self._statics, strict=True))
         ]
-        self._driver = Arms(model, data, self._arms, config.joint_damping)
-        self._driver.apply(self._loads)
+        # What law terms know of the past, arm by arm; None where an arm has none.
+        self._memories: list[Memory | None] = [arm.rested() for arm in self._arms]
+        self._engine = (data.qpos, data.qvel, data.qfrc_applied, model.dof_damping)
+        self._laws = _joined(self._arms)
+        ends = np.cumsum([0, *(arm.n_joints for arm in self._arms)])
+        of_arm = enumerate(self._arms)
+        table = [[*ends[k : k + 2], arm.coordinate, arm.dof, arm.ball, arm.main] for k, arm in of_arm]
+        axes = np.array([arm.layout[1] for arm in self._arms], np.int64).reshape(-1, 3)
+        self._table = (np.array(table, np.int64).reshape(-1, 6), axes)
+        self._take()
         self._parts = {model.geom(geom.name).id: geom.part for geom in geoms}
-        self._nearness = Nearness(scene, model, geoms, config)
+        self._bodies = np.full(model.ngeom, FLOOR)
+        for geom, part in self._parts.items():
+            self._bodies[geom] = {"arm": ARM, "floor": FLOOR}.get(part.kind, part.number)
+        reaches = [np.repeat(_reaches(chain), len(chain.axes)) for chain in self._chains]
+        self._reaches = np.concatenate([np.ones(CARRIAGE_DOFS), *reaches])
+        self._extents = np.array([_extent(free.shapes) for free in scene.objects])
         first = model.nv - OBJECT_DOFS * len(scene.objects)
         self._object_poses = data.qpos[model.nq - 7 * len(scene.objects) :].reshape(-1, 7)
         self._object_rates = data.qvel[first:].reshape(-1, OBJECT_DOFS)
@@ -76,7 +88,7 @@ class MujocoScene(ArmsScene):
         # Whether MuJoCo's contacts are those of the last step, and not of one before `restore`.
         self._has_contacts = False
         self._look()
-        self._near = self._nearness.is_near(data)
+        self._near = self._is_near()
 
     @property
     def joints(self) -> Sequence[ChainJoints]:
@@ -84,7 +96,17 @@ class MujocoScene(ArmsScene):
 
     def apply(self, inputs: Sequence[Inputs]) -> None:
         super().apply(inputs)
-        self._driver.apply(self._loads)
+        self._take()
+
+    def _take(self) -> None:
+        """Loads of each arm from now on."""
+        self._pulled = any(loads.forces or loads.cords for loads in self._loads)
+        pairs = list(zip(self._arms, self._loads, strict=True))
+        for arm, loads in pairs:
+            arm.push_tip(loads)
+        if self._laws is not None:
+            values = np.array([arm.statics.efforts.values(loads.actuation) for arm, loads in pairs])
+            self._inputs = (values, np.array([loads.moment_n_m for _, loads in pairs]))
 
     def push(self, index: int, force_n: Array, moment_n_m: Array | None = None) -> None:
         moment = np.zeros(3) if moment_n_m is None else moment_n_m
@@ -95,7 +117,7 @@ class MujocoScene(ArmsScene):
         pushed = bool(self._data.xfrc_applied[self._first_object :].any())
         with silent():
             while remaining > 0.0:
-                longest = self._nearness.longest_step(self._data.qvel, self._near or pushed)
+                longest = self._longest_step(self._near or pushed)
                 parts = math.ceil(remaining / longest - 1e-9)
                 step_s = remaining / max(parts, 1)
                 self._advance(step_s)
@@ -109,18 +131,47 @@ class MujocoScene(ArmsScene):
                 "or look whether a law is used far outside its data"
             )
 
+    def _is_near(self) -> bool:
+        """Whether an arm is near an object by the last list of contacts, or an object touches nothing."""
+        contacts = self._data.contact
+        return bool(_is_near(contacts.geom, contacts.efc_address, self._bodies, len(self._extents)))
+
+    def _longest_step(self, near: bool) -> float:
+        """Longest step (s) from the present velocities of all dofs."""
+        config = self._config
+        short = min(config.contact_timestep_s, config.timestep_s)
+        if not len(self._extents):
+            return config.timestep_s
+        if near:
+            return short
+        arms, objects = _speeds(self._data.qvel, self._reaches, self._extents)
+        if objects > REST_M_S:
+            return short
+        return max(short, min(config.timestep_s, SHARE * config.near_m / max(arms + objects, 1e-9)))
+
     def _advance(self, step_s: float) -> None:
-        model, data = self._model, self._data
+        model, data, damping = self._model, self._data, self._config.joint_damping
         model.opt.timestep = step_s
-        self._driver.drive(step_s)
+        arms = list(zip(self._arms, self._loads, self._memories, strict=True))
+        if self._laws is None or self._pulled:
+            for arm, loads, memory in arms:
+                arm.drive(loads if memory is None else loads.after(memory.over(step_s)), damping)
+        else:
+            drive_arms(
+                self._laws, arms[0][0].terms, *self._table, self._inputs, damping, step_s, self._engine
+            )
         # A force that brings the carriage to its velocity in one step: the arms feel its acceleration.
         place, velocity, force = self._carriage
         force[:] = CARRIAGE_KG / step_s * (self._velocity - velocity)
         there = place + step_s * self._velocity
         mujoco.mj_step(model, data)
         place[:], velocity[:] = there, self._velocity
-        self._driver.remember(step_s)
-        self._near, self._has_contacts = self._nearness.is_near(data), True
+        # Law terms remember a step that has ended where the arms are.
+        self._memories = [
+            None if memory is None else arm.remember(loads.after(memory.over(step_s))).memory
+            for arm, loads, memory in arms
+        ]
+        self._near, self._has_contacts = self._is_near(), True
 
     def snapshot(self) -> SceneState:
         poses, rates = self._object_poses, self._object_rates
@@ -136,7 +187,7 @@ class MujocoScene(ArmsScene):
             positions_m=poses[:, :3].copy(),
             rotations=rotations,
             velocities=np.concatenate([rates[:, :3], spins], axis=1),
-            memories=tuple(None if m is None else m.states.copy() for m in self._driver.memories),
+            memories=tuple(None if m is None else m.states.copy() for m in self._memories),
             private={"mujoco": private, "near": np.array([self._near])},
         )
 
@@ -146,13 +197,19 @@ class MujocoScene(ArmsScene):
             mujoco.mj_setState(self._model, data, state.private["mujoco"], STATE)
         else:
             self._place(state)
-        self._driver.recall(state.memories)
+        # Rested where nothing is given.
+        self._memories = [arm.rested() for arm in self._arms]
+        for k, (arm, memory) in enumerate(zip(self._arms, self._memories, strict=True)):
+            known = state.memories[k] if k < len(state.memories) else None
+            if memory is not None:
+                given = memory.states if known is None else known.copy()
+                self._memories[k] = replace(memory, previous=arm.q, states=given)
         self._time_s, self._has_contacts = state.time_s, False
         if "near" in state.private:
             self._near = bool(state.private["near"][0])
         else:
             self._look()
-            self._near = self._nearness.is_near(data)
+            self._near = self._is_near()
 
     def _place(self, state: SceneState) -> None:
         """Return to a state that another engine left."""
@@ -196,45 +253,9 @@ class MujocoScene(ArmsScene):
         return tuple(contacts)
 
 
-class Nearness:
-    """Whether arms are near objects, and how fast anything moves."""
-
-    def __init__(
-        self, scene: Scene, model: mujoco.MjModel, geoms: Sequence[Geom], config: MujocoConfig
-    ) -> None:
-        self._bodies = np.full(model.ngeom, FLOOR)
-        for geom in geoms:
-            number = {"arm": ARM, "floor": FLOOR}.get(geom.part.kind, geom.part.number)
-            self._bodies[model.geom(geom.name).id] = number
-        reaches = [np.ones(CARRIAGE_DOFS)]
-        for arm in scene.arms:
-            reaches.append(np.repeat(_reaches(arm.chain), 3 if arm.chain.laws[0].joint == "spherical" else 1))
-        self._arms = np.concatenate(reaches)
-        self._objects = np.array([_extent(free.shapes) for free in scene.objects])
-        self._long = config.timestep_s
-        self._short = min(config.contact_timestep_s, config.timestep_s)
-        self._room = SHARE * config.near_m
-
-    def is_near(self, data: mujoco.MjData) -> bool:
-        """Whether an arm is near an object by the last list of contacts, or an object touches nothing."""
-        contacts = data.contact
-        return bool(_is_near(contacts.geom, contacts.efc_address, self._bodies, len(self._objects)))
-
-    def longest_step(self, rates: Array, near: bool) -> float:
-        """Longest step (s) from the present velocities of all dofs."""
-        if not len(self._objects):
-            return self._long
-        if near:
-            return self._short
-        arms, objects = _speeds(rates, self._arms, self._objects)
-        if objects > REST_M_S:
-            return self._short
-        return max(self._short, min(self._long, self._room / max(arms + objects, 1e-9)))
-
-
 @njit(cache=True)
 def _is_near(geoms, rows, bodies, n_objects):  # type: ignore[no-untyped-def]
-    """See `Nearness.is_near`; `bodies` are the geoms' objects, ARM or FLOOR, `rows` ≥ 0 where forces act."""
+    """See `MujocoScene._is_near`; `bodies` are the geoms' objects, ARM or FLOOR, `rows` ≥ 0 where forces act."""
     touched = np.zeros(n_objects, np.bool_)
     for k in range(len(geoms)):
         for side in range(2):
@@ -289,65 +310,9 @@ def _extent(shapes: Sequence[Shape]) -> float:
     return max(found)
 
 
-class Arms:
-    """The arms of a scene as its steps drive them."""
-
-    def __init__(
-        self, model: mujoco.MjModel, data: mujoco.MjData, joints: Sequence[ChainJoints], damping: float
-    ) -> None:
-        self._joints, self._physical = joints, damping
-        self._engine = (data.qpos, data.qvel, data.qfrc_applied, model.dof_damping)
-        self._laws = None if any(arm.rested() is not None for arm in joints) else _joined(joints)
-        table, last = [], 0
-        for arm in joints:
-            first, last = last, last + arm.n_joints
-            table.append([first, last, arm.coordinate, arm.dof, arm.ball, arm.main])
-        self._table = np.array(table, np.int64).reshape(-1, 6)
-        self._axes = np.array([arm.layout[1] for arm in joints], np.int64).reshape(-1, 3)
-        self._loads: Sequence[Loads] = ()
-        # What law terms know of the past, arm by arm; None where an arm has none.
-        self.memories: list[Memory | None] = [arm.rested() for arm in joints]
-        self._pulled = False
-
-    def apply(self, loads: Sequence[Loads]) -> None:
-        """Loads of each arm from now on."""
-        self._loads = loads
-        self._pulled = any(of_arm.forces or of_arm.cords for of_arm in loads)
-        for arm, of_arm in zip(self._joints, loads, strict=True):
-            arm.push_tip(of_arm)
-        if self._laws is not None:
-            pairs = zip(self._joints, loads, strict=True)
-            self._values = np.array([arm.statics.efforts.values(of_arm.actuation) for arm, of_arm in pairs])
-            self._moments = np.array([of_arm.moment_n_m for of_arm in loads])
-
-    def drive(self, step_s: float) -> None:
-        """Forces of laws and loads for a step of this length, which the model has too."""
-        if self._laws is None or self._pulled:
-            for arm, loads, memory in zip(self._joints, self._loads, self.memories, strict=True):
-                arm.drive(loads if memory is None else loads.after(memory.over(step_s)), self._physical)
-            return
-        table, inputs = (self._table, self._axes), (self._values, self._moments)
-        drive_arms(self._laws, self._joints[0].terms, *table, inputs, self._physical, step_s, self._engine)
-
-    def remember(self, step_s: float) -> None:
-        """Let law terms remember a step of this length that has ended where the arms are."""
-        for k, (arm, loads, memory) in enumerate(zip(self._joints, self._loads, self.memories, strict=True)):
-            if memory is not None:
-                self.memories[k] = arm.remember(loads.after(memory.over(step_s))).memory
-
-    def recall(self, states: Sequence[Array | None]) -> None:
-        """Set what law terms remember, for arms that are where they were then; rested where nothing is given."""
-        self.memories = [arm.rested() for arm in self._joints]
-        for k, (arm, memory) in enumerate(zip(self._joints, self.memories, strict=True)):
-            known = states[k] if k < len(states) else None
-            if memory is not None:
-                given = memory.states if known is None else known.copy()
-                self.memories[k] = replace(memory, previous=arm.q, states=given)
-
-
 def _joined(joints: Sequence[ChainJoints]) -> Any:
-    """Laws of all arms in a row; None where one has none, or actuators differ."""
-    each = [arm.laws for arm in joints]
+    """Laws of all arms in a row; None where one has none or has terms, or actuators differ."""
+    each = [arm.laws if arm.rested() is None else None for arm in joints]
     known = [laws for laws in each if laws is not None]
     if not known or len(known) < len(each) or any(not np.array_equal(k[3], known[0][3]) for k in known):
         return None

@@ -236,29 +236,25 @@ class HingeFollower:
 
 def _same_body(chain: ChainModel, other: ChainModel) -> bool:
     """Whether two chains differ in gravity, payload and term parameters only."""
+
+    def alike(pieces: Sequence[object], others: Sequence[object]) -> bool:
+        """Joints or bodies, number by number: effects that change chains make new ones."""
+        pairs = zip(pieces, others, strict=True)
+        numbers = ((x, vars(b)[name]) for a, b in pairs for name, x in vars(a).items())
+        return pieces is others or all(np.array_equal(x, y) for x, y in numbers)
+
+    def forms(terms: Sequence[LawTerm]) -> list[tuple[object, ...]]:
+        return [(t.function, t.role, t.keeps, t.n_states, t.n_parameters) for t in terms]
+
+    bases = ("base_rotation", "base_position_m", "tip_offset_m")
     return (
         [id(law) for law in chain.laws] == [id(law) for law in other.laws]
         and chain.actuators == other.actuators
-        and _alike(chain.joints, other.joints)
-        and _alike(chain.bodies, other.bodies)
-        and np.array_equal(chain.base_rotation, other.base_rotation)
-        and np.array_equal(chain.base_position_m, other.base_position_m)
-        and np.array_equal(chain.tip_offset_m, other.tip_offset_m)
-        and [_form(term) for term in chain.terms] == [_form(term) for term in other.terms]
+        and alike(chain.joints, other.joints)
+        and alike(chain.bodies, other.bodies)
+        and all(np.array_equal(getattr(chain, name), getattr(other, name)) for name in bases)
+        and forms(chain.terms) == forms(other.terms)
     )
-
-
-def _alike(pieces: Sequence[object], others: Sequence[object]) -> bool:
-    """Whether joints or bodies are the same, number by number: effects that change chains make new ones."""
-    if pieces is others:
-        return True
-    numbers = ((x, vars(b)[name]) for a, b in zip(pieces, others, strict=True) for name, x in vars(a).items())
-    return all(np.array_equal(x, y) for x, y in numbers)
-
-
-def _form(term: LawTerm) -> tuple[object, ...]:
-    """What of a term must not change while its parameters do."""
-    return term.function, term.role, term.keeps, term.n_states, term.n_parameters
 
 
 def _split(histories: Sequence[History], q: Array, converged: Any) -> tuple[Followed, ...]:

@@ -44,7 +44,9 @@ def sensitivity(chain: ChainModel, statics: ChainStatics, q: Array, loads: Loads
     angles = {
         name: piece.reshape(slope.shape) for (name, slope), piece in zip(slopes.items(), pieces, strict=True)
     }
-    jacobian = _marker_jacobian(statics, pose, q)
+    # (n + 2, 3, n, a) velocity of base, joints and tip per rate of the coordinates.
+    points, last = statics.geometry.markers(q), chain.n_joints
+    jacobian = np.stack([statics.point_jacobian(pose, min(k, last), x) for k, x in enumerate(points)])
     markers = {name: np.einsum("kcna,na...->kc...", jacobian, angle) for name, angle in angles.items()}
     return Sensitivity(angles, markers)
 
@@ -100,26 +102,21 @@ def _actuation_slopes(chain: ChainModel, statics: ChainStatics, q: Array, loads:
 
 def _law_slopes(chain: ChainModel, q: Array, loads: Loads) -> dict[str, Array]:
     """∂τ/∂c (n, a, parameters) of each law with a scalar form, by central differences."""
+
+    def tau(k: int, scalar: ScalarLaw) -> Array:
+        laws = (*chain.laws[:k], _ScalarForm(chain.laws[k], scalar), *chain.laws[k + 1 :])
+        return JointEfforts(chain.with_(laws=laws)).evaluate(q, loads.actuation, loads.memory).tau
+
     slopes = {}
     for k, law in enumerate(chain.laws):
         scalar = law.scalar()
         if scalar is None:
             continue
+        values = np.asarray(scalar.parameters, float)
         columns = []
-        for index, value in enumerate(np.asarray(scalar.parameters, float)):
-            step = STEP * (abs(value) or 1.0)
-            efforts = []
-            for h in (step, -step):
-                parameters = np.array(scalar.parameters, float)
-                parameters[index] += h
-                laws = (
-                    *chain.laws[:k],
-                    _ScalarForm(law, ScalarLaw(scalar.function, parameters)),
-                    *chain.laws[k + 1 :],
-                )
-                nudged = JointEfforts(chain.with_(laws=laws))
-                efforts.append(nudged.evaluate(q, loads.actuation, loads.memory).tau)
-            columns.append((efforts[0] - efforts[1]) / (2 * step))
+        for nudge in np.diag(STEP * np.where(values == 0.0, 1.0, np.abs(values))):
+            up, down = (tau(k, ScalarLaw(scalar.function, values + h)) for h in (nudge, -nudge))
+            columns.append((up - down) / (2 * nudge.max()))
         slopes[f"law_{k}"] = np.stack(columns, axis=2)
     return slopes
 
@@ -128,35 +125,17 @@ class _ScalarForm(JointLaw):
     """A law evaluated by its compiled scalar form, with parameters of one's own."""
 
     def __init__(self, law: JointLaw, scalar: ScalarLaw) -> None:
-        self.joint, self.axes, self.actuation_name, self.domain = (
-            law.joint,
-            law.axes,
-            law.actuation_name,
-            law.domain,
-        )
+        self.joint, self.axes, self.domain = law.joint, law.axes, law.domain
+        self.actuation_name = law.actuation_name
         self._law, self._scalar = law, scalar
 
     def evaluate(self, actuation: Array, deformation: Array) -> Effort:
         m, a = deformation.shape
         effort = Effort(np.empty((m, a)), np.empty((m, a)), np.empty((m, a, a)))
-        evaluate_law(
-            law_address(self._scalar.function),
-            self._scalar.parameters,
-            np.array(actuation, float),
-            np.array(deformation, float, order="C"),
-            effort.tau,
-            effort.dtau_dp,
-            effort.dtau_du,
-        )
+        states = np.array(actuation, float), np.array(deformation, float, order="C")
+        address, parameters = law_address(self._scalar.function), self._scalar.parameters
+        evaluate_law(address, parameters, *states, effort.tau, effort.dtau_dp, effort.dtau_du)
         return effort
 
     def record(self) -> LawRecord:
         return self._law.record()
-
-
-def _marker_jacobian(statics: ChainStatics, pose: Pose, q: Array) -> Array:
-    """(n + 2, 3, n, a) velocity of base, joints and tip per rate of the coordinates."""
-    points = statics.geometry.markers(q)
-    last = len(points) - 2
-    rows = [statics.point_jacobian(pose, min(k, last), point) for k, point in enumerate(points)]
-    return np.stack(rows)
