@@ -13,6 +13,7 @@ from pliant.mechanics.rotations import exp_map
 from pliant.records.chain import ChainModel, Joint, default_base_rotation
 from pliant.records.design import Array, MassProperties
 from pliant.records.law import Domain, Effort, JointLaw, LawRecord, ScalarLaw
+from pliant.records.rollout import Equilibrium, Inputs
 from pliant_plugins.physics.mujoco.backend import Mujoco
 from pliant_plugins.physics.mujoco.config import MujocoConfig
 from pliant_plugins.physics.pybullet.backend import Pybullet
@@ -170,6 +171,13 @@ def random_chain(seed: int = 0, n: int = 6) -> ChainModel:
         base_rotation=exp_map(random.normal(size=3)),
         payload_kg=0.013,
     )
+
+
+def settle(engine: PhysicsBackend, chain: ChainModel, inputs: Inputs) -> Equilibrium:
+    """What a new simulation of this chain settles to."""
+    with engine.build(chain) as simulation:
+        simulation.apply(inputs)
+        return simulation.settle()
 
 
 ENGINES: dict[str, Callable[[], PhysicsBackend]] = {

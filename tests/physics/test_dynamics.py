@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.physics.conftest import StudyLaw, finger
+from tests.physics.conftest import StudyLaw, finger, settle
 
 from pliant.interfaces.physics import PhysicsBackend, SimulationState
 from pliant.mechanics.inertia import mass_matrix
@@ -89,9 +89,7 @@ def test_a_settling_that_is_cut_short_reports_the_state_it_leaves(
 ) -> None:
     config = type(dynamic_engine.config)(max_settle_steps=steps)
     inputs = Inputs({"pressure_pa": 15e3})
-    with type(dynamic_engine)(config).build(loaded_finger) as simulation:
-        simulation.apply(inputs)
-        settled = simulation.settle()
+    settled = settle(type(dynamic_engine)(config), loaded_finger, inputs)
     assert not settled.converged and not settled.stable
     assert settled.iterations == steps
     left = ChainStatics(loaded_finger).residual(settled.joint_angles, Loads.of(loaded_finger, inputs))

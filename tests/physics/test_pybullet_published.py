@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import pytest
+from tests.physics.conftest import settle
 
 from pliant.errors import UserError
 from pliant.interfaces.physics import SimulationState
@@ -92,9 +93,7 @@ def test_efforts_are_applied_naively() -> None:
     law = linear_spherical_law()
     chain = sample_finger(law=law, modules=6, base={"direction": [1, 0, 0]})
     inputs = Inputs({"pressure_pa": 3 * PRESSURE_PA}, tip_force_n=np.array([0.0, 0.3, -0.2]))
-    with Quasistatic(QuasistaticConfig()).build(chain) as simulation:
-        simulation.apply(inputs)
-        wanted = simulation.settle()
+    wanted = settle(Quasistatic(QuasistaticConfig()), chain, inputs)
     at_rest = SimulationState(0.0, wanted.joint_angles, np.zeros_like(wanted.joint_angles))
     away = {}
     for preset, engine in (("published", PUBLISHED), ("pliant", PLIANT)):

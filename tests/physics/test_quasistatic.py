@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 from scipy.optimize import brentq
+from tests.physics.conftest import settle
 
 from pliant.interfaces.physics import PhysicsBackend
 from pliant.mechanics.statics import ChainStatics, Loads
@@ -37,9 +38,7 @@ def test_buckled_pendulum_is_a_minimum(quasistatic: PhysicsBackend, study_law: L
     upright = default_base_rotation() @ np.diag([-1.0, 1.0, -1.0])
     law = study_law(m_e=0.0, b_e=stiffness, k_n=0.0, m_a=0.0)
     chain = pendulum(law, 2 * stiffness / (9.81 * 0.05), upright)
-    with quasistatic.build(chain) as simulation:
-        simulation.apply(Inputs({"pressure_pa": 0.0}))
-        settled = simulation.settle()
+    settled = settle(quasistatic, chain, Inputs({"pressure_pa": 0.0}))
     angle = brentq(lambda u: u - 2 * np.sin(u), 1.0, 3.0)
     assert settled.converged and settled.stable
     assert abs(settled.joint_angles[0, 0]) == pytest.approx(angle, abs=1e-7)
@@ -50,9 +49,7 @@ def test_residual_is_below_the_tolerance_on_hard_cases(
 ) -> None:
     """Loads up to forty times the design load, applied at once."""
     for payload in (0.0, 0.1, 0.5):
-        with quasistatic.build(heavy_chain.with_(payload_kg=payload)) as simulation:
-            simulation.apply(Inputs({"pressure_pa": 15e3}))
-            settled = simulation.settle()
+        settled = settle(quasistatic, heavy_chain.with_(payload_kg=payload), Inputs({"pressure_pa": 15e3}))
         assert settled.converged and settled.stable
         assert settled.residual <= 1e-9
         statics = ChainStatics(heavy_chain.with_(payload_kg=payload))

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from tests.physics.conftest import SCALAR, ScalarSpatial, ScalarStudy, StudyLaw, finger, random_chain
+from tests.physics.conftest import SCALAR, ScalarSpatial, ScalarStudy, StudyLaw, finger, random_chain, settle
 
 from pliant.errors import UserError
 from pliant.records.chain import ChainModel, default_base_rotation
@@ -31,9 +31,7 @@ def chain_of(kind: str) -> ChainModel:
 
 
 def solve(chain: ChainModel, pressure: float = 9e3, force: Any = FORCE, moment: float = 0.0) -> Equilibrium:
-    simulation = BACKEND.build(chain)
-    simulation.apply(Inputs({"pressure_pa": pressure}, force, moment, **LOADS))
-    return simulation.settle()
+    return settle(BACKEND, chain, Inputs({"pressure_pa": pressure}, force, moment, **LOADS))
 
 
 def derivatives(chain: ChainModel) -> Sensitivity:

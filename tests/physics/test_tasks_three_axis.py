@@ -110,14 +110,10 @@ def test_a_load_that_is_too_much_is_said_with_what_held_last(helix: ChainModel) 
     assert "At 50000 g the chain" in result.not_reached
     assert result.not_reached.endswith("the last level that held is 20 g.")
     assert result.metrics["held_kg"] == 0.02
-
-
-def test_a_payload_that_is_too_much_is_said_in_a_ramp(helix: ChainModel) -> None:
-    task = TipLoad(TipLoadConfig.model_validate({"pressure": "15 kPa", "payload": "50 kg", "steps": 3}))
-    result = perform(task, helix)
-    assert "At 15 kPa the chain" in result.not_reached
-    light = TipLoad(TipLoadConfig.model_validate({"pressure": "15 kPa", "payload": "5 g", "steps": 3}))
-    assert perform(light, helix).not_reached == ""
+    for payload, said in (("50 kg", "At 15 kPa the chain"), ("5 g", "")):
+        task = TipLoad(TipLoadConfig.model_validate({"pressure": "15 kPa", "payload": payload, "steps": 3}))
+        reason = perform(task, helix).not_reached
+        assert said in reason and bool(said) == bool(reason)
 
 
 def test_leaving_the_domain_is_an_error_by_choice(helix: ChainModel) -> None:
@@ -171,18 +167,6 @@ def test_the_cord_pulls_toward_the_pulley(finger: ChainModel, engine: PhysicsBac
     assert result.metrics["tip_x_m"] < free.metrics["tip_x_m"] - 1e-3
 
 
-def test_effects_on_the_input_leave_the_cord_in_place(finger: ChainModel) -> None:
-    """A gain of 0.5 on the command is half the pull; the weight stays what it is."""
-    wanted = perform(pull(tendon_force="3 N", payload="20 g"), finger)
-    halved = run_task(
-        STILL,
-        pull(tendon_force="6 N", payload="20 g"),
-        [HalfCommand(EffectConfig(kind="half"))],
-        finger,
-    )
-    np.testing.assert_allclose(halved.final.markers_m, wanted.final.markers_m, atol=1e-9)
-
-
 class HalfCommand(Effect):
     """Half of what is commanded arrives."""
 
@@ -191,6 +175,14 @@ class HalfCommand(Effect):
             return replace(history, actuation={name: 0.5 * x for name, x in history.actuation.items()})
 
         return replace(model, inputs=(*model.inputs, half))
+
+
+def test_effects_on_the_input_leave_the_cord_in_place(finger: ChainModel) -> None:
+    """A gain of 0.5 on the command is half the pull; the weight stays what it is."""
+    wanted = perform(pull(tendon_force="3 N", payload="20 g"), finger)
+    halving = [HalfCommand(EffectConfig(kind="half"))]
+    halved = run_task(STILL, pull(tendon_force="6 N", payload="20 g"), halving, finger)
+    np.testing.assert_allclose(halved.final.markers_m, wanted.final.markers_m, atol=1e-9)
 
 
 def test_a_travel_that_no_force_reaches_is_said(finger: ChainModel) -> None:
@@ -240,22 +232,11 @@ def follow(target: dict[str, Any], **changes: Any) -> FollowShape:
 
 
 def test_a_chain_that_is_the_target_is_at_no_distance(tmp_path: Path, massless_finger: ChainModel) -> None:
-    first = perform(
-        FollowShape(
-            FollowShapeConfig.model_validate(
-                {"pressure": "15 kPa", "target": {"radius": 0.018, "height": 0.06}}
-            )
-        ),
-        massless_finger,
-    )
+    first = perform(follow(HELIX), massless_finger)
     base = massless_finger.base_rotation
     curve = first.final.markers_m @ base  # base at the origin, its frame
-    rows = [
-        "# the settled chain itself",
-        "x_m,y_m,z_m",
-        *(",".join(map(repr, row)) for row in curve.tolist()),
-    ]
-    (tmp_path / "curve.csv").write_text("\n".join(rows))
+    rows = (",".join(map(repr, row)) for row in curve.tolist())
+    (tmp_path / "curve.csv").write_text("\n".join(["# the settled chain itself", "x_m,y_m,z_m", *rows]))
     file = {"points": tmp_path / "curve.csv"}
     same = perform(follow(file), massless_finger).metrics
     assert same["e_max_m"] < 1e-9 and same["backbone_length_m"] == pytest.approx(0.088)
@@ -267,11 +248,7 @@ def test_a_chain_that_is_the_target_is_at_no_distance(tmp_path: Path, massless_f
 
 def test_the_target_stands_on_the_base_of_the_chain(massless_finger: ChainModel) -> None:
     """Moving and turning the whole chain changes no distance."""
-    task = FollowShape(
-        FollowShapeConfig.model_validate(
-            {"pressure": "15 kPa", "target": {"radius": "18 mm", "height": "60 mm"}}
-        )
-    )
+    task = follow(HELIX)
     turn = exp_map(np.array([0.4, -1.0, 0.3]))
     moved = massless_finger.with_(
         base_position_m=np.array([0.1, 0.2, -0.3]), base_rotation=turn @ massless_finger.base_rotation
@@ -323,10 +300,7 @@ def test_a_target_is_a_helix_or_a_file() -> None:
 
 def test_a_target_file_stands_beside_its_study(tmp_path: Path) -> None:
     (tmp_path / "curve.csv").write_text("x_m,y_m,z_m\n0,0,0\n0.05,0,0\n")
-    study = {
-        "name": "a",
-        "task": {"kind": "follow_shape", "pressure": 1e3, "target": {"points": "curve.csv"}},
-    }
-    (tmp_path / "a.yaml").write_text(json.dumps(study))
-    task = load_study(tmp_path / "a.yaml", REGISTRY).task
-    assert isinstance(task, FollowShapeConfig) and task.target.points == tmp_path / "curve.csv"
+    task = {"kind": "follow_shape", "pressure": 1e3, "target": {"points": "curve.csv"}}
+    (tmp_path / "a.yaml").write_text(json.dumps({"name": "a", "task": task}))
+    read = load_study(tmp_path / "a.yaml", REGISTRY).task
+    assert isinstance(read, FollowShapeConfig) and read.target.points == tmp_path / "curve.csv"
