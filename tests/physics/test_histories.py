@@ -35,15 +35,8 @@ def history(run: str = "a", **changes: object) -> History:
     t = 0.25 * np.arange(41)
     p = np.interp(t, [0.0, 3.0, 5.0, 10.0], [1e3, P, 2e3, 0.8 * P])
     force = 0.01 * np.stack([np.sin(t), 0.3 * np.cos(t), 0.5 * np.sin(0.7 * t)], axis=1)
-    made = History.of(
-        {"pressure_pa": p},
-        t,
-        run=run,
-        tip_force_n=force,
-        moment_n_m=1e-3 * np.sin(0.9 * t),
-        temperature_c=30.0,
-    )
-    return made.with_(**changes)
+    loads = {"tip_force_n": force, "moment_n_m": 1e-3 * np.sin(0.9 * t)}
+    return History.of({"pressure_pa": p}, t, run=run, temperature_c=30.0, **loads).with_(**changes)
 
 
 def with_effects(chain: ChainModel, *kinds: str) -> Model:
@@ -78,16 +71,11 @@ def test_a_base_that_turns_and_a_payload_that_grows_are_followed_sample_by_sampl
     chain = sample_chain(modules=4, payload=0.004)
     angles = np.linspace([0, 0, 0], [0.5, 1.2, -0.4], 41)
     load = np.linspace(0.0, 0.02, 41)
-    path, _ = ENGINE.follow(
-        chain, [history(base_angles_rad=angles, payload_kg=load, tip_force_n=np.zeros((41, 3)))]
-    )
+    free = history(tip_force_n=np.zeros((41, 3)))
+    path, _ = ENGINE.follow(chain, [free.with_(base_angles_rad=angles, payload_kg=load)])
     for k in (7, 23, 40):
-        still = history(
-            base_angles_rad=np.tile(angles[k], (41, 1)),
-            payload_kg=np.full(41, load[k]),
-            tip_force_n=np.zeros((41, 3)),
-        )
-        there, _ = ENGINE.follow(chain, [still])
+        turned, hung = np.tile(angles[k], (41, 1)), np.full(41, load[k])
+        there, _ = ENGINE.follow(chain, [free.with_(base_angles_rad=turned, payload_kg=hung)])
         np.testing.assert_allclose(path[0].joint_angles[k], there[0].joint_angles[k], atol=1e-8)
 
 
@@ -116,12 +104,8 @@ def test_every_effect_is_that_of_plain_stepping(kind: str) -> None:
 def test_a_long_chain_that_curls_and_snaps_is_followed() -> None:
     """22 joints turned level: the residual must grow on the way, which plain Newton steps refuse."""
     chain = sample_chain(modules=22, payload=0.03)
-    level = history(
-        base_angles_rad=np.tile([0.0, np.pi / 2, 0.0], (41, 1)),
-        tip_force_n=np.zeros((41, 3)),
-        moment_n_m=np.zeros(41),
-    )
-    agree(chain, [level])
+    level, none = np.tile([0.0, np.pi / 2, 0.0], (41, 1)), np.zeros((41, 3))
+    agree(chain, [history(base_angles_rad=level, tip_force_n=none, moment_n_m=none[:, 0])])
 
 
 # -- time ---------------------------------------------------------------------------------------------

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 import pytest
@@ -19,26 +18,20 @@ from pliant_plugins.physics.mujoco.config import MujocoConfig
 from pliant_plugins.physics.stepping import step_through
 
 
-def branch(
-    angle: float, rate: float, dt_s: float, actuation: float, temperature_c: float, old: Any, new: Any, c: Any
-) -> float:
+def branch(angle, rate, dt_s, actuation, temperature_c, old, new, c):  # type: ignore[no-untyped-def]
     """A moment with memory, rate and temperature."""
     new[0] = 0.8 * old[0] + angle
     new[1] = max(old[1], angle)
     return float(-c[0] * rate - c[1] * old[0] * angle**2 + 1e-4 * (temperature_c - 22.0))
 
 
-def factor(
-    angle: float, rate: float, dt_s: float, actuation: float, temperature_c: float, old: Any, new: Any, c: Any
-) -> float:
+def factor(angle, rate, dt_s, actuation, temperature_c, old, new, c):  # type: ignore[no-untyped-def]
     """A factor that depends on angle and memory."""
     new[0] = old[0] + min(dt_s, 1.0) * abs(angle)
     return 1.0 + c[0] * angle * angle + 0.1 * old[0]
 
 
-def shift(
-    angle: float, rate: float, dt_s: float, actuation: float, temperature_c: float, old: Any, new: Any, c: Any
-) -> float:
+def shift(angle, rate, dt_s, actuation, temperature_c, old, new, c):  # type: ignore[no-untyped-def]
     """A resting place that follows the input."""
     return float(c[0] * actuation * angle)
 
@@ -129,8 +122,6 @@ def test_a_path_that_explodes_is_taken_back_and_told(finger_of: Callable[..., Ch
     assert np.isfinite(path.joint_angles).all()
 
 
-def explode(
-    angle: float, rate: float, dt_s: float, actuation: float, temperature_c: float, old: Any, new: Any, c: Any
-) -> float:
+def explode(angle, rate, dt_s, actuation, temperature_c, old, new, c):  # type: ignore[no-untyped-def]
     """Nothing until it is hot."""
     return 0.0 if temperature_c < 80.0 else 1e30

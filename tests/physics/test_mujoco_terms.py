@@ -19,6 +19,7 @@ from pliant.records.rollout import Inputs
 from pliant.records.scene import Arm, Scene
 from pliant.records.term import LawTerm
 from pliant.testing.physics_bench import NO_GRAVITY
+from pliant.testing.physics_runs import dashpot
 from pliant.testing.samples import linear_law, linear_spherical_law, sample_chain
 from pliant_plugins.physics.mujoco.backend import Mujoco
 from pliant_plugins.physics.mujoco.config import MujocoConfig
@@ -134,13 +135,6 @@ def test_the_loop_of_friction_is_that_of_the_quasi_static_engine() -> None:
     u = path.joint_angles[:, 0, 0]
     assert u[60] - u[20] > 0.03  # 8.5 kPa going down against the same going up
     np.testing.assert_allclose(u, slow.joint_angles[:, 0, 0], atol=0.01 * float(np.ptp(u)))
-
-
-def dashpot(
-    angle: float, rate: float, dt_s: float, actuation: float, temperature_c: float, old: Any, new: Any, c: Any
-) -> float:
-    """M = −c u'."""
-    return float(-c[0] * rate)
 
 
 def test_ball_joints_have_their_rates_in_all_axes() -> None:
