@@ -14,8 +14,8 @@ from pliant.mechanics.efforts import JointEfforts
 from pliant.records.chain import Actuator, ChainModel
 from pliant.records.design import Array
 from pliant.records.law import ScalarLaw
+from pliant_plugins.physics.compiled import cache_folder, discard_stale
 from pliant_plugins.physics.compiled.efforts import efforts, law_potential
-from pliant_plugins.physics.compiled.freshness import cache_folder, discard_stale
 from pliant_plugins.physics.compiled.laws import CompiledLaws
 
 TWO = (Actuator("pressure_1_pa", 1.0), Actuator("pressure_2_pa", -0.5))

@@ -31,7 +31,7 @@ from pliant.records.history import REFERENCE_TEMPERATURE_C, History
 from pliant.records.rollout import Rollout
 from pliant.records.scene import Scene
 from pliant_plugins.exporting.mjcf import write_mjcf
-from pliant_plugins.physics.compiled.freshness import is_cached
+from pliant_plugins.physics.compiled import is_cached
 from pliant_plugins.physics.compiled.motion import move
 from pliant_plugins.physics.dynamic import DynamicSimulation
 from pliant_plugins.physics.mujoco.config import MujocoConfig

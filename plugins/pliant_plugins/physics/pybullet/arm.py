@@ -102,7 +102,7 @@ class BulletArm:
     """Joints of one multibody, in SI outside and scaled inside. Link i − 1 is body i, link n the tip."""
 
     def __init__(self, client: Client, body: int, chain: ChainModel, scale: WorldScale | None = None) -> None:
-        """Take hold of a loaded `chain_urdf` of exactly this `chain`, which is in the engine's scale."""
+        """Take hold of a loaded `chain_tree` of exactly this `chain`, which is in the engine's scale."""
         self._client, self.body = client, body
         self._geometry = ChainGeometry.of(chain)
         self.ball = self._geometry.kind == "spherical"

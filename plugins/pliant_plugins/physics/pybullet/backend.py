@@ -21,7 +21,7 @@ from pliant_plugins.physics.dynamic import DynamicSimulation
 from pliant_plugins.physics.pybullet.arm import BulletArm, check_size, times
 from pliant_plugins.physics.pybullet.client import Client
 from pliant_plugins.physics.pybullet.config import PybulletConfig
-from pliant_plugins.physics.pybullet.urdf import chain_urdf, floored
+from pliant_plugins.physics.pybullet.urdf import chain_tree, document, floored
 
 # Explicit relaxation is stable from inertia = h² k on; this margin covers coupling between the joints.
 INERTIA_MARGIN = 2.0
@@ -46,7 +46,7 @@ class BulletSimulation(DynamicSimulation):
         self.client.setGravity(*[float(value) for value in chain.gravity_m_s2])
         with tempfile.TemporaryDirectory() as folder:
             path, base = Path(folder) / "chain.urdf", (chain.base_position_m, chain.base_rotation)
-            self.body = self.client.load(path, chain_urdf(self._model), *base, fixed=True)
+            self.body = self.client.load(path, document(chain_tree(self._model)), *base, fixed=True)
         self.arm = BulletArm(self.client, self.body, self._model)
         self._moments = [self.client.getDynamicsInfo(self.body, j)[2] for j in self.arm.joints]
         super().__init__(chain, statics, self.arm, config.tolerance, config.max_settle_steps)

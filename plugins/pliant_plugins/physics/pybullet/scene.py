@@ -29,7 +29,8 @@ from pliant_plugins.physics.pybullet.config import PybulletConfig
 from pliant_plugins.physics.pybullet.urdf import (
     CollisionWriter,
     body_urdf,
-    chain_urdf,
+    chain_tree,
+    document,
     floored,
     moving,
     principal,
@@ -290,7 +291,9 @@ class BulletScene(ArmsScene):
     def _arm(self, number: int, arm: Arm, carriage_kg: float, writer: CollisionWriter) -> BulletArm:
         chain = self.scale.chain(floored(arm.chain))
         base = MassProperties(carriage_kg, np.zeros(3), carriage_kg * np.eye(3))
-        body = self._load(chain_urdf(chain, base, writer), chain.base_position_m, chain.base_rotation, writer)
+        body = self._load(
+            document(chain_tree(chain, base, writer)), chain.base_position_m, chain.base_rotation, writer
+        )
         links = range(-1, chain.n_joints + 1)
         self._add(body, Part("arm", number), links, arm.friction, ARMS, OBJECTS | FLOOR)
         return BulletArm(self.client, body, chain, self.scale)

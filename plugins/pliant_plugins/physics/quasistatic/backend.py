@@ -195,7 +195,7 @@ class Quasistatic(PhysicsBackend):
         followed = histories and chain.laws[0].joint == "revolute"
         if not followed and (chain.terms or any(law.scalar() is None for law in chain.laws)):
             return None
-        from pliant_plugins.physics.compiled.freshness import is_cached  # numba takes a second
+        from pliant_plugins.physics.compiled import is_cached  # numba takes a second
         from pliant_plugins.physics.quasistatic.kernel import is_compiled
 
         if is_compiled() if followed else is_cached("equilibrium", "settle"):

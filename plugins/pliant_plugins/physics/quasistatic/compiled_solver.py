@@ -87,18 +87,13 @@ class Packs:
         self._kept: dict[tuple[Any, ...], tuple[ChainModel, Any]] = {}
         self._lock = Lock()
 
-    def laws(self, chain: ChainModel) -> CompiledLaws | None:
-        """See `CompiledLaws.of`; loads, payload and pose of a chain do not matter."""
-        key = ("laws", *map(id, chain.laws), id(chain.joints), chain.actuators)
-        laws: CompiledLaws | None = self._keep(key, chain, CompiledLaws.of)
-        return laws
-
-    def body(self, chain: ChainModel) -> tuple[Any, ...]:
-        """See `Body`; loads, payload and gravity of a chain do not matter."""
+    def of(self, chain: ChainModel) -> tuple[tuple[Any, ...], CompiledLaws | None]:
+        """`Body` and `CompiledLaws` of a chain, whose loads, payload and gravity do not matter."""
         base = (chain.base_position_m, chain.base_rotation)
         parts = (chain.joints, chain.bodies, chain.laws, chain.tip_offset_m, *base)
-        body: tuple[Any, ...] = self._keep(("body", *map(id, parts)), chain, lambda c: tuple(Body.of(c)))
-        return body
+        laws = ("laws", *map(id, chain.laws), id(chain.joints), chain.actuators)
+        body = self._keep(("body", *map(id, parts)), chain, lambda c: tuple(Body.of(c)))
+        return body, self._keep(laws, chain, CompiledLaws.of)
 
     def _keep(self, key: tuple[Any, ...], chain: ChainModel, make: Callable[[ChainModel], Any]) -> Any:
         known = self._kept.get(key)
@@ -117,7 +112,7 @@ def compiled_solver(chain: ChainModel, options: NewtonOptions, packs: Packs) -> 
 
     Where Newton's way fails it follows the overdamped motion from q.
     """
-    body, laws = packs.body(chain), packs.laws(chain)
+    body, laws = packs.of(chain)
     if chain.terms or laws is None:
         return None
     parts = (body, laws.arrays, laws.boxes)

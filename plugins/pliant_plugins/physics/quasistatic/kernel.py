@@ -20,8 +20,7 @@ from pathlib import Path
 import numpy as np
 from numba import njit
 
-from pliant_plugins.physics.compiled import laws, terms
-from pliant_plugins.physics.compiled.freshness import discard_stale
+from pliant_plugins.physics.compiled import discard_stale, laws, terms
 from pliant_plugins.physics.compiled.terms import combine, net_input
 from pliant_plugins.physics.quasistatic import hinge
 from pliant_plugins.physics.quasistatic.hinge import (
