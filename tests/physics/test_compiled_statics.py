@@ -9,7 +9,7 @@ from tests.physics.conftest import SCALAR, random_chain
 from pliant.mechanics.statics import ChainStatics, Loads
 from pliant.records.chain import Actuator, ChainModel
 from pliant.records.rollout import Cord, Inputs, PointForce
-from pliant_plugins.physics.compiled.chain_stiffness import (
+from pliant_plugins.physics.compiled.equilibrium import (
     factorise_chain,
     fill_dense,
     new_factor,

@@ -1,7 +1,7 @@
 """Compiled: residual, stiffness and potential of a chain; equations and signs are those of `pliant.mechanics`.
 
 Arguments are `Body.arrays`, `CompiledLaws.arrays` and `load_arrays`. A frame holds everything that depends on q, in
-arrays made once; the stiffness is held in the parts of `chain_stiffness`.
+arrays made once; the stiffness is held in the parts of `equilibrium`.
 """
 
 from __future__ import annotations
@@ -238,7 +238,7 @@ def balance(body, laws, loads, q, frame):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def stiffen(body, loads, q, frame, parts):  # type: ignore[no-untyped-def]
-    """Fills U, Y and the diagonal blocks of `chain_stiffness.new_factor` from a frame that `balance` filled.
+    """Fills U, Y and the diagonal blocks of `equilibrium.new_factor` from a frame that `balance` filled.
 
     Returns the largest difference of ∂τ/∂u to its transpose: 0 where the laws derive from an energy.
     """

@@ -24,7 +24,7 @@ from pliant.records.design import Array
 from pliant.records.history import History
 from pliant.records.rollout import Equilibrium, Inputs, OutsideDomain, Sensitivity
 from pliant_plugins.physics.quasistatic.config import QuasistaticConfig
-from pliant_plugins.physics.quasistatic.newton import NewtonOptions, Solution, Solver, minimise
+from pliant_plugins.physics.quasistatic.newton import NewtonOptions, Solution, Solver, minimise, sensitivity
 from pliant_plugins.physics.stepping import Paths, Steppable, step_through
 
 if TYPE_CHECKING:
@@ -107,8 +107,6 @@ class QuasistaticSimulation(Steppable):
                 "the chain has not settled in an equilibrium, so its answer has no derivatives: call settle() "
                 "and see that it converged"
             )
-        from pliant_plugins.physics.quasistatic.sensitivity import sensitivity  # numba takes a second
-
         return sensitivity(self.chain, self._statics, self._settled_q, self._settled_loads)
 
     def snapshot(self) -> SimulationState:
