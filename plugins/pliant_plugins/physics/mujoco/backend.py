@@ -76,8 +76,7 @@ class Samples(NamedTuple):
             before = column[np.maximum(number - 1, 0)]
             return np.asarray(weight * column[number] + (1.0 - weight) * before)
 
-        inputs = [mixed(column) for column in self[:4]]
-        return Samples(*inputs, duration=self.duration[number] / parts[number])
+        return Samples._make([*map(mixed, self[:4]), self.duration[number] / parts[number]])
 
 
 class MujocoSimulation(DynamicSimulation):
