@@ -65,7 +65,7 @@ def test_engines_move_alike(heavy_chain: ChainModel, dynamic_engine: PhysicsBack
 
 
 def test_damped_motion_ends_in_the_equilibrium(dynamic_engine: PhysicsBackend) -> None:
-    config, short = type(dynamic_engine.config)(joint_damping=3e-3), finger(StudyLaw(), 3, 0.0016, 0.01)
+    config, short = type(dynamic_engine.config)(joint_damping=3e-3), finger(StudyLaw(), 3, 0.02, 0.01)
     with type(dynamic_engine)(config).build(short) as simulation:
         simulation.apply(Inputs({"pressure_pa": 15e3}))
         settled = simulation.settle().markers_m
