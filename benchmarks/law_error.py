@@ -14,7 +14,7 @@ from pliant.config.loading import load_study
 from pliant.errors import UserError
 from pliant.pipeline.study import fem_of_study
 from pliant.records.fem import FemDataset
-from pliant_plugins.surrogates.polynomial.config import PolynomialConfig
+from pliant_plugins.surrogates.config import PolynomialConfig
 from pliant_plugins.surrogates.polynomial.surrogate import Polynomial
 
 

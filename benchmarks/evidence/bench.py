@@ -1,32 +1,30 @@
-"""Sets are made, asked about and judged by three kinds of processes.
+"""Sets are made and judged by one process, and asked about by others.
 
-A maker draws truths, measures them and seals the labels; diagnosers get the paths of a study and a CSV, no more;
-the calling process, the judge, holds the key and opens labels when all is done. Diagnosers may be the workers of any
-`concurrent.futures.Executor`, a cluster's too, as long as they see the folder. Results are appended line by line,
-so that a killed bench goes on where it was.
+The calling process holds the key: it draws truths, measures them, seals the labels, and opens them when all is done.
+Diagnosers, worker processes or those of a dask cluster that see the folder, get the paths of a study and a CSV, no
+more. Results are appended as lines of JSON that survive kill -9: a killed bench goes on where it was.
 """
 
 from __future__ import annotations
 
-import multiprocessing
+import json
 import os
-import threading
-import time
-from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, ProcessPoolExecutor, wait
-from contextlib import nullcontext
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-from benchmarks.evidence import diagnosers, results, seal
+from benchmarks.evidence import diagnosers, seal
 from benchmarks.evidence.judge import Judged, judge
 from benchmarks.evidence.tasks import PLANS, Plan, Task, digest
-from benchmarks.evidence.workers import ANY, add_runs, ask, make
+from benchmarks.evidence.workers import ANY, Question, add_runs, ask, make
+
+from pliant.execution.executors import ProcessExecutor, executor_for
+from pliant.execution.jobs import JobQueue
+from pliant.execution.progress import LogProgress
 
 # Sets made ahead of the diagnosers.
 AHEAD = 4
-EVERY_S = 20.0
 # Runs that are added to a poor set.
 ADDED = 2
 
@@ -58,7 +56,7 @@ class Bench:
     def lines(self) -> dict[str, dict[str, Any]]:
         """All results of this name, those of every shard."""
         files = [self.folder / f"{self.name}.jsonl", *sorted(self.folder.glob(f"{self.name}.*-of-*.jsonl"))]
-        return {name: line for file in files for name, line in results.read(file).items()}
+        return {name: line for file in files for name, line in read(file).items()}
 
     @property
     def sets(self) -> Path:
@@ -72,21 +70,43 @@ class Bench:
         return seal.judge_key(self.folder / "judge.key")
 
 
+def append(path: Path, line: dict[str, Any]) -> None:
+    """One line in one write at the end of the file, on the disk when this returns.
+
+    A piece of a line that a killed process left behind is closed off first and ignored by `read`.
+    """
+    path.parent.mkdir(parents=True, exist_ok=True)
+    text = (json.dumps(line) + "\n").encode()
+    handle = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND, 0o644)
+    try:
+        size = os.fstat(handle).st_size
+        if size and os.pread(handle, 1, size - 1) != b"\n":
+            text = b"\n" + text
+        os.write(handle, text)
+        os.fsync(handle)
+    finally:
+        os.close(handle)
+
+
+def read(path: Path) -> dict[str, dict[str, Any]]:
+    """Lines by their `id`, the last one of each; what is no line of results is passed over."""
+    lines: dict[str, dict[str, Any]] = {}
+    if not path.exists():
+        return lines
+    for text in path.read_text(errors="replace").splitlines():
+        try:
+            line = json.loads(text)
+        except json.JSONDecodeError:
+            continue
+        if isinstance(line, dict) and "id" in line:
+            lines[line["id"]] = line
+    return lines
+
+
 def diagnoser_digest() -> str:
     """Digest of the code under test."""
     root = Path(__file__).resolve().parents[2]
     return digest(sorted(file for room in ("core", "plugins") for file in (root / room).rglob("*.py")))
-
-
-def end_with(parent: int) -> None:
-    """In a child's process: end when the parent has been killed; a pool's children would wait for ever."""
-
-    def watch() -> None:
-        while os.getppid() == parent:
-            time.sleep(1.0)
-        os._exit(1)
-
-    threading.Thread(target=watch, daemon=True).start()
 
 
 @dataclass
@@ -108,15 +128,15 @@ class Job:
         return proposed.get("name") or None
 
 
-def run(bench: Bench, plan: Plan, executor: Executor | None = None) -> None:
-    """All tasks of the plan that have no result yet.
+def run(bench: Bench, plan: Plan, scheduler: str | None = None) -> None:
+    """All tasks of the plan that have no result yet: sets are made here, where the key is, and asked about elsewhere.
 
     Args:
-        executor: asks the diagnoser, in processes that see the folder under the same path; by default processes of
-            this machine. Sets are made on this machine, where the key is.
+        scheduler: of a dask cluster that asks, its address or file: its workers see the folder under the same path. By
+            default processes of this machine ask.
     """
     key, code = bench.key(), diagnoser_digest()
-    found = results.read(bench.results)
+    found = read(bench.results)
     others = sum(line.get("code") != code for line in found.values())
     if others:
         print(f"{others} results are by other code of pliant; --fresh forgets them", flush=True)
@@ -124,38 +144,33 @@ def run(bench: Bench, plan: Plan, executor: Executor | None = None) -> None:
     named = [Job(task.secret_id(key), task) for task in bench.share_of(plan.tasks())]
     waiting = [job for job in named if job.name not in done]
     print(f"{len(named)} sets, {len(named) - len(waiting)} done before", flush=True)
-    pool = partial(
-        ProcessPoolExecutor,
-        mp_context=multiprocessing.get_context("spawn"),
-        initializer=end_with,
-        initargs=(os.getpid(),),
-    )
-    progress = _Progress(len(waiting))
-    with pool(1) as makers, nullcontext(executor) if executor else pool(bench.workers) as askers:
-        making: dict[Future[Any], Job] = {}
-        asking: dict[Future[Any], Job] = {}
-        while waiting or making or asking:
-            while waiting and len(making) + len(asking) < bench.workers + AHEAD:
+    bar = LogProgress(partial(print, flush=True)).begin("sets", len(waiting))
+    asked: dict[str, Job] = {}
+    workers = scheduler or ProcessExecutor(bench.workers)
+    with executor_for(workers) as executor, JobQueue[Question, dict[str, Any]](executor, ask) as asking:
+
+        def put(job: Job) -> None:
+            verb = "improve" if job.task.mode == "improve" else "diagnose"
+            asked[job.name] = job
+            asking.submit([Question(verb, bench.diagnoser, job.name, bench.sets, bool(job.runs))])
+
+        while waiting or asking.waiting:
+            while waiting and asking.waiting < bench.workers + AHEAD:
                 job = waiting.pop(0)
-                making[makers.submit(make, job.task, job.name, bench.sets, key)] = job
-            finished, _ = wait([*making, *asking], return_when=FIRST_COMPLETED)
-            for future in finished:
-                if future in making:
-                    job, made = making.pop(future), future.result()
-                    job.runs = made if isinstance(made, list) else []
-                    verb = "improve" if job.task.mode == "improve" else "diagnose"
-                    asked = askers.submit(ask, verb, bench.diagnoser, job.name, bench.sets, bool(job.runs))
-                    asking[asked] = job
-                    continue
-                job = asking.pop(future)
-                line = _answer(future, job.name)
+                make(job.task, job.name, bench.sets, key)
+                put(job)
+            for one in asking.completed():
+                job = asked.pop(one.item.name)
+                line = one.result or {"id": job.name, "error": f"{one.failure}", "wall_s": 0.0, "cpu_s": 0.0}
                 if more := job.next_run(line):
                     job.before.append(line)
                     chosen = [ANY] * (len(job.runs) + 1) if more == ANY else [*job.runs, more]
-                    making[makers.submit(add_runs, job.task, job.name, bench.sets, chosen)] = job
+                    job.runs = add_runs(job.task, job.name, bench.sets, chosen)
+                    put(job)
                     continue
-                results.append(bench.results, {**_with_plan(line, job), "code": code})
-                progress.one_more()
+                append(bench.results, {**_with_plan(line, job), "code": code})
+                bar.advance()
+    bar.finish()
 
 
 def _with_plan(line: dict[str, Any], job: Job) -> dict[str, Any]:
@@ -164,15 +179,6 @@ def _with_plan(line: dict[str, Any], job: Job) -> dict[str, Any]:
         return line
     spent = {key: line[key] + sum(other[key] for other in job.before) for key in ("wall_s", "cpu_s")}
     return {**line, **spent, "added": job.runs, "first": job.before[0]}
-
-
-def _answer(future: Future[Any], name: str) -> dict[str, Any]:
-    """The line of results; where the process was killed, by the kernel or by hand, the bench ends and says so."""
-    try:
-        line: dict[str, Any] = future.result()
-    except BrokenExecutor as error:
-        raise SystemExit(f"a diagnoser was killed at set {name}; run again to go on") from error
-    return line
 
 
 def judged(bench: Bench, plan: Plan) -> list[Judged]:
@@ -184,21 +190,3 @@ def judged(bench: Bench, plan: Plan) -> list[Judged]:
         for name, task in named
         if name in lines
     ]
-
-
-class _Progress:
-    """Now and then a line: how many, how fast, how long still."""
-
-    def __init__(self, total: int) -> None:
-        self.total, self.count = total, 0
-        self.start = self.said = time.monotonic()
-
-    def one_more(self) -> None:
-        self.count += 1
-        now = time.monotonic()
-        if now - self.said < EVERY_S and self.count < self.total:
-            return
-        self.said = now
-        each = (now - self.start) / self.count
-        left = each * (self.total - self.count) / 60
-        print(f"  {self.count}/{self.total}  {60 / each:.1f} a minute  {left:.0f} min left", flush=True)

@@ -1,15 +1,14 @@
-"""The results page of docs, from the bench's numbers: no figure on it is typed by hand.
+"""The bench's tables, on the terminal and on the results page of docs: no figure on it is typed by hand.
 
 The page's own words stay; what stands between `<!-- bench: NAME -->` and `<!-- end -->` is written anew.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from benchmarks.evidence.tables import number_text
 from benchmarks.evidence.tasks import Plan, Task
 from benchmarks.evidence.truths import FOURTEEN
 from benchmarks.evidence.workers import ORACLE_GROUP
@@ -43,9 +42,30 @@ def publish(data: dict[str, Any], page: Path = PAGE, pictures: Path = PICTURES) 
     draw_all(data, pictures)
 
 
+def as_text(data: dict[str, Any]) -> str:
+    """All tables of `counting.summary` as text, and what was answered in every group."""
+    lines = [f"{data['n']} answers, {data['errors']} errors"]
+    for table in TABLES.values():
+        lines += [
+            "",
+            f"{table.__doc__}",
+            *(line for line in table(data) if line and not line.startswith("![")),
+        ]
+    for group, rows in data["confusion"].items():
+        lines += [
+            "",
+            f"What was hidden, and what was answered ({group}; {_of(data['ambiguous'][group])} ambiguous):",
+        ]
+        lines += [f"  {kind:20s} {_counts(row)}" for kind, row in rows.items()]
+    return "\n".join(lines)
+
+
 def bars(data: dict[str, Any]) -> Iterator[str]:
     """What was asked for, and what was reached."""
     poor, plan, found, credible = data["poor"], data["plan"], data["calibration"], data["credible_set"]
+    end = data["improve"]
+    improved = f"**{_number(end['end_over_floor']['median'])}** of {end['n']}" if end["n"] else "not tried"
+    ways = (("suggested", "≥ 90 %"), ("random", ""))
     rows: list[tuple[str, str, str, str]] = [
         _row("right effect by class, rich protocol", "≥ 95 %", data["effects"]["by_class"]),
         _row("… strictly", "", data["effects"]),
@@ -54,23 +74,15 @@ def bars(data: dict[str, Any]) -> Iterator[str]:
         _row("exact pair of two hidden", "≥ 85 %", data["pairs"]),
         _row("… by class", "", data["pairs"]["by_class"]),
         _row("90 % set holds the truth", "86 to 95 %", credible["coverage"]),
-        ("… median size", "≤ 2", number_text(credible["median_size"]), ""),
+        ("… median size", "≤ 2", _number(credible["median_size"]), ""),
         _row("poor protocol, first hypothesis true", "", poor["top"]),
         _row("… a scorer with the true forms", "", poor["oracle"]),
         ("… ratio", "≥ 90 %", _percent(poor["ratio"]), ""),
-        *(
-            _row(f"poor, after two runs, {name}", "≥ 90 %" if name == "suggested" else "", plan[name])
-            for name in ("suggested", "random")
-            if name in plan
-        ),
-        *(
-            _row(f"… {name}, by class", "", plan[name]["by_class"])
-            for name in ("suggested", "random")
-            if name in plan
-        ),
-        (f"stated against true, {found['n']} cases: error", "≤ 0.05", number_text(found["error"]), ""),
-        ("… Brier score", "", number_text(found["brier"]), ""),
-        ("held-out error after `improve`, over the floor, median", "≤ 1.15", _improved(data), ""),
+        *(_row(f"poor, after two runs, {name}", bar, plan[name]) for name, bar in ways if name in plan),
+        *(_row(f"… {name}, by class", "", plan[name]["by_class"]) for name, _ in ways if name in plan),
+        (f"stated against true, {found['n']} cases: error", "≤ 0.05", _number(found["error"]), ""),
+        ("… Brier score", "", _number(found["brier"]), ""),
+        ("held-out error after `improve`, over the floor, median", "≤ 1.15", improved, ""),
     ]
     yield from pages.table("what | to reach | reached | 95 % (Wilson), sets", rows)
 
@@ -86,8 +98,7 @@ def kinds(data: dict[str, Any]) -> Iterator[str]:
         data["by_kind"].items(), key=lambda entry: (entry[0] not in FOURTEEN, entry[0])
     ):
         other = {a: n for a, n in answers.get(kind, {}).items() if a != kind}
-        words = ", ".join(f"{_words(a)} {n}" for a, n in sorted(other.items(), key=lambda entry: -entry[1]))
-        yield f"| `{kind}` | {_of(value)} | {_of(value['by_class'])} | {words} |"
+        yield f"| `{kind}` | {_of(value)} | {_of(value['by_class'])} | {_counts(other, _words)} |"
 
 
 def unknown(data: dict[str, Any]) -> Iterator[str]:
@@ -99,7 +110,7 @@ def unknown(data: dict[str, Any]) -> Iterator[str]:
         other = {
             a: n for a, n in answers.get(kind, {}).items() if a not in ("unknown_effect", "not_repeatable")
         }
-        yield f"| `{kind}` | {_of(value)} | {', '.join(f'{_words(a)} {n}' for a, n in other.items())} |"
+        yield f"| `{kind}` | {_of(value)} | {_counts(other, _words)} |"
 
 
 def strength(data: dict[str, Any]) -> Iterator[str]:
@@ -132,7 +143,7 @@ def planned(data: dict[str, Any]) -> Iterator[str]:
     yield "| two more runs | right | by class | first hypothesis true | runs that were added |"
     yield "|---|---|---|---|---|"
     for name, value in sorted(data["plan"].items(), reverse=True):
-        runs = ", ".join(f"`{run}` {n}" for run, n in list(value["runs"].items())[:6])
+        runs = _counts(dict(list(value["runs"].items())[:6]), "`{}`".format)
         yield f"| {name} | {_long(value)} | {_of(value['by_class'])} | {_of(value['top'])} | {runs} |"
 
 
@@ -152,7 +163,7 @@ def times(data: dict[str, Any]) -> Iterator[str]:
     yield "| group | sets | planned | one, median, s of CPU | all, min of CPU |"
     yield "|---|---|---|---|---|"
     for name, value in data["time"].items():
-        cells = value["n"], wanted.get(name, "–"), number_text(value["median"]), f"{value['cpu_s'] / 60:.1f}"
+        cells = value["n"], wanted.get(name, "–"), _number(value["median"]), f"{value['cpu_s'] / 60:.1f}"
         yield f"| {name} | {' | '.join(str(cell) for cell in cells)} |"
 
 
@@ -212,8 +223,10 @@ def _words(answer: str) -> str:
     )
 
 
-def _improved(data: dict[str, Any]) -> str:
-    value = data["improve"]
-    return (
-        f"**{number_text(value['end_over_floor']['median'])}** of {value['n']}" if value["n"] else "not tried"
-    )
+def _counts(answers: Mapping[str, int], words: Callable[[str], str] = str) -> str:
+    """Answers and how often each was given, the most frequent first."""
+    return ", ".join(f"{words(a)} {n}" for a, n in sorted(answers.items(), key=lambda entry: -entry[1]))
+
+
+def _number(value: float | None) -> str:
+    return "–" if value is None else f"{value:.3g}"

@@ -10,9 +10,16 @@ import matplotlib
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
-from benchmarks.evidence.tables import SEVERAL, SHORT
 from benchmarks.evidence.truths import CLEAN, KINDS, UNKNOWN
 
+SHORT = {
+    "missing_effect": "missing",
+    "nothing_missing": "nothing",
+    "unknown_effect": "unknown",
+    "not_repeatable": "not repeatable",
+    "insufficient_data": "insufficient",
+}
+SEVERAL = "several effects"
 INK, GREY, BLUE, ORANGE = "#222222", "#9a9a9a", "#1f77b4", "#d95f02"
 VERDICTS = ("nothing_missing", "ambiguous", "unknown_effect", "not_repeatable", "insufficient_data")
 

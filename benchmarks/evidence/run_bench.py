@@ -32,8 +32,7 @@ from benchmarks.evidence.bench import Bench, judged, run
 from benchmarks.evidence.counting import summary
 from benchmarks.evidence.judge import ERROR
 from benchmarks.evidence.protocols import NAMES
-from benchmarks.evidence.publish import expected_time, publish
-from benchmarks.evidence.tables import tables
+from benchmarks.evidence.publish import as_text, expected_time, publish
 from benchmarks.evidence.tasks import Plan, planned, small_plan
 from benchmarks.evidence.truths import CLEAN, KINDS, UNKNOWN
 from benchmarks.evidence.workers import write
@@ -108,16 +107,6 @@ def _shard(text: str) -> tuple[int, int]:
     return part, count
 
 
-def _run(bench: Bench, plan: Plan, scheduler: str | None) -> None:
-    if scheduler is None:
-        run(bench, plan)
-        return
-    from pliant.execution.executors import executor_for
-
-    with executor_for(scheduler) as executor:
-        run(bench, plan, executor)
-
-
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run what is left, judge, print the tables, write evidence.json."""
     given = _arguments(arguments)
@@ -130,10 +119,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     if given.fresh:
         bench.results.unlink(missing_ok=True)
     if not given.summarise:
-        _run(bench, plan, given.scheduler)
+        run(bench, plan, given.scheduler)
     items = judged(bench, plan)
     data = {**summary(items), "planned": planned(plan)}
-    print(tables(data))
+    print(as_text(data))
     target = given.out / ("evidence.json" if name == "full" else f"evidence_{name}.json")
     write(target, json.dumps(data, indent=1))
     if given.publish:

@@ -1,4 +1,4 @@
-"""What the bench's child processes do: make sets and further runs, with the key; or ask, without it."""
+"""Work on one set: make it and further runs, with the key; or ask, without it, in a process of its own."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import hashlib
 import tempfile
 import time
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -34,13 +35,13 @@ ORACLE_GROUP = "poor"
 ANY = "*"
 
 
-def make(task: Task, name: str, folder: Path, key: bytes) -> str:
-    """In a maker's process: write NAME.csv, NAME_study.yaml and NAME.sealed; the set's name."""
+def make(task: Task, name: str, folder: Path, key: bytes) -> None:
+    """Write NAME.csv, NAME_study.yaml and NAME.sealed, unless they are there."""
     from benchmarks.evidence.sets import make_set
 
     sealed = folder / f"{name}{seal.SUFFIX}"
     if sealed.exists():  # written last, so the set is complete
-        return name
+        return
     folder.mkdir(parents=True, exist_ok=True)
     made = make_set(task.spec, name=f"set-{name}")
     label = dict(made.label)
@@ -51,11 +52,10 @@ def make(task: Task, name: str, folder: Path, key: bytes) -> str:
     write(folder / f"{name}.csv", made.csv)
     write(folder / f"{name}_study.yaml", made.study)
     write(sealed, seal.seal(label, key))
-    return name
 
 
 def add_runs(task: Task, name: str, folder: Path, chosen: Sequence[str]) -> list[str]:
-    """In a maker's process: the runs of these names (`ANY`: drawn), done by the set's own truth, as NAME_added.csv.
+    """The runs of these names (`ANY`: drawn), done by the set's own truth, as NAME_added.csv.
 
     Returns their names. Runs that are drawn differ from each other.
     """
@@ -74,30 +74,46 @@ def add_runs(task: Task, name: str, folder: Path, chosen: Sequence[str]) -> list
 def _menu_of(study: Path, csv: Path) -> Sequence[Any]:
     from pliant import api
     from pliant.experiments.experiment_catalogue import timed_catalogue
-    from pliant.experiments.scale import BenchScale
+    from pliant.experiments.planned_run import BenchScale
 
     with tempfile.TemporaryDirectory() as store:
         model = api.predictor(api.open_study(study, store=Path(store)), csv)
         return timed_catalogue(BenchScale.of_measurement(model.chain, model.measurement))
 
 
-def ask(verb: str, module: str, name: str, folder: Path, added: bool = False) -> dict[str, Any]:
-    """In a diagnoser's process: the line of results of one set. It knows paths of a study and of CSVs, no more."""
-    data = [str(folder / f"{name}.csv"), *([str(folder / f"{name}_added.csv")] if added else [])]
+@dataclass(frozen=True)
+class Question:
+    """What a diagnoser's process is given: paths of a study and of CSVs by the set's name, no more.
+
+    Attributes:
+        verb: `diagnose` or `improve`, a function of the `module`.
+        added: the set has further runs.
+    """
+
+    verb: str
+    module: str
+    name: str
+    folder: Path
+    added: bool = False
+
+
+def ask(question: Question) -> dict[str, Any]:
+    """In a diagnoser's process: the line of results of one set."""
+    name, path = question.name, str(question.folder / question.name)
+    data = [f"{path}.csv", *([f"{path}_added.csv"] if question.added else [])]
     start, cpu = time.perf_counter(), time.process_time()
-    line: dict[str, Any] = {"id": name, "verb": verb}
+    line: dict[str, Any] = {"id": name, "verb": question.verb}
     try:
-        result = diagnosers.load(module, verb)(str(folder / f"{name}_study.yaml"), data, _seed(name))
-        line["result"] = {key: _kept(key, result[key]) for key in KEPT if key in result}
+        diagnoser = diagnosers.load(question.module, question.verb)
+        result = diagnoser(f"{path}_study.yaml", data, _seed(name))
+        line["result"] = {key: result[key] for key in KEPT if key in result}
+        if "hypotheses" in result:
+            line["result"]["hypotheses"] = [
+                {key: one[key] for key in HYPOTHESIS if key in one} for one in result["hypotheses"]
+            ]
     except Exception as error:  # one set that fails must not end the bench
         line["error"] = f"{type(error).__name__}: {error}"[:2000]
     return line | {"wall_s": time.perf_counter() - start, "cpu_s": time.process_time() - cpu}
-
-
-def _kept(key: str, value: Any) -> Any:
-    if key != "hypotheses":
-        return value
-    return [{name: one[name] for name in HYPOTHESIS if name in one} for one in value]
 
 
 def _seed(name: str) -> int:

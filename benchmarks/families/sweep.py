@@ -24,7 +24,7 @@ from benchmarks.output import parser_of, read, write
 from pliant import api
 from pliant.config.designs import sweep_designs
 from pliant.errors import InvalidDesignError, UserError
-from pliant.pipeline.sweep_records import SweepRun
+from pliant.pipeline.sweep import SweepRun
 
 WORKERS = 2
 MATERIAL = "material: {kind: neo_hookean, shear_modulus: 240 kPa, density: 1150 kg/m^3}\n"

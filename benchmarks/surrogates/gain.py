@@ -19,11 +19,11 @@ from benchmarks.surrogates.held_out import misses_of, table
 from scipy.stats import qmc
 
 from pliant.interfaces.meta_model import DesignLaws
-from pliant.pipeline.meta_model.scoring import shares
+from pliant.pipeline.meta_model.cross_validation import shares
 from pliant.records.design import Array
 from pliant.records.solved import SolvedDesigns
-from pliant_plugins.meta_models.regression.config import RegressionConfig
-from pliant_plugins.meta_models.regression.model import Regression
+from pliant_plugins.meta_models.config import RegressionConfig
+from pliant_plugins.meta_models.regression import Regression
 
 OVER = 256
 SEED = 0

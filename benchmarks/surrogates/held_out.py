@@ -10,9 +10,14 @@ import numpy as np
 
 from pliant.execution.progress import Silent
 from pliant.interfaces.meta_model import DesignLaws, FittedMetaModel, MetaModel, MetaModelConfig
-from pliant.pipeline.meta_model.cross_validation import LeftOutResiduals, misses_left_out, parts_of
+from pliant.pipeline.meta_model.cross_validation import (
+    LeftOutResiduals,
+    Scores,
+    misses_left_out,
+    parts_of,
+    scores_of,
+)
 from pliant.pipeline.meta_model.designs import from_table
-from pliant.pipeline.meta_model.scoring import Scores, scores_of
 from pliant.records.law import LawRecord
 from pliant.records.solved import SolvedDesigns
 

@@ -10,7 +10,9 @@ from tests.cli.search_study import STUDY as SEARCHED
 from tests.cli.test_commands import BENCH, bench_table
 from typer.testing import CliRunner
 
+from pliant.cli.options import DEFAULT_STORE
 from pliant.cli.verbs import VERBS, app
+from pliant.store.store import ArtifactStore, Recipe
 
 ROOT = Path(__file__).parents[2]
 ROWS = re.findall(r"^\| `([\w-]+)` \| (`.*`) \|$", (ROOT / "docs" / "formats.md").read_text("utf-8"), re.M)
@@ -31,6 +33,7 @@ CALLS = {
     "plan": ("loop/finger.yaml",),
     "render": ("law.yaml", "--backbone", "--out", "line.png"),
     "export": ("law.yaml", "--out", "chain.xml"),
+    "store": (),
 }
 # Lists and objects that hold nothing in these runs: the hidden effect is found, nothing is left to measure.
 MAY_BE_EMPTY = {
@@ -49,6 +52,7 @@ def folder(tmp_path_factory):
     for name, text in (("law", BENCH), ("searched", SEARCHED)):
         (place / f"{name}.yaml").write_text(text)
     bench_table(place)
+    ArtifactStore(place / DEFAULT_STORE).make(Recipe("tried", {}, {}, "", {}), lambda parts: {})
     return place
 
 

@@ -3,7 +3,7 @@
 import pytest
 from pydantic import ValidationError
 
-from pliant.config.uncertainty import UncertaintyConfig
+from pliant.config.noise import UncertaintyConfig
 
 
 @pytest.mark.parametrize(("level", "least"), [(0.95, 18), (0.99, 98)])

@@ -13,8 +13,7 @@ import pytest
 
 from pliant import api
 from pliant.errors import UserError
-from pliant.pipeline.chain_length import chain_length_m
-from pliant.pipeline.study import simulate_study
+from pliant.pipeline.study import chain_length_m, simulate_study
 from pliant.search.problem.feasibility import require_reachable
 from pliant.search.problem.search_problem import SearchProblem
 

@@ -13,7 +13,7 @@ from pliant.records.design import Array
 from pliant.records.rollout import Inputs
 from pliant.records.scene import Arm, Scene
 from pliant.records.shape import Shape, TriangleMesh
-from pliant.testing.scenes import (
+from pliant.testing.samples import (
     NO_GRAVITY_M_S2,
     OBJECT_KG,
     lopsided_box,

@@ -15,8 +15,15 @@ from pliant.records.design import Array
 from pliant.records.rollout import Inputs
 from pliant.records.scene import Arm, Part, Scene
 from pliant.records.shape import Shape, TriangleMesh
-from pliant.testing.samples import PRESSURE_PA, linear_law
-from pliant.testing.scenes import OBJECT_KG, pinch_scene, pinching, sample_box, sample_finger
+from pliant.testing.samples import (
+    OBJECT_KG,
+    PRESSURE_PA,
+    linear_law,
+    pinch_scene,
+    pinching,
+    sample_box,
+    sample_finger,
+)
 from pliant_plugins.physics.mujoco.backend import Mujoco
 from pliant_plugins.physics.mujoco.config import MujocoConfig
 

@@ -10,7 +10,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from pliant.pipeline.law_speed import evaluations_per_second
 from pliant.pipeline.learning import (
     WITH,
     WITHOUT,
@@ -21,14 +20,14 @@ from pliant.pipeline.learning import (
     subset_sizes,
     with_checks,
 )
-from pliant.pipeline.module_data import as_scored, module_of, module_of_axes
-from pliant.pipeline.residuals import Residuals
+from pliant.pipeline.residuals import Residuals, as_scored, module_of, module_of_axes
+from pliant.pipeline.surrogate import evaluations_per_second
 from pliant.pipeline.workbench import Workbench
 from pliant.records.fem import ModuleData
 from pliant.registry.discovery import discover
 from pliant.store.store import ArtifactStore
 from pliant.testing.samples import linear_law, softening_law, table_of
-from pliant_plugins.surrogates.polynomial.config import PolynomialConfig
+from pliant_plugins.surrogates.config import PolynomialConfig
 from pliant_plugins.surrogates.polynomial.surrogate import Polynomial
 
 

@@ -9,7 +9,7 @@ from tests.pipeline import meta_bench as bench
 from pliant import api
 from pliant.errors import UserError
 from pliant.pipeline.meta_model.designs import assembled, from_sweep, from_table, solved_designs
-from pliant.pipeline.sweep_table import write_sweep_table
+from pliant.pipeline.sweep import write_sweep_table
 from pliant.testing.solved_samples import solved_designs as samples
 from pliant.testing.solved_samples import solved_spherical_designs
 

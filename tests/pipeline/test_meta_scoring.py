@@ -8,8 +8,13 @@ import pytest
 from pliant.errors import UserError
 from pliant.execution.progress import Silent
 from pliant.interfaces.meta_model import DesignLaws, FittedMetaModel, MetaModel, MetaModelConfig
-from pliant.pipeline.meta_model.cross_validation import free_branch, misses_left_out, parts_of
-from pliant.pipeline.meta_model.scoring import Scores, scores_of
+from pliant.pipeline.meta_model.cross_validation import (
+    Scores,
+    free_branch,
+    misses_left_out,
+    parts_of,
+    scores_of,
+)
 from pliant.records.law import Effort, JointLaw
 from pliant.testing.meta_model_stand_in import StandInMetaModel, StandInMetaModelConfig
 from pliant.testing.samples import linear_law

@@ -13,8 +13,8 @@ from tests.pipeline.sweep_bench import study as sweep_study
 from pliant import api
 from pliant.config.study import Study
 from pliant.errors import UserError
+from pliant.pipeline.meta_model.designs import values_of
 from pliant.pipeline.meta_model.error_bars import LEVELS
-from pliant.pipeline.meta_model.parameters import values_of
 from pliant.pipeline.study import laws_of_study
 from pliant.report.folder import finished, read_folder, write_folder
 from pliant.report.render import page

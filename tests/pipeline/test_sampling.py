@@ -8,8 +8,8 @@ import pytest
 from pliant.errors import NotReachedError
 from pliant.execution.progress import Silent
 from pliant.interfaces.fem import FemConfig, ModuleSolver, StateNotConvergedError
-from pliant.pipeline.sampling import Piece, levels
-from pliant.pipeline.sampling import sample as sample_pieces
+from pliant.pipeline.sampling.plan import sample as sample_pieces
+from pliant.pipeline.sampling.walk import Piece, levels
 from pliant.records.fem import FemState
 
 CONFIG = FemConfig(kind="any", sampling="grid", pressure_max_pa=10.0, pressures=4, angles=5, check_states=6)
@@ -218,7 +218,7 @@ def test_a_failed_state_is_not_tried_again_after_an_interruption(tmp_path):
 
 def test_a_full_disk_is_one_sentence_and_loses_nothing(tmp_path, monkeypatch):
     from pliant.errors import UserError
-    from pliant.pipeline.sampling import saved
+    from pliant.pipeline.sampling import walk as saved
 
     def full(folder, value):
         raise OSError(28, "No space left on device")

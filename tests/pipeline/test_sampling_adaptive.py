@@ -9,9 +9,9 @@ from tests.pipeline.analytic import Analytic, Potential, bellow, power
 from pliant.errors import NotReachedError
 from pliant.execution.progress import Silent
 from pliant.interfaces.fem import FemConfig
-from pliant.pipeline.sampling import Piece, Sampling, sample
-from pliant.pipeline.sampling.adaptive import Box, interpolated
-from pliant.pipeline.sampling.law_view import law_view
+from pliant.pipeline.sampling.adaptive import Box, interpolated, law_view
+from pliant.pipeline.sampling.plan import sample
+from pliant.pipeline.sampling.walk import Piece, Sampling
 
 LIMIT = 1.0
 

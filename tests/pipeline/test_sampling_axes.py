@@ -8,8 +8,9 @@ from tests.pipeline.analytic import Analytic, Potential, helix
 
 from pliant.execution.progress import Silent
 from pliant.interfaces.fem import FemConfig
-from pliant.pipeline.rows import module_rows
-from pliant.pipeline.sampling import Piece, sample
+from pliant.pipeline.dataset import module_rows
+from pliant.pipeline.sampling.plan import sample
+from pliant.pipeline.sampling.walk import Piece
 from pliant.records.design import Design
 from pliant.records.fem import ModuleData
 

@@ -8,7 +8,8 @@ import numpy as np
 
 from pliant.execution.progress import Silent
 from pliant.interfaces.fem import FemConfig, Held, ModuleSolver
-from pliant.pipeline.sampling import MAIN, Piece, sample
+from pliant.pipeline.sampling.plan import sample
+from pliant.pipeline.sampling.walk import MAIN, Piece
 from pliant.records.design import Array
 from pliant.records.fem import FemState
 

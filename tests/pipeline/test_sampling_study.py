@@ -12,8 +12,9 @@ from pliant.errors import UserError
 from pliant.execution.progress import Silent
 from pliant.interfaces.fem import FemConfig, StateNotConvergedError
 from pliant.interfaces.study_loads import STUDY_LOADS, StudyLoads
-from pliant.pipeline.sampling import Piece, sample
-from pliant.pipeline.sampling.study import loads_of, steps
+from pliant.pipeline.sampling.plan import sample
+from pliant.pipeline.sampling.strategies import loads_of, steps
+from pliant.pipeline.sampling.walk import Piece
 
 LOADS = {"y": StudyLoads(actuation_step=0.25, effort_high=0.4, effort_step=0.1)}
 

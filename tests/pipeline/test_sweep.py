@@ -19,8 +19,7 @@ from pliant.config.designs import sweep_designs
 from pliant.errors import NotReachedError, UserError
 from pliant.execution.progress import Silent
 from pliant.pipeline import remote, sweep
-from pliant.pipeline.sweep_table import write_sweep_table
-from pliant.pipeline.sweep_worker import SweepJob, solve
+from pliant.pipeline.sweep import SweepJob, solve, write_sweep_table
 from pliant.tabular.fem_reading import read_table
 
 GRID = "{radius: [5 mm, 6 mm], length: [9 mm, 11 mm]}"

@@ -12,8 +12,8 @@ from tests.pipeline.test_module_tables import module
 
 from pliant import api
 from pliant.errors import UserError
-from pliant.pipeline.sweep_table import shortened, write_sweep_table
-from pliant.tabular.fem_modules import read_designs_table, read_module_table
+from pliant.pipeline.sweep import shortened, write_sweep_table
+from pliant.tabular.fem_reading import read_designs_table, read_module_table
 from pliant.tabular.fem_writing import write_table
 
 NUMBERS = (

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from pliant.errors import UserError
-from pliant.tabular.fem_notes import table_digest
-from pliant.tabular.fem_reading import read_table
+from pliant.tabular.fem_columns import table_digest
+from pliant.tabular.fem_reading import read_module_table, read_table
 
 STATES = [(p, u, 1e-6 * p - 0.03 * u) for p in (0.0, 5e3, 1e4) for u in (0.0, 0.1, 0.2)]
 PLAIN = "pressure_pa,angle_rad,moment_n_m\n" + "\n".join(f"{p},{u},{m}" for p, u, m in STATES)
@@ -205,16 +205,12 @@ def test_slopes_that_contradict_the_efforts_are_refused(
 
 
 def test_notes_hold_for_columns_of_every_axis(tmp_path: Path) -> None:
-    from pliant.tabular.fem_reading import table_rows
-
     head = "pressure_pa,axis,angle_rad,moment_n_m,angle_x_rad,angle_y_rad,moment_x_n_m,moment_y_n_m,dmoment_x_du_y\n"
     notes = "units: {angle_y_rad: deg, moment_x_n_m: N*mm}\nmoment: sign reversed\n"
-    _, rows = table_rows(table(tmp_path, head + "0,all,0,0,0.1,180,5,6,7\n", notes))
-    row = {name: cell if name == "axis" else float(cell) for name, cell in rows[0][1].items()}
-    assert row["angle_x_rad"] == 0.1
-    assert row["angle_y_rad"] == pytest.approx(np.pi)
-    assert (row["moment_x_n_m"], row["moment_y_n_m"]) == pytest.approx((-5e-3, -6))
-    assert row["dmoment_x_du_y"] == pytest.approx(-7e-3 * 180 / np.pi)
+    data = read_module_table(table(tmp_path, head + "0,all,0,0,0.1,180,5,6,7\n", notes))
+    assert data.deformation[0] == pytest.approx([0.1, np.pi])
+    assert data.tau[0] == pytest.approx((-5e-3, -6))
+    assert data.dtau_du[0, 0, 1] == pytest.approx(-7e-3 * 180 / np.pi)
 
 
 @pytest.mark.parametrize(

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from pliant.config.uncertainty import UncertaintyConfig
+from pliant.config.noise import UncertaintyConfig
 from pliant.errors import UserError
-from pliant.pipeline.uncertainty import drawn_chains, spread
+from pliant.pipeline.simulate import drawn_chains, spread
 from pliant.records.law import Domain
 from pliant.records.rollout import Equilibrium, Inputs, TaskResult
 from pliant.testing.samples import LinearLaw, barred_law, linear_law, sample_chain

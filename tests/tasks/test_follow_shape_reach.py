@@ -10,7 +10,7 @@ import pytest
 
 from pliant import api
 from pliant.errors import UserError
-from pliant.pipeline.chain_length import chain_length_m
+from pliant.pipeline.study import chain_length_m
 from pliant_plugins.tasks.follow_shape import FollowShape, FollowShapeConfig
 
 # √((2π · 18)² + 60²) mm = 128.03 mm

@@ -6,27 +6,26 @@ import json
 import math
 import os
 import re
+import shutil
 import signal
 import stat
 import subprocess
 import sys
 import time
 from collections import Counter
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from benchmarks.evidence import results, seal
-from benchmarks.evidence.bench import Bench, Job
+from benchmarks.evidence import seal
+from benchmarks.evidence.bench import Bench, Job, append, read
 from benchmarks.evidence.counting import reliability, summary, wilson
 from benchmarks.evidence.judge import judge
 from benchmarks.evidence.oracle import best, choice, mean_squares
-from benchmarks.evidence.publish import PAGE, TABLES, expected_time, publish
+from benchmarks.evidence.publish import PAGE, TABLES, as_text, expected_time, publish
 from benchmarks.evidence.result_pictures import matrix
 from benchmarks.evidence.sets import SetSpec, make_set
-from benchmarks.evidence.tables import tables
 from benchmarks.evidence.tasks import Plan, Task, planned, small_plan
 from benchmarks.evidence.truths import CLEAN, KINDS, UNKNOWN, right_verdicts, robots_of
 from benchmarks.evidence.workers import ANY, make
@@ -160,9 +159,9 @@ def test_summary_counts_what_it_is_given() -> None:
     assert (data["false_alarms"]["right"], data["false_alarms"]["n"]) == (1, 10)
     assert data["credible_set"]["coverage"]["right"] == 4 and data["credible_set"]["median_size"] == 1
     assert data["confusion"]["effect"] == {"mullins": {"mullins": 3, "stiffness": 1}}
-    page = tables(json.loads(json.dumps(data)))
+    page = as_text(json.loads(json.dumps(data)))
     assert "mullins 3, stiffness 1" in page and "75.0 %" in page
-    assert "none tried" in tables(summary([]))
+    assert "not tried" in as_text(summary([]))
 
 
 CLASSES = [["actuation_gain", "stiffness", "wall_thickness"]]
@@ -263,7 +262,7 @@ def test_shards_share_the_tasks_and_their_results_are_read_as_one(tmp_path: Path
     shared = [task for shard in shards for task in shard.share_of(tasks)]
     assert len(shared) == len(tasks) == len(set(shared))
     for k, shard in enumerate(shards):
-        results.append(shard.results, {"id": f"set{k}", "n": k})
+        append(shard.results, {"id": f"set{k}", "n": k})
     assert sorted(Bench(tmp_path, "full").lines()) == ["set0", "set1", "set2"]
 
 
@@ -319,31 +318,31 @@ def test_the_page_is_written_from_numbers_alone(tmp_path: Path) -> None:
 
 def test_a_torn_line_is_closed_off_and_passed_over(tmp_path: Path) -> None:
     path = tmp_path / "r.jsonl"
-    results.append(path, {"id": "a", "n": 1})
+    append(path, {"id": "a", "n": 1})
     with path.open("a") as file:
         file.write('{"id": "b", "n"')  # killed while writing
-    results.append(path, {"id": "c", "n": 3})
-    assert results.read(path) == {"a": {"id": "a", "n": 1}, "c": {"id": "c", "n": 3}}
-    assert results.read(tmp_path / "none.jsonl") == {}
+    append(path, {"id": "c", "n": 3})
+    assert read(path) == {"a": {"id": "a", "n": 1}, "c": {"id": "c", "n": 3}}
+    assert read(tmp_path / "none.jsonl") == {}
+
+
+NONE = dict.fromkeys(("clean", "unknown", "pairs", "weak", "poor", "noload", "plan", "improve"), 0)
+THREE = Plan(kinds=("stiffness",), seeds=3, other_every=0, **NONE)  # type: ignore[arg-type]
+
+
+@pytest.fixture(scope="module")
+def three_sets(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A bench's folder with its sets made: no other process needs to compile the truths."""
+    made = Bench(tmp_path_factory.mktemp("made") / "evidence", "full")
+    for task in THREE.tasks():
+        make(task, task.secret_id(made.key()), made.sets, made.key())
+    return made.folder
 
 
 def bench(out: Path, *more: str, seconds: str = "0") -> subprocess.Popen[str]:
     command = [sys.executable, str(ROOT / "benchmarks" / "evidence" / "run_bench.py"), "--out", str(out)]
     command += ["--diagnoser", "testbed_stand_in", "--workers", "1", "--kinds", "stiffness", "--seeds", "3"]
-    command += [
-        "--weak",
-        "0",
-        "--poor",
-        "0",
-        "--noload",
-        "0",
-        "--plan",
-        "0",
-        "--improve",
-        "0",
-        "--pairs",
-        "0",
-    ]
+    command += [word for name in NONE for word in (f"--{name}", "0")]
     command += ["--other-every", "0", *more]
     paths = {"PYTHONPATH": str(Path(__file__).parent), "STAND_IN_SECONDS": seconds}
     return subprocess.Popen(
@@ -351,21 +350,22 @@ def bench(out: Path, *more: str, seconds: str = "0") -> subprocess.Popen[str]:
     )
 
 
-def test_a_killed_bench_goes_on_where_it_was(tmp_path: Path) -> None:
+def test_a_killed_bench_goes_on_where_it_was(three_sets: Path, tmp_path: Path) -> None:
+    shutil.copytree(three_sets, tmp_path / "evidence")
     lines = tmp_path / "evidence" / "full.jsonl"
     first = bench(tmp_path, seconds="2")
-    while not (lines.exists() and results.read(lines)):
+    while not (lines.exists() and read(lines)):
         assert first.poll() is None, first.communicate()[0]
         time.sleep(0.1)
     first.send_signal(signal.SIGKILL)
     first.wait()
-    before = results.read(lines)
+    before = read(lines)
     assert 1 <= len(before) < 3
     second = bench(tmp_path)
     said = second.communicate()[0]
     assert second.returncode == 0, said
     assert f"3 sets, {len(before)} done before" in said
-    after = results.read(lines)
+    after = read(lines)
     assert len(after) == 3 and all(after[name] == line for name, line in before.items())
     data = json.loads((tmp_path / "evidence.json").read_text())
     assert (data["effects"]["right"], data["effects"]["n"]) == (3, 3)
@@ -373,12 +373,8 @@ def test_a_killed_bench_goes_on_where_it_was(tmp_path: Path) -> None:
     assert "stiffness 3" in third.communicate()[0] and third.returncode == 0
 
 
-def test_shards_run_apart_and_are_summarised_as_one(tmp_path: Path) -> None:
-    apart = {"clean": 0, "unknown": 0, "pairs": 0, "weak": 0, "poor": 0, "noload": 0, "plan": 0, "improve": 0}
-    plan = replace(Plan(kinds=("stiffness",), seeds=3, other_every=0), **apart)  # type: ignore[arg-type]
-    whole = Bench(tmp_path / "evidence", "full")
-    for task in plan.tasks():  # made here, so that no process compiles truths again
-        make(task, task.secret_id(whole.key()), whole.sets, whole.key())
+def test_shards_run_apart_and_are_summarised_as_one(three_sets: Path, tmp_path: Path) -> None:
+    shutil.copytree(three_sets, tmp_path / "evidence")
     said = {}
     for part in ("1/2", "2/2"):
         one = bench(tmp_path, "--shard", part)
@@ -386,7 +382,7 @@ def test_shards_run_apart_and_are_summarised_as_one(tmp_path: Path) -> None:
         assert one.returncode == 0, said[part]
     assert "2 sets, 0 done before" in said["1/2"] and "1 sets, 0 done before" in said["2/2"]
     files = sorted((tmp_path / "evidence").glob("full.*-of-2.jsonl"))
-    assert [len(results.read(file)) for file in files] == [2, 1]
+    assert [len(read(file)) for file in files] == [2, 1]
     (tmp_path / "evidence.json").unlink()
     merged = bench(tmp_path, "--summarise")
     assert "stiffness 3" in merged.communicate()[0] and merged.returncode == 0

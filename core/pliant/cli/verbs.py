@@ -27,15 +27,16 @@ VERBS = {
     "schema": "plugins",
     "new-plugin": "plugins",
     "calibrate": "calibrate",
-    "compare": "compare",
-    "diagnose": "diagnose",
+    "compare": "evidence",
+    "diagnose": "evidence",
     "plan": "plan",
     "extend": "extend",
     "improve": "improve",
     "export": "export",
     "render": "render",
-    "view": "view",
+    "view": "render",
     "optimize": "optimize",
+    "store": "store",
 }
 
 

@@ -13,8 +13,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from pliant.config.problems import sentences
-from pliant.config.study import Study, varied, written_name
-from pliant.config.sweep import BLOCKS, RANGE, SweepConfig
+from pliant.config.study import RANGE, SWEPT_BLOCKS, Study, SweepConfig, varied, written_name
 from pliant.errors import UserError, closest
 from pliant.interfaces.base import ComponentConfig
 from pliant.interfaces.family import FamilyConfig
@@ -79,7 +78,7 @@ def sweep_designs(study: Study, where: Where = lambda path: "") -> tuple[SweptDe
     """
     sweep: SweepConfig = study.need("sweep", "this command")
     place = where(("sweep",))
-    for block in BLOCKS:
+    for block in SWEPT_BLOCKS:
         if getattr(study, block) is None:
             raise UserError(_at(place) + f"'sweep' varies designs, but the study has no '{block}' block.")
     if sweep.designs is not None and sweep.axes:
@@ -112,9 +111,9 @@ def _combined(
 ) -> tuple[SweptDesign, ...]:
     designs = []
     for number, row in enumerate(rows):
-        configs: dict[str, Any] = {block: getattr(study, block) for block in BLOCKS}
+        configs: dict[str, Any] = {block: getattr(study, block) for block in SWEPT_BLOCKS}
         cause = ""
-        for block in BLOCKS:
+        for block in SWEPT_BLOCKS:
             changes = {p.field: value for p, value in zip(parameters, row, strict=True) if p.block == block}
             try:
                 configs[block] = varied(configs[block], changes) if changes else configs[block]
@@ -129,7 +128,7 @@ def _parameter(study: Study, written: str, at: str, prefix: str = "") -> _Parame
     """Look a name up in the family, or in the block that it begins with."""
     block, _, bare = str(written).rpartition(".")
     block = block or "family"
-    if block not in BLOCKS:
+    if block not in SWEPT_BLOCKS:
         raise UserError(
             at + f"'{prefix}{written}' cannot be swept; a sweep varies parameters of the family, such as "
             "'average_radius', and of the material, such as 'material.shear_modulus'."

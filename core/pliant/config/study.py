@@ -6,15 +6,13 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal, get_args
 
-from pydantic import Field, create_model
+from pydantic import ConfigDict, Field, create_model, model_validator
 
 from pliant.config.chain import ChainConfig, SegmentConfig
 from pliant.config.measurements import MeasurementsConfig
-from pliant.config.noise import NoiseConfig
+from pliant.config.noise import NoiseConfig, UncertaintyConfig
 from pliant.config.protocols import ProtocolConfig
 from pliant.config.search import SearchConfig
-from pliant.config.sweep import SweepConfig
-from pliant.config.uncertainty import UncertaintyConfig
 from pliant.errors import UserError
 from pliant.interfaces.base import ComponentConfig, FrozenModel
 from pliant.interfaces.effect import EffectConfig
@@ -28,6 +26,42 @@ from pliant.interfaces.surrogate import SurrogateConfig
 from pliant.interfaces.task import TaskConfig
 from pliant.registry.discovery import Registry
 from pliant.units import strip_unit_suffix
+
+SWEPT_BLOCKS = ("family", "material")
+RANGE = {"low", "high", "count"}
+
+
+class SweepConfig(FrozenModel):
+    """Parameters of the family, as the family block writes them, each with a list of values or a range
+    `{low: 5 mm, high: 7 mm, count: 5}`; every combination is a design. `material.shear_modulus` names a constant
+    of the material. `designs: table.csv` gives one design per row instead, the header naming parameters.
+    """
+
+    model_config = ConfigDict(extra="allow")
+
+    designs: Path | None = Field(
+        default=None, description="a CSV with one design per row, its header naming parameters"
+    )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _flat(cls, raw: Any) -> Any:
+        """`material: {shear_modulus: …}`, as overrides write it, is `material.shear_modulus: …`."""
+        if not isinstance(raw, Mapping):
+            return raw
+        flat: dict[Any, Any] = {}
+        for name, value in raw.items():
+            if name in SWEPT_BLOCKS and isinstance(value, Mapping) and not RANGE & set(value):
+                flat.update({f"{name}.{inner}": item for inner, item in value.items()})
+            else:
+                flat[name] = value
+        return flat
+
+    @property
+    def axes(self) -> Mapping[str, Any]:
+        """Parameter, as it was written → its values, as they were written."""
+        return {name: value for name, value in (self.model_extra or {}).items() if value is not None}
+
 
 # Study key → interface of the plugin that its `kind` names.
 BLOCKS = {

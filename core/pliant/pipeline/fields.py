@@ -14,9 +14,7 @@ from pliant.interfaces.family import ActuatorFamily, FamilyConfig
 from pliant.interfaces.fem import FEMBackend, FemConfig
 from pliant.interfaces.material import Material, MaterialConfig
 from pliant.pipeline.dataset import module_problems, piece_of
-from pliant.pipeline.sampling import FULL, MAIN, Target
-from pliant.pipeline.sampling.saved import Saved
-from pliant.pipeline.sampling.walk import Walk
+from pliant.pipeline.sampling.walk import FULL, MAIN, Saved, Target, Walk
 from pliant.pipeline.workbench import Workbench
 from pliant.records.fem import FemState, ModuleData, ModuleFields
 

@@ -9,16 +9,154 @@ from typing import Any
 
 import numpy as np
 
+from pliant.config.noise import UncertaintyConfig
 from pliant.errors import UserError
 from pliant.interfaces.effect import Effect, EffectConfig, Model
-from pliant.interfaces.physics import PhysicsBackend, PhysicsConfig
+from pliant.interfaces.physics import (
+    PhysicsBackend,
+    PhysicsConfig,
+    SceneSimulation,
+    Simulation,
+    SimulationState,
+)
 from pliant.interfaces.task import SceneEngine, SceneTask, Task, TaskConfig
-from pliant.pipeline.commands import SceneWithInputs, WithInputs
+from pliant.mechanics.law_draws import draws
+from pliant.mechanics.shared_actuation import shared, unshared
 from pliant.pipeline.workbench import Workbench, content
 from pliant.records.chain import ChainModel
-from pliant.records.rollout import OutsideDomain, TaskResult
+from pliant.records.design import Array
+from pliant.records.history import History
+from pliant.records.law import JointLaw
+from pliant.records.rollout import Equilibrium, Inputs, OutsideDomain, TaskResult
+from pliant.records.scene import Contact, SceneState
 from pliant.registry.component import Component
 from pliant.store.store import Artifact
+
+
+class Commands:
+    """Commands in time, and what the effects' input maps let through: maps take whole histories from the start."""
+
+    def __init__(self, model: Model) -> None:
+        self._model = model
+        self._time_s = 0.0
+        self._past: list[tuple[float, Inputs]] = []
+        self._present: Inputs | None = None
+
+    def give(self, inputs: Inputs) -> Inputs:
+        """A new command; what it comes to after a long wait."""
+        self._present = inputs
+        return self._acting(())
+
+    def wait(self) -> Inputs | None:
+        """The present command holds for so long that its past is forgotten."""
+        if self._present is None:
+            return None
+        self._past = [(self._time_s, self._present)]
+        return self._acting(())
+
+    def pass_time(self, duration_s: float) -> Inputs | None:
+        """What acts at the end of a step with the present command."""
+        self._time_s += duration_s
+        if self._present is None:
+            return None
+        acting = self._acting(self._past)
+        self._past.append((self._time_s, self._present))
+        return acting
+
+    def go_back(self, time_s: float) -> None:
+        """Forget what was commanded after this time."""
+        self._time_s = time_s
+        self._past = [entry for entry in self._past if entry[0] <= time_s]
+
+    def _acting(self, past: Sequence[tuple[float, Inputs]]) -> Inputs:
+        assert self._present is not None
+        commands = [*past, (self._time_s, self._present)]
+        history = History.of(
+            {n: np.array([inputs.actuation[n] for _, inputs in commands]) for n in self._present.actuation},
+            np.array([time_s for time_s, _ in commands]) if past else None,
+            tip_force_n=np.array([inputs.tip_force_n for _, inputs in commands]),
+            moment_n_m=np.array([inputs.moment_n_m for _, inputs in commands]),
+        )
+        acting = self._model.commanded(history).at(-1)
+        return replace(acting, forces=self._present.forces, cords=self._present.cords)
+
+
+class WithInputs(Simulation):
+    """A simulation whose inputs pass through the effects' input maps first; `settle` waits for long."""
+
+    def __init__(self, inner: Simulation, model: Model) -> None:
+        self.inner, self.chain = inner, inner.chain
+        self._commands = Commands(model)
+
+    def apply(self, inputs: Inputs) -> None:
+        self.inner.apply(self._commands.give(inputs))
+
+    def settle(self) -> Equilibrium:
+        acting = self._commands.wait()
+        if acting is not None:
+            self.inner.apply(acting)
+        return self.inner.settle()
+
+    def step(self, duration_s: float) -> None:
+        acting = self._commands.pass_time(duration_s)
+        if acting is not None:
+            self.inner.apply(acting)
+        self.inner.step(duration_s)
+
+    def snapshot(self) -> SimulationState:
+        return self.inner.snapshot()
+
+    def restore(self, state: SimulationState) -> None:
+        self._commands.go_back(state.time_s)
+        self.inner.restore(state)
+
+    def markers(self) -> Array:
+        return self.inner.markers()
+
+
+class SceneWithInputs(SceneSimulation):
+    """A scene whose arms' inputs pass through the effects' input maps first, each arm with its own past."""
+
+    def __init__(self, inner: SceneSimulation, model: Model) -> None:
+        self.inner, self.scene = inner, inner.scene
+        self._commands = [Commands(model) for _ in inner.scene.arms]
+
+    def apply(self, inputs: Sequence[Inputs]) -> None:
+        pairs = zip(self._commands, inputs, strict=True)
+        self.inner.apply([commands.give(given) for commands, given in pairs])
+
+    def step(self, duration_s: float) -> None:
+        acting = [commands.pass_time(duration_s) for commands in self._commands]
+        given = [inputs for inputs in acting if inputs is not None]
+        if given:  # all arms are commanded together
+            self.inner.apply(given)
+        self.inner.step(duration_s)
+
+    def restore(self, state: SceneState) -> None:
+        for commands in self._commands:
+            commands.go_back(state.time_s)
+        self.inner.restore(state)
+
+    def carry(self, velocity_m_s: Array) -> None:
+        self.inner.carry(velocity_m_s)
+
+    def push(self, index: int, force_n: Array, moment_n_m: Array | None = None) -> None:
+        self.inner.push(index, force_n, moment_n_m)
+
+    def snapshot(self) -> SceneState:
+        return self.inner.snapshot()
+
+    def markers(self, arm: int) -> Array:
+        return self.inner.markers(arm)
+
+    def contacts(self) -> tuple[Contact, ...]:
+        return self.inner.contacts()
+
+    def outside_domain(self) -> tuple[OutsideDomain, ...]:
+        return self.inner.outside_domain()
+
+    def close(self) -> None:
+        self.inner.close()
 
 
 @dataclass(frozen=True)
@@ -153,3 +291,127 @@ def check_capabilities(backend: PhysicsBackend, chain: ChainModel, kind: str) ->
             f"physics '{kind}' has no {', '.join(sorted(unknown))} joints; "
             f"it has {', '.join(backend.capabilities.joints)}."
         )
+
+
+def uncertainty_stage(
+    bench: Workbench,
+    source: ChainSource,
+    physics: PhysicsConfig,
+    task: TaskConfig,
+    effects: Sequence[EffectConfig],
+    config: UncertaintyConfig,
+) -> Artifact:
+    """Run the task with `config.samples` drawn chains; the artifact's value is the dict of `spread`.
+
+    Raises:
+        UserError: no law of the chain states an error.
+    """
+    backend, built = bench.build("physics", physics), bench.build("task", task)
+    built_effects = [bench.build("effect", effect) for effect in effects]
+    check_capabilities(backend, source.chain, physics.kind)
+    drawn = drawn_chains(source.chain, config.samples, config.seed)
+
+    def compute(partial: Path) -> dict[str, Any]:
+        bar = bench.progress.begin("drawn laws", len(drawn))
+        results = []
+        try:
+            for chain in drawn:
+                results.append(run_task(backend, built, built_effects, chain))
+                bar.advance()
+        finally:
+            bar.finish()
+        return spread(results, config.level)
+
+    components = [
+        *source.components,
+        bench.component("physics", physics),
+        bench.component("task", task),
+        *(bench.component("effect", effect) for effect in effects),
+    ]
+    settings = {
+        **source.config,
+        "physics": content(physics),
+        "task": content(task),
+        "effects": [content(effect) for effect in effects],
+        "uncertainty": content(config),
+    }
+    modules = ["pliant.pipeline.simulate", "pliant.pipeline.chain"]
+    return bench.make(
+        "uncertainty",
+        compute,
+        components=components,
+        modules=modules,
+        config=settings,
+        inputs=source.inputs,
+    )
+
+
+def drawn_chains(chain: ChainModel, count: int, seed: int) -> list[ChainModel]:
+    """Chains whose laws are drawn from their error bars; laws that state no error stay.
+
+    Raises:
+        UserError: no law states one.
+    """
+    if all(law.error is None for law in chain.laws):
+        raise UserError(
+            "'uncertainty' needs a law with an error bar, and the laws of this chain state none (laws of given "
+            "coefficients have none); fit the law to data or leave the block out."
+        )
+    # a stream for each law, so that no seed's laws share the draws of another's
+    inside = list(dict.fromkeys(unshared(law)[0] for law in chain.laws))
+    seeds = np.random.SeedSequence(seed).generate_state(len(inside))
+    drawn = {law: _draws(law, count, int(own)) for law, own in zip(inside, seeds, strict=True)}
+    return [chain.with_(laws=tuple(_as(law, drawn, i) for law in chain.laws)) for i in range(count)]
+
+
+def _as(law: JointLaw, drawn: Mapping[JointLaw, Sequence[JointLaw]], number: int) -> JointLaw:
+    """A draw in the place of a law; segments that get different shares of the actuation have one law, and one error."""
+    inside, share = unshared(law)
+    return shared(drawn[inside][number], share)
+
+
+def _draws(law: JointLaw, count: int, seed: int) -> tuple[JointLaw, ...]:
+    return (law,) * count if law.error is None else draws(law, count, seed)
+
+
+def spread(results: Sequence[TaskResult], level: float) -> dict[str, Any]:
+    """What drawn laws came to.
+
+    `tips_m` (n, 3) of the runs that settled; `tip_low_m`, `tip_high_m` (3,) the interval that holds `level` of them
+    in each coordinate; `tip_radius_m` of the ball about their mean `tip_mean_m` that holds as many; `metrics`: name
+    → low and high of each number that the task measures; `failed`: runs that did not settle.
+    """
+    settled = [r for r in results if r.final.converged and not r.not_reached]
+    sides = [(1 - level) / 2, (1 + level) / 2]
+    tips = np.array([r.final.tip_m for r in settled]).reshape(-1, 3)
+    told: dict[str, Any] = {
+        "level": level,
+        "samples": len(results),
+        "failed": len(results) - len(settled),
+        "tips_m": tips,
+    }
+    if not settled:
+        return told
+    low, high = np.quantile(tips, sides, axis=0)
+    mean = tips.mean(axis=0)
+    radius = float(np.quantile(np.linalg.norm(tips - mean, axis=1), level))
+    told |= {"tip_mean_m": mean, "tip_low_m": low, "tip_high_m": high, "tip_radius_m": radius}
+    told["metrics"] = {
+        name: _interval(values, sides) for name, values in _numbers([r.metrics for r in settled]).items()
+    }
+    return told
+
+
+def _numbers(metrics: Sequence[Mapping[str, Any]]) -> dict[str, Array]:
+    """Metrics that are one number in every run."""
+    found = {}
+    for name in metrics[0]:
+        values = [one.get(name) for one in metrics]
+        if all(isinstance(v, float | int) and not isinstance(v, bool) for v in values):
+            found[name] = np.array(values, float)
+    return found
+
+
+def _interval(values: Array, sides: Sequence[float]) -> dict[str, float]:
+    low, high = np.quantile(values, list(sides))
+    return {"low": float(low), "high": float(high), "sd": float(values.std(ddof=1))}

@@ -26,12 +26,10 @@ from pliant.pipeline.chain import (
     rod_module,
 )
 from pliant.pipeline.dataset import fem_stage
-from pliant.pipeline.meta_model.designs import solved_designs
-from pliant.pipeline.meta_model.parameters import values_of
+from pliant.pipeline.meta_model.designs import solved_designs, values_of
 from pliant.pipeline.meta_model.stage import MetaModelStage, law_of_design, meta_model_stage
-from pliant.pipeline.simulate import ChainSource, simulate_stage
+from pliant.pipeline.simulate import ChainSource, simulate_stage, uncertainty_stage
 from pliant.pipeline.surrogate import LawStage, law_stage, without_tables
-from pliant.pipeline.uncertainty import uncertainty_stage
 from pliant.pipeline.visual import seen_surface
 from pliant.pipeline.workbench import Workbench, content
 from pliant.records.chain import ChainModel
@@ -393,3 +391,33 @@ def _family_module(
     if module_of is not None:
         return module_of(family, density, stages.law.law)
     return family_module(stages.law.law, family, density)
+
+
+def chain_length_m(bench: Workbench, study: Study) -> float:
+    """Length of the study's chain at rest, from its families or rods alone.
+
+    Raises:
+        UserError: no chain, or a module without a length.
+        InvalidDesignError: a family that cannot be built.
+    """
+    chain: ChainConfig = study.need("chain", "a chain's length")
+    segments = chain.as_segments()
+    lengths = [
+        None if design is None else _module_length_m(bench, chain, segment, design)
+        for segment, design in zip(segments, segment_designs(study), strict=True)
+    ]
+    total, like = 0.0, next(length for length in lengths if length is not None)
+    for segment, length in zip(segments, lengths, strict=True):
+        like = length or like
+        total += like * (segment.modules or 0) if segment.rigid is None else segment.rigid.along_m(like)
+    return total
+
+
+def _module_length_m(bench: Workbench, chain: ChainConfig, segment: SegmentConfig, design: Design) -> float:
+    if design.family is not None:
+        return float(bench.build("family", design.family).module_length_m)
+    own = segment.module_length_m
+    length = chain.module_length_m if own is None else own
+    if length is None:
+        raise UserError("a chain without a 'family' block needs 'chain.module_length', for example '11 mm'.")
+    return length

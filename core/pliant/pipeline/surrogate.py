@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from pliant.errors import UserError
+import numpy as np
+
+from pliant.errors import PliantError, UserError
 from pliant.interfaces.surrogate import Surrogate, SurrogateConfig
 from pliant.pipeline.workbench import Workbench, content
 from pliant.records.fem import FemDataset, ModuleData
 from pliant.records.law import FitReport, JointLaw
 from pliant.store.store import Artifact
-from pliant.tabular.fem_modules import has_several_axes, read_module_table
-from pliant.tabular.fem_notes import table_digest
-from pliant.tabular.fem_reading import read_table
+from pliant.tabular.fem_columns import table_digest
+from pliant.tabular.fem_reading import has_several_axes, read_module_table, read_table
 
 
 @dataclass(frozen=True)
@@ -109,3 +111,37 @@ def _data(
 def _shown(data: Mapping[str, FemDataset]) -> FemDataset:
     """The data set that pictures show: that of the law's only axis or of the main one, else the first."""
     return next((data[axis] for axis in ("", "y") if axis in data), next(iter(data.values())))
+
+
+AT_ONCE = 20_000
+REPEATS = 5
+FALLBACK = np.array([0.0, 1.0])  # a limit that a stated law does not give
+
+
+def evaluations_per_second(law: JointLaw, count: int = AT_ONCE) -> float:
+    """Best of a few calls of `law.evaluate` with `count` random states of its domain; one call warms it up."""
+    box = np.vstack([law.domain.actuation, law.domain.deformation])
+    box = np.where(np.isfinite(box), box, FALLBACK)
+    values = box[:, 0] + np.ptp(box, axis=1) * np.random.default_rng(0).random((count, len(box)))
+    p, u = np.ascontiguousarray(values[:, 0]), np.ascontiguousarray(values[:, 1:])
+    law.evaluate(p, u)
+    best = np.inf
+    for _ in range(REPEATS):
+        started = time.perf_counter()
+        law.evaluate(p, u)
+        best = min(best, time.perf_counter() - started)
+    return count / best
+
+
+KIND, FORM = "polynomial", "study"
+
+
+def study_law_beside(bench: Workbench, data: ModuleData) -> JointLaw | None:
+    """The law of the study's form, or None where it cannot be fitted or the polynomial surrogate is not installed."""
+    try:
+        component = bench.registry.get("surrogate", KIND)
+        config = component.config_model().model_validate({"kind": KIND, "form": FORM})
+        surrogate: Surrogate = component.build(config)
+        return surrogate.fit_module(data).law
+    except (PliantError, ValueError):
+        return None

@@ -6,16 +6,22 @@ designs, and within a design from its finished states. A design that cannot be h
 
 from __future__ import annotations
 
+import csv
+import io
+import platform
+import tempfile
 import time
-from collections.abc import Mapping
-from dataclasses import replace
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
+
+import numpy as np
 
 from pliant.config.designs import SweptDesign, sweep_designs
 from pliant.config.study import Study
-from pliant.errors import InvalidDesignError, UserError
+from pliant.errors import InvalidDesignError, NotReachedError, PliantError, UserError
 from pliant.execution.executors import (
     Executor,
     InlineExecutor,
@@ -26,12 +32,232 @@ from pliant.execution.executors import (
 )
 from pliant.execution.jobs import Finished, JobQueue
 from pliant.execution.progress import Once, ProgressBar
-from pliant.execution.progress_store import ProgressStore, progress_store_in
+from pliant.execution.progress_store import JobProgress, ProgressStore, progress_store_in
 from pliant.pipeline.dataset import fem_stage
-from pliant.pipeline.sweep_records import DesignOutcome, SweepRun
-from pliant.pipeline.sweep_worker import Answer, SweepJob, solve
+from pliant.pipeline.remote import other_version, registry_with, require_seen
 from pliant.pipeline.workbench import Workbench
-from pliant.store.store import Artifact, ArtifactStore, CorruptedError, Recipe, load_artifact
+from pliant.records.fem import PASSED, SELF_CONTACT, ModuleData
+from pliant.store.store import (
+    Artifact,
+    ArtifactStore,
+    CorruptedError,
+    Recipe,
+    load_artifact,
+    write_atomically,
+)
+from pliant.tabular.fem_writing import write_table
+
+Status = Literal["done", "refused", "not_reached", "error", "crashed", "busy", "stop"]
+
+
+@dataclass(frozen=True)
+class SweepJob:
+    """One design for a worker.
+
+    Attributes:
+        number: of the design in its sweep.
+        configs: family, material and fem as JSON values.
+        plugins: Python files with kinds of the user's own.
+        store: root of the store.
+        progress: a folder in the store that the driver made (`ProgressStore`): its presence shows that the store is
+            shared.
+        key: of the artifact, as the driver's own code and libraries name it.
+        waits: whether to wait for another process that computes this design now; else the answer is "busy".
+    """
+
+    number: int
+    configs: Mapping[str, Any]
+    plugins: tuple[str, ...]
+    store: str
+    progress: str
+    key: str
+    waits: bool = False
+
+
+@dataclass(frozen=True)
+class Answer:
+    """How a design ended: `stop` is a mistake that no other design would escape."""
+
+    status: Status
+    cause: str = ""
+    wall_s: float = 0.0
+    notes: tuple[str, ...] = ()
+
+
+def solve(job: SweepJob, say: Callable[[str], None] | None = None) -> Answer:
+    """Solve one design, unless the store has it; `say` hears of its states where that is this process."""
+    started = time.perf_counter()
+    progress: JobProgress | None = None
+    try:
+        require_seen(Path(job.progress), job.store)
+        progress = JobProgress(Path(job.progress) / str(job.number), say)
+        store = ArtifactStore(Path(job.store))
+        if not job.waits and store.computed_elsewhere("fem", job.key):
+            return Answer("busy")
+        status, cause = _solved(job, Workbench(registry_with(job.plugins), store, progress))
+    except PliantError as error:
+        status, cause = "stop", str(error)
+    except OSError as error:  # the folder or the store went away
+        status, cause = "stop", f"worker on {platform.node()}: {error}."
+    notes = tuple(progress.notes) if progress else ()
+    return Answer(status, cause, time.perf_counter() - started, notes)
+
+
+def _solved(job: SweepJob, bench: Workbench) -> tuple[Status, str]:
+    """Status and cause; raises `UserError` for what concerns every design."""
+    try:
+        family, material, fem = (
+            bench.registry.get(interface, config["kind"]).config_model().model_validate(config)
+            for interface, config in job.configs.items()
+        )
+        made = fem_stage(bench, family, material, fem)  # type: ignore[arg-type]
+    except InvalidDesignError as error:
+        return "refused", str(error)
+    except NotReachedError as error:
+        return "not_reached", str(error)
+    except UserError:
+        raise
+    except (Exception, SystemExit) as error:  # a plugin may fail in any way
+        text = " ".join(str(error).split())
+        return "error", f"{type(error).__name__}: {text}" if text else type(error).__name__
+    if made.key != job.key:
+        raise other_version(" (its result has another key)")
+    return "done", ""
+
+
+@dataclass(frozen=True)
+class DesignOutcome:
+    """How one design of a sweep ended.
+
+    Attributes:
+        design: what was asked.
+        status: done, refused (by its family), not_reached (its FEM), error (unexpected), crashed (its worker died).
+        cause: why it is not done.
+        key: of its artifact in the store; empty where there is none.
+        folder: of the artifact.
+        n_states, n_failed, self_contact: states solved, not reached, and solved with overlapping convolutions.
+        passed_through: states that overlap and that `fem.self_contact: pass` lets pass.
+        free_angle_rad: the largest angle of the free branch (m for a prismatic joint).
+        joint: kind of the module's joint.
+        wall_s: what its FEM took when it was made.
+        cached: whether it was there before this sweep.
+        failed: the states that were not reached.
+    """
+
+    design: SweptDesign
+    status: Status
+    cause: str = ""
+    key: str = ""
+    folder: Path | None = None
+    n_states: int = 0
+    n_failed: int = 0
+    self_contact: int = 0
+    passed_through: int = 0
+    free_angle_rad: float | None = None
+    joint: str = "revolute"
+    wall_s: float = 0.0
+    cached: bool = False
+    failed: tuple[Mapping[str, object], ...] = ()
+
+    @staticmethod
+    def of(design: SweptDesign, made: Artifact, cached: bool) -> DesignOutcome:
+        """The outcome of a design that has data."""
+        data: ModuleData = made.value
+        free = data.branch == "free"
+        main = data.deformation[:, data.axes.index(data.main_axis)]
+        return DesignOutcome(
+            design,
+            "done",
+            key=made.key,
+            folder=made.folder,
+            n_states=len(data),
+            n_failed=len(data.failed),
+            self_contact=int(np.sum(data.status == SELF_CONTACT)),
+            passed_through=int(np.sum(data.status == PASSED)),
+            free_angle_rad=float(main[free].max()) if free.any() else None,
+            joint=data.joint,
+            wall_s=float(made.manifest["wall_s"]),
+            cached=cached,
+            failed=data.failed,
+        )
+
+    def data(self) -> ModuleData:
+        """The design's FEM data. Raises `NotReachedError` where it has none."""
+        if self.folder is None:
+            raise NotReachedError(f"design {self.design.number} has no FEM data: {self.cause}")
+        value: ModuleData = load_artifact(self.folder).value
+        return value
+
+
+@dataclass(frozen=True)
+class SweepRun:
+    """All designs of a sweep, in its order."""
+
+    study: Study
+    outcomes: tuple[DesignOutcome, ...]
+    wall_s: float
+
+    def done(self) -> tuple[DesignOutcome, ...]:
+        """The designs that have data."""
+        return tuple(outcome for outcome in self.outcomes if outcome.status == "done")
+
+    def refused(self) -> tuple[DesignOutcome, ...]:
+        """The designs that their family refuses."""
+        return tuple(outcome for outcome in self.outcomes if outcome.status == "refused")
+
+    def failed(self) -> tuple[DesignOutcome, ...]:
+        """The possible designs without data."""
+        return tuple(o for o in self.outcomes if o.status not in ("done", "refused"))
+
+    def data(self) -> Iterator[tuple[SweptDesign, ModuleData]]:
+        """Each design that is done with its data, read from the store one by one."""
+        for outcome in self.done():
+            yield outcome.design, outcome.data()
+
+
+NUMBER = "design"
+
+
+def write_sweep_table(run: SweepRun, path: Path, digits: int | None = None) -> None:
+    """Write the states of all designs that are done; a parameter that a design lacks is blank.
+
+    The file appears whole or not at all; without any design it has a header only.
+
+    Args:
+        run: the sweep.
+        path: of the table.
+        digits: significant ones of the states' numbers; all by default. Parameters of designs keep theirs.
+    """
+    swept = list(run.outcomes[0].design.changes) if run.outcomes else []
+    columns: dict[str, None] = {}
+    rows: list[dict[str, str]] = []
+    with tempfile.TemporaryDirectory() as folder:
+        part = Path(folder) / "part.csv"
+        for design, data in run.data():
+            write_table(data, part)
+            with part.open(encoding="utf-8", newline="") as file:
+                reader = csv.DictReader(file)
+                columns |= dict.fromkeys(reader.fieldnames or ())
+                for row in reader:
+                    row = row if digits is None else {k: shortened(cell, digits) for k, cell in row.items()}
+                    own = {name: str(value) for name, value in design.changes.items()}
+                    rows.append({**own, **row, NUMBER: str(design.number)})
+    columns |= dict.fromkeys([*swept, NUMBER])
+    text = io.StringIO()
+    writer = csv.DictWriter(text, list(columns), restval="", lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    write_atomically(path, text.getvalue())
+
+
+def shortened(cell: str, digits: int) -> str:
+    """A number with so many significant digits; whole numbers and words as they are."""
+    try:
+        value = float(cell)
+    except ValueError:
+        return cell
+    return cell if cell.lstrip("-").isdecimal() else f"{value:.{digits}g}"
+
 
 POLL_S = 0.5
 ARRIVES_WITHIN_S = 90.0

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pliant import __version__
+from pliant.formatting import Unit, number
 
 Row = TypeVar("Row")
 Cells = Sequence[str]
@@ -24,31 +25,78 @@ Cells = Sequence[str]
 class Column(Generic[Row]):
     """One number or text of every row, declared once for all renderers.
 
+    ``Column("share_of_error", head="of the error", brief="error", show=whole_percent)`` stands in JSON under the name
+    of the attribute, on the page and on the terminal.
+
     Attributes:
-        value: the row's plain SI value, as JSON keeps it.
-        key: its JSON key; "" where JSON does not have it.
+        value: the row's plain SI value, as JSON keeps it: a path of attributes, keys and indices from the row, such as
+            "1.noise.within", or a function of the row.
+        key: its JSON key; by default the last part of the path, none for a function; "" where JSON does not have it.
         head: its heading on the page; "" where the page does not show it.
         brief: its heading on the terminal; "" where the terminal does not show it.
-        text: the row's cell for people; by default the value itself as text.
+        text: the row's cell for people, where it takes more of the row than the value.
         brief_text: the terminal's cell where it differs from the page's.
+        show: the value's cell for people: significant digits of a number, a display unit, or a function of the value;
+            by default the value itself as text.
+        brief_show: the same for the terminal where it differs from the page's.
+        unit: display unit of the row; `show` are then digits in this unit, which the terminal alone writes behind them.
     """
 
-    value: Callable[[Row], Any]
-    key: str = ""
+    value: str | Callable[[Row], Any]
+    key: str | None = None
     head: str = ""
     brief: str = ""
     text: Callable[[Row], str] | None = None
     brief_text: Callable[[Row], str] | None = None
+    show: int | Unit | Callable[[Any], str] = str
+    brief_show: int | Unit | Callable[[Any], str] | None = None
+    unit: Callable[[Row], Unit] | None = None
+
+    @property
+    def json_key(self) -> str:
+        """The key; "" where JSON does not have the column."""
+        return (
+            self.key
+            if self.key is not None
+            else ""
+            if callable(self.value)
+            else self.value.rpartition(".")[2]
+        )
+
+    def of(self, row: Row) -> Any:
+        """The row's plain value."""
+        if callable(self.value):
+            return self.value(row)
+        value: Any = row
+        for part in self.value.split("."):
+            if isinstance(value, Mapping):
+                value = value[part]
+            else:
+                value = value[int(part)] if part.isdigit() else getattr(value, part)
+        return value
 
     def cell(self, row: Row, brief: bool = False) -> str:
         """The row's cell for people."""
-        text = (self.brief_text or self.text) if brief else self.text
-        return text(row) if text is not None else str(self.value(row))
+        if brief and self.brief_text is not None:
+            return self.brief_text(row)
+        show = self.brief_show if brief else None
+        if show is None and self.text is not None:
+            return self.text(row)
+        show, value = self.show if show is None else show, self.of(row)
+        if callable(show):
+            return show(value)
+        if isinstance(show, Unit):
+            return show.text(value)
+        if self.unit is None:
+            return number(value, show)
+        unit = self.unit(row)
+        return unit.text(value, show) if brief else number(value * unit.factor, show)
 
 
 def as_json(columns: Sequence[Column[Row]], row: Row) -> dict[str, Any]:
     """The row as a JSON object of the columns that have a key."""
-    return {column.key: column.value(row) for column in columns if column.key}
+    values = {column.json_key: column.of(row) for column in columns if column.json_key}
+    return {key: list(value) if type(value) is tuple else value for key, value in values.items()}
 
 
 @dataclass(frozen=True)
@@ -108,6 +156,18 @@ class Section:
     text: tuple[str, ...] = ()
 
 
+def picture(name: str, caption: str, png: NDArray[np.uint8] | None) -> Picture | None:
+    """The picture, or None where nothing could be drawn."""
+    return None if png is None else Picture(name, caption, png)
+
+
+def section(title: str, *parts: Picture | Table | None, text: str = "", note: str = "") -> Section | None:
+    """A section of the pictures and tables that are there; None without any."""
+    pictures = tuple(part for part in parts if isinstance(part, Picture))
+    tables = tuple(part for part in parts if isinstance(part, Table))
+    return Section(title, pictures, tables, note, (text,) if text else ()) if pictures or tables else None
+
+
 @dataclass(frozen=True)
 class Warned:
     """A warning: one sentence and, where there are several cases, a list of them; `folded`: on the page alone."""
@@ -125,9 +185,9 @@ class Drawn:
     sections: tuple[Section, ...]
 
 
-def nothing_drawn() -> Drawn:
-    """The pictures of a document that has no page of its own."""
-    return Drawn(None, ())
+def drawn(hero: Picture | None = None, *sections: Section | None) -> Drawn:
+    """A page of the sections that are there."""
+    return Drawn(hero, tuple(section for section in sections if section is not None))
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,7 +217,7 @@ class Document:
     points: tuple[str, ...] = ()
     warnings: tuple[Warned, ...] = ()
     closing: tuple[str, ...] = ()
-    draw: Callable[[], Drawn] = nothing_drawn
+    draw: Callable[[], Drawn] = drawn
     footer: str = ""
     page: str = "report.html"
     version: str = __version__

@@ -22,10 +22,9 @@ from pliant.formatting import (
 )
 from pliant.interfaces.surrogate import Surrogate, SurrogateConfig
 from pliant.pipeline.learning import learning_stage
-from pliant.pipeline.module_data import as_scored, module_of, module_of_axes
+from pliant.pipeline.residuals import as_scored, module_of, module_of_axes
 from pliant.pipeline.study import DEFAULT_SURROGATE, DesignStages
-from pliant.pipeline.study_beside import study_law_beside
-from pliant.pipeline.surrogate import LawStage
+from pliant.pipeline.surrogate import LawStage, study_law_beside
 from pliant.pipeline.workbench import Workbench
 from pliant.records.design import Array
 from pliant.records.fem import ModuleData
@@ -36,8 +35,7 @@ from pliant.report.fit_view import Fitted, unstable_places
 from pliant.report.meta_view import law_of_meta_json, law_of_meta_lines
 from pliant.report.provenance import duration, made_by, stage_json
 from pliant.report.stage import StoredPage
-from pliant.tabular.fem_modules import has_several_axes, read_module_table
-from pliant.tabular.fem_reading import read_table
+from pliant.tabular.fem_reading import has_several_axes, read_module_table, read_table
 from pliant.units import split_unit
 
 PAGE = "fit.html"

@@ -181,45 +181,30 @@ def cost_table(fitted: Fitted) -> Table:
 
 
 SURROGATES: tuple[Column[Fitted], ...] = (
-    Column(lambda f: f.name, head="surrogate", brief="kind"),
-    Column(lambda f: f.report.n_fitted, head="fitted"),
-    Column(lambda f: f.report.n_heldout, head="left out"),
-    Column(
-        lambda f: f.report.worst_of_range,
-        "worst_of_range",
-        "worst, of range",
-        "worst",
-        lambda f: percent(f.report.worst_of_range),
-    ),
+    Column("name", "", head="surrogate", brief="kind"),
+    Column("report.n_fitted", "", head="fitted"),
+    Column("report.n_heldout", "", head="left out"),
+    Column("report.worst_of_range", head="worst, of range", brief="worst", show=percent),
     Column(
         lambda f: f.report.rmse / f.report.effort_range,
         "rmse_of_range",
         "RMSE, of range",
         "rmse",
-        lambda f: percent(f.report.rmse / f.report.effort_range),
+        show=percent,
     ),
-    Column(lambda f: f.report.worst, head="worst", text=lambda f: effort_unit(f.law).text(f.report.worst, 3)),
-    Column(lambda f: f.report.rmse, head="RMSE", text=lambda f: effort_unit(f.law).text(f.report.rmse, 3)),
-    Column(lambda f: f.report.r2, "r2", "R²", "R²", lambda f: r2_text(f.report.r2)),
+    Column("report.worst", "", head="worst", text=lambda f: effort_unit(f.law).text(f.report.worst, 3)),
+    Column("report.rmse", "", head="RMSE", text=lambda f: effort_unit(f.law).text(f.report.rmse, 3)),
+    Column("report.r2", head="R²", brief="R²", show=lambda r2: r2_text(r2)),
     Column(
         lambda f: f.coverage[0].at(0.9) if f.coverage else None,
         "covered",
         "in its 90 % band",
         "in band",
-        lambda f: percent(f.coverage[0].at(0.9), 3) if f.coverage else "–",
+        show=lambda covered: "–" if covered is None else percent(covered, 3),
     ),
-    Column(
-        lambda f: not unstable_places(f.law),
-        "stable",
-        brief="stable",
-        text=lambda f: number(not unstable_places(f.law)),
-    ),
-    Column(lambda f: f.wall_s, "wall_s", "fit", "fit", lambda f: seconds(f.wall_s)),
-    Column(
-        lambda f: f.per_second,
-        head="million evaluations a second",
-        text=lambda f: number(f.per_second / 1e6, 3),
-    ),
+    Column(lambda f: not unstable_places(f.law), "stable", brief="stable", show=number),
+    Column("wall_s", head="fit", brief="fit", show=seconds),
+    Column("per_second", "", head="million evaluations a second", show=lambda rate: number(rate / 1e6, 3)),
 )
 
 

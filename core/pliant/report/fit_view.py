@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from pliant.interfaces.surrogate import SurrogateConfig
-from pliant.pipeline.law_speed import evaluations_per_second
 from pliant.pipeline.residuals import Residuals
+from pliant.pipeline.surrogate import evaluations_per_second
 from pliant.records.design import Array
 from pliant.records.fem import ModuleData
 from pliant.records.law import FitReport, JointLaw

@@ -8,23 +8,23 @@ from pathlib import Path
 from typing import Any
 
 from pliant.formatting import deformation_unit, fixed, number, seconds, unit_of
-from pliant.pipeline.sweep_records import DesignOutcome, SweepRun
+from pliant.pipeline.sweep import DesignOutcome, SweepRun
 from pliant.report.document import Column, Document, Table, as_json
 
 MOST_LINES = 100
 
 DESIGNS: tuple[Column[DesignOutcome], ...] = (
-    Column(lambda o: o.design.number, brief="design"),
-    Column(lambda o: o.design.parameters, "parameters"),
-    Column(lambda o: o.status, "status"),
-    Column(lambda o: o.cause, "cause"),
-    Column(lambda o: o.free_angle_rad, "free_angle_rad", brief="free angle", text=lambda o: _free(o)),
-    Column(lambda o: o.n_states, "n_states", brief="states", text=lambda o: _states(o)),
-    Column(lambda o: o.n_failed, "states_failed"),
-    Column(lambda o: o.self_contact, "self_contact"),
-    Column(lambda o: o.wall_s, "wall_s", brief="time", text=lambda o: _time(o)),
-    Column(lambda o: o.cached, "cached"),
-    Column(lambda o: o.key, "key"),
+    Column("design.number", "", brief="design"),
+    Column("design.parameters"),
+    Column("status"),
+    Column("cause"),
+    Column("free_angle_rad", brief="free angle", text=lambda o: _free(o)),
+    Column("n_states", brief="states", text=lambda o: _states(o)),
+    Column("n_failed", "states_failed"),
+    Column("self_contact"),
+    Column("wall_s", brief="time", text=lambda o: _time(o)),
+    Column("cached"),
+    Column("key"),
 )
 
 

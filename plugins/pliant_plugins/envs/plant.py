@@ -12,7 +12,7 @@ import numpy as np
 from pliant.api import DEFAULT_STORE, OpenStudy, open_study
 from pliant.errors import UserError
 from pliant.interfaces.physics import PhysicsBackend
-from pliant.pipeline.handle import highest_actuation, prepared_chain
+from pliant.pipeline.motion import highest_actuation, prepared_chain
 from pliant.pipeline.study import DEFAULT_PHYSICS, StudyRun, laws_of_study
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array

@@ -23,7 +23,7 @@ from pliant.config.designs import sweep_designs
 from pliant.config.study import Study, varied
 from pliant.errors import InvalidDesignError, UserError
 from pliant.interfaces.base import ComponentConfig
-from pliant.pipeline.meta_model.parameters import MATERIAL, material_parameters, parameters_of
+from pliant.pipeline.meta_model.designs import MATERIAL, material_parameters, parameters_of
 from pliant.pipeline.meta_model.stage import MetaModelStage
 from pliant.pipeline.workbench import Workbench
 from pliant.records.design import Array

@@ -16,11 +16,16 @@ from pliant.interfaces.family import FamilyConfig
 from pliant.interfaces.material import MaterialConfig
 from pliant.interfaces.meta_model import DesignLaws, MetaModel, MetaModelConfig
 from pliant.pipeline.meta_model import error_bars
-from pliant.pipeline.meta_model.cross_validation import box_of, effort_size, misses_left_out, parts_of
-from pliant.pipeline.meta_model.designs import Solved, solved_designs, trusted
+from pliant.pipeline.meta_model.cross_validation import (
+    Scores,
+    box_of,
+    effort_size,
+    misses_left_out,
+    parts_of,
+    scores_of,
+)
+from pliant.pipeline.meta_model.designs import Solved, solved_designs, trusted, values_of
 from pliant.pipeline.meta_model.error_bars import Bars
-from pliant.pipeline.meta_model.parameters import values_of
-from pliant.pipeline.meta_model.scoring import Scores, scores_of
 from pliant.pipeline.surrogate import LawStage
 from pliant.pipeline.workbench import Workbench, content
 from pliant.records.design import Array

@@ -7,19 +7,159 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+import scipy
+
 from pliant.execution.progress import Progress
 from pliant.interfaces.fem import FemConfig
 from pliant.interfaces.study_loads import StudyLoads
 from pliant.pipeline.sampling.adaptive import Box, check_error, corners, refine
-from pliant.pipeline.sampling.coupling import coupling
-from pliant.pipeline.sampling.edges import trusted_box
-from pliant.pipeline.sampling.free import free_adaptive, free_levels
-from pliant.pipeline.sampling.grid import box, check_targets, grid
-from pliant.pipeline.sampling.lateral import Lateral
-from pliant.pipeline.sampling.saved import Saved
-from pliant.pipeline.sampling.study import free_actuations, ladders, study_axis, study_states
-from pliant.pipeline.sampling.targets import FULL, MAIN, Sampling
-from pliant.pipeline.sampling.walk import Piece, Walk
+from pliant.pipeline.sampling.strategies import (
+    box,
+    check_targets,
+    free_actuations,
+    free_adaptive,
+    free_levels,
+    grid,
+    ladders,
+    study_axis,
+    study_states,
+    trusted_box,
+)
+from pliant.pipeline.sampling.walk import FULL, MAIN, Piece, Sampled, Sampling, Saved, Target, Walk, levels
+from pliant.records.fem import FemState, Role
+
+
+def coupling(solved: Sequence[Sampled], axes: Sequence[str], main_axis: str) -> dict[str, Any]:
+    """Largest off-diagonal slope, asymmetry of the slopes, and how well the two pieces agree.
+
+    `largest` is max |∂τ_i/∂u_j| / √|∂τ_i/∂u_i ∂τ_j/∂u_j| over states and pairs, `between` its pair and
+    `actuation`, `deformation` its state; `largest_asymmetry` is max |K − Kᵀ| / max |K|, which an energy makes
+    zero. `pieces_differ` compares the free angle at the largest common actuation on both pieces.
+    """
+    full = [one.state for one in solved if one.target.piece == FULL]
+    if not full:
+        return {}
+    K = np.array([state.dtau_du for state in full])
+    diagonal = np.abs(np.einsum("sii->si", K))
+    relative = np.abs(K) / np.sqrt(diagonal[:, :, None] * diagonal[:, None, :])
+    relative[:, np.arange(len(axes)), np.arange(len(axes))] = 0.0
+    s, i, j = np.unravel_index(int(np.argmax(relative)), relative.shape)
+    skew = np.abs(K - np.swapaxes(K, 1, 2)).max(axis=(1, 2)) / np.abs(K).max(axis=(1, 2))
+    return {
+        "n_states": len(full),
+        "largest": float(relative[s, i, j]),
+        "between": [axes[int(i)], axes[int(j)]],
+        "actuation": full[int(s)].actuation,
+        "deformation": full[int(s)].deformation.tolist(),
+        "largest_asymmetry": float(skew.max()),
+        "pieces_differ": _pieces_differ(solved, list(axes).index(main_axis)),
+    }
+
+
+def _pieces_differ(solved: Sequence[Sampled], main: int) -> float | None:
+    """Relative difference of the free angle between the pieces, or None without a common actuation."""
+    free = {
+        piece: {
+            one.state.actuation: one.state
+            for one in solved
+            if one.target.piece == piece and one.target.branch == "free"
+        }
+        for piece in (MAIN, FULL)
+    }
+    common = max(set(free[MAIN]) & set(free[FULL]), default=0.0)
+    if common == 0.0:
+        return None
+    full = float(free[FULL][common].deformation[main])
+    return abs(free[MAIN][common].angle_rad - full) / abs(full)
+
+
+FREE_LEVELS = 3  # states of the free branch on the full piece, rest included
+MIRROR_TOLERANCE = 1e-3  # of τ and of u: both sides agree
+CHECKS = 2  # check states of each lateral axis, on the side that is not fitted
+
+
+@dataclass(frozen=True)
+class Lateral:
+    """The axes of the full piece, up to which actuation and angle they are sampled."""
+
+    axes: tuple[str, ...]
+    main_axis: str
+    limit: float
+    config: FemConfig
+
+    @property
+    def reach(self) -> float:
+        """Largest lateral angle."""
+        return self.config.lateral_angle_rad
+
+    def estimate(self) -> int:
+        """About how many states all this takes."""
+        others = len(self.axes) - 1
+        return FREE_LEVELS + others * self.estimate_of_axis() + self.config.coupling_states
+
+    def estimate_of_axis(self) -> int:
+        """About how many states one axis takes, the free ones aside."""
+        return self.config.lateral_states + 1 + min(CHECKS, self.config.check_states)
+
+    def start(self, walk: Walk) -> None:
+        """The free branch of the full piece, which starts all its other states."""
+        walk.rest(FULL)
+        free_levels(walk, levels(0.0, self.limit, FREE_LEVELS)[1:], "", FULL)
+
+    def explore(self, walk: Walk, axis: str, expect: Callable[[int], None]) -> dict[str, Any]:
+        """The states of one lateral axis; returns the record of how well its law is known."""
+        reach, config = self.reach, self.config
+        symmetric, apart = self._mirror_test(walk, axis)
+        box = Box(axis, FULL, (0.0, self.limit), (-reach, reach), symmetric)
+        for target in corners(box):
+            if not walk.knows(target):
+                walk.reach(target)
+        most = FREE_LEVELS + config.lateral_states * (1 if symmetric else 2)
+        verdict = refine(walk, box, config.error, most, expect)
+        low, high = (-reach, 0.0) if symmetric else (-reach, reach)
+        count = min(CHECKS, config.check_states)
+        for target in check_targets(self.limit, low, high, count, config.seed, axis, FULL):
+            walk.reach(target)
+        n_states = sum(one.target.explored == axis for one in walk.of(FULL))
+        return {
+            **verdict.record(n_states),
+            "check_error": check_error(walk, box),
+            "symmetric": symmetric,
+            "difference_of_sides": apart,
+        }
+
+    def couple(self, walk: Walk, main_box: tuple[float, float]) -> None:
+        """States that hold all axes, over the box of all of them."""
+        count = self.config.coupling_states
+        if count == 0:
+            return
+        sides = [(0.0, self.limit)]
+        sides += [main_box if axis == self.main_axis else (-self.reach, self.reach) for axis in self.axes]
+        sequence = scipy.stats.qmc.Sobol(len(sides), scramble=True, seed=self.config.seed)
+        points = sequence.random_base2(int(np.ceil(np.log2(count))))[:count]
+        low, high = np.array(sides).T
+        for point in low + (high - low) * points:
+            held = {axis: float(u) for axis, u in zip(self.axes, point[1:], strict=True)}
+            walk.reach(Target("constrained", float(point[0]), held, piece=FULL))
+
+    def _mirror_test(self, walk: Walk, axis: str) -> tuple[bool, float | None]:
+        """Whether the states at ±u under the largest actuation are mirror images, and how much they differ."""
+        k = self.axes.index(axis)
+        right = self._corner(walk, axis, self.reach, "fit")
+        left = self._corner(walk, axis, -self.reach, "check")
+        if right is None or left is None:
+            return False, None
+        size = max(abs(float(right.tau[k])), abs(float(left.tau[k])), 1e-300)
+        in_effort = abs(float(right.tau[k] + left.tau[k])) / size
+        followed = np.abs(np.delete(right.deformation, k)) - np.abs(np.delete(left.deformation, k))
+        apart = max(in_effort, float(np.abs(followed).max()) / self.reach)
+        return apart <= MIRROR_TOLERANCE, apart
+
+    def _corner(self, walk: Walk, axis: str, angle: float, role: Role) -> FemState | None:
+        held = {axis: angle}
+        return walk.reach(Target("constrained", self.limit, held, role=role, explored=axis, piece=FULL))
+
 
 # States to fit that an adaptive main axis usually takes: free branch, corners, chosen ones.
 USUAL_STATES = 24

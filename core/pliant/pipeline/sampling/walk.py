@@ -2,18 +2,167 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 import math
-from collections.abc import Mapping
+import shutil
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from pliant.execution.progress import ProgressBar
 from pliant.interfaces.fem import ModuleSolver, StateNotConvergedError
-from pliant.pipeline.sampling.saved import Saved
-from pliant.pipeline.sampling.targets import FULL, MAIN, Sampled, Target
 from pliant.records.design import Array
-from pliant.records.fem import PASSED, SELF_CONTACT, Closing, FemState
+from pliant.records.fem import PASSED, SELF_CONTACT, Branch, Closing, FemState, Role
+from pliant.store.store import (
+    CorruptedError,
+    digests,
+    read_checked,
+    write_atomically,
+    write_value,
+    writing_in,
+)
+
+MAIN = "main"  # the piece that moves about the main axis alone, or the only piece
+FULL = "full"  # the piece that moves about all axes
+
+
+@dataclass(frozen=True)
+class Target:
+    """A state to solve.
+
+    Attributes:
+        branch: "free" has neither `held` nor `effort`.
+        actuation: Pa or N.
+        held: u by axis (rad or m); axes that are not named are free.
+        effort: external effort on one axis by its name (N·m or N), instead of `held`.
+        role: "check" is never fitted.
+        explored: the axis whose law the state explores, "" for a state of several.
+        piece: which of the family's problems it is solved on.
+    """
+
+    branch: Branch
+    actuation: float
+    held: Mapping[str, float] = field(default_factory=dict)
+    effort: Mapping[str, float] = field(default_factory=dict)
+    role: Role = "fit"
+    explored: str = ""
+    piece: str = MAIN
+
+    @property
+    def name(self) -> str:
+        """The same text for the same target: what finished states are found by."""
+        held = " ".join(f"{axis}={u!r}" for axis, u in self.held.items())
+        effort = " ".join(f"m_{axis}={m!r}" for axis, m in self.effort.items())
+        return " ".join((self.piece, self.role, repr(self.actuation), held or effort or "free"))
+
+
+@dataclass(frozen=True)
+class Sampled:
+    """A solved target."""
+
+    target: Target
+    state: FemState
+
+
+@dataclass(frozen=True)
+class Sampling:
+    """All solved states, the targets that failed with their cause, and how the states were chosen.
+
+    Attributes:
+        solved: in the order of solution.
+        failed: one record for each target that did not converge.
+        mirrored: axes about which the module proved symmetric, so that a state at −u is one at u.
+        summary: JSON values for the report.
+    """
+
+    solved: tuple[Sampled, ...]
+    failed: tuple[dict[str, object], ...]
+    mirrored: tuple[str, ...] = ()
+    summary: Mapping[str, object] = field(default_factory=dict)
+
+
+def levels(low: float, high: float, count: int) -> Array:
+    """`count` Chebyshev–Lobatto points on [low, high], ascending, ends included.
+
+    They serve polynomials best (Trefethen, Approximation Theory and Approximation Practice, ch. 2).
+    """
+    points = -np.cos(np.pi * np.arange(count) / (count - 1))
+    return low + (high - low) * (points + 1) / 2
+
+
+class Saved:
+    """Finished targets in a folder, so that an interruption loses at most one.
+
+    A solved state has a sub-folder; `states.json` holds, by the target's name, the digests of its files, or
+    the cause where the target failed. What is damaged is said and solved anew.
+    """
+
+    def __init__(self, folder: Path, note: Callable[[str], None]) -> None:
+        self.folder = folder
+        self.index = folder / "states.json"
+        self.states: dict[str, FemState] = {}
+        self.entries = self._sound(self._read_index(note), note)
+        self.reused = False
+
+    def __len__(self) -> int:
+        return len(self.entries)
+
+    def solve(self, name: str, compute: Callable[[], FemState]) -> FemState:
+        """The saved state of this name, or a computed one, saved; a saved failure is raised again."""
+        self.reused = name in self.entries
+        if name in self.states:
+            return self.states[name]
+        if self.reused:
+            raise StateNotConvergedError(self.entries[name]["failed"])
+        try:
+            state = compute()
+        except StateNotConvergedError as error:
+            self._remember(name, {"failed": str(error)})
+            raise
+        place = self._place(name)
+        with writing_in(self.folder):
+            shutil.rmtree(place, ignore_errors=True)
+            place.mkdir()
+            write_value(place, state)
+            self._remember(name, digests(place))
+        return state
+
+    def _place(self, name: str) -> Path:
+        return self.folder / f"state-{hashlib.sha256(name.encode()).hexdigest()[:16]}"
+
+    def _remember(self, name: str, entry: dict[str, str]) -> None:
+        self.entries[name] = entry
+        with writing_in(self.folder):
+            write_atomically(self.index, json.dumps(self.entries))
+
+    def _read_index(self, note: Callable[[str], None]) -> dict[str, Any]:
+        try:
+            entries = json.loads(self.index.read_text())
+        except FileNotFoundError:
+            return {}
+        except ValueError:
+            entries = None
+        if not isinstance(entries, dict):
+            note(f"{self.index} is damaged; solving its states anew.")
+            return {}
+        return entries
+
+    def _sound(self, entries: Mapping[str, Any], note: Callable[[str], None]) -> dict[str, dict[str, str]]:
+        """The entries whose files are as they were written; their states are kept in `states`."""
+        sound = {}
+        for name, entry in entries.items():
+            try:
+                if "failed" not in entry:
+                    self.states[name] = read_checked(self._place(name), entry)
+                sound[name] = entry
+            except (CorruptedError, TypeError) as error:
+                note(f"the finished state '{name}' is damaged ({error}); solving it anew.")
+        return sound
+
 
 ROUNDING = 1e-9
 
