@@ -102,7 +102,10 @@ def test_a_damaged_finished_state_is_said_and_solved_anew_alone(tmp_path, file, 
     assert bar.count == bar.total
 
 
-@pytest.mark.parametrize("text", ["", '{"free 0.', "[]", "7", "\x00\x00", '{"rest": 7}', '{"rest": null}', '{"rest": {}}'])  # fmt: skip
+DAMAGED = ["", '{"free 0.', "[]", "7", "\x00\x00", '{"rest": 7}', '{"rest": null}', '{"rest": {}}']
+
+
+@pytest.mark.parametrize("text", DAMAGED)
 def test_a_damaged_list_of_finished_states_is_said_and_solved_anew(tmp_path, text):
     interrupted(tmp_path)
     (tmp_path / "states.json").write_text(text)
