@@ -103,9 +103,9 @@ def load_study(
         search_variables(study, registry, sources.where)
         robust, verify = study.search.robust, study.search.verify
         vary, change = robust.vary if robust else {}, verify.change if verify else {}
-        for at, keys in ((("robust", "vary"), vary), (("verify", "change"), change)):
+        for block, keys in ((("robust", "vary"), vary), (("verify", "change"), change)):
             for key in keys:
-                study_key(study, registry, key, sources.where(("search", *at, key)))
+                study_key(study, registry, key, sources.where(("search", *block, key)))
     return study
 
 
