@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from typing import cast, get_args
 
 from pliant.experiments.experiment_catalogue import timed_catalogue
-from pliant.experiments.scale import BenchScale
+from pliant.experiments.planned_run import BenchScale
 from pliant.interfaces.effect import Effect, EffectConfig, EffectParameter, Place
 from pliant.registry.component import Component
 from pliant.testing.samples import PRESSURE_PA, sample_chain

@@ -74,7 +74,7 @@ def add_runs(task: Task, name: str, folder: Path, chosen: Sequence[str]) -> list
 def _menu_of(study: Path, csv: Path) -> Sequence[Any]:
     from pliant import api
     from pliant.experiments.experiment_catalogue import timed_catalogue
-    from pliant.experiments.scale import BenchScale
+    from pliant.experiments.planned_run import BenchScale
 
     with tempfile.TemporaryDirectory() as store:
         model = api.predictor(api.open_study(study, store=Path(store)), csv)

@@ -23,8 +23,7 @@ import numpy as np
 from benchmarks.output import Bar, parser_of, write
 
 from pliant import api
-from pliant.evidence.measured import measurement_of_study
-from pliant.evidence.prediction import Predictor
+from pliant.evidence.prediction import Predictor, measurement_of_study
 from pliant.interfaces.effect import EffectConfig
 from pliant.records.design import Array
 

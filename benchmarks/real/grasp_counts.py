@@ -28,13 +28,17 @@ from benchmarks.output import REFERENCE, ROOT, write
 
 from pliant import api
 from pliant.config.measurements import PlausibleRange
-from pliant.diagnosis.counts_candidates import VariedParameter, effect_parameters, task_parameters
-from pliant.diagnosis.counts_diagnosis import CountEvidence, count_evidence
+from pliant.diagnosis.counts_diagnosis import (
+    CountEvidence,
+    VariedParameter,
+    count_evidence,
+    effect_parameters,
+    task_parameters,
+)
 from pliant.diagnosis.verdict import NOTHING, UNKNOWN
 from pliant.evidence.counts import CountComparison, CountedStudy, compare_counts, counted_study
 from pliant.report.counts import counted as of
-from pliant.report.counts import interpret_counts
-from pliant.report.counts_diagnosis import level_text
+from pliant.report.counts import interpret_counts, level_text
 from pliant.report.figures.success_shares import Series, success_shares
 
 TABLE = REFERENCE / "grasp_experiment.csv"

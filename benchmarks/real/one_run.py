@@ -16,10 +16,8 @@ from benchmarks.real.folds import BLOCK_S, folds, rms
 from pliant.calibration.law_of_runs import law_of_runs
 from pliant.config.study import Study
 from pliant.diagnosis.candidates import EffectSet
-from pliant.diagnosis.cross_validation import heldout_residual
-from pliant.diagnosis.diagnosis import applicable
-from pliant.diagnosis.excitation import excitations, not_excited
-from pliant.diagnosis.fitting import EffectFit, Fitter, ReadingVector
+from pliant.diagnosis.excitation import applicable, excitations, not_excited
+from pliant.diagnosis.fitting import EffectFit, Fitter, ReadingVector, heldout_residual
 from pliant.diagnosis.verdict import THRESHOLDS
 from pliant.evidence.prediction import Predictor
 from pliant.pipeline.workbench import Workbench

@@ -38,11 +38,10 @@ from pliant.errors import UserError
 from pliant.evidence.comparison import Comparison
 from pliant.evidence.comparison import compare as compare_with
 from pliant.evidence.counts import CountComparison, compare_counted, counted_study
-from pliant.evidence.measured import measurement_of_study
-from pliant.evidence.prediction import Predictor
+from pliant.evidence.prediction import Predictor, measurement_of_study
 from pliant.execution.executors import Workers
 from pliant.execution.progress import Progress, Silent
-from pliant.experiments.protocols import own_runs
+from pliant.experiments.experiment_catalogue import own_runs
 from pliant.pipeline.meta_model.cross_validation import Scores
 from pliant.pipeline.meta_model.next_design import Proposal, designs_to_solve
 from pliant.pipeline.meta_model.stage import MetaModelStage, meta_model_stage
@@ -203,10 +202,13 @@ def compare_counts(
     return compare_counted(opened.bench, counted, workers)
 
 
-def diagnose(opened: OpenStudy, data: Data = None, *, kinds: Sequence[str] | None = None) -> Diagnosis:
+def diagnose(
+    opened: OpenStudy, data: Data = None, *, kinds: Sequence[str] | None = None, workers: Workers = 1
+) -> Diagnosis:
     """Which physical effect is missing: `pliant diagnose`."""
     model = predictor(opened, data)
-    return diagnose_with(model, kinds=kinds, runs=own_runs(opened.study, model.chain, model.measurement))
+    own = own_runs(opened.study, model.chain, model.measurement)
+    return diagnose_with(model, kinds=kinds, runs=own, workers=workers)
 
 
 def extend(opened: OpenStudy, kinds: Sequence[str], data: Data = None) -> Extension:
@@ -215,9 +217,12 @@ def extend(opened: OpenStudy, kinds: Sequence[str], data: Data = None) -> Extens
     return extend_with(ground, opened.study.effects, kinds)
 
 
-def improve(opened: OpenStudy, data: Data = None, *, kinds: Sequence[str] | None = None) -> Improvement:
+def improve(
+    opened: OpenStudy, data: Data = None, *, kinds: Sequence[str] | None = None, workers: Workers = 1
+) -> Improvement:
     """The whole loop, with runs put aside: `pliant improve`."""
-    return improve_with(opened.bench, opened.study, read_measurement(opened, data), kinds=kinds)
+    measurement = read_measurement(opened, data)
+    return improve_with(opened.bench, opened.study, measurement, kinds=kinds, workers=workers)
 
 
 def calibrate(

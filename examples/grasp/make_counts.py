@@ -9,7 +9,7 @@ from pathlib import Path
 
 from pliant import api
 from pliant.config.task_keys import changed_task
-from pliant.evidence.trials import Setting, simulate_trials
+from pliant.evidence.counts import Setting, simulate_trials
 
 HERE = Path(__file__).parent
 HIDDEN_FRICTION = 1.0

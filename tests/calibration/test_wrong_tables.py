@@ -150,7 +150,7 @@ def test_a_free_curve_needs_a_module(tmp_path: Path) -> None:
 
 
 def test_a_material_without_constants_is_said() -> None:
-    from pliant.calibration.constants import chosen
+    from pliant.calibration.fitting import chosen
     from pliant.interfaces.material import MaterialConfig
 
     class Fixed(MaterialConfig):

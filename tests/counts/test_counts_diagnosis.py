@@ -6,15 +6,21 @@ from tests.counts.counts_study import HEADER, STUDY
 
 from pliant.config.loading import load_study
 from pliant.config.measurements import PlausibleRange
-from pliant.diagnosis.counts_candidates import VariedParameter, effect_parameters, levels_of, task_parameters
-from pliant.diagnosis.counts_diagnosis import judge_counts, probabilities, weighed
+from pliant.diagnosis.counts_diagnosis import (
+    VariedParameter,
+    effect_parameters,
+    judge_counts,
+    levels_of,
+    probabilities,
+    task_parameters,
+    weighed,
+)
 from pliant.diagnosis.verdict import NOTHING, UNKNOWN
 from pliant.errors import UserError
-from pliant.evidence.counts import CountedStudy, counted_study
-from pliant.evidence.trials import Setting
+from pliant.evidence.counts import CountedStudy, Setting, counted_study
 from pliant.records.counts import CountCondition, Counts, CountSet
 from pliant.registry.discovery import discover
-from pliant.report.counts_diagnosis import counts_diagnosis_json, counts_headline, counts_why
+from pliant.report.counts import counts_diagnosis_json, counts_why
 
 REGISTRY = discover()
 LOADS = np.array([1.0, 2.0, 3.0, 4.0, 5.0, 6.0])
@@ -124,7 +130,7 @@ def test_the_contracts_keys():
     best = result["hypotheses"][0]
     assert best["parameters"]["task.friction"]["value"] == 1.0
     assert best["heldout"]["success"]["rmse"] < 0.15
-    assert counts_headline(judged) == "Missing: task.friction."
+    assert judged.sentence == "Missing: task.friction."
     assert "task.friction 1;" in " ".join(counts_why(found, judged))
 
 

@@ -18,15 +18,12 @@ from tests.diagnosis.quick import (
 )
 
 from pliant.diagnosis.candidates import EffectSet
-from pliant.diagnosis.classes import EffectClass, classes_of, connected, split_classes
-from pliant.diagnosis.design import design_runs, unread
-from pliant.diagnosis.diagnosis import diagnose
+from pliant.diagnosis.classes import EffectClass, classes_of, connected, design_runs, split_classes, unread
+from pliant.diagnosis.diagnosis import diagnose, why
 from pliant.diagnosis.excitation import ConfoundedPair, excitations
-from pliant.diagnosis.interpretation import why
 from pliant.diagnosis.next_run import view_of
 from pliant.experiments.experiment_catalogue import timed_catalogue
-from pliant.experiments.planned_run import named_run
-from pliant.experiments.scale import BenchScale
+from pliant.experiments.planned_run import BenchScale, named_run
 from pliant.report.diagnosis import diagnosis_json
 
 FLAT = joint(gravity=(0, 0, 0))

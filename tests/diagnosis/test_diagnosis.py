@@ -22,8 +22,7 @@ from tests.diagnosis.quick import (
     run_of,
 )
 
-from pliant.diagnosis.diagnosis import Diagnosis, diagnose
-from pliant.diagnosis.interpretation import explanation, headline
+from pliant.diagnosis.diagnosis import Diagnosis, diagnose, explanation
 from pliant.errors import NotReachedError, UserError
 from pliant.interfaces.effect import EffectConfig
 from pliant.records.chain import Actuator, ChainModel
@@ -53,7 +52,7 @@ def judged(
     found = diagnose(predictor_of(chain, measurement, *study), **more)  # type: ignore[arg-type]
     values = diagnosis_json(found)
     assert sum(h["probability"] for h in values["hypotheses"]) == pytest.approx(1.0)
-    words = [headline(found), *explanation(found, REGISTRY), *found.remarks]
+    words = [found.judgement.sentence, *explanation(found, REGISTRY), *found.remarks]
     assert all(text and "nan" not in text.split() for text in words)
     return found
 

@@ -9,8 +9,7 @@ import pytest
 from tests.diagnosis.quick import REGISTRY
 
 from pliant.diagnosis.candidates import EffectSet
-from pliant.diagnosis.cross_validation import condition_of_runs, heldout_residual
-from pliant.diagnosis.fitting import PRIOR_WEIGHT, EffectFit
+from pliant.diagnosis.fitting import PRIOR_WEIGHT, EffectFit, condition_of_runs, heldout_residual
 
 CANDIDATE = EffectSet.of(REGISTRY, ("mullins", "stiffness"))  # three parameters
 

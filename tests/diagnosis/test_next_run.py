@@ -49,7 +49,7 @@ def belief_of(histories, hidden: str, *kinds: str, probability=None, chain=FLAT)
     sets = [(kind,) if kind else () for kind in kinds]
     fits = {one: fitter.fit(EffectSet.of(REGISTRY, one)) for one in sets}
     shares = dict.fromkeys(fits, 1.0 / len(fits)) if probability is None else probability
-    return predictor, Belief(fits, shares, fitter.readings, N, 1.0)
+    return predictor, Belief(fits, shares, N, 1.0)
 
 
 def test_a_stiffness_is_parted_from_a_gain_by_a_load_without_pressure() -> None:

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from pliant.diagnosis.separation import Contender, expected
+from pliant.diagnosis.next_run import Contender, expected
 
 NO_SLOPES, NO_KNOBS = np.zeros((40, 0)), np.zeros((0, 0))
 

@@ -6,11 +6,9 @@ from collections.abc import Mapping
 
 import pytest
 
-from pliant.diagnosis.excitation import ConfoundedPair
-from pliant.diagnosis.shared_effects import pairs_alike, shared_effects
-from pliant.diagnosis.verdict import NOTHING, THRESHOLDS, UNKNOWN, Kinds
+from pliant.diagnosis.verdict import NOTHING, THRESHOLDS, UNKNOWN, Kinds, shared_effects
 
-LAGS = pairs_alike([ConfoundedPair("damping", "lag", 0.1), ConfoundedPair("slow_camera", "damping", 0.1)])
+LAGS = frozenset(map(frozenset, [("damping", "lag"), ("slow_camera", "damping")]))
 OPEN: dict[Kinds, float] = {
     ("damping",): 0.24,
     ("lag",): 0.21,

@@ -64,7 +64,7 @@ def test_before_data_it_begins_with_the_runs_of_the_page(pliant) -> None:
 
 def test_the_table_of_the_menu_is_the_menu(pliant) -> None:
     from pliant.experiments.experiment_catalogue import timed_catalogue
-    from pliant.experiments.scale import BenchScale
+    from pliant.experiments.planned_run import BenchScale
     from pliant.testing.samples import sample_chain
 
     runs = {run.name: run for run in timed_catalogue(BenchScale.of_chain(sample_chain(modules=1), 15e3))}

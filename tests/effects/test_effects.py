@@ -16,7 +16,7 @@ from tests.effects.bench import REGISTRY, effect, model_with, settled
 
 from pliant.errors import UserError
 from pliant.experiments.experiment_catalogue import timed_catalogue
-from pliant.experiments.scale import BenchScale
+from pliant.experiments.planned_run import BenchScale
 from pliant.interfaces.effect import Effect, EffectConfig, Model, parameter
 from pliant.records.chain import Actuator, ChainModel
 from pliant.records.design import MassProperties

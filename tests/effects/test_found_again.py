@@ -12,7 +12,7 @@ from pliant.diagnosis.candidates import EffectSet
 from pliant.diagnosis.diagnosis import diagnose
 from pliant.evidence.prediction import Predictor
 from pliant.experiments.experiment_catalogue import timed_catalogue
-from pliant.experiments.scale import BenchScale
+from pliant.experiments.planned_run import BenchScale
 from pliant.records.chain import ChainModel
 from pliant.testing.samples import sample_chain, softening_law
 

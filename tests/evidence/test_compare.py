@@ -8,8 +8,7 @@ import pytest
 from tests.evidence.compare_data import angle, bench, colour, creep, falling_shift, measured_run
 
 from pliant.errors import UserError
-from pliant.evidence.comparison import compare
-from pliant.evidence.interpretation import headline, interpret
+from pliant.evidence.comparison import compare, headline, interpret
 from pliant.records.history import History
 from pliant.records.measurement import Measurement
 from pliant.report.comparison import comparison_json

@@ -8,9 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from tests.evidence.compare_data import bench, measured_run, profile
 
-from pliant.evidence.bins import binned, crossed
 from pliant.evidence.comparison import residuals_of
-from pliant.evidence.covariates import Covariate, covariates, phases
+from pliant.evidence.covariates import Covariate, binned, covariates, crossed, phases
 from pliant.evidence.importance import importance
 from pliant.formatting import named_unit, number, unit_of
 from pliant.records.history import History

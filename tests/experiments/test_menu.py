@@ -9,8 +9,15 @@ from tests.diagnosis.quick import blank, joint, poor, pushes, run_of
 from pliant.config.protocols import OPTIONS
 from pliant.errors import UserError
 from pliant.experiments.experiment_catalogue import timed_catalogue
-from pliant.experiments.planned_run import corners, named_run, steps, triangles
-from pliant.experiments.scale import LOAD_OF_PEAK, BenchScale, sum_of_efforts
+from pliant.experiments.planned_run import (
+    LOAD_OF_PEAK,
+    BenchScale,
+    corners,
+    named_run,
+    steps,
+    sum_of_efforts,
+    triangles,
+)
 from pliant.records.chain import Actuator
 
 CHAIN = joint()

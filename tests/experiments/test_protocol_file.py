@@ -13,9 +13,8 @@ from tests.diagnosis.quick import effect, joint, measured, poor, predictor_of, r
 from pliant.config.measurements import MeasurementsConfig
 from pliant.errors import UserError
 from pliant.experiments.experiment_catalogue import timed_catalogue
-from pliant.experiments.planned_run import named_run
+from pliant.experiments.planned_run import BenchScale, named_run
 from pliant.experiments.protocol_file import write_protocol
-from pliant.experiments.scale import BenchScale
 from pliant.measurements.joining import together
 from pliant.measurements.reading import read_measurement
 from pliant.measurements.writing import write_measurement

@@ -9,10 +9,8 @@ from tests.diagnosis.quick import joint
 from pliant.config.loading import load_study
 from pliant.config.schema import study_schema
 from pliant.errors import UserError
-from pliant.experiments.experiment_catalogue import timed_catalogue
-from pliant.experiments.planned_run import NEW
-from pliant.experiments.protocols import runs_of
-from pliant.experiments.scale import BenchScale
+from pliant.experiments.experiment_catalogue import runs_of, timed_catalogue
+from pliant.experiments.planned_run import NEW, BenchScale
 from pliant.records.chain import Actuator
 from pliant.registry.discovery import discover
 

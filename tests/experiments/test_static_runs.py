@@ -9,8 +9,7 @@ from tests.experiments.test_menu import CHAIN, OPPOSED
 
 from pliant.diagnosis.next_run import catalogue_of
 from pliant.experiments.experiment_catalogue import static_catalogue
-from pliant.experiments.planned_run import named_run
-from pliant.experiments.scale import BenchScale
+from pliant.experiments.planned_run import BenchScale, named_run
 from pliant.records.history import History
 
 SCALE = BenchScale.of_chain(CHAIN, 15e3)

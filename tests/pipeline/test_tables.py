@@ -18,9 +18,8 @@ from pliant.errors import ContractError, UserError
 from pliant.pipeline.sweep import shortened, write_sweep_table
 from pliant.records.design import Design
 from pliant.records.fem import FemDataset, ModuleData
-from pliant.tabular.fem_modules import read_designs_table, read_module_table
-from pliant.tabular.fem_notes import table_digest
-from pliant.tabular.fem_reading import read_table, table_axes, table_rows
+from pliant.tabular.fem_columns import table_digest
+from pliant.tabular.fem_reading import read_designs_table, read_module_table, read_table
 from pliant.tabular.fem_writing import write_table
 
 EXAMPLES = Path(__file__).parents[2] / "examples" / "data"
@@ -144,7 +143,6 @@ def test_a_module_and_each_of_its_axes_are_read_back_to_the_bit(tmp_path: Path, 
     write_table(data, path)
     same(read_module_table(path), data)
     assert dict(read_module_table(path).design.parameters) == {"wall_m": 1.5e-3, "turns": 4}
-    assert set(table_axes(path)) == set(axes)
     for axis in axes:
         joint = data.joint if len(axes) == 1 else "revolute"
         same(read_table(path, axis), replace(data.axis(axis), joint=joint))
@@ -505,8 +503,7 @@ def test_slopes_that_contradict_the_efforts_are_refused(tmp_path: Path, slopes: 
 def test_notes_hold_for_columns_of_every_axis(tmp_path: Path) -> None:
     head = "pressure_pa,axis,angle_rad,moment_n_m,angle_x_rad,angle_y_rad,moment_x_n_m,moment_y_n_m,dmoment_x_du_y\n"
     notes = "units: {angle_y_rad: deg, moment_x_n_m: N*mm}\nmoment: sign reversed\n"
-    _, found = table_rows(table(tmp_path, head + "0,all,0,0,0.1,180,5,6,7\n", notes))
-    row = {name: cell if name == "axis" else float(cell) for name, cell in found[0][1].items()}
-    assert (row["angle_x_rad"], row["angle_y_rad"]) == (0.1, pytest.approx(np.pi))
-    assert (row["moment_x_n_m"], row["moment_y_n_m"]) == pytest.approx((-5e-3, -6))
-    assert row["dmoment_x_du_y"] == pytest.approx(-7e-3 * 180 / np.pi)
+    data = read_module_table(table(tmp_path, head + "0,all,0,0,0.1,180,5,6,7\n", notes))
+    assert data.deformation[0] == pytest.approx([0.1, np.pi])
+    assert data.tau[0] == pytest.approx((-5e-3, -6))
+    assert data.dtau_du[0, 0, 1] == pytest.approx(-7e-3 * 180 / np.pi)

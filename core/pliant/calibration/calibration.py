@@ -8,14 +8,19 @@ from typing import Protocol
 
 import numpy as np
 
-from pliant.calibration.certainty import certainty, hidden_by_model_error, undetermined
-from pliant.calibration.constants import Constant, changed, chosen, constants_of, moduli_scaled
-from pliant.calibration.fitting import Fit, Problem, minimised
-from pliant.calibration.free_curve import FreeCurves
-from pliant.calibration.plausible import check_modulus
-from pliant.calibration.reading import BenchData
-from pliant.calibration.result import Calibration, remarks_of
-from pliant.calibration.tensile import HomogeneousTests
+from pliant.calibration.fitting import (
+    Constant,
+    Fit,
+    Problem,
+    changed,
+    chosen,
+    constants_of,
+    minimised,
+    moduli_scaled,
+)
+from pliant.calibration.free_curve import FreeCurves, HomogeneousTests
+from pliant.calibration.reading import BenchData, check_modulus
+from pliant.calibration.result import Calibration, certainty, hidden_by_model_error, remarks_of, undetermined
 from pliant.config.study import Study
 from pliant.errors import NotReachedError, UserError
 from pliant.interfaces.family import ActuatorFamily

@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pliant.diagnosis.candidates import EffectSet
-from pliant.diagnosis.cross_validation import SHARE_OF_RANGE
-from pliant.diagnosis.fitting import STEP, ReadingVector
+from pliant.diagnosis.fitting import SHARE_OF_RANGE, STEP, ReadingVector
 from pliant.evidence.prediction import POSITION, Predictor
 from pliant.experiments.planned_run import PlannedRun
 from pliant.records.design import Array

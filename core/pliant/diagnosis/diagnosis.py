@@ -1,4 +1,7 @@
-"""Which physical effect is missing: the whole path from a study and measurements to a verdict."""
+"""Which physical effect is missing: the whole path from a study and measurements to a verdict.
+
+A diagnosis in sentences that a bench scientist would use.
+"""
 
 from __future__ import annotations
 
@@ -11,17 +14,24 @@ import numpy as np
 from pliant.diagnosis.candidates import EffectSet
 from pliant.diagnosis.catalogue_view import CatalogueView
 from pliant.diagnosis.classes import EffectClass, split_classes
-from pliant.diagnosis.cross_validation import SHARE_OF_RANGE, heldout_residual, scales_of
 from pliant.diagnosis.excitation import (
     ConfoundedPair,
     Detectable,
     Excitation,
+    applicable,
     confounded_with,
     detectable,
     excitations,
     not_excited,
 )
-from pliant.diagnosis.fitting import EffectFit, Fitter, ReadingVector
+from pliant.diagnosis.fitting import (
+    SHARE_OF_RANGE,
+    EffectFit,
+    Fitter,
+    ReadingVector,
+    heldout_residual,
+    scales_of,
+)
 from pliant.diagnosis.next_run import Belief, NextRun, run_that_excites, view_of, what_next
 from pliant.diagnosis.noise import NoiseView
 from pliant.diagnosis.search import HypothesisSearch, Tick
@@ -42,8 +52,11 @@ from pliant.errors import NotReachedError, UserError
 from pliant.evidence.covariates import covariates
 from pliant.evidence.importance import importance
 from pliant.evidence.prediction import Predictor
+from pliant.execution.executors import Workers, executor_for
 from pliant.experiments.planned_run import PlannedRun
+from pliant.formatting import listed, whole_percent
 from pliant.measurements.floors import Floor, floor_remarks, noise_floors
+from pliant.measurements.plausible import TO_CHECK
 from pliant.records.design import Array
 from pliant.records.measurement import Measurement
 from pliant.registry.discovery import Registry
@@ -128,8 +141,9 @@ def diagnose(
     thresholds: EvidenceThresholds = THRESHOLDS,
     runs: Sequence[PlannedRun] = (),
     tick: Tick | None = None,
+    workers: Workers = 1,
 ) -> Diagnosis:
-    """EffectFit every candidate, weigh them, and say what can be said.
+    """Fit every candidate, weigh them, and say what can be said.
 
     Args:
         predictor: a study's model, driven by the measured histories.
@@ -137,6 +151,7 @@ def diagnose(
         thresholds: thresholds.
         runs: what the bench can do next; the default menu without them.
         tick: called with the name of each hypothesis when it has been fitted.
+        workers: who fits hypotheses: processes, the scheduler of a dask cluster, an executor.
 
     Raises:
         UserError: an unknown kind, or no reading can be used.
@@ -154,10 +169,12 @@ def diagnose(
     fitter = Fitter(predictor, readings)
     chosen, left_out = applicable(registry, fitter, asked)
     shown = excitations(registry, fitter, fitter.fit(EffectSet.of(registry, NOTHING)), chosen)
-    search = HypothesisSearch(registry, measurement, readings, fitter, thresholds, shown)
-    if tick is not None:
-        search.tick = tick
-    table = search.run(chosen)
+    with executor_for(workers) as executor:
+        search = HypothesisSearch(
+            registry, measurement, readings, fitter, thresholds, shown, executor=executor
+        )
+        search.tick = tick or search.tick
+        table = search.run(chosen)
     silent = not_excited(shown, thresholds)
     not_tried = _not_tried(left_out, [kind for kind in chosen if not _solved(search.fits, kind)])
     judgement = judge(table, thresholds, len(chosen) - len(silent))
@@ -166,7 +183,7 @@ def diagnose(
     found = covariates(measurement, readings.unpack(readings.values - search.fits[explained].residual))
     n = table.noise.n_effective
     view = view_of(predictor, scales, n, runs)
-    belief = Belief.of(search.fits, judgement.probability, readings, table.noise, thresholds)
+    belief = Belief.of(search.fits, judgement.probability, table.noise, thresholds)
     ahead, undecided = what_next(view, belief, judgement.verdict, measurement)
     excited = {kind: one for kind, one in shown.items() if kind not in silent}
     return Diagnosis(
@@ -195,21 +212,6 @@ def diagnose(
         excitations=shown,
         wall_s=time.perf_counter() - started,
     )
-
-
-def applicable(registry: Registry, fitter: Fitter, kinds: Sequence[str]) -> tuple[list[str], dict[str, str]]:
-    """Kinds that this chain can have, and the others with the reason that their plugin gives."""
-    fits: list[str] = []
-    reasons: dict[str, str] = {}
-    for kind in kinds:
-        try:
-            candidate = EffectSet.of(registry, (kind,))
-            fitter.look(candidate, candidate.starts()[0])
-        except UserError as error:
-            reasons[kind] = str(error)
-            continue
-        fits.append(kind)
-    return fits, reasons
 
 
 def _followed(
@@ -308,3 +310,77 @@ def _remarks(predictor: Predictor, not_tried: Sequence[str], table: EvidenceTabl
             f"The readings have no noise: errors are weighed against {SHARE_OF_RANGE:.0%} of each output's range."
         )
     return remarks
+
+
+MOST_NAMED = 4
+WRONG_UNIT = "A unit in the file looks wrong (see the remarks): settle that first, then believe a verdict."
+
+
+def explanation(found: Diagnosis, registry: Registry) -> list[str]:
+    """Why, what follows from it, and what to do next."""
+    proposed = next_words(found)
+    return [*why(found, registry), *([proposed] if proposed else [])]
+
+
+def next_words(found: Diagnosis) -> str:
+    """The run to do next; empty where the verdict needs none."""
+    if found.next_run is None or found.verdict == "missing_effect":
+        return ""
+    return f"Next: {found.next_run.run} ({found.next_run.minutes:g} min): {found.next_run.why}."
+
+
+def why(found: Diagnosis, registry: Registry) -> list[str]:
+    """The reasons of the verdict, what gives the selected effects away, what the rest depends on."""
+    lines = [WRONG_UNIT] if any(TO_CHECK in remark for remark in found.remarks) else []
+    lines += found.judgement.reasons
+    for kind in found.selected:
+        notes = registry.get("effect", kind).implementation_class().notes
+        if notes.signature:
+            lines.append(f"{kind}: {notes.signature}")
+        lines += _confused(found, kind)
+    if found.verdict != "missing_effect":  # a selected effect stands out of its class
+        first = [kind for kinds in found.judgement.credible for kind in kinds]
+        lines += [class_words(one, first) for one in classes_at_issue(found)]
+    if found.verdict in ("unknown_effect", "nothing_missing", "insufficient_data"):
+        lines += _dependence(found)
+    return lines
+
+
+def classes_at_issue(found: Diagnosis) -> list[EffectClass]:
+    """Classes with an effect of an explanation that is left."""
+    left = {kind for kinds in found.judgement.credible for kind in kinds}
+    return [one for one in found.classes if left & set(one.kinds)]
+
+
+def class_words(one: EffectClass, first: Sequence[str] = ()) -> str:
+    """Which effects look the same, those of `first` named first, and the run that parts them."""
+    kinds = sorted(one.kinds, key=lambda kind: (kind not in first, kind))
+    more = len(kinds) - MOST_NAMED
+    names = kinds if more <= 1 else [*kinds[:MOST_NAMED], f"{more} more"]
+    alike = f"At twice the noise these runs cannot tell {listed(names)} apart"
+    if not one.run:
+        return f"{alike}, and no run of the menu would."
+    would = "would" if len(one.parts) == len(kinds) else f"would split them into {len(one.parts)} groups"
+    return f"{alike}; the run '{one.run}' {would} ({one.words}, {one.minutes:g} min)."
+
+
+def _confused(found: Diagnosis, kind: str) -> list[str]:
+    """CataloguePrediction-alikes that these runs cannot exclude."""
+    twins = [pair.b for pair in found.indistinguishable if pair.a == kind]
+    if not twins:
+        return []
+    return [f"Under these runs {kind} can hardly be told from {' or '.join(twins[:MOST_NAMED])}."]
+
+
+def _dependence(found: Diagnosis) -> list[str]:
+    """What the residual of the best explanation depends on."""
+    most = [(name, value) for name, value in found.depends_on.items() if value >= 0.1][:3]
+    if not most:
+        return []
+    words = [f"{circumstance(found, name)} ({whole_percent(value)})" for name, value in most]
+    return [f"What is unexplained depends on {', '.join(words)}: shares of its variance on runs left out."]
+
+
+def circumstance(found: Diagnosis, name: str) -> str:
+    """A covariate, or a pair of them, in words."""
+    return " × ".join(found.circumstances.get(part, part) for part in name.split(" × "))

@@ -10,6 +10,7 @@ import numpy as np
 from pliant.diagnosis.candidates import EffectSet, FitParameter
 from pliant.diagnosis.fitting import EffectFit, Fitter
 from pliant.diagnosis.verdict import EvidenceThresholds, Kinds
+from pliant.errors import UserError
 from pliant.records.design import Array
 from pliant.registry.discovery import Registry
 
@@ -61,6 +62,21 @@ class Detectable:
     parameter: str
     value: float
     unit: str
+
+
+def applicable(registry: Registry, fitter: Fitter, kinds: Sequence[str]) -> tuple[list[str], dict[str, str]]:
+    """Kinds that this chain can have, and the others with the reason that their plugin gives."""
+    fits: list[str] = []
+    reasons: dict[str, str] = {}
+    for kind in kinds:
+        try:
+            candidate = EffectSet.of(registry, (kind,))
+            fitter.look(candidate, candidate.starts()[0])
+        except UserError as error:
+            reasons[kind] = str(error)
+            continue
+        fits.append(kind)
+    return fits, reasons
 
 
 def excitations(

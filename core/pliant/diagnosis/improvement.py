@@ -9,26 +9,31 @@ the bench scatters, too.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 
 from pliant.config.study import Study
-from pliant.diagnosis.cross_validation import Residuals, Score, score
-from pliant.diagnosis.diagnosis import Diagnosis, diagnose
+from pliant.diagnosis.diagnosis import Diagnosis, diagnose, explanation
 from pliant.diagnosis.extension import Extension, Ground, extend
-from pliant.diagnosis.interpretation import explanation, headline
+from pliant.diagnosis.fitting import Residuals, Score, score
 from pliant.diagnosis.next_run import NextRun
 from pliant.diagnosis.noise import noise_view
 from pliant.diagnosis.search import Tick
-from pliant.diagnosis.shared_effects import SharedEffect, pairs_alike, shapes_at_bound, shared_effects
 from pliant.diagnosis.test_split import TrainTestSplit, lock
-from pliant.diagnosis.verdict import THRESHOLDS, Kinds, sorted_kinds
-from pliant.evidence.comparison import compare
-from pliant.evidence.interpretation import interpret
+from pliant.diagnosis.verdict import (
+    THRESHOLDS,
+    Kinds,
+    SharedEffect,
+    shapes_at_bound,
+    shared_effects,
+    sorted_kinds,
+)
+from pliant.evidence.comparison import compare, interpret
 from pliant.evidence.prediction import Predictor
-from pliant.experiments.protocols import own_runs
+from pliant.execution.executors import Workers
+from pliant.experiments.experiment_catalogue import own_runs
 from pliant.interfaces.effect import EffectConfig
 from pliant.measurements.floors import Floor
 from pliant.measurements.repeats import repeat_groups
@@ -128,6 +133,7 @@ def improve(
     kinds: Sequence[str] | None = None,
     most_steps: int = MOST_STEPS,
     tick: Tick | None = None,
+    workers: Workers = 1,
 ) -> Improvement:
     """Walk the whole loop.
 
@@ -136,15 +142,14 @@ def improve(
         kinds: candidates; all effects by default.
         most_steps: effects at most.
         tick: called with the name of each hypothesis when it has been fitted.
+        workers: who fits hypotheses, as for `diagnose`.
 
     Raises:
         UserError: no reading can be used, or an engine that cannot follow histories.
     """
-    locked = lock(measurement)
-    walk = _Walk(bench, study, measurement, locked, kinds, tick)
+    walk = _Walk(bench, study, measurement, kinds, tick, workers)
     stop, reason = walk.go(most_steps)
-    final = walk.final()
-    return _told(walk, stop, reason, final)
+    return walk.scored(stop, reason, walk.final())
 
 
 class _Walk:
@@ -155,19 +160,19 @@ class _Walk:
         bench: Workbench,
         study: Study,
         measurement: Measurement,
-        locked: TrainTestSplit,
         kinds: Sequence[str] | None,
         tick: Tick | None,
+        workers: Workers,
     ) -> None:
-        self.bench, self.study, self.measurement, self.locked = bench, study, measurement, locked
-        self.kinds, self.tick = kinds, tick
-        self.ground = Ground.of(bench, study, locked.training)
+        self.bench, self.study, self.measurement, self.locked = bench, study, measurement, lock(measurement)
+        self.kinds, self.tick, self.workers = kinds, tick, workers
+        self.ground = Ground.of(bench, study, self.locked.training)
         self.effects = study.effects
         self.added: list[str] = []
-        self.not_tried: tuple[str, ...] = ()
-        self.next_run: NextRun | None = None
+        self.last: Diagnosis | None = None
         plain = self.ground.residuals(self.effects)
-        self.drafts = [_Draft((), self.effects, self._seen(), self._everywhere(self.effects), plain)]
+        whole = self.ground.residuals(self.effects, measurement)
+        self.drafts = [_Draft((), self.effects, self._seen(), whole, plain)]
 
     def go(self, most_steps: int) -> tuple[str, str]:
         """Take steps; returns why it stopped."""
@@ -178,7 +183,8 @@ class _Walk:
             if found.verdict != "missing_effect" and core is None:
                 return found.verdict, _stop_words(found, registry, bool(self.added))
             order = _by_gain(found) if core is None else [core.chosen]
-            again = self._again(order if core is None else core.stands_for)
+            alike = order if core is None else core.stands_for
+            again = [k for d in self.drafts for k in d.added if not {k, *d.stands_for}.isdisjoint(alike)]
             if again:
                 return "same_effect", (
                     f"What is left looks like more of {again[0]}, which is in the model already: its equation is an "
@@ -201,9 +207,9 @@ class _Walk:
             return None
         found = extend(self.ground, self.effects, self.added)
         last = self.drafts.pop()
+        residuals = self.ground.residuals(found.effects, self.measurement)
         left = found.left_out_runs
-        residuals = self._everywhere(found.effects)
-        self.drafts.append(_Draft(last.added, found.effects, last.why, residuals, left, last.stands_for))
+        self.drafts.append(replace(last, effects=found.effects, residuals=residuals, left_out=left))
         self.effects = found.effects
         return found
 
@@ -211,10 +217,8 @@ class _Walk:
         study = self.study.model_copy(update={"effects": self.effects})
         predictor = Predictor.of_study(self.bench, study, self.locked.training)
         own = own_runs(study, predictor.chain, predictor.measurement)
-        found = diagnose(predictor, kinds=self.kinds, runs=own, tick=self.tick)
-        self.next_run = found.next_run
-        self.not_tried = found.not_tried
-        return found
+        self.last = diagnose(predictor, kinds=self.kinds, runs=own, tick=self.tick, workers=self.workers)
+        return self.last
 
     def _gains(self, whole: Extension) -> bool:
         """Better on runs left out, and no worse on conditions left out: where one alone shows an effect, they stay."""
@@ -224,53 +228,70 @@ class _Walk:
         conditions = score(whole.left_out or whole.residuals, floors).over_floor
         return now < (1.0 - LEAST_GAIN) * before and conditions < (1.0 + LEAST_GAIN) * before
 
-    def _again(self, kinds: Sequence[str]) -> list[str]:
-        """Effects of the model that are among these, or that stand for one of them."""
-        return [
-            had
-            for draft in self.drafts
-            for had in draft.added
-            if not {had, *draft.stands_for}.isdisjoint(kinds)
-        ]
-
     def _take(self, kind: str, named: Diagnosis, core: SharedEffect | None) -> None:
         found = extend(self.ground, self.effects, [*self.added, kind], profiles=False)
         self.effects = found.effects
         self.added.append(kind)
-        left = found.left_out_runs
-        before = score(self.drafts[-1].left_out, found.noise.floors)
-        after = score(left, found.noise.floors)
-        known = self._known_by(kind) if core is None else _standing_in(core, named)
-        why = f"{known} {self._fall(before.over_floor, after.over_floor)} {self._seen()}"
-        group = core.stands_for if core is not None and len(core.stands_for) > 1 else ()
-        residuals = self._everywhere(self.effects)
-        self.drafts.append(_Draft((kind,), self.effects, why, residuals, left, group))
-
-    def _known_by(self, kind: str) -> str:
-        """What the verdict named, and what it is known by."""
-        notes = self.bench.registry.get("effect", kind).implementation_class().notes
-        known = f" It is known by this: {notes.signature}" if notes.signature else ""
-        return f"The training runs speak for {kind}.{known}"
-
-    def _fall(self, before: float, after: float) -> str:
-        """What a step does to training runs left out."""
+        before, after = (
+            score(left, found.noise.floors).over_floor
+            for left in (self.drafts[-1].left_out, found.left_out_runs)
+        )
+        if core is not None:
+            known = _standing_in(core, named)
+        else:
+            notes = self.bench.registry.get("effect", kind).implementation_class().notes
+            known = f"The training runs speak for {kind}."
+            known += f" It is known by this: {notes.signature}" if notes.signature else ""
         alone = len(self.locked.training.runs) == 1
         on = "blocks of the run that are" if alone else "training runs that are"
-        return f"It takes the error of {on} left out of the fit from {before:.2f} to {after:.2f} times the noise."
+        fall = f"It takes the error of {on} left out of the fit from {before:.2f} to {after:.2f} times the noise."
+        group = core.stands_for if core is not None and len(core.stands_for) > 1 else ()
+        residuals = self.ground.residuals(self.effects, self.measurement)
+        why = f"{known} {fall} {self._seen()}"
+        self.drafts.append(_Draft((kind,), self.effects, why, residuals, found.left_out_runs, group))
 
     def _seen(self) -> str:
         """Where the model fails on the training runs now."""
         return interpret(compare(self.locked.training, self.ground.predict(self.effects)))
 
-    def _everywhere(self, effects: Sequence[EffectConfig]) -> Residuals:
-        return self.ground.residuals(effects, self.measurement)
+    def scored(self, stop: str, reason: str, final: Extension | None) -> Improvement:
+        """Errors of all steps over one floor."""
+        last, locked = self.drafts[-1], self.locked
+        scales = self.ground.readings(last.effects).scales
+        noise = noise_view(self.measurement, last.residuals, scales, repeat_groups(self.measurement))
+        steps = []
+        for draft in self.drafts:
+            training = score(draft.left_out, noise.floors)
+            aside = score(draft.residuals, noise.floors, locked.runs) if locked.runs else training
+            share = aside.n / max(score(draft.residuals, noise.floors).n, 1)
+            se = _standard_error(aside, noise.floors, noise.n_effective * share)
+            unseen = score(draft.residuals, noise.floors, locked.unseen) if locked.unseen else None
+            steps.append(
+                Step(draft.added, draft.effects, draft.why, aside, se, unseen, training, draft.stands_for)
+            )
+        not_tried = self.last.not_tried if self.last is not None else ()
+        remarks = [*self.measurement.remarks, *self.ground.predictor.remarks, *not_tried, locked.why]
+        remarks += [*_rises(steps), *_still_wrong(steps[-1], stop)]
+        single = "blocks of the one run, left out one after another, not of a run that nothing has seen"
+        several = "runs left out one after another, not of runs that nothing has seen"
+        if not locked.runs:
+            remarks.append(f"Errors are those of {single if len(locked.training.runs) == 1 else several}.")
+        if not noise.judged:
+            remarks.append(
+                "Without repeats or a stated sigma the floor holds fast noise only: an error above it may still be "
+                "noise."
+            )
+        next_run = None if self.last is None else self.last.next_run
+        return Improvement(
+            tuple(steps), stop, reason, locked, noise.floors, noise.judged, final, tuple(remarks), next_run
+        )
 
 
 def _core(found: Diagnosis) -> SharedEffect | None:
     """What the credible explanations agree on, where none of them is believed by itself."""
     if found.verdict != "ambiguous":
         return None
-    alike = pairs_alike(found.indistinguishable)
+    alike = frozenset(frozenset((pair.a, pair.b)) for pair in found.indistinguishable)
     return shared_effects(found.judgement.probability, alike, shapes_at_bound(found.fits), THRESHOLDS)
 
 
@@ -310,51 +331,8 @@ def _stop_words(found: Diagnosis, registry: Registry, added: bool) -> str:
     if found.verdict == "nothing_missing":
         return "What is left is noise: no listed effect lowers the error of the training runs any further."
     cannot_tell = added and found.verdict == "insufficient_data"
-    first = "Whether more is missing these data cannot tell." if cannot_tell else headline(found)
+    first = "Whether more is missing these data cannot tell." if cannot_tell else found.judgement.sentence
     return " ".join([first, *explanation(found, registry)])
-
-
-def _told(walk: _Walk, stop: str, reason: str, final: Extension | None) -> Improvement:
-    """Errors of all steps over one floor."""
-    last = walk.drafts[-1]
-    scales = walk.ground.readings(last.effects).scales
-    noise = noise_view(walk.measurement, last.residuals, scales, repeat_groups(walk.measurement))
-    runs = walk.locked.runs
-    steps = []
-    for draft in walk.drafts:
-        training = score(draft.left_out, noise.floors)
-        locked = score(draft.residuals, noise.floors, runs) if runs else training
-        share = locked.n / max(score(draft.residuals, noise.floors).n, 1)
-        se = _standard_error(locked, noise.floors, noise.n_effective * share)
-        unseen = score(draft.residuals, noise.floors, walk.locked.unseen) if walk.locked.unseen else None
-        steps.append(
-            Step(draft.added, draft.effects, draft.why, locked, se, unseen, training, draft.stands_for)
-        )
-    seen = [*walk.measurement.remarks, *walk.ground.predictor.remarks, *walk.not_tried]
-    remarks = [*seen, walk.locked.why, *_rises(steps), *_still_wrong(steps[-1], stop)]
-    if len(walk.locked.training.runs) == 1:
-        remarks.append(
-            "Errors are those of blocks of the one run, left out one after another, not of a run that nothing has seen."
-        )
-    elif not runs:
-        remarks.append(
-            "Errors are those of runs left out one after another, not of runs that nothing has seen."
-        )
-    if not noise.judged:
-        remarks.append(
-            "Without repeats or a stated sigma the floor holds fast noise only: an error above it may still be noise."
-        )
-    return Improvement(
-        tuple(steps),
-        stop,
-        reason,
-        walk.locked,
-        noise.floors,
-        noise.judged,
-        final,
-        tuple(remarks),
-        walk.next_run,
-    )
 
 
 def _standard_error(locked: Score, floors: Mapping[str, Floor], n_effective: float) -> float:
@@ -369,11 +347,8 @@ def _still_wrong(last: Step, stop: str) -> list[str]:
     excess = last.locked.over_floor - 1.0
     if stop != "nothing_missing" or excess < max(2.0 * last.locked_se, CLEARLY_ABOVE):
         return []
-    where = (
-        ""
-        if last.unseen is None
-        else f" ({last.unseen.over_floor:.2f} where their condition was in no other run)"
-    )
+    unseen = last.unseen
+    where = f" ({unseen.over_floor:.2f} where their condition was in no other run)" if unseen else ""
     return [
         f"On the runs put aside the error is still {last.locked.over_floor:.2f} ± {last.locked_se:.2f} times the noise"
         f"{where}: something is missing or wrong that the training runs do not show. Extend the model with "

@@ -1,8 +1,26 @@
 """What to measure next: the run of a menu from which most is expected per minute of bench time.
 
 The contenders are the hypotheses that are still probable, each at its fitted parameters and as unsure of them as the
-measured runs leave it (`separation.py`). Readings of the new run are as noisy, and as much alike among neighbours, as
+measured runs leave it. Readings of the new run are as noisy, and as much alike among neighbours, as
 those that were measured.
+
+A run tells hypotheses apart by its expected log Bayes factors and the probability of a right verdict.
+
+Each hypothesis predicts the readings y of a run as m + G δ with its parameters' deviation δ ~ N(0, A⁻¹) from where
+the measured runs put them, and noise of unit variance per independent reading:
+
+    y | a ~ N(m_a, V_a),      V_a = 1 + f + G_a A_a⁻¹ G_aᵀ.
+
+What b cannot reach by bending its parameters, at the price that the old data set on bending them, is what tells it from
+a: the expected log Bayes factor is the Kullback–Leibler divergence
+
+    E_a ln p(y | a) / p(y | b) = ½ [tr(V_b⁻¹ V_a) − r + ln det V_b / det V_a + (m_a − m_b)ᵀ V_b⁻¹ (m_a − m_b)]
+
+(Hunter and Reiner, Technometrics 7, 1965; Box and Hill, Technometrics 9, 1967). f is what a model that is slightly
+off may do to the readings by itself: its square sum, along three of the r directions in which the hypotheses differ,
+whichever they are. Outside these r directions all hypotheses are the same, so that everything happens within. Draws of
+y under each hypothesis give the probability that the verdict would be right and the expected information (Lindley,
+Ann. Math. Statist. 27, 1956; Chaloner and Verdinelli, Statist. Sci. 10, 1995).
 """
 
 from __future__ import annotations
@@ -15,9 +33,8 @@ import numpy as np
 
 from pliant.diagnosis.candidates import NINETY, EffectSet
 from pliant.diagnosis.catalogue_view import CataloguePrediction, CatalogueView, seconds_per_reading
-from pliant.diagnosis.fitting import EffectFit, ReadingVector
+from pliant.diagnosis.fitting import EffectFit
 from pliant.diagnosis.noise import NoiseView
-from pliant.diagnosis.separation import Contender, ExpectedOutcome, expected
 from pliant.diagnosis.verdict import (
     LEAST_SQUARE,
     NOTHING,
@@ -29,12 +46,124 @@ from pliant.diagnosis.verdict import (
 )
 from pliant.evidence.prediction import Predictor
 from pliant.experiments.experiment_catalogue import static_catalogue, timed_catalogue
-from pliant.experiments.planned_run import SET_UP, PlannedRun
-from pliant.experiments.scale import BenchScale
+from pliant.experiments.planned_run import SET_UP, BenchScale, PlannedRun
 from pliant.interfaces.effect import EffectConfig
 from pliant.measurements.repeats import repeat_groups
 from pliant.records.design import Array
 from pliant.records.measurement import MeasuredRun, Measurement
+
+# Directions whose size is below this share of the largest are rounding.
+FLAT = 1e-9
+DRAWS = 256
+# Errors of a form are smooth: they lie along few directions.
+FORM_DIRECTIONS = 3
+
+
+@dataclass(frozen=True, eq=False)
+class Contender:
+    """A hypothesis about a run.
+
+    Attributes:
+        probability: so far; those of all contenders need not sum to one.
+        mean: (M,) readings over their noise, each times the root of the independent readings that it is worth.
+        slopes: (M, k) their slopes, likewise.
+        information: (k, k) what is known of the parameters: the inverse of their covariance.
+        form: sum of squares that this hypothesis' own inexactness may add to the readings.
+    """
+
+    probability: float
+    mean: Array
+    slopes: Array
+    information: Array
+    form: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class ExpectedOutcome:
+    """What a run is expected to do to the contenders.
+
+    Attributes:
+        right: probability that the true one is then believed.
+        wrong: probability that another is.
+        information: expected fall of the entropy of the probabilities, in nats.
+        factors: (K, K) expected log Bayes factor of row against column if the row is true.
+    """
+
+    right: float
+    wrong: float
+    information: float
+    factors: Array
+
+
+def expected(contenders: Sequence[Contender], temperature: float, believed: float) -> ExpectedOutcome:
+    """What a run would tell, the draws always the same.
+
+    Args:
+        contenders: two or more.
+        temperature: log Bayes factors are divided by this before they change a probability.
+        believed: probability from which a hypothesis is the verdict.
+    """
+    share = np.array([one.probability for one in contenders])
+    share = share / share.sum()
+    means, spreads = _reduced(contenders)
+    roots: list[Array] = [np.asarray(np.linalg.cholesky(v), float) for v in spreads]
+    log_det = np.array([2.0 * np.log(np.diag(root)).sum() for root in roots])
+    factors = np.array(
+        [
+            [
+                _divergence(means[a] - means[b], spreads[a], roots[b], log_det[b] - log_det[a])
+                for b in range(len(share))
+            ]
+            for a in range(len(share))
+        ]
+    )
+    rng = np.random.default_rng(0)
+    before = -float(share @ np.log(np.maximum(share, 1e-300)))
+    right = wrong = after = 0.0
+    for a, probability in enumerate(share):
+        drawn = means[a] + rng.standard_normal((DRAWS, means.shape[1])) @ roots[a].T
+        odds = np.log(np.maximum(share, 1e-300)) + _log_density(drawn, means, roots, log_det) / temperature
+        odds -= odds.max(axis=1, keepdims=True)
+        posterior = np.exp(odds)
+        posterior /= posterior.sum(axis=1, keepdims=True)
+        sure = posterior >= believed
+        right += probability * float(sure[:, a].mean())
+        wrong += probability * float(np.delete(sure, a, axis=1).any(axis=1).mean())
+        after -= probability * float((posterior * np.log(np.maximum(posterior, 1e-300))).sum(axis=1).mean())
+    return ExpectedOutcome(float(right), float(wrong), before - after, factors)
+
+
+def _reduced(contenders: Sequence[Contender]) -> tuple[Array, list[Array]]:
+    """Means (K, r) and covariances (r, r) in the directions in which the contenders differ."""
+    middle = np.mean([one.mean for one in contenders], axis=0)
+    columns = [np.column_stack([one.mean - middle, one.slopes]) for one in contenders]
+    left, sizes, _ = np.linalg.svd(np.column_stack(columns), full_matrices=False)
+    basis = left[:, sizes > FLAT * max(float(sizes[0]), 1e-12)]
+    r = min(max(basis.shape[1], 1), FORM_DIRECTIONS)
+    spreads = []
+    for one in contenders:
+        slopes = basis.T @ one.slopes
+        bent = slopes @ np.linalg.solve(one.information, slopes.T) if slopes.shape[1] else 0.0
+        spreads.append((1.0 + one.form / r) * np.eye(basis.shape[1]) + bent)
+    return np.array([basis.T @ (one.mean - middle) for one in contenders]), spreads
+
+
+def _divergence(apart: Array, mine: Array, root: Array, log_ratio: float) -> float:
+    """Kullback–Leibler divergence to a normal distribution with this Cholesky root."""
+    inverse = np.linalg.inv(root)
+    scaled = inverse @ apart
+    trace = float(np.sum((inverse @ mine) * inverse))
+    return 0.5 * (trace - len(apart) + log_ratio + float(scaled @ scaled))
+
+
+def _log_density(drawn: Array, means: Array, roots: Sequence[Array], log_det: Array) -> Array:
+    """(draws, K) up to a constant."""
+    found = np.empty((len(drawn), len(means)))
+    for b, root in enumerate(roots):
+        scaled = np.linalg.solve(root, (drawn - means[b]).T)
+        found[:, b] = -0.5 * (log_det[b] + (scaled**2).sum(axis=0))
+    return found
+
 
 # Contenders below this probability are not asked.
 SMALL = 0.01
@@ -91,15 +220,13 @@ class Belief:
 
     Attributes:
         fits, probability: of every hypothesis.
-        readings: the measured readings, for their number.
-        n_effective: independent readings among them.
+        n_effective: independent readings among those that were measured.
         square: variance of one reading in units of the scales.
         thresholds: what a verdict asks for.
     """
 
     fits: Mapping[Kinds, EffectFit]
     probability: Mapping[Kinds, float]
-    readings: ReadingVector
     n_effective: float
     square: float
     thresholds: EvidenceThresholds = THRESHOLDS
@@ -108,14 +235,13 @@ class Belief:
     def of(
         fits: Mapping[Kinds, EffectFit],
         probability: Mapping[Kinds, float],
-        readings: ReadingVector,
         noise: NoiseView,
         thresholds: EvidenceThresholds = THRESHOLDS,
     ) -> Belief:
         """The noise is the floor; the unit of the residuals where nothing tells one."""
         known = math.isfinite(noise.floor_square) and noise.floor_square > LEAST_SQUARE
         square = noise.floor_square if known else 1.0
-        return Belief(fits, probability, readings, noise.n_effective, square, thresholds)
+        return Belief(fits, probability, noise.n_effective, square, thresholds)
 
     @property
     def contenders(self) -> tuple[Kinds, ...]:
@@ -130,9 +256,8 @@ class Belief:
     @property
     def deciding(self) -> float:
         """Expected log Bayes factor that turns even odds into a verdict."""
-        return self.thresholds.temperature * math.log(
-            self.thresholds.believed / (1.0 - self.thresholds.believed)
-        )
+        believed = self.thresholds.believed
+        return self.thresholds.temperature * math.log(believed / (1.0 - believed))
 
 
 def catalogue_of(predictor: Predictor, own: Sequence[PlannedRun] = ()) -> tuple[PlannedRun, ...]:
@@ -172,23 +297,21 @@ def next_runs(
     contenders = belief.contenders
     if len(contenders) < 2:
         return ()
-    looks = _looks(view, belief, contenders)
+    looks = {kinds: view.look(belief.fits[kinds].candidate, belief.fits[kinds].x) for kinds in contenders}
+    if NOTHING not in looks:
+        looks[NOTHING] = view.look(EffectSet((), (), ()), np.zeros(0))
     chosen: list[int] = []
     found: list[NextRun] = []
     told = 0.0
     while len(found) < count:
-        outcomes = {
-            index: outcome
-            for index, run in enumerate(view.runs)
-            if run.minutes <= minutes
-            and (outcome := _outcome(view, belief, looks, [*chosen, index])) is not None
-        }
+        fit_in = [k for k, run in enumerate(view.runs) if run.minutes <= minutes]
+        looked = {k: _outcome(view, belief, looks, [*chosen, k]) for k in fit_in}
+        outcomes = {k: outcome for k, outcome in looked.items() if outcome is not None}
         ranked = _ranked(view, outcomes, told, {*done, *chosen})
-        helpful = [index for index in ranked if _helps(outcomes[index], told, belief)]
-        if not helpful:
+        best = next((k for k in ranked if _helps(outcomes[k], told, belief)), None)
+        if best is None:
             break
-        best = helpful[0]
-        found.append(_worded(view, belief, contenders, outcomes, ranked, best, told))
+        found.append(_worded(view, belief, outcomes, ranked, best, told))
         chosen.append(best)
         told, minutes = outcomes[best].information, minutes - view.runs[best].minutes
     return tuple(found)
@@ -239,23 +362,9 @@ def run_that_excites(view: CatalogueView, configs: Mapping[str, Sequence[EffectC
 
 def information_of(fit: EffectFit, n_effective: float, square: float) -> Array:
     """(k, k) inverse covariance of a fit's parameters: what the readings say, and the plausible ranges."""
-    spans = [high - low for low, high in (parameter.plausible for parameter in fit.candidate.parameters)]
-    prior = np.diag([(2.0 * NINETY / span) ** 2 for span in spans])
-    known: Array = n_effective / (len(fit.residual) * square) * fit.slopes.T @ fit.slopes + prior.reshape(
-        len(spans), len(spans)
-    )
-    return known
-
-
-def _looks(
-    view: CatalogueView, belief: Belief, contenders: Sequence[Kinds]
-) -> dict[Kinds, CataloguePrediction]:
-    fits = {kinds: belief.fits[kinds] for kinds in contenders}
-    looks = {kinds: view.look(fit.candidate, fit.x) for kinds, fit in fits.items()}
-    plain = belief.fits.get(NOTHING)
-    if NOTHING not in looks:
-        looks[NOTHING] = view.look(EffectSet((), (), ()) if plain is None else plain.candidate, np.zeros(0))
-    return looks
+    spans = np.array([high - low for low, high in (p.plausible for p in fit.candidate.parameters)])
+    seen = n_effective / (len(fit.residual) * square) * fit.slopes.T @ fit.slopes
+    return np.asarray(seen + np.diag((2.0 * NINETY / spans) ** 2))
 
 
 def _outcome(
@@ -313,35 +422,24 @@ def _helps(outcome: ExpectedOutcome, told: float, belief: Belief) -> bool:
 def _worded(
     view: CatalogueView,
     belief: Belief,
-    contenders: Sequence[Kinds],
     outcomes: Mapping[int, ExpectedOutcome],
     ranked: Sequence[int],
     best: int,
     told: float,
 ) -> NextRun:
-    outcome, run = outcomes[best], view.runs[best]
-    factors = np.minimum(outcome.factors, outcome.factors.T)
-    pairs = tuple(
-        (a, b)
-        for j, b in enumerate(contenders)
-        for i, a in enumerate(contenders[:j])
-        if factors[i, j] >= belief.deciding
-    )
+    outcome, run, contenders = outcomes[best], view.runs[best], belief.contenders
+    parted = np.minimum(outcome.factors, outcome.factors.T) >= belief.deciding
+    pairs = [(contenders[i], b) for j, b in enumerate(contenders) for i in range(j) if parted[i, j]]
     why = (
         f"the explanations that are left predict different readings there: {_either(contenders, ' or ')}; the "
         f"verdict after it is expected to be right with {outcome.right:.0%}"
     )
-    order = tuple(
-        RankedRun(
-            view.runs[k].name,
-            view.runs[k].words,
-            view.runs[k].minutes,
-            (outcomes[k].information - told) / view.runs[k].minutes,
-            outcomes[k].right,
-        )
-        for k in ranked
-    )
-    return NextRun(run.words, why, pairs, run.minutes, run.name, outcome.right, order, run)
+    order = []
+    for k in ranked:
+        one, minutes = view.runs[k], view.runs[k].minutes
+        gain = (outcomes[k].information - told) / minutes
+        order.append(RankedRun(one.name, one.words, minutes, gain, outcomes[k].right))
+    return NextRun(run.words, why, tuple(pairs), run.minutes, run.name, outcome.right, tuple(order), run)
 
 
 def _either(contenders: Sequence[Kinds], between: str) -> str:

@@ -1,8 +1,15 @@
-"""The evidence of every hypothesis that was fitted, its probability, and the verdict that this allows."""
+"""The evidence of every hypothesis that was fitted, its probability, and the verdict that this allows.
+
+What the credible explanations have in common when no single one is credible enough.
+
+Effects are exchanged for each other where two credible hypotheses are alike but for them and the runs can hardly tell
+them apart. If nearly all probability lies on hypotheses with some member of such a group, an effect of that kind is
+missing although nobody knows which: one member may stand for the group in a model that is needed today.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -182,11 +189,8 @@ def sorted_kinds(kinds: Sequence[str]) -> Kinds:
 
 def at_limit(fit: EffectFit) -> tuple[str, ...]:
     """Parameters of a fit that ended on a bound."""
-    return tuple(
-        parameter.name
-        for parameter, there in zip(fit.candidate.parameters, fit.at_limit, strict=True)
-        if there
-    )
+    ends = zip(fit.candidate.parameters, fit.at_limit, strict=True)
+    return tuple(parameter.name for parameter, there in ends if there)
 
 
 def _left_over(
@@ -241,10 +245,20 @@ class Judgement:
     """
 
     verdict: Verdict
-    probability: dict[Kinds, float]
+    probability: Mapping[Kinds, float]
     selected: Kinds
     credible: tuple[Kinds, ...]
     reasons: tuple[str, ...]
+
+    @property
+    def sentence(self) -> str:
+        """The verdict in one sentence, with the explanations that are left."""
+        contenders = [named(kinds) for kinds in self.credible[:MOST_NAMED]]
+        if more := len(self.credible) - len(contenders):
+            contenders.append(f"{more} more")
+        return HEADLINES[self.verdict].format(
+            kinds=" and ".join(self.selected), contenders=" or ".join(contenders)
+        )
 
 
 def named(kinds: Kinds) -> str:
@@ -252,14 +266,6 @@ def named(kinds: Kinds) -> str:
     if kinds == NOTHING:
         return "nothing missing"
     return "an effect outside the list" if kinds == UNKNOWN else " + ".join(kinds)
-
-
-def sentence_of(verdict: Verdict, selected: Kinds, credible: Sequence[Kinds]) -> str:
-    """A verdict in one sentence, with the explanations that are left."""
-    contenders = [named(kinds) for kinds in credible[:MOST_NAMED]]
-    if more := len(credible) - len(contenders):
-        contenders.append(f"{more} more")
-    return HEADLINES[verdict].format(kinds=" and ".join(selected), contenders=" or ".join(contenders))
 
 
 def judge(table: EvidenceTable, thresholds: EvidenceThresholds, n_excited: int) -> Judgement:
@@ -327,3 +333,82 @@ def _verdict(
     if not predicts_unseen(table, first):
         return "ambiguous", (NOT_PREDICTIVE.format(kinds=named(first), what="runs or conditions"),)
     return "missing_effect", ()
+
+
+@dataclass(frozen=True)
+class SharedEffect:
+    """A group of effects of which one is missing.
+
+    Attributes:
+        chosen: the member to take.
+        stands_for: all members, the most probable first; one where the hypotheses agree on an effect.
+        probability: of all hypotheses with a member.
+    """
+
+    chosen: str
+    stands_for: Kinds
+    probability: float
+
+
+def shared_effects(
+    probability: Mapping[Kinds, float],
+    alike: Collection[frozenset[str]],
+    at_bound: Mapping[Kinds, frozenset[str]],
+    thresholds: EvidenceThresholds,
+) -> SharedEffect | None:
+    """The group that is most probable; None where no group is believed, or one hypothesis is credible alone.
+
+    Args:
+        probability: of every hypothesis, the largest first.
+        alike: pairs of kinds that these runs can hardly tell apart.
+        at_bound: for hypotheses, the effects of which a shape ended on a bound. Such a member is chosen only where all
+            others are, too.
+        thresholds: `believed` is the least probability of a group; "nothing" and "outside the list" must hold less than
+            the rest together.
+    """
+    doubt = probability.get(NOTHING, 0.0) + probability.get(UNKNOWN, 0.0)
+    credible = [kinds for kinds in credible_set(probability) if kinds not in (NOTHING, UNKNOWN)]
+    if len(credible) < 2 or doubt >= 1.0 - thresholds.believed:
+        return None
+    known = {kinds: p for kinds, p in probability.items() if kinds not in (NOTHING, UNKNOWN)}
+    best: SharedEffect | None = None
+    for group in _groups(credible, alike):
+        total = sum(p for kinds, p in known.items() if not group.isdisjoint(kinds))
+        if total < thresholds.believed or (best is not None and total <= best.probability):
+            continue
+        members = sorted(group, key=lambda kind: (-_held(known, kind), kind))
+        free = [kind for kind in members if kind not in at_bound.get(_leading(known, kind), frozenset())]
+        best = SharedEffect((free or members)[0], tuple(members), total)
+    return best
+
+
+def shapes_at_bound(fits: Mapping[Kinds, EffectFit]) -> dict[Kinds, frozenset[str]]:
+    """For each fitted hypothesis the effects of which a parameter other than the strength ended on a bound."""
+    return {
+        kinds: frozenset(
+            parameter.kind
+            for parameter, there in zip(fit.candidate.parameters, fit.at_limit, strict=True)
+            if there and not parameter.is_strength
+        )
+        for kinds, fit in fits.items()
+    }
+
+
+def _groups(credible: Collection[Kinds], alike: Collection[frozenset[str]]) -> list[frozenset[str]]:
+    """Kinds joined by exchanges, directly or over others; each kind of a credible hypothesis is in one."""
+    groups = [frozenset((kind,)) for kind in sorted({kind for kinds in credible for kind in kinds})]
+    for pair in {frozenset(a) ^ frozenset(b) for a in credible for b in credible if len(a) == len(b)}:
+        if len(pair) == 2 and pair in alike:
+            joined = [group for group in groups if group & pair]
+            groups = [group for group in groups if not group & pair] + [frozenset().union(*joined)]
+    return groups
+
+
+def _held(probability: Mapping[Kinds, float], kind: str) -> float:
+    """Probability of all hypotheses with an effect."""
+    return sum(p for kinds, p in probability.items() if kind in kinds)
+
+
+def _leading(probability: Mapping[Kinds, float], kind: str) -> Kinds:
+    """The most probable hypothesis with an effect."""
+    return max((kinds for kinds in probability if kind in kinds), key=lambda kinds: probability[kinds])

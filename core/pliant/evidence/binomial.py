@@ -21,10 +21,8 @@ MOST_TABLES = 20_000  # of an exact test of repeats
 def log_choose(n: Any, k: Any) -> Array:
     """log of n over k, numbers or arrays of them."""
     n, k = np.asarray(n, float), np.asarray(k, float)
-    chosen: Array = (
-        scipy.special.gammaln(n + 1) - scipy.special.gammaln(k + 1) - scipy.special.gammaln(n - k + 1)
-    )
-    return chosen
+    log_factorial = scipy.special.gammaln
+    return np.asarray(log_factorial(n + 1) - log_factorial(k + 1) - log_factorial(n - k + 1))
 
 
 def log_predictive(measured: Count, simulated: Count) -> float:

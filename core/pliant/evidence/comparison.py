@@ -14,25 +14,23 @@ import numpy as np
 from pliant.errors import UserError
 from pliant.evidence.covariates import covariates
 from pliant.evidence.importance import importance
-from pliant.evidence.noise import noise_of
-from pliant.evidence.places import Place, Residuals, find_places, worst_places
+from pliant.evidence.places import Place, Residuals, find_places, noise_of, padded, worst_places
 from pliant.evidence.scores import (
     NONE,
     GroupError,
     Interval,
     OutputError,
-    conditions,
     group_error,
     output_error,
     overall,
     run_words,
 )
-from pliant.formatting import unit_of
+from pliant.formatting import listed, unit_of, whole_percent
 from pliant.measurements.effective import clock_of
 from pliant.measurements.floors import Floor, floor_remarks, noise_floors
 from pliant.measurements.repeats import repeat_groups
 from pliant.records.design import Array
-from pliant.records.measurement import MeasuredRun, Measurement
+from pliant.records.measurement import Measurement
 
 AGAINST = -0.5  # a correlation below it is no missing effect: it is a sign
 FEWEST = 10
@@ -44,28 +42,21 @@ def sense_remarks(
     """A sentence for each output whose readings go the other way than the model's."""
     found = []
     for name in names:
-        pairs = [
-            (run.outputs[name], model[name]) for run, model in zip(measurement.runs, predicted, strict=True)
-        ]
-        read, said = (np.concatenate([np.asarray(pair[k], float) for pair in pairs]) for k in (0, 1))
+        read = np.concatenate([np.asarray(run.outputs[name], float) for run in measurement.runs])
+        said = np.concatenate([np.asarray(model[name], float) for model in predicted])
         there = np.isfinite(read) & np.isfinite(said)
         if there.sum() < FEWEST or np.ptp(read[there]) == 0.0 or np.ptp(said[there]) == 0.0:
             continue
         correlation = float(np.corrcoef(read[there], said[there])[0, 1])
+        inputs = sorted({name for run in measurement.runs for name in run.history.actuation})
+        swapped = f", and at which chamber is which: {', '.join(inputs)} and their signs in 'chain.actuators'"
         if correlation < AGAINST:
             found.append(
                 f"The readings of {unit_of(name).label} go the other way than the model (correlation "
                 f"{correlation:.2f}): before looking for an effect look at the sign of the sensor"
-                f"{_swapped(measurement)}."
+                f"{swapped if len(inputs) > 1 else ''}."
             )
     return found
-
-
-def _swapped(measurement: Measurement) -> str:
-    inputs = sorted({name for run in measurement.runs for name in run.history.actuation})
-    if len(inputs) < 2:
-        return ""
-    return f", and at which chamber is which: {', '.join(inputs)} and their signs in 'chain.actuators'"
 
 
 NO_NOISE = "no noise"
@@ -160,13 +151,16 @@ def compare(
     if not names:
         raise UserError("no reading can be compared: every reading or prediction is missing.")
     residuals = [{name: run[name] for name in names} for run in residuals]
-    floors = noise_floors(measurement, predicted_aside(measurement, residuals)) if floors is None else floors
+    if floors is None:
+        floors = noise_floors(measurement, padded(measurement, residuals))
     floors = {name: floors[name] for name in names if name in floors}
-    noiseless = _without_noise(floors, measurement)
+    readings = {n: np.concatenate([run.outputs[n] for run in measurement.runs]) for n in floors}
+    smallest = {name: ROUNDING * float(np.sqrt(np.nanmean(read**2))) for name, read in readings.items()}
+    noiseless = [name for name, floor in floors.items() if floor.value <= smallest[name]]  # computed data
     floors = {name: floor for name, floor in floors.items() if name not in noiseless}
     groups = repeat_groups(measurement)
     noise = {n: noise_of(floors.get(n), measurement, groups, [run[n] for run in residuals]) for n in names}
-    steps_s = [_step_s(run) for run in measurement.runs]
+    steps_s = [float(np.median(np.diff(clock_of(run)))) if len(run) > 1 else 1.0 for run in measurement.runs]
     found = covariates(measurement, predicted)
     places = find_places(residuals, found, noise, steps_s)
     outputs = {n: output_error(n, residuals, floors.get(n), noise[n], steps_s, seed) for n in names}
@@ -174,13 +168,15 @@ def compare(
     known = all(np.isfinite(error.noise_floor) for error in outputs.values())
     ratio, ratio_interval = overall(residuals, noise, steps_s, seed) if known else (np.nan, NONE)
     runs = [(k,) for k in range(len(measurement.runs))]
+    repeats = {k: group.runs for group in groups for k in group.runs}
+    conditions = dict.fromkeys(repeats.get(k, run) for k, run in enumerate(runs))
     score = partial(group_error, measurement, run_words(found, len(runs)), residuals, noise, known)
     return Comparison(
         outputs=outputs,
         rmse_over_floor=ratio,
         rmse_over_floor_interval=ratio_interval,
-        runs=tuple(score(run) for run in runs),
-        conditions=tuple(score(condition) for condition in conditions(runs, groups)),
+        runs=tuple(map(score, runs)),
+        conditions=tuple(map(score, conditions)),
         places=places,
         worst=worst_places(places),
         depends_on=importance(residuals, found, {name: one.total for name, one in noise.items()}),
@@ -201,28 +197,6 @@ def compare(
     )
 
 
-def _without_noise(floors: Mapping[str, Floor], measurement: Measurement) -> list[str]:
-    """Outputs whose floor is only rounding: computed data."""
-    found = []
-    for name, floor in floors.items():
-        readings = np.concatenate([run.outputs[name] for run in measurement.runs])
-        if floor.value <= ROUNDING * float(np.sqrt(np.nanmean(readings**2))):
-            found.append(name)
-    return found
-
-
-def predicted_aside(measurement: Measurement, residuals: Residuals) -> Residuals:
-    """Residuals for every output of the measurement: NaN for those that the model does not have."""
-    return [
-        {name: run.get(name, np.full(len(m), np.nan)) for name in measurement.outputs}
-        for m, run in zip(measurement.runs, residuals, strict=True)
-    ]
-
-
-def _step_s(run: MeasuredRun) -> float:
-    return float(np.median(np.diff(clock_of(run)))) if len(run) > 1 else 1.0
-
-
 def _remarks(
     measurement: Measurement, names: Sequence[str], residuals: Residuals, noiseless: Sequence[str]
 ) -> list[str]:
@@ -231,7 +205,6 @@ def _remarks(
         remarks.append(
             f"{', '.join(noiseless)}: readings without any noise; there is no floor to compare with."
         )
-    left = [name for name in measurement.outputs if name not in names]
     lost = sum(
         int((np.isfinite(run.outputs[name]) & ~np.isfinite(error[name])).sum())
         for run, error in zip(measurement.runs, residuals, strict=True)
@@ -239,8 +212,116 @@ def _remarks(
     )
     if lost:
         remarks.append(f"{lost} readings are left out, because the model found no equilibrium there.")
-    if left:
+    if left := [name for name in measurement.outputs if name not in names]:
         remarks.append(f"Not compared, because the model or the file has no values of it: {', '.join(left)}.")
     if len(measurement.runs) == 1:
         remarks.append("There is one run only: offsets between runs cannot be told from errors of the model.")
     return remarks
+
+
+NEAR = 1.2  # times the floor: nothing to explain when no place stands out
+DENSER = 1.2  # of its share of the readings: below, the error is no denser there than elsewhere
+CLUE = 0.15  # of the error's variance
+LIFT = 1.25  # a narrower place is named when its error is denser by so much…
+KEPT = 0.8  # …and it keeps so much of the error
+
+
+def interpret(comparison: Comparison) -> str:
+    """Whether the model is wrong beyond the noise, and where most."""
+    if not comparison.judged:
+        why = f"Whether that is more than the bench's own scatter cannot be judged, because {_missing(comparison)}."
+        place = headline(comparison)
+        return f"{_size(comparison)}. {why}{f' What stands out of it: {_place(place)}' if place else ''}"
+    ratio = comparison.rmse_over_floor
+    if not comparison.significant:
+        if ratio < NEAR:
+            return (
+                f"Within the noise: the error is {times(comparison)} the noise floor and no condition stands out. "
+                "Nothing to explain here."
+            )
+        return (
+            f"The error is {times(comparison)} the noise, but no condition stands out among "
+            f"{comparison.n_places} looked at: the floor may be too low, or the runs too few to tell."
+        )
+    start = (
+        f"The model is off by {times(comparison)} the noise"
+        if ratio >= NEAR
+        else f"The error is {times(comparison)} the noise, so little is left to explain, yet it is no pure noise"
+    )
+    where = headline(comparison)
+    if where is None and ratio < NEAR:
+        where = max(comparison.significant, key=lambda place: abs(place.z))
+    if where is None:
+        return f"{start}; the error is spread over all conditions alike{_bias(comparison)}.{_goes_with(comparison)}"
+    return f"{start}; {_place(where)}{_goes_with(comparison)}"
+
+
+def headline(comparison: Comparison) -> Place | None:
+    """The place to look at first: the worst, or a narrower one inside it where the error is clearly denser."""
+    significant = [
+        p for p in comparison.worst if p.significant and p.share_of_error > DENSER * p.share_of_samples
+    ]
+    if not significant:
+        return None
+    top = significant[0]
+    narrower = [
+        place
+        for place in significant[1:]
+        if top.condition in place.condition
+        and place.share_of_error >= KEPT * top.share_of_error
+        and place.rms_over_floor**2 >= LIFT * top.rms_over_floor**2
+    ]
+    return narrower[0] if narrower else top
+
+
+def times(comparison: Comparison) -> str:
+    """The error in units of the floor: "3.1 times"."""
+    ratio = comparison.rmse_over_floor
+    return f"{ratio:.1f} times" if ratio < 10 else f"{ratio:.0f} times"
+
+
+def _size(comparison: Comparison) -> str:
+    errors = [(unit_of(name), error.rmse) for name, error in comparison.outputs.items()]
+    texts = [f"{words.text(rmse, 2)} in {words.label}" for words, rmse in errors]
+    more = f" and {len(texts) - 3} more" if len(texts) > 3 else ""
+    noise = f", {times(comparison)} the noise between neighbouring readings" if comparison.has_floor else ""
+    return f"The error is {', '.join(texts[:3])} (root mean square){more}{noise}"
+
+
+def _missing(comparison: Comparison) -> str:
+    without = [unit_of(n).label for n, error in comparison.outputs.items() if error.source not in JUDGED_BY]
+    if all(error.source == NO_NOISE for error in comparison.outputs.values()):
+        return "the readings have no noise at all"
+    which = "" if len(without) == len(comparison.outputs) else f" for {listed(without)}"
+    return f"no run was repeated and no sigma is stated{which}"
+
+
+def _place(place: Place) -> str:
+    """How much of the error lies at a place, and which way it goes."""
+    mean, words = place.outputs[place.output].mean, unit_of(place.output)
+    return (
+        f"{whole_percent(place.share_of_error)} of the squared error is at {place.condition} "
+        f"({whole_percent(place.share_of_samples)} of the readings). "
+        f"There the measured {words.label} lies {words.text(abs(mean), 2)} {_side(mean)} the model on average."
+    )
+
+
+def _side(error: float) -> str:
+    return "above" if error > 0 else "below"
+
+
+def _goes_with(comparison: Comparison) -> str:
+    """What tells most of the error, where it tells enough to be a clue."""
+    name, told = next(iter(comparison.depends_on.items()), ("", 0.0))
+    if told < CLUE:
+        return ""
+    labels = listed([comparison.labels.get(part, part) for part in name.split(" × ")])
+    return f" The error goes most with {labels}, which tell{'' if ' × ' in name else 's'} {whole_percent(told)} of it."
+
+
+def _bias(comparison: Comparison) -> str:
+    name, error = max(comparison.outputs.items(), key=lambda one: abs(one[1].bias) / one[1].noise.total)
+    if abs(error.bias) < 0.5 * error.rmse:
+        return ""
+    size = unit_of(name).text(abs(error.bias), 2)
+    return f": the measured {unit_of(name).label} lies {size} {_side(error.bias)} the model on average"

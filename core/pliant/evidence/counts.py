@@ -4,13 +4,17 @@ Both sides are finite: s of n measured, t of m simulated. The log-likelihood of 
 count given the simulated one (`binomial.log_predictive`); its test is Fisher's exact one, adjusted for the number of
 conditions by Holm. Sets of one condition are tested against each other in the same way: contradictory repeats are a
 finding about the bench, before any about the model.
+
+Trials of a study's task under many settings: each an artifact of the store, computed by any executor.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import scipy
@@ -18,7 +22,7 @@ import scipy
 from pliant.config.measurements import MeasurementsConfig
 from pliant.config.study import Study
 from pliant.config.task_keys import changed_task
-from pliant.errors import UserError
+from pliant.errors import NotReachedError, UserError
 from pliant.evidence.binomial import (
     Count,
     chi_square,
@@ -32,12 +36,88 @@ from pliant.evidence.binomial import (
     signed_z,
     wilson,
 )
-from pliant.evidence.trials import Setting, simulate_trials
-from pliant.execution.executors import Workers
+from pliant.execution.executors import InlineExecutor, Workers, executor_for
+from pliant.execution.jobs import JobQueue
+from pliant.interfaces.effect import EffectConfig
 from pliant.interfaces.task import TaskConfig
 from pliant.measurements.counts_reading import counts_trials, holds_counts, read_counts
+from pliant.pipeline.remote import RemoteStudy
+from pliant.pipeline.simulate import ChainSource, simulate_stage
+from pliant.pipeline.study import chain_of_study, physics_of_study
 from pliant.pipeline.workbench import Workbench
 from pliant.records.counts import CountCondition, Counts
+
+SHARE = "success_share"
+
+
+@dataclass(frozen=True)
+class Setting:
+    """A task's config with its conditions, noise and number of trials, and the effects in the model."""
+
+    task: TaskConfig
+    effects: tuple[EffectConfig, ...]
+
+
+def simulate_trials(
+    bench: Workbench, study: Study, settings: Sequence[Setting], workers: Workers = 1
+) -> list[Count]:
+    """Successes and trials of each setting; what the store has is not simulated again.
+
+    Args:
+        bench: plugins, store, progress.
+        study: chain, physics and everything that settings share.
+        settings: see `Setting`; trials of one seed draw the same random numbers in every setting.
+        workers: see `executor_for`; 1 simulates in this process.
+
+    Raises:
+        UserError: a task that does not count successes, or an engine that cannot simulate it.
+        NotReachedError: a setting killed its worker twice; the results of the others are in the store.
+    """
+    source = chain_of_study(bench, study)  # the law is there before workers begin
+    bar = bench.progress.begin("simulating conditions", len(settings))
+    function: Callable[[Any], Count] = partial(_simulated, bench, study, source)
+    items: Sequence[Any] = settings
+    done = []
+    try:
+        with executor_for(workers, len(settings)) as executor:
+            if not isinstance(executor, InlineExecutor):
+                modules = (__name__,) if executor.remote else ()
+                items = [RemoteStudy.of(bench, _with(study, setting), modules) for setting in settings]
+                function = simulate_remote
+            with JobQueue(executor, function) as queue:
+                for one in queue.each(items):
+                    done.append(one)
+                    bar.advance()
+    finally:
+        bar.finish()
+    return [one.unwrap() for one in done]
+
+
+def simulate_remote(remote: RemoteStudy) -> tuple[int, int]:
+    """What a worker does: the task of a study, through the shared store."""
+    bench, study = remote.open()
+    setting = Setting(study.need("task", "a simulation"), study.effects)
+    return _simulated(bench, study, chain_of_study(bench, study), setting)
+
+
+def _with(study: Study, setting: Setting) -> Study:
+    """The study of one setting; its task has the study's noise."""
+    changes = {"task": setting.task, "effects": setting.effects}
+    return study.model_copy(update={**changes, "noise": None, "measurements": None, "cross_check": ()})
+
+
+def _simulated(bench: Workbench, study: Study, source: ChainSource, setting: Setting) -> Count:
+    task = setting.task
+    made = simulate_stage(bench, source, physics_of_study(bench, study), task, setting.effects)
+    share, trials = made.value.metrics.get(SHARE), int(getattr(task, "trials", 1))
+    if share is None:
+        raise UserError(
+            f"task '{task.kind}' does not say how many trials succeed ('{SHARE}'); counts need one."
+        )
+    if not 0.0 <= share <= 1.0:
+        raise NotReachedError(f"task '{task.kind}' gives a share of successes of {share:g}")
+    return round(share * trials), trials
+
 
 LEVEL = 0.05
 
@@ -159,31 +239,36 @@ class CountComparison:
 def compare_counts(counts: Counts, simulated: Sequence[Count]) -> CountComparison:
     """Measured against simulated counts, condition by condition in the same order."""
     measured = [(c.successes, c.trials) for c in counts.conditions]
-    adjusted = holm([fisher_p(a, b) for a, b in zip(measured, simulated, strict=True)])
+    pairs = list(zip(measured, simulated, strict=True))
+    p = [fisher_p(a, b) for a, b in pairs]
     sets = [[(one.successes, one.trials) for one in c.sets] for c in counts.conditions]
     p_sets = [repeats_agree(one) for one in sets]
     repeated = [k for k, one in enumerate(sets) if len(one) > 1]
     p_sets_adjusted = dict(zip(repeated, holm([p_sets[k] for k in repeated]), strict=True))
-    deviances = [deviance(a, b) for a, b in zip(measured, simulated, strict=True)]
+    deviances = [deviance(a, b) for a, b in pairs]
     total = sum(deviances)
-    overdispersion, p_overdispersion = _overdispersion(sets)
+    # conditions that repeat and did not end alike; χ² over its degrees of freedom is 1 for binomial scatter
+    told = [s for s in sets if len(s) > 1 and 0 < sum(k for k, _ in s) < sum(n for _, n in s)]
+    freedom, scatter = sum(len(one) - 1 for one in told), sum(chi_square(one) for one in told)
     results = tuple(
         ConditionResult(
-            condition=condition,
+            condition=counts.conditions[k],
             simulated=b,
             log_likelihood=log_predictive(a, b),
             deviance=deviances[k],
             log_bayes_factor=log_bayes_factor(a, b),
-            p=fisher_p(a, b),
-            p_adjusted=adjusted[k],
+            p=p[k],
+            p_adjusted=p_adjusted,
             z=signed_z(a, b),
             p_repeats=p_sets[k],
             p_repeats_adjusted=p_sets_adjusted.get(k, 1.0),
             share_of_error=deviances[k] / total if total > 0 else 0.0,
         )
-        for k, (condition, a, b) in enumerate(zip(counts.conditions, measured, simulated, strict=True))
+        for k, ((a, b), p_adjusted) in enumerate(zip(pairs, holm(p), strict=True))
     )
     errors = np.array([one.error for one in results])
+    shares = [(s + t + 1) / (n + m + 2) for (s, n), (t, m) in pairs]  # of one probability for both
+    noise = [q * (1 - q) * (1 / n + 1 / m) for q, ((_, n), (_, m)) in zip(shares, pairs, strict=True)]
     return CountComparison(
         conditions=results,
         log_likelihood=sum(one.log_likelihood for one in results),
@@ -191,33 +276,12 @@ def compare_counts(counts: Counts, simulated: Sequence[Count]) -> CountCompariso
         log_likelihood_own=sum(log_own(a) for a in measured),
         rmse=float(np.sqrt(np.mean(errors**2))),
         bias=float(np.mean(errors)),
-        noise_floor=_floor(measured, simulated),
-        overdispersion=overdispersion,
-        p_overdispersion=p_overdispersion,
+        noise_floor=float(np.sqrt(np.mean(noise))),
+        overdispersion=scatter / freedom if freedom else float("nan"),
+        p_overdispersion=float(scipy.special.chdtrc(freedom, scatter)) if freedom else 1.0,
         n_repeated=len(repeated),
         remarks=counts.remarks,
     )
-
-
-def _floor(measured: Sequence[Count], simulated: Sequence[Count]) -> float:
-    """Root mean square difference of two shares with one probability p̂ = (s + t + 1) / (n + m + 2) per condition."""
-    variances = []
-    for (s, n), (t, m) in zip(measured, simulated, strict=True):
-        share = (s + t + 1) / (n + m + 2)
-        variances.append(share * (1 - share) * (1 / n + 1 / m))
-    return float(np.sqrt(np.mean(variances)))
-
-
-def _overdispersion(sets: Sequence[Sequence[Count]]) -> tuple[float, float]:
-    """Σχ² over its degrees of freedom (1 is binomial) and its p, of conditions that repeat and did not end alike."""
-    informative = [
-        one for one in sets if len(one) > 1 and 0 < sum(s for s, _ in one) < sum(n for _, n in one)
-    ]
-    freedom = sum(len(one) - 1 for one in informative)
-    if not freedom:
-        return float("nan"), 1.0
-    total = sum(chi_square(one) for one in informative)
-    return total / freedom, float(scipy.special.chdtrc(freedom, total))
 
 
 @dataclass(frozen=True)

@@ -1,14 +1,20 @@
-"""Covariates: the circumstances of each sample that a model's error may depend on."""
+"""Covariates: the circumstances of each sample that a model's error may depend on.
+
+Bins: a covariate cut into a handful of places that have a name.
+"""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
-from pliant.formatting import NamedUnit, named_unit, unit_of
+from pliant.formatting import NamedUnit, named_unit, number, unit_of
+from pliant.measurements.effective import clock_of
 from pliant.records.design import Array
 from pliant.records.measurement import MeasuredRun, Measurement
 
@@ -37,10 +43,17 @@ def phases(level: Array, time_s: Array | None) -> Phases:
     clock = np.arange(n, dtype=float) if time_s is None else np.asarray(time_s, float)
     if n < 2 or np.ptp(level) == 0:
         return Phases(np.zeros(n), np.full(n, np.nan), clock - clock[:1])
-    sigma = _reading_noise(level)
+    # second differences of white noise, untouched by ramps, corners and holds
+    sigma = float(1.4826 * np.median(np.abs(np.diff(level, 2))) / np.sqrt(6)) if n >= 8 else 0.0
+    now = np.arange(n)
     window = 1
     while True:
-        slope, span = _backward_slope(level, clock, window)
+        before, after = (
+            np.maximum(now - window, 0),
+            np.maximum(now, min(window, n - 1)),
+        )  # the first look ahead
+        span = np.maximum(clock[after] - clock[before], 1e-12)
+        slope = (level[after] - level[before]) / span
         noise = NOISE_WIDTHS * np.sqrt(2) * sigma / span
         moving = np.abs(slope) > np.maximum(noise, STILL * np.ptp(level) / max(np.ptp(clock), 1e-12))
         clear = not sigma or np.percentile(np.abs(slope), 90) > 3 * np.median(noise)
@@ -53,21 +66,6 @@ def phases(level: Array, time_s: Array | None) -> Phases:
     return Phases(
         direction, np.where(moving, np.abs(slope), np.nan), np.where(moving, np.nan, np.maximum(since, 0.0))
     )
-
-
-def _backward_slope(level: Array, clock: Array, window: int) -> tuple[Array, Array]:
-    now = np.arange(len(level))
-    before = np.maximum(now - window, 0)
-    now = np.maximum(now, min(window, len(level) - 1))  # the first samples look ahead
-    span = np.maximum(clock[now] - clock[before], 1e-12)
-    return (level[now] - level[before]) / span, span
-
-
-def _reading_noise(level: Array) -> float:
-    """Standard deviation of a reading's white noise, untouched by ramps, corners and holds."""
-    if len(level) < 8:
-        return 0.0
-    return float(1.4826 * np.median(np.abs(np.diff(level, 2))) / np.sqrt(6))
 
 
 VARIES = 1e-6  # relative: smaller spreads are rounding
@@ -126,13 +124,50 @@ def covariates(
         level of the specimen, moment, tip force, payload, temperature, orientation, specimen, time in the run,
         run number, predicted bend; those that are the same everywhere are left out.
     """
-    made = (
-        *_actuation(measurement),
-        *_loads(measurement),
-        *_conditions(measurement),
-        *_bend(measurement, predicted),
-    )
-    return Covariates(tuple(item for item in made if _varies(item)), positions(measurement.outputs))
+    runs = measurement.runs
+    histories = [run.history for run in runs]
+    made: list[Covariate] = []
+
+    def add(name: str, shown: NamedUnit, values: Iterable[Array], *categories: str, **rest: str) -> None:
+        item = Covariate(name, shown, tuple(values), categories, **rest)
+        if _varies(item):
+            made.append(item)
+
+    _add_actuation(add, runs)
+    moment = [h.moment_n_m for h in histories]
+    add("moment_n_m", named_unit("moment", "N*m"), moment)
+    if any((m < 0).any() for m in moment):
+        ways = ("moment that helps", "no moment", "moment that opposes")
+        add(
+            "moment_direction", named_unit("direction of the moment"), (np.sign(m) + 1 for m in moment), *ways
+        )
+    force = [h.tip_force_n for h in histories]
+    add("tip_force_n", named_unit("tip force", "N"), (np.linalg.norm(f, axis=1) for f in force))
+    toward = [_main_axis(f) for f in force]
+    if len(np.unique(np.concatenate(toward))) > 2:
+        sides = [f"tip force toward {sign}{axis}" for axis in "xyz" for sign in "−+"]
+        add("tip_force_direction", named_unit("direction of the tip force"), toward, *sides, "no tip force")
+    payload = (np.full(len(h), np.nan) if h.payload_kg is None else h.payload_kg for h in histories)
+    add("payload_kg", named_unit("payload", "kg"), payload, rest="no payload stated")
+    add("temperature_c", named_unit("temperature", "degC"), (h.temperature_c for h in histories))
+    for k, turn in enumerate(("roll", "pitch", "yaw")):
+        angles = (h.base_angles_rad[:, k] for h in histories)
+        add(f"base_{turn}_rad", named_unit(f"base {turn}", "rad"), angles)
+    add("cycle", named_unit("cycle"), (np.asarray(run.cycle, float) for run in runs))
+    bodies = list(dict.fromkeys(h.specimen for h in histories))
+    named = [f"specimen {body}" if body else "no specimen named" for body in bodies]
+    which = (np.full(len(h), float(bodies.index(h.specimen))) for h in histories)
+    add("specimen", named_unit("specimen"), which, *named)
+    if all(h.time_s is not None for h in histories):
+        add("clock_s", named_unit("time in the run", "s"), (clock_of(run) for run in runs))
+    add("run_number", named_unit("run number"), (np.full(len(run), k + 1.0) for k, run in enumerate(runs)))
+    if predicted and all(predicted):
+        joints = [name for name in predicted[0] if re.fullmatch(r"joint_\d+_angle_rad", name)]
+        names = ["angle_rad"] if "angle_rad" in predicted[0] else joints
+        if names and all(name in run for run in predicted for name in names):
+            total = (np.sum([run[name] for name in names], axis=0) for run in predicted)
+            add("predicted_angle_rad", named_unit("predicted bend", "rad"), total)
+    return Covariates(tuple(made), positions(measurement.outputs))
 
 
 def positions(outputs: Sequence[str]) -> dict[str, int]:
@@ -141,107 +176,28 @@ def positions(outputs: Sequence[str]) -> dict[str, int]:
     return {name: int(match[2]) for name, match in found if match}
 
 
-def _actuation(measurement: Measurement) -> Iterator[Covariate]:
-    runs = measurement.runs
+def _add_actuation(add: Callable[..., None], runs: Sequence[MeasuredRun]) -> None:
+    """Each input, and of the first that moves its direction, rate, holds and largest past level."""
     names = list(dict.fromkeys(name for run in runs for name in run.history.actuation))
-    levels = {name: [_actuation_of(run, name) for run in runs] for name in names}
+    levels = {name: [run.input(name) for run in runs] for name in names}
     for name in names:
-        yield Covariate(name, _input_words(name, len(names)), tuple(levels[name]))
+        words = unit_of(name)
+        only = replace(words, label=re.sub(r" \d+$", "", words.label))
+        add(name, words if len(names) > 1 else only, levels[name])
     if not names:
         return
     moving = [name for name in names if any(np.ptp(v) > 0 for v in levels[name] if len(v))]
     lead = (moving or names)[0]
     label, unit = unit_of(lead).label, lead.rsplit("_", 1)[-1]
     found = [phases(v, run.history.time_s) for v, run in zip(levels[lead], runs, strict=True)]
-    yield Covariate(
-        "direction", named_unit(f"direction of {label} change"), tuple(1 - f.direction for f in found),
-        (f"rising {label}", f"held {label}", f"falling {label}"),
-    )  # fmt: skip
+    ways = (f"rising {label}", f"held {label}", f"falling {label}")
+    add("direction", named_unit(f"direction of {label} change"), (1 - f.direction for f in found), *ways)
     if all(run.history.time_s is not None for run in runs):
-        yield from _rates(found, lead, label, unit)
-    yield Covariate(
-        f"past_{lead}", replace(unit_of(lead), label=f"largest {label} so far"),
-        tuple(_largest_so_far(runs, levels[lead])),
-    )  # fmt: skip
-
-
-def _rates(found: Sequence[Phases], lead: str, label: str, unit: str) -> Iterator[Covariate]:
-    words = unit_of(f"{lead}_s")
-    yield Covariate(
-        f"rate_{unit}_s", replace(words, label=f"{label} rate"),
-        tuple(f.rate for f in found), rest=f"held {label}",
-    )  # fmt: skip
-    yield Covariate(
-        "hold_s", named_unit("time in hold", "s"), tuple(f.hold_s for f in found), rest=f"{label} in motion"
-    )
-
-
-def _loads(measurement: Measurement) -> Iterator[Covariate]:
-    runs = measurement.runs
-    moment = [run.history.moment_n_m for run in runs]
-    yield Covariate("moment_n_m", named_unit("moment", "N*m"), tuple(moment))
-    if any((m < 0).any() for m in moment):
-        yield Covariate(
-            "moment_direction", named_unit("direction of the moment"), tuple(np.sign(m) + 1 for m in moment),
-            ("moment that helps", "no moment", "moment that opposes"),
-        )  # fmt: skip
-    force = [run.history.tip_force_n for run in runs]
-    yield Covariate(
-        "tip_force_n", named_unit("tip force", "N"), tuple(np.linalg.norm(f, axis=1) for f in force)
-    )
-    words = tuple(f"tip force toward {sign}{axis}" for axis in "xyz" for sign in "−+")
-    toward = tuple(_main_axis(f) for f in force)
-    if len(np.unique(np.concatenate(toward))) > 2:
-        yield Covariate(
-            "tip_force_direction", named_unit("direction of the tip force"), toward, (*words, "no tip force")
-        )
-    payload = [run.history.payload_kg for run in runs]
-    yield Covariate(
-        "payload_kg", named_unit("payload", "kg"),
-        tuple(np.full(len(run), np.nan) if p is None else p for p, run in zip(payload, runs, strict=True)),
-        rest="no payload stated",
-    )  # fmt: skip
-
-
-def _conditions(measurement: Measurement) -> Iterator[Covariate]:
-    runs = measurement.runs
-    yield Covariate(
-        "temperature_c", named_unit("temperature", "degC"), tuple(r.history.temperature_c for r in runs)
-    )
-    for column, name in enumerate(("roll", "pitch", "yaw")):
-        angles = tuple(r.history.base_angles_rad[:, column] for r in runs)
-        yield Covariate(f"base_{name}_rad", named_unit(f"base {name}", "rad"), angles)
-    yield Covariate("cycle", named_unit("cycle"), tuple(np.asarray(r.cycle, float) for r in runs))
-    names = list(dict.fromkeys(r.history.specimen for r in runs))
-    yield Covariate(
-        "specimen", named_unit("specimen"),
-        tuple(np.full(len(r), float(names.index(r.history.specimen))) for r in runs),
-        tuple(f"specimen {name}" if name else "no specimen named" for name in names),
-    )  # fmt: skip
-    if all(r.history.time_s is not None for r in runs):
-        yield Covariate("clock_s", named_unit("time in the run", "s"), tuple(_clock(r) for r in runs))
-    yield Covariate(
-        "run_number", named_unit("run number"), tuple(np.full(len(r), k + 1.0) for k, r in enumerate(runs))
-    )
-
-
-def _bend(measurement: Measurement, predicted: Sequence[Mapping[str, Array]] | None) -> Iterator[Covariate]:
-    if not predicted or not all(predicted):
-        return
-    joints = [name for name in predicted[0] if re.fullmatch(r"joint_\d+_angle_rad", name)]
-    names = ["angle_rad"] if "angle_rad" in predicted[0] else joints
-    if names and all(name in run for run in predicted for name in names):
-        total = tuple(np.sum([run[name] for name in names], axis=0) for run in predicted)
-        yield Covariate("predicted_angle_rad", named_unit("predicted bend", "rad"), total)
-
-
-def _actuation_of(run: MeasuredRun, name: str) -> Array:
-    return np.asarray(run.history.actuation.get(name, np.full(len(run), np.nan)), float)
-
-
-def _input_words(name: str, count: int) -> NamedUnit:
-    words = unit_of(name)
-    return words if count > 1 else replace(words, label=re.sub(r" \d+$", "", words.label))
+        rate = replace(unit_of(f"{lead}_s"), label=f"{label} rate")
+        add(f"rate_{unit}_s", rate, (f.rate for f in found), rest=f"held {label}")
+        add("hold_s", named_unit("time in hold", "s"), (f.hold_s for f in found), rest=f"{label} in motion")
+    past = replace(unit_of(lead), label=f"largest {label} so far")
+    add(f"past_{lead}", past, _largest_so_far(runs, levels[lead]))
 
 
 def _largest_so_far(runs: Sequence[MeasuredRun], levels: Sequence[Array]) -> Iterator[Array]:
@@ -262,17 +218,167 @@ def _main_axis(force: Array) -> Array:
     return np.where(value == 0, 6, 2 * axis + (value > 0)).astype(float)
 
 
-def _clock(run: MeasuredRun) -> Array:
-    time = np.asarray(run.history.time_s, float)
-    return np.asarray(time - time[:1])
-
-
 def _varies(item: Covariate) -> bool:
     values = np.concatenate(item.values) if item.values else np.zeros(0)
     there = values[np.isfinite(values)]
-    if len(there) < 1:
-        return False
-    if len(there) < len(values) and np.isfinite(there).any():
-        return True  # some samples have it and some do not
-    scale = max(float(np.abs(there).max()), 1e-300)
-    return bool(np.ptp(there) > VARIES * scale)
+    if len(there) < len(values):
+        return len(there) > 0  # some samples have it and some do not
+    return bool(len(there) and np.ptp(there) > VARIES * max(float(np.abs(there).max()), 1e-300))
+
+
+Codes = NDArray[np.int64]
+MOST_LEVELS = 8  # a covariate with so many values or fewer has a bin for each
+N_BINS = 5
+ATOM = 0.1  # of the samples at one value: it has a bin of its own
+LEVEL_WIDTH = 0.02  # of the range: values closer than this are one level…
+LEVEL_RATIO = 1.3  # …unless one is so many times the other
+PAIRS = (
+    ("direction", "pressure"),
+    ("direction", "rate"),
+    ("direction", "moment_direction"),
+    ("moment_direction", "pressure"),
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Bins:
+    """A covariate cut into bins; every sample is in exactly one.
+
+    Attributes:
+        name: the covariate's, or two joined by " × ".
+        shown: the covariate in words.
+        words: each bin in words.
+        codes: per run (t,) the bin of each sample.
+        centres: where each bin stands on the covariate's axis (SI); NaN for categories and the rest.
+    """
+
+    name: str
+    shown: NamedUnit
+    words: tuple[str, ...]
+    codes: tuple[Codes, ...]
+    centres: tuple[float, ...]
+
+    def __len__(self) -> int:
+        return len(self.words)
+
+
+def binned(covariate: Covariate) -> Bins:
+    """The covariate in bins: one per category or level; else about as many samples in each of `N_BINS`."""
+    values = np.concatenate(covariate.values)
+    if not np.isfinite(values).any():
+        found, words, centres = values, [], []
+    elif not covariate.numeric:
+        found, words, centres = values, list(covariate.categories), [np.nan] * len(covariate.categories)
+    else:
+        found, words, centres = _numeric(covariate.shown, values)
+    codes = np.where(np.isfinite(found), found, len(words)).astype(np.int64)
+    return _used(
+        covariate.name, covariate.shown, codes, [*words, covariate.rest], [*centres, np.nan], covariate.values
+    )
+
+
+def crossed(first: Bins, second: Bins) -> Bins:
+    """Every combination that occurs of a bin of `first` and one of `second`."""
+    size = len(second)
+    codes = np.concatenate([a * size + b for a, b in zip(first.codes, second.codes, strict=True)])
+    label = second.shown.label + " "  # "rising pressure, pressure 5 kPa" says it twice
+    words = [
+        f"{a}, {b.removeprefix(label) if a.endswith(label.strip()) else b}"
+        for a in first.words
+        for b in second.words
+    ]
+    return _used(
+        f"{first.name} × {second.name}",
+        named_unit(f"{first.shown.label} × {second.shown.label}"),
+        codes,
+        words,
+        [np.nan] * len(words),
+        first.codes,
+    )
+
+
+def _used(
+    name: str,
+    shown: NamedUnit,
+    codes: Codes,
+    words: Sequence[str],
+    centres: Sequence[float],
+    like: Sequence[Array] | Sequence[Codes],
+) -> Bins:
+    """The bins that hold a sample; `codes` of all runs one after another, runs as long as in `like`."""
+    used, codes = np.unique(codes, return_inverse=True)
+    by_run = tuple(np.split(codes, np.cumsum([len(v) for v in like])[:-1]))
+    return Bins(name, shown, tuple(words[k] for k in used), by_run, tuple(float(centres[k]) for k in used))
+
+
+def _numeric(shown: NamedUnit, values: Array) -> tuple[Array, list[str], list[float]]:
+    there = values[np.isfinite(values)]
+    levels = _levels(there)
+    if levels is not None:
+        edges, centres = (levels[1:] + levels[:-1]) / 2, levels.tolist()
+        words = [f"{shown.label} {shown.text(value, 3)}" for value in centres]
+    else:
+        edges, marks = _edges(there, shown.factor)
+        place = np.searchsorted(edges, there, side="right")
+        inside = [there[place == k] for k in range(len(edges) + 1)]
+        centres = [float(np.median(v)) if len(v) else np.nan for v in inside]
+        at = [number(mark * shown.factor, 3) for mark in marks]
+        ranges = [f"below {at[0]}", *(f"{a} to {b}" for a, b in pairwise(at)), f"above {at[-1]}"]
+        words = [shown.attached(f"{shown.label} {text}") for text in ranges]
+        for k, v in enumerate(inside):
+            if len(v) > 0 and np.ptp(v) <= LEVEL_WIDTH * np.ptp(there) / 4:  # a single level
+                words[k] = f"{shown.label} {shown.text(centres[k], 3)}"
+    found = np.where(np.isfinite(values), np.searchsorted(edges, values, side="right"), np.nan)
+    return found, words, centres
+
+
+def _levels(there: Array) -> Array | None:
+    """The levels that the values stand at; None where they are spread or more than `MOST_LEVELS`.
+
+    A level ends where the next value is farther than `LEVEL_WIDTH` of the range, or by `LEVEL_RATIO`.
+    """
+    unique = np.unique(there)
+    width = LEVEL_WIDTH * np.ptp(unique)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        apart = (np.diff(unique) > width) | ((unique[:-1] > 0) & (unique[1:] / unique[:-1] > LEVEL_RATIO))
+    groups = np.split(unique, np.flatnonzero(apart) + 1)
+    if len(groups) > MOST_LEVELS or any(np.ptp(group) > 2 * width for group in groups):
+        return None
+    return np.array([np.median(there[(there >= g[0]) & (there <= g[-1])]) for g in groups])
+
+
+def _edges(there: Array, factor: float) -> tuple[Array, Array]:
+    """Inner edges, and the values that they are called by.
+
+    A value that many samples share (a rest, a plateau) gets a bin of its own; the others are cut near their
+    quantiles, at numbers that people would choose.
+    """
+    unique, counts = np.unique(there, return_counts=True)
+    atoms = np.flatnonzero(counts > ATOM * len(there))
+    rest = there[~np.isin(there, unique[atoms])]
+    edges, marks = [], []
+    for k in atoms:
+        for before, after in ((k - 1, k), (k, k + 1)):
+            if before >= 0 and after < len(unique):
+                edges.append((unique[before] + unique[after]) / 2)
+                marks.append(unique[k])
+    for edge in _rounded(rest, max(N_BINS - len(atoms), 2), factor):
+        if all(abs(edge - other) > LEVEL_WIDTH * np.ptp(there) for other in marks):
+            edges.append(edge)
+            marks.append(edge)
+    order = np.argsort(edges)
+    return np.array(edges)[order], np.array(marks)[order]
+
+
+def _rounded(there: Array, parts: int, factor: float) -> Array:
+    """Edges of so many parts near the quantiles, inside the range."""
+    if not len(there):
+        return np.zeros(0)
+    edges = np.quantile(there, np.arange(1, parts) / parts)
+    shown = edges * factor
+    step = 10.0 ** np.floor(np.log10(max(np.ptp(there) * factor, 1e-300))) / 10
+    fine = np.maximum(10.0 ** np.floor(np.log10(np.maximum(np.abs(shown), 1e-300))) / 2, 1e-12)
+    step = np.minimum(step, fine)
+    rounded = np.unique(np.round(shown / step) * step) / factor
+    inside = rounded[(rounded > there.min()) & (rounded <= there.max())]
+    return inside if len(inside) else np.array([np.median(there)])

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,7 +35,25 @@ class _Folds:
     there: Array
     fold: NDArray[np.int64]
     keep: tuple[slice, ...]
-    count: int
+
+    def basis(self, item: Covariate, knots: int) -> Array:
+        """(s, m) hat functions at quantiles, or indicators; rows sum to 1; missing values share a column."""
+        values = np.concatenate([v[k] for v, k in zip(item.values, self.keep, strict=True)])
+        there = np.isfinite(values)
+        if not there.any():
+            return np.ones((len(values), 1))
+        places = np.unique(values[there])
+        if item.numeric and len(places) > knots:
+            places = np.unique(np.quantile(values[there], np.linspace(0, 1, knots)))
+        basis = np.zeros((len(values), len(places) + 1))
+        x = np.interp(values[there], places, np.arange(len(places)))
+        low = np.minimum(x.astype(int), max(len(places) - 2, 0))
+        rows = np.flatnonzero(there)
+        basis[rows, low] = 1 - (x - low)
+        if len(places) > 1:
+            basis[rows, low + 1] = x - low
+        basis[~there, -1] = 1.0
+        return basis[:, basis.any(axis=0)]
 
 
 def importance(
@@ -51,97 +70,62 @@ def importance(
         one entry per covariate, and for pairs ("a × b") that explain at least `PAIR_GAIN` more than either.
     """
     names = list(residuals[0]) if residuals else []
-    folds = _folds(residuals, names, scales or {})
-    if folds.count < 2 or not folds.there.any():
+    if not names:
         return dict.fromkeys(found.names, 0.0)
-    values = {item.name: _thinned(item, folds) for item in found.items}
-    single = {item.name: _explained(_basis(item, values[item.name], KNOTS), folds) for item in found.items}
+    folds = _folds(residuals, names, scales or {})
+    if len(np.unique(folds.fold)) < 2 or not folds.there.any():
+        return dict.fromkeys(found.names, 0.0)
+    told = {item.name: _explained(folds.basis(item, KNOTS), folds) for item in found.items}
     if found.position:
-        single["position"] = _position(folds, [found.position.get(name) for name in names], names)
-    best = sorted((i for i in found.items), key=lambda i: -single[i.name])[:PAIRED]
+        told["position"] = _position(folds, [found.position.get(name) for name in names], names)
+    best = sorted(found.items, key=lambda item: -told[item.name])[:PAIRED]
     pairs = {}
-    for k, a in enumerate(best):
-        for b in best[k + 1 :]:
-            both = _product(_basis(a, values[a.name], PAIR_KNOTS), _basis(b, values[b.name], PAIR_KNOTS))
-            share = _explained(both, folds)
-            if share >= max(single[a.name], single[b.name]) + PAIR_GAIN:
-                pairs[f"{a.name} × {b.name}"] = share
-    return dict(sorted({**single, **pairs}.items(), key=lambda entry: -entry[1]))
+    for a, b in combinations(best, 2):
+        both = folds.basis(a, PAIR_KNOTS)[:, :, None] * folds.basis(b, PAIR_KNOTS)[:, None, :]
+        product = both.reshape(len(both), -1)
+        share = _explained(product[:, product.any(axis=0)], folds)
+        if share >= max(told[a.name], told[b.name]) + PAIR_GAIN:
+            pairs[f"{a.name} × {b.name}"] = share
+    return dict(sorted({**told, **pairs}.items(), key=lambda entry: -entry[1]))
 
 
 def _folds(
     residuals: Sequence[Mapping[str, Array]], names: Sequence[str], scales: Mapping[str, float]
 ) -> _Folds:
-    lengths = [len(run[names[0]]) if names else 0 for run in residuals]
+    lengths = [len(run[names[0]]) for run in residuals]
     step = max(sum(lengths) // MOST_SAMPLES, 1)
     keep = tuple(slice(None, None, step if n > 4 * step else 1) for n in lengths)
     stacked = [np.stack([run[n][k] for n in names], axis=1) for run, k in zip(residuals, keep, strict=True)]
-    values = np.concatenate(stacked) if stacked else np.zeros((0, 0))
+    values = np.concatenate(stacked)
     there = np.isfinite(values)
     values = np.where(there, values, 0.0)
     rms = np.sqrt((values**2).sum(axis=0) / np.maximum(there.sum(axis=0), 1))
     unit = np.array([scales.get(n, 0.0) or r for n, r in zip(names, rms, strict=True)])
     values = values / np.where(unit > 0, unit, 1.0)
-    if len(residuals) >= ENOUGH_RUNS:
-        fold = np.repeat(np.arange(len(stacked)), [len(s) for s in stacked])
-    else:
-        each = -(-STRETCHES // max(len(stacked), 1))
-        parts = [run * each + (np.arange(len(s)) * each) // max(len(s), 1) for run, s in enumerate(stacked)]
-        fold = np.concatenate(parts) if parts else np.zeros(0, int)
-    return _Folds(values, there, fold, keep, len(np.unique(fold)))
-
-
-def _thinned(item: Covariate, folds: _Folds) -> Array:
-    return np.concatenate([v[k] for v, k in zip(item.values, folds.keep, strict=True)])
-
-
-def _basis(item: Covariate, values: Array, knots: int) -> Array:
-    """(s, m) hat functions at quantiles, or indicators; rows sum to 1; samples without a value share a column."""
-    there = np.isfinite(values)
-    if not there.any():
-        return np.ones((len(values), 1))
-    places = np.unique(values[there])
-    if item.numeric and len(places) > knots:
-        places = np.unique(np.quantile(values[there], np.linspace(0, 1, knots)))
-    basis = np.zeros((len(values), len(places) + 1))
-    x = np.interp(values[there], places, np.arange(len(places)))
-    low = np.minimum(x.astype(int), max(len(places) - 2, 0))
-    rows = np.flatnonzero(there)
-    basis[rows, low] = 1 - (x - low)
-    if len(places) > 1:
-        basis[rows, low + 1] = x - low
-    basis[~there, -1] = 1.0
-    return basis[:, basis.any(axis=0)]
-
-
-def _product(a: Array, b: Array) -> Array:
-    both = (a[:, :, None] * b[:, None, :]).reshape(len(a), -1)
-    return both[:, both.any(axis=0)]
+    each = 1 if len(stacked) >= ENOUGH_RUNS else -(-STRETCHES // len(stacked))
+    parts = [k * each + (np.arange(len(run)) * each) // max(len(run), 1) for k, run in enumerate(stacked)]
+    return _Folds(values, there, np.concatenate(parts), keep)
 
 
 def _explained(basis: Array, folds: _Folds) -> float:
     """Cross-validated share of the squares about the mean, all outputs together."""
     rest = total = 0.0
     starts = [np.flatnonzero(folds.fold == k) for k in range(int(folds.fold.max()) + 1)]
-    m = basis.shape[1]
-    for o in range(folds.values.shape[1]):
-        there = folds.there[:, o]
+    for values, there in zip(folds.values.T, folds.there.T, strict=True):
         blocks = [rows[there[rows]] for rows in starts]
         gram = np.array([basis[rows].T @ basis[rows] for rows in blocks])
-        right = np.array([basis[rows].T @ folds.values[rows, o] for rows in blocks])
-        square = np.array([folds.values[rows, o] @ folds.values[rows, o] for rows in blocks])
-        count, add = (
-            np.array([len(rows) for rows in blocks]),
-            np.array([folds.values[r, o].sum() for r in blocks]),
-        )
+        right = np.array([basis[rows].T @ values[rows] for rows in blocks])
+        square = np.array([values[rows] @ values[rows] for rows in blocks])
+        count = np.array([len(rows) for rows in blocks])
+        add = np.array([values[rows].sum() for rows in blocks])
         for k in np.flatnonzero(count):
             n = count.sum() - count[k]
             if n == 0:
                 continue
             mean = (add.sum() - add[k]) / n
-            g, r = gram.sum(axis=0) - gram[k], right.sum(axis=0) - right[k]
-            ridge = RIDGE * n * np.eye(m)
-            weight = np.linalg.solve(g + ridge, r + RIDGE * n * mean)
+            ridge = RIDGE * n * np.eye(basis.shape[1])
+            normal, aim = gram.sum(axis=0) - gram[k], right.sum(axis=0) - right[k]
+            weight = np.linalg.solve(normal + ridge, aim + RIDGE * n * mean)
             rest += square[k] - 2 * weight @ right[k] + weight @ gram[k] @ weight
             total += square[k] - 2 * mean * add[k] + mean**2 * count[k]
     return float(np.clip(1 - rest / total, 0.0, 1.0)) if total > 0 else 0.0
@@ -150,7 +134,7 @@ def _explained(basis: Array, folds: _Folds) -> float:
 def _position(folds: _Folds, numbers: Sequence[int | None], names: Sequence[str]) -> float:
     """Share told by the number along the chain: outputs of one family (joint angles, marker x…) taken together."""
     family = [
-        name.replace(str(k), "", 1) if k is not None else "" for name, k in zip(names, numbers, strict=True)
+        "" if k is None else name.replace(str(k), "", 1) for name, k in zip(names, numbers, strict=True)
     ]
     rest = total = 0.0
     for one in sorted(set(family) - {""}):
@@ -163,9 +147,8 @@ def _position(folds: _Folds, numbers: Sequence[int | None], names: Sequence[str]
             if not there[test].any() or not there[~test].any():
                 continue
             n = there[~test].sum(axis=0)
-            own = values[~test].sum(axis=0) / np.maximum(n, 1)
             mean = values[~test].sum() / max(int(n.sum()), 1)
-            own = np.where(n > 0, own, mean)
+            own = np.where(n > 0, values[~test].sum(axis=0) / np.maximum(n, 1), mean)
             rest += float((there[test] * (values[test] - own) ** 2).sum())
             total += float((there[test] * (values[test] - mean) ** 2).sum())
     return float(np.clip(1 - rest / total, 0.0, 1.0)) if total > 0 else 0.0

@@ -7,6 +7,8 @@ noise e of standard deviation σ_w and lag-one correlation φ. The mean over a s
 
 (Bartlett 1946 for the second part). The effective sample size is that of as many independent samples:
 σ_w² / Var of the second part.
+
+From a noise floor to what noise does to a mean: offsets of runs, noise within them, how long it remembers.
 """
 
 from __future__ import annotations
@@ -17,18 +19,148 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
-from pliant.evidence.bins import PAIRS, Bins, Codes, binned, crossed
-from pliant.evidence.covariates import Covariates
-from pliant.evidence.noise import Noise
+from pliant.evidence.covariates import PAIRS, Bins, Codes, Covariates, binned, crossed
 from pliant.formatting import NamedUnit, listed, unit_of
+from pliant.measurements.effective import autocorrelation, clock_of
+from pliant.measurements.floors import Floor
+from pliant.measurements.repeats import Aligned, RepeatGroup, aligned
 from pliant.records.design import Array
+from pliant.records.measurement import Measurement
+
+# Per run, measured − predicted by output, NaN where nothing was read.
+Residuals = Sequence[Mapping[str, Array]]
+SMALLEST_OFFSET = 0.5  # of the variance of a run's mean: repeats cannot rule out offsets below
+LONGEST = 0.995  # lag-one correlation that a short record can tell
+OUTLIER = 4.0  # differences beyond so many robust sigmas are steps of the signal
+
+
+def padded(measurement: Measurement, residuals: Residuals) -> list[dict[str, Array]]:
+    """Residuals for every output of the measurement: NaN for those that a model does not have."""
+    return [
+        {name: run.get(name, np.full(len(m), np.nan)) for name in measurement.outputs}
+        for m, run in zip(measurement.runs, residuals, strict=True)
+    ]
+
+
+@dataclass(frozen=True)
+class Noise:
+    """What the noise of one output is like.
+
+    Attributes:
+        within: standard deviation inside a run, SI.
+        between: standard deviation of the offsets between repeated runs, SI; 0 where it is not known.
+        memory_s: time after which the noise inside a run has forgotten 63 % of itself (in samples where runs have
+            no clock); 0 for white noise.
+        floor: what errors are divided by; the two together where it is not given.
+        freedom_within, freedom_between: degrees of freedom behind the two.
+    """
+
+    within: float
+    between: float = 0.0
+    memory_s: float = 0.0
+    floor: float | None = None
+    freedom_within: float = np.inf
+    freedom_between: float = np.inf
+
+    @property
+    def total(self) -> float:
+        """The unit of errors: the floor, else the scatter of one reading against the truth."""
+        return float(np.hypot(self.within, self.between)) if self.floor is None else self.floor
+
+    def correlation(self, step_s: float) -> float:
+        """Correlation of neighbouring readings so far apart."""
+        return float(np.exp(-step_s / self.memory_s)) if self.memory_s > 0 else 0.0
+
+
+def noise_of(
+    floor: Floor | None, measurement: Measurement, groups: Sequence[RepeatGroup], residuals: Sequence[Array]
+) -> Noise:
+    """The noise of one output.
+
+    With repeats, offsets and memory are those of the repeats' deviations from their mean, which no model enters.
+    With a stated sigma alone, the memory follows from neighbours: Var(r_i − r_{i−1}) = 2 σ² (1 − φ). With neither, the
+    residual stands for the noise, model error included: then only what stands out of it can be significant.
+
+    Args:
+        residuals: for each run (t,) measured − predicted.
+    """
+    if floor is None or floor.source not in ("repeats", "stated sigma"):
+        rms = float(np.sqrt(np.nanmean(np.concatenate(residuals) ** 2)))
+        unit = floor.value if floor is not None and floor.value > 0 else rms
+        found = autocorrelation([clock_of(run) for run in measurement.runs], list(residuals))
+        memory = _memory(found.time_scale, found.slot_s)
+        return Noise(rms if rms > 0 else 1.0, memory_s=memory, floor=unit if unit > 0 else 1.0)
+    if floor.between is None:
+        memory = _memory_beside(floor.value, measurement, residuals)
+        return Noise(floor.value, memory_s=memory, floor=floor.value)
+    within = min(floor.within, floor.value)
+    scale, memory = _colour_of_repeats(floor.output, measurement, groups)
+    longest = max(len(run) for run in measurement.runs)
+    offsets = max(floor.between, floor.value) ** 2 - within**2
+    unseen = SMALLEST_OFFSET * within**2 * scale / longest
+    freedom = max(floor.n_runs - floor.n_groups, 1)
+    known = floor.value**2 / (2 * floor.se**2) if floor.se > 0 else np.inf
+    return Noise(
+        within=within,
+        between=float(np.sqrt(max(offsets, unseen))),
+        memory_s=memory,
+        floor=floor.value,
+        freedom_within=max(known, freedom),
+        freedom_between=freedom,
+    )
+
+
+def _memory(scale: float, step_s: float) -> float:
+    """Time constant of the first-order noise that shrinks a sample as much: n/n_eff = (1 + φ)/(1 − φ)."""
+    phi = (scale - 1) / (scale + 1)
+    return float(-step_s / np.log(min(phi, LONGEST))) if phi > 0 else 0.0
+
+
+def _colour_of_repeats(
+    output: str, measurement: Measurement, groups: Sequence[RepeatGroup]
+) -> tuple[float, float]:
+    """n / n_eff and memory of what repeats do not share, each run's offset taken off.
+
+    Taking offsets off n readings hides a share (n/n_eff)/n of the noise's slow part, which is given back.
+    """
+    clocks, series = [], []
+    for group in groups:
+        runs = [measurement.runs[k] for k in group.runs]
+        table: Aligned = aligned(runs, [run.outputs[output] for run in runs])
+        if table.values.shape[1] < 4:
+            continue
+        wander = table.values - table.values.mean(axis=0)
+        wander = wander - wander.mean(axis=1, keepdims=True)
+        step = float(np.median(np.diff(clock_of(runs[0]))))
+        clocks += [step * np.arange(wander.shape[1])] * len(wander)
+        series += list(wander)
+    if not series:
+        return 1.0, 0.0
+    found = autocorrelation(clocks, series)
+    length = float(np.mean([len(values) for values in series]))
+    scale = max(found.time_scale / max(1 - found.time_scale / length, 0.5), 1.0)
+    return scale, _memory(scale, found.slot_s)
+
+
+def _memory_beside(sigma: float, measurement: Measurement, residuals: Sequence[Array]) -> float:
+    """Memory of noise of known standard deviation, from differences of neighbours."""
+    differences = np.concatenate([np.diff(values) for values in residuals])
+    differences = differences[np.isfinite(differences)]
+    steps = np.concatenate([np.diff(clock_of(run)) for run in measurement.runs])
+    if len(differences) < 8 or sigma <= 0:
+        return 0.0
+    robust = float(np.median(np.abs(differences))) / 0.6745
+    kept = differences[np.abs(differences) <= OUTLIER * robust] if robust > 0 else differences
+    phi = 1 - float(np.mean(kept**2)) / (2 * sigma**2)
+    return float(-np.median(steps) / np.log(min(phi, LONGEST))) if phi > 0 else 0.0
+
 
 LARGEST_Z = 99.0
 
 
 @dataclass(frozen=True, eq=False)
 class BinMeans:
-    """(b,) each: count, effective count, mean, its standard error, z and two-sided p."""
+    """(b,) each: count, effective count, mean, its standard error, z and two-sided p, sum of squares."""
 
     n: Array
     n_effective: Array
@@ -37,6 +169,7 @@ class BinMeans:
     freedom: Array
     z: Array
     p: Array
+    squares: Array
 
 
 def bin_means(
@@ -69,7 +202,10 @@ def bin_means(
         effective = n**2 / coloured
     freedom = np.where(np.isfinite(freedom), np.maximum(freedom, 1.0), 1e9)
     p = 2 * scipy.stats.t.sf(np.abs(z), freedom)
-    return BinMeans(n, effective, mean, error, freedom, z, p)
+    flat, every = np.concatenate(residuals), np.concatenate(codes)
+    there = np.isfinite(flat)
+    squares = np.asarray(np.bincount(every[there], flat[there] ** 2, n_bins), float)
+    return BinMeans(n, effective, mean, error, freedom, z, p, squares)
 
 
 def coloured_count(code: Codes, there: Array, n_bins: int, correlation: float) -> Array:
@@ -86,18 +222,10 @@ def coloured_count(code: Codes, there: Array, n_bins: int, correlation: float) -
 
 def significant(p: Array, level: float) -> Array:
     """(m,) bool: which of m tests stand after controlling the false discovery rate (Benjamini and Hochberg 1995)."""
-    p = np.where(np.isfinite(p), p, 1.0)
-    order = np.argsort(p)
-    below = p[order] <= level * np.arange(1, len(p) + 1) / len(p)
-    accepted = np.zeros(len(p), bool)
-    if below.any():
-        accepted[order[: np.flatnonzero(below)[-1] + 1]] = True
-    return accepted
+    adjusted = scipy.stats.false_discovery_control(np.where(np.isfinite(p), p, 1.0)) if len(p) else p
+    return np.asarray(adjusted <= level)
 
 
-Residuals = Sequence[
-    Mapping[str, Array]
-]  # per run, measured − predicted by output, NaN where nothing was read
 LEVEL = 0.05  # false discovery rate
 MOST_PAIR_BINS = 40
 LISTED = 8
@@ -151,15 +279,6 @@ class Place:
         return self.share_of_error - self.share_of_samples
 
 
-@dataclass(frozen=True, eq=False)
-class _Counted:
-    """A covariate's bins with their sums, before the correction for many places."""
-
-    bins: Bins
-    means: Mapping[str, BinMeans]
-    squares: Mapping[str, Array]
-
-
 def find_places(
     residuals: Residuals, found: Covariates, noise: Mapping[str, Noise], steps_s: Sequence[float]
 ) -> tuple[Place, ...]:
@@ -171,28 +290,53 @@ def find_places(
         noise: per output; its `total` is the unit in which errors of different outputs are added.
         steps_s: per run the time between neighbouring readings.
     """
-    counted = [_count(bins, residuals, noise, steps_s) for bins in all_bins(found)]
-    counted += [
-        _count(bins, residuals, part, steps_s) for bins, part in _along_chain(found, residuals, noise)
+    parts = [(bins, noise) for bins in all_bins(found)] + list(_along_chain(found, residuals, noise))
+    tested = [
+        {
+            o: bin_means([run[o] for run in residuals], bins.codes, len(bins), one, steps_s)
+            for o, one in part.items()
+        }
+        for bins, part in parts
     ]
-    p = [m.p[k] for c in counted for m in c.means.values() for k in range(len(c.bins)) if m.n[k]]
+    p = [m.p[k] for means in tested for m in means.values() for k in np.flatnonzero(m.n)]
     accepted = iter(significant(np.array(p), LEVEL).tolist())
     total = sum(float(np.nansum((run[o] / noise[o].total) ** 2)) for run in residuals for o in noise)
     readings = sum(int(np.isfinite(run[o]).sum()) for run in residuals for o in noise)
-    places: list[Place] = []
-    for one in counted:
-        flags = {
-            o: [next(accepted) if m.n[k] else False for k in range(len(one.bins))]
-            for o, m in one.means.items()
-        }
-        places += _places_of(one, flags, noise, (total, readings))
+    places = []
+    for (bins, _), means in zip(parts, tested, strict=True):
+        flags = {o: [bool(n and next(accepted)) for n in m.n] for o, m in means.items()}
+        for k, words in enumerate(bins.words):
+            outputs = {o: _place_output(m, k, flags[o][k]) for o, m in means.items() if m.n[k]}
+            n = sum(entry.n for entry in outputs.values())
+            if not n:
+                continue
+            error = sum(float(means[o].squares[k]) / noise[o].total ** 2 for o in outputs)
+            loudest = max(outputs, key=lambda o: abs(outputs[o].z) if np.isfinite(outputs[o].z) else -1.0)
+            places.append(
+                Place(
+                    covariate=bins.name,
+                    condition=words,
+                    centre=bins.centres[k],
+                    share_of_error=error / total if total > 0 else n / readings,
+                    share_of_samples=n / readings,
+                    rms_over_floor=float(np.sqrt(error / n)),
+                    z=outputs[loudest].z,
+                    output=loudest,
+                    significant=any(entry.significant for entry in outputs.values()),
+                    outputs=outputs,
+                )
+            )
     return tuple(places)
 
 
 def all_bins(found: Covariates) -> list[Bins]:
     """Bins of every covariate, then of the pairs in `PAIRS` that are not too many."""
     singles = [bins for bins in map(binned, found.items) if len(bins) > 1]
-    pairs = [crossed(a, b) for a, b in _pairs(singles)]
+    pairs = []
+    for names in PAIRS:
+        first, second = (next((b for b in singles if b.name.startswith(name)), None) for name in names)
+        if first is not None and second is not None:
+            pairs.append(crossed(first, second))
     return singles + [pair for pair in pairs if 2 < len(pair) <= MOST_PAIR_BINS]
 
 
@@ -206,19 +350,15 @@ def _along_chain(
     for k in sorted(set(numbers.values()), key=lambda k: (k is None, k)):
         part = {output: one for output, one in noise.items() if numbers[output] == k}
         first = next(iter(part))
-        words = f"{first.split('_')[0]} {k}" if k is not None else _beyond_joints(list(part))
+        if k is not None:
+            words = f"{first.split('_')[0]} {k}"
+        elif all(output.startswith("tip_") for output in part):
+            words = "the tip"
+        else:
+            words = listed([unit_of(output).label for output in part])
         codes = tuple(np.zeros(len(run[first]), np.int64) for run in residuals)
         centre = np.nan if k is None else float(k)
         yield Bins("position", NamedUnit("position along the chain"), (words,), codes, (centre,)), part
-
-
-def _beyond_joints(outputs: list[str]) -> str:
-    """Outputs that belong to no joint or marker: the tip, mostly."""
-    return (
-        "the tip"
-        if all(name.startswith("tip_") for name in outputs)
-        else listed([unit_of(o).label for o in outputs])
-    )
 
 
 def worst_places(places: Sequence[Place], count: int = LISTED) -> tuple[Place, ...]:
@@ -236,68 +376,10 @@ def worst_places(places: Sequence[Place], count: int = LISTED) -> tuple[Place, .
     return tuple(sorted(different, key=lambda place: (not place.significant, -place.excess))[:count])
 
 
-def _pairs(singles: Sequence[Bins]) -> Iterator[tuple[Bins, Bins]]:
-    for first, second in PAIRS:
-        a = [bins for bins in singles if bins.name.startswith(first)]
-        b = [bins for bins in singles if bins.name.startswith(second)]
-        if a and b:
-            yield a[0], b[0]
-
-
-def _count(
-    bins: Bins, residuals: Residuals, noise: Mapping[str, Noise], steps_s: Sequence[float]
-) -> _Counted:
-    means: dict[str, BinMeans] = {}
-    squares: dict[str, Array] = {}
-    for output, of_output in noise.items():
-        r = [run[output] for run in residuals]
-        means[output] = bin_means(r, bins.codes, len(bins), of_output, steps_s)
-        flat, codes = np.concatenate(r), np.concatenate(bins.codes)
-        there = np.isfinite(flat)
-        squares[output] = np.asarray(np.bincount(codes[there], flat[there] ** 2, len(bins)), float)
-    return _Counted(bins, means, squares)
-
-
-def _places_of(
-    one: _Counted,
-    flags: Mapping[str, Sequence[bool]],
-    noise: Mapping[str, Noise],
-    of: tuple[float, int],
-) -> Iterator[Place]:
-    """Places of one covariate, as shares of the squared error and of the readings, `of`."""
-    total, readings = of
-    for k, words in enumerate(one.bins.words):
-        outputs = {
-            o: _place_output(m, one.squares[o], k, flags[o][k]) for o, m in one.means.items() if m.n[k]
-        }
-        n = sum(entry.n for entry in outputs.values())
-        if not n:
-            continue
-        error = sum(float(one.squares[o][k]) / noise[o].total ** 2 for o in outputs)
-        loudest = max(outputs, key=lambda o: abs(outputs[o].z) if np.isfinite(outputs[o].z) else -1.0)
-        yield Place(
-            covariate=one.bins.name,
-            condition=words,
-            centre=one.bins.centres[k],
-            share_of_error=error / total if total > 0 else n / readings,
-            share_of_samples=n / readings,
-            rms_over_floor=float(np.sqrt(error / n)),
-            z=outputs[loudest].z,
-            output=loudest,
-            significant=any(entry.significant for entry in outputs.values()),
-            outputs=outputs,
-        )
-
-
-def _place_output(means: BinMeans, squares: Array, k: int, flag: bool) -> PlaceOutput:
-    n, mean, error = int(means.n[k]), float(means.mean[k]), float(means.standard_error[k])
-    reach = float(scipy.stats.t.ppf(0.975, means.freedom[k])) * error
-    z = (
-        float(means.z[k])
-        if np.isfinite(means.z[k])
-        else (0.0 if mean == 0 else float(np.sign(mean)) * LARGEST_Z)
-    )
-    return PlaceOutput(
-        n, float(means.n_effective[k]), mean, (mean - reach, mean + reach),
-        float(np.sqrt(squares[k] / n)), z, float(means.p[k]), bool(flag),
-    )  # fmt: skip
+def _place_output(means: BinMeans, k: int, flag: bool) -> PlaceOutput:
+    n, mean, z = int(means.n[k]), float(means.mean[k]), float(means.z[k])
+    reach = float(scipy.stats.t.ppf(0.975, means.freedom[k])) * float(means.standard_error[k])
+    if not np.isfinite(z):
+        z = 0.0 if mean == 0 else float(np.sign(mean)) * LARGEST_Z
+    span, rms = (mean - reach, mean + reach), float(np.sqrt(means.squares[k] / n))
+    return PlaceOutput(n, float(means.n_effective[k]), mean, span, rms, z, float(means.p[k]), flag)

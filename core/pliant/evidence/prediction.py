@@ -1,18 +1,26 @@
-"""What a study's model says about measured runs: the same histories, the same readings."""
+"""What a study's model says about measured runs: the same histories, the same readings.
+
+The measurement that a study is compared with.
+"""
 
 from __future__ import annotations
 
 import copy
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
 
 import numpy as np
 
+from pliant.config.measurements import MeasurementsConfig
 from pliant.config.study import Study
 from pliant.errors import NotReachedError, UserError
-from pliant.interfaces.effect import Effect, EffectConfig, Model
+from pliant.interfaces.effect import EffectConfig, Model
 from pliant.interfaces.physics import PhysicsBackend, Variation
+from pliant.measurements.joining import together
+from pliant.measurements.reading import read_measurement
 from pliant.mechanics.kinematics import ChainGeometry, base_rotations, trajectory
 from pliant.pipeline.simulate import check_capabilities, check_terms
 from pliant.pipeline.study import chain_of_study, physics_of_study
@@ -56,15 +64,24 @@ class Predictor:
         self._base = self._changed(Model(chain), effects)
         self._geometry = ChainGeometry.of(self._base.chain)
         self._histories = [run.history for run in measurement.runs]
-        self._check_arms()
+        length = float(self._arms()[-1])
+        for number, arm in enumerate(measurement.marker_arms_m, start=1):
+            if not -BEYOND * length <= arm <= (1.0 + BEYOND) * length:
+                raise UserError(
+                    f"{measurement.source}: marker {number} is said to sit {arm:g} m along a chain that is "
+                    f"{length:g} m long; give 'markers' from the base on, in the order of their numbers."
+                )
         if sentence := backend.preparing(chain):
             bench.progress.note(sentence)
         self.outputs, self.missing = self._readable(measurement.outputs)
         if not self.outputs:
+            angles = ["angle_rad", "joint_1_angle_rad…"]
+            offered = ["elongation_strain"] if self._geometry.kind == "prismatic" else angles
+            offered += ["tip_x_m, tip_y_m, tip_z_m", "marker_1_x_m…"]
             raise UserError(
                 f"{measurement.source}: the model has none of the measured outputs "
                 f"({', '.join(measurement.outputs) or 'no output column'}); a chain of {chain.n_joints} "
-                f"{chain.laws[0].joint} joints has {', '.join(self._offered())}."
+                f"{chain.laws[0].joint} joints has {', '.join(offered)}."
             )
 
     @staticmethod
@@ -110,14 +127,9 @@ class Predictor:
             NotReachedError: no sample of any run has an equilibrium.
         """
         prediction = self.evaluate(effects)
-        if prediction.n_failed == self.measurement_size:
+        if prediction.n_failed == sum(map(len, self._histories)):
             raise NotReachedError("the model has no equilibrium in any of the measured states")
         return prediction.runs
-
-    @property
-    def measurement_size(self) -> int:
-        """Samples over all runs."""
-        return sum(len(history) for history in self._histories)
 
     def evaluate(
         self, effects: Sequence[EffectConfig] = (), histories: Sequence[History] | None = None
@@ -134,29 +146,23 @@ class Predictor:
         self, effects: Sequence[EffectConfig], towards: Sequence[Sequence[EffectConfig]]
     ) -> tuple[Prediction, tuple[tuple[RunReadings, ...], ...]]:
         """The prediction, and what small changes of the effects' parameters make of it, to first order."""
-        model = self._changed(self._base, effects)
+        model, *models = (self._changed(self._base, changed) for changed in (effects, *towards))
         driven = tuple(model.commanded(h) for h in self._histories)
-        models = [self._changed(self._base, changed) for changed in towards]
         variations = [Variation(m.chain, tuple(m.commanded(h) for h in self._histories)) for m in models]
         paths, changes = self.backend.follow(model.chain, driven, variations)
         base = self._read(model, paths, driven)
         differences = []
         for other, change, variation in zip(models, changes, variations, strict=True):
-            moved = [
-                Followed(a.joint_angles + d.joint_angles, a.converged)
-                for a, d in zip(paths, change, strict=True)
-            ]
-            there = self._read(other, moved, variation.histories)
-            differences.append(
-                tuple({name: b[name] - a[name] for name in a} for a, b in zip(base, there, strict=True))
-            )
+            pairs = zip(paths, change, strict=True)
+            moved = [Followed(a.joint_angles + d.joint_angles, a.converged) for a, d in pairs]
+            there = zip(base, self._read(other, moved, variation.histories), strict=True)
+            differences.append(tuple({name: b[name] - a[name] for name in a} for a, b in there))
         failed = int(sum((~path.converged).sum() for path in paths))
         return Prediction(base, failed), tuple(differences)
 
     def _changed(self, model: Model, effects: Sequence[EffectConfig]) -> Model:
         for config in effects:
-            effect: Effect = self.bench.build("effect", config)
-            model = effect.apply(model)
+            model = self.bench.build("effect", config).apply(model)
         check_terms(self.backend, model.chain)
         return model
 
@@ -164,21 +170,23 @@ class Predictor:
         self, model: Model, paths: Sequence[Followed], histories: Sequence[History]
     ) -> tuple[RunReadings, ...]:
         """What the sensors say of each run's path under the inputs that reach the chain."""
-        reached = np.concatenate([path.converged for path in paths])
         q = np.concatenate([path.joint_angles for path in paths])
         base_angles = np.concatenate([history.base_angles_rad for history in histories])
         true = self._true(model, q, base_angles)
         ends = np.cumsum([len(history) for history in histories])[:-1]
         parts = {name: np.split(values, ends) for name, values in true.items()}
-        runs = [{name: parts[name][k] for name in self.outputs} for k in range(len(histories))]
-        if model.outputs:
-            runs = [self._reported(model, run, history) for run, history in zip(runs, histories, strict=True)]
-        if reached.all():
-            return tuple(runs)
-        return tuple(
-            {name: np.where(path.converged, values, np.nan) for name, values in run.items()}
-            for run, path in zip(runs, paths, strict=True)
-        )
+        runs = []
+        for k, (path, history) in enumerate(zip(paths, histories, strict=True)):
+            run = {name: parts[name][k] for name in self.outputs}
+            if model.outputs:  # maps of the readings see the clock and the actuation too
+                clock = {} if history.time_s is None else {"time_s": history.time_s}
+                pushed = sum(history.actuation[actuator.input] for actuator in model.chain.actuators)
+                reported = model.reported({**run, **clock, "actuation": pushed})
+                run = {name: np.asarray(reported[name], float) for name in self.outputs}
+            if not path.converged.all():
+                run = {name: np.where(path.converged, values, np.nan) for name, values in run.items()}
+            runs.append(run)
+        return tuple(runs)
 
     def _true(self, model: Model, q: Array, base_angles: Array) -> RunReadings:
         """Every output (t,) of coordinates q (t, n, a) and turns of the base (t, 3), as it is."""
@@ -200,13 +208,6 @@ class Predictor:
                 readings[name] = angles.sum(axis=1)
         return readings
 
-    def _reported(self, model: Model, readings: RunReadings, history: History) -> RunReadings:
-        """The outputs of one run through the model's output maps, which see the clock and the actuation too."""
-        clock = {} if history.time_s is None else {"time_s": history.time_s}
-        pushed = {"actuation": sum(history.actuation[actuator.input] for actuator in model.chain.actuators)}
-        reported = model.reported({**readings, **clock, **pushed})
-        return {name: np.asarray(reported[name], float) for name in self.outputs}
-
     def _marker(self, markers: Array, number: str | None) -> Array:
         """(t, 3) the tip, or a marker by its number from 1: at its arm length, else joints and then the tip."""
         if number is None:
@@ -220,22 +221,12 @@ class Predictor:
         if ends[piece + 1] == ends[piece]:
             return markers[:, piece]
         share = (arm - ends[piece]) / (ends[piece + 1] - ends[piece])
-        place: Array = (1.0 - share) * markers[:, piece] + share * markers[:, piece + 1]
-        return place
+        return np.asarray((1.0 - share) * markers[:, piece] + share * markers[:, piece + 1])
 
     def _arms(self) -> Array:
         """(n + 2,) places of base, joints and tip along the chain at rest."""
         lengths = [float(np.linalg.norm(joint.offset_m)) for joint in self.chain.joints]
         return np.cumsum([0.0, *lengths, float(np.linalg.norm(self.chain.tip_offset_m))])
-
-    def _check_arms(self) -> None:
-        length = float(self._arms()[-1])
-        for number, arm in enumerate(self.measurement.marker_arms_m, start=1):
-            if not -BEYOND * length <= arm <= (1.0 + BEYOND) * length:
-                raise UserError(
-                    f"{self.measurement.source}: marker {number} is said to sit {arm:g} m along a chain that is "
-                    f"{length:g} m long; give 'markers' from the base on, in the order of their numbers."
-                )
 
     def _readable(self, wanted: Sequence[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
         has = tuple(name for name in wanted if self._has(name))
@@ -250,7 +241,53 @@ class Predictor:
             return position[2] is None or 1 <= int(position[2]) <= markers
         return name == ("elongation_strain" if prismatic else "angle_rad")
 
-    def _offered(self) -> list[str]:
-        if self._geometry.kind == "prismatic":
-            return ["elongation_strain", "tip_x_m, tip_y_m, tip_z_m", "marker_1_x_m…"]
-        return ["angle_rad", "joint_1_angle_rad…", "tip_x_m, tip_y_m, tip_z_m", "marker_1_x_m…"]
+
+POSITIONS = ("tip_x_m", "tip_y_m", "tip_z_m")
+
+
+def measurement_of_study(
+    bench: Workbench, study: Study, data: Path | Sequence[Path] | None = None
+) -> Measurement:
+    """Read the study's `measurements`, or `data` with the block's renames, units and sigmas.
+
+    Several files are one measurement, in their order: the block's renames, units and sigmas hold for all of them, its
+    exclusions for the first.
+
+    The ranges that the model knows (its laws' domains, the chain's length) are used to notice a wrong unit.
+
+    Raises:
+        UserError: no file is named, or it cannot be read.
+    """
+    settings = study.measurements
+    if settings is None and not data:
+        raise UserError(
+            f"study '{study.name}' names no measurements; add 'measurements: {{file: bench.csv}}' "
+            "or give --data bench.csv."
+        )
+    files = [data] if isinstance(data, Path) else list(data or ())
+    blocks = [settings] if settings is not None and not files else []
+    for number, file in enumerate(files):
+        given: dict[str, object] = {"file": str(file)} | ({"exclude": ()} if number else {})
+        blocks.append(settings.model_copy(update=given) if settings else MeasurementsConfig(file=str(file)))
+    chain = chain_of_study(bench, study).chain
+    read = partial(
+        read_measurement,
+        actuation=tuple(dict.fromkeys(actuator.input for actuator in chain.actuators)),
+        expected=expected_ranges(chain),
+        progress=bench.progress,
+    )
+    return together([read(Path(block.file), settings=block) for block in blocks])
+
+
+def expected_ranges(chain: ChainModel) -> Mapping[str, tuple[float, float]]:
+    """Column → range in which the model expects it: inputs, angles and positions."""
+    domains = [chain.laws[joint.law].domain for joint in chain.joints]
+    low = float(min(np.min(domain.actuation) for domain in domains))
+    high = float(max(np.max(domain.actuation) for domain in domains))
+    ranges = {actuator.input: (low, high) for actuator in chain.actuators}
+    reach = float(np.linalg.norm(chain.base_position_m)) + chain.length_m
+    ranges |= dict.fromkeys(POSITIONS, (-reach, reach))
+    if chain.laws[0].joint != "prismatic":
+        bends = sum(float(np.max(np.abs(domain.deformation))) for domain in domains)
+        ranges["angle_rad"] = (-bends, bends)
+    return {name: span for name, span in ranges.items() if np.isfinite(span).all()}

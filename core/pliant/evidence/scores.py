@@ -14,12 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
-from pliant.evidence.bins import binned
-from pliant.evidence.covariates import Covariates
-from pliant.evidence.noise import Noise
-from pliant.evidence.places import Residuals, coloured_count
+from pliant.evidence.covariates import Covariates, binned
+from pliant.evidence.places import Noise, Residuals, coloured_count
 from pliant.measurements.floors import Floor
-from pliant.measurements.repeats import RepeatGroup
 from pliant.records.design import Array
 from pliant.records.measurement import Measurement
 from pliant.units import si_unit
@@ -128,6 +125,7 @@ class GroupError:
 def output_error(
     name: str, residuals: Residuals, floor: Floor | None, noise: Noise, steps_s: Sequence[float], seed: int
 ) -> OutputError:
+    """The error of one output, `steps_s` between neighbouring readings of each run."""
     series = [run[name] for run in residuals]
     columns = [np.stack([np.isfinite(s), np.nan_to_num(s), np.nan_to_num(s) ** 2], axis=1) for s in series]
     n, total, square = np.sum([c.sum(axis=0) for c in columns], axis=0)
@@ -136,12 +134,12 @@ def output_error(
         float(coloured_count(np.zeros(len(s), np.int64), np.isfinite(s), 1, noise.correlation(step_s))[0])
         for s, step_s in zip(series, steps_s, strict=True)
     )
-    rmse, value = float(np.sqrt(square / n)), floor.value if floor is not None else np.nan
+    rmse, value = float(np.sqrt(square / n)), np.nan if floor is None else floor.value
     return OutputError(
         rmse=rmse,
         unit=si_unit(name),
         noise_floor=value,
-        source=floor.source if floor is not None else "unknown",
+        source="unknown" if floor is None else floor.source,
         ratio_to_floor=rmse / value if value > 0 else np.nan,
         bias=float(total / n),
         rmse_interval=interval(sums, lambda s: np.sqrt(s[:, 2] / s[:, 0]), seed),
@@ -170,12 +168,6 @@ def _blocks(noise: Noise, steps_s: Sequence[float]) -> list[float]:
     return [FORGETTING * noise.memory_s / step_s if step_s > 0 else 1.0 for step_s in steps_s]
 
 
-def conditions(runs: Sequence[tuple[int, ...]], groups: Sequence[RepeatGroup]) -> list[tuple[int, ...]]:
-    """Runs that repeat each other together, the others alone, in the order of the measurement."""
-    group_of = {k: tuple(group.runs) for group in groups for k in group.runs}
-    return list(dict.fromkeys(group_of.get(run[0], run) for run in runs))
-
-
 def group_error(
     measurement: Measurement,
     words: Sequence[tuple[str, ...]],
@@ -184,25 +176,19 @@ def group_error(
     known: bool,
     numbers: tuple[int, ...],
 ) -> GroupError:
+    """The error over these runs; `words` are those of every run, `known` whether every output has a floor."""
     total = sum(float(np.nansum((run[o] / noise[o].total) ** 2)) for run in residuals for o in noise)
     series = {o: np.concatenate([residuals[k][o] for k in numbers]) for o in noise}
     there = {o: s[np.isfinite(s)] for o, s in series.items()}
     error = sum(float(np.sum((s / noise[o].total) ** 2)) for o, s in there.items())
     n = sum(len(s) for s in there.values())
     names = tuple(measurement.runs[k].name for k in numbers)
-    return GroupError(
-        name=", ".join(names),
-        words=", ".join(text for text in words[numbers[0]] if all(text in words[k] for k in numbers)),
-        runs=names,
-        outputs={
-            o: {"rmse": float(np.sqrt(np.mean(s**2))), "bias": float(s.mean())}
-            for o, s in there.items()
-            if len(s)
-        },
-        rmse_over_floor=float(np.sqrt(error / n)) if n and known else np.nan,
-        share_of_error=error / total if total > 0 else np.nan,
-        n=n,
-    )
+    shared = [text for text in words[numbers[0]] if all(text in words[k] for k in numbers)]
+    read = {o: s for o, s in there.items() if len(s)}
+    outputs = {o: {"rmse": float(np.sqrt(np.mean(s**2))), "bias": float(s.mean())} for o, s in read.items()}
+    ratio = float(np.sqrt(error / n)) if n and known else np.nan
+    share = error / total if total > 0 else np.nan
+    return GroupError(", ".join(names), ", ".join(shared), names, outputs, ratio, share, n)
 
 
 def run_words(found: Covariates, n_runs: int) -> list[tuple[str, ...]]:
@@ -216,9 +202,8 @@ def run_words(found: Covariates, n_runs: int) -> list[tuple[str, ...]]:
         elif item.name.startswith(SET_BY_THE_BENCH):
             bins = binned(item)
             own = [codes[0] if len(codes) and np.ptp(codes) == 0 else -1 for codes in bins.codes]
-            usual = (
-                max(set(own), key=own.count) if own.count(max(set(own), key=own.count)) > n_runs / 2 else None
-            )
+            most = max(set(own), key=own.count)
+            usual = most if own.count(most) > n_runs / 2 else None
             for part, code in zip(parts, own, strict=True):
                 if code >= 0 and code != usual:
                     part.append(bins.words[code])

@@ -1,17 +1,21 @@
-"""The runs of the default menu, one function each."""
+"""The runs of the default menu, and those of a study's `protocols`, ready to be chosen and written for the bench."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pliant.config.protocols import Level, ProtocolConfig
+from pliant.config.study import Study
+from pliant.errors import UserError, closest
 from pliant.experiments.planned_run import (
     NEW,
+    SET_UP,
     STEP_S,
+    BenchScale,
     PlannedRun,
     RunMaker,
     RunShape,
@@ -19,9 +23,11 @@ from pliant.experiments.planned_run import (
     dense_steps,
     steps,
 )
-from pliant.experiments.scale import BenchScale
+from pliant.records.chain import ChainModel
 from pliant.records.design import Array
 from pliant.records.history import History
+from pliant.records.measurement import Measurement
+from pliant.units import UnitError, parse_quantity
 
 SLOW_STEP_S, FINE_STEP_S, STEP_RISE_S = 1.0, 0.02, 0.3
 MEDIUM_S, SLOW_S, FAST_S = 20.0, 80.0, 4.0
@@ -34,6 +40,20 @@ NUMBERS = {1: "one", 2: "two", 3: "three"}
 WARMER_K = 15.0
 LOADING, TURNING, MOUNTING, HEATING = 3.0, 5.0, 10.0, 15.0
 MOST_ANGLES = 12
+UNITS = {"_pa": "Pa", "_n": "N", "_m": "m"}
+# Of a bench that recorded no time.
+STATIC_LEVELS = (0.0, 0.25, 0.5, 0.75, 1.0)
+STATIC_PUSHES = (-1.0, -0.5, 0.0, 0.5, 1.0)
+PUSHED_AT = 0.6
+# Turned bases, by name: in words, roll, pitch and yaw.
+TURNED = {
+    "level": ("the base horizontal", (0.0, np.pi / 2, 0.0)),
+    "upside_down": ("upside down", (0.0, np.pi, 0.0)),
+    "sideways": ("the base rolled to its side, out of the plane of bending", (np.pi / 2, 0.0, 0.0)),
+}
+TURNTABLE, CHAMBER = "a bench whose base can be turned", "a warm chamber and a thermometer"
+WEIGHTS, LEVER = "weights or a lever", "a lever with a load cell"
+CAMERA = "a camera or a tracker"
 
 
 def timed_catalogue(scale: BenchScale) -> tuple[PlannedRun, ...]:
@@ -44,27 +64,22 @@ def timed_catalogue(scale: BenchScale) -> tuple[PlannedRun, ...]:
 
 def slow_cycles(make: RunMaker, shape: RunShape) -> PlannedRun:
     """Rates, far apart from those of `fast_cycles`."""
-    wave = make.cycles(shape, SLOW_S, TWICE)
-    return make.run(
-        "slow_cycles", f"cycle slowly, {shape.period_s or SLOW_S:g} s per cycle{_times(shape, 2)}", wave
-    )
+    words = f"cycle slowly, {shape.period_s or SLOW_S:g} s per cycle{_times(shape, 2)}"
+    return make.run("slow_cycles", words, make.cycles(shape, SLOW_S, TWICE))
 
 
 def fast_cycles(make: RunMaker, shape: RunShape) -> PlannedRun:
     """Rates: what resists motion or comes late shows."""
-    wave = make.cycles(shape, FAST_S, (1.0,) * 15)
-    return make.run(
-        "fast_cycles", f"cycle quickly, {shape.period_s or FAST_S:g} s per cycle{_times(shape, 15)}", wave
-    )
+    words = f"cycle quickly, {shape.period_s or FAST_S:g} s per cycle{_times(shape, 15)}"
+    return make.run("fast_cycles", words, make.cycles(shape, FAST_S, (1.0,) * 15))
 
 
 def small_loops(make: RunMaker, shape: RunShape) -> PlannedRun:
     """Reversals: what sticks turns back flat."""
     way = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(LOOPS)))]) * (shape.period_s or MEDIUM_S) / 2
     wave = corners(list(zip(np.round(way * 2) / 2, LOOPS, strict=True)), STEP_S)
-    return make.run(
-        "small_loops", "small loops inside a large one at a medium rate: turn back before the ends", wave
-    )
+    words = "small loops inside a large one at a medium rate: turn back before the ends"
+    return make.run("small_loops", words, wave)
 
 
 def holds(make: RunMaker, shape: RunShape) -> PlannedRun:
@@ -83,15 +98,13 @@ def virgin(make: RunMaker, shape: RunShape) -> PlannedRun:
     return make.run("virgin", words, wave, MOUNTING, specimen=NEW, needs=needs)
 
 
-def _turned(
-    name: str, words: str, angles: tuple[float, float, float]
-) -> Callable[[RunMaker, RunShape], PlannedRun]:
+def _turned(name: str) -> Callable[[RunMaker, RunShape], PlannedRun]:
     def build(make: RunMaker, shape: RunShape) -> PlannedRun:
+        words, angles = TURNED[name]
         wave = make.cycles(shape, MEDIUM_S, TWICE)
-        needs = "a bench whose base can be turned"
         n = len(shape.amplitudes) or shape.cycles or 2
         order = f"{words}, {NUMBERS.get(n, n)} medium cycle{'s' * (n > 1)}"
-        return make.run(name, order, wave, TURNING, base_angles_rad=angles, needs=needs)
+        return make.run(name, order, wave, TURNING, base_angles_rad=angles, needs=TURNTABLE)
 
     return build
 
@@ -102,33 +115,23 @@ def warm(make: RunMaker, shape: RunShape) -> PlannedRun:
     there = usual + WARMER_K if shape.temperature_c is None else shape.temperature_c
     words = f"at {there:g} °C, {there - usual:g} K warmer, two medium cycles"
     wave = make.cycles(shape, MEDIUM_S, TWICE)
-    return make.run(
-        "warm", words, wave, HEATING, temperature_c=there, needs="a warm chamber and a thermometer"
-    )
+    return make.run("warm", words, wave, HEATING, temperature_c=there, needs=CHAMBER)
 
 
-def passive_load_steps(make: RunMaker, shape: RunShape) -> PlannedRun:
-    """Loads alone: the body without its drive."""
-    return _loaded(make, shape, "passive_load_steps", "no pressure, load steps of both signs", 0.0)
+def _loaded(name: str, words: str) -> Callable[[RunMaker, RunShape], PlannedRun]:
+    def build(make: RunMaker, shape: RunShape) -> PlannedRun:
+        hold = shape.hold_s or MEDIUM_S
+        passive = name == "passive_load_steps"
+        share = 0.0 if passive else shape.levels[0] if shape.levels else PUSHED_AT
+        pushes = steps(PUSHES, hold, min(STEP_S, hold / 8), rise_s=min(1.0, hold / 4))
+        pushed: dict[str, Any] = make.scale.loads(pushes.share)
+        if shape.load_n_m is not None:
+            pushed = {"moment_n_m": shape.load_n_m * pushes.share}
+        order = f"{words.format(drive=make.scale.drive)}, load steps of both signs"
+        drive = replace(pushes, share=np.full(len(pushes), share))
+        return make.run(name, order, drive, LOADING, needs=WEIGHTS, **pushed)
 
-
-def load_steps(make: RunMaker, shape: RunShape) -> PlannedRun:
-    """Loads at a constant drive."""
-    share = shape.levels[0] if shape.levels else 0.6
-    return _loaded(make, shape, "load_steps", "constant pressure, load steps of both signs", share)
-
-
-def _loaded(make: RunMaker, shape: RunShape, name: str, words: str, share: float) -> PlannedRun:
-    hold = shape.hold_s or MEDIUM_S
-    pushes = steps(PUSHES, hold, min(STEP_S, hold / 8), rise_s=min(1.0, hold / 4))
-    if shape.load_n_m is not None:
-        pushed: dict[str, Any] = {"moment_n_m": shape.load_n_m * pushes.share}
-    else:
-        pushed = dict(make.scale.loads(pushes.share))
-    if not all(one.startswith("pressure") for one in make.scale.inputs):
-        words = words.replace("pressure", "drive")
-    drive = replace(pushes, share=np.full(len(pushes), share))
-    return make.run(name, words, drive, LOADING, needs="weights or a lever", **pushed)
+    return build
 
 
 def blocked(make: RunMaker, shape: RunShape) -> PlannedRun | None:
@@ -140,7 +143,7 @@ def blocked(make: RunMaker, shape: RunShape) -> PlannedRun | None:
     if moment is None:
         return None
     words = f"at {len(levels)} levels of the drive, the load that brings the angle back to zero; read the angle left"
-    return make.run("blocked", words, wave, TURNING, moment_n_m=moment, needs="a lever with a load cell")
+    return make.run("blocked", words, wave, TURNING, moment_n_m=moment, needs=LEVER)
 
 
 def vented_zero(make: RunMaker, shape: RunShape) -> PlannedRun:
@@ -156,7 +159,7 @@ def vented_zero(make: RunMaker, shape: RunShape) -> PlannedRun:
 
 def closed_valve(make: RunMaker, shape: RunShape) -> PlannedRun | None:
     """What the specimen does to the air that is shut in it."""
-    if not all(name.startswith("pressure") for name in make.scale.inputs):
+    if make.scale.drive != "pressure":
         return None
     hold, fill, rest = shape.hold_s or 60.0, 2.0, 8.0
     points, spans, now = [(0.0, 0.0)], [], 0.0
@@ -167,7 +170,7 @@ def closed_valve(make: RunMaker, shape: RunShape) -> PlannedRun | None:
         now = closed_at + hold + fill + rest
         points.append((now, 0.0))
     wave = corners(points, min(STEP_S, hold / 8))
-    closed = np.any([_between(wave.time_s, *span) for span in spans], axis=0)
+    closed = np.any([(wave.time_s > low) & (wave.time_s <= high) for low, high in spans], axis=0)
     words = f"fill to {len(spans)} levels, close the valve at each and record for {hold:g} s"
     valve = np.where(closed, 0.0, 1.0)
     return make.run("closed_valve", words, wave, valve_open=valve, needs="a valve at the specimen")
@@ -186,8 +189,7 @@ def second_sensor(make: RunMaker, shape: RunShape) -> PlannedRun:
     """What one sensor says of another."""
     wave = make.cycles(shape, MEDIUM_S, TWICE)
     words = "two medium cycles with the tip's position and every joint's angle read too"
-    adds = second_outputs(make.scale)
-    return make.run("second_sensor", words, wave, MOUNTING, adds=adds, needs="a camera or a tracker")
+    return make.run("second_sensor", words, wave, MOUNTING, adds=second_outputs(make.scale), needs=CAMERA)
 
 
 def second_outputs(scale: BenchScale) -> tuple[str, ...]:
@@ -203,25 +205,16 @@ def _times(shape: RunShape, usual: int) -> str:
     return {1: ", once", 2: ", twice"}.get(n, f", {n} times")
 
 
-def _between(time_s: Array, low: float, high: float) -> NDArray[np.bool_]:
-    inside: NDArray[np.bool_] = (time_s > low) & (time_s <= high)
-    return inside
-
-
 BUILDERS: Mapping[str, Callable[[RunMaker, RunShape], PlannedRun | None]] = {
     "slow_cycles": slow_cycles,
     "fast_cycles": fast_cycles,
     "small_loops": small_loops,
     "holds": holds,
     "virgin": virgin,
-    "level": _turned("level", "the base horizontal", (0.0, np.pi / 2, 0.0)),
-    "upside_down": _turned("upside_down", "upside down", (0.0, np.pi, 0.0)),
-    "sideways": _turned(
-        "sideways", "the base rolled to its side, out of the plane of bending", (np.pi / 2, 0.0, 0.0)
-    ),
+    **{name: _turned(name) for name in TURNED},
     "warm": warm,
-    "passive_load_steps": passive_load_steps,
-    "load_steps": load_steps,
+    "passive_load_steps": _loaded("passive_load_steps", "no {drive}"),
+    "load_steps": _loaded("load_steps", "constant {drive}"),
     "blocked": blocked,
     "vented_zero": vented_zero,
     "closed_valve": closed_valve,
@@ -230,90 +223,120 @@ BUILDERS: Mapping[str, Callable[[RunMaker, RunShape], PlannedRun | None]] = {
 }
 
 
-LEVELS = (0.0, 0.25, 0.5, 0.75, 1.0)
-STATIC_PUSHES = (-1.0, -0.5, 0.0, 0.5, 1.0)
-PUSHED_AT = 0.6
-TURNED = {
-    "level": ("the base horizontal", (0.0, np.pi / 2, 0.0)),
-    "upside_down": ("upside down", (0.0, np.pi, 0.0)),
-    "sideways": ("the base rolled to its side, out of the plane of bending", (np.pi / 2, 0.0, 0.0)),
-}
-
-
 def static_catalogue(scale: BenchScale) -> tuple[PlannedRun, ...]:
-    """All runs of this menu that make sense for this chain."""
-    levels, pushes = np.array(LEVELS), np.array(STATIC_PUSHES)
-    loads = scale.loads(pushes)
+    """All runs without a clock that make sense for this chain."""
+    make, runs = RunMaker(scale), []
+    levels, pushes = np.array(STATIC_LEVELS), np.array(STATIC_PUSHES)
     if scale.both_ways:
         levels = np.concatenate([-levels[:0:-1], levels])
-    drive = "pressure" if all(name.startswith("pressure") for name in scale.inputs) else "drive"
-    count = f"{len(levels)} levels of the {drive}"
-    runs = [
-        _run(
-            scale, name, f"{words}, {count}", levels, TURNING, "a bench whose base can be turned", angles=turn
-        )
-        for name, (words, turn) in TURNED.items()
-    ]
+    count = f"{len(levels)} levels of the {scale.drive}"
+
+    def add(name: str, words: str, minutes: float, needs: str, share: Array = levels, **more: Any) -> None:
+        runs.append(make.run(name, words, share, minutes, needs=needs, **more))
+
+    for name, (words, angles) in TURNED.items():
+        add(name, f"{words}, {count}", TURNING, TURNTABLE, base_angles_rad=angles)
     there = scale.temperature_c + WARMER_K
-    runs.append(
-        _run(
-            scale, "warm", f"at {there:g} °C, {WARMER_K:g} K warmer, {count}", levels, HEATING,
-            "a warm chamber and a thermometer", temperature_c=there,
-        )
-    )  # fmt: skip
-    for name, share, words in (
-        ("passive_load_steps", 0.0, f"no {drive}"),
-        ("load_steps", PUSHED_AT, f"constant {drive}"),
-    ):
-        order = f"{words}, {len(pushes)} loads of both signs"
-        at = np.full(len(pushes), share)
-        runs.append(
-            _run(
-                scale,
-                name,
-                order,
-                at,
-                LOADING,
-                "weights or a lever",
-                moment_n_m=loads["moment_n_m"],
-                tip_force_n=loads["tip_force_n"],
-            )
-        )
+    words = f"at {there:g} °C, {WARMER_K:g} K warmer, {count}"
+    add("warm", words, HEATING, CHAMBER, temperature_c=there)
+    for name, share, drive in (("passive_load_steps", 0.0, "no"), ("load_steps", PUSHED_AT, "constant")):
+        order = f"{drive} {scale.drive}, {len(pushes)} loads of both signs"
+        add(name, order, LOADING, WEIGHTS, np.full(len(pushes), share), **scale.loads(pushes))
     moment = scale.blocking_moment(scale.actuation(levels))
     if moment is not None:
-        order = f"at {count}, the load that brings the angle back to zero; read the angle left"
-        runs.append(
-            _run(scale, "blocked", order, levels, TURNING, "a lever with a load cell", moment_n_m=moment)
-        )
-    order = f"{count} with the tip's position and every joint's angle read too"
-    adds = second_outputs(scale)
-    runs.append(_run(scale, "second_sensor", order, levels, MOUNTING, "a camera or a tracker", adds=adds))
+        words = f"at {count}, the load that brings the angle back to zero; read the angle left"
+        add("blocked", words, TURNING, LEVER, moment_n_m=moment)
+    words = f"{count} with the tip's position and every joint's angle read too"
+    add("second_sensor", words, MOUNTING, CAMERA, adds=second_outputs(scale))
     return tuple(runs)
 
 
-def _run(
-    scale: BenchScale,
-    name: str,
-    words: str,
-    share: Array,
-    minutes: float,
-    needs: str,
-    *,
-    angles: tuple[float, float, float] | None = None,
-    temperature_c: float | None = None,
-    adds: tuple[str, ...] = (),
-    moment_n_m: Any = 0.0,
-    tip_force_n: Any = 0.0,
-) -> PlannedRun:
-    """A run of these shares of the drive, without a clock."""
-    history = History.of(
-        scale.actuation(share),
-        run=name,
-        specimen=scale.specimen,
-        temperature_c=scale.temperature_c if temperature_c is None else temperature_c,
-        base_angles_rad=scale.base_angles_rad if angles is None else angles,
-        payload_kg=scale.payload_kg,
-        moment_n_m=moment_n_m,
-        tip_force_n=tip_force_n,
+def own_runs(study: Study, chain: ChainModel, measurement: Measurement) -> tuple[PlannedRun, ...]:
+    """The runs of a study's `protocols`, at the scale of a measurement; none where it has no such block."""
+    if not study.protocols:
+        return ()
+    return runs_of(study.protocols, BenchScale.of_measurement(chain, measurement))
+
+
+def runs_of(protocols: Sequence[ProtocolConfig], scale: BenchScale) -> tuple[PlannedRun, ...]:
+    """The runs of the block, or the default menu where it is empty.
+
+    Raises:
+        UserError: a run that this chain cannot do, a level of another unit, or a name that stands twice.
+    """
+    if not protocols:
+        return timed_catalogue(scale)
+    found: list[PlannedRun] = []
+    for number, config in enumerate(protocols):
+        where = f"protocols[{number}]"
+        run = _custom(config, scale, where) if config.run == "custom" else _of_menu(config, scale, where)
+        name = config.name or run.name
+        if any(name == other.name for other in found):
+            raise UserError(f"'protocols' has run '{name}' twice; give one of them another 'name'.")
+        words, minutes = config.words or run.words, run.minutes if config.minutes is None else config.minutes
+        found.append(
+            replace(run, name=name, words=words, minutes=minutes, history=run.history.with_(run=name))
+        )
+    return tuple(found)
+
+
+def _of_menu(config: ProtocolConfig, scale: BenchScale, where: str) -> PlannedRun:
+    lead = max(scale.top, key=lambda name: scale.top[name])
+
+    def shares(levels: Sequence[Level]) -> tuple[float, ...]:
+        most = scale.top[lead] or 1.0
+        return tuple(_value(v, lead, where) / most if isinstance(v, str) else float(v) for v in levels)
+
+    shape = RunShape(
+        config.period_s,
+        shares(config.amplitudes),
+        config.cycles,
+        shares(config.levels),
+        config.hold_s,
+        config.load_n_m,
+        config.temperature_c,
     )
-    return PlannedRun(name, words, history, minutes, adds, needs)
+    run = BUILDERS[config.run](RunMaker(scale), shape)
+    if run is None:
+        raise UserError(f"{where}: run '{config.run}' makes no sense for this chain; leave it out.")
+    return run
+
+
+def _value(level: Level, name: str, where: str) -> float:
+    if not isinstance(level, str):
+        return float(level)
+    unit = next(unit for suffix, unit in UNITS.items() if name.endswith(suffix))
+    try:
+        return parse_quantity(level, unit)
+    except UnitError as error:
+        raise UserError(f"{where}: {error}; the chain is driven by {name}.") from None
+
+
+def _custom(config: ProtocolConfig, scale: BenchScale, where: str) -> PlannedRun:
+    for name in config.inputs:
+        if name not in scale.top:
+            raise UserError(
+                f"{where}: '{name}' is not an input of this chain{closest(name, list(scale.top))} "
+                f"It is driven by {', '.join(scale.top)}."
+            )
+
+    def sampled(values: Sequence[float]) -> Array:
+        return corners(list(zip(config.times_s, values, strict=True)), STEP_S).share
+
+    clock = corners([(time, 0.0) for time in config.times_s], STEP_S).time_s
+    still = [0.0] * len(config.times_s)
+    driven = {name: [_value(v, name, where) for v in config.inputs.get(name, still)] for name in scale.top}
+    turned = config.pitch_rad != 0.0 or config.roll_rad != 0.0
+    changes: dict[str, Any] = {"specimen": NEW} if config.new_specimen else {}
+    if config.moments_n_m:
+        changes["moment_n_m"] = sampled(config.moments_n_m)
+    if config.temperature_c is not None:
+        changes["temperature_c"] = config.temperature_c
+    if turned:
+        changes["base_angles_rad"] = (config.roll_rad, config.pitch_rad, 0.0)
+    name = config.name or "custom"
+    inputs = {key: sampled(values) for key, values in driven.items()}
+    history = History.of(inputs, clock, run=name, **{**scale.usual, **changes})
+    words = config.words or f"the run '{config.name}' of the study's protocols"
+    minutes = (TURNING if turned else SET_UP) + float(clock[-1]) / 60.0
+    return PlannedRun(name, words, history, round(minutes, 1))

@@ -16,9 +16,8 @@ from pliant.pipeline.workbench import Workbench, content
 from pliant.records.fem import FemDataset, ModuleData
 from pliant.records.law import FitReport, JointLaw
 from pliant.store.store import Artifact
-from pliant.tabular.fem_modules import has_several_axes, read_module_table
-from pliant.tabular.fem_notes import table_digest
-from pliant.tabular.fem_reading import read_table
+from pliant.tabular.fem_columns import table_digest
+from pliant.tabular.fem_reading import has_several_axes, read_module_table, read_table
 
 REPEATS = 5
 FALLBACK = np.array([0.0, 1.0])  # a limit that a stated law does not give

@@ -36,6 +36,10 @@ class MeasuredRun:
     def __len__(self) -> int:
         return len(self.history)
 
+    def input(self, name: str) -> Array:
+        """(t,) an input by name; NaN where the run has none of it."""
+        return np.asarray(self.history.actuation.get(name, np.full(len(self), np.nan)), float)
+
     def with_outputs(self, outputs: Mapping[str, Array]) -> MeasuredRun:
         """The run with other readings, everything else kept."""
         return replace(self, outputs=dict(outputs))

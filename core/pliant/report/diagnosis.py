@@ -8,8 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from pliant.diagnosis.diagnosis import Diagnosis
-from pliant.diagnosis.interpretation import headline, next_words, why
+from pliant.diagnosis.diagnosis import Diagnosis, next_words, why
 from pliant.diagnosis.verdict import NOTHING, UNKNOWN, Kinds, named
 from pliant.formatting import listed, number, unit_of
 from pliant.records.measurement import Measurement
@@ -18,17 +17,24 @@ from pliant.report.diagnosis_tables import (
     classes_table,
     dependence_table,
     detectable_table,
-    hypotheses_brief,
     hypotheses_json,
     hypotheses_table,
+    hypothesis_columns,
     look_alikes_table,
     noise_table,
     not_excited_table,
     parameter_texts,
 )
 from pliant.report.diagnosis_view import Diagnosed
-from pliant.report.document import Document, Drawn, Picture, Section, Warned, capital
-from pliant.report.fitted import floors_json, implausible_text, next_run_json, probability_text, warned
+from pliant.report.document import Document, Drawn, Picture, Section, Warned, brief_table, capital
+from pliant.report.fitted import (
+    floors_json,
+    implausible_text,
+    next_run_json,
+    probability_text,
+    verdict_json,
+    warned,
+)
 
 OUTPUTS_DRAWN = 2
 MOST_PAIRS = 6
@@ -67,19 +73,20 @@ def diagnosis_document(
         next_file: the protocol file of the proposed run.
     """
     reasons = why(found, registry)
-    points = [*reasons, _demand(found)]
+    decided = found.next_run is not None or found.verdict not in UNDECIDED
+    points = [*reasons, DEMANDS[found.verdict] if decided else RECORD]
     sentence = numbers_text(found) or points[0]
     proposed = next_words(found)
     return Document(
         kind=f"Pliant: which effect is missing · {title}",
-        title=headline(found),
+        title=found.judgement.sentence,
         sentence=sentence,
         data=diagnosis_json(found, next_file),
         brief=_brief(found),
         points=tuple(point for point in points if point != sentence),
         warnings=(*(Warned(text) for text in implausible(found)), *warned(registry, found.remarks, asked)),
         closing=(
-            headline(found),
+            found.judgement.sentence,
             *reasons,
             *([proposed] if proposed else []),
             *([f"next run {next_file}"] if next_file else []),
@@ -91,14 +98,10 @@ def diagnosis_document(
 
 def diagnosis_json(found: Diagnosis, next_file: str | None = None) -> dict[str, Any]:
     """The keys of docs/which_effect.md; numbers SI."""
-    judgement, noise = found.judgement, found.noise
+    noise = found.noise
     return {
-        "verdict": judgement.verdict,
-        "sentence": headline(found),
-        "reasons": list(judgement.reasons) or ([headline(found)] if judgement.verdict == "ambiguous" else []),
+        **verdict_json(found.judgement),
         "hypotheses": hypotheses_json(found),
-        "selected": list(judgement.selected),
-        "credible_set": [list(kinds) for kinds in judgement.credible],
         "not_excited": [
             {"kind": kind, "run_that_would_excite_it": run} for kind, run in found.not_excited.items()
         ],
@@ -150,19 +153,12 @@ def implausible(found: Diagnosis) -> list[str]:
 
 def _brief(found: Diagnosis) -> tuple[Any, ...]:
     every = list(found.judgement.probability)[:MOST_SHOWN]
-    lines = [
-        f"{named(kinds)}: {', '.join(texts)}"
-        for kinds in found.judgement.credible[:MOST_SHOWN]
-        if (texts := parameter_texts(found, kinds))
-    ]
+    shown = found.judgement.credible[:MOST_SHOWN]
+    lines = [f"{named(k)}: {', '.join(texts)}" for k in shown if (texts := parameter_texts(found, k))]
     if found.not_excited:
         lines.append("not shown by these runs, and the run that would show it:")
         lines += [f"  {kind}: {run}" if run else f"  {kind}" for kind, run in found.not_excited.items()]
-    return (hypotheses_brief(found, every), *lines)
-
-
-def _demand(found: Diagnosis) -> str:
-    return DEMANDS[found.verdict] if found.next_run is not None or found.verdict not in UNDECIDED else RECORD
+    return (brief_table(hypothesis_columns(found), every), *lines)
 
 
 def _drawn(diagnosed: Diagnosed, registry: Registry) -> Drawn:
@@ -178,19 +174,15 @@ def _drawn(diagnosed: Diagnosed, registry: Registry) -> Drawn:
     ]
     if diagnosed.found.verdict == "not_repeatable":  # the repeats are the finding
         made.insert(0, made.pop())
-    hero = Picture("hypotheses", _hero_caption(diagnosed), hypotheses(diagnosed))
-    return Drawn(hero, tuple(section for section in made if section is not None))
-
-
-def _hero_caption(diagnosed: Diagnosed) -> str:
-    rows = len(diagnosed.found.table.rows)
     doubt = diagnosed.found.verdict in ("not_repeatable", "insufficient_data")
-    return (
+    caption = (
         f"{'For completeness; no verdict rests on these numbers. ' if doubt else ''}"
-        f"{rows} explanations were fitted to all runs with the physics in the loop. Dark: together at least 90 % "
-        "probable. A good explanation brings the error on runs that it was not fitted to down to the noise floor, "
-        "with few parameters; a lower error with more parameters need not be more probable."
+        f"{len(diagnosed.found.table.rows)} explanations were fitted to all runs with the physics in the loop. Dark: "
+        "together at least 90 % probable. A good explanation brings the error on runs that it was not fitted to down "
+        "to the noise floor, with few parameters; a lower error with more parameters need not be more probable."
     )
+    hero = Picture("hypotheses", caption, hypotheses(diagnosed))
+    return Drawn(hero, tuple(section for section in made if section is not None))
 
 
 def _next(found: Diagnosis) -> Section | None:
@@ -220,32 +212,26 @@ def _separated(pairs: Sequence[tuple[Kinds, Kinds]]) -> str:
 def _changes(diagnosed: Diagnosed) -> Section:
     from pliant.report.figures.explained_runs import explained_runs
 
-    pictures = [
-        Picture(f"changes_{k + 1}", _changes_caption(diagnosed, output), explained_runs(diagnosed, output))
-        for k, output in enumerate(diagnosed.outputs_by_gain()[:OUTPUTS_DRAWN])
-    ]
-    names = " or ".join(named(kinds) for kinds in diagnosed.explanations)
-    title = {
-        "missing_effect": f"What {names} changes",
-        "ambiguous": f"What {names} would change",
-        "unknown_effect": f"The most probable in the list, {names}, does not do it",
-    }.get(diagnosed.found.verdict, f"What {names} would change")
-    return Section(title if names else "The model in its worst runs", tuple(pictures))
-
-
-def _changes_caption(diagnosed: Diagnosed, output: str) -> str:
-    label = unit_of(output).label
-    floor = diagnosed.floor(output)
-    band = f" over ± 2 noise floors (one is {unit_of(output).text(floor, 2)})" if np.isfinite(floor) else ""
+    found, pictures = diagnosed.found, []
     which = (
         "the runs in which the explanation takes away most of the error, one of each condition"
         if diagnosed.explanations
         else "the runs in which the model errs most, one of each condition"
     )
-    return (
-        f"{capital(label)} in {which}: in time, the error (measured − model){band}, and the loop over the "
-        "input."
-    )
+    for k, output in enumerate(diagnosed.outputs_by_gain()[:OUTPUTS_DRAWN], start=1):
+        words, floor = unit_of(output), diagnosed.floor(output)
+        band = f" over ± 2 noise floors (one is {words.text(floor, 2)})" if np.isfinite(floor) else ""
+        caption = (
+            f"{capital(words.label)} in {which}: in time, the error (measured − model){band}, and the loop over the "
+            "input."
+        )
+        pictures.append(Picture(f"changes_{k}", caption, explained_runs(diagnosed, output)))
+    names = " or ".join(named(kinds) for kinds in diagnosed.explanations)
+    title = {
+        "missing_effect": f"What {names} changes",
+        "unknown_effect": f"The most probable in the list, {names}, does not do it",
+    }.get(found.verdict, f"What {names} would change")
+    return Section(title if names else "The model in its worst runs", tuple(pictures))
 
 
 def _depends(diagnosed: Diagnosed) -> Section | None:
@@ -265,12 +251,6 @@ def _depends(diagnosed: Diagnosed) -> Section | None:
     return Section(
         "What the error depends on", (Picture("depends", caption, png),), (table,) if table else (), note
     )
-
-
-def _repeating(scatter: float) -> str:
-    if scatter < 1.05:
-        return "Runs with the same inputs scatter no more than readings within a run: the bench repeats."
-    return f"Runs with the same inputs scatter {number(scatter, 2)} times as much as readings within a run."
 
 
 def _limits(found: Diagnosis, registry: Registry) -> Section:
@@ -310,10 +290,16 @@ def _noise(diagnosed: Diagnosed) -> Section:
         f"{found.table.n_readings} readings, worth {found.noise.n_effective:.0f} independent ones: neighbours in time "
         "share their noise. All probabilities rest on the smaller number."
     ]
-    if png is not None:
-        text.append(_repeating(found.noise.between_run_scatter))
-    else:
+    scatter = found.noise.between_run_scatter
+    if png is None:
         text.append("No run has the same inputs as another, so that nobody knows whether the bench repeats.")
+    elif scatter < 1.05:
+        text.append(
+            "Runs with the same inputs scatter no more than readings within a run: the bench repeats."
+        )
+    else:
+        times = number(scatter, 2)
+        text.append(f"Runs with the same inputs scatter {times} times as much as readings within a run.")
     if not found.noise.judged:
         text.append(
             "The floor comes from neighbouring readings only. Slow noise and offsets between runs are invisible to it: "

@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from pliant.diagnosis.diagnosis import Diagnosis
+from pliant.diagnosis.diagnosis import Diagnosis, circumstance
 from pliant.diagnosis.verdict import NOTHING, UNKNOWN, Kinds, named
 from pliant.formatting import number, unit_of, whole_percent
-from pliant.interfaces.effect import EffectNotes, EffectParameter
+from pliant.interfaces.effect import EffectNotes
 from pliant.report.diagnosis_view import Diagnosed
-from pliant.report.document import Column, Table, as_json, brief_table, page_table
+from pliant.report.document import Column, Table, as_json, page_table
 from pliant.report.fitted import (
     estimate_text,
     parameter_word,
@@ -29,15 +29,13 @@ OUTPUTS = 3
 
 def hypotheses_json(found: Diagnosis) -> list[dict[str, Any]]:
     """Every hypothesis, the most probable first."""
-    return [
-        as_json((*hypothesis_columns(found), *(() if kinds == UNKNOWN else fit_columns(found))), kinds)
-        for kinds in found.judgement.probability
-    ]
-
-
-def hypotheses_brief(found: Diagnosis, shown_kinds: Sequence[Kinds]) -> Table:
-    """Hypotheses for the terminal."""
-    return brief_table(hypothesis_columns(found), shown_kinds)
+    columns, keys = hypothesis_columns(found), ("mean_square", "heldout_square", "unseen_square")
+    made = []
+    for kinds in found.judgement.probability:
+        row = found.table.rows.get(kinds)
+        fitted = {key: getattr(row, key) for key in (*keys, "n_parameters", "at_limit")} if row else {}
+        made.append({**as_json(columns, kinds), **fitted})
+    return made
 
 
 def hypotheses_table(found: Diagnosis, shown_kinds: Sequence[Kinds]) -> Table:
@@ -54,6 +52,21 @@ def hypotheses_table(found: Diagnosis, shown_kinds: Sequence[Kinds]) -> Table:
 def hypothesis_columns(found: Diagnosis) -> tuple[Column[Kinds], ...]:
     """What is said of any hypothesis, an effect outside the list included."""
     left = {kinds: found.left_out_errors(kinds) for kinds in found.fits}
+
+    def heldout(kinds: Kinds) -> dict[str, Any]:
+        return {name: {"rmse": rmse, "unit": si_unit(name)} for name, rmse in left.get(kinds, {}).items()}
+
+    def ratio(kinds: Kinds, brief: bool = False) -> str:
+        if kinds == UNKNOWN:
+            return "any form" if brief else number(np.nan)
+        value = found.left_out_ratio(kinds)
+        return number(value, 3) if not brief else f"{value:.2f}" if np.isfinite(value) else "–"
+
+    def error_column(name: str) -> Column[Kinds]:
+        unit = unit_of(name)
+        text = lambda kinds: "–" if kinds == UNKNOWN else unit.text(left[kinds][name], 3)  # noqa: E731
+        return Column(list, "", unit.label, text=text)
+
     return (
         Column(list, "kinds", "hypothesis", "hypothesis", named),
         Column(
@@ -67,30 +80,19 @@ def hypothesis_columns(found: Diagnosis) -> tuple[Column[Kinds], ...]:
             "probability",
             "probability",
             "probability",
-            lambda kinds: probability_text(found.judgement.probability.get(kinds, 0.0)),
+            show=probability_text,
         ),
         Column(
             found.left_out_ratio,
             "rmse_over_floor",
             "in noise floors",
             "left-out error / floor",
-            lambda kinds: number(np.nan if kinds == UNKNOWN else found.left_out_ratio(kinds), 3),
-            lambda kinds: "any form" if kinds == UNKNOWN else two_decimals(found.left_out_ratio(kinds)),
+            ratio,
+            lambda kinds: ratio(kinds, True),
         ),
-        Column(
-            lambda kinds: {
-                name: {"rmse": rmse, "unit": si_unit(name)} for name, rmse in left.get(kinds, {}).items()
-            },
-            "heldout",
-        ),
-        *(_error_column(left, name) for name in found.readings.outputs[:OUTPUTS]),
+        Column(heldout, "heldout"),
+        *map(error_column, found.readings.outputs[:OUTPUTS]),
     )
-
-
-def fit_columns(found: Diagnosis) -> tuple[Column[Kinds], ...]:
-    """What the JSON says of a hypothesis that was fitted, by the names of `Row`."""
-    keys = ("mean_square", "heldout_square", "unseen_square", "n_parameters", "at_limit")
-    return tuple(Column(lambda kinds, key=key: getattr(found.table.rows[kinds], key), key) for key in keys)  # type: ignore[misc]
 
 
 def parameter_texts(found: Diagnosis, kinds: Kinds) -> list[str]:
@@ -104,26 +106,11 @@ def parameter_texts(found: Diagnosis, kinds: Kinds) -> list[str]:
     ]
 
 
-def two_decimals(ratio: float) -> str:
-    """A ratio to the floor with two decimals."""
-    return f"{ratio:.2f}" if np.isfinite(ratio) else "–"
-
-
-def _error_column(left: Mapping[Kinds, Mapping[str, float]], name: str) -> Column[Kinds]:
-    return Column(
-        lambda kinds: left[kinds][name],
-        head=unit_of(name).label,
-        text=lambda kinds: "–" if kinds == UNKNOWN else unit_of(name).text(left[kinds][name], 3),
-    )
-
-
 def not_excited_table(found: Diagnosis) -> Table | None:
     """Effects that cannot be judged from these runs, and the run that would show each."""
-    if not found.not_excited:
-        return None
     rows = [[kind, run or "none that this bench can do"] for kind, run in found.not_excited.items()]
     note = "Even as strong as an expert would still believe, they change these readings by less than 0.3 noise floors."
-    return Table("Not shown by these runs", ["effect", "the run that would show it"], rows, note, 2)
+    return _table("Not shown by these runs", ["effect", "the run that would show it"], rows, note, 2)
 
 
 def look_alikes_table(found: Diagnosis, notes: Notes) -> Table | None:
@@ -138,100 +125,12 @@ def look_alikes_table(found: Diagnosis, notes: Notes) -> Table | None:
         cell = ", ".join(imitators) + (f" and {more} more" if more else "")
         apart = next((text for b, _ in twins[a] if (text := _told_apart(notes, a, b))), "")
         rows.append([a, cell, apart])
-    if not rows:
-        return None
     note = (
         "In brackets: the share of the effect's change, at a strength of 2 noise floors, that the other cannot "
         "imitate; the noise hides it."
     )
-    return Table(
-        "Look-alikes under these runs",
-        ["effect", "can be imitated by", "what tells them apart"],
-        rows,
-        note,
-        3,
-    )
-
-
-def classes_table(found: Diagnosis) -> Table | None:
-    """Effects that these runs leave together, and the run that parts them."""
-    rows = []
-    for one in found.classes:
-        parts = "; ".join(", ".join(part) for part in one.parts) if one.run else ""
-        run = f"{one.run} ({one.minutes:g} min): {one.words}" if one.run else "–"
-        rows.append([", ".join(one.kinds), run, parts])
-    if not rows:
-        return None
-    note = (
-        "From the inputs, the noise and the model alone, at a strength of 2 noise floors: the readings have no part in "
-        "it. A run is sought where an effect of the class is among the explanations that are left."
-    )
-    head = ["cannot be told apart", "run that would split them", "into"]
-    return Table("Classes under these runs", head, rows, note, 3)
-
-
-def detectable_table(found: Diagnosis) -> Table | None:
-    """How strong each effect would have to be to be found."""
-    silent = set(found.not_excited)
-    asked = {kind: one.strength.declared for kind, one in found.excitations.items()}
-    rows = []
-    for one in found.detectable:
-        if one.kind in silent:
-            continue
-        none, low, high = (
-            strength_text(v, one.unit) for v in (asked[one.kind].neutral, *asked[one.kind].plausible)
-        )
-        word = parameter_word(one.parameter, one.unit)
-        flag = (
-            " (beyond plausible)"
-            if abs(one.value - asked[one.kind].neutral) > _reach(asked[one.kind])
-            else ""
-        )
-        rows.append([one.kind, word, none, f"{strength_text(one.value, one.unit)}{flag}", f"{low} to {high}"])
-    if not rows:
-        return None
-    head = ["effect", "parameter", "no effect at", "found from about", "plausible range"]
-    note = "Weaker effects may be there and would not have been noticed: this is what “nothing missing” leaves open."
-    return Table("Smallest strengths that these runs would show", head, rows, note, 2)
-
-
-def _reach(parameter: EffectParameter) -> float:
-    """How far the plausible range reaches from the value without effect."""
-    return max(abs(end - parameter.neutral) for end in parameter.plausible)
-
-
-def noise_table(found: Diagnosis) -> Table:
-    """Floors by output, as the residuals of the best hypothesis show them."""
-    rows = []
-    for name, floor in found.noise.floors.items():
-        words = unit_of(name)
-        rows.append(
-            [
-                words.label,
-                words.text(floor.value, 3),
-                floor.source,
-                words.text(floor.within, 3),
-                "no repeats" if floor.between is None else words.text(floor.between, 3),
-                "not stated" if floor.sigma is None else words.text(floor.sigma, 3),
-            ]
-        )
-    head = ["output", "noise floor", "taken from", "within a run", "between repeats", "stated sigma"]
-    return Table("Noise floors", head, rows, "", 3)
-
-
-def dependence_table(diagnosed: Diagnosed) -> Table | None:
-    """What the error that is left depends on."""
-    found = diagnosed.found
-    rows = [
-        [" × ".join(found.circumstances.get(part, part) for part in name.split(" × ")), whole_percent(value)]
-        for name, value in found.depends_on.items()
-        if value >= 0.02
-    ][:6]
-    if not rows:
-        return None
-    left = "model as it is" if found.explained == NOTHING else f"model with {named(found.explained)}"
-    note = "Share of its variance that the circumstance alone predicts, without physics, on runs left out."
-    return Table(f"What the error of the {left} depends on", ["circumstance", "tells"], rows, note)
+    head = ["effect", "can be imitated by", "what tells them apart"]
+    return _table("Look-alikes under these runs", head, rows, note, 3)
 
 
 def _told_apart(notes: Notes, a: str, b: str) -> str:
@@ -241,3 +140,62 @@ def _told_apart(notes: Notes, a: str, b: str) -> str:
         if note is not None and note.look_alike == other:
             return f"{b}: {note.told_apart}" if note.told_apart else ""
     return ""
+
+
+def classes_table(found: Diagnosis) -> Table | None:
+    """Effects that these runs leave together, and the run that parts them."""
+    rows = []
+    for one in found.classes:
+        parts = "; ".join(", ".join(part) for part in one.parts) if one.run else ""
+        run = f"{one.run} ({one.minutes:g} min): {one.words}" if one.run else "–"
+        rows.append([", ".join(one.kinds), run, parts])
+    note = (
+        "From the inputs, the noise and the model alone, at a strength of 2 noise floors: the readings have no part in "
+        "it. A run is sought where an effect of the class is among the explanations that are left."
+    )
+    head = ["cannot be told apart", "run that would split them", "into"]
+    return _table("Classes under these runs", head, rows, note, 3)
+
+
+def detectable_table(found: Diagnosis) -> Table | None:
+    """How strong each effect would have to be to be found."""
+    rows = []
+    for one in found.detectable:
+        if one.kind in found.not_excited:
+            continue
+        asked = found.excitations[one.kind].strength.declared
+        none, low, high = (strength_text(v, one.unit) for v in (asked.neutral, *asked.plausible))
+        reach = max(abs(end - asked.neutral) for end in asked.plausible)
+        flag = " (beyond plausible)" if abs(one.value - asked.neutral) > reach else ""
+        word, value = parameter_word(one.parameter, one.unit), strength_text(one.value, one.unit)
+        rows.append([one.kind, word, none, f"{value}{flag}", f"{low} to {high}"])
+    head = ["effect", "parameter", "no effect at", "found from about", "plausible range"]
+    note = "Weaker effects may be there and would not have been noticed: this is what “nothing missing” leaves open."
+    return _table("Smallest strengths that these runs would show", head, rows, note, 2)
+
+
+def noise_table(found: Diagnosis) -> Table:
+    """Floors by output, as the residuals of the best hypothesis show them."""
+    rows = []
+    for name, floor in found.noise.floors.items():
+        words = unit_of(name)
+        between = "no repeats" if floor.between is None else words.text(floor.between, 3)
+        sigma = "not stated" if floor.sigma is None else words.text(floor.sigma, 3)
+        value, within = words.text(floor.value, 3), words.text(floor.within, 3)
+        rows.append([words.label, value, floor.source, within, between, sigma])
+    head = ["output", "noise floor", "taken from", "within a run", "between repeats", "stated sigma"]
+    return Table("Noise floors", head, rows, "", 3)
+
+
+def dependence_table(diagnosed: Diagnosed) -> Table | None:
+    """What the error that is left depends on."""
+    found = diagnosed.found
+    told = [[circumstance(found, n), whole_percent(v)] for n, v in found.depends_on.items() if v >= 0.02]
+    left = "model as it is" if found.explained == NOTHING else f"model with {named(found.explained)}"
+    note = "Share of its variance that the circumstance alone predicts, without physics, on runs left out."
+    return _table(f"What the error of the {left} depends on", ["circumstance", "tells"], told[:6], note, 1)
+
+
+def _table(title: str, head: list[str], rows: list[list[str]], note: str, numeric: int) -> Table | None:
+    """None without rows."""
+    return Table(title, head, rows, note, numeric) if rows else None

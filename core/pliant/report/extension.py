@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from pliant.diagnosis.cross_validation import Score
 from pliant.diagnosis.extension import Extension
+from pliant.diagnosis.fitting import Score
 from pliant.formatting import listed, number, unit_of
 from pliant.records.measurement import Measurement
 from pliant.registry.discovery import Registry

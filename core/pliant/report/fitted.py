@@ -7,10 +7,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
-from pliant.diagnosis.cross_validation import Score
+from pliant.diagnosis.fitting import Score
 from pliant.diagnosis.next_run import NextRun
 from pliant.diagnosis.uncertainty import Estimate, Uncertainty
-from pliant.formatting import display_unit, number, rounded_to_sd, whole_percent, with_sd
+from pliant.diagnosis.verdict import Judgement
+from pliant.formatting import Unit, display_unit, number, rounded_to_sd, whole_percent, with_sd
 from pliant.measurements.floors import Floor
 from pliant.registry.discovery import Registry
 from pliant.report.document import Column, Table, Warned, as_json, brief_table, page_table
@@ -20,50 +21,39 @@ CLOSE = 2.0  # standard deviations
 LEFT_OUT = re.compile(r"'(\w+)' was left out: ")
 Written = tuple[Estimate, float]  # a parameter, and its value as a study has it
 
+
+def _unit(written: Written) -> Unit:
+    return display_unit(written[0].unit)
+
+
+def _low(written: Written) -> str:
+    return "…" if written[0].open_low else number(written[0].low * _unit(written).factor, 3)
+
+
+def _high(written: Written) -> str:
+    return "…" if written[0].open_high else number(written[0].high * _unit(written).factor, 3)
+
+
+def _value(written: Written) -> str:
+    one, factor = written[0], _unit(written).factor
+    return rounded_to_sd(one.value * factor, one.sd * factor)
+
+
 PARAMETER_COLUMNS: tuple[Column[Written], ...] = (
-    Column(lambda w: w[0].name, "", "parameter", "parameter"),
-    Column(
-        lambda w: w[1],
-        "value",
-        "value",
-        "value",
-        lambda w: rounded_to_sd(_shown(w[0], w[0].value), _shown(w[0], w[0].sd)),
-    ),
-    Column(lambda w: w[0].sd, "sd", "sd", "sd", lambda w: number(_shown(w[0], w[0].sd), 2)),
-    Column(lambda w: w[0].low, "low", "90 % from", text=lambda w: _low(w[0])),
-    Column(lambda w: w[0].high, "high", "to", text=lambda w: _high(w[0])),
-    Column(
-        lambda w: (w[0].low, w[0].high),
-        brief="90 % interval",
-        text=lambda w: f"{_low(w[0])} to {_high(w[0])}",
-    ),
-    Column(lambda w: w[0].open_low, "open_low"),
-    Column(lambda w: w[0].open_high, "open_high"),
-    Column(lambda w: w[0].parameter.unit, "unit", "unit", "unit", lambda w: display_unit(w[0].unit).symbol),
-    Column(lambda w: w[0].plausible, "plausible"),
-    Column(lambda w: w[0].at_limit, "at_limit"),
-    Column(lambda w: w[0].includes_neutral, "includes_neutral"),
-    Column(lambda w: w[0].doubts, head=" ", text=lambda w: ", ".join(w[0].doubts)),
+    Column("0.name", "", "parameter", "parameter"),
+    Column("1", "value", "value", "value", _value),
+    Column("0.sd", head="sd", brief="sd", text=lambda w: number(w[0].sd * _unit(w).factor, 2)),
+    Column("0.low", head="90 % from", text=_low),
+    Column("0.high", head="to", text=_high),
+    Column("0.name", "", brief="90 % interval", text=lambda w: f"{_low(w)} to {_high(w)}"),
+    Column("0.open_low"),
+    Column("0.open_high"),
+    Column("0.parameter.unit", head="unit", brief="unit", text=lambda w: _unit(w).symbol),
+    Column("0.plausible"),
+    Column("0.at_limit"),
+    Column("0.includes_neutral"),
+    Column("0.doubts", "", " ", show=", ".join),
 )
-FLOOR_COLUMNS: tuple[Column[Floor], ...] = (
-    Column(lambda f: f.value, "value"),
-    Column(lambda f: f.unit, "unit"),
-    Column(lambda f: f.source, "source"),
-    Column(lambda f: f.se, "se"),
-)
-
-
-def _shown(one: Estimate, value: float) -> float:
-    """An SI value of a parameter in its display unit."""
-    return value * display_unit(one.unit).factor
-
-
-def _low(one: Estimate) -> str:
-    return "…" if one.open_low else number(_shown(one, one.low), 3)
-
-
-def _high(one: Estimate) -> str:
-    return "…" if one.open_high else number(_shown(one, one.high), 3)
 
 
 def _written(found: Uncertainty, values: Mapping[str, float] | None) -> list[Written]:
@@ -94,7 +84,8 @@ def doubtful(found: Uncertainty) -> list[str]:
 
 def floors_json(floors: Mapping[str, Floor]) -> dict[str, Any]:
     """Noise floor of each output."""
-    return {name: as_json(FLOOR_COLUMNS, floor) for name, floor in floors.items()}
+    keys = ("value", "unit", "source", "se")
+    return {name: {key: getattr(floor, key) for key in keys} for name, floor in floors.items()}
 
 
 def errors_json(found: Score) -> dict[str, Any]:
@@ -102,20 +93,24 @@ def errors_json(found: Score) -> dict[str, Any]:
     return {name: {"rmse": value, "unit": si_unit(name)} for name, value in found.rmse.items()}
 
 
+def verdict_json(found: Judgement) -> dict[str, Any]:
+    """The verdict, why, and what is left; of measurements and of counts."""
+    said = [found.sentence] if found.verdict == "ambiguous" else []
+    return {
+        "verdict": found.verdict,
+        "sentence": found.sentence,
+        "reasons": list(found.reasons) or said,
+        "selected": list(found.selected),
+        "credible_set": [list(kinds) for kinds in found.credible],
+    }
+
+
 def next_run_json(found: NextRun | None, file: str | None = None) -> dict[str, Any] | None:
     """A proposed run; `file` is its protocol file."""
     if found is None:
         return None
-    return {
-        "run": found.run,
-        "why": found.why,
-        "separates": [[list(a), list(b)] for a, b in found.separates],
-        "minutes": found.minutes,
-        "name": found.name,
-        "expected": found.expected,
-        "ranked": [asdict(one) for one in found.ranked],
-        "file": file,
-    }
+    said = {key: value for key, value in vars(found).items() if key != "planned"}
+    return {**said, "ranked": [asdict(one) for one in found.ranked], "file": file}
 
 
 def warned(registry: Registry, remarks: Sequence[str], asked: Sequence[str] = ()) -> tuple[Warned, ...]:

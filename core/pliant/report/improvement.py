@@ -39,23 +39,21 @@ Placed = tuple[int, Step]
 NamedFloor = tuple[str, Floor]
 
 STEP_COLUMNS: tuple[Column[Placed], ...] = (
-    Column(lambda s: list(s[1].added), "added", "step", text=lambda s: _title(s)),
-    Column(lambda s: list(s[1].stands_for), "stands_for"),
-    Column(lambda s: s[1].why, "why", "why"),
-    Column(lambda s: errors_json(s[1].locked), "heldout"),
-    Column(lambda s: s[1].locked.over_floor, "rmse_over_floor"),
-    Column(lambda s: s[1].locked_se, "rmse_over_floor_se"),
+    Column("1.added", head="step", text=lambda placed: _title(placed)),
+    Column("1.stands_for"),
+    Column("1.why", head="why"),
+    Column(lambda placed: errors_json(placed[1].locked), "heldout"),
+    Column("1.locked.over_floor", "rmse_over_floor"),
+    Column("1.locked_se", "rmse_over_floor_se"),
     Column(lambda s: None if s[1].unseen is None else s[1].unseen.over_floor, "unseen_rmse_over_floor"),
-    Column(lambda s: s[1].training.over_floor, "training_rmse_over_floor"),
+    Column("1.training.over_floor", "training_rmse_over_floor"),
     Column(lambda s: [effect.canonical() for effect in s[1].effects], "effects"),
 )
 FLOOR_COLUMNS: tuple[Column[NamedFloor], ...] = (
-    Column(lambda f: f[0], head="output", text=lambda f: unit_of(f[0]).axis),
-    Column(lambda f: f[1].value, head="floor", text=lambda f: number(f[1].value * unit_of(f[0]).factor, 3)),
-    Column(
-        lambda f: f[1].se, head="standard error", text=lambda f: number(f[1].se * unit_of(f[0]).factor, 2)
-    ),
-    Column(lambda f: f[1].source, head="from"),
+    Column("0", head="output", show=lambda name: unit_of(name).axis),
+    Column("1.value", head="floor", show=3, unit=lambda f: unit_of(f[0])),
+    Column("1.se", head="standard error", show=2, unit=lambda f: unit_of(f[0])),
+    Column("1.source", head="from"),
 )
 
 
@@ -129,10 +127,10 @@ def _ratio(step: Step) -> str:
 
 
 def _brief(found: Improvement) -> tuple[Table | str, ...]:
-    whys = [
-        f"{place}  {'+ ' + step.named + ': ' if step.added else ''}{step.why}"
-        for place, step in enumerate(found.steps, start=1)
-    ]
+    whys = []
+    for place, step in enumerate(found.steps, start=1):
+        added = f"+ {step.named}: " if step.added else ""
+        whys.append(f"{place}  {added}{step.why}")
     fitted = () if found.final is None else (parameters_brief(found.final.uncertainty),)
     return (*whys, steps_brief(found), *fitted)
 
@@ -157,54 +155,34 @@ def steps_brief(found: Improvement) -> Table:
 def _drawn(found: Improvement) -> Drawn:
     from pliant.report.figures.error_steps import MOST_OUTPUTS, error_steps
 
-    hero = Picture(
-        "steps", _caption(found, MOST_OUTPUTS), error_steps(found, [step.why for step in found.steps])
+    data = "runs that were put aside before anything was looked at" if found.locked.runs else found.scored_on
+    most = f" Shown: the {MOST_OUTPUTS} outputs farthest above their noise."
+    caption = (
+        f"Error on {data}, after each step. Bars: standard error, of few runs and of the floor; grey band: twice that "
+        "of the floor. Dots: training runs, each left out of the fit. The dashed line is what the bench's own "
+        f"scatter leaves to no model.{most if len(found.floors) > MOST_OUTPUTS else ''}"
     )
+    hero = Picture("steps", caption, error_steps(found, [step.why for step in found.steps]))
     sections = [Section("Step by step", tables=(_steps(found),), note=f"Why it stopped: {found.reason}")]
     if found.final is not None:
         note = "Fitted to the training runs only. Intervals: profile of the error."
-        sections.append(
-            Section(
-                "What was added",
-                tables=(parameters_table(found.final.uncertainty, "What was added", note),),
-            )
-        )
-    floors = page_table(
-        "Noise floor",
-        FLOOR_COLUMNS,
-        list(found.floors.items()),
-        "Of all runs, as the residuals of the last model show it.",
-    )
+        table = parameters_table(found.final.uncertainty, "What was added", note)
+        sections.append(Section("What was added", tables=(table,)))
+    note = "Of all runs, as the residuals of the last model show it."
+    floors = page_table("Noise floor", FLOOR_COLUMNS, list(found.floors.items()), note)
     sections.append(Section("Noise floor", tables=(floors,)))
     return Drawn(hero, tuple(sections))
 
 
-def _caption(found: Improvement, most: int) -> str:
-    data = "runs that were put aside before anything was looked at" if found.locked.runs else found.scored_on
-    drawn = f" Shown: the {most} outputs farthest above their noise." if len(found.floors) > most else ""
-    return (
-        f"Error on {data}, after each step. Bars: standard error, of few runs and of the floor; grey band: twice that "
-        "of the floor. Dots: training runs, each left out of the fit. The dashed line is what the bench's own "
-        f"scatter leaves to no model.{drawn}"
-    )
-
-
 def _steps(found: Improvement) -> Table:
-    errors = tuple(
-        Column[Placed](
-            lambda s, name=name: s[1].locked.rmse.get(name, np.nan),  # type: ignore[misc]
-            head=f"rms {unit_of(name).axis}",
-            text=lambda s, name=name: number(s[1].locked.rmse[name] * unit_of(name).factor, 3),  # type: ignore[misc]
-        )
-        for name in found.steps[0].locked.rmse
+    def error(name: str) -> Column[Placed]:
+        value = lambda placed: placed[1].locked.rmse.get(name, np.nan)  # noqa: E731
+        return Column(value, head=f"rms {unit_of(name).axis}", show=3, unit=lambda _: unit_of(name))
+
+    columns = (
+        *STEP_COLUMNS,
+        *map(error, found.steps[0].locked.rmse),
+        Column("1.locked.over_floor", "", "in floors", text=lambda placed: _ratio(placed[1])),
+        Column("1.training.over_floor", "", "training, left out", show=3),
     )
-    ratios: tuple[Column[Placed], ...] = (
-        Column(lambda s: s[1].locked.over_floor, head="in floors", text=lambda s: _ratio(s[1])),
-        Column(
-            lambda s: s[1].training.over_floor,
-            head="training, left out",
-            text=lambda s: number(s[1].training.over_floor, 3),
-        ),
-    )
-    placed = list(enumerate(found.steps, start=1))
-    return page_table("Step by step", (*STEP_COLUMNS, *errors, *ratios), placed, numeric=2)
+    return page_table("Step by step", columns, list(enumerate(found.steps, start=1)), numeric=2)

@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from pliant.diagnosis.design import RunDesign
+from pliant.diagnosis.classes import RunDesign
 from pliant.diagnosis.diagnosis import Diagnosis
-from pliant.diagnosis.interpretation import headline
 from pliant.diagnosis.next_run import NextRun, RankedRun
 from pliant.diagnosis.verdict import named
 from pliant.experiments.planned_run import PlannedRun
@@ -24,18 +23,12 @@ NO_LISTED = (
     "depends on."
 )
 NONE_SHOWS = "No run of the menu shows any of these effects; list other runs under 'protocols:' in the study."
-RUN_COLUMNS: tuple[Column[PlannedRun], ...] = (
-    Column(lambda run: run.name, "name"),
-    Column(lambda run: run.words, "run"),
-    Column(lambda run: run.minutes, "minutes"),
-)
+RUN_COLUMNS: tuple[Column[PlannedRun], ...] = (Column("name"), Column("words", "run"), Column("minutes"))
 RANKED_COLUMNS: tuple[Column[RankedRun], ...] = (
-    Column(lambda run: run.name, brief="run"),
-    Column(lambda run: run.minutes, brief="minutes", text=lambda run: f"{run.minutes:g}"),
-    Column(
-        lambda run: run.gain_per_minute, brief="nats a minute", text=lambda run: f"{run.gain_per_minute:.3f}"
-    ),
-    Column(lambda run: run.expected, brief="right after it", text=lambda run: f"{run.expected:.0%}"),
+    Column("name", brief="run"),
+    Column("minutes", brief="minutes", show=lambda minutes: f"{minutes:g}"),
+    Column("gain_per_minute", brief="nats a minute", show=lambda gain: f"{gain:.3f}"),
+    Column("expected", brief="right after it", show=lambda share: f"{share:.0%}"),
 )
 
 
@@ -57,7 +50,7 @@ def plan_document(
         files: their protocol files.
         remark: why none was chosen although several explanations are left.
     """
-    lines: list[Table | str] = [headline(found)]
+    lines: list[Table | str] = [found.judgement.sentence]
     if chosen:
         lines.append(brief_table(RANKED_COLUMNS, chosen[0].ranked[:MOST_RANKED]))
     for one, file in zip(chosen, files, strict=True):

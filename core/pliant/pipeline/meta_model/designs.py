@@ -26,7 +26,7 @@ from pliant.pipeline.workbench import Workbench
 from pliant.records.design import Array
 from pliant.records.fem import TRUSTED, ModuleData
 from pliant.records.solved import Parameter, SolvedDesigns
-from pliant.tabular.fem_modules import read_labelled_designs
+from pliant.tabular.fem_reading import read_labelled_designs
 from pliant.units import si_unit, strip_unit_suffix
 
 # Of the width of the range: a design on its border is inside, however its table was rounded.

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from matplotlib.colors import Colormap, LinearSegmentedColormap, TwoSlopeNorm
 
-from pliant.evidence.bins import Bins
+from pliant.evidence.covariates import Bins
 from pliant.evidence.places import all_bins
 from pliant.formatting import number, unit_of
 from pliant.records.design import Array
