@@ -11,7 +11,7 @@ from pliant.errors import UserError
 from pliant.interfaces.surrogate import Surrogate
 from pliant.records.fem import ModuleData
 from pliant.registry.discovery import Registry, discover
-from pliant.tabular.fem_modules import read_designs_table, read_module_table
+from pliant.tabular.fem_reading import read_designs_table, read_module_table
 
 BENDING_GRID = ROOT / "examples/designs/bending_grid.csv"
 HELICAL_GRID = ROOT / "examples/designs/helical_grid.csv"

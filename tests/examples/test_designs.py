@@ -11,7 +11,7 @@ from pliant import api
 from pliant.config.designs import sweep_designs
 from pliant.errors import InvalidDesignError
 from pliant.records.fem import SELF_CONTACT, TRUSTED
-from pliant.tabular.fem_modules import read_designs_table
+from pliant.tabular.fem_reading import read_designs_table
 
 DESIGNS = Path(__file__).parents[2] / "examples/designs"
 TABLES = {"bending_grid": 56, "bending_test": 24, "helical_grid": 25, "helical_test": 8}

@@ -111,18 +111,18 @@ def test_a_quoted_cell_may_run_over_lines_and_blocks_end_anywhere(tmp_path, monk
     path = tmp_path / "t.csv"
     path.write_text('name,value\n"two\nlines",1\nplain,2\n\n# end\nlast,3\n')
     with open_sheet(path, "name,value") as sheet:
-        assert list(sheet.rows()) == [(3, ["two\nlines", "1"]), (4, ["plain", "2"]), (7, ["last", "3"])]
+        assert sheet.table() == ([3, 4, 7], [["two\nlines", "plain", "last"], ["1", "2", "3"]])
     path.write_text("name,value\n" + "a,1\n" * 50)
     monkeypatch.setattr(text, "BLOCK", 16)
     with open_sheet(path, "name,value") as sheet:
-        assert [line for line, _ in sheet.rows()] == list(range(2, 52))
+        assert sheet.table()[0] == list(range(2, 52))
 
 
 def test_comsol_writes_its_header_into_the_last_comment(tmp_path):
     path = tmp_path / "t.csv"
     path.write_text("% Model: finger\n% p,u\n1,2\n3,4\n")
     with open_sheet(path, "p,u") as sheet:
-        assert sheet.header == ["p", "u"] and [line for line, _ in sheet.rows()] == [3, 4]
+        assert sheet.header == ["p", "u"] and sheet.table()[0] == [3, 4]
 
 
 @pytest.mark.parametrize(

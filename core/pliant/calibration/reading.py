@@ -22,7 +22,7 @@ from pliant.errors import UserError, closest
 from pliant.formatting import plural
 from pliant.mechanics.homogeneous import MODES
 from pliant.records.design import Array
-from pliant.tabular.schema import Column, Known, Schema, Values, read_columns
+from pliant.tabular.schema import FileColumn, Known, Schema, Values, read_columns
 from pliant.tabular.text import Problems, lines_text, open_sheet
 
 ADVICE = "correct the file"
@@ -224,7 +224,7 @@ def read_bench_data(path: Path, test: str | None = None) -> BenchData:
     )
 
 
-def _kind(path: Path, header: Sequence[str], columns: dict[str, Column], test: str | None) -> Kind:
+def _kind(path: Path, header: Sequence[str], columns: dict[str, FileColumn], test: str | None) -> Kind:
     if test is not None:
         return "free" if test == "free" else "tensile"
     for place in (1, 0):  # what was measured says more than what was set
@@ -238,8 +238,8 @@ def _kind(path: Path, header: Sequence[str], columns: dict[str, Column], test: s
 
 
 def _needed(
-    path: Path, header: Sequence[str], columns: dict[str, Column], kind: Kind
-) -> tuple[Column, Column]:
+    path: Path, header: Sequence[str], columns: dict[str, FileColumn], kind: Kind
+) -> tuple[FileColumn, FileColumn]:
     """What was set and what was measured, one column each."""
     found = []
     for names in OF_KIND[kind]:
@@ -273,7 +273,7 @@ def _meant(names: Sequence[str], unknown: Sequence[str]) -> str:
     return "."
 
 
-def _kept(path: Path, rows: Values, needed: tuple[Column, Column], remarks: list[str]) -> np.ndarray:
+def _kept(path: Path, rows: Values, needed: tuple[FileColumn, FileColumn], remarks: list[str]) -> np.ndarray:
     """Rows that have both numbers and no moment; what is left out is said."""
     kept = np.all([np.isfinite(rows.numbers[column.name]) for column in needed], axis=0)
     loaded = kept & (np.nan_to_num(rows.numbers.get("moment_n_m", np.zeros(len(kept)))) != 0)

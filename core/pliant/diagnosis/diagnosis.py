@@ -53,6 +53,7 @@ from pliant.evidence.covariates import covariates
 from pliant.evidence.importance import importance
 from pliant.evidence.places import padded
 from pliant.evidence.prediction import Predictor
+from pliant.execution.executors import Workers, executor_for
 from pliant.experiments.planned_run import PlannedRun
 from pliant.formatting import listed, whole_percent
 from pliant.measurements.floors import Floor, floor_remarks, noise_floors
@@ -141,6 +142,7 @@ def diagnose(
     thresholds: EvidenceThresholds = THRESHOLDS,
     runs: Sequence[PlannedRun] = (),
     tick: Tick | None = None,
+    workers: Workers = 1,
 ) -> Diagnosis:
     """Fit every candidate, weigh them, and say what can be said.
 
@@ -150,6 +152,7 @@ def diagnose(
         thresholds: thresholds.
         runs: what the bench can do next; the default menu without them.
         tick: called with the name of each hypothesis when it has been fitted.
+        workers: who fits hypotheses: processes, the scheduler of a dask cluster, an executor.
 
     Raises:
         UserError: an unknown kind, or no reading can be used.
@@ -167,10 +170,12 @@ def diagnose(
     fitter = Fitter(predictor, readings)
     chosen, left_out = applicable(registry, fitter, asked)
     shown = excitations(registry, fitter, fitter.fit(EffectSet.of(registry, NOTHING)), chosen)
-    search = HypothesisSearch(registry, measurement, readings, fitter, thresholds, shown)
-    if tick is not None:
-        search.tick = tick
-    table = search.run(chosen)
+    with executor_for(workers) as executor:
+        search = HypothesisSearch(
+            registry, measurement, readings, fitter, thresholds, shown, executor=executor
+        )
+        search.tick = tick or search.tick
+        table = search.run(chosen)
     silent = not_excited(shown, thresholds)
     not_tried = [f"'{kind}' was left out: {reason}" for kind, reason in left_out.items()]
     not_tried += [

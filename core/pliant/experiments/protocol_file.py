@@ -15,9 +15,9 @@ import numpy as np
 from pliant.config.measurements import MeasurementNotes
 from pliant.errors import UserError
 from pliant.experiments.planned_run import PlannedRun
-from pliant.measurements.assembly import BASE, FORCES
 from pliant.measurements.columns import unit_of
 from pliant.records.design import Array
+from pliant.records.history import BASE, FORCES
 from pliant.records.measurement import Measurement
 from pliant.store.store import write_atomically
 from pliant.tabular.units import conversion

@@ -2,28 +2,34 @@
 
 from __future__ import annotations
 
+import difflib
 import hashlib
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from pydantic import ValidationError
 
-from pliant.config.measurements import MeasurementsConfig
+from pliant.config.measurements import MeasurementNotes, MeasurementsConfig
 from pliant.config.problems import sentences
-from pliant.config.task_keys import changed_task
+from pliant.config.task_keys import TaskKey, changed_task, find_key, known_keys, need_key
 from pliant.errors import UserError, closest
 from pliant.formatting import number, quantity
 from pliant.interfaces.task import TaskConfig
-from pliant.measurements.counts_layout import COUNTS, TEXTS, ConditionOf, Layout, layout_of, readings_among
+from pliant.measurements.columns import MEASUREMENT, outputs_among
 from pliant.measurements.reading import notes_of
 from pliant.records.counts import CountCondition, Counts, CountSet
-from pliant.tabular.text import MISSING, Cells, Sheet, open_sheet
+from pliant.tabular.schema import check_named
+from pliant.tabular.text import MISSING, Problems, Sheet, open_sheet
+from pliant.tabular.units import ENDINGS
 from pliant.units import UNIT_SUFFIXES
 
 EXAMPLE = "run,object,pressure_pa,extra_weights,successes,trials"
+COUNTS = ("successes", "trials")
+TEXTS = ("run", "specimen", "cycle")  # say which set a row is
+SLIP = 0.75  # likeness of a column's name to a key from which on it is taken for a slip of the pen
 MOST_ROWS = 10_000
 MOST_TRIALS = 1_000_000_000
 
@@ -38,7 +44,7 @@ def holds_counts(path: Path, task: TaskConfig | None, settings: MeasurementsConf
     with open_sheet(path, EXAMPLE) as sheet:
         names = [notes.rename.get(name, name).lower() for name in sheet.header]
     has = any(name in COUNTS for name in names)
-    return has and (not readings_among(names) or (task is not None and counts_trials(task)))
+    return has and (not outputs_among(names) or (task is not None and counts_trials(task)))
 
 
 def counts_trials(task: TaskConfig) -> bool:
@@ -60,7 +66,7 @@ def read_counts(path: Path | str, task: TaskConfig, settings: MeasurementsConfig
     path = Path(path)
     notes, notes_name = notes_of(path, settings)
     with open_sheet(path, EXAMPLE) as sheet:
-        layout = layout_of(path, sheet.header, notes, notes_name, type(task))
+        layout = _layout(path, sheet.header, notes, notes_name, type(task))
         rows = _rows(sheet, layout, task)
     sheet.problems.raise_if_any()
     if not rows:
@@ -71,31 +77,157 @@ def read_counts(path: Path | str, task: TaskConfig, settings: MeasurementsConfig
 
 
 @dataclass(frozen=True)
+class ConditionColumn:
+    """A column that sets a key: how its texts become values. `unit` is what the texts are written in, or ""."""
+
+    column: str
+    key: TaskKey
+    unit: str
+    values: Mapping[str, Any]
+
+    def value(self, text: str) -> Any:
+        """What a text means to the task."""
+        if self.values:
+            return self.values[text]
+        if self.unit:
+            return f"{text} {self.unit}"
+        for kind in (int, float):
+            try:
+                return kind(text)
+            except ValueError:
+                continue
+        return text
+
+    def words(self, text: str) -> str:
+        """A condition for people: ``cylinder``, ``13 kPa``, ``2 extra weights``."""
+        if self.unit:
+            return f"{text} {self.unit}"
+        try:
+            value = float(text)
+        except ValueError:
+            return text
+        if self.key.si in UNIT_SUFFIXES.values():
+            return quantity(value, self.key.si, 6)
+        return f"{number(value, 6)} {self.key.path[-1].replace('_', ' ')}"
+
+
+@dataclass
+class Layout:
+    """Which column is what, by its place in the file."""
+
+    places: dict[str, int] = field(default_factory=dict)
+    conditions: list[ConditionColumn] = field(default_factory=list)
+    remarks: list[str] = field(default_factory=list)
+
+
+@dataclass(frozen=True)
 class _Row:
     values: tuple[Any, ...]  # of the conditions, in the layout's order
     written: tuple[str, ...]
     one: CountSet
 
 
+def _layout(
+    path: Path, header: Sequence[str], notes: MeasurementNotes, notes_name: str, task: type[TaskConfig]
+) -> Layout:
+    """Match the header with what counts need and what the task knows."""
+    names = [notes.rename.get(name, name) for name in header]
+    check_named(path, notes_name, "rename", notes.rename, header)
+    check_named(path, notes_name, "units", notes.units, [*header, *names])
+    check_named(path, notes_name, "conditions", notes.conditions, [*header, *names])
+    if readings := outputs_among(name.lower() for name in names):
+        raise UserError(
+            f"{path}: the file has counts (successes, trials) and readings ({', '.join(readings)}). A row is one or "
+            "the other: put them into two files and compare each."
+        )
+    layout, ignored = Layout(), []
+    taken: dict[tuple[str, ...], str] = {}
+    for place, (written, name) in enumerate(zip(header, names, strict=True)):
+        plain = name.lower()
+        special = plain in (*COUNTS, *TEXTS)
+        layout.places[plain if special else written] = place
+        if not name or special:
+            continue
+        condition = _condition(path, written, name, notes, notes_name, task)
+        if condition is None:
+            ignored.append(f"'{written}'")
+            continue
+        if condition.key.path in taken:
+            raise UserError(
+                f"{path}: columns '{taken[condition.key.path]}' and '{written}' both set {condition.key.dotted}; "
+                "keep one."
+            )
+        taken[condition.key.path] = written
+        layout.conditions.append(condition)
+    for name, other in (COUNTS, COUNTS[::-1]):
+        if name not in layout.places:
+            hint = closest(name, [n.lower() for n in header])
+            raise UserError(
+                f"{path}: a file of counts has the columns 'successes' and 'trials', and '{name}' is not there"
+                f"{hint} Without '{name}' nobody can tell what '{other}' means."
+            )
+    if ignored:
+        layout.remarks.append(
+            f"Columns that are no key of the task are ignored: {', '.join(ignored)}. Rows that differ in nothing else "
+            "are taken as repeats; 'conditions' in the notes says which key a column sets."
+        )
+    if not layout.conditions:
+        layout.remarks.append(
+            "No column sets a condition: all rows are repeats of the study's task as it is."
+        )
+    return layout
+
+
+def _condition(
+    path: Path,
+    written: str,
+    name: str,
+    notes: MeasurementNotes,
+    notes_name: str,
+    task: type[TaskConfig],
+) -> ConditionColumn | None:
+    """What a column sets; None for one that is ignored. A dotted name or a near miss of a key is a slip of the pen."""
+    unit = notes.units.get(written, notes.units.get(name, ""))
+    stated = notes.conditions.get(written, notes.conditions.get(name))
+    if stated is not None:
+        key = need_key(task, stated.key, ENDINGS, f"{notes_name}: 'conditions' gives '{written}' the key")
+        return ConditionColumn(written, key, unit or key.unit, stated.values)
+    found = find_key(task, name, ENDINGS)
+    if found is not None:
+        return ConditionColumn(written, found, unit or found.unit, {})
+    known = [key.removeprefix("task.") for key in known_keys(task)]
+    slip = difflib.get_close_matches(name.lower(), known, n=1, cutoff=SLIP)
+    if MEASUREMENT.find(name.lower()) is None and ("." in name or slip):
+        need_key(task, name, ENDINGS, f"{path}: there is a column")
+    return None
+
+
 def _rows(sheet: Sheet, layout: Layout, task: TaskConfig) -> list[_Row]:
     rows: list[_Row] = []
     known: dict[tuple[str, ...], tuple[Any, ...] | None] = {}
     for block in sheet.blocks():
-        columns = [block.columns[layout.places[c.column]] for c in layout.conditions]
-        cells = [block.columns[layout.places[name]] for name in COUNTS]
-        counts = [block.numbers(layout.places[name], name) for name in COUNTS]
-        names = _names(block.columns, layout, len(block.lines))
+        cells = [[cell.strip() for cell in column] for column in block.columns]
+        conditions = [cells[layout.places[c.column]] for c in layout.conditions]
+        names = [cells[layout.places[name]] for name in TEXTS if name in layout.places]
+        counts = {name: block.numbers(layout.places[name], name) for name in COUNTS}
         for k, line in enumerate(block.lines.tolist()):
-            blank = [n for n, c in zip(COUNTS, cells, strict=True) if c[k].strip().lower() in MISSING]
-            for name in blank:
-                sheet.problems.add(line, f"column {name} is blank; a row needs both counts")
-            one = _set(names[k], float(counts[0][k]), float(counts[1][k]), line, sheet)
-            texts = tuple(column[k].strip() for column in columns)
-            if texts not in known:
-                known[texts] = _values(texts, layout, task, line, sheet)
-            values = known[texts]
+            for name in COUNTS:
+                if cells[layout.places[name]][k].lower() in MISSING:
+                    sheet.problems.add(line, f"column {name} is blank; a row needs both counts")
+            numbers = {name: float(values[k]) for name, values in counts.items()}
+            one = None
+            if np.isfinite(list(numbers.values())).all():  # the others were told
+                if problem := _problem(**numbers):
+                    sheet.problems.add(line, problem)
+                else:
+                    name = " ".join(filter(None, (texts[k] for texts in names)))
+                    one = CountSet(name, int(numbers["successes"]), int(numbers["trials"]), line)
+            written = tuple(texts[k] for texts in conditions)
+            if written not in known:
+                known[written] = _values(written, layout, task, line, sheet.problems)
+            values = known[written]
             if one is not None and values is not None:
-                rows.append(_Row(values, texts, one))
+                rows.append(_Row(values, written, one))
         if len(rows) > MOST_ROWS:
             raise UserError(
                 f"{sheet.path}: more than {MOST_ROWS} rows of counts; add up the trials of each set."
@@ -103,108 +235,65 @@ def _rows(sheet: Sheet, layout: Layout, task: TaskConfig) -> list[_Row]:
     return rows
 
 
-def _names(columns: Sequence[Cells], layout: Layout, count: int) -> list[str]:
-    """What names each row: its run, specimen and cycle."""
-    texts = [columns[layout.places[name]] for name in TEXTS if name in layout.places]
-    return [" ".join(filter(None, (column[k].strip() for column in texts))) for k in range(count)]
-
-
-def _set(name: str, successes: float, trials: float, line: int, sheet: Sheet) -> CountSet | None:
-    """The row's count; None where it cannot be. What is no number was told before, the rest is told here."""
-    if not np.isfinite([successes, trials]).all():
-        return None
-    problem = ""
+def _problem(successes: float, trials: float) -> str:
+    """Why these cannot be counts, or an empty text."""
     for label, value in zip(COUNTS, (successes, trials), strict=True):
         if value != int(value):
-            problem = problem or f"column {label} is {value:g}; a count is a whole number"
-        elif value < 0:
-            problem = problem or f"column {label} is {value:g}; a count is not negative"
-    if not problem and trials == 0:
-        problem = "column trials is 0; a row without trials says nothing, leave it out"
-    if not problem and trials > MOST_TRIALS:
-        problem = f"column trials is {trials:g}; that is more than anybody counts"
-    if not problem and successes > trials:
-        problem = f"{successes:g} successes are more than {trials:g} trials; are the columns exchanged?"
-    if problem:
-        sheet.problems.add(line, problem)
-        return None
-    return CountSet(name, int(successes), int(trials), line)
+            return f"column {label} is {value:g}; a count is a whole number"
+        if value < 0:
+            return f"column {label} is {value:g}; a count is not negative"
+    if trials == 0:
+        return "column trials is 0; a row without trials says nothing, leave it out"
+    if trials > MOST_TRIALS:
+        return f"column trials is {trials:g}; that is more than anybody counts"
+    if successes > trials:
+        return f"{successes:g} successes are more than {trials:g} trials; are the columns exchanged?"
+    return ""
 
 
 def _values(
-    texts: Sequence[str], layout: Layout, task: TaskConfig, line: int, sheet: Sheet
+    texts: Sequence[str], layout: Layout, task: TaskConfig, line: int, problems: Problems
 ) -> tuple[Any, ...] | None:
     """The values that a row's texts mean, as the task understands them; None where one cannot be, which is told."""
     changes: dict[str, Any] = {}
     for text, condition in zip(texts, layout.conditions, strict=True):
         if text.lower() in MISSING:
-            sheet.problems.add(line, f"column {condition.column} is blank; write the value that was set")
+            problems.add(line, f"column {condition.column} is blank; write the value that was set")
             return None
         if condition.values and text not in condition.values:
-            listed = ", ".join(condition.values)
-            sheet.problems.add(
+            problems.add(
                 line,
                 f"column {condition.column} is '{text}', for which 'conditions' gives no value"
-                f"{closest(text, condition.values)} It has {listed}",
+                f"{closest(text, condition.values)} It has {', '.join(condition.values)}",
             )
             return None
-        value = condition.values[text] if condition.values else _typed(text, condition.unit)
-        changes[condition.key.dotted] = value
+        changes[condition.key.dotted] = condition.value(text)
     try:
         changed_task(task, changes)
     except ValidationError as error:
         for sentence in sentences(error, type(task), lambda at: "", ("task",)).splitlines():
-            sheet.problems.add(line, sentence.rstrip("."))
+            problems.add(line, sentence.rstrip("."))
         return None
     return tuple(changes.values())
 
 
-def _typed(text: str, unit: str) -> Any:
-    if unit:
-        return f"{text} {unit}"
-    for kind in (int, float):
-        try:
-            return kind(text)
-        except ValueError:
-            continue
-    return text
-
-
 def _conditions(rows: Sequence[_Row], layout: Layout) -> tuple[CountCondition, ...]:
-    """Rows of one condition together, in the order of their first rows."""
+    """Rows of one condition together, in the order of their first rows; what never varies goes unsaid."""
     together: dict[str, list[_Row]] = {}
     for row in rows:
         together.setdefault(repr(row.values), []).append(row)
     varying = [
-        len({repr(row.values[k]) for row in rows}) > 1 or len(layout.conditions) == 1
+        k
         for k in range(len(layout.conditions))
+        if len({repr(row.values[k]) for row in rows}) > 1 or len(layout.conditions) == 1
     ]
     found = []
     for group in together.values():
-        keys = [condition.key.dotted for condition in layout.conditions]
-        told = [
-            _said(condition, text)
-            for condition, text, varies in zip(layout.conditions, group[0].written, varying, strict=True)
-            if varies
-        ]
+        words = ", ".join(layout.conditions[k].words(group[0].written[k]) for k in varying)
         sets = tuple(
-            CountSet(row.one.name or f"set {number}", row.one.successes, row.one.trials, row.one.line)
-            for number, row in enumerate(group, start=1)
+            replace(row.one, name=row.one.name or f"set {place}") for place, row in enumerate(group, start=1)
         )
+        keys = [condition.key.dotted for condition in layout.conditions]
         changes = dict(zip(keys, group[0].values, strict=True))
-        found.append(CountCondition(changes, ", ".join(told) or "the task as it is", sets))
+        found.append(CountCondition(changes, words or "the task as it is", sets))
     return tuple(found)
-
-
-def _said(condition: ConditionOf, text: str) -> str:
-    """A condition for people: ``cylinder``, ``13 kPa``, ``2 extra weights``."""
-    label = condition.key.path[-1].replace("_", " ")
-    if condition.unit:
-        return f"{text} {condition.unit}"
-    try:
-        value = float(text)
-    except ValueError:
-        return text
-    if condition.key.si in UNIT_SUFFIXES.values():
-        return quantity(value, condition.key.si, 6)
-    return f"{number(value, 6)} {label}"

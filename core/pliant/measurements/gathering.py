@@ -8,62 +8,60 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from pliant.errors import UserError
+from pliant.formatting import plural
 from pliant.records.design import Array
-from pliant.tabular.schema import Column
-from pliant.tabular.text import Cells, Problems
+from pliant.records.history import REFERENCE_TEMPERATURE_C
+from pliant.tabular.schema import FileColumn
+from pliant.tabular.text import Cells, Problems, lines_text
 
 MOST_RUNS = 10_000
+DEFAULTS = {
+    "temperature_c": f"{REFERENCE_TEMPERATURE_C:g} °C",
+    "payload_kg": "the chain's own",
+    "valve_open": "1",
+}
 
 
 @dataclass
 class Blanks:
-    """Rows of one column that are blank: how many in all, the first lines, and how many of each run."""
+    """Rows of one column that are blank: the first lines, and how many of each run."""
 
-    count: int = 0
     lines: list[int] = field(default_factory=list)
     of_run: dict[int, int] = field(default_factory=dict)
 
+    @property
+    def count(self) -> int:
+        return sum(self.of_run.values())
+
     def add(self, lines: Array, run: int) -> None:
-        self.count += lines.size
-        self.lines += lines[: max(0, 6 - len(self.lines))].tolist()
+        self.lines += lines[: max(0, 6 - len(self.lines))].astype(int).tolist()
         self.of_run[run] = self.of_run.get(run, 0) + lines.size
 
 
 @dataclass
 class RunRows:
-    """Rows of one run that are kept: every `stride`-th of the `count` that were usable."""
+    """Rows of one run that are kept: every `stride`-th of the `count` that were usable; a row ends with its line."""
 
     name: str
     specimen: str = ""
     stride: int = 1
     count: int = 0
-    last: Array | None = None
-    last_line: int = 0
     parts: list[Array] = field(default_factory=list)
-    line_parts: list[Array] = field(default_factory=list)
-    kept: int = 0
+    last: Array | None = None
 
-    def append(self, rows: Array, lines: Array) -> None:
-        skip = -self.count % self.stride
+    @property
+    def kept(self) -> int:
+        return sum(map(len, self.parts))
+
+    def append(self, rows: Array) -> None:
+        self.parts.append(rows[-self.count % self.stride :: self.stride].copy())
         self.count += len(rows)
-        self._keep(rows[skip :: self.stride].copy(), lines[skip :: self.stride].copy())
+        self.last = rows[-1].copy()
 
     def thin(self) -> None:
         """Keep every second of the rows that were kept so far."""
-        rows, lines = self.table()
-        self.parts, self.line_parts, self.kept = [], [], 0
+        self.parts = [np.concatenate(self.parts)[::2].copy()]
         self.stride *= 2
-        self._keep(rows[::2].copy(), lines[::2].copy())
-
-    def table(self) -> tuple[Array, Array]:
-        """(k, columns) the kept rows and (k,) their lines."""
-        return np.concatenate(self.parts), np.concatenate(self.line_parts)
-
-    def _keep(self, rows: Array, lines: Array) -> None:
-        if len(rows):
-            self.parts.append(rows)
-            self.line_parts.append(lines)
-            self.kept += len(rows)
 
 
 class Gatherer:
@@ -76,57 +74,60 @@ class Gatherer:
         runs: in the order of their first rows.
         blanks: what is missing, by column name; rows without time or input are left out at once.
         doubles: rows that repeat the row before to the last digit; they are left out.
-        split_runs: runs whose rows do not stand together.
+        split_runs: runs whose rows do not stand together, with the line where each goes on.
     """
 
-    def __init__(self, columns: Sequence[Column], problems: Problems, most: int) -> None:
-        self.columns, self.problems, self.most = tuple(columns), problems, most
-        self.limit = most
+    def __init__(self, columns: Sequence[FileColumn], problems: Problems, most: int) -> None:
+        self.columns, self.problems, self.most, self.limit = tuple(columns), problems, most, most
         self.runs: list[RunRows] = []
         self.blanks: dict[str, Blanks] = {}
         self.doubles = Blanks()
         self.split_runs: dict[int, int] = {}
         self._ids: dict[str, int] = {}
+        self._begun: set[int] = set()
         self._now = -1
-        self._time = next((i for i, c in enumerate(columns) if c.role == "time"), None)
-        self._needed = [i for i, c in enumerate(columns) if c.role in ("time", "input")]
-        self._noted = [i for i, c in enumerate(columns) if c.role in ("condition", "cycle")]
+        roles = [column.role for column in columns]
+        self._time = roles.index("time") if "time" in roles else None
+        self._needed = [i for i, role in enumerate(roles) if role in ("time", "input")]
+        self._noted = [i for i, role in enumerate(roles) if role in ("condition", "cycle")]
 
-    def add(self, table: Array, lines: Array, runs: Cells | str, specimens: Cells | None) -> None:
+    def add(self, table: Array, lines: Array, runs: Cells, specimens: Cells | None) -> None:
         """One block of rows.
 
         Args:
             table: (n, columns) numbers as written.
             lines: (n,) their lines.
-            runs: the run of each row, or one name for all.
+            runs: the run of each row.
             specimens: the specimen of each row, where there is such a column.
         """
         ids = self._run_ids(runs, lines)
         bodies = None if specimens is None else np.array([text.strip() for text in specimens], object)
+        table = np.column_stack([table, lines])
         order = np.argsort(ids, kind="stable")
-        edges = np.flatnonzero(np.diff(ids[order])) + 1
-        for rows in np.split(order, edges):
+        for rows in np.split(order, np.flatnonzero(np.diff(ids[order])) + 1):
             run = int(ids[rows[0]])
-            if run < 0:  # no name: told as a problem
-                continue
-            if bodies is not None:
-                self._specimen(run, bodies[rows], lines[rows])
-            self._of_run(run, table[rows], lines[rows])
-        self._thin()
+            if run >= 0:  # the others have no name and were told
+                if bodies is not None:
+                    self._specimen(self.runs[run], bodies[rows], lines[rows])
+                self._of_run(run, table[rows])
+        while True:
+            for one in self.runs:
+                while one.kept > self.limit:
+                    one.thin()
+            if self.limit <= 1 or sum(one.kept for one in self.runs) <= self.most:
+                return
+            self.limit //= 2
 
-    def _run_ids(self, runs: Cells | str, lines: Array) -> Array:
-        if isinstance(runs, str):
-            runs = (runs,) * lines.size
+    def _run_ids(self, runs: Cells, lines: Array) -> Array:
         ids = np.array([self._ids.get(name, -1) for name in runs], int)
         for index in np.flatnonzero(ids < 0):
             ids[index] = self._id(runs[index].strip(), int(lines[index]))
-        changes = np.flatnonzero(np.diff(ids, prepend=self._now))
-        for index in changes:
+        for index in np.flatnonzero(np.diff(ids, prepend=self._now)):
             run = int(ids[index])
-            if run >= 0 and self.runs[run].last_line:
+            if run in self._begun:
                 self.split_runs.setdefault(run, int(lines[index]))
-            if run >= 0:
-                self.runs[run].last_line = int(lines[index])
+            elif run >= 0:
+                self._begun.add(run)
         self._now = int(ids[-1])
         return ids
 
@@ -144,68 +145,115 @@ class Gatherer:
             self.runs.append(RunRows(name))
         return self._ids[name]
 
-    def _specimen(self, run: int, names: Array, lines: Array) -> None:
-        rows = self.runs[run]
-        for index in np.flatnonzero((names != rows.specimen) & (names != "")):
-            if rows.specimen and names[index] != rows.specimen:
+    def _specimen(self, run: RunRows, names: Array, lines: Array) -> None:
+        for index in np.flatnonzero((names != run.specimen) & (names != "")):
+            run.specimen = run.specimen or str(names[index])
+            if names[index] != run.specimen:
                 self.problems.add(
                     int(lines[index]),
-                    f"specimen '{names[index]}' in run '{rows.name}', which began with '{rows.specimen}'; a run has "
+                    f"specimen '{names[index]}' in run '{run.name}', which began with '{run.specimen}'; a run has "
                     "one specimen",
                 )
-            rows.specimen = rows.specimen or str(names[index])
 
-    def _of_run(self, run: int, table: Array, lines: Array) -> None:
-        bad = np.isnan(table[:, self._needed]).any(axis=1)
+    def _of_run(self, run: int, table: Array) -> None:
         for i in (*self._needed, *self._noted):
             missing = np.isnan(table[:, i])
             if missing.any():
-                self.blanks.setdefault(self.columns[i].name, Blanks()).add(lines[missing], run)
-        if bad.any():
-            table, lines = table[~bad], lines[~bad]
+                self.blanks.setdefault(self.columns[i].name, Blanks()).add(table[missing, -1], run)
+        table = table[~np.isnan(table[:, self._needed]).any(axis=1)]
         if self._time is not None and len(table):
-            table, lines = self._in_order(run, table, lines, self._time)
+            table = self._in_order(run, table, self._time)
         if len(table):
-            self.runs[run].append(table, lines)
-            self.runs[run].last = table[-1].copy()
+            self.runs[run].append(table)
 
-    def _in_order(self, run: int, table: Array, lines: Array, time: int) -> tuple[Array, Array]:
+    def _in_order(self, run: int, table: Array, time: int) -> Array:
         """The rows without exact doubles; a clock that stands or goes back becomes a problem."""
-        rows = self.runs[run]
-        before = table[:1] if rows.last is None else rows.last[None, :]
-        previous = np.concatenate([before, table[:-1]])
+        last = self.runs[run].last
+        previous = np.concatenate([table[:1] if last is None else last[None, :], table[:-1]])
         step = table[:, time] - previous[:, time]
-        if rows.last is None:
+        if last is None:
             step[0] = np.inf
-        if (step > 0).all():
-            return table, lines
         late = np.flatnonzero(step <= 0)
-        same = (table[late] == previous[late]) | (np.isnan(table[late]) & np.isnan(previous[late]))
-        doubles = late[same.all(axis=1)]
+        now, before = table[late, :-1], previous[late, :-1]
+        doubles = late[((now == before) | (np.isnan(now) & np.isnan(before))).all(axis=1)]
         for index in np.setdiff1d(late, doubles):
-            self._clock_problem(run, int(lines[index]), previous[index, time], table[index, time])
+            self._clock_problem(run, int(table[index, -1]), previous[index, time], table[index, time])
         if not doubles.size:
-            return table, lines
-        self.doubles.add(lines[doubles], run)
-        good = np.ones(len(table), bool)
-        good[doubles] = False
-        return table[good], lines[good]
+            return table
+        self.doubles.add(table[doubles, -1], run)
+        return np.delete(table, doubles, axis=0)
 
     def _clock_problem(self, run: int, line: int, before: float, now: float) -> None:
         name = self.runs[run].name
         if now == before:
             text = f"time_s is {now:g} again in run '{name}', with other values; one sample has one time"
+        elif self.split_runs.get(run) == line:
+            text = f"run '{name}' begins again with time_s {now:g} after {before:g}; give it another name"
         else:
             text = f"time_s goes back from {before:g} to {now:g} in run '{name}'; give each recording a run of its own"
-            if self.split_runs.get(run) == line:
-                text = f"run '{name}' begins again with time_s {now:g} after {before:g}; give it another name"
         self.problems.add(line, text)
 
-    def _thin(self) -> None:
-        while True:
-            for run in self.runs:
-                while run.kept > self.limit:
-                    run.thin()
-            if sum(run.kept for run in self.runs) <= self.most or self.limit <= 1:
-                return
-            self.limit //= 2
+    def no_rows(self) -> str:
+        """Why no row can be used."""
+        if not self.blanks:
+            return "the file has a header and no rows."
+        name, blanks = max(self.blanks.items(), key=lambda item: item[1].count)
+        where = lines_text(blanks.lines, blanks.count)
+        return f"no row can be used; {name} is blank in {blanks.count} of them ({where})."
+
+    def remarks(self, blank_rows: int) -> list[str]:
+        """What was done to rows while reading."""
+        remarks = []
+        for i in self._needed:
+            name = self.columns[i].name
+            if blanks := self.blanks.get(name):
+                remarks.append(
+                    f"{name} is blank in {plural(blanks.count, 'row')} ({lines_text(blanks.lines, blanks.count)}): "
+                    "left out; inputs are taken as straight lines across them."
+                )
+        if doubles := self.doubles.count:
+            remarks.append(
+                f"Left out: {plural(doubles, 'row')} equal to the row before in every column "
+                f"({lines_text(self.doubles.lines, doubles)})."
+            )
+        if blank_rows:
+            remarks.append(f"Left out: {plural(blank_rows, 'row')} of nothing but separators.")
+        if self.split_runs:
+            run, line = next(iter(self.split_runs.items()))
+            remarks.append(
+                f"Rows of {len(self.split_runs)} of {len(self.runs)} runs do not stand together (run "
+                f"'{self.runs[run].name}' goes on in line {line}); they were put together in the file's order."
+            )
+        if thinned := [run for run in self.runs if run.stride > 1]:
+            longest = max(thinned, key=lambda run: run.stride)
+            total = sum(run.count for run in self.runs)
+            remarks.append(
+                f"{total} rows are more than max_samples ({self.most}): of {len(thinned)} of {len(self.runs)} runs "
+                f"only a part of the rows is kept (run '{longest.name}': one in {longest.stride} of "
+                f"{longest.count}). Nothing was averaged; what is faster than the kept rows is not seen."
+            )
+        return remarks
+
+    def condition_remarks(self) -> list[str]:
+        """Blank loads and conditions: the default where a run has none at all, else rows that are left out."""
+        remarks = []
+        for i in self._noted:
+            name, role = self.columns[i].name, self.columns[i].role
+            blanks, default = self.blanks.get(name), DEFAULTS.get(name, "0")
+            if blanks is None:
+                continue
+            if role == "cycle":
+                rows = plural(blanks.count, "row")
+                remarks.append(f"cycle is blank in {rows}: it is counted from the actuation in those runs.")
+                continue
+            silent = [count for run, count in blanks.of_run.items() if count >= self.runs[run].count]
+            if silent:
+                remarks.append(
+                    f"{name} is blank throughout {plural(len(silent), 'run')}: taken as {default} there."
+                )
+            if partly := blanks.count - sum(silent):
+                remarks.append(
+                    f"{name} is blank in {plural(partly, 'row')} of runs that have it elsewhere "
+                    f"({lines_text(blanks.lines, blanks.count)}): left out; write {default} where that is meant."
+                )
+        return remarks

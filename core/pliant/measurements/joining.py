@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from pliant.errors import UserError
-from pliant.measurements.assembly import NEVER_CHANGES, ONE_RUN
+from pliant.measurements.reading import NEVER_CHANGES, ONE_RUN
 from pliant.records.measurement import MeasuredRun, Measurement
 
 
@@ -58,15 +58,14 @@ def together(measurements: Sequence[Measurement]) -> Measurement:
         outputs,
         " + ".join(m.source for m in measurements),
         tuple(
-            f"{m.source}: {remark}" for m in measurements for remark in m.remarks if not _of_one_file(remark)
+            f"{m.source}: {remark}"
+            for m in measurements
+            for remark in m.remarks
+            if remark != ONE_RUN and not remark.endswith(NEVER_CHANGES)
         ),
         next(iter(arms), ()),
         digest if any(m.sha256 for m in measurements) else "",
     )
-
-
-def _of_one_file(remark: str) -> bool:
-    return remark == ONE_RUN or remark.endswith(NEVER_CHANGES)
 
 
 def _joined(run: MeasuredRun, outputs: Sequence[str], taken: set[str], stem: str) -> MeasuredRun:

@@ -40,46 +40,60 @@ BEYOND = {"rad": 15.0, "dimensionless": 50.0}
 BEYOND_OTHERWISE = 100.0
 
 
-def unit_remark(
-    name: str, largest: float, expected: tuple[float, float] | None, notes: str, alike: float = 0.0
-) -> str | None:
-    """A sentence where a column's largest magnitude does not fit its unit, or None.
+def out_of_range(
+    largest: Mapping[str, float], expected: Mapping[str, tuple[float, float]], notes: str
+) -> list[str]:
+    """A sentence for each column whose largest magnitude does not fit its unit.
 
     Args:
-        name: the column, its SI unit in the name.
-        largest: its largest magnitude in SI.
-        expected: the range that the caller knows: a law's domain, the chain's length. Without it the usual
-            range of benches decides, which is wide.
+        largest: the largest magnitude of each column in SI; the unit is in its name.
+        expected: the range that the caller knows of some: a law's domain, the chain's length. Without it the usual
+            range of benches decides, which is wide. Columns that have the same range share a unit.
         notes: name of the YAML file to write the unit into.
-        alike: the largest magnitude among columns that have the same range; they share a unit.
     """
+    alike: dict[tuple[float, float], float] = {}
+    for name in largest.keys() & expected.keys():
+        alike[expected[name]] = max(largest[name], alike.get(expected[name], 0.0))
+    remarks = (
+        _remark(name, value, expected.get(name), notes, alike.get(expected.get(name, (0.0, 0.0)), 0.0))
+        for name, value in largest.items()
+        if value > 0
+    )
+    return [text for text in remarks if text]
+
+
+def _remark(name: str, largest: float, expected: tuple[float, float] | None, notes: str, alike: float) -> str:
     unit = unit_of(name)
-    if largest <= 0:
-        return None
     if unit == "degC":
         text = f"{name} reaches {largest:.4g} °C; kelvin?"
-        return _advice(text, name, "K", notes) if largest > HOT_C else None
+        return _advice(text, name, "K", notes) if largest > HOT_C else ""
     reference = max(map(abs, expected)) if expected is not None else 0.0
     if reference > 0:
         beyond = BEYOND.get(unit, BEYOND_OTHERWISE)
         if reference / BEYOND_OTHERWISE <= largest <= reference * beyond:
-            return None
+            return ""
         # a position or a load may well be small; an actuation far below its law's domain may not
-        if largest < reference and unit not in ("Pa",) and not name.startswith("tendon_force"):
-            return None
+        if largest < reference and unit != "Pa" and not name.startswith("tendon_force"):
+            return ""
         ratio = largest / reference
         size = f"{ratio:.0f} times" if ratio >= 1 else f"1/{1 / ratio:.0f} of"
         text = f"{name} reaches {largest:.4g}, {size} what the model expects ({reference:.4g})"
     else:
-        low, high = (
-            (0.0, math.pi * 1.5) if re.match(r"joint|base", name) else USUAL.get(unit, (0.0, math.inf))
-        )
+        of_one_joint = re.match(r"joint|base", name)
+        low, high = (0.0, math.pi * 1.5) if of_one_joint else USUAL.get(unit, (0.0, math.inf))
         if low <= largest <= high:
-            return None
+            return ""
         reference = TYPICAL[unit]
-        text = f"{name} reaches only {largest:.4g}" if largest < low else f"{name} reaches {largest:.4g}"
-        text += f"{'' if unit == 'dimensionless' else ' ' + unit}, which is unlikely"
-    return _advice(text, name, _nearest(unit, max(largest, alike), reference), notes)
+        written = "" if unit == "dimensionless" else f" {unit}"
+        text = f"{name} reaches {'only ' if largest < low else ''}{largest:.4g}{written}, which is unlikely"
+    largest = max(largest, alike)
+
+    def distance(factor: float) -> float:
+        return abs(math.log(largest * factor / reference))
+
+    nearest = {distance(conversion(other, unit, "")[0]): other for other in reversed(WRITTEN.get(unit, ()))}
+    best = min(nearest, default=math.inf)
+    return _advice(text, name, nearest[best] if best < distance(1.0) else "", notes)
 
 
 def time_remarks(step_s: float, whole: bool, notes: str) -> list[str]:
@@ -89,37 +103,11 @@ def time_remarks(step_s: float, whole: bool, notes: str) -> list[str]:
     return [_advice(f"time_s steps by {step_s:g}, in whole numbers", "time_s", "ms", notes)]
 
 
-def _nearest(unit: str, largest: float, reference: float) -> str | None:
-    """The unit that brings the column closest to its reference."""
-
-    def distance(written: str) -> float:
-        return abs(math.log(largest * conversion(written, unit, "")[0] / reference))
-
-    best = min(WRITTEN.get(unit, ()), key=distance, default=None)
-    return best if best is not None and distance(best) < abs(math.log(largest / reference)) else None
-
-
-def _advice(text: str, name: str, written: str | None, notes: str) -> str:
-    if written is None:
+def _advice(text: str, name: str, written: str, notes: str) -> str:
+    if not written:
         return f"{TO_CHECK}: {text}. Nothing was changed."
-    factor = conversion(written, unit_of(name), name)[0]
-    by = "" if written == "K" else f", a factor of {factor:g}"
+    by = "" if written == "K" else f", a factor of {conversion(written, unit_of(name), name)[0]:g}"
     return (
         f"{TO_CHECK}: {text}. If the file is in {written}{by}, write 'units: {{{name}: {written}}}' in {notes}. "
         "Nothing was changed."
     )
-
-
-def out_of_range(
-    largest: Mapping[str, float], expected: Mapping[str, tuple[float, float]], notes: str
-) -> list[str]:
-    """`unit_remark` for every column."""
-    alike: dict[tuple[float, float], float] = {}
-    for name in largest.keys() & expected.keys():
-        alike[expected[name]] = max(largest[name], alike.get(expected[name], 0.0))
-    remarks = (
-        unit_remark(name, value, span, notes, alike.get(span, 0.0) if span else 0.0)
-        for name, value in largest.items()
-        for span in (expected.get(name),)
-    )
-    return [text for text in remarks if text is not None]

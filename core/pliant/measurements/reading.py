@@ -1,4 +1,4 @@
-"""Read what a bench recorded: CSV and notes in, runs with their inputs and readings out."""
+"""Read what a bench recorded: CSV and notes in, runs with their inputs and readings out, and remarks on them."""
 
 from __future__ import annotations
 
@@ -6,22 +6,32 @@ import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from pliant.config.measurements import MOST_SAMPLES, MeasurementNotes, MeasurementsConfig
-from pliant.errors import UserError
+from pliant.config.measurements import MOST_SAMPLES, ExcludedSpan, MeasurementNotes, MeasurementsConfig
+from pliant.errors import UserError, closest
 from pliant.execution.progress import Progress, Silent
 from pliant.formatting import plural
-from pliant.measurements.assembly import assembled
-from pliant.measurements.columns import MEASUREMENT
-from pliant.measurements.gathering import Gatherer
-from pliant.measurements.header import Header, read_header
-from pliant.records.measurement import Measurement
-from pliant.tabular.notes import notes_beside
+from pliant.measurements.columns import MEASUREMENT, Header, outputs_among, read_header, unit_of
+from pliant.measurements.gathering import Gatherer, RunRows
+from pliant.measurements.plausible import out_of_range, time_remarks
+from pliant.records.design import Array
+from pliant.records.history import BASE, FORCES, REFERENCE_TEMPERATURE_C, History
+from pliant.records.measurement import MeasuredRun, Measurement
+from pliant.tabular.schema import notes_beside
 from pliant.tabular.text import Sheet, count_lines, lines_text, open_sheet
+from pliant.units import UnitError, parse_quantity
 
 LARGE_FILE = 20_000_000  # bytes: from here on reading shows its progress
+# A cycle has been above the first share of a run's own range and comes below the second.
+LOADED, RETURNED = 0.6, 0.25
+SMALLEST = 0.1  # of the range of all runs: less than that is no cycle
+AT_REST = 0.05  # of the range above the lowest point: still waiting
+# Remarks on a file by itself, which files that are read together do not deserve.
+ONE_RUN = "There is one run only: nothing repeats, and no run can be held out."
+NEVER_CHANGES = "never changes: nothing that depends on it can be judged."
 
 
 def read_measurement(
@@ -56,13 +66,36 @@ def read_measurement(
             sheet, header, settings.max_samples if settings else MOST_SAMPLES, progress or Silent()
         )
     sheet.problems.raise_if_any()
-    if not any(run.kept for run in gatherer.runs):
-        raise UserError(f"{path}: {_no_rows(gatherer)}")
-    remarks = [*header.remarks, *_row_remarks(sheet, gatherer)]
-    wanted = settings.outputs if settings else ()
-    found = assembled(path, gatherer, header, notes, notes_name, wanted, expected or {}, remarks)
+    if not any(rows.kept for rows in gatherer.runs):
+        raise UserError(f"{path}: {gatherer.no_rows()}")
+    said = [*header.remarks, *gatherer.remarks(sheet.blank_rows)]
+    outputs = _chosen(path, header, settings.outputs if settings else ())
+    said += gatherer.condition_remarks()
+    stated = _stated(notes, notes_name, outputs)
+    runs = [_run(rows, header, outputs, stated, path) for rows in gatherer.runs if rows.kept]
+    said += [f"Run '{rows.name}' has no row that can be used." for rows in gatherer.runs if not rows.kept]
+    runs = [run for run in runs if len(run)]
+    ranges = spans([run.history for run in runs])
+    runs = [  # cycles are counted where the file does not give all of a run's
+        replace(run, cycle=cycles(run.history, ranges)) if np.isnan(run.cycle).any() else run for run in runs
+    ]
+    runs = _without_excluded(runs, notes.exclude, notes_name, said)
+    read = [name for name in outputs if any(np.isfinite(run.outputs[name]).any() for run in runs)]
+    if not read:
+        raise UserError(f"{path}: no reading is left of {', '.join(outputs)}: all are blank, or left out.")
+    said += [f"Output '{name}' has no reading and is ignored." for name in outputs if name not in read]
+    runs = [
+        replace(
+            run,
+            outputs={name: run.outputs[name] for name in read},
+            sigma={name: values for name, values in run.sigma.items() if name in read},
+        )
+        for run in runs
+    ]
+    said += _look(runs, expected or {}, notes_name)
     with path.open("rb") as file:
-        return replace(found, sha256=hashlib.file_digest(file, "sha256").hexdigest())
+        digest = hashlib.file_digest(file, "sha256").hexdigest()
+    return Measurement(tuple(runs), tuple(read), path.name, tuple(said), notes.markers_m, digest)
 
 
 def notes_of(path: Path, settings: MeasurementsConfig | None) -> tuple[MeasurementNotes, str]:
@@ -71,78 +104,214 @@ def notes_of(path: Path, settings: MeasurementsConfig | None) -> tuple[Measureme
     notes = beside or MeasurementNotes()
     if settings is not None:
         notes = MeasurementNotes(
-            rename={**notes.rename, **settings.rename},
-            units={**notes.units, **settings.units},
-            sigma={**notes.sigma, **settings.sigma},
+            **{
+                key: {**getattr(notes, key), **getattr(settings, key)}
+                for key in ("rename", "units", "sigma", "conditions")
+            },
             markers_m=settings.markers_m or notes.markers_m,
             exclude=(*notes.exclude, *settings.exclude),
-            conditions={**notes.conditions, **settings.conditions},
         )
+    if file is None:
+        return notes, path.with_suffix(".yaml").name
     # a study of the same stem takes the name: then the notes belong into its `measurements` block
-    name = (
-        path.with_suffix(".yaml").name
-        if file is None
-        else file.name
-        if beside is not None
-        else f"the 'measurements' block of {file.name}"
-    )
-    return notes, name
+    return notes, file.name if beside is not None else f"the 'measurements' block of {file.name}"
 
 
 def _gathered(sheet: Sheet, header: Header, most: int, progress: Progress) -> Gatherer:
     gatherer = Gatherer(header.columns, sheet.problems, most)
     large = sheet.path.stat().st_size > LARGE_FILE
     task = progress.begin(f"read {sheet.path.name}, rows", count_lines(sheet.path)) if large else Silent()
-    name = sheet.path.stem
+    run, specimen = (header.texts.get(name) for name in ("run", "specimen"))
     try:
         for block in sheet.blocks():
-            table = np.column_stack([block.numbers(header.place(c), c.written) for c in header.columns])
-            runs = name if header.run is None else block.columns[header.run]
-            specimens = None if header.specimen is None else block.columns[header.specimen]
-            gatherer.add(table, block.lines, runs, specimens)
+            numbers = [block.numbers(header.places[c.written], c.written) for c in header.columns]
+            runs = (sheet.path.stem,) * len(block.lines) if run is None else block.columns[run]
+            specimens = None if specimen is None else block.columns[specimen]
+            gatherer.add(np.column_stack(numbers), block.lines, runs, specimens)
             task.advance(len(block.lines))
     finally:
         task.finish()
     return gatherer
 
 
-def _no_rows(gatherer: Gatherer) -> str:
-    if not gatherer.blanks:
-        return "the file has a header and no rows."
-    name, blanks = max(gatherer.blanks.items(), key=lambda item: item[1].count)
-    return f"no row can be used; {name} is blank in {blanks.count} of them ({lines_text(blanks.lines, blanks.count)})."
-
-
-def _row_remarks(sheet: Sheet, gatherer: Gatherer) -> list[str]:
-    """What was done to rows while reading."""
-    remarks = []
-    needed = [c.name for c in gatherer.columns if c.role in ("time", "input")]
-    for name in needed:
-        if blanks := gatherer.blanks.get(name):
-            remarks.append(
-                f"{name} is blank in {plural(blanks.count, 'row')} ({lines_text(blanks.lines, blanks.count)}): left "
-                "out; inputs are taken as straight lines across them."
+def _chosen(path: Path, header: Header, wanted: Sequence[str]) -> list[str]:
+    have = header.names("output")
+    for name in wanted:
+        if name not in have:
+            raise UserError(
+                f"{path}: the study asks for output '{name}', which the file does not have{closest(name, have)} "
+                f"It has {', '.join(have)}."
             )
-    if doubles := gatherer.doubles.count:
-        remarks.append(
-            f"Left out: {plural(doubles, 'row')} equal to the row before in every column "
-            f"({lines_text(gatherer.doubles.lines, doubles)})."
-        )
-    if sheet.blank_rows:
-        remarks.append(f"Left out: {plural(sheet.blank_rows, 'row')} of nothing but separators.")
-    if gatherer.split_runs:
-        run, line = next(iter(gatherer.split_runs.items()))
-        remarks.append(
-            f"Rows of {len(gatherer.split_runs)} of {len(gatherer.runs)} runs do not stand together (run "
-            f"'{gatherer.runs[run].name}' goes on in line {line}); they were put together in the file's order."
-        )
-    thinned = [run for run in gatherer.runs if run.stride > 1]
-    if thinned:
-        longest = max(thinned, key=lambda run: run.stride)
-        total = sum(run.count for run in gatherer.runs)
-        remarks.append(
-            f"{total} rows are more than max_samples ({gatherer.most}): of {len(thinned)} of {len(gatherer.runs)} runs "
-            f"only a part of the rows is kept (run '{longest.name}': one in {longest.stride} of "
-            f"{longest.count}). Nothing was averaged; what is faster than the kept rows is not seen."
-        )
-    return remarks
+    return list(dict.fromkeys(wanted)) or have
+
+
+def _stated(notes: MeasurementNotes, notes_name: str, outputs: Sequence[str]) -> dict[str, float]:
+    """Standard deviations of sensors in SI, from the notes."""
+    stated = {}
+    for name, value in notes.sigma.items():
+        name = name.removeprefix("sigma_")
+        if not outputs_among([name]):
+            raise UserError(
+                f"{notes_name}: 'sigma' has '{name}', which is not an output{closest(name, outputs)}"
+            )
+        try:
+            number = value if isinstance(value, float) else parse_quantity(value, unit_of(name))
+        except UnitError as error:
+            raise UserError(f"{notes_name}: sigma of '{name}': {error}.") from None
+        if not 0 < number < np.inf:
+            raise UserError(f"{notes_name}: sigma of '{name}' is {value}; it should be above 0.")
+        stated[name] = number
+    return stated
+
+
+def _run(
+    rows: RunRows, header: Header, outputs: Sequence[str], stated: Mapping[str, float], path: Path
+) -> MeasuredRun:
+    """The run in SI; conditions that are blank throughout take their defaults, rows that lack one are left out."""
+    table = np.concatenate(rows.parts)
+    lines = table[:, -1].astype(int)
+    columns = {
+        c.name: c.scale * values + c.shift if c.scale != 1 or c.shift else values
+        for c, values in zip(header.columns, table.T[:-1], strict=True)
+    }
+    silent = [name for name in header.names("condition") if np.isnan(columns[name]).all()]
+    good = np.ones(len(lines), bool)
+    for name in header.names("condition"):
+        good &= ~np.isnan(columns[name]) | (name in silent)
+    columns = {name: values[good] for name, values in columns.items() if name not in silent}
+    lines, n = lines[good], int(good.sum())
+
+    def column(name: str, default: float = 0.0) -> Array:
+        return columns.get(name, np.full(n, default))
+
+    def check(bad: Any, problem: str) -> None:
+        if bad.any():
+            raise UserError(f"{path}, {lines_text(lines[bad].tolist())}: {problem}")
+
+    valve = column("valve_open", 1.0)
+    problem = "valve_open should be 1 (chambers connected to the supply) or 0 (closed off)."
+    check((valve != 0.0) & (valve != 1.0), problem)
+    sigma = {}
+    for name in outputs:  # row by row before those of the whole sensor
+        values = column(f"sigma_{name}", np.nan)
+        check(values <= 0, f"sigma_{name} should be above 0; leave it blank otherwise.")
+        values = np.where(np.isnan(values), stated.get(name, np.nan), values)
+        if not np.isnan(values).all():
+            sigma[name] = values
+    history = History(
+        run=rows.name,
+        specimen=rows.specimen,
+        time_s=columns.get("time_s"),
+        actuation={name: columns[name] for name in header.names("input")},
+        tip_force_n=np.column_stack([column(name) for name in FORCES]),
+        moment_n_m=column("moment_n_m"),
+        temperature_c=column("temperature_c", REFERENCE_TEMPERATURE_C),
+        base_angles_rad=np.column_stack([column(name) for name in BASE]),
+        payload_kg=columns.get("payload_kg"),
+        valve_open=columns.get("valve_open"),
+    )
+    readings = {name: columns[name] for name in outputs}
+    return MeasuredRun(history, readings, sigma, column("cycle", np.nan), lines)
+
+
+def _without_excluded(
+    runs: Sequence[MeasuredRun], exclude: Sequence[ExcludedSpan], notes_name: str, said: list[str]
+) -> list[MeasuredRun]:
+    """Readings of spans become missing, so that the model still lives through them; whole runs go."""
+    kept = list(runs)
+    for span in exclude:
+        index = next((i for i, run in enumerate(kept) if run.name == span.run), None)
+        if index is None:
+            raise UserError(
+                f"{notes_name}: 'exclude' names run '{span.run}', which is not there"
+                f"{closest(span.run, [run.name for run in runs])}"
+            )
+        run, why = kept[index], f" ({span.why})" if span.why else ""
+        if span.whole_run:
+            said.append(
+                f"Run '{span.run}' is left out{why}, and with it what it did to the specimen; give 'start' and 'end' "
+                "to keep its inputs."
+            )
+            del kept[index]
+            continue
+        if span.lines is not None:
+            inside = (run.lines >= span.lines[0]) & (run.lines <= span.lines[1])
+        elif run.history.time_s is None:
+            raise UserError(
+                f"{notes_name}: run '{run.name}' has no time_s; give 'lines: [first, last]' to exclude a part."
+            )
+        else:
+            start = -np.inf if span.start_s is None else span.start_s
+            end = np.inf if span.end_s is None else span.end_s
+            inside = (run.history.time_s >= start) & (run.history.time_s <= end)
+        samples = plural(int(inside.sum()), "sample")
+        said.append(f"{samples} of run '{span.run}' not compared{why}; inputs are kept.")
+        outputs = {name: np.where(inside, np.nan, values) for name, values in run.outputs.items()}
+        kept[index] = run.with_outputs(outputs)
+    return kept
+
+
+def _look(
+    runs: Sequence[MeasuredRun], expected: Mapping[str, tuple[float, float]], notes_name: str
+) -> list[str]:
+    """What the values themselves make one ask."""
+    histories = [run.history for run in runs]
+    remarks = [f"Input '{name}' {NEVER_CHANGES}" for name, width in spans(histories).items() if width == 0]
+    if len(runs) == 1:
+        remarks.append(ONE_RUN)
+    silent = [run.name for run in runs if not any(np.isfinite(v).any() for v in run.outputs.values())]
+    if silent:
+        remarks.append(f"No reading in run {', '.join(silent[:10])}: only its inputs are followed.")
+    if timed := [h.time_s for h in histories if h.time_s is not None and len(h) > 1]:
+        whole = all(bool((t == np.round(t)).all()) for t in timed)
+        step = float(np.median(np.concatenate([np.diff(t) for t in timed])))
+        remarks += time_remarks(step, whole, notes_name)
+    largest: dict[str, float] = {}  # magnitude of each column
+    for run in runs:
+        for name, values in {**run.history.signals(), **run.outputs}.items():
+            top = float(np.nanmax(np.abs(values))) if np.isfinite(values).any() else 0.0
+            largest[name] = max(largest.get(name, 0.0), top)
+    inputs = sorted(histories[0].actuation, key=lambda name: -largest[name])
+    for i, name in enumerate(inputs):
+        if any(unit_of(name) == unit_of(other) for other in inputs[:i]):
+            del largest[name]  # of inputs with the same unit only the largest is judged: the others may idle
+    return remarks + out_of_range(largest, expected, notes_name)
+
+
+def cycles(history: History, ranges: Mapping[str, float]) -> Array:
+    """(t,) the cycle of each sample, from 1.
+
+    A cycle is a rise of the actuation (the largest of all inputs, each over its range) above 60 % of the run's range
+    after a return below 25 %: the two thresholds keep noise and small reversals from counting. The number
+    changes where the rise begins.
+
+    Args:
+        history: the run.
+        ranges: range of each input over all runs; a run that moves less than a tenth of it has one cycle.
+    """
+    signal = np.zeros(len(history))
+    for name, values in history.actuation.items():
+        signal = np.maximum(signal, np.abs(values) / ranges[name]) if ranges[name] > 0 else signal
+    number = np.ones(len(history), int)
+    if np.ptp(signal) < SMALLEST:
+        return number
+    height = (signal - signal.min()) / np.ptp(signal)
+    state = np.where(height > LOADED, 1, np.where(height < RETURNED, -1, 0))
+    marked = np.flatnonzero(state)
+    turns = marked[1:][np.diff(state[marked]) > 0]  # first samples that are loaded again
+    if state[marked[0]] < 0:
+        turns = turns[1:]  # the first rise belongs to cycle 1
+    for turn in turns:  # from the last sample before the rise that is still as low as the valley
+        first = int(np.flatnonzero(height[:turn] > LOADED)[-1]) + 1
+        valley = height[first:turn]
+        number[first + int(np.flatnonzero(valley <= valley.min() + AT_REST)[-1]) :] += 1
+    return number
+
+
+def spans(histories: Sequence[History]) -> dict[str, float]:
+    """Range of each input over all histories."""
+    spread = {}
+    for name in dict.fromkeys(name for history in histories for name in history.actuation):
+        values = [h.actuation[name] for h in histories if len(h)]
+        spread[name] = float(max(v.max() for v in values) - min(v.min() for v in values))
+    return spread

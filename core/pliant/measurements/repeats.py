@@ -9,7 +9,7 @@ import numpy as np
 
 from pliant.measurements.highpass import noise_variance
 from pliant.records.design import Array
-from pliant.records.history import History
+from pliant.records.history import BASE, History
 from pliant.records.measurement import MeasuredRun, Measurement
 
 SAME = 0.03  # two inputs are the same where they differ by less than this share of the input's span (RMS)
@@ -54,7 +54,7 @@ def repeat_groups(measurement: Measurement) -> tuple[RepeatGroup, ...]:
     and inputs of one unit share theirs), the temperature within 1 K and the base within 1 degree. Each run is
     compared with the first run of each group.
     """
-    signals = [_signals(run.history) for run in measurement.runs]
+    signals = [run.history.signals() for run in measurement.runs]
     tolerances = _tolerances(signals)
     groups: list[list[int]] = []
     for index, run in enumerate(measurement.runs):
@@ -110,34 +110,19 @@ def _bridged(grid: Array, clock: Array, values: Array) -> tuple[Array, float]:
     return np.where(good, on_grid, np.nan), left
 
 
-def _signals(history: History) -> dict[str, Array]:
-    """Every input, load and condition by name."""
-    signals = dict(history.actuation)
-    signals["moment_n_m"] = history.moment_n_m
-    signals["temperature_c"] = history.temperature_c
-    for axis in range(3):
-        signals[f"tip_force_{'xyz'[axis]}_n"] = history.tip_force_n[:, axis]
-        signals[f"base_{axis}_rad"] = history.base_angles_rad[:, axis]
-    if history.payload_kg is not None:
-        signals["payload_kg"] = history.payload_kg
-    if history.valve_open is not None:
-        signals["valve_open"] = history.valve_open
-    return signals
-
-
 def _tolerances(signals: Sequence[dict[str, Array]]) -> dict[str, float]:
     spans: dict[str, float] = {}
     for name in sorted({name for run in signals for name in run}):
         values = [run[name] for run in signals if name in run and run[name].size]
         low, high = min(v.min() for v in values), max(v.max() for v in values)
         spans[name] = float(max(high, 0.0) - min(low, 0.0))
-    tolerances = {}
-    for name in spans:
-        alike = [spans[other] for other in spans if _family(other) == _family(name)]
-        fixed = {"temperature_c": SAME_TEMPERATURE_K}.get(
-            name, SAME_ANGLE_RAD if name.startswith("base_") else 0.0
-        )
-        tolerances[name] = fixed or SAME * max(alike)
+    tolerances: dict[str, float] = {
+        **dict.fromkeys(BASE, float(SAME_ANGLE_RAD)),
+        "temperature_c": SAME_TEMPERATURE_K,
+    }
+    for name in spans.keys() - tolerances.keys():
+        alike = [span for other, span in spans.items() if _family(other) == _family(name)]
+        tolerances[name] = SAME * max(alike)
     return tolerances
 
 

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 
 from pliant.errors import UserError
-from pliant.measurements.assembly import BASE, FORCES
 from pliant.records.design import Array
-from pliant.records.history import REFERENCE_TEMPERATURE_C
+from pliant.records.history import BASE, FORCES, REFERENCE_TEMPERATURE_C
 from pliant.records.measurement import MeasuredRun, Measurement
 from pliant.store.store import write_atomically
 
@@ -30,36 +28,33 @@ def write_measurement(measurement: Measurement, path: Path | str) -> None:
     clocks = {run.history.time_s is None for run in measurement.runs}
     if len(clocks) > 1:
         raise UserError(f"{path}: some runs have time_s and some have none; write them to two files.")
-    tables = [_columns(run, measurement) for run in measurement.runs]
-    used = (
-        [name for name in tables[0] if any(_matters(name, table[name]) for table in tables)] if tables else []
-    )
+    tables = [_columns(run) for run in measurement.runs]
+    order = [
+        *("time_s", *(measurement.runs[0].history.actuation if tables else ()), "moment_n_m", *FORCES),
+        *("payload_kg", "valve_open", "temperature_c", *BASE, "cycle", *measurement.outputs),
+        *(f"sigma_{name}" for name in measurement.outputs),
+    ]
+    used = [name for name in order if any(name in t and _matters(name, t[name]) for t in tables)]
     specimens = any(run.history.specimen for run in measurement.runs)
     lines = [",".join(["run", *(["specimen"] if specimens else []), *used])]
     for run, table in zip(measurement.runs, tables, strict=True):
         texts = [_text(run.name, path)] + ([_text(run.history.specimen, path)] if specimens else [])
-        lines += _rows(texts, [table[name] for name in used])
+        missing = np.full(len(run), np.nan)
+        for row in zip(*(table.get(name, missing).tolist() for name in used), strict=True):
+            lines.append(",".join([*texts, *("" if value != value else repr(float(value)) for value in row)]))
     write_atomically(path, "\n".join(lines) + "\n")
     if measurement.marker_arms_m:
         arms = ", ".join(repr(float(arm)) for arm in measurement.marker_arms_m)
         write_atomically(path.with_suffix(".yaml"), f"markers_m: [{arms}]\n")
 
 
-def _columns(run: MeasuredRun, measurement: Measurement) -> dict[str, Array]:
-    """Every column that a run may have, in the file's order."""
-    history, missing = run.history, np.full(len(run), np.nan)
+def _columns(run: MeasuredRun) -> dict[str, Array]:
     return {
-        **({} if history.time_s is None else {"time_s": history.time_s}),
-        **history.actuation,
-        "moment_n_m": history.moment_n_m,
-        **dict(zip(FORCES, history.tip_force_n.T, strict=True)),
-        "payload_kg": missing if history.payload_kg is None else history.payload_kg,
-        "valve_open": missing if history.valve_open is None else history.valve_open,
-        "temperature_c": history.temperature_c,
-        **dict(zip(BASE, history.base_angles_rad.T, strict=True)),
-        "cycle": np.asarray(run.cycle, float),
-        **{name: run.outputs[name] for name in measurement.outputs},
-        **{f"sigma_{name}": run.sigma.get(name, missing) for name in measurement.outputs},
+        **({} if run.history.time_s is None else {"time_s": run.history.time_s}),
+        **run.history.signals(),
+        "cycle": run.cycle,
+        **run.outputs,
+        **{f"sigma_{name}": values for name, values in run.sigma.items()},
     }
 
 
@@ -72,12 +67,6 @@ def _matters(name: str, values: Array) -> bool:
     if name in ("payload_kg", "valve_open") or name.startswith("sigma_"):
         return bool(np.isfinite(values).any())
     return True
-
-
-def _rows(texts: list[str], columns: list[Array]) -> Iterator[str]:
-    start = ",".join(texts)
-    for row in zip(*(column.tolist() for column in columns), strict=True):
-        yield ",".join([start, *("" if value != value else repr(float(value)) for value in row)])
 
 
 def _text(name: str, path: Path) -> str:

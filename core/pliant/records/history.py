@@ -15,6 +15,9 @@ from pliant.records.rollout import Inputs
 
 REFERENCE_TEMPERATURE_C = 22.0
 PRESSURE = re.compile(r"pressure(_\d+)?_pa")
+# Columns of a measurement file for the components of `tip_force_n` and `base_angles_rad`.
+FORCES = ("tip_force_x_n", "tip_force_y_n", "tip_force_z_n")
+BASE = ("base_roll_rad", "base_pitch_rad", "base_yaw_rad")
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,6 +64,18 @@ class History:
     def with_actuation(self, **changes: Array) -> History:
         """A copy with some actuations replaced, by name."""
         return replace(self, actuation={**self.actuation, **changes})
+
+    def signals(self) -> dict[str, Array]:
+        """(t,) each input, load and condition that the run has, by the name of its column in a measurement file."""
+        optional = {"payload_kg": self.payload_kg, "valve_open": self.valve_open}
+        return {
+            **self.actuation,
+            "moment_n_m": self.moment_n_m,
+            **dict(zip(FORCES, self.tip_force_n.T, strict=True)),
+            **{name: values for name, values in optional.items() if values is not None},
+            "temperature_c": self.temperature_c,
+            **dict(zip(BASE, self.base_angles_rad.T, strict=True)),
+        }
 
     def at(self, index: int) -> Inputs:
         """The inputs of one sample."""

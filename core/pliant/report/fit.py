@@ -35,8 +35,7 @@ from pliant.report.fit_view import Fitted, unstable_places
 from pliant.report.meta_view import law_of_meta_json, law_of_meta_lines
 from pliant.report.provenance import duration, made_by, stage_json
 from pliant.report.stage import StoredPage
-from pliant.tabular.fem_modules import has_several_axes, read_module_table
-from pliant.tabular.fem_reading import read_table
+from pliant.tabular.fem_reading import has_several_axes, read_module_table, read_table
 from pliant.units import split_unit
 
 PAGE = "fit.html"

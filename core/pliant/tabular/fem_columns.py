@@ -1,12 +1,23 @@
-"""Names of a table's columns, by the joint's kind: docs/command_line.md."""
+"""Columns of a table of states: their names by the joint's kind (docs/command_line.md), and what the YAML beside says.
+
+The notes tell which column is what, in which unit, with which sign (docs/bring_your_own_data.md).
+"""
 
 from __future__ import annotations
 
+import hashlib
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal, NamedTuple
 
+from pydantic import Field
+
+from pliant.config.measurements import ColumnNotes, Name
+from pliant.errors import UserError
 from pliant.records.law import JointKind
+from pliant.tabular.schema import check_named, noted, notes_beside
+from pliant.tabular.units import conversion, fits, stem, unit_at_the_end, unit_in
 
 ACTUATIONS = ("pressure_pa", "tendon_force_n")
 TRAVELS = {"pressure_pa": "volume_change_m3", "tendon_force_n": "tendon_travel_m"}
@@ -14,11 +25,27 @@ LABELS = ("branch", "status", "role")
 EFFORTS = ("iterations", "wall_s")  # of the solver
 ALL = "all"  # axis of a state in which several are held
 WORDS = {"axis": ("x", "y", "z", ALL), "branch": ("free", "constrained"), "role": ("fit", "check")}
+# SI unit of what may come in another unit.
+UNITS = {
+    **{"pressure_pa": "Pa", "tendon_force_n": "N", "angle_rad": "rad", "moment_n_m": "N*m"},
+    **{"extension_m": "m", "force_n": "N"},
+}
+# What solvers call them, where a unit does not tell.
+CALLED = {
+    "pressure_pa": r"p|pres.*|pn.*|druck.*",
+    "tendon_force_n": r"tendon.*|cable.*|t|tension.*",
+    "angle_rad": r"th.*|phi|alpha|angle.*|rot.*|ur\d?|beta|winkel.*|joint_angle.*|half.*angle.*",
+    "moment_n_m": r"m|mom.*|torque.*|rm\d?|mz|my|tau|drehmoment.*",
+}
+_OF_AXIS = re.compile(r"(angle|extension|moment|force)_[xyz]_(rad|m|n_m|n)")
+_SLOPE = re.compile(r"d(moment|force)(_[xyz])?_d([pu])(_[xyz])?")
+_OF_AXES = re.compile(
+    r"(angle_[xyz]_rad|extension_[xyz]_m|moment_[xyz]_n_m|force_[xyz]_n|d(moment|force)_[xyz]_d(p|u_[xyz]))"
+)
 
 
-@dataclass(frozen=True)
-class Names:
-    """Columns of u, τ and its slopes, in the order of the fields of `FemDataset`."""
+class StateColumns(NamedTuple):
+    """Columns of u, τ and its slopes; every state needs the first two."""
 
     deformation: str
     effort: str
@@ -26,24 +53,14 @@ class Names:
     by_deformation: str
 
     @property
-    def required(self) -> tuple[str, str]:
-        """What every state needs beside the actuation."""
-        return self.deformation, self.effort
-
-    @property
-    def optional(self) -> tuple[str, str, str]:
-        """What may be missing."""
-        return self.by_actuation, self.by_deformation, "energy_j"
-
-    @property
     def numbers(self) -> dict[str, str]:
         """Column → field of `FemDataset`."""
         fields = ("angle_rad", "moment_n_m", "dmoment_dp", "dmoment_du", "energy_j")
-        return dict(zip((*self.required, *self.optional), fields, strict=True))
+        return dict(zip((*self, "energy_j"), fields, strict=True))
 
     def of_axes(self, axes: Sequence[str]) -> list[str]:
         """Columns of all axes: u, τ, ∂τ/∂p, then ∂τ_i/∂u_j row by row."""
-        (u, u_unit), (m, m_unit) = (name.split("_", 1) for name in self.required)
+        (u, u_unit), (m, m_unit) = (name.split("_", 1) for name in self[:2])
         return [
             *(f"{u}_{i}_{u_unit}" for i in axes),
             *(f"{m}_{i}_{m_unit}" for i in axes),
@@ -52,17 +69,14 @@ class Names:
         ]
 
 
-REVOLUTE = Names("angle_rad", "moment_n_m", "dmoment_dp", "dmoment_du")
-PRISMATIC = Names("extension_m", "force_n", "dforce_dp", "dforce_du")
+REVOLUTE = StateColumns("angle_rad", "moment_n_m", "dmoment_dp", "dmoment_du")
+PRISMATIC = StateColumns("extension_m", "force_n", "dforce_dp", "dforce_du")
 KNOWN = frozenset(
     (*ACTUATIONS, *TRAVELS.values(), *WORDS, *LABELS, *EFFORTS, *REVOLUTE.numbers, *PRISMATIC.numbers)
 )
-_OF_AXES = re.compile(
-    r"(angle_[xyz]_rad|extension_[xyz]_m|moment_[xyz]_n_m|force_[xyz]_n|d(moment|force)_[xyz]_d(p|u_[xyz]))"
-)
 
 
-def names_of(joint: JointKind) -> Names:
+def names_of(joint: JointKind) -> StateColumns:
     """The columns of a joint."""
     return PRISMATIC if joint == "prismatic" else REVOLUTE
 
@@ -70,3 +84,118 @@ def names_of(joint: JointKind) -> Names:
 def is_data(name: str) -> bool:
     """Whether a column holds data, so that it is no parameter of the design."""
     return name in KNOWN or _OF_AXES.fullmatch(name) is not None
+
+
+class TableNotes(ColumnNotes):
+    """What a table from elsewhere does not say of itself. The file `fem.yaml` beside `fem.csv` holds these keys."""
+
+    angle: Literal["module", "half_module"] = Field(
+        default="module", description="half_module: the angle is that of half a module and is doubled"
+    )
+    moment: Literal["opposes actuation", "sign reversed"] = Field(
+        default="opposes actuation", description="sign reversed: a positive moment helps the actuation"
+    )
+    between: dict[Name, tuple[float, float]] = Field(
+        default_factory=dict,
+        description="rows outside are left out, SI: {angle_rad: [-0.02, 0.9]} ends a law at the module's stops",
+    )
+
+
+def table_digest(path: Path) -> str:
+    """What keys a table's content, its notes included."""
+    notes, file = notes_beside(path, TableNotes)
+    beside = b"\0" + file.read_bytes() if notes is not None and file is not None else b""
+    return "sha256:" + hashlib.sha256(path.read_bytes() + beside).hexdigest()
+
+
+class StateHeader:
+    """The columns of one table: their names after renaming, the factor to SI of each."""
+
+    def __init__(self, path: Path, written: Sequence[str]) -> None:
+        """Raises `UserError` for notes on columns that are not there, and for units that do not fit."""
+        found, beside = notes_beside(path, TableNotes)
+        self.file = (beside if found is not None and beside else path.with_suffix(".yaml")).name
+        self.notes = notes = found or TableNotes()
+        self.written = written
+        stems = list(map(stem, written))
+        check_named(path, self.file, "rename", notes.rename, [*written, *stems])
+        check_named(path, self.file, "units", notes.units, [*written, *stems, *notes.rename.values()])
+        renamed = [noted(notes.rename, *both) for both in zip(written, stems, strict=True)]
+        self.names = [
+            new or (plain if plain in UNITS else name)
+            for name, plain, new in zip(written, stems, renamed, strict=True)
+        ]
+        check_named(path, self.file, "between", notes.between, self.names)
+        self.stated: dict[str, str] = {}
+        self.factors = dict.fromkeys(self.names, 1.0)
+        for name, both in zip(self.names, zip(written, stems, strict=True), strict=True):
+            self._convert(path, name, *both)
+        for name in self.factors:
+            if _plain(name) == "angle_rad" and notes.angle == "half_module":
+                self.factors[name] *= 2
+            if _plain(name) in ("moment_n_m", "force_n") and notes.moment == "sign reversed":
+                self.factors[name] *= -1
+        for name in self.factors:
+            if slope := _SLOPE.fullmatch(name):
+                self.factors[name] = self._of_slope(*slope.groups())
+
+    def _convert(self, path: Path, name: str, written: str, plain: str) -> None:
+        key = next((key for key in (written, plain, name) if key in self.notes.units), None)
+        if _plain(name) not in UNITS:
+            if key is not None:
+                slope = "; a slope is in the units of its columns" if _SLOPE.fullmatch(name) else ""
+                raise UserError(
+                    f"{self.file}: 'units' has '{key}', which is read as it stands{slope}. Units are "
+                    f"understood of {', '.join(UNITS)}."
+                )
+        elif unit := self.notes.units[key] if key else unit_in(written):
+            where = f"{self.file}: 'units' of '{key}'" if key else f"{path}: column '{written}'"
+            where += f", which is taken for {name}"
+            self.stated[name] = unit
+            self.factors[name] = conversion(unit, UNITS[_plain(name)], where)[0]
+
+    def _of_slope(self, effort: str, axis: str | None, by: str, along: str | None) -> float:
+        """Factor to SI of a slope, which is in the units and signs of the columns that it is of."""
+        names = REVOLUTE if effort == "moment" else PRISMATIC
+        u, of = (name.split("_", 1) for name in names[:2])
+        inputs = [name for name in ACTUATIONS if name in self.factors]
+        divisor = (inputs or [""])[0] if by == "p" else f"{u[0]}{along or ''}_{u[1]}"
+        return self.factors.get(f"{of[0]}{axis or ''}_{of[1]}", 1.0) / self.factors.get(divisor, 1.0)
+
+    def lines_to_write(self, path: Path, needed: Sequence[str]) -> str:
+        """The YAML that would map the header, as far as names and units tell; an empty text where nothing does."""
+        rename: dict[str, str] = {}
+        units: dict[str, str] = {}
+        for written in self.written:
+            meant = _meant(written)
+            if meant in needed and meant not in (*rename.values(), *self.written):
+                rename[written] = meant
+                if unit_in(written) is None and (unit := unit_at_the_end(written)):
+                    units[written] = unit
+        if not rename:
+            return ""
+        lines = [
+            f"\nWrite into {path.with_suffix('.yaml').name} beside it (and check that they are meant so):"
+        ]
+        for key, pairs in (("rename", rename), ("units", units)):
+            if pairs:
+                lines += [f"{key}:", *(f'  "{name}": {value}' for name, value in pairs.items())]
+        if any(meant == "angle_rad" and "half" in name.lower() for name, meant in rename.items()):
+            lines.append("angle: half_module")
+        return "\n".join(lines)
+
+
+def _plain(name: str) -> str:
+    """The name of a column of one axis of several, without the axis: angle_x_rad is an angle_rad."""
+    match = _OF_AXIS.fullmatch(name)
+    return f"{match[1]}_{match[2]}" if match else name
+
+
+def _meant(written: str) -> str:
+    """The column that a name and its unit speak for, or an empty text."""
+    unit = unit_in(written) or unit_at_the_end(written)
+    fitting = [name for name in CALLED if unit is None or fits(unit, UNITS[name])]
+    if unit is not None and not fitting and unit_in(written) is None:  # an axis or a number, no unit
+        unit, fitting = None, list(CALLED)
+    named = [name for name in fitting if re.fullmatch(CALLED[name], stem(written).lower().strip())]
+    return [*named, *(fitting if unit is not None else ()), ""][0]

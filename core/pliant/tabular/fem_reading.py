@@ -3,23 +3,37 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pliant.errors import UserError, closest
-from pliant.records.design import Design
-from pliant.records.fem import FemDataset
-from pliant.tabular.fem_checks import Row, check_agreement, check_pressure, check_slopes, check_tendon
-from pliant.tabular.fem_columns import ACTUATIONS, ALL, PRISMATIC, REVOLUTE, WORDS, Names, is_data
-from pliant.tabular.fem_notes import Columns, lines_to_write
+from pliant.records.design import Array, Design
+from pliant.records.fem import COUPLING, FemDataset, ModuleData
+from pliant.tabular import fem_checks
+from pliant.tabular.fem_columns import (
+    ACTUATIONS,
+    ALL,
+    LABELS,
+    PRISMATIC,
+    REVOLUTE,
+    TRAVELS,
+    WORDS,
+    StateColumns,
+    StateHeader,
+    is_data,
+)
 from pliant.tabular.text import is_number, open_sheet
 
 FAMILY = "table"
+DESIGN = "design"  # column with the design's number in a sweep's table
 FULL_TURN = 2 * math.pi
 NEEDED = "pressure_pa (or tendon_force_n),angle_rad,moment_n_m"
+Value = float | int | str | bool
 
 
 def read_table(path: Path, axis: str | None = None) -> FemDataset:
@@ -39,182 +53,297 @@ def read_table(path: Path, axis: str | None = None) -> FemDataset:
 
     Raises `UserError` with the file and the line.
     """
-    path = Path(path)
-    header, rows, columns = _rows_of(path)
-    names = names_in(header)
-    default = "x" if names is PRISMATIC else "y"
-    found, rows = _of_axis(path, rows, axis, default)
-    actuation = next(name for name in ACTUATIONS if name in header)
-    numbers = {
-        name: np.array([number(path, line, name, row[name], name in names.optional) for line, row in rows])
-        for name in (actuation, *names.numbers)
-        if name in header
+    table = _opened(path)
+    found, table = _of_axis(table, axis)
+    names, actuation = table.names, table.actuation
+    values: dict[str, Any] = {
+        field: table.numbers(name, name in (actuation, *names[:2]))
+        for name, field in {actuation: "actuation", **names.numbers}.items()
     }
-    missing = np.full(len(rows), np.nan)
-    fields = {field: numbers.get(name, missing) for name, field in names.numbers.items()}
-    effort = fields["moment_n_m"]
-    if "status" not in header:  # Pliant's own tables are taken as they are
-        check_pressure(path, rows, columns.stated, columns.file)
-        check_tendon(path, rows, columns.stated, columns.file)
-        check_agreement(path, rows, actuation, *names.required)
-        check_slopes(path, rows, names.deformation, actuation, names.effort, names.by_deformation)
-        check_slopes(path, rows, actuation, names.deformation, names.effort, names.by_actuation)
+    if "status" not in table.cells:  # Pliant's own tables are taken as they are
+        p, u, effort = (
+            (name, values[field])
+            for name, field in ((actuation, "actuation"), *list(names.numbers.items())[:2])
+        )
+        fem_checks.check_actuation(table.path, *p, table.header.stated, table.header.file)
+        fem_checks.check_agreement(table.path, table.lines, p, u, effort)
+        by_p, by_u = ((name, values[names.numbers[name]]) for name in names[2:])
+        fem_checks.check_slopes(table.path, table.lines, u[1], p[1], effort, by_u)
+        fem_checks.check_slopes(table.path, table.lines, p[1], u[1], effort, by_p)
+    every = [name for name in table.cells if name and not is_data(name)]
+    design = {name: value for name, value in table.constants(every).items() if not isinstance(value, str)}
     return FemDataset(
-        design=Design(FAMILY, _design(header, rows)),
+        design=Design(FAMILY, design),
         axis=found,
         actuation_name=actuation,
-        actuation=numbers[actuation],
-        angle_rad=fields["angle_rad"],
-        moment_n_m=effort,
-        dmoment_dp=fields["dmoment_dp"],
-        dmoment_du=fields["dmoment_du"],
-        energy_j=fields["energy_j"],
-        branch=words(path, rows, "branch", lambda index: "free" if effort[index] == 0 else "constrained"),
-        status=np.array([row.get("status") or "ok" for _, row in rows]),
-        role=words(path, rows, "role", lambda index: "fit"),
         joint="prismatic" if names is PRISMATIC else "revolute",
+        **values,
+        **table.labels(),
     )
 
 
-def table_axes(path: Path) -> tuple[str, ...]:
-    """The axes of a table in the order in which they appear, that of the first state first."""
-    header, rows = table_rows(Path(path))
-    default = "x" if names_in(header) is PRISMATIC else "y"
-    return tuple(dict.fromkeys(str(word) for word in axis_words(Path(path), rows, default) if word != ALL))
+def read_module_table(path: Path) -> ModuleData:
+    """The states of one design as `write_table` wrote them, to the bit: all rows, those of axis "all" too.
 
-
-def names_in(header: list[str]) -> Names:
-    """The columns of the joint that the header has."""
-    return PRISMATIC if any(name in header for name in PRISMATIC.required) else REVOLUTE
-
-
-def table_rows(path: Path) -> tuple[list[str], list[Row]]:
-    """Names of the header, which is checked first, and each row with its line, in SI as the notes beside it say.
+    A table of one axis may come from elsewhere (`read_table` has its columns); what it lacks is NaN, 0 iterations.
+    The main axis is the one of the first state with branch "free". Shapes, failures and the sampling are not in a
+    table.
 
     Raises `UserError` with the file and the line.
     """
-    header, rows, _ = _rows_of(path)
-    return header, rows
+    return _module(_opened(path))
 
 
-def _rows_of(path: Path) -> tuple[list[str], list[Row], Columns]:
+def read_designs_table(path: Path) -> list[ModuleData]:
+    """The designs of a sweep's table, in its order; columns that are not data are their parameters.
+
+    Rows belong together by the column `design`, or, where there is none, by the values of all columns that are not
+    data. A cell of a parameter may be blank: then that design does not have it.
+
+    Raises `UserError` with the file and the line.
+    """
+    return [one for _, one in read_labelled_designs(path)]
+
+
+def read_labelled_designs(path: Path) -> list[tuple[str, ModuleData]]:
+    """As `read_designs_table`, each with what messages call it: its number in the column `design`, or its line."""
+    table = _opened(path)
+    numbered = DESIGN in table.cells
+    telling = [table.cells[name] for name in ([DESIGN] if numbered else table.parameters)]
+    groups: dict[tuple[str, ...], list[int]] = {}
+    for row in range(len(table.lines)):
+        groups.setdefault(tuple(cells[row] for cells in telling), []).append(row)
+    if not numbered and 1 < len(table.lines) == len(groups):
+        raise UserError(
+            f"{path}: every row is a design of its own; a column '{DESIGN}' with one number per design says which "
+            "rows belong together"
+        )
+    if numbered and ("",) in groups:
+        raise UserError(f"{path}, line {table.lines[groups['',][0]]}, column {DESIGN}: it is blank")
+    return [
+        (
+            f"design {key[0]}" if numbered else f"the design of line {table.lines[rows[0]]}",
+            _module(table.rows(rows)),
+        )
+        for key, rows in groups.items()
+    ]
+
+
+def has_several_axes(path: Path) -> bool:
+    """Whether a table has u and the effort of all axes of a spherical joint."""
+    return len(_opened(path).axes) > 1
+
+
+@dataclass(frozen=True, eq=False)
+class StateTable:
+    """The cells of each column as texts in SI, as the notes say, and the line of each row."""
+
+    path: Path
+    header: StateHeader
+    cells: dict[str, list[str]]
+    lines: list[int]
+
+    @property
+    def names(self) -> StateColumns:
+        """The columns of the joint that the header has."""
+        return PRISMATIC if any(name in self.cells for name in PRISMATIC[:2]) else REVOLUTE
+
+    @property
+    def actuation(self) -> str:
+        return next(name for name in ACTUATIONS if name in self.cells)
+
+    @property
+    def axes(self) -> list[str]:
+        """Axes with columns of their own."""
+        own = zip("xyz", self.names.of_axes("xyz"), strict=False)
+        return [axis for axis, column in own if column in self.cells]
+
+    @property
+    def parameters(self) -> list[str]:
+        """Columns of the design."""
+        return [name for name in self.cells if name and name != DESIGN and not is_data(name)]
+
+    def rows(self, keep: Sequence[int]) -> StateTable:
+        cells = {name: [column[row] for row in keep] for name, column in self.cells.items()}
+        return replace(self, cells=cells, lines=[self.lines[row] for row in keep])
+
+    def numbers(self, name: str, needed: bool = False) -> Array:
+        """(n,) finite numbers of a column; what is absent, or blank and not needed, is NaN."""
+        if name not in self.cells:
+            return np.full(len(self.lines), np.nan)
+        cells = zip(self.lines, self.cells[name], strict=True)
+        return np.array([self._number(line, name, text, needed) for line, text in cells])
+
+    def _number(self, line: int, name: str, text: str, needed: bool) -> float:
+        where = f"{self.path}, line {line}, column {name}"
+        if not needed and text.lower() in ("", "nan"):
+            return math.nan
+        if not text:
+            raise UserError(f"{where}: it is blank; every state needs this number")
+        if not is_number(text):
+            raise UserError(f"{where}: '{text}' is not a number (write plain SI numbers)")
+        value = float(text)
+        if not math.isfinite(value):
+            raise UserError(f"{where}: '{text}' is not a finite number")
+        if name == "angle_rad" and abs(value) > FULL_TURN:
+            raise UserError(
+                f"{where}: {text} rad is more than a full turn; is the column in degrees? Then write "
+                f"'units: {{angle_rad: deg}}' into {self.path.with_suffix('.yaml').name} beside it"
+            )
+        return value
+
+    def words(self, name: str, defaults: Sequence[str]) -> NDArray[np.str_]:
+        """(n,) a column of words from a short list; blank takes the default of its row."""
+        cells = self.cells.get(name, defaults)
+        words = [word or default for word, default in zip(cells, defaults, strict=True)]
+        for line, word in zip(self.lines, words, strict=True):
+            if word not in WORDS[name]:
+                raise UserError(
+                    f"{self.path}, line {line}, column {name}: '{word}' is not one of {', '.join(WORDS[name])}"
+                    f"{closest(word, WORDS[name])}"
+                )
+        return np.array(words)
+
+    def explored(self) -> NDArray[np.str_]:
+        """(n,) the axis of each state."""
+        return self.words("axis", ["x" if self.names is PRISMATIC else "y"] * len(self.lines))
+
+    def labels(self) -> dict[str, Any]:
+        """(n,) branch, status and role of each state; without a branch a state of no effort is free."""
+        efforts = map(_parsed, self.cells[self.names.effort])
+        ok = ["ok"] * len(self.lines)
+        status = [text or "ok" for text in self.cells.get("status", ok)]
+        branch = self.words("branch", ["free" if value == 0 else "constrained" for value in efforts])
+        found = (branch, np.array(status), self.words("role", ["fit"] * len(self.lines)))
+        return dict(zip(LABELS, found, strict=True))
+
+    def constants(self, names: Sequence[str]) -> dict[str, Value]:
+        """Columns with one value throughout that is not blank: numbers, else texts."""
+        found: dict[str, Value] = {}
+        for name in names:
+            text, *others = set(self.cells[name])
+            if text and not others:
+                value = _parsed(text)
+                if value is None or not math.isfinite(value):
+                    found[name] = text
+                else:
+                    found[name] = int(text) if text.lstrip("+-").isdecimal() else value
+        return found
+
+
+def _opened(path: Path) -> StateTable:
+    """The whole table; its header is checked first."""
+    path = Path(path)
     with open_sheet(path, NEEDED) as sheet:
-        columns = Columns(path, sheet.header)
-        header = columns.names
-        if problem := _problem(path, header, columns):
+        header = StateHeader(path, sheet.header)
+        if problem := _problem(path, header):
             raise UserError(f"{path}, line {sheet.header_line}: {problem}")
-        rows = [
-            (line, {name: columns.converted(name, cell) for name, cell in zip(header, row, strict=True)})
-            for line, row in sheet.rows()
-        ]
-    rows = [(line, row) for line, row in rows if columns.keeps(row)]
-    if not rows:
-        raise UserError(f"{columns.file}: 'between' leaves no row of {path.name}")
-    return header, rows, columns
+        lines, columns = sheet.table()
+    cells = {
+        name: column
+        if header.factors[name] == 1.0
+        else [_in_si(text, header.factors[name]) for text in column]
+        for name, column in zip(header.names, columns, strict=True)
+    }
+    table = StateTable(path, header, cells, lines)
+    for name, (low, high) in header.notes.between.items():
+        # a cell that is no number is kept, for the message
+        values = [low if value is None else value for value in map(_parsed, table.cells[name])]
+        table = table.rows([row for row, value in enumerate(values) if low <= value <= high])
+        if not table.lines:
+            raise UserError(f"{header.file}: 'between' leaves no row of {path.name}")
+    return table
 
 
-def _problem(path: Path, header: list[str], columns: Columns) -> str:
+def _in_si(text: str, factor: float) -> str:
+    """A cell in SI; what is not a number stays as it is, for the message."""
+    value = _parsed(text)
+    return text if value is None else repr(factor * value)
+
+
+def _parsed(text: str) -> float | None:
+    """The number that a cell holds, or None."""
+    return float(text) if is_number(text) else None
+
+
+def _problem(path: Path, header: StateHeader) -> str:
     """What is wrong with the header, or an empty text."""
-    if repeated := sorted({name for name in header if header.count(name) > 1}):
-        both = [w for w, name in zip(columns.written, header, strict=True) if name == repeated[0]]
+    columns = header.names
+    if repeated := sorted({name for name in columns if columns.count(name) > 1}):
+        both = [w for w, name in zip(header.written, columns, strict=True) if name == repeated[0]]
         return f"columns {' and '.join(map(repr, both))} both mean {repeated[0]}; keep one"
-    given = [name for name in ACTUATIONS if name in header]
+    given = [name for name in ACTUATIONS if name in columns]
     if len(given) > 1:
         return "the table has pressure_pa and tendon_force_n; one law has one actuation"
-    unknown = [name for name in header if not is_data(name)]
-    names = names_in(header)
-    if given:
-        needed = [name for name in names.required if name not in header]
-    else:
-        needed = [*ACTUATIONS, *(name for name in names.required if name not in header)]
-    lines = lines_to_write(path, columns.written, needed) if needed else ""
+    unknown = [name for name in columns if not is_data(name)]
+    names = PRISMATIC if any(name in columns for name in PRISMATIC[:2]) else REVOLUTE
+    missing = [name for name in names[:2] if name not in columns]
+    if given and not missing:
+        return ""
+    lines = header.lines_to_write(path, [*(() if given else ACTUATIONS), *missing])
+    hints = [
+        closest(name, unknown).replace("did you mean", "the file has").replace("?", ".")
+        for name in (missing[:1] if given else ACTUATIONS)
+    ]
     if not given:
-        hints = sorted((_of_the_file(name, unknown) for name in ACTUATIONS), key=len)
-        return f"column 'pressure_pa' or 'tendon_force_n' is missing{hints[-1]}{lines}"
-    if names is REVOLUTE and "angle_rad" not in header and any("half" in n and "angle" in n for n in unknown):
+        return f"column 'pressure_pa' or 'tendon_force_n' is missing{max(hints, key=len)}{lines}"
+    if "angle_rad" in missing and any("half" in name and "angle" in name for name in unknown):
         return f"column 'angle_rad' is missing: it is the joint angle of a module, twice the half-module angle{lines}"
-    for name in names.required:
-        if name not in header:
-            return f"column '{name}' is missing{_of_the_file(name, unknown)}{lines}"
-    return ""
+    return f"column '{missing[0]}' is missing{hints[0]}{lines}"
 
 
-def _of_the_file(name: str, columns: list[str]) -> str:
-    """The end of a sentence: the column that may have been meant."""
-    return closest(name, columns).replace("did you mean", "the file has").replace("?", ".")
-
-
-def number(path: Path, line: int, name: str, text: str, optional: bool) -> float:
-    """A finite number, or NaN for a blank in an optional column."""
-    where = f"{path}, line {line}, column {name}"
-    if optional and text.lower() in ("", "nan"):
-        return math.nan
-    if not text:
-        raise UserError(f"{where}: it is blank; every state needs this number")
-    value = parsed(text)
-    if value is None:
-        raise UserError(f"{where}: '{text}' is not a number (write plain SI numbers)")
-    if not math.isfinite(value):
-        raise UserError(f"{where}: '{text}' is not a finite number")
-    if name == "angle_rad" and abs(value) > FULL_TURN:
-        raise UserError(
-            f"{where}: {text} rad is more than a full turn; is the column in degrees? Then write "
-            f"'units: {{angle_rad: deg}}' into {path.with_suffix('.yaml').name} beside it"
-        )
-    return value
-
-
-def words(path: Path, rows: list[Row], name: str, default: Callable[[int], str]) -> Any:
-    """A column of words from a short list; blank takes the default of its row."""
-    words = []
-    for index, (line, row) in enumerate(rows):
-        word = row.get(name) or default(index)
-        if word not in WORDS[name]:
-            allowed = ", ".join(WORDS[name])
-            hint = closest(word, WORDS[name])
-            raise UserError(f"{path}, line {line}, column {name}: '{word}' is not one of {allowed}{hint}")
-        words.append(word)
-    return np.array(words)
-
-
-def axis_words(path: Path, rows: list[Row], default: str) -> Any:
-    """(n,) the axis of each state."""
-    return words(path, rows, "axis", lambda index: default)
-
-
-def _of_axis(path: Path, rows: list[Row], wanted: str | None, default: str) -> tuple[str, list[Row]]:
+def _of_axis(table: StateTable, wanted: str | None) -> tuple[str, StateTable]:
     """The axis that is read and its rows."""
-    axes = axis_words(path, rows, default)
-    single = axes[axes != ALL]
-    found = list(dict.fromkeys(map(str, single)))
+    axes = table.explored()
+    found = list(dict.fromkeys(map(str, axes[axes != ALL])))
     if not found:
-        raise UserError(f"{path}: no state explores one axis alone; all have '{ALL}' in column axis.")
+        raise UserError(f"{table.path}: no state explores one axis alone; all have '{ALL}' in column axis.")
     if len(found) > 1 and wanted is None:
         other = int(np.flatnonzero((axes != found[0]) & (axes != ALL))[0])
         raise UserError(
-            f"{path}, line {rows[other][0]}, column axis: it is '{found[1]}' after '{found[0]}'; "
+            f"{table.path}, line {table.lines[other]}, column axis: it is '{found[1]}' after '{found[0]}'; "
             "one table holds one axis here; give a spherical joint this table for each of 'axes: {x: …, y: …, z: …}'"
         )
     if len(found) > 1 and wanted not in found:
-        raise UserError(f"{path}: no state explores axis {wanted}, only {', '.join(found)}.")
+        raise UserError(f"{table.path}: no state explores axis {wanted}, only {', '.join(found)}.")
     axis = found[0] if len(found) == 1 or wanted is None else wanted
-    return axis, [row for row, word in zip(rows, axes, strict=True) if word == axis]
+    return axis, table.rows(np.flatnonzero(axes == axis).tolist())
 
 
-def _design(header: list[str], rows: list[Row]) -> dict[str, float | int | str | bool]:
-    """Other columns that hold one number throughout."""
-    parameters: dict[str, float | int | str | bool] = {}
-    for name in header:
-        values = {row[name] for _, row in rows}
-        if is_data(name) or not name or len(values) != 1:
-            continue
-        text = values.pop()
-        value = parsed(text)
-        if value is not None and math.isfinite(value):
-            parameters[name] = int(text) if text.lstrip("+-").isdecimal() else value
-    return parameters
-
-
-def parsed(text: str) -> float | None:
-    """The number that a cell holds, or None."""
-    return float(text) if is_number(text) else None
+def _module(table: StateTable) -> ModuleData:
+    names, explored, labels = table.names, table.explored(), table.labels()
+    axes = tuple(table.axes)
+    if not axes:  # a table of one axis, or one that cannot be read so
+        axes = tuple(dict.fromkeys(map(str, explored)))
+        if len(axes) > 1 or ALL in axes:
+            line = table.lines[int(np.flatnonzero(explored != axes[0])[0]) if len(axes) > 1 else 0]
+            needed = ", ".join(names.of_axes("xyz")[:6])
+            raise UserError(
+                f"{table.path}, line {line}, column axis: a table of several axes needs u and the effort of all of "
+                f"them ({needed}) to be read as whole states"
+            )
+    # all axes are free on the free branch of the one that actuation drives, so only that one has such states
+    free = [str(axis) for axis in explored[labels["branch"] == "free"] if axis in axes]
+    n, k = len(table.lines), len(axes)
+    columns = list(names) if k == 1 else names.of_axes(axes)
+    numbers = np.column_stack([table.numbers(name, name in columns[: 2 * k]) for name in columns])
+    u, tau, by_p, by_u = np.split(numbers, [k, 2 * k, 3 * k], axis=1)
+    actuation = table.actuation
+    return ModuleData(
+        design=Design(FAMILY, table.constants(table.parameters)),
+        joint="spherical" if k > 1 else "prismatic" if names is PRISMATIC else "revolute",
+        axes=axes,
+        main_axis=free[0] if free else "y" if "y" in axes else axes[0],
+        actuation_name=actuation,
+        actuation=table.numbers(actuation, needed=True),
+        deformation=u,
+        tau=tau,
+        dtau_dp=by_p,
+        dtau_du=by_u.reshape(n, k, k),
+        energy_j=table.numbers("energy_j"),
+        travel=table.numbers(TRAVELS[actuation]),
+        iterations=np.nan_to_num(table.numbers("iterations")).astype(np.int64),
+        wall_s=table.numbers("wall_s"),
+        explored=np.where(explored == ALL, COUPLING, explored),
+        **labels,
+    )

@@ -1,18 +1,17 @@
-"""The FEM stage's states as CSV, which `fem_reading` and `fem_modules` read back to the bit."""
+"""The FEM stage's states as CSV, which `fem_reading` reads back to the bit."""
 
 from __future__ import annotations
 
 import csv
 import io
 import math
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from pliant.errors import ContractError
-from pliant.records.design import Array, Design
+from pliant.records.design import Design
 from pliant.records.fem import FemDataset, ModuleData
 from pliant.store.store import write_atomically
 from pliant.tabular.fem_columns import ALL, EFFORTS, LABELS, TRAVELS, is_data, names_of
@@ -28,65 +27,55 @@ def write_table(dataset: FemDataset | ModuleData, path: Path) -> None:
     """
     columns = _of_module(dataset) if isinstance(dataset, ModuleData) else _of_axis(dataset)
     design = _parameters(dataset.design)
-    count = len(dataset)
     cells = [[_text(value) for value in column] for column in columns.values()]
-    cells += [[value] * count for value in design.values()]
+    cells += [[value] * len(dataset) for value in design.values()]
     text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerows([[*columns, *design], *(list(row) for row in zip(*cells, strict=True))])
+    csv.writer(text, lineterminator="\n").writerows([[*columns, *design], *zip(*cells, strict=True)])
     write_atomically(Path(path), text.getvalue())
 
 
 def _of_axis(data: FemDataset) -> dict[str, Any]:
     """Column → values of one axis."""
-    numbers = {name: getattr(data, field) for name, field in names_of(data.joint).numbers.items()}
     return {
         data.actuation_name: data.actuation,
         "axis": [data.axis] * len(data),
-        **numbers,
+        **{name: getattr(data, field) for name, field in names_of(data.joint).numbers.items()},
         **{name: getattr(data, name) for name in LABELS},
     }
 
 
 def _of_module(data: ModuleData) -> dict[str, Any]:
-    """Column → values of a module, one row per state."""
-    names = names_of(data.joint)
-    own = _own_axis(data)
+    """Column → values of a module, one row per state: those of the axis that it explores, or of the main one."""
+    names, main, k = names_of(data.joint), data.axes.index(data.main_axis), len(data.axes)
+    own = [
+        part.copy()
+        for part in (
+            data.deformation[:, main],
+            data.tau[:, main],
+            data.dtau_dp[:, main],
+            data.dtau_du[:, main, main],
+        )
+    ]
+    for axis in data.explored_axes():
+        law = data.axis(axis)
+        for part, field in zip(own, names.numbers.values(), strict=False):
+            part[data.explored == axis] = getattr(law, field)
     travel = {TRAVELS[data.actuation_name]: data.travel} if data.actuation_name in TRAVELS else {}
     columns = {
         data.actuation_name: data.actuation,
         "axis": [axis if axis in data.axes else ALL for axis in map(str, data.explored)],
-        **{name: own[field] for name, field in names.numbers.items()},
+        **dict(zip(names.numbers, (*own, data.energy_j), strict=True)),
         **{name: getattr(data, name) for name in LABELS},
         **travel,
         **{name: getattr(data, name) for name in EFFORTS},
     }
-    if len(data.axes) == 1:
-        return columns
-    k = len(data.axes)
-    parts = (data.deformation, data.tau, data.dtau_dp, data.dtau_du.reshape(len(data), k * k))
-    every = np.concatenate(parts, axis=1)
-    return {**columns, **dict(zip(names.of_axes(data.axes), every.T, strict=True))}
+    if k > 1:
+        parts = (data.deformation, data.tau, data.dtau_dp, data.dtau_du.reshape(len(data), k * k))
+        columns |= zip(names.of_axes(data.axes), np.concatenate(parts, axis=1).T, strict=True)
+    return columns
 
 
-def _own_axis(data: ModuleData) -> dict[str, Array]:
-    """Fields of `FemDataset`, each state with those of the axis that it explores, or of the main one."""
-    main = data.axes.index(data.main_axis)
-    own = {
-        "angle_rad": data.deformation[:, main].copy(),
-        "moment_n_m": data.tau[:, main].copy(),
-        "dmoment_dp": data.dtau_dp[:, main].copy(),
-        "dmoment_du": data.dtau_du[:, main, main].copy(),
-        "energy_j": data.energy_j,
-    }
-    for axis in data.explored_axes():
-        rows, law = data.explored == axis, data.axis(axis)
-        for name in ("angle_rad", "moment_n_m", "dmoment_dp", "dmoment_du"):
-            own[name][rows] = getattr(law, name)
-    return own
-
-
-def _parameters(design: Design) -> Mapping[str, str]:
+def _parameters(design: Design) -> dict[str, str]:
     """The design's numbers as texts."""
     numbers = {
         name: _text(value)
@@ -99,8 +88,6 @@ def _parameters(design: Design) -> Mapping[str, str]:
 
 
 def _text(value: Any) -> str:
-    if isinstance(value, str):
-        return str(value)
-    if isinstance(value, int | np.integer):
+    if isinstance(value, str | int | np.integer):
         return str(value)
     return "" if math.isnan(value) else repr(float(value))

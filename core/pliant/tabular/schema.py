@@ -1,4 +1,4 @@
-"""A typed schema per use: which columns a table may have, in which unit, and what each is for.
+"""A typed schema per use: which columns a table may have, in which unit, what each is for, and the notes beside it.
 
 A new kind of table is a `Schema`, `read_columns` and what its numbers must be; tests/tabular/test_schema.py has one.
 """
@@ -6,20 +6,23 @@ A new kind of table is a `Schema`, `read_columns` and what its numbers must be; 
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Literal
+from typing import Literal, TypeVar
 
 import numpy as np
 
-from pliant.errors import UserError
+from pliant.config.loading import load_notes
+from pliant.config.measurements import ColumnNotes
+from pliant.errors import UserError, closest
 from pliant.formatting import plural
 from pliant.records.design import Array
 from pliant.tabular.text import Sheet
 from pliant.tabular.units import ENDINGS, conversion, fits, stem, unit_in
 
 Role = Literal["text", "time", "input", "condition", "cycle", "output", "sigma", "count"]
+Notes = TypeVar("Notes", bound=ColumnNotes)
 
 
 @dataclass(frozen=True)
@@ -33,7 +36,7 @@ class Known:
 
 
 @dataclass(frozen=True)
-class Column:
+class FileColumn:
     """A column of a file that Pliant reads.
 
     Attributes:
@@ -64,8 +67,8 @@ class Schema:
         return next((k for k in self.known if re.fullmatch(k.stem + k.unit_suffix, name)), None)
 
     def column_of(
-        self, written: str, name: str = "", unit: str | None = None, inputs: frozenset[str] = frozenset()
-    ) -> Column | None:
+        self, written: str, name: str, unit: str | None, inputs: frozenset[str]
+    ) -> FileColumn | None:
         """The column that `name` means; None for a name that is not known.
 
         Args:
@@ -76,7 +79,7 @@ class Schema:
 
         Raises `UserError` for a unit that does not fit.
         """
-        plain = stem(name or written).lower().replace(" ", "_")
+        plain = stem(name).lower().replace(" ", "_")
         prefix = "sigma_" if plain.startswith("sigma_") else ""
         plain = plain.removeprefix(prefix)
         si, suffix_unit = self._in_si(plain, unit or unit_in(written))
@@ -90,13 +93,22 @@ class Schema:
             if not known.unit:
                 raise UserError(f"column '{written}' has no unit; take it out of 'units'.")
             scale, shift = conversion(source, known.unit, f"column '{written}'")
-        return Column(written, prefix + si, role, known.unit, scale, 0.0 if prefix else shift)
+        return FileColumn(written, prefix + si, role, known.unit, scale, 0.0 if prefix else shift)
 
-    def matched(self, path: Path, header: Sequence[str]) -> dict[str, Column]:
+    def matched(
+        self,
+        path: Path,
+        header: Sequence[str],
+        notes: ColumnNotes | None = None,
+        inputs: frozenset[str] = frozenset(),
+    ) -> dict[str, FileColumn]:
         """The columns of a header that are known, by their names; raises `UserError` where two mean the same."""
-        found: dict[str, Column] = {}
+        rename, units = (notes.rename, notes.units) if notes else ({}, {})
+        found: dict[str, FileColumn] = {}
         for written in filter(None, header):
-            column = self.column_of(written)
+            renamed = noted(rename, written, stem(written)) or written
+            unit = noted(units, written, stem(written), renamed)
+            column = self.column_of(written, renamed, unit, inputs)
             if column is not None and column.name in found:
                 both = f"'{found[column.name].written}' and '{written}'"
                 raise UserError(f"{path}: columns {both} both mean {column.name}; keep one.")
@@ -128,7 +140,7 @@ class Values:
     remarks: list[str] = field(default_factory=list)
 
 
-def read_columns(sheet: Sheet, columns: dict[str, Column]) -> Values:
+def read_columns(sheet: Sheet, columns: dict[str, FileColumn]) -> Values:
     """The rows of an open sheet; raises `UserError` with all cells that are no numbers. What is not read is said."""
     places = {name: sheet.header.index(column.written) for name, column in columns.items()}
     numbers: dict[str, list[Array]] = {name: [] for name, c in columns.items() if c.role != "text"}
@@ -147,3 +159,33 @@ def read_columns(sheet: Sheet, columns: dict[str, Column]) -> Values:
     remarks = [f"Not read: {plural(len(unread), 'column')} {', '.join(unread)}."] if unread else []
     joined = {name: np.concatenate([np.zeros(0), *parts]) for name, parts in numbers.items()}
     return Values(joined, texts, np.concatenate(lines), remarks)
+
+
+def notes_beside(path: Path, model: type[Notes]) -> tuple[Notes | None, Path | None]:
+    """The YAML notes of the same stem as a table and their file; None where there are none.
+
+    A study may have that stem too: then the file is the study, without notes, since the notes belong into it.
+    """
+    found = [f for end in (".yaml", ".yml") if (f := path.with_suffix(end)) != path and f.is_file()]
+    read = [(notes, file) for file in found if (notes := load_notes(file, model)) is not None]
+    if len(read) > 1:
+        raise UserError(
+            f"{path.parent}: {read[0][1].name} and {read[1][1].name} both hold notes on {path.name}; keep one."
+        )
+    return read[0] if read else (None, found[0] if found else None)
+
+
+def check_named(path: Path, notes_name: str, key: str, named: Iterable[str], columns: Iterable[str]) -> None:
+    """Raise `UserError` where a key of the notes names a column that is not there: a slip of the pen."""
+    known = set(columns)
+    for name in named:
+        if name not in known:
+            raise UserError(
+                f"{notes_name}: '{key}' has '{name}', which is not a column of {path.name}"
+                f"{closest(name, sorted(known))}"
+            )
+
+
+def noted(entries: Mapping[str, str], *names: str) -> str | None:
+    """What notes say of a column under the first of its names that they know."""
+    return next((entries[name] for name in names if name in entries), None)

@@ -69,11 +69,6 @@ class Problems:
         if self.count:
             raise self.error()
 
-    def raise_first(self) -> None:
-        """Raise the first one alone, as tables do in which every row counts."""
-        for line, text in self.found[:1]:
-            raise UserError(f"{self.path}, line {line}: {text}")
-
 
 @dataclass(frozen=True, eq=False)
 class Block:
@@ -122,21 +117,20 @@ class Sheet:
     def __exit__(self, *_: object) -> None:
         self.file.close()
 
-    def rows(self) -> Iterator[tuple[int, list[str]]]:
-        """Line and cells of each row, stripped, decimals with a point; the first problem is raised."""
-        empty = True
+    def table(self) -> tuple[list[int], list[list[str]]]:
+        """Line of each row and cells of each column, stripped, decimals with a point; the first problem is raised."""
+        lines: list[int] = []
+        columns: list[list[str]] = [[] for _ in self.header]
         for block in self.blocks():
-            self.problems.raise_first()
-            columns = [tuple(cell.strip() for cell in cells) for cells in block.columns]
-            if block.comma:
-                columns = [_with_points(c, block.lines, "", self.problems) for c in columns]
-                self.problems.raise_first()
-            for line, cells in zip(block.lines.tolist(), zip(*columns, strict=True), strict=True):
-                empty = False
-                yield line, list(cells)
-        self.problems.raise_first()
-        if empty:
+            lines += block.lines.tolist()
+            for column, cells in zip(columns, block.columns, strict=True):
+                stripped = tuple(cell.strip() for cell in cells)
+                column += _with_points(stripped, block.lines, "", self.problems) if block.comma else stripped
+        for line, text in self.problems.found[:1]:
+            raise UserError(f"{self.path}, line {line}: {text}")
+        if not lines:
             raise UserError(f"{self.path}: the table has a header and no rows.")
+        return lines, columns
 
     def blocks(self) -> Iterator[Block]:
         """The rows after the header. Raises `UserError` where the file is no text or has too many problems."""
@@ -176,57 +170,40 @@ class Sheet:
         self.blank_rows += 1
         return False
 
-    def _joined(self, texts: list[str], numbers: Array) -> tuple[list[str], Array]:
-        """The rows with those lines put together that one quoted cell runs over; a row has the line of its end."""
-        if not any(text.count('"') % 2 for text in texts):
-            return texts, numbers
-        rows, ends, k = [], [], 0
-        while k < len(texts):
-            size = 1
-            if texts[k].count('"') % 2:
-                ending = (n for n in range(2, QUOTED_LINES) if self._is_whole("\n".join(texts[k : k + n])))
-                size = next(ending, 1)
-            rows.append("\n".join(texts[k : k + size]))
-            ends.append(numbers[min(k + size, len(texts)) - 1])
-            k += size
-        return rows, np.array(ends)
-
-    def _is_whole(self, text: str) -> bool:
-        try:
-            rows = list(_reader(io.StringIO(text, newline=""), self.separator))
-        except csv.Error:
-            return False
-        return len(rows) == 1 and len(rows[0]) == len(self.header)
-
     def _parsed(self, texts: list[str], numbers: Array) -> Block:
-        width = len(self.header)
+        width, comma = len(self.header), self.separator != ","
         try:
             rows = list(_reader(texts, self.separator))
-            if len(rows) == len(texts):
-                columns = tuple(zip(*rows, strict=True))
-                if len(columns) == width:
-                    return Block(columns, numbers, self.problems, self.separator != ",")
+            columns = tuple(zip(*rows, strict=True))
+            if len(rows) == len(texts) and len(columns) == width:
+                return Block(columns, numbers, self.problems, comma)
         except (csv.Error, ValueError):
             pass  # some row is bad: look for it row by row
-        return self._parsed_singly(*self._joined(texts, numbers))
-
-    def _parsed_singly(self, texts: list[str], numbers: Array) -> Block:
-        width, good, lines = len(self.header), [], []
-        for text, number in zip(texts, numbers.tolist(), strict=True):
-            try:
-                cells = next(_reader(io.StringIO(text, newline=""), self.separator))
-            except csv.Error as error:
+        good, lines, k = [], [], 0
+        while k < len(texts):
+            sizes = range(2, QUOTED_LINES) if texts[k].count('"') % 2 else ()
+            size = next((n for n in sizes if len(self._row(texts[k : k + n])[0]) == width), 1)
+            cells, error = self._row(texts[k : k + size])
+            number = int(numbers[min(k + size, len(texts)) - 1])  # that of the row's end
+            k += size
+            if error:
                 self.problems.add(number, f"it cannot be read as CSV ({error})")
-                continue
-            if len(cells) == width:
+            elif len(cells) == width:
                 good.append(cells)
                 lines.append(number)
             else:
-                more = len(cells) > width and self.separator == ","
-                hint = " (decimals need a point, not a comma)" if more else ""
+                hint = " (decimals need a point, not a comma)" if len(cells) > width and not comma else ""
                 self.problems.add(number, f"{plural(len(cells), 'cell')}, but the header has {width}{hint}")
         columns = tuple(zip(*good, strict=True)) if good else ((),) * width
-        return Block(columns, np.array(lines, int), self.problems, self.separator != ",")
+        return Block(columns, np.array(lines, int), self.problems, comma)
+
+    def _row(self, texts: list[str]) -> tuple[list[str], str]:
+        """Cells of one row that may run over lines, and what is wrong with it."""
+        try:
+            rows = list(_reader(io.StringIO("\n".join(texts), newline=""), self.separator))
+        except csv.Error as error:
+            return [], str(error)
+        return rows[0] if len(rows) == 1 else [], ""
 
 
 def _reader(lines: Iterable[str], separator: str) -> Iterator[list[str]]:
@@ -277,40 +254,34 @@ def _with_header(path: Path, file: IO[str], example: str) -> Sheet:
             continue
         first, _, text = text.partition("\n")
         line += 1
-        if not first.strip() or first.lstrip().startswith(COMMENTS):
-            comment = first.strip().lstrip("".join(COMMENTS)).strip() or comment
-            text = text or _read(file, path)
-            continue
-        return _headed(path, line, first, text, comment, file, example)
+        if first.strip() and not first.lstrip().startswith(COMMENTS):
+            return _headed(path, line, first, text, comment, file, example)
+        comment = first.strip().lstrip("".join(COMMENTS)).strip() or comment
+        text = text or _read(file, path)
     raise UserError(f"{path}: the table is empty; it needs a header such as {example}.")
 
 
 def _headed(path: Path, line: int, first: str, rest: str, comment: str, file: IO[str], example: str) -> Sheet:
-    separator = _separator(first)
-    sheet = Sheet(path, [], Problems(path), file, rest, line + 1, separator, line)
+    marks = ";\t," if ";" in first or "," not in first else ","
+    separator = next((mark for mark in marks if mark in first), ",")
     try:
-        lead = [cell.strip() for cell in next(_reader([first], separator))]
+        header = [cell.strip() for cell in next(_reader([first], separator))]
     except csv.Error as error:
         raise UserError(f"{path}, line {line}: the header cannot be read as CSV ({error}).") from None
-    sheet.header = lead
-    if all(is_number(cell.replace(",", ".")) for cell in lead):
-        sheet.header = [cell.strip() for cell in comment.split(separator)]  # COMSOL's, above the numbers
-        sheet.rest, sheet.line = f"{first}\n{rest}", line
-        if len(sheet.header) != len(lead) or len(lead) < 2:
+    start = line + 1
+    if all(is_number(cell.replace(",", ".")) for cell in header):
+        width = len(header)
+        header = [cell.strip() for cell in comment.split(separator)]  # COMSOL's, above the numbers
+        rest, start = f"{first}\n{rest}", line
+        if len(header) != width or width < 2:
             raise UserError(
                 f"{path}, line {line}: the first row holds numbers; write a header above it, such as {example}."
             )
-    repeated = sorted({cell for cell in sheet.header if cell and sheet.header.count(cell) > 1})
+    repeated = sorted({cell for cell in header if cell and header.count(cell) > 1})
     if repeated:
-        count = sheet.header.count(repeated[0])
+        count = header.count(repeated[0])
         raise UserError(f"{path}, line {line}: column '{repeated[0]}' stands {count} times; keep one.")
-    return sheet
-
-
-def _separator(header: str) -> str:
-    if "," in header and ";" not in header:
-        return ","
-    return ";" if ";" in header else "\t" if "\t" in header else ","
+    return Sheet(path, header, Problems(path), file, rest, start, separator, line)
 
 
 def _with_points(cells: Cells, lines: Array, column: str, problems: Problems) -> Cells:
@@ -332,32 +303,26 @@ def _with_points(cells: Cells, lines: Array, column: str, problems: Problems) ->
 def _floats(cells: Cells, lines: Array, column: str, problems: Problems) -> Array:
     try:
         values = np.fromiter(map(float, cells), float, len(cells))
-        if "_" not in "".join(cells):  # Python would read 1_5 as 15
-            for index in np.flatnonzero(np.isinf(values)):
-                problems.add(
-                    int(lines[index]), f"column {column} is infinite; leave it blank where nothing was read"
-                )
-            return values
+        plain = "_" not in "".join(cells)  # Python would read 1_5 as 15
     except ValueError:
-        pass
-    return np.array([_number(cell, i, lines, column, problems) for i, cell in enumerate(cells)])
-
-
-def _number(cell: str, index: int, lines: Array, column: str, problems: Problems) -> float:
-    text = cell.strip()
-    if text.lower() in MISSING:
-        return np.nan
-    value = np.nan
-    if not is_number(text):
-        hint = (
-            "; decimals need a point"
-            if re.fullmatch(r"[-+]?\d+,\d+", text)
-            else "; leave missing values blank"
-        )
-        problems.add(int(lines[index]), f"column {column}: '{_short(text)}' is not a number{hint}")
-    elif np.isinf(value := float(text)):
+        plain = False
+    if not plain:
+        pairs = zip(cells, lines.tolist(), strict=True)
+        values = np.array([_number(cell.strip(), line, column, problems) for cell, line in pairs])
+    for index in np.flatnonzero(np.isinf(values)):
         problems.add(int(lines[index]), f"column {column} is infinite; leave it blank where nothing was read")
-    return value
+    return values
+
+
+def _number(text: str, line: int, column: str, problems: Problems) -> float:
+    if is_number(text):
+        return float(text)
+    if text.lower() not in MISSING:
+        comma = re.fullmatch(r"[-+]?\d+,\d+", text)
+        hint = "decimals need a point" if comma else "leave missing values blank"
+        shown = text if len(text) <= 30 else f"{text[:30]}…"
+        problems.add(line, f"column {column}: '{shown}' is not a number; {hint}")
+    return np.nan
 
 
 def is_number(text: str) -> bool:
