@@ -45,14 +45,14 @@ def test_extend_writes_a_study_that_predicts_what_was_fitted(pliant, joint, read
     assert error == pytest.approx(result["after"]["outputs"]["angle_rad"]["rmse"], rel=1e-3)
 
 
-def test_a_study_elsewhere_finds_its_files(pliant, joint):
-    pliant("extend", joint, "--effect", "viscoelastic", "--out", "other/place/new.yaml", "--quiet").done()
-    assert pliant("compare", "other/place/new.yaml", "--quiet").code == 0
-
-
-def test_overrides_stand_in_the_new_study(pliant, joint, workplace):
-    pliant("extend", joint, "chain.module_mass=30 g", "--effect", "viscoelastic", "--out", "new.yaml").done()
-    assert "module_mass: 30 g" in (workplace / "new.yaml").read_text()
+def test_a_study_elsewhere_finds_its_files_and_has_the_overrides(pliant, joint, workplace):
+    new = "other/place/new.yaml"
+    call = pliant(
+        "extend", joint, "chain.module_mass=30 g", "--effect", "viscoelastic", "--out", new, "--quiet"
+    )
+    assert call.code == 0, call.err
+    assert "module_mass: 30 g" in (workplace / new).read_text()
+    assert pliant("compare", new, "--quiet").code == 0
 
 
 def test_an_effect_that_is_not_there_writes_nothing(pliant, joint, read, workplace):
