@@ -150,7 +150,7 @@ def built(component, **keys):
 def test_the_task_with_contact_of_the_docs_pushes_a_ball(tmp_path, monkeypatch):
     pytest.importorskip("mujoco")
     from pliant.pipeline.simulate import run_task
-    from pliant.testing.scenes import sample_finger
+    from pliant.testing.samples import sample_finger
     from pliant.testing.suite import run_checks
 
     component = typed_in(tmp_path, monkeypatch, "my-push", "task")
@@ -166,7 +166,7 @@ def test_the_task_with_contact_of_the_docs_pushes_a_ball(tmp_path, monkeypatch):
 
 def test_the_engine_of_the_docs_agrees(tmp_path, monkeypatch):
     from pliant.pipeline.simulate import run_task
-    from pliant.testing.scenes import sample_finger
+    from pliant.testing.samples import sample_finger
     from pliant.testing.suite import run_checks
 
     component = typed_in(tmp_path, monkeypatch, "my-engine", "physics")

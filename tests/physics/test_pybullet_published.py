@@ -16,8 +16,14 @@ from pliant.records.rollout import Inputs
 from pliant.records.scene import Arm, Scene
 from pliant.records.term import LawTerm
 from pliant.testing.physics_runs import dashpot
-from pliant.testing.samples import PRESSURE_PA, LinearLaw, linear_spherical_law, sample_chain, softening_law
-from pliant.testing.scenes import sample_finger
+from pliant.testing.samples import (
+    PRESSURE_PA,
+    LinearLaw,
+    linear_spherical_law,
+    sample_chain,
+    sample_finger,
+    softening_law,
+)
 from pliant_plugins.physics.pybullet.backend import Pybullet
 from pliant_plugins.physics.pybullet.config import PybulletConfig
 from pliant_plugins.physics.quasistatic.backend import Quasistatic

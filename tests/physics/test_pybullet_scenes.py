@@ -17,20 +17,18 @@ from pliant.records.rollout import Inputs
 from pliant.records.scene import Arm, Part, Scene
 from pliant.records.shape import Shape, TriangleMesh
 from pliant.testing.samples import (
+    NO_GRAVITY_M_S2,
+    OBJECT_KG,
     PRESSURE_PA,
     linear_law,
     linear_prismatic_law,
     linear_spherical_law,
-    softening_law,
-)
-from pliant.testing.scenes import (
-    NO_GRAVITY_M_S2,
-    OBJECT_KG,
     lopsided_box,
     pinch_scene,
     pinching,
     sample_box,
     sample_finger,
+    softening_law,
 )
 from pliant_plugins.physics.pybullet.backend import Pybullet
 from pliant_plugins.physics.pybullet.config import PybulletConfig

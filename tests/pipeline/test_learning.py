@@ -27,7 +27,7 @@ from pliant.records.fem import ModuleData
 from pliant.registry.discovery import discover
 from pliant.store.store import ArtifactStore
 from pliant.testing.samples import linear_law, softening_law, table_of
-from pliant_plugins.surrogates.polynomial.config import PolynomialConfig
+from pliant_plugins.surrogates.config import PolynomialConfig
 from pliant_plugins.surrogates.polynomial.surrogate import Polynomial
 
 

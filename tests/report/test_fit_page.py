@@ -48,7 +48,7 @@ from pliant.store.store import ArtifactStore
 from pliant.tabular.fem_writing import write_table
 from pliant.testing.samples import barred_law, linear_law, softening_law, table_of
 from pliant.testing.solved_samples import solved_designs, solved_spherical_designs, spherical_sample_law
-from pliant_plugins.surrogates.polynomial.config import PolynomialConfig
+from pliant_plugins.surrogates.config import PolynomialConfig
 from pliant_plugins.surrogates.polynomial.surrogate import Polynomial
 
 BOX = Domain(np.array([0.0, 15e3]), np.array([[-0.2, 0.45]]))

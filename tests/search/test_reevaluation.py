@@ -18,7 +18,7 @@ from pliant.report.search import lines
 from pliant.report.search_files import search_json
 from pliant.search import workers
 from pliant.search.evaluate.evaluator import Evaluator, evaluated, problem_of
-from pliant.search.problem.reevaluation_problem import reevaluation_problem
+from pliant.search.problem.search_problem import reevaluation_problem
 from pliant.search.run.reevaluation import best_apart
 
 PLUGIN = Path(__file__).with_name("narrowing_plugin.py")

@@ -1,4 +1,4 @@
-"""What a study may say about a polynomial surrogate."""
+"""What a study may say about polynomial, table and neural surrogates."""
 
 from __future__ import annotations
 
@@ -160,3 +160,45 @@ class PolynomialConfig(AxisConfig, SurrogateConfig):
         if problem:
             raise PydanticCustomError("polynomial", "{problem}", {"problem": problem})
         return self
+
+
+class TableAxisConfig(FrozenModel):
+    """The table of one axis; {} takes the FEM stage's states."""
+
+    data: Path | None = Field(default=None, description="CSV with pressure_pa, angle_rad, moment_n_m")
+
+
+class TableAxesConfig(FrozenModel):
+    """The axes of a spherical joint, each with a table of its own: x is the twist, y the main axis."""
+
+    x: TableAxisConfig = Field(description="the twist")
+    y: TableAxisConfig = Field(description="the main bending axis")
+    z: TableAxisConfig = Field(description="the second bending axis")
+
+    def each(self) -> dict[str, TableAxisConfig]:
+        """The blocks by axis."""
+        return {"x": self.x, "y": self.y, "z": self.z}
+
+
+class TableConfig(SurrogateConfig):
+    """A law interpolated from measurements or FEM, of one axis, or `axes`: three of them for a spherical joint."""
+
+    kind: Literal["table"] = "table"
+    axes: TableAxesConfig | None = Field(
+        default=None, description="a spherical joint: a table for each of x, y, z"
+    )
+
+    @model_validator(mode="after")
+    def _one_joint(self) -> Self:
+        if self.axes is not None and self.data is not None:
+            problem = "'data' stands beside 'axes': give it in the axes it belongs to"
+            raise PydanticCustomError("table", "{problem}", {"problem": problem})
+        return self
+
+
+class NeuralConfig(SurrogateConfig):
+    """A law from a small network of an energy, fitted to states or to a table, of one to three axes."""
+
+    kind: Literal["neural"] = "neural"
+    units: int = Field(default=48, ge=4, le=256, description="units of the network's one hidden layer")
+    seed: int = Field(default=0, ge=0, description="of the start and of the parts that are left out")

@@ -13,12 +13,11 @@ from pliant.records.design import Array
 from pliant.records.fem import TRUSTED
 from pliant.records.law import Domain, JointKind, JointLaw, LawRecord
 from pliant.records.solved import SolvedDesigns
-from pliant_plugins.meta_models.coefficients.config import CoefficientsConfig
 from pliant_plugins.meta_models.common_form import FormLaws
 from pliant_plugins.meta_models.common_form_fit import fit_common_form
-from pliant_plugins.meta_models.network_training import fit_layers
-from pliant_plugins.meta_models.networks import Layers
-from pliant_plugins.surrogates.polynomial.config import StudyCoefficients
+from pliant_plugins.meta_models.config import CoefficientsConfig
+from pliant_plugins.meta_models.networks import Layers, fit_layers
+from pliant_plugins.surrogates.config import StudyCoefficients
 from pliant_plugins.surrogates.polynomial.law import PolynomialLaw
 from pliant_plugins.surrogates.polynomial.study import fit_study, study_law
 
@@ -92,10 +91,7 @@ class CoefficientLaws(FormLaws):
     def doubt(self, values: Array) -> Array:
         """(m,) how far the random starts disagree, relative to that at the solved designs; 1 for a single start."""
         apart = disagreement(self.network, self.form.parameters(np.asarray(values, float)))
-        found: Array = (
-            np.sqrt(AGREED**2 + (apart / self.usual) ** 2) if self.usual > 0 else np.ones(len(apart))
-        )
-        return found
+        return np.sqrt(AGREED**2 + (apart / self.usual) ** 2) if self.usual > 0 else np.ones(len(apart))
 
     def record(self) -> LawRecord:
         """Form and weights as numbers."""
@@ -118,8 +114,7 @@ class CoefficientLaws(FormLaws):
 def disagreement(network: Layers, places: Array) -> Array:
     """(m,) deviation of the starts' answers about their mean, all scaled targets together."""
     answers = network.each(places) / network.scale
-    found: Array = np.sqrt(answers.var(axis=0).sum(axis=1))
-    return found
+    return np.sqrt(answers.var(axis=0).sum(axis=1))
 
 
 HIDDEN = (64, 64, 32)
