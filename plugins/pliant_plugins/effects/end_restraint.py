@@ -15,10 +15,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import lru_cache
-from typing import ClassVar, Literal
+from typing import Literal
 
 from pliant.errors import UserError
-from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, Model, Place, parameter
+from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, Model, parameter
 from pliant.records.chain import Joint
 from pliant.records.law import JointLaw
 from pliant.units import Ratio
@@ -60,20 +60,17 @@ class EndRestraintConfig(EffectConfig):
 class EndRestraint(Effect):
     """Shortens what bends at both ends of the chain, and puts springs there."""
 
-    place: ClassVar[Place] = "law"
-    notes: ClassVar[EffectNotes] = EffectNotes(
-        signature=(
-            "the joints at the clamp and at the cap bend too little by the same share at every pressure and load, "
-            "those between them are right; the tip's turn is off by a constant, however many modules there are."
-        ),
+    place = "law"
+    notes = EffectNotes(
+        signature="the joints at the clamp and at the cap bend too little by the same share at every pressure and "
+        "load, those between them are right; the tip's turn is off by a constant, however many modules there are.",
         look_alike="stiffness",
         told_apart="read every joint's angle: a stiffness is wrong in all of them, held ends at the ends alone.",
-        excited_by=(
-            "film a marker on every module through a slow pressure sweep, without a load and with loads either way."
-        ),
+        excited_by="film a marker on every module through a slow pressure sweep, without a load and with loads "
+        "either way.",
         where="chains of two joints or more of every family; every engine, in those that compile laws a slower way.",
     )
-    exciting: ClassVar[tuple[str, ...]] = ("second_sensor", "passive_load_steps")
+    exciting = ("second_sensor", "passive_load_steps")
     config: EndRestraintConfig
 
     def apply(self, model: Model) -> Model:

@@ -21,11 +21,11 @@ what they have. Data without times are states reached slowly, and have no lag.
 from __future__ import annotations
 
 from functools import partial
-from typing import ClassVar, Literal
+from typing import Literal
 
 import numpy as np
 
-from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, Model, Place, parameter
+from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, Model, parameter
 from pliant.records.history import PRESSURE, History
 from pliant.units import Ratio, Time
 from pliant_plugins.effects.second_lag import lagged_twice
@@ -62,26 +62,19 @@ class SupplyLagConfig(EffectConfig):
 class SupplyLag(Effect):
     """Delays every actuation by two first-order lags in a row."""
 
-    place: ClassVar[Place] = "input"
-    notes: ClassVar[EffectNotes] = EffectNotes(
-        signature=(
-            "while the pressure rises the angle is behind, while it falls it is ahead, the more the "
-            "faster; a few time constants into a hold nothing is left. What follows a step sets in softly, for "
-            "there are two volumes, and venting may take longer than filling. Loads "
-            "that change at constant pressure are followed at once."
-        ),
+    place = "input"
+    notes = EffectNotes(
+        signature="while the pressure rises the angle is behind, while it falls it is ahead, the more the faster; a "
+        "few time constants into a hold nothing is left. What follows a step sets in softly, for there are two "
+        "volumes, and venting may take longer than filling. Loads that change at constant pressure are followed at "
+        "once.",
         look_alike="viscous_damping",
         told_apart="change the load at constant pressure: damping delays that motion too, a supply does not.",
-        excited_by=(
-            "step the pressure up and down at two or three rates, with a hold after each step, then step "
-            "a load at constant pressure."
-        ),
-        where=(
-            "every family; recordings with a clock, in engines that follow histories. Tasks and tables have "
-            "no lag."
-        ),
+        excited_by="step the pressure up and down at two or three rates, with a hold after each step, then step a "
+        "load at constant pressure.",
+        where="every family; recordings with a clock, in engines that follow histories. Tasks and tables have no lag.",
     )
-    exciting: ClassVar[tuple[str, ...]] = ("step_response", "load_steps", "fast_cycles")
+    exciting = ("step_response", "load_steps", "fast_cycles")
     config: SupplyLagConfig
 
     def apply(self, model: Model) -> Model:
