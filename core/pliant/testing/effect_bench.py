@@ -163,8 +163,8 @@ def run_readings(model: Model, path: Array, history: History) -> Readings:
     geometry = ChainGeometry.of(model.chain)
     tip = trajectory(geometry, path, base_rotations(geometry.base_rotation, history.base_angles_rad))[:, -1]
     readings: dict[str, Any] = {} if history.time_s is None else {"time_s": history.time_s}
-    readings |= {"actuation": sum(history.actuation[actuator.input] for actuator in model.chain.actuators)}
-    readings |= {"angle_rad": joints.sum(axis=1)}
+    pressed = sum(history.actuation[actuator.input] for actuator in model.chain.actuators)
+    readings |= {"actuation": pressed, "angle_rad": joints.sum(axis=1)}
     readings |= {f"joint_{k + 1}_angle_rad": joints[:, k] for k in range(joints.shape[1])}
     readings |= {f"tip_{axis}_m": tip[:, k] for k, axis in enumerate("xyz")}
     return model.reported(readings)

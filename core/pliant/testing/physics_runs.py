@@ -35,28 +35,14 @@ RETARDATION_S, STEP_S = 0.5, 0.01
 
 
 def dashpot(
-    angle: float,
-    rate: float,
-    dt_s: float,
-    actuation: float,
-    temperature_c: float,
-    old: Array,
-    new: Array,
-    c: Array,
+    angle: float, rate: float, dt_s: float, actuation: float, temp_c: float, old: Array, new: Array, c: Array
 ) -> float:
     """M = −c u'."""
     return -c[0] * rate
 
 
 def _softening(
-    angle: float,
-    rate: float,
-    dt_s: float,
-    actuation: float,
-    temperature_c: float,
-    old: Array,
-    new: Array,
-    c: Array,
+    angle: float, rate: float, dt_s: float, actuation: float, temp_c: float, old: Array, new: Array, c: Array
 ) -> float:
     """A joint that is softer once it has been bent."""
     new[0] = max(old[0], angle)

@@ -179,9 +179,16 @@ class Check:
         except Finding as finding:
             raise self._failure(subject, str(finding)) from finding
         except Exception as error:  # whatever a plugin raises is its failure, not the suite's
-            failure = self._failure(subject, f"it raised {_described(error)}")
             place = traceback.extract_tb(error.__traceback__)[-1]
-            failure.raised_at = (type(error).__name__, place.filename, place.lineno or 0)
+            name, text = type(error).__name__, " ".join(str(error).split()) or "without a message"
+            # Its place only where it was not raised on purpose.
+            where = (
+                ""
+                if isinstance(error, PliantError)
+                else f" in {place.name} ({place.filename}:{place.lineno})"
+            )
+            failure = self._failure(subject, f"it raised {name}{where}: {text}")
+            failure.raised_at = (name, place.filename, place.lineno or 0)
             raise failure from error
 
     def _failure(self, subject: Subject, seen: str) -> CheckFailure:
@@ -227,28 +234,24 @@ def run_checks(component: Component) -> list[CheckOutcome]:
     """
     subject = Subject(component)
     outcomes: list[CheckOutcome] = []
-    first: str | None = None
+    first = ""
     causes: dict[tuple[str, str, int], str] = {}
     for check in checks_for(component.interface):
         started = time.perf_counter()
         status: Status = "passed"
         message = ""
-        if first is not None:
-            status, message = "skipped", f"not run: '{first}' fails first"
-        else:
-            try:
-                check.run(subject)
-            except CheckSkipped as skipped:
-                status, message = "skipped", str(skipped)
-            except CheckFailure as failure:
-                earlier = causes.get(failure.raised_at) if failure.raised_at else None
-                if earlier is not None:
-                    status, message = "skipped", f"it fails where '{earlier}' does"
-                else:
-                    status, message = "failed", str(failure)
-                    first = check.name if check.declares else None
-                    if failure.raised_at:
-                        causes[failure.raised_at] = check.name
+        try:
+            if first:
+                raise CheckSkipped(f"not run: '{first}' fails first")
+            check.run(subject)
+        except CheckSkipped as skipped:
+            status, message = "skipped", str(skipped)
+        except CheckFailure as failure:
+            status, message = "failed", str(failure)
+            place = failure.raised_at
+            if place and causes.setdefault(place, check.name) != check.name:
+                status, message = "skipped", f"it fails where '{causes[place]}' does"
+            first = check.name if check.declares and status == "failed" else ""
         wall_s = time.perf_counter() - started
         outcomes.append(CheckOutcome(check.interface, component.kind, check.name, status, message, wall_s))
     return outcomes
@@ -268,12 +271,3 @@ def check_component(component: Component, interface: str | None = None) -> None:
     failed = [outcome.message for outcome in run_checks(component) if outcome.status == "failed"]
     if failed:
         raise CheckFailure("\n".join(failed))
-
-
-def _described(error: Exception) -> str:
-    """The error in words; its place only where it was not raised on purpose."""
-    if isinstance(error, PliantError):
-        return f"{type(error).__name__}: {' '.join(str(error).split())}"
-    place = traceback.extract_tb(error.__traceback__)[-1]
-    text = " ".join(str(error).split()) or "without a message"
-    return f"{type(error).__name__} in {place.name} ({place.filename}:{place.lineno}): {text}"
