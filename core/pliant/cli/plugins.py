@@ -71,7 +71,7 @@ def check(
 ) -> None:
     """Run the conformance suite of an interface on a plugin."""
     with session("check", json, quiet) as here:
-        from pliant.testing.suite import run_checks
+        from pliant.testing import run_checks
 
         here.registry = with_files(here.registry, file or ())
         if interface not in INTERFACES:

@@ -17,9 +17,9 @@ from pliant.records.chain import ChainModel
 from pliant.records.design import Array
 from pliant.records.history import History
 from pliant.registry.discovery import discover
+from pliant.testing import CheckSkipped, Subject, once
 from pliant.testing.histories import Motion, drive, first_joint, triangles
 from pliant.testing.samples import PRESSURE_PA, chain_numbers, sample_chain, softening_law
-from pliant.testing.suite import CheckSkipped, Subject, once
 
 PRESSURES = np.array([0.0, 2e3, 5e3, 9e3, 15e3])
 ANGLES = np.array([-0.2, 0.05, 0.2, 0.36, 0.5])

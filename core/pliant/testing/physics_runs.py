@@ -15,6 +15,7 @@ from pliant.records.design import Array
 from pliant.records.history import History
 from pliant.records.rollout import Inputs
 from pliant.records.term import LawTerm
+from pliant.testing import Subject, agree, require, require_refused
 from pliant.testing.physics import (
     ANGLE_RAD,
     NO_GRAVITY,
@@ -26,7 +27,6 @@ from pliant.testing.physics import (
     settled_under,
 )
 from pliant.testing.samples import PRESSURE_PA, chain_numbers, linear_law, sample_chain
-from pliant.testing.suite import Subject, agree, require, require_refused
 
 DIFFERENCE = 1e-3
 SLOPE_SHARE = 2e-3
