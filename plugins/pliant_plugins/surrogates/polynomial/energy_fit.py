@@ -331,9 +331,9 @@ def largest_slope(law: EnergyLaw, only: int | None = None) -> float:
     With `only`, ∂τ/∂u of that axis while the others are held at zero.
     """
     in_p, in_u = STABILITY_GRID if only is None else ALONE_GRID
-    sides = [np.linspace(*law.domain.actuation, in_p)]
+    sides = [np.linspace(law.domain.actuation[0], law.domain.actuation[1], in_p)]
     for k, side in enumerate(law.domain.deformation):
-        sides.append(np.linspace(*side, in_u) if only in (None, k) else np.zeros(1))
+        sides.append(np.linspace(side[0], side[1], in_u) if only in (None, k) else np.zeros(1))
     at = np.array(list(product(*sides)))
     K = law.stiffness_in_box(at[:, 0], at[:, 1:])
     return float(-(np.linalg.eigvalsh(K) if only is None else K[:, only, only]).min())
