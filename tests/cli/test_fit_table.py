@@ -100,7 +100,7 @@ def test_a_reversed_sign_is_said_and_the_notes_repair_it(pliant, workplace):
 
 
 def test_a_table_of_all_axes_is_fitted_as_a_whole(pliant, workplace):
-    from tests.pipeline.test_module_tables import module
+    from tests.pipeline.test_tables import module
 
     data = module(("x", "y", "z"), "y", n=48, seed=3)
     stiff = -0.03 * np.eye(3)

@@ -108,7 +108,7 @@ def test_commands_in_the_docs_exist(page):
 def test_the_plugin_of_the_docs_passes_conformance(tmp_path, monkeypatch):
     """The code blocks of write_a_plugin.md, typed in as they stand."""
     from pliant.registry.component import INTERFACES
-    from pliant.testing.suite import run_checks
+    from pliant.testing import run_checks
 
     page = DOCS / "write_a_plugin.md"
     files = dict(zip(("config", "effect", "manifest"), blocks(page, "python"), strict=False))
@@ -150,8 +150,8 @@ def built(component, **keys):
 def test_the_task_with_contact_of_the_docs_pushes_a_ball(tmp_path, monkeypatch):
     pytest.importorskip("mujoco")
     from pliant.pipeline.simulate import run_task
+    from pliant.testing import run_checks
     from pliant.testing.samples import sample_finger
-    from pliant.testing.suite import run_checks
 
     component = typed_in(tmp_path, monkeypatch, "my-push", "task")
     assert [o.message for o in run_checks(component) if o.status == "failed"] == []
@@ -166,8 +166,8 @@ def test_the_task_with_contact_of_the_docs_pushes_a_ball(tmp_path, monkeypatch):
 
 def test_the_engine_of_the_docs_agrees(tmp_path, monkeypatch):
     from pliant.pipeline.simulate import run_task
+    from pliant.testing import run_checks
     from pliant.testing.samples import sample_finger
-    from pliant.testing.suite import run_checks
 
     component = typed_in(tmp_path, monkeypatch, "my-engine", "physics")
     outcomes = run_checks(component)

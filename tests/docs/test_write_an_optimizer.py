@@ -12,7 +12,7 @@ import pytest
 from pliant.interfaces.optimizer import Space, Variable
 from pliant.registry.discovery import discover
 from pliant.registry.files import with_files
-from pliant.testing.suite import run_checks
+from pliant.testing import run_checks
 
 PAGE = Path(__file__).parents[2] / "docs" / "write_an_optimizer.md"
 TEXT = PAGE.read_text(encoding="utf-8")

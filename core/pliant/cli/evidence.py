@@ -39,7 +39,9 @@ DataFile = Annotated[
 Workers = Annotated[
     int,
     typer.Option(
-        "--workers", metavar="N", help="Processes that simulate the conditions of a file of counts."
+        "--workers",
+        metavar="N",
+        help="Processes that fit hypotheses or simulate the conditions of counts; 1 by default.",
     ),
 ]
 Candidates = Annotated[
@@ -113,7 +115,7 @@ def diagnose(
     kinds = effect or here.registry.kinds("effect")
     own = own_runs(loaded, predictor.chain, measurement)
     with fitting_bar(here.progress, len(kinds)) as bar:
-        found = diagnose_with(predictor, kinds=kinds, runs=own, tick=bar.tick)
+        found = diagnose_with(predictor, kinds=kinds, runs=own, tick=bar.tick, workers=workers)
     (folder / NEXT_RUN).unlink(missing_ok=True)  # of an earlier diagnosis
     planned = found.next_run.planned if found.next_run is not None else None
     runs = [(NEXT_RUN, planned)] if planned is not None else []

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from pliant.cli.bars import fitting_bar
-from pliant.cli.evidence import Candidates, DataFile, report_folder
+from pliant.cli.evidence import Candidates, DataFile, Workers, report_folder
 from pliant.cli.options import Force, Full, Overrides, StudyFile, check_target, verb
 from pliant.cli.session import Session, check_writable
 from pliant.diagnosis.extension import write_extended_study
@@ -36,6 +36,7 @@ def improve(
     report: Annotated[Path | None, report_folder("improve", "--report")] = None,
     force: Force = False,
     full: Full = False,
+    workers: Workers = 1,
 ) -> None:
     """compare → diagnose → extend until the noise floor or an honest stop; errors are on data that was not fitted."""
     loaded = here.study(study, overrides)
@@ -48,7 +49,7 @@ def improve(
     measurement = measurement_of_study(bench, loaded, data)
     check_writable(folder)
     with fitting_bar(here.progress, len(effect or here.registry.kinds("effect"))) as bar:
-        found = improve_with(bench, loaded, measurement, kinds=effect, tick=bar.tick)
+        found = improve_with(bench, loaded, measurement, kinds=effect, tick=bar.tick, workers=workers)
     here.measured(loaded, measurement)
     here.result["final_study"] = str(study)
     if found.final is not None:

@@ -10,7 +10,7 @@ import numpy as np
 import typer
 
 from pliant.cli.bars import fitting_bar
-from pliant.cli.evidence import Candidates, DataFile, write_runs
+from pliant.cli.evidence import Candidates, DataFile, Workers, write_runs
 from pliant.cli.options import Overrides, StudyFile, verb
 from pliant.cli.session import Session, check_writable
 from pliant.config.study import Study
@@ -59,6 +59,7 @@ def plan(
     minutes: Minutes = None,
     effect: Candidates = None,
     out: Folder = None,
+    workers: Workers = 1,
 ) -> None:
     """Which runs to do next: with data those that decide between the explanations left, without data a protocol."""
     loaded = here.study(study, overrides)
@@ -75,7 +76,7 @@ def plan(
     here.result |= {"study": loaded.name, "out": str(folder)}
     if data or loaded.measurements is not None:
         measurement = measurement_of_study(bench, loaded, data)
-        found, chosen, remark = _after(here, loaded, measurement, kinds, runs or AFTER_DATA, most)
+        found, chosen, remark = _after(here, loaded, measurement, kinds, runs or AFTER_DATA, most, workers)
         planned = [(f"{k}_{one.name}", one.planned) for k, one in enumerate(chosen, 1) if one.planned]
         files = write_runs(folder, _named(planned), measurement.outputs, study, loaded, measurement, data)
         here.show(plan_document(loaded.name, measurement, found, chosen, files, remark))
@@ -95,7 +96,13 @@ def _named(runs: Sequence[tuple[str, PlannedRun]]) -> list[tuple[str, PlannedRun
 
 
 def _after(
-    here: Session, loaded: Study, measurement: Measurement, kinds: Sequence[str], runs: int, minutes: float
+    here: Session,
+    loaded: Study,
+    measurement: Measurement,
+    kinds: Sequence[str],
+    runs: int,
+    minutes: float,
+    workers: int,
 ) -> tuple[Diagnosis, tuple[NextRun, ...], str]:
     """Runs that decide between what a diagnosis leaves; a sentence where several are left and no run helps."""
     predictor = Predictor.of_study(here.bench(), loaded, measurement)
@@ -104,7 +111,7 @@ def _after(
     if minutes < shortest:
         raise UserError(f"--minutes {minutes:g}: the shortest run takes {shortest:g} min with setting up.")
     with fitting_bar(here.progress, len(kinds)) as bar:
-        found = diagnose(predictor, kinds=kinds, runs=own, tick=bar.tick)
+        found = diagnose(predictor, kinds=kinds, runs=own, tick=bar.tick, workers=workers)
     if found.verdict == "not_repeatable" and found.next_run is not None:
         return found, (found.next_run,), ""
     belief = Belief.of(found.fits, found.judgement.probability, found.noise)
