@@ -24,18 +24,7 @@ def _wrap(self: Any, scene: Scene) -> None:
     self.scene, self.inner = scene, Mujoco(MujocoConfig()).build_scene(scene)
 
 
-METHODS = [
-    "apply",
-    "carry",
-    "push",
-    "step",
-    "snapshot",
-    "restore",
-    "markers",
-    "contacts",
-    "outside_domain",
-    "close",
-]
+METHODS = [*SceneSimulation.__abstractmethods__, "close"]
 # A scene of MuJoCo, unchanged.
 Wrapped: Any = type(
     "Wrapped",
