@@ -95,7 +95,7 @@ MISWRITTEN = [
     (NAME, "name: finger\n3: 4", 3, "'3' is not a key"),
     (NAME, "name: finger\n---\npliant: 1", 3, "a second document"),
     ("pliant: 1", "pliant: 2", 1, "pliant"),
-    ("pressure: 15 kPa}", "pressure: 15 kPa}\neffects: [{kind: stifness}]", 11, "did you mean 'stiffness'?"),
+    ("pressure: 15 kPa}", "pressure: 15 kPa}\neffects: [{kind: stifness}]", 14, "did you mean 'stiffness'?"),
 ]
 
 

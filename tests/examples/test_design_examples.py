@@ -68,7 +68,7 @@ def test_a_candidate_sets_every_segment() -> None:
     opened, problem = problem_of("shape_matching/per_segment_pressure.yaml")
     values: dict[str, Any] = {v.name: v.variable.high for v in problem.variables}
     values |= {"n1": 8, "n2": 8, "n3": 7, "n4": 6, "share2": 0.5}
-    study = problem.apply(values)
+    study = problem.apply(values, 0)
     segments = study.chain.as_segments()
     assert [s.modules for s in segments] == [8, 8, 7, 6]
     assert [s.actuation_share for s in segments] == [1.0, 0.5, 1.0, 1.0]
@@ -80,7 +80,7 @@ def test_a_candidate_sets_every_segment() -> None:
 
 def test_the_target_winds_about_the_vertical_and_bends_first_where_unturned_modules_do() -> None:
     opened, problem = problem_of("shape_matching/helix.yaml")
-    run = simulate_study(opened.bench, problem.apply({v.name: v.stated for v in problem.variables}))
+    run = simulate_study(opened.bench, problem.apply({v.name: v.stated for v in problem.variables}, 0))
     result = run.engines[0].result
     assert result is not None and run.chain is not None
     target = np.asarray(result.metrics["target_points_m"], float)

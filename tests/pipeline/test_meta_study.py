@@ -181,7 +181,7 @@ BELLOW = (
         (("4.7 mm", "6 mm"), [], "family.radius is 6 mm, outside the meta-model's range 4 mm to 5.5"),
         (("8.6 mm", "7.9 mm"), [], "family.length is 7.9 mm, outside .* range 8 mm to 10 mm"),
         ((SPRINGS, BELLOW), [], "'radius_m' varies .* not a parameter of the study's family"),
-        (("unseen", "other"), ["meta_model.folds=40"], "folds is 40, and there are 12 designs"),
+        (("name: unseen", "name: other"), ["meta_model.folds=40"], "folds is 40, and there are 12 designs"),
     ],
 )
 def test_a_design_for_which_the_model_does_not_hold(folder, change, overrides, sentence):
