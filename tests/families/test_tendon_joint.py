@@ -8,9 +8,13 @@ import pytest
 from pliant.errors import InvalidDesignError
 from pliant.meshing.hexahedra import area_vector, enclosed_volume
 from pliant.records.shape import TriangleMesh
-from pliant_plugins.families.tendon_joint.family import TendonJoint, TendonJointConfig
+from pliant_plugins.families.tendon_joint.family import (
+    TendonJoint,
+    TendonJointConfig,
+    link_mesh,
+    link_surface,
+)
 from pliant_plugins.families.tendon_joint.geometry import JointGeometry
-from pliant_plugins.families.tendon_joint.mesh import link_mesh, link_surface
 from pliant_plugins.manifest import TENDON_JOINT
 
 ANGLES = (-0.6, -1e-5, 0.0, 3e-5, 0.2, 0.9, 1.6)

@@ -14,8 +14,7 @@ from pliant.interfaces.task import Task
 from pliant.records.chain import Actuator, ChainModel
 from pliant.records.law import Domain, JointLaw
 from pliant.records.rollout import TaskResult
-from pliant_plugins.tasks.free_bending import FreeBending, FreeBendingConfig
-from pliant_plugins.tasks.tip_load import TipLoad, TipLoadConfig
+from pliant_plugins.tasks.ramp import FreeBending, FreeBendingConfig, TipLoad, TipLoadConfig
 
 
 def perform(task: Task, chain: ChainModel, engine: PhysicsBackend) -> TaskResult:

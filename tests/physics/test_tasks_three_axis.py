@@ -31,8 +31,8 @@ from pliant.store.store import ArtifactStore
 from pliant_plugins.tasks import curves
 from pliant_plugins.tasks.follow_shape import FollowShape, FollowShapeConfig
 from pliant_plugins.tasks.helical_hang import HelicalHang, HelicalHangConfig
+from pliant_plugins.tasks.ramp import TipLoad, TipLoadConfig
 from pliant_plugins.tasks.tendon_finger import TendonFinger, TendonFingerConfig, travel_m
-from pliant_plugins.tasks.tip_load import TipLoad, TipLoadConfig
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 REFERENCE = Path(__file__).parents[3] / "shared/data/reference"

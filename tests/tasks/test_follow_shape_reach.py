@@ -32,7 +32,7 @@ def test_a_target_out_of_reach_is_refused_with_both_lengths() -> None:
 
 
 def test_other_tasks_ask_for_nothing() -> None:
-    from pliant_plugins.tasks.free_bending import FreeBending, FreeBendingConfig
+    from pliant_plugins.tasks.ramp import FreeBending, FreeBendingConfig
 
     FreeBending(FreeBendingConfig.model_validate({"pressure": "10 kPa"})).check_reach(0.0)
 

@@ -13,7 +13,7 @@ from pliant.records.chain import ChainModel
 from pliant.records.scene import Scene
 from pliant_plugins.tasks.grasp.config import GraspConfig
 from pliant_plugins.tasks.grasp.metrics import MODES, TrialMetrics, reward
-from pliant_plugins.tasks.grasp.placement import Draw, grasp_scene
+from pliant_plugins.tasks.grasp.scene import Draw, grasp_scene
 from pliant_plugins.tasks.grasp.task import Grasp
 
 # z_max, z_end, normal, friction, efficiency, slip, creep
