@@ -5,7 +5,8 @@ import re
 import pytest
 from tests.docs.pages import blocks, commands, run, text_of
 
-from pliant.experiments.planned_run import BenchScale, timed_catalogue
+from pliant.experiments.experiment_catalogue import timed_catalogue
+from pliant.experiments.planned_run import BenchScale
 from pliant.testing.samples import sample_chain
 
 PAGE = text_of("plan_the_next_experiment")
