@@ -41,16 +41,8 @@ def outline(geometry: JointGeometry) -> np.ndarray:
     """The end link's outline in the plane y = 0, counter-clockwise."""
     half, edge = geometry.flexure_thickness_m / 2, geometry.link_height_m / 2
     back, span = geometry.module_length_m / 2, geometry.span_m
-    return np.array(
-        [
-            (back, -edge),
-            (back, edge),
-            (geometry.upper_edge_x_m, edge),
-            (span, half),
-            (span, -half),
-            (geometry.lower_edge_x_m, -edge),
-        ]
-    )
+    upper, lower = (geometry.upper_edge_x_m, edge), (geometry.lower_edge_x_m, -edge)
+    return np.array([(back, -edge), (back, edge), upper, (span, half), (span, -half), lower])
 
 
 def area(polygon: np.ndarray) -> float:

@@ -106,9 +106,7 @@ def test_what_the_chain_or_the_study_needs_is_not_there(complaint):
     message = complaint(GOOD, actuation=["pressure_1_pa"])
     assert "driven by 'pressure_1_pa'" in message and "it has pressure_pa" in message
     settings = MeasurementsConfig(file="bench.csv", outputs=("tip_x_m",))
-    assert "asks for output 'tip_x_m', which the file does not have" in complaint(
-        GOOD, settings=settings
-    )
+    assert "asks for output 'tip_x_m', which the file does not have" in complaint(GOOD, settings=settings)
 
 
 def test_no_file_and_a_folder(tmp_path):

@@ -111,7 +111,7 @@ class JointGeometry:
             self.flexure_thickness_m,
             self.tendon_offset_m,
             self.module_length_m,
-        )  # noqa: E741
+        )
         yield "flexure_length (the links need room)", c, "<", "module_length", l
         yield "flexure_thickness", t, "<", "link_height", self.link_height_m
         yield "flexure_width", self.flexure_width_m, "≤", "link_width", self.link_width_m
