@@ -58,10 +58,10 @@ class SimulationState:
     memory: Array | None = None
 
 
-class EngineHandle(ABC):
+class EngineHandle:
     """What frees an engine's resources when a `with` block ends."""
 
-    def close(self) -> None:  # noqa: B027 - an engine without resources has nothing to free
+    def close(self) -> None:
         """Free the engine's resources."""
 
     def __enter__(self) -> Self:
@@ -73,7 +73,7 @@ class EngineHandle(ABC):
         self.close()
 
 
-class Simulation(EngineHandle):
+class Simulation(EngineHandle, ABC):
     """One chain in one engine. Tasks drive it: `apply`, then `settle` or `step`, then read `markers`.
 
     The pressure or load given to `apply` holds until the next `apply`. Everything outside is SI and in the
@@ -121,7 +121,7 @@ class Simulation(EngineHandle):
         raise ContractError(f"{type(self).__name__} has no gradients (Capabilities.gradients is False)")
 
 
-class SceneSimulation(EngineHandle):
+class SceneSimulation(EngineHandle, ABC):
     """A scene in one engine. Tasks drive it: `apply`, `carry`, `step`, then read markers, contacts and state.
 
     What is given to `apply`, `carry` and `push` holds until the next call of the same. SI and docs/conventions.md

@@ -106,13 +106,8 @@ class JointGeometry:
                     f"tendon_joint needs 0 < {name} < pi, but {name} = {angle:.6g} rad, "
                     f"off by {max(-angle, angle - np.pi):.6g} rad."
                 )
-        c, t, h, l = (
-            self.flexure_length_m,
-            self.flexure_thickness_m,
-            self.tendon_offset_m,
-            self.module_length_m,
-        )
-        yield "flexure_length (the links need room)", c, "<", "module_length", l
+        c, t, h = self.flexure_length_m, self.flexure_thickness_m, self.tendon_offset_m
+        yield "flexure_length (the links need room)", c, "<", "module_length", self.module_length_m
         yield "flexure_thickness", t, "<", "link_height", self.link_height_m
         yield "flexure_width", self.flexure_width_m, "≤", "link_width", self.link_width_m
         inside, folds = max(contacts.values()) * t / 2, "flexure_length (or its inside folds)"
@@ -120,11 +115,11 @@ class JointGeometry:
         for side, edge in (("closing", self.lower_edge_x_m), ("opening", self.upper_edge_x_m)):
             name = f"x of the link's edge that meets its image at the {side}_angle"
             yield name, edge, ">", "0", 0.0
-            yield name, edge, "<", "module_length/2", l / 2
+            yield name, edge, "<", "module_length/2", self.module_length_m / 2
         yield "flexure_thickness/2", t / 2, "<", "tendon_offset", h
         yield "tendon_offset (the hole lies in the link)", h, "<", "link_height/2", self.link_height_m / 2
         hole = "flexure_length/2 + tendon_setback"
-        yield hole, self.hole_x_m, "≤", "module_length/2", l / 2
+        yield hole, self.hole_x_m, "≤", "module_length/2", self.module_length_m / 2
         yield "the link's face at the tendon", self.face_x_m(h), "≤", hole, self.hole_x_m
 
 
