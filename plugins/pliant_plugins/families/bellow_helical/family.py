@@ -1,4 +1,10 @@
-"""The helical bellow as an `ActuatorFamily`, and its parameters."""
+"""The helical bellow as an `ActuatorFamily`, and its parameters.
+
+The inner constraint as a body is the rod that the study's masses hold. Its diameter is R − t and it touches the line at
+the distance r below the tube's axis. That gives the published module masses within 0.06 %, counting what lies in the
+wall once; as a solid its stiffness does not fit, so that the FEM knows the constraint by its line, width and stiffness
+alone. In its mass: the part of the rod inside the cavity.
+"""
 
 from __future__ import annotations
 
@@ -21,10 +27,6 @@ OFFSET = 0.825  # of r
 ALL = ("x", "y", "z")
 # Share of its length that the outermost fibre keeps: with less, stiffness rises a hundredfold within 0.05 rad.
 CLOSED = 0.15
-# The inner constraint as a body is the rod that the study's masses hold: its diameter is R − t and it touches the line
-# at the distance r below the tube's axis. That gives the published module masses within 0.06 %, counting what lies in
-# the wall once; as a solid its stiffness does not fit, so that the FEM knows the constraint by its line, width and
-# stiffness alone. Here: the part of the rod inside the cavity.
 ALONG, AROUND, ACROSS = 24, 256, 4  # quadrature points in x (each of two parts), φ and radius
 ALONG_RULE, ACROSS_RULE = (np.polynomial.legendre.leggauss(n) for n in (ALONG, ACROSS))
 
