@@ -1,51 +1,107 @@
-"""The suite's own behaviour: outcomes, skips, ids, messages."""
+"""The suite itself: good small plugins pass, each broken one fails by the check it breaks, outcomes are honest."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 
-import broken
 import numpy as np
 import pytest
+from tests.conformance import broken
 
 from pliant.registry.component import INTERFACES
-from pliant.testing import CheckFailure, CheckSkipped, check_component, checks_for, run_checks
-from pliant.testing.suite import Finding, require_close
+from pliant.testing import (
+    BoundCheck,
+    CheckFailure,
+    CheckSkipped,
+    Subject,
+    check_component,
+    check_family,
+    checks_for,
+    parametrize_with_checks,
+    run_checks,
+)
+from pliant.testing.suite import Finding, agree
+
+CASES = [(interface, case) for interface in broken.SUITES for case in broken.of(interface)]
+# Checks that their broken plugin fails by an exception of its own.
+RAISING = {
+    "answers_before_all_is_told",
+    "begins_at_a_guess",
+    "closes_cleanly",
+    "config_keeps_the_bounds",
+    "config_subclasses_the_interface",
+    "continues_from_a_saved_state",
+    "input_maps_keep_the_run",
+    "model_runs_under_a_task",
+    "runs_on_one_joint",
+    "survives_failed_evaluations",
+    "terms_are_the_same_compiled",
+}
 
 
-def test_outcomes_name_every_check_of_the_interface() -> None:
-    outcomes = run_checks(broken.good("material"))
-    assert [o.name for o in outcomes] == [c.name for c in checks_for("material")]
-    assert {o.status for o in outcomes} == {"passed"}
-    assert all(o.message == "" and o.wall_s >= 0 for o in outcomes)
+@parametrize_with_checks([broken.good(interface) for interface in INTERFACES if interface != "fem"])
+def test_good_plugin_passes(check: BoundCheck) -> None:
+    """That of fem ships, and is checked with all that does."""
+    check()
+
+
+@pytest.mark.parametrize(("suite", "case"), CASES, ids=[f"{i}-{case.check}" for i, case in CASES])
+def test_broken_plugin_fails(suite: str, case: broken.Broken) -> None:
+    check = {c.name: c for c in checks_for(case.component.interface)}[case.check]
+    with pytest.raises(CheckFailure) as failure:
+        check.run(Subject(case.component))
+    message = str(failure.value)
+    assert message.startswith(f"{case.component.label} fails '{case.check}': ")
+    assert message.endswith(f"The contract: {check.clause}")
+    assert failure.value.raised_at is None or case.check in RAISING, message
+
+
+@pytest.mark.parametrize("suite", broken.SUITES)
+def test_every_check_has_its_broken_plugin(suite: str) -> None:
+    shared = {check.name for check in checks_for("task")} & {check.name for check in checks_for("viewer")}
+    wanted = shared if suite == "common" else {check.name for check in checks_for(suite)} - shared
+    assert {case.check for case in broken.of(suite)} == wanted
+
+
+def test_named_check_refuses_another_interface() -> None:
+    with pytest.raises(CheckFailure, match="material 'small' is no family"):
+        check_family(broken.good("material"))
 
 
 def test_a_broken_component_is_reported_and_the_rest_still_runs() -> None:
     case = next(s for s in broken.of("material") if s.check == "tangent_is_symmetric")
     outcomes = {o.name: o for o in run_checks(case.component)}
+    assert list(outcomes) == [check.name for check in checks_for("material")]
     assert outcomes["tangent_is_symmetric"].status == "failed"
     assert outcomes["stress_is_the_energys_slope"].status == "passed"
     with pytest.raises(CheckFailure, match="tangent_is"):
         check_component(case.component)
 
 
-def test_a_misspelt_key_of_the_example_gives_one_failure_in_one_sentence() -> None:
-    misspelt = replace(broken.good("effect"), example={"gian": 1.1})
-    (failed,) = [o for o in run_checks(misspelt) if o.status == "failed"]
-    assert failed.name == "example_is_valid"
-    assert "gian" in failed.message
-    assert len(failed.message.splitlines()) == 1
-    with pytest.raises(CheckFailure) as failure:
-        check_component(misspelt)
-    assert str(failure.value) == failed.message
-
-
-def test_a_misspelt_parameter_in_the_code_gives_one_failure() -> None:
-    misspelt = replace(broken.good("effect"), implementation="broken.effect:Misspelt")
-    outcomes = run_checks(misspelt)
+@pytest.mark.parametrize(
+    ("change", "check", "says"),
+    [
+        ({"example": {"gian": 1.1}}, "example_is_valid", "gian"),
+        ({"implementation": f"{broken.__name__}.effect:Misspelt"}, None, "has no attribute 'gian'"),
+        (
+            {"implementation": f"{broken.__name__}.effect:NoSuch"},
+            "implementation_fills_the_interface",
+            "NoSuch",
+        ),
+    ],
+)
+def test_one_mistake_gives_one_failure_in_one_sentence(
+    change: dict[str, object], check: str | None, says: str
+) -> None:
+    mistaken = replace(broken.good("effect"), **change)  # type: ignore[arg-type]
+    outcomes = run_checks(mistaken)
     (failed,) = [o for o in outcomes if o.status == "failed"]
-    assert "has no attribute 'gian'" in failed.message
-    assert any(o.message == f"it fails where '{failed.name}' does" for o in outcomes)
+    assert check in (None, failed.name)
+    assert says in failed.message and len(failed.message.splitlines()) == 1
+    assert check or any(o.message == f"it fails where '{failed.name}' does" for o in outcomes)
+    with pytest.raises(CheckFailure) as failure:
+        check_component(mistaken)
+    assert str(failure.value) == failed.message
 
 
 def test_what_is_declared_wrongly_stops_the_rest() -> None:
@@ -68,13 +124,6 @@ def test_a_missing_package_skips_with_what_to_install() -> None:
         check_component(lacking)
 
 
-def test_a_component_that_cannot_be_imported_fails_in_words() -> None:
-    absent = replace(broken.good("effect"), implementation="broken.effect:NoSuchClass")
-    (failed,) = [o for o in run_checks(absent) if o.status == "failed"]
-    assert failed.name == "implementation_fills_the_interface"
-    assert "NoSuchClass" in failed.message
-
-
 @pytest.mark.parametrize("interface", INTERFACES)
 def test_every_clause_is_a_sentence(interface: str) -> None:
     for check in checks_for(interface):
@@ -91,9 +140,6 @@ def test_every_clause_is_a_sentence(interface: str) -> None:
     ],
 )
 def test_differences_are_told_in_numbers(got: list[float], says: str) -> None:
+    agree([1.0, 2.005], [1.0, 2.0], "off", atol=0.01)
     with pytest.raises(Finding, match=says):
-        require_close(got, [1.0, 2.0], "off", atol=0.01)
-
-
-def test_close_numbers_pass() -> None:
-    require_close([1.0, 2.005], [1.0, 2.0], "off", atol=0.01)
+        agree(got, [1.0, 2.0], "off", atol=0.01)

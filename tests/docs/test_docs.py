@@ -12,7 +12,7 @@ import pytest
 from tests.docs.pages import DOCS, ROOT, blocks, commands, run, text_of
 from typer.testing import CliRunner
 
-from pliant.cli.new_plugin import create_package
+from pliant.cli.plugins import create_package
 from pliant.cli.verbs import VERBS, app
 from pliant.config.loading import load_study
 from pliant.pipeline.simulate import run_task
@@ -20,8 +20,7 @@ from pliant.records.history import History
 from pliant.records.term import LawTerm
 from pliant.registry.discovery import discover
 from pliant.testing.histories import follow_joint
-from pliant.testing.samples import sample_chain
-from pliant.testing.scenes import sample_finger
+from pliant.testing.samples import sample_chain, sample_finger
 from pliant.testing.suite import run_checks
 
 WRITTEN = [

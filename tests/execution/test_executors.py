@@ -20,7 +20,7 @@ from pliant.execution.executors import (
     one_thread_each,
 )
 from pliant.execution.jobs import JobQueue
-from pliant.execution.progress import LogProgress
+from pliant.execution.progress import LogBar
 from pliant.execution.progress_store import FOLDER, LOCK, JobProgress, progress_store_in
 
 ROOT = Path(__file__).parents[2]
@@ -99,7 +99,7 @@ def test_progress_is_seen_from_other_processes_and_abandoned_folders_go(tmp_path
 def test_a_log_has_the_rate_and_the_time_left(monkeypatch):
     clock, lines = [0.0], []
     monkeypatch.setattr("time.monotonic", lambda: clock[0])
-    bar = LogProgress(lines.append).begin("designs", 10, done=2)
+    bar = LogBar(lines.append, "designs", 10, done=2)
     for _ in range(4):
         clock[0] += 15.0
         bar.advance()

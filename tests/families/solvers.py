@@ -1,8 +1,8 @@
 """The FEM of a module of neo-Hookean rubber."""
 
 from pliant.records.fem import ModuleProblem
+from pliant_plugins.fem.config import SkfemConfig
 from pliant_plugins.fem.skfem.backend import Skfem, SkfemSolver
-from pliant_plugins.fem.skfem.config import SkfemConfig
 from pliant_plugins.materials.neo_hookean import NeoHookean, NeoHookeanConfig
 
 

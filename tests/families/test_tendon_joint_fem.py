@@ -141,8 +141,8 @@ def test_another_code_agrees() -> None:
         reason="an extra: pip install 'pliant[ngsolve]'",
         exc_type=ImportError,
     )
+    from pliant_plugins.fem.config import NgsolveConfig
     from pliant_plugins.fem.ngsolve.backend import Ngsolve
-    from pliant_plugins.fem.ngsolve.config import NgsolveConfig
 
     config = NgsolveConfig.model_validate({"tendon_force_max_n": 8.0, "order": 2})
     other = Ngsolve(config).solver(joint().problem(), rubber(MU, poisson_ratio=NU))

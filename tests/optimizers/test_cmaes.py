@@ -16,9 +16,9 @@ from pliant.interfaces.optimizer import Space, Variable
 from pliant_plugins.optimizers.cmaes.config import CmaesConfig
 
 pytest.importorskip("cma")
-from pliant_plugins.optimizers.cmaes.encoding import Encoding
+
 from pliant_plugins.optimizers.cmaes.fitness import Result, fitness
-from pliant_plugins.optimizers.cmaes.optimizer import Cmaes
+from pliant_plugins.optimizers.cmaes.optimizer import Cmaes, Encoding
 
 
 def cmaes(space: Space, seed: int = 1, **config: Any) -> Cmaes:

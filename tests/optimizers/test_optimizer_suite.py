@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from pliant.testing import run_checks
-from pliant.testing.optimizer_bench import hypervolume
-from pliant.testing.optimizer_learning import CORNER, IDEAL
+from pliant.testing.optimizer import CORNER, IDEAL, hypervolume
 from pliant_plugins.manifest import pliant_components
 
 pytest.importorskip("cma")

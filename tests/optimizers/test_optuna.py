@@ -22,8 +22,7 @@ from tests.optimizers.optimizer_searches import MIXED, NAN, best, box, scored, s
 
 from pliant.errors import MissingDependencyError, UserError
 from pliant.interfaces.optimizer import Space, Trial, Variable
-from pliant.testing.optimizer_bench import TWO_ENDS, hypervolume, two_ends
-from pliant.testing.optimizer_learning import CORNER, IDEAL
+from pliant.testing.optimizer import CORNER, IDEAL, TWO_ENDS, hypervolume, two_ends
 from pliant_plugins.optimizers.optuna.config import OptunaConfig
 
 optuna = pytest.importorskip("optuna")

@@ -79,6 +79,11 @@ class Evaluator:
         )
 
 
+def many(evaluator):
+    """Evaluates trials one after another."""
+    return lambda trials: [evaluator.evaluate(trial.values, trial.context) for trial in trials]
+
+
 def found(values, rmse_m=1e-3, conditions=None, **others):
     """A design with one metric."""
     metrics = {"rmse_m": rmse_m, "outside_domain": 0.0}

@@ -8,8 +8,8 @@ from tests.search.test_verification import Problem, springs
 
 from pliant.execution.executors import FuturesExecutor, InlineExecutor, executor_for
 from pliant.pipeline import simulate
-from pliant.search import check_runs
-from pliant.search.check_runs import run_ahead
+from pliant.search.verify import check as check_runs
+from pliant.search.verify.check import run_ahead
 from pliant.search.verify.verification import verify
 
 CONDITIONS = {"soft": {"task.pressure": "5 kPa"}, "hard": {"task.pressure": "10 kPa"}}

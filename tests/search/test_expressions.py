@@ -8,8 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pliant.errors import UserError
-from pliant.search.expressions.formula import Symbol
-from pliant.search.expressions.parser import parse
+from pliant.search.expressions import Symbol, parse
 
 SYMBOLS = {
     "x": Symbol("x", "variable", exact=False),

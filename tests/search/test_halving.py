@@ -11,7 +11,7 @@ from tests.search.test_journal import StopError, Stopping
 
 from pliant import api
 from pliant.errors import UserError
-from pliant.search.run.halving import FILE, Halving
+from pliant.search.run.search import Halving
 
 PLUGIN = Path(__file__).with_name("narrowing_plugin.py")
 SEARCHES, BUDGET = 9, 6
@@ -94,7 +94,7 @@ def test_what_cannot_be_halved_is_refused(opened, overrides, said):
     "text", ["", "{", '{"of": [9, 3, 6, null]}', '{"of": [9, 2, 6, null], "chosen": [[1]]}']
 )
 def test_choices_that_cannot_be_read_or_are_of_another_search_are_made_again(tmp_path, text):
-    (tmp_path / FILE).write_text(text)
+    (tmp_path / "halving.json").write_text(text)
     halving = Halving(tmp_path, 9, 3, (6, None))
     assert halving.left == list(range(9))
     assert halving.go_on([5, 4, 3, float("inf"), 1, 9, 9, 9, 9])

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 from tests.search.toy_search import Narrowing, ToyProblem, searched, told
 
-from pliant.search.run import branch as branch_module
+from pliant.search.run import loop
 from pliant.search.run.journal import Journal, keep_journals, take_journals
 
 EACH = ({"s": 0}, {"s": 1}, {"s": 2})
@@ -62,7 +62,7 @@ def whole(tmp_path):
 @pytest.mark.parametrize("after", [0, 3, 17, 45, 80, 118])
 @pytest.mark.parametrize("often", [True, False])
 def test_a_search_that_is_ended_goes_on_to_the_same_result(tmp_path, whole, after, often, monkeypatch):
-    monkeypatch.setattr(branch_module, "SNAPSHOT_EVERY_S", 0.0 if often else 1e9)
+    monkeypatch.setattr(loop, "SNAPSHOT_EVERY_S", 0.0 if often else 1e9)
     with pytest.raises(StopError):
         searched(tmp_path / "a", branches=EACH, progress=Stopping(after))
     assert told(searched(tmp_path / "a", branches=EACH)) == whole

@@ -2,8 +2,9 @@
 
 import numpy as np
 import pytest
-from tests.search.found_stand_ins import COUNT, WIDTH, Evaluator, Problem, found, history
+from tests.search.found_stand_ins import COUNT, WIDTH, Evaluator, Problem, found, history, many
 
+from pliant.execution.progress import Silent
 from pliant.search.analyse.limits import (
     FREE,
     at_bounds,
@@ -22,7 +23,7 @@ CONVERGED = 1e-3 + 1e-2 * np.exp(-np.arange(60))
 
 
 def sloped(problem, formula, best):
-    return slopes(Evaluator(problem, formula), problem, best)
+    return slopes(problem, best, many(Evaluator(problem, formula)), Silent())
 
 
 def test_a_bound_beyond_which_it_gets_better_is_named():

@@ -14,11 +14,11 @@ from pliant import api
 from pliant.errors import UserError
 from pliant.execution.progress import Silent
 from pliant.interfaces.optimizer import Trial, Variable
+from pliant.report.search import lines
 from pliant.report.search_files import search_json
-from pliant.report.search_lines import lines
 from pliant.search import workers
 from pliant.search.evaluate.evaluator import Evaluator, evaluated, problem_of
-from pliant.search.problem.reevaluation_problem import reevaluation_problem
+from pliant.search.problem.search_problem import reevaluation_problem
 from pliant.search.run.reevaluation import best_apart
 
 PLUGIN = Path(__file__).with_name("narrowing_plugin.py")

@@ -13,10 +13,9 @@ from tests.search.toy_search import Narrowing
 from pliant import api
 from pliant.errors import UserError
 from pliant.records.search import Verification
-from pliant.report.search_lines import lines
-from pliant.report.search_sections import robust_section
-from pliant.report.search_sentences import price
-from pliant.report.search_view import SearchView
+from pliant.report.search import lines
+from pliant.report.search_page import robust_section
+from pliant.report.search_view import SearchView, price
 from pliant.search.stage import JOURNALS, files_folder, search_study
 from pliant.search.stage_keys import components_of
 from pliant.search.verify.check import converged, merged

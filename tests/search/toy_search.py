@@ -26,9 +26,8 @@ from pliant.interfaces.optimizer import (
     Variable,
 )
 from pliant.pipeline.remote import RemoteStudy
-from pliant.search.run.branch import Branch
 from pliant.search.run.journal import Journal
-from pliant.search.run.loop import Loop
+from pliant.search.run.loop import Branch, Loop
 from pliant.search.workers import Setup, queue_of
 
 PLANE = (Variable("a", "real", -1.0, 2.0), Variable("b", "real", -2.0, 1.0), Variable("n", "integer", 0, 4))

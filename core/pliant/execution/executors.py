@@ -16,13 +16,14 @@ import multiprocessing
 import os
 import signal
 import threading
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from concurrent import futures
 from contextlib import contextmanager
 from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import Any, Protocol, TypeAlias
+from typing import Any, TypeAlias
 
 from pliant.errors import MissingDependencyError, UserError
 
@@ -31,7 +32,7 @@ MOST_WORKERS = 1024
 CONNECT_S = 10
 
 
-class Executor(Protocol):
+class Executor(ABC):
     """Runs functions of a module with plain values.
 
     Attributes:
@@ -39,45 +40,37 @@ class Executor(Protocol):
         remote: whether its workers may have other code or another file system than this process.
     """
 
-    size: int | None
-    remote: bool
+    size: int | None = None
+    remote = False
 
+    @abstractmethod
     def submit(self, function: Callable[..., Any], *values: Any) -> futures.Future[Any]:
         """Begin a call."""
 
     def restart(self) -> bool:
         """Replace the workers after one has died; False where that is not possible."""
+        return False
 
-    def shutdown(self, at_once: bool) -> None:
-        """Let the workers go; at once: what runs is cut off."""
+    def shutdown(self, at_once: bool) -> None:  # noqa: B027 - most have nothing to let go
+        """Let the workers go; at once: what runs is cut off. Those of the caller's stay."""
 
 
-class InlineExecutor:
+class InlineExecutor(Executor):
     """This process does each call when it is submitted."""
 
     size: int | None = 1
-    remote = False
 
     def submit(self, function: Callable[..., Any], *values: Any) -> futures.Future[Any]:
         future: futures.Future[Any] = futures.Future()
         future.set_result(function(*values))
         return future
 
-    def restart(self) -> bool:
-        return False
 
-    def shutdown(self, at_once: bool) -> None:
-        pass
-
-
-class ProcessExecutor:
+class ProcessExecutor(Executor):
     """Processes of our own, begun when there is work for them."""
 
-    remote = False
-
     def __init__(self, workers: int) -> None:
-        self.size: int | None = workers
-        self._workers = workers
+        self.size = self._workers = workers
         self._open()
 
     def _open(self) -> None:
@@ -101,10 +94,9 @@ class ProcessExecutor:
         self._theirs.close()
 
 
-class FuturesExecutor:
+class FuturesExecutor(Executor):
     """An executor of the caller's: threads, processes, a cluster's. It is not shut down."""
 
-    size: int | None = None
     remote = True
 
     def __init__(self, executor: futures.Executor) -> None:
@@ -112,12 +104,6 @@ class FuturesExecutor:
 
     def submit(self, function: Callable[..., Any], *values: Any) -> futures.Future[Any]:
         return self._executor.submit(function, *values)
-
-    def restart(self) -> bool:
-        return False
-
-    def shutdown(self, at_once: bool) -> None:
-        pass
 
 
 class DaskExecutor(FuturesExecutor):
@@ -165,24 +151,22 @@ def executor_for(workers: Workers, most: int | None = None) -> Iterator[Executor
     Raises:
         UserError: a number that is none, or no scheduler answers.
     """
-    executor, whole = _made(workers, most), False
+    if isinstance(workers, str):
+        executor: Executor = DaskExecutor(workers)
+    elif isinstance(workers, futures.Executor):
+        executor = FuturesExecutor(workers)
+    elif isinstance(workers, Executor):
+        executor = workers
+    else:
+        count = checked_workers(cpus() if workers is None else workers)
+        count = count if most is None else min(count, most)
+        executor = ProcessExecutor(count) if count > 1 else InlineExecutor()
+    whole = False
     try:
         yield executor
         whole = True
     finally:
         executor.shutdown(at_once=not whole)
-
-
-def _made(workers: Workers, most: int | None) -> Executor:
-    if isinstance(workers, str):
-        return DaskExecutor(workers)
-    if isinstance(workers, futures.Executor):
-        return FuturesExecutor(workers)
-    if not (workers is None or isinstance(workers, int)):
-        return workers
-    count = checked_workers(cpus() if workers is None else workers)
-    count = count if most is None else min(count, most)
-    return ProcessExecutor(count) if count > 1 else InlineExecutor()
 
 
 def either(executor: Workers, workers: int | None, what: str) -> Workers:
@@ -246,12 +230,12 @@ def ignore_sigint() -> Iterator[None]:
 
 def _begin_worker(driver: Connection) -> None:
     """A worker begins; without a driver there is nothing for it to do."""
+
+    def end_with_it() -> None:
+        try:
+            driver.recv_bytes()
+        except (EOFError, OSError):
+            os._exit(0)
+
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    threading.Thread(target=_end_with, args=(driver,), daemon=True).start()
-
-
-def _end_with(driver: Connection) -> None:
-    try:
-        driver.recv_bytes()
-    except (EOFError, OSError):
-        os._exit(0)
+    threading.Thread(target=end_with_it, daemon=True).start()

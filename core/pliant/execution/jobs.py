@@ -15,7 +15,7 @@ from typing import Any, Generic, TypeVar
 
 from pliant.errors import NotReachedError, PliantError, UserError, interrupted
 from pliant.execution.executors import Executor
-from pliant.execution.progress import Progress, Silent
+from pliant.execution.progress import Progress, Silent, bar_of
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
@@ -127,8 +127,7 @@ class JobQueue(Generic[Item, Result]):
         if self._ready or size is None or size == 1:
             return
         size = size if most is None else min(size, most)
-        bar = progress.begin("workers begin", size)
-        try:
+        with bar_of(progress, "workers begin", size) as bar:
             for left in reversed(range(FAILED_AT_START)):
                 try:
                     for future in [self._submitted(()) for _ in range(size)]:
@@ -141,8 +140,6 @@ class JobQueue(Generic[Item, Result]):
                             "worker processes end before they begin; in a script, put the call under "
                             "\"if __name__ == '__main__':\", or take workers=1."
                         ) from None
-        finally:
-            bar.finish()
         self._ready = True
 
     def submit(self, items: Sequence[Item], key: Hashable = None) -> None:
@@ -163,15 +160,25 @@ class JobQueue(Generic[Item, Result]):
             ended, _ = wait(self._running, timeout=timeout_s, return_when=FIRST_COMPLETED)
             lost, broken = [], False
             for future in ended:
-                job, error = self._running.pop(future), _error_of(future)
+                job = self._running.pop(future)
+                try:
+                    error = future.exception()
+                except CancelledError as cancelled:  # a cluster raises the error where others return it
+                    error = cancelled
                 if isinstance(error, BrokenExecutor) or type(error).__name__ == KILLED_WORKER:
                     lost.append(job)
                     broken |= isinstance(error, BrokenExecutor)
                     continue
                 self._alone = False
                 back += self._returned(job, future.result()) if error is None else self._lost(job, error)
-            if broken:
-                lost += self._restarted()
+            if broken:  # new workers; the jobs that went with the one that died are lost, too
+                lost += self._running.values()
+                self._running.clear()
+                self._ready = False
+                if not self.executor.restart():
+                    raise NotReachedError(
+                        "the executor broke: a worker died. Finished work is kept; run again to go on."
+                    )
             if lost:
                 back += self._killed(lost)
             if timeout_s is not None:
@@ -217,14 +224,12 @@ class JobQueue(Generic[Item, Result]):
     def _returned(
         self, job: _Job, results: Sequence[tuple[Any, Exception | None]]
     ) -> list[Finished[Item, Result]]:
-        found = []
-        for item, (result, error) in zip(job.items, results, strict=True):
-            if interrupted(error):
-                raise KeyboardInterrupt
-            found.append(
-                Finished[Item, Result](job.key, item, result, None if error is None else Failure.of(error))
-            )
-        return found
+        if any(interrupted(error) for _, error in results):
+            raise KeyboardInterrupt
+        return [
+            Finished(job.key, item, result, None if error is None else Failure.of(error))
+            for item, (result, error) in zip(job.items, results, strict=True)
+        ]
 
     def _lost(self, job: _Job, error: BaseException) -> list[Finished[Item, Result]]:
         """A job ended in an error that is of all its items, or of the executor: then each item once more."""
@@ -236,17 +241,6 @@ class JobQueue(Generic[Item, Result]):
             return [Finished(job.key, job.items[0], failure=Failure.of(error))]
         self._queue.extendleft(reversed(job.singles(job.losses + 1)))
         return []
-
-    def _restarted(self) -> list[_Job]:
-        """New workers for those of which one died; the jobs that went with it."""
-        jobs = list(self._running.values())
-        self._running.clear()
-        if not self.executor.restart():
-            raise NotReachedError(
-                "the executor broke: a worker died. Finished work is kept; run again to go on."
-            )
-        self._ready = False
-        return jobs
 
     def _killed(self, jobs: Sequence[_Job]) -> list[Finished[Item, Result]]:
         """Workers died under these jobs: each that had begun runs again alone, or has failed."""
@@ -278,11 +272,3 @@ def _run(function: Callable[[Any], Any], items: Sequence[Any]) -> list[tuple[Any
         except Exception as error:
             found.append((None, error))
     return found
-
-
-def _error_of(future: Future[Any]) -> BaseException | None:
-    """What a job ended in; one that a cluster has cancelled raises its error where others return it."""
-    try:
-        return future.exception()
-    except CancelledError as error:
-        return error

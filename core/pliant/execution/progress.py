@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Protocol
 
 LINE_EVERY_S = 20.0
@@ -72,25 +73,23 @@ class Once:
             self._inner.note(text)
 
 
-class LogProgress:
-    """Progress for logs of batch systems: now and then a line with the rate and the time left.
-
-    Args:
-        say: prints a line.
-    """
-
-    def __init__(self, say: Callable[[str], None] = print) -> None:
-        self._say = say
-
-    def begin(self, title: str, total: int, done: int = 0) -> LogBar:
-        return LogBar(self._say, title, total, done)
-
-    def note(self, text: str) -> None:
-        self._say(f"note: {text}")
+@contextmanager
+def bar_of(progress: Progress, title: str, total: int, done: int = 0) -> Iterator[ProgressBar]:
+    """The bar of a piece of work for the time of the block; see `Progress.begin`."""
+    bar = progress.begin(title, total, done)
+    try:
+        yield bar
+    finally:
+        bar.finish()
 
 
 class LogBar:
-    """One piece of work in lines."""
+    """One piece of work in lines, for logs of batch systems: now and then one with the rate and the time left.
+
+    Args:
+        say: prints a line.
+        title, total, done: see `Progress.begin`.
+    """
 
     def __init__(self, say: Callable[[str], None], title: str, total: int, done: int) -> None:
         self._say, self.title, self.total = say, title, total

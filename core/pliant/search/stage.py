@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Sequence
+import shutil
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 from pliant.config.study import Study
 from pliant.errors import PliantError, UserError
@@ -16,15 +15,12 @@ from pliant.execution.progress import Once
 from pliant.pipeline.meta_model.stage import meta_model_stage
 from pliant.pipeline.workbench import Workbench
 from pliant.records.search import SearchResult
-from pliant.registry.component import Component
 from pliant.search.evaluate.evaluator import OF_EVERY_TASK, evaluator_of_study, problem_of
 from pliant.search.evaluate.scenarios import tolerance_notes
 from pliant.search.problem.feasibility import require_feasible, require_reachable
-from pliant.search.problem.reevaluation_problem import require_reevaluation
-from pliant.search.problem.search_problem import SearchProblem
-from pliant.search.run.halving import require_halving
-from pliant.search.run.search import Search
-from pliant.search.run.warm_start import warm_started
+from pliant.search.problem.search_problem import SearchProblem, reevaluation_problem
+from pliant.search.run.journal import keep_journals, take_journals
+from pliant.search.run.search import EXPORT, Search, warm_started
 from pliant.search.stage_keys import ENDS, MODULES, components_of, content_of
 from pliant.search.verify.check import checked
 from pliant.search.verify.direct_fem import check_verifiable
@@ -33,8 +29,6 @@ from pliant.store.store import Artifact
 
 DEFAULT_OPTIMIZER = "cmaes"
 STAGE, JOURNALS, FILES = "search", "search_journals", "search_files"
-# What is found out when the search has ended: not what candidates come to.
-AFTERWARDS = ("pliant.search.run.reevaluation", "pliant.search.analyse.post_analysis")
 
 
 def search_study(
@@ -98,10 +92,7 @@ def _checked(bench: Workbench, study: Study) -> SearchProblem:
             bench.build(key, getattr(study, key))
     problem = problem_of(bench, study)
     _require_measured(bench, problem)
-    if len(problem.objective_names) > 1:
-        _require_several(bench, study)
-    require_reevaluation(problem)
-    require_halving(problem, bench.build("optimizer", study.optimizer))  # type: ignore[arg-type]
+    _require_choosable(bench, study, problem)
     check_verifiable(study, problem.registry)
     require_reachable(problem, bench)
     return problem
@@ -111,33 +102,52 @@ def _require_measured(bench: Workbench, problem: SearchProblem) -> None:
     """Raise `UserError` where a formula names what the task, as far as it says so, does not measure."""
     set_by_search = {key for one in problem.variables for key in one.keys}
     set_by_search |= {key for condition in problem.conditions for key in condition.changes}
-    if ("task", "kind") in set_by_search:
-        return
-    measured = bench.build("task", problem.study.need("task", "a search")).measures()
-    if measured:
-        problem.require_metrics(dict.fromkeys((*measured, *OF_EVERY_TASK), 0.0))
+    if ("task", "kind") not in set_by_search:
+        measured = bench.build("task", problem.study.need("task", "a search")).measures()
+        if measured:
+            problem.require_metrics(dict.fromkeys((*measured, *OF_EVERY_TASK), 0.0))
 
 
-def _require_several(bench: Workbench, study: Study) -> None:
-    """Raise `UserError` where the optimizer knows one objective only."""
-    kind = study.optimizer.kind if study.optimizer else ""
-    if bench.registry.get("optimizer", kind).implementation_class().capabilities.several_objectives:
-        return
-    able = [c.kind for c in bench.registry.of("optimizer") if _several(c)]
-    others = f"use {' or '.join(able)}, or " if able else ""
-    raise UserError(
-        f"optimizer '{kind}' minimises one objective and search.objective lists several; {others}write one "
-        "expression of them."
-    )
-
-
-def _several(component: Component) -> bool:
-    try:
-        return bool(
-            not component.missing() and component.implementation_class().capabilities.several_objectives
+def _require_choosable(bench: Workbench, study: Study, problem: SearchProblem) -> None:
+    """Raise `UserError` where the optimizer, `confirm` or `halving` cannot choose among candidates or searches."""
+    config, kind = problem.config, study.need("optimizer", "a search").kind
+    several = len(problem.objective_names) > 1
+    capabilities = bench.registry.get("optimizer", kind).implementation_class().capabilities
+    if several and not capabilities.several_objectives:
+        able = []
+        for one in bench.registry.of("optimizer"):
+            try:
+                if not one.missing() and one.implementation_class().capabilities.several_objectives:
+                    able.append(one.kind)
+            except PliantError:
+                continue
+        others = f"use {' or '.join(able)}, or " if able else ""
+        raise UserError(
+            f"optimizer '{kind}' minimises one objective and search.objective lists several; {others}write one "
+            "expression of them."
         )
-    except PliantError:
-        return False
+    if config.confirm is not None and several:
+        raise UserError(
+            "search.confirm chooses by one objective, and search.objective lists several; leave confirm out, or write "
+            "one expression of them."
+        )
+    if config.confirm is not None:
+        reevaluation_problem(problem)
+    if config.halving is not None and len(problem.branches()) == 1:
+        raise UserError(
+            "search.halving chooses among the searches of 'each' variables, and this study has one search; leave it "
+            "out, or give a variable of whole numbers or choices 'each: true'."
+        )
+    if config.halving is not None and several:
+        raise UserError(
+            "search.halving ranks searches by one objective, and search.objective lists several; leave halving out, "
+            "or write one expression of them."
+        )
+    if config.halving is not None and capabilities.contexts and config.conditions:
+        raise UserError(
+            f"search.halving ranks searches by one score, and optimizer '{kind}' has one for each condition; leave "
+            "halving out, or use an optimizer that tries a candidate in all conditions."
+        )
 
 
 def _searched(bench: Workbench, study: Study, executor: Executor) -> Artifact:
@@ -146,49 +156,40 @@ def _searched(bench: Workbench, study: Study, executor: Executor) -> Artifact:
     inputs: dict[str, str] = {}
     if study.meta_model is not None and study.family is not None:
         inputs["meta_model"] = meta_model_stage(bench, study).artifact.key
-    nominal = None
+    continued, before = dict(inputs), None
     if config.robust is not None and config.robust.compare:
         plain = study.model_copy(update={"search": config.model_copy(update={"robust": None})})
         nominal = _searched(bench, plain, executor)
-        inputs["nominal"] = nominal.key
-    problem = problem_of(bench, study)
-    components = components_of(bench, study)
-    before = nominal.value if nominal else None
-    # The nominal search has a budget of its own; what the robust one depends on is where it begins.
+        before, inputs["nominal"] = nominal.value, nominal.key
+    problem, components = problem_of(bench, study), components_of(bench, study)
+    # What it may be continued from. The nominal search has a budget of its own; what the robust one depends on is
+    # where it begins.
     begun = warm_started(before, problem, problem.space()).start if before else {}
-    continued = {name: key for name, key in inputs.items() if name != "nominal"}
-    kept = bench.store.root / JOURNALS / _digest([content_of(study, ENDS), continued, begun], components)
+    places = [place.partition(":")[0] for c in components for place in (c.config, c.implementation)]
+    parts = [content_of(study, ENDS), continued, begun, code_fingerprint([*MODULES, *places])]
+    digest = hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()[:32]
+    kept = bench.store.root / JOURNALS / digest
 
     def compute(partial: Path) -> SearchResult:
-        optimizer = bench.build("optimizer", study.optimizer)  # type: ignore[arg-type]
-        search = Search(
-            bench,
-            study,
-            problem,
-            evaluator_of_study(bench, study),
-            executor,
-            contextual=bool(type(optimizer).capabilities.contexts and config.conditions),
-            nominal=before,
+        if take_journals(kept, partial):
+            bench.progress.note("going on from the journal of the same search with another budget.")
+        result = Search(bench, study, problem, executor, partial, before).result()
+        exported, files = partial / EXPORT, bench.store.root / FILES / partial.name.removesuffix(".partial")
+        names = sorted(
+            file.relative_to(exported).as_posix() for file in exported.rglob("*") if file.is_file()
         )
-        files = bench.store.root / FILES / partial.name.removesuffix(".partial")
-        return search.run(partial, kept, files)
+        shutil.rmtree(files, ignore_errors=True)
+        if names:
+            files.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copytree(exported, files)
+        keep_journals(partial, kept)
+        return replace(result, files=tuple(names))
 
     return bench.make(
         STAGE,
         compute,
         components=components,
-        modules=[*MODULES, *AFTERWARDS],
+        modules=MODULES,
         config=content_of(study, ("verify",)),
         inputs=inputs,
     )
-
-
-def _digest(content: Sequence[Any], components: Sequence[Component]) -> str:
-    """Names what a search may be continued from."""
-    code = code_fingerprint([*MODULES, *_places(components)])
-    text = json.dumps([*content, code], sort_keys=True)
-    return hashlib.sha256(text.encode()).hexdigest()[:32]
-
-
-def _places(components: Sequence[Component]) -> list[str]:
-    return [place.partition(":")[0] for c in components for place in (c.config, c.implementation)]

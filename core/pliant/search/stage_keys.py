@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from pliant.config.search import SearchConfig
 from pliant.config.study import BLOCKS, Study
 from pliant.pipeline.study import DEFAULT_PHYSICS, DEFAULT_SURROGATE
 from pliant.pipeline.workbench import Workbench, content
@@ -41,22 +40,16 @@ def components_of(bench: Workbench, study: Study, also: Sequence[str] = ()) -> l
     segments = study.chain.segments if study.chain is not None else ()
     wanted |= {("surrogate", s.surrogate.kind) for s in segments if s.surrogate is not None}
     wanted |= {("physics", kind) for kind in also}
-    wanted |= _kinds_searched(study.need("search", "a search"))
+    # What variables and conditions put in the place of the study's own blocks.
+    search = study.need("search", "a search")
+    settings = [item for condition in search.conditions.values() for item in condition.items()]
+    settings += [
+        (key, c) for name, one in search.variables.items() for key in one.keys(name) for c in one.choices
+    ]
+    blocks = [(key.removesuffix(".kind"), str(kind)) for key, kind in settings if key.endswith(".kind")]
+    wanted |= {(BLOCKS[block], kind) for block, kind in blocks if block in BLOCKS}
     if study.physics is None:
         wanted.add(("physics", DEFAULT_PHYSICS))
     if study.surrogate is None and study.family is not None:
         wanted.add(("surrogate", DEFAULT_SURROGATE))
     return [bench.registry.get(interface, kind) for interface, kind in sorted(wanted)]
-
-
-def _kinds_searched(search: SearchConfig) -> set[tuple[str, str]]:
-    """Interface and kind of what variables and conditions put in the place of the study's own blocks."""
-    settings = [
-        (key, choice)
-        for name, one in search.variables.items()
-        for key in one.keys(name)
-        for choice in one.choices
-    ]
-    settings += [item for condition in search.conditions.values() for item in condition.items()]
-    blocks = [(key.removesuffix(".kind"), str(kind)) for key, kind in settings if key.endswith(".kind")]
-    return {(BLOCKS[block], kind) for block, kind in blocks if block in BLOCKS}

@@ -19,7 +19,6 @@ from pliant.pipeline.workbench import Workbench
 from pliant.search.evaluate.evaluator import Evaluates, evaluated, evaluator_of_study
 from pliant.search.stage_keys import MODULES
 
-MAKE = "pliant.search.workers:evaluator_of"
 _KEPT = threading.local()  # the evaluator of the search that this thread works for
 
 
@@ -34,19 +33,13 @@ class Setup:
     """
 
     study: RemoteStudy
-    make: str = MAKE
+    make: str = "pliant.search.workers:evaluator_of"
     confirm: bool = False
 
     @classmethod
     def of(cls, bench: Workbench, study: Study, executor: Executor, confirm: bool = False) -> Setup:
         """Of a study as it is searched; workers that may have other code compare theirs with ours."""
         return cls(RemoteStudy.of(bench, study, MODULES if executor.remote else ()), confirm=confirm)
-
-    def evaluator(self) -> Evaluates:
-        """Build it."""
-        module, _, name = self.make.partition(":")
-        made: Evaluates = getattr(importlib.import_module(module), name)(self)
-        return made
 
 
 def queue_of(executor: Executor, setup: Setup, here: Evaluates) -> JobQueue[Trial, Trial]:
@@ -62,16 +55,12 @@ def told_of(one: Finished[Trial, Trial]) -> Trial:
 
 def work(setup: Setup, trial: Trial) -> Trial:
     """In a worker: evaluate a candidate; raises only what every candidate would meet."""
-    return evaluated(_kept(setup), trial)
+    if getattr(_KEPT, "setup", None) != setup:
+        module, _, name = setup.make.partition(":")
+        _KEPT.evaluator, _KEPT.setup = getattr(importlib.import_module(module), name)(setup), setup
+    return evaluated(_KEPT.evaluator, trial)
 
 
 def evaluator_of(setup: Setup) -> Evaluates:
     """In a worker: the evaluator of a setup; raises `UserError` as `RemoteStudy.open` does."""
     return evaluator_of_study(*setup.study.open(), setup.confirm)
-
-
-def _kept(setup: Setup) -> Evaluates:
-    if getattr(_KEPT, "setup", None) != setup:
-        _KEPT.evaluator, _KEPT.setup = setup.evaluator(), setup
-    kept: Evaluates = _KEPT.evaluator
-    return kept

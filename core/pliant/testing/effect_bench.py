@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, cast
@@ -17,9 +18,8 @@ from pliant.records.design import Array
 from pliant.records.history import History
 from pliant.registry.discovery import discover
 from pliant.testing.histories import Motion, drive, first_joint, triangles
-from pliant.testing.physics_bench import chain_numbers
-from pliant.testing.samples import PRESSURE_PA, sample_chain, softening_law
-from pliant.testing.suite import CheckSkipped, Subject
+from pliant.testing.samples import PRESSURE_PA, chain_numbers, sample_chain, softening_law
+from pliant.testing.suite import CheckSkipped, Subject, once
 
 PRESSURES = np.array([0.0, 2e3, 5e3, 9e3, 15e3])
 ANGLES = np.array([-0.2, 0.05, 0.2, 0.36, 0.5])
@@ -175,22 +175,20 @@ SIGHTS = {"input": inputs_seen, "law": efforts, "chain": rigid, "output": readin
 
 def follower(subject: Subject) -> PhysicsBackend:
     """An installed engine without inertia that follows memory, or `CheckSkipped`."""
-    engine: PhysicsBackend | None = subject.once("follower", _find_follower)
+    engine = _follower(subject)
     if engine is None:
         raise CheckSkipped("no quasi-static engine that follows histories is installed")
     return engine
 
 
-def _find_follower() -> PhysicsBackend | None:
+@once
+def _follower(subject: Subject) -> PhysicsBackend | None:
     for component in discover().of("physics"):
-        if component.missing() is not None:
-            continue
-        try:
-            engine: PhysicsBackend = component.build(component.config_model()(kind=component.kind))
-        except ContractError:  # a broken engine is another plugin's failure
-            continue
-        if engine.capabilities.internal_states and not engine.capabilities.dynamic:
-            return engine
+        with contextlib.suppress(ContractError):  # a broken engine is another plugin's failure
+            if component.missing() is None:
+                engine: PhysicsBackend = component.build(component.config_model()(kind=component.kind))
+                if engine.capabilities.internal_states and not engine.capabilities.dynamic:
+                    return engine
     return None
 
 

@@ -29,9 +29,8 @@ from pliant.registry.discovery import Registry, discover
 from pliant.store.store import ArtifactStore
 from pliant.testing.effect_bench import follower, parameters, sample_model
 from pliant.testing.samples import PRESSURE_PA
-from pliant.testing.suite import CheckSkipped, Subject, Suite, require
+from pliant.testing.suite import CheckSkipped, Subject, once, require
 
-suite = Suite("effect")
 PLAIN_RUNS = ("slow_cycles", "fast_cycles", "passive_load_steps")
 GENERAL = ("stiffness", "actuation_gain", "viscoelastic", "friction_hysteresis", "sensor_bias")
 SPECIMENS = ("A", "B")
@@ -41,27 +40,27 @@ ANGLE_RAD, POSITION_SHARE, CORRELATION = 2e-3, 2e-3, 0.6
 SEED = 3
 
 
-@suite.check(
-    "hidden in its `exciting` runs and a few plain ones, it is named, or a class of look-alikes that holds it."
-)
 def is_found_when_injected(subject: Subject) -> None:
-    kind, runs = subject.component.kind, exciting_runs(subject)
-    measurement = injected(subject, runs)
-    predictor = _predictor(subject, measurement)
-    found = diagnose(predictor, kinds=candidates(subject), runs=runs[:1])
+    """hidden in its `exciting` runs and a few plain ones, it is named, or a class of look-alikes that holds it."""
+    kind, effect = subject.component.kind, type(subject.build())
+    runs = _exciting_runs(subject, effect.exciting)
+    predictor = _predictor(subject, _injected(subject, runs))
+    found = diagnose(predictor, kinds=_candidates(subject), runs=runs[:1])
     if found.verdict == "missing_effect" and found.selected == (kind,):
         return
-    require(found.verdict == "ambiguous" and _within_its_class(found, kind), _told(subject, found))
-    twin = type(subject.build()).notes.look_alike
-    require(
-        (twin,) not in found.judgement.credible,
-        f"its exciting runs cannot tell it from {twin}, its look-alike: name runs that do, or drop it for {twin}",
-    )
+    left = found.judgement.credible
+    single = {kinds[0] for kinds in left if len(kinds) == 1}
+    classes = [set(one.kinds) for one in found.classes if kind in one.kinds]
+    # All that is left are single effects of one class, stated without readings, that has the kind.
+    of_its_class = (kind,) in left and len(single) == len(left) and any(single <= one for one in classes)
+    require(found.verdict == "ambiguous" and of_its_class, _told(subject, found))
+    twin = effect.notes.look_alike
+    apart = f"its exciting runs cannot tell it from {twin}, its look-alike"
+    require((twin,) not in left, f"{apart}: name runs that do, or drop it for {twin}")
 
 
-def exciting_runs(subject: Subject) -> tuple[PlannedRun, ...]:
+def _exciting_runs(subject: Subject, names: Sequence[str]) -> tuple[PlannedRun, ...]:
     """The effect's `exciting` runs and the plain ones, at the scale of the sample chain; new specimens first."""
-    names = type(subject.build()).exciting
     known = list(BUILDERS)
     require(
         names,
@@ -71,15 +70,13 @@ def exciting_runs(subject: Subject) -> tuple[PlannedRun, ...]:
     for name in names:
         require(name in known, f"exciting names '{name}', which is no run of the menu{closest(name, known)}")
     possible = {run.name: run for run in timed_catalogue(BenchScale.of_chain(_chain(subject), PRESSURE_PA))}
-    require(
-        any(name in possible for name in names),
-        f"none of its exciting runs ({', '.join(names)}) can be done on a chain driven by its input",
-    )
+    none = f"none of its exciting runs ({', '.join(names)}) can be done on a chain driven by its input"
+    require(any(name in possible for name in names), none)
     chosen = [possible[name] for name in dict.fromkeys((*names, *PLAIN_RUNS)) if name in possible]
     return tuple(sorted(chosen, key=lambda run: not run.new_specimen))
 
 
-def injected(subject: Subject, runs: Sequence[PlannedRun]) -> Measurement:
+def _injected(subject: Subject, runs: Sequence[PlannedRun]) -> Measurement:
     """Readings of two specimens that have the effect at its typical strength."""
     outputs = tuple(dict.fromkeys(("angle_rad", *(name for run in runs for name in run.adds))))
     blank = []
@@ -92,7 +89,7 @@ def injected(subject: Subject, runs: Sequence[PlannedRun]) -> Measurement:
             blank.append(MeasuredRun(history, values, {}, weights, rows))
     unread = Measurement(tuple(blank), outputs, source="sample bench")
     truth = _predictor(subject, unread)
-    effect = subject.configured(typical(parameters(subject)))
+    effect = subject.configured(_typical(parameters(subject)))
     assert isinstance(effect, EffectConfig)
     readings = truth.predict((effect,))
     rng = np.random.default_rng(SEED)
@@ -104,7 +101,7 @@ def injected(subject: Subject, runs: Sequence[PlannedRun]) -> Measurement:
     return replace(unread, runs=tuple(filled))
 
 
-def typical(declared: Sequence[EffectParameter]) -> dict[str, float]:
+def _typical(declared: Sequence[EffectParameter]) -> dict[str, float]:
     """Strengths halfway from neutral to the far end of the plausible range, the rest in the middle of it.
 
     The middle is geometric where the prior is log-normal.
@@ -118,11 +115,10 @@ def typical(declared: Sequence[EffectParameter]) -> dict[str, float]:
     return values
 
 
-def candidates(subject: Subject) -> tuple[str, ...]:
+def _candidates(subject: Subject) -> tuple[str, ...]:
     """The effect, its look-alike and the general kinds, where they are installed."""
-    kind, notes = subject.component.kind, type(subject.build()).notes
     installed = set(_registry(subject).kinds("effect"))
-    asked = dict.fromkeys((kind, notes.look_alike, *GENERAL))
+    asked = dict.fromkeys((subject.component.kind, type(subject.build()).notes.look_alike, *GENERAL))
     found = tuple(one for one in asked if one in installed)
     if len(found) < 2:
         raise CheckSkipped("no other effect is installed for which it could be taken")
@@ -138,15 +134,12 @@ def _predictor(subject: Subject, measurement: Measurement) -> Predictor:
     return Predictor(bench, follower(subject), _chain(subject), measurement)
 
 
+@once
 def _registry(subject: Subject) -> Registry:
     """What is installed, with the component under test in place of its namesake."""
     mine = subject.component
-
-    def made() -> Registry:
-        others = (c for c in discover().components if (c.interface, c.kind) != (mine.interface, mine.kind))
-        return Registry((*others, mine))
-
-    return subject.once("registry", made)
+    others = (c for c in discover().components if (c.interface, c.kind) != (mine.interface, mine.kind))
+    return Registry((*others, mine))
 
 
 def _noisy(rng: np.random.Generator, name: str, values: Array, length_m: float) -> Array:
@@ -158,22 +151,14 @@ def _noisy(rng: np.random.Generator, name: str, values: Array, length_m: float) 
     return values + noise
 
 
-def _within_its_class(found: Diagnosis, kind: str) -> bool:
-    """All explanations that are left are single effects of one class, stated without readings, that has the kind."""
-    left = found.judgement.credible
-    classes = [set(one.kinds) for one in found.classes if kind in one.kinds]
-    single = {kinds[0] for kinds in left if len(kinds) == 1}
-    return (kind,) in left and len(single) == len(left) and any(single <= one for one in classes)
-
-
 def _told(subject: Subject, found: Diagnosis) -> str:
     kind, names = subject.component.kind, type(subject.build()).exciting
-    values = ", ".join(f"{name} {value:g}" for name, value in typical(parameters(subject)).items())
-    shares = [f"{named(kinds)} {p:.0%}" for kinds, p in list(found.judgement.probability.items())[:3]]
-    seen = (
-        f"with {values} hidden in {listed(list(dict.fromkeys((*names, *PLAIN_RUNS))))} the diagnosis says: "
+    values = ", ".join(f"{name} {value:g}" for name, value in _typical(parameters(subject)).items())
+    shares = ", ".join(
+        f"{named(kinds)} {p:.0%}" for kinds, p in list(found.judgement.probability.items())[:3]
     )
-    seen += f"{found.judgement.sentence} ({', '.join(shares)}). "
+    runs = listed(list(dict.fromkeys((*names, *PLAIN_RUNS))))
+    seen = f"with {values} hidden in {runs} the diagnosis says: {found.judgement.sentence} ({shares}). "
     if kind in found.not_excited:
         return seen + "These runs do not show it: name others in exciting, or widen the plausible range"
     return (

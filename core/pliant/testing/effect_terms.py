@@ -30,19 +30,15 @@ from pliant.testing.effect_bench import (
 )
 from pliant.testing.histories import Motion, drive, follow_joint, triangles
 from pliant.testing.samples import PRESSURE_PA
-from pliant.testing.suite import Subject, Suite, require, require_close
+from pliant.testing.suite import Subject, agree, require
 
-suite = Suite("effect")
 # Steps that occur: duplicate times, fast logging, a bench at 10 Hz, a night, a state of its own.
 DURATIONS = (0.0, 1e-9, 0.1, 5e4, math.inf)
 AGREEMENT_RAD = 1e-5
 # Refining a run's samples may change what a term gives by this share of its largest value.
 SAMPLING_SHARE = 0.05
 LET_GO_RAD = 0.05
-
-
-def _terms(subject: Subject) -> tuple[LawTerm, ...]:
-    return hinge(subject, strong(subject)).terms
+ANGLES_RAD = (-0.3, 0.0, 0.4)
 
 
 def _value(term: LawTerm, angle: float, rate: float, dt_s: float, old: Array, new: Array) -> float:
@@ -60,129 +56,101 @@ def _pasts(chain: ChainModel) -> Iterator[tuple[LawTerm, Array]]:
         first += term.n_states
 
 
-@suite.check("a law term writes every number of `new`, never changes `old`, and is finite for any step.")
 def terms_write_new_and_leave_old(subject: Subject) -> None:
-    for term, past in _pasts(hinge(subject, strong(subject))):
-        for dt in DURATIONS:
-            for angle in (-0.3, 0.0, 0.4):
-                rate = 0.0 if dt == 0.0 or math.isinf(dt) else 1e-3 / dt
-                old, new = past.copy(), np.full(term.n_states, np.nan)
-                value = _value(term, angle, rate, dt, old, new)
-                require(np.array_equal(old, past), f"'{term.function.__name__}' changed `old` in place")
-                require(
-                    np.isfinite(value) and np.all(np.isfinite(new)),
-                    f"'{term.function.__name__}' gives {value} and memory {new.tolist()} after a step of {dt:g} s "
-                    "(`new` arrives unset)",
-                )
+    """a law term writes every number of `new`, never changes `old`, and is finite for any step."""
+    for (term, past), dt, angle in product(_pasts(hinge(subject, strong(subject))), DURATIONS, ANGLES_RAD):
+        rate = 0.0 if dt == 0.0 or math.isinf(dt) else 1e-3 / dt
+        name, old, new = term.function.__name__, past.copy(), np.full(term.n_states, np.nan)
+        value = _value(term, angle, rate, dt, old, new)
+        require(np.array_equal(old, past), f"'{name}' changed `old` in place")
+        gives = (
+            f"'{name}' gives {value} and memory {new.tolist()} after a step of {dt:g} s (`new` arrives unset)"
+        )
+        require(np.isfinite(value) and np.all(np.isfinite(new)), gives)
 
 
-@suite.check("a law term that depends on rate, duration or memory has `needs_time=True`.")
 def terms_that_use_time_say_so(subject: Subject) -> None:
-    for term in _terms(subject):
+    """a law term that depends on rate, duration or memory has `needs_time=True`."""
+    none = np.zeros(0)
+    for term in hinge(subject, strong(subject)).terms:
         if term.needs_time:
             continue
         name = term.function.__name__
-        require(
-            term.n_states == 0, f"'{name}' has a memory and needs_time is False: engines without time use it"
-        )
-        none = np.zeros(0)
-        for angle in (-0.3, 0.0, 0.4):
-            slow, fast = (
-                _value(term, angle, 0.0, math.inf, none, none),
-                _value(term, angle, 1.0, 0.1, none, none),
-            )
-            require(
-                slow == fast,
-                f"'{name}' gives {slow:.6g} at rest and {fast:.6g} in motion, and needs_time is False",
-            )
+        memory = f"'{name}' has a memory and needs_time is False: engines without time use it"
+        require(term.n_states == 0, memory)
+        for angle in ANGLES_RAD:
+            slow, fast = (_value(term, angle, *of, none, none) for of in ((0.0, math.inf), (1.0, 0.1)))
+            gives = f"'{name}' gives {slow:.6g} at rest and {fast:.6g} in motion, and needs_time is False"
+            require(slow == fast, gives)
 
 
-@suite.check("a law term keeps no memory but its states: the same motion gives the same efforts again.")
 def terms_remember_in_states_only(subject: Subject) -> None:
+    """a law term keeps no memory but its states: the same motion gives the same efforts again."""
     chain = hinge(subject, strong(subject))
     first, again = (drive(chain, probe_motion()) for _ in range(2))
-    require(
-        np.array_equal(first.effort, again.effort) and np.array_equal(first.states, again.states),
-        "the same motion of a rested joint gives other efforts the second time: a global or a mutable default",
-    )
+    same = np.array_equal(first.effort, again.effort) and np.array_equal(first.states, again.states)
+    cause = "a global or a mutable default"
+    require(same, f"the same motion of a rested joint gives other efforts the second time: {cause}")
 
 
-@suite.check(
-    "compiled, a law term gives what it gives in plain Python; runs of other specimens share no memory."
-)
 def terms_are_the_same_compiled(subject: Subject) -> None:
+    """compiled, a law term gives what it gives in plain Python; runs of other specimens share no memory."""
     chain = hinge(subject, strong(subject))
     if not chain.terms:
         return
     inputs = inputs_of(Model(chain))
     runs = [probe_run(name, body, inputs=inputs) for name, body in (("1", "a"), ("2", "b"), ("3", "a"))]
     runs.append(probe_run("4", "c", timed=False, inputs=inputs))
-    engine = follower(subject)
-    compiled = [f.joint_angles[:, 0, 0] for f in engine.follow(chain, runs)[0]]
+    compiled = [f.joint_angles[:, 0, 0] for f in follower(subject).follow(chain, runs)[0]]
     plain = follow_joint(chain, runs)
     for run, there, here in zip(runs, compiled, plain, strict=True):
-        require_close(
-            there,
-            here,
-            f"the joint angle (rad) in the engine and in plain Python differ in run {run.run}, specimen "
-            f"{run.specimen}: a global that changes, or a function that only Python has",
-            atol=AGREEMENT_RAD,
-        )
+        where = f"in the engine and in plain Python differ in run {run.run}, specimen {run.specimen}"
+        cause = "a global that changes, or a function that only Python has"
+        agree(there, here, f"the joint angle (rad) {where}: {cause}", atol=AGREEMENT_RAD)
     if not any(term.keeps for term in chain.terms):
-        require_close(
-            plain[2], plain[0], "a second run of one specimen differs, and no term `keeps`", atol=1e-9
-        )
+        finding = "a second run of one specimen differs, and no term `keeps`"
+        agree(plain[2], plain[0], finding, atol=1e-9)
 
 
-@suite.check(
-    "within the plausible range the joint stays stable along a motion: ∂τ'/∂u < 0, so that solvers converge."
-)
 def terms_keep_the_joint_stable(subject: Subject) -> None:
-    for values in both_ends(subject):
-        chain = hinge(subject, values)
-        for actuation in (0.0, 0.6 * PRESSURE_PA):
-            slope = drive(chain, probe_motion(actuation)).slope
-            require(
-                float(slope.max()) < 0.0,
-                f"∂τ'/∂u reaches {slope.max():.3g} N·m/rad on the way at {actuation:g} Pa: the joint snaps",
-            )
+    """within the plausible range the joint stays stable along a motion: ∂τ'/∂u < 0, so that solvers converge."""
+    for values, actuation in product(both_ends(subject), (0.0, 0.6 * PRESSURE_PA)):
+        slope = float(drive(hinge(subject, values), probe_motion(actuation)).slope.max())
+        reaches = f"∂τ'/∂u reaches {slope:.3g} N·m/rad on the way at {actuation:g} Pa"
+        require(slope < 0.0, f"{reaches}: the joint snaps")
 
 
-@suite.check("a law term takes no energy from nowhere: around a repeated cycle of the joint ∮ τ' du ≤ 0.")
 def terms_make_no_energy(subject: Subject) -> None:
+    """a law term takes no energy from nowhere: around a repeated cycle of the joint ∮ τ' du ≤ 0."""
     for values, rate, actuation in product(both_ends(subject), (0.5, 0.05), (0.0, 0.6 * PRESSURE_PA)):
         time_s, angle = triangles((0.5, -0.2, 0.0) * 3, rate, 0.01 / rate)
         effort = drive(hinge(subject, values), Motion.of(time_s, angle, actuation)).effort
         last = slice(2 * (len(angle) - 1) // 3, None)
         work = float(np.trapezoid(effort[last], angle[last]))
         passed = float(np.sum(np.abs(effort[last][1:] * np.diff(angle[last]))))
-        require(
-            work <= 1e-6 * passed,
-            f"a cycle at {rate:g} rad/s gives {work:.3g} J to the joint ({work / passed:.2g} of what passed): "
-            "a sign",
+        gives = (
+            f"a cycle at {rate:g} rad/s gives {work:.3g} J to the joint ({work / passed:.2g} of what passed)"
         )
+        require(work <= 1e-6 * passed, f"{gives}: a sign")
 
 
-@suite.check("what a law term gives does not depend on how finely a run is sampled.")
 def terms_do_not_count_samples(subject: Subject) -> None:
+    """what a law term gives does not depend on how finely a run is sampled."""
     chain = hinge(subject, strong(subject))
     if any(term.is_inertia for term in chain.terms):
         _swings_alike(chain)
         return
-    bare = sample_model(subject, 1, gravity=(0, 0, 0)).chain
-    given = []
+    bare, given = sample_model(subject, 1, gravity=(0, 0, 0)).chain, []
     for step_s in (0.1, 0.025):
         time_s, angle = triangles((0.6, -0.2, 0.3), 0.1, step_s, holds_s=3.0)
         own, plain = (drive(c, Motion.of(time_s, angle, 9e3, 35.0)).effort for c in (chain, bare))
         given.append((own - plain)[:: round(0.1 / step_s)])
     # At a corner of the motion the rate jumps, and the sample stands on either side of it.
-    off = np.sort(np.abs(given[1] - given[0]))[:-8]
+    off = float(np.sort(np.abs(given[1] - given[0]))[:-8].max(initial=0.0))
     largest = float(np.abs(given[0]).max())
-    require(
-        float(off.max(initial=0.0)) <= SAMPLING_SHARE * largest,
-        f"four times as many samples change the term's part by {off.max(initial=0.0):.3g} N·m of {largest:.3g}: "
-        "the memory must advance with dt_s or with the angle, not with each call",
-    )
+    change = f"four times as many samples change the term's part by {off:.3g} N·m of {largest:.3g}"
+    how = "the memory must advance with dt_s or with the angle, not with each call"
+    require(off <= SAMPLING_SHARE * largest, f"{change}: {how}")
 
 
 def _swings_alike(chain: ChainModel) -> None:
@@ -199,8 +167,5 @@ def _swings_alike(chain: ChainModel) -> None:
         (path,) = follow_joint(chain, [History.of(inputs, time_s, moment_n_m=load)])
         paths.append(path[:: samples // 60])
     off, largest = float(np.abs(paths[1] - paths[0]).max()), float(np.abs(paths[0]).max())
-    require(
-        off <= SAMPLING_SHARE * largest,
-        f"a swing of {largest:.3g} rad, sampled 60 and 240 times in its period, differs by {off:.3g} rad: the memory "
-        "must advance with dt_s, not with each call",
-    )
+    what = f"a swing of {largest:.3g} rad, sampled 60 and 240 times in its period, differs by {off:.3g} rad"
+    require(off <= SAMPLING_SHARE * largest, f"{what}: the memory must advance with dt_s, not with each call")

@@ -1,4 +1,4 @@
-"""Checks of an `ActuatorFamily`: masses fit the mesh, bad designs are refused; the mesh in `family_mesh`."""
+"""Checks of an `ActuatorFamily`: a valid mesh, masses that fit it, bad designs refused."""
 
 from __future__ import annotations
 
@@ -10,33 +10,196 @@ from pydantic import ValidationError
 
 from pliant.errors import InvalidDesignError
 from pliant.interfaces.family import ActuatorFamily
-from pliant.meshing.hexahedra import cell_volumes
+from pliant.meshing.hexahedra import (
+    FACE_CENTRE,
+    area_vector,
+    boundary_faces,
+    cell_volumes,
+    enclosed_volume,
+    jacobians,
+    sample_points,
+)
 from pliant.records.design import Array, MassProperties, ModuleMass
 from pliant.records.fem import ModuleProblem
 from pliant.testing.common import quantity_of
-from pliant.testing.family_mesh import VOLUME_TOLERANCE, mesh_finding, problem_of
-from pliant.testing.family_mesh import suite as mesh_suite
-from pliant.testing.suite import Subject, Suite, require, require_close, require_refused
+from pliant.testing.suite import Finding, Subject, agree, once, require, require_refused
 
-suite = Suite("family")
-suite.checks.extend(mesh_suite.checks)
+# Meshes follow curved walls by quadratic faces; this share of the volume may be lost.
+VOLUME_TOLERANCE = 0.02
 DENSITY = 1000.0
 DENSER = 3.0  # times as dense, for comparison
 AXES = {"revolute": 1, "prismatic": 1, "spherical": 3}
 ACTUATIONS = ("pressure_pa", "tendon_force_n")
 
 
-def _mass(subject: Subject) -> ModuleMass:
-    mass: ModuleMass = subject.once("mass", lambda: subject.build().mass(DENSITY))
+@once
+def _problem(subject: Subject) -> ModuleProblem:
+    problem: ModuleProblem = subject.build().problem()
+    return problem
+
+
+@once
+def _mass(subject: Subject, factor: float = 1.0) -> ModuleMass:
+    mass: ModuleMass = subject.build().mass(factor * DENSITY)
     return mass
 
 
-@suite.check(
-    "the module is deformation_scale solved pieces long, rigid ends aside: scale · span ≤ module length."
-)
+def _volume(problem: ModuleProblem) -> float:
+    return float(cell_volumes(problem.mesh.nodes_m, problem.mesh.cells).sum())
+
+
+def _has_rigid_ends(subject: Subject) -> bool:
+    """Whether the module is longer than its solved pieces."""
+    problem, length = _problem(subject), float(subject.build().module_length_m)
+    return problem.deformation_scale * problem.span_m < (1 - 1e-9) * length
+
+
+def _mesh_finding(problem: ModuleProblem) -> str | None:
+    """What is wrong with a mesh's elements, or None."""
+    nodes, cells = problem.mesh.nodes_m, problem.mesh.cells
+    if cells.ndim != 2 or cells.shape[1] != 27:
+        return f"cells have shape {cells.shape}, not (m, 27)"
+    if not np.all(np.isfinite(nodes)):
+        return "a node's position is not finite"
+    bad = np.flatnonzero(np.any(jacobians(nodes, cells, sample_points()) <= 0, axis=1))
+    if len(bad):
+        first = f"{len(bad)} of {len(cells)} elements are inverted or collapsed (first: {bad[0]})"
+        return f"{first}: a left-handed node order, or an edge of no length"
+    return None
+
+
+def elements_are_valid(subject: Subject) -> None:
+    """cells are 27-node hexahedra, local node i + 3j + 9k, with positive Jacobian everywhere."""
+    finding = _mesh_finding(_problem(subject))
+    require(finding is None, str(finding))
+
+
+def mesh_is_one_closed_body(subject: Subject) -> None:
+    """elements share the nodes of their common faces; the mesh is one closed body."""
+    mesh = _problem(subject).mesh
+    used, count = np.unique(mesh.cells), len(mesh.nodes_m)
+    lost = f"{count - len(used)} nodes belong to no element: the stiffness would be singular"
+    require(len(used) == count and used[0] == 0, lost)
+    size = float(np.ptp(mesh.nodes_m, axis=0).max())
+    double = count - len(np.unique(np.round(mesh.nodes_m / (1e-7 * size)).astype(np.int64), axis=0))
+    require(double == 0, f"{double} nodes coincide with others: the body has a crack there; merge them")
+    volume = _volume(_problem(subject))
+    area, enclosed = area_vector(mesh.nodes_m, mesh.skin), enclosed_volume(mesh.nodes_m, mesh.skin)
+    require(
+        np.abs(area).max() < 1e-6 * size**2 and abs(enclosed - volume) < 1e-6 * volume,
+        f"the skin encloses {enclosed:.4g} m³ and the elements fill {volume:.4g} m³: the skin misses faces or some "
+        "normals point inward",
+    )
+
+
+def cavity_faces_point_into_the_cavity(subject: Subject) -> None:
+    """`cavity` holds wetted faces whose normal ∂x/∂a × ∂x/∂b points out of the solid, into the cavity."""
+    problem, mesh = _problem(subject), _problem(subject).mesh
+    if problem.actuation != "pressure_pa":
+        require(len(mesh.cavity) == 0, f"a cavity has no meaning under {problem.actuation}")
+        return
+    require(len(mesh.cavity) > 0, "the cavity has no faces: pressure would do nothing")
+    skin = {int(face[FACE_CENTRE]): face for face in boundary_faces(mesh.cells)[0]}
+    for number, face in enumerate(mesh.cavity):
+        own = skin.get(int(face[FACE_CENTRE]))
+        if own is None:
+            raise Finding(f"cavity face {number} lies inside the solid or is no element's face")
+        along = area_vector(mesh.nodes_m, face[None]) @ area_vector(mesh.nodes_m, own[None])
+        require(along > 0, f"the normal of cavity face {number} points into the solid: swap its a and b")
+
+
+def end_sections_are_plane(subject: Subject) -> None:
+    """node sets `start` (x = 0) and `end` (x = span) hold exactly the nodes of these planes."""
+    problem = _problem(subject)
+    x, span, near = problem.mesh.nodes_m[:, 0], problem.span_m, 1e-7 * problem.span_m
+    reach = f"the mesh reaches from x = {x.min():.6g} to {x.max():.6g} m, the piece from 0 to {span:.6g} m"
+    require(x.min() > -near and x.max() < span + near, reach)
+    for name, place in (("start", 0.0), ("end", span)):
+        require(name in problem.mesh.node_sets, f"there is no node set '{name}'")
+        given, wanted = np.unique(problem.mesh.node_sets[name]), np.flatnonzero(np.abs(x - place) < near)
+        require(
+            len(wanted) > 0 and np.array_equal(given, wanted),
+            f"node set '{name}' has {len(given)} nodes, the plane x = {place:.6g} m has {len(wanted)}",
+        )
+
+
+def supports_hold_the_body(subject: Subject) -> None:
+    """`fixed`, `tied` and `links` name existing nodes and leave no rigid motion free."""
+    problem = _problem(subject)
+    sets = problem.mesh.node_sets
+    for name in (*problem.fixed, *problem.tied, *problem.contact_planes):
+        require(len(sets.get(name, ())) > 0, f"node set '{name}' is used but does not exist or is empty")
+    for name, parts in (*problem.fixed.items(), *problem.tied.items()):
+        require(set(parts) <= {0, 1, 2}, f"set '{name}' holds components {parts}, not some of 0, 1, 2")
+    held = [sets[name] for name, parts in problem.fixed.items() if 0 in parts]
+    held += [nodes for link in problem.links if 0 in link.signs for nodes in (link.first, link.second)]
+    ends = np.concatenate([sets["start"], sets["end"]])
+    loose = "not all nodes of 'start' and 'end' have x held or linked: the end sections would not fit their neighbours"
+    require(held and np.isin(ends, np.concatenate(held)).all(), loose)
+    rank = int(np.linalg.matrix_rank(_held_motions(problem), tol=1e-6))
+    free = "rigid motions (three shifts, three turns): the stiffness would be singular"
+    require(rank == 6, f"the supports hold {rank} of 6 {free}")
+
+
+def _held_motions(problem: ModuleProblem) -> Array:
+    """What each support says of a rigid motion (shift, turn · size) of v, (rows, 6): zero for the motions it allows."""
+    mesh = problem.mesh
+    x = mesh.nodes_m - mesh.nodes_m.mean(axis=0)
+    x = x / np.ptp(mesh.nodes_m, axis=0).max()
+    # v = a + b × x at every node, by component: (n, 3, 6)
+    motion = np.zeros((len(x), 3, 6))
+    motion[:, [0, 1, 2], [0, 1, 2]] = 1.0
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        motion[:, i, 3 + j], motion[:, i, 3 + k] = x[:, k], -x[:, j]
+    rows = [np.zeros((1, 6))]
+    for name, components in problem.fixed.items():
+        rows += [motion[mesh.node_sets[name], c] for c in components]
+    for name, components in problem.tied.items():
+        nodes = mesh.node_sets[name]
+        rows += [motion[nodes[1:], c] - motion[nodes[:1], c] for c in components]
+    for link in problem.links:
+        rows += [motion[link.second, c] - sign * motion[link.first, c] for c, sign in link.signs.items()]
+    return np.concatenate(rows)
+
+
+def couplings_are_possible(subject: Subject) -> None:
+    """`links` pair different nodes one to one, with signs of ±1; ribbons have a width and stiffness."""
+    problem = _problem(subject)
+    n = len(problem.mesh.nodes_m)
+    for number, link in enumerate(problem.links):
+        first, second = np.asarray(link.first), np.asarray(link.second)
+        pairs = f"link {number} pairs {first.shape} nodes with {second.shape}"
+        require(first.shape == second.shape and first.ndim == 1, pairs)
+        both = np.concatenate([first, second])
+        require(
+            len(np.unique(second)) == len(second) and both.min() >= 0 and both.max() < n,
+            f"link {number} names a node twice or one that does not exist",
+        )
+        require(not np.any(first == second), f"link {number} pairs a node with itself")
+        require(
+            set(link.signs) <= {0, 1, 2} and all(abs(sign) == 1.0 for sign in link.signs.values()),
+            f"link {number} has the signs {dict(link.signs)}, not ±1 by component 0, 1, 2",
+        )
+    for ribbon in problem.ribbons:
+        has = f"a ribbon has the width {ribbon.width_m:g} m and the stiffness {ribbon.stiffness_n:g} N"
+        require(ribbon.width_m >= 0 and ribbon.stiffness_n > 0, has)
+
+
+def refinement_refines(subject: Subject) -> None:
+    """`refinement` multiplies the elements along each edge of the same body."""
+    coarse, fine = _problem(subject), subject.build().problem(refinement=2)
+    n, m = len(coarse.mesh.cells), len(fine.mesh.cells)
+    require(m >= 4 * n, f"refinement 2 has {m} elements, refinement 1 has {n}: the argument is not used")
+    finding = _mesh_finding(fine)
+    require(finding is None, f"at refinement 2, {finding}")
+    agree(_volume(fine), _volume(coarse), "refinement changes the body's volume (m³)", rtol=VOLUME_TOLERANCE)
+    require(fine.span_m == coarse.span_m, "refinement changes span_m")
+
+
 def piece_fits_the_module(subject: Subject) -> None:
+    """the module is deformation_scale solved pieces long, rigid ends aside: scale · span ≤ module length."""
     family: ActuatorFamily = subject.build()
-    problem = problem_of(subject)
+    problem = _problem(subject)
     require(family.module_length_m > 0, f"module_length_m is {family.module_length_m}")
     long = problem.deformation_scale * problem.span_m
     require(
@@ -50,123 +213,76 @@ def piece_fits_the_module(subject: Subject) -> None:
     )
 
 
-@suite.check("`joint`, `axes` and the problem's axis and actuation fit together.")
 def axes_fit_the_joint(subject: Subject) -> None:
+    """`joint`, `axes` and the problem's axis and actuation fit together."""
     family: ActuatorFamily = subject.build()
-    require(family.joint in AXES, f"joint is '{family.joint}'; known: {', '.join(AXES)}")
+    problem, joint, axes = _problem(subject), family.joint, family.axes
+    require(joint in AXES, f"joint is '{joint}'; known: {', '.join(AXES)}")
+    own = len(set(axes)) == AXES[joint] and set(axes) <= {"x", "y", "z"}
+    require(own, f"a {joint} joint has {AXES[joint]} of the axes x, y, z, not {axes}")
     require(
-        len(set(family.axes)) == AXES[family.joint] and set(family.axes) <= {"x", "y", "z"},
-        f"a {family.joint} joint has {AXES[family.joint]} of the axes x, y, z, not {family.axes}",
+        problem.main_axis in problem.axes and set(problem.axes) <= set(axes),
+        f"the problem's axes {problem.axes} with main axis '{problem.main_axis}' are not among {axes}",
     )
-    problem = problem_of(subject)
-    require(
-        problem.main_axis in problem.axes and set(problem.axes) <= set(family.axes),
-        f"the problem's axes {problem.axes} with main axis '{problem.main_axis}' are not among {family.axes}",
-    )
-    require(problem.joint == family.joint, f"the problem's joint is '{problem.joint}', not '{family.joint}'")
-    require(
-        problem.actuation in ACTUATIONS,
-        f"the actuation '{problem.actuation}' is none of {', '.join(ACTUATIONS)}",
-    )
-    require(
-        family.actuation == problem.actuation,
-        f"the family's actuation is '{family.actuation}', the problem's '{problem.actuation}'",
-    )
+    require(problem.joint == joint, f"the problem's joint is '{problem.joint}', not '{joint}'")
+    known = f"the actuation '{problem.actuation}' is none of {', '.join(ACTUATIONS)}"
+    require(problem.actuation in ACTUATIONS, known)
+    same = f"the family's actuation is '{family.actuation}', the problem's '{problem.actuation}'"
+    require(family.actuation == problem.actuation, same)
 
 
-@suite.check(
-    "the module's mass is density · (energy_scale · volume of the solved piece + unmeshed_volume_m3); rigid ends add "
-    "their own."
-)
 def mass_is_that_of_the_mesh(subject: Subject) -> None:
-    problem = problem_of(subject)
-    unmeshed = float(subject.build().unmeshed_volume_m3)
+    """the module's mass is density · (energy_scale · volume of the solved piece + unmeshed_volume_m3); rigid ends
+    add their own."""
+    problem, unmeshed = _problem(subject), float(subject.build().unmeshed_volume_m3)
     require(unmeshed >= 0, f"unmeshed_volume_m3 is {unmeshed:g}")
-    solid = problem.energy_scale * _volume(problem) + unmeshed
-    light, heavy = (_total_kg(mass) for mass in (_mass(subject), _denser(subject)))
+    solid = DENSITY * (problem.energy_scale * _volume(problem) + unmeshed)
+    light, heavy = (m.start.mass_kg + m.end.mass_kg for m in (_mass(subject), _mass(subject, DENSER)))
     soft = (heavy - light) / (DENSER - 1)
-    require_close(
-        soft,
-        DENSITY * solid,
-        "the mass (kg) is not that of the meshed body: a forgotten mirror half or end",
-        rtol=VOLUME_TOLERANCE,
-    )
+    finding = "the mass (kg) is not that of the meshed body: a forgotten mirror half or end"
+    agree(soft, solid, finding, rtol=VOLUME_TOLERANCE)
     if not _has_rigid_ends(subject):
-        require_close(light, soft, "the mass (kg) is not proportional to the density", rtol=1e-9)
+        agree(light, soft, "the mass (kg) is not proportional to the density", rtol=1e-9)
     require(light > soft * (1 - 1e-9), f"the rigid ends' mass is {light - soft:.3g} kg")
 
 
-@suite.check(
-    "`problem(axes=(main,))` is a piece of the same module: equal length and volume in all, one axis."
-)
 def smaller_pieces_are_of_the_same_module(subject: Subject) -> None:
-    whole = problem_of(subject)
-    piece = subject.build().problem(axes=(whole.main_axis,))
-    require(
-        piece.axes == (whole.main_axis,) and piece.main_axis == whole.main_axis,
-        f"the piece for axis '{whole.main_axis}' alone has the axes {piece.axes}",
-    )
-    require_close(
-        piece.deformation_scale * piece.span_m,
-        whole.deformation_scale * whole.span_m,
-        "deformation_scale · span_m is not that of the whole problem",
-        rtol=1e-9,
-    )
-    require_close(
-        piece.energy_scale * _volume(piece),
-        whole.energy_scale * _volume(whole),
-        "energy_scale · volume (m³) is not that of the whole problem: a forgotten mirror half",
-        rtol=VOLUME_TOLERANCE,
-    )
+    """`problem(axes=(main,))` is a piece of the same module: equal length and volume in all, one axis."""
+    whole = _problem(subject)
+    main = whole.main_axis
+    piece = subject.build().problem(axes=(main,))
+    alone = piece.axes == (main,) and piece.main_axis == main
+    require(alone, f"the piece for axis '{main}' alone has the axes {piece.axes}")
+    is_not = "is not that of the whole problem"
+    own, all_of = (one.deformation_scale * one.span_m for one in (piece, whole))
+    agree(own, all_of, f"deformation_scale · span_m {is_not}", rtol=1e-9)
+    own, all_of = (one.energy_scale * _volume(one) for one in (piece, whole))
+    agree(own, all_of, f"energy_scale · volume (m³) {is_not}: a forgotten mirror half", rtol=VOLUME_TOLERANCE)
     require(
         (piece.joint, piece.actuation) == (whole.joint, whole.actuation),
         f"the piece is a {piece.joint} joint under {piece.actuation}, the whole a {whole.joint} one under "
         f"{whole.actuation}",
     )
-    finding = mesh_finding(piece)
+    finding = _mesh_finding(piece)
     require(finding is None, f"in the piece for the main axis alone, {finding}")
 
 
-def _volume(problem: ModuleProblem) -> float:
-    return float(cell_volumes(problem.mesh.nodes_m, problem.mesh.cells).sum())
-
-
-@suite.check(
-    "masses are positive and proportional to the density, as are inertias, but for what rigid ends add."
-)
 def mass_scales_with_density(subject: Subject) -> None:
-    masses = [subject.build().mass(factor * DENSITY) for factor in (1.0, DENSER, 2 * DENSER - 1)]
+    """masses are positive and proportional to the density, as are inertias, but for what rigid ends add."""
+    masses = [_mass(subject, factor) for factor in (1.0, DENSER, 2 * DENSER - 1)]
     for name in ("start", "end"):
         pieces: list[MassProperties] = [getattr(mass, name) for mass in masses]
         require(pieces[0].mass_kg > 0, f"the {name} half's mass is {pieces[0].mass_kg} kg")
         require(pieces[1].mass_kg > pieces[0].mass_kg, f"the {name} half's mass ignores the density")
-        for what, values in (
+        for what, (one, two, three) in (
             ("mass", [np.array([p.mass_kg]) for p in pieces]),
             ("mass times centre", [p.mass_kg * p.com_m for p in pieces]),
             ("inertia about the joint", [_about_joint(p) for p in pieces]),
         ):
-            require_close(
-                values[2] - values[1],
-                values[1] - values[0],
-                f"the {name} half's {what} does not grow linearly with the density",
-                atol=1e-9 * float(np.abs(values[2]).max()),
-            )
+            whose, small = f"the {name} half's {what}", 1e-9 * float(np.abs(three).max())
+            agree(three - two, two - one, f"{whose} does not grow linearly with the density", atol=small)
             if not _has_rigid_ends(subject):
-                require_close(
-                    values[1],
-                    DENSER * values[0],
-                    f"the {name} half's {what} is not proportional to the density",
-                    atol=1e-9 * float(np.abs(values[1]).max()),
-                )
-
-
-def _denser(subject: Subject) -> ModuleMass:
-    mass: ModuleMass = subject.build().mass(DENSER * DENSITY)
-    return mass
-
-
-def _total_kg(mass: ModuleMass) -> float:
-    return mass.start.mass_kg + mass.end.mass_kg
+                agree(two, DENSER * one, f"{whose} is not proportional to the density", rtol=1e-9)
 
 
 def _about_joint(piece: MassProperties) -> Array:
@@ -175,111 +291,79 @@ def _about_joint(piece: MassProperties) -> Array:
     return piece.inertia_kg_m2 + piece.mass_kg * (com @ com * np.eye(3) - np.outer(com, com))
 
 
-def _has_rigid_ends(subject: Subject) -> bool:
-    """Whether the module is longer than its solved pieces."""
-    problem = problem_of(subject)
-    length = float(subject.build().module_length_m)
-    return problem.deformation_scale * problem.span_m < (1 - 1e-9) * length
-
-
-@suite.check("inertias are about the centre of mass and those of a real body.")
 def inertia_is_physical(subject: Subject) -> None:
+    """inertias are about the centre of mass and those of a real body."""
+    length = subject.build().module_length_m
+    size = float(np.ptp(_problem(subject).mesh.nodes_m, axis=0).max())
     for name in ("start", "end"):
         piece: MassProperties = getattr(_mass(subject), name)
-        inertia = piece.inertia_kg_m2
-        require_close(
-            inertia,
-            inertia.T,
-            f"the {name} half's inertia is not symmetric",
-            atol=1e-9 * np.abs(inertia).max(),
-        )
-        moments = np.linalg.eigvalsh(inertia)
-        require(moments[0] > 0, f"the {name} half's principal moments {moments} are not all positive")
-        require(
-            moments[0] + moments[1] >= moments[2] * (1 - 1e-9),
-            f"the {name} half's principal moments {moments} break the triangle inequality: inertia of no "
-            "body",
-        )
-        length = subject.build().module_length_m
-        size = float(np.ptp(problem_of(subject).mesh.nodes_m, axis=0).max())
-        reach = piece.mass_kg * (length**2 + (2 * size) ** 2)
-        require(
-            moments[2] < reach,
-            f"the {name} half's inertia {moments[2]:.3g} kg·m² is larger than its size allows: wrong units",
-        )
+        inertia, whose = piece.inertia_kg_m2, f"the {name} half's"
+        agree(inertia, inertia.T, f"{whose} inertia is not symmetric", rtol=1e-9)
+        least, middle, most = moments = np.linalg.eigvalsh(inertia)
+        require(least > 0, f"{whose} principal moments {moments} are not all positive")
+        triangle = f"{whose} principal moments {moments} break the triangle inequality: inertia of no body"
+        require(least + middle >= most * (1 - 1e-9), triangle)
+        large = f"{whose} inertia {most:.3g} kg·m² is larger than its size allows: wrong units"
+        require(most < piece.mass_kg * (length**2 + (2 * size) ** 2), large)
 
 
-@suite.check("`start` lies at x in [−l/2, 0] and `end` at x in [0, l/2], in the module frame.")
 def halves_are_in_their_places(subject: Subject) -> None:
-    half = subject.build().module_length_m / 2
-    mass = _mass(subject)
+    """`start` lies at x in [−l/2, 0] and `end` at x in [0, l/2], in the module frame."""
+    half, mass = subject.build().module_length_m / 2, _mass(subject)
     for name, low, high in (("start", -half, 0.0), ("end", 0.0, half)):
         x = float(getattr(mass, name).com_m[0])
-        require(
-            low <= x <= high,
-            f"the {name} half's centre of mass is at x = {x:.6g} m, not in [{low:.6g}, {high:.6g}]",
-        )
+        place = f"the {name} half's centre of mass is at x = {x:.6g} m, not in [{low:.6g}, {high:.6g}]"
+        require(low <= x <= high, place)
 
 
-@suite.check("every number of a design is a quantity with its unit (`Length`, `Ratio`, …).")
 def parameters_have_units(subject: Subject) -> None:
+    """every number of a design is a quantity with its unit (`Length`, `Ratio`, …)."""
     for name, field in subject.model.model_fields.items():
-        if field.annotation is float:
-            require(
-                quantity_of(subject.model, name) is not None,
-                f"parameter '{name}' is a plain float: write Length, Angle, Ratio … so that '2 mm' is "
-                "understood",
-            )
+        bare = field.annotation is float and quantity_of(subject.model, name) is None
+        how = "write Length, Angle, Ratio … so that '2 mm' is understood"
+        require(not bare, f"parameter '{name}' is a plain float: {how}")
 
 
-@suite.check(
-    "an impossible design raises `InvalidDesignError` with the inequality and by how much it is broken."
-)
 def impossible_designs_are_refused(subject: Subject) -> None:
+    """an impossible design raises `InvalidDesignError` with the inequality and by how much it is broken."""
+
     def made(changes: dict[str, float]) -> None:
         with contextlib.suppress(ValidationError):
             subject.build(subject.configured(changes)).problem()
             return
         raise InvalidDesignError("0: the config refuses it")
 
-    for changes in ({name: value} for name in _lengths(subject) for value in (-1e-3, 0.0)):
-        ((name, value),) = changes.items()
-        accepted = f"the design with {name} = {value:g} m was accepted"
-        require_refused(partial(made, changes), accepted, r"\d", "number", InvalidDesignError)
-
-
-@suite.check("a design that is accepted has a valid mesh; what cannot be meshed is refused when it is built.")
-def accepted_designs_have_meshes(subject: Subject) -> None:
     for name in _lengths(subject):
-        value = float(getattr(subject.config, name))
+        for value in (-1e-3, 0.0):
+            accepted = f"the design with {name} = {value:g} m was accepted"
+            require_refused(partial(made, {name: value}), accepted, r"\d", "number", InvalidDesignError)
+
+
+def accepted_designs_have_meshes(subject: Subject) -> None:
+    """a design that is accepted has a valid mesh; what cannot be meshed is refused when it is built."""
+    for name in _lengths(subject):
         for factor in (0.05, 0.6, 1.4, 20.0):
+            value = factor * float(getattr(subject.config, name))
             try:
-                family = subject.build(subject.configured({name: factor * value}))
+                family = subject.build(subject.configured({name: value}))
             except (ValidationError, InvalidDesignError):
                 continue
-            finding = mesh_finding(family.problem())
-            require(
-                finding is None,
-                f"the design with {name} = {factor * value:.4g} m was accepted, but {finding}",
-            )
+            finding = _mesh_finding(family.problem())
+            require(finding is None, f"the design with {name} = {value:.4g} m was accepted, but {finding}")
 
 
-@suite.check("the same design gives the same problem, bit by bit: results are stored under the design's key.")
 def is_deterministic(subject: Subject) -> None:
+    """the same design gives the same problem, bit by bit: results are stored under the design's key."""
     first, second = (subject.build().problem().mesh for _ in range(2))
-    require(
-        np.array_equal(first.nodes_m, second.nodes_m) and np.array_equal(first.cells, second.cells),
-        "two meshes of one design differ: a random number or a set's order",
-    )
+    same = np.array_equal(first.nodes_m, second.nodes_m) and np.array_equal(first.cells, second.cells)
+    require(same, "two meshes of one design differ: a random number or a set's order")
 
 
 def _lengths(subject: Subject) -> list[str]:
     """Names of the design's positive lengths."""
-    config = subject.config
     names = []
     for name in subject.model.model_fields:
-        quantity = quantity_of(subject.model, name)
-        value = getattr(config, name)
+        quantity, value = quantity_of(subject.model, name), getattr(subject.config, name)
         if quantity is not None and quantity.unit == "m" and isinstance(value, float) and value > 0:
             names.append(name)
     return names

@@ -11,7 +11,7 @@ import numpy as np
 from pliant.records.design import Array
 from pliant.records.law import JointLaw
 from pliant.store.codec import decode, encode
-from pliant.testing.suite import require, require_close
+from pliant.testing.suite import agree, require
 
 T = TypeVar("T")
 EFFORTS = ("tau", "dtau_dp", "dtau_du")
@@ -36,10 +36,10 @@ def require_exact_slopes(law: JointLaw, p: Array, u: Array, rtol: float, whose: 
     shapes = [getattr(effort, name).shape for name in EFFORTS]
     require(shapes == [(n, a), (n, a), (n, a, a)], f"tau, dtau_dp and dtau_du{whose} have shapes {shapes}")
     in_p = (law.evaluate(p + 1.0, u).tau - law.evaluate(p - 1.0, u).tau) / 2
-    require_close(effort.dtau_dp, in_p, f"dtau_dp{whose} is not the slope of tau", rtol=rtol)
+    agree(effort.dtau_dp, in_p, f"dtau_dp{whose} is not the slope of tau", rtol=rtol)
     for j, step in enumerate(1e-5 * np.eye(a)):
         in_u = (law.evaluate(p, u + step).tau - law.evaluate(p, u - step).tau) / 2e-5
-        require_close(effort.dtau_du[:, :, j], in_u, f"dtau_du{whose} is not the slope of tau", rtol=rtol)
+        agree(effort.dtau_du[:, :, j], in_u, f"dtau_du{whose} is not the slope of tau", rtol=rtol)
 
 
 def require_potential(law: JointLaw, p: Array, u: Array, rtol: float, whose: str = "") -> None:
@@ -47,7 +47,7 @@ def require_potential(law: JointLaw, p: Array, u: Array, rtol: float, whose: str
     tau = law.evaluate(p, u).tau
     for j, step in enumerate(1e-4 * np.eye(u.shape[1])):
         slope = -(law.potential(p, u + step) - law.potential(p, u - step)) / 2e-4
-        require_close(slope, tau[:, j], f"τ{whose} is not −∂Π/∂u: scale the potential too", rtol=rtol)
+        agree(slope, tau[:, j], f"τ{whose} is not −∂Π/∂u: scale the potential too", rtol=rtol)
 
 
 def require_joints_apart(law: JointLaw, p: Array, u: Array) -> None:
@@ -55,21 +55,18 @@ def require_joints_apart(law: JointLaw, p: Array, u: Array) -> None:
     together = law.evaluate(p, u)
     alone = [law.evaluate(p[i : i + 1], u[i : i + 1]) for i in range(len(p))]
     for name in EFFORTS:
-        require_close(
-            getattr(together, name),
-            np.concatenate([getattr(effort, name) for effort in alone]),
-            f"{name} depends on which other joints are evaluated",
-            rtol=1e-9,
-        )
+        one_by_one = np.concatenate([getattr(effort, name) for effort in alone])
+        finding = f"{name} depends on which other joints are evaluated"
+        agree(getattr(together, name), one_by_one, finding, rtol=1e-9)
 
 
 def require_finite_outside(law: JointLaw) -> None:
     """A law of one axis answers outside its domain with finite numbers, and flags the excess."""
     p, u = np.array([0.0, 3e4, -5e3, 3e4]), np.array([[1.5], [0.2], [-1.2], [1.5]])
     effort = law.evaluate(p, u)
+    finite = all(np.all(np.isfinite(getattr(effort, name))) for name in EFFORTS)
     require(
-        all(np.all(np.isfinite(getattr(effort, name))) for name in EFFORTS),
-        "τ or a slope is not finite outside the domain: engines pass through such points on their way",
+        finite, "τ or a slope is not finite outside the domain: engines pass through such points on their way"
     )
     require(np.all(np.any(law.domain.excess(p, u) != 0, axis=1)), "points outside the domain are not flagged")
 
@@ -78,16 +75,10 @@ def require_same_bits(law: JointLaw, again: JointLaw, p: Array, u: Array) -> Non
     """A law that was read back evaluates to the same bits and has the same joint, axes, input and domain."""
     one, two = law.evaluate(p, u), again.evaluate(p, u)
     for name in EFFORTS:
-        require(
-            np.array_equal(getattr(one, name), getattr(two, name)),
-            f"{name} of the loaded law differs: the record rounds a number or leaves one out",
-        )
-    require(
-        (again.joint, again.axes, again.actuation_name) == (law.joint, law.axes, law.actuation_name),
-        "joint, axes or actuation_name are lost in the record",
-    )
-    require(
-        np.array_equal(again.domain.actuation, law.domain.actuation)
-        and np.array_equal(again.domain.deformation, law.domain.deformation),
-        "the domain is lost in the record",
-    )
+        same = np.array_equal(getattr(one, name), getattr(two, name))
+        require(same, f"{name} of the loaded law differs: the record rounds a number or leaves one out")
+    for name in ("joint", "axes", "actuation_name"):
+        require(getattr(again, name) == getattr(law, name), f"{name} is lost in the record")
+    for name in ("actuation", "deformation"):
+        same = np.array_equal(getattr(again.domain, name), getattr(law.domain, name))
+        require(same, f"the domain of the {name} is lost in the record")

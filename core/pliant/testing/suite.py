@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import functools
 import importlib
+import inspect
 import re
 import time
 import traceback
 import unittest
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
-from typing import Any, Literal, TypeVar
+from dataclasses import dataclass, field
+from typing import Any, Concatenate, Literal, ParamSpec, TypeVar
 
 import numpy as np
 
@@ -18,6 +20,9 @@ from pliant.interfaces.base import ComponentConfig
 from pliant.registry.component import Component
 
 T = TypeVar("T")
+P = ParamSpec("P")
+# Interface → modules of this room whose checks it has beside those of the module called like it.
+MORE = {"effect": ("effect_terms", "effect_found"), "physics": ("physics_runs", "physics_scene")}
 
 
 class CheckFailure(ContractError, AssertionError):  # noqa: N818 - it is what a test reports
@@ -43,18 +48,21 @@ def require(condition: object, finding: str) -> None:
         raise Finding(finding)
 
 
-def require_close(got: Any, wanted: Any, finding: str, rtol: float = 0.0, atol: float = 0.0) -> None:
-    """Raise `Finding` with the largest difference unless ``|got − wanted| ≤ atol + rtol · max|wanted|``."""
+def agree(got: Any, wanted: Any, finding: str, rtol: float = 0.0, atol: float = 0.0) -> None:
+    """Raise `Finding` with the largest difference unless ``|got − wanted| ≤ atol + rtol · max|wanted|``.
+
+    `wanted` may be one number for all of `got`.
+    """
     a, b = np.asarray(got, float), np.asarray(wanted, float)
-    require(a.shape == b.shape, f"{finding} (shape {a.shape} instead of {b.shape})")
+    require(b.ndim == 0 or a.shape == b.shape, f"{finding} (shape {a.shape} instead of {b.shape})")
     require(np.all(np.isfinite(a)), f"{finding} (not all values are finite)")
     if a.size == 0:
         return
-    error = np.abs(a - b)
     limit = atol + rtol * float(np.abs(b).max())
-    worst = np.unravel_index(int(error.argmax()), error.shape)
+    b = np.broadcast_to(b, a.shape)
+    worst = np.unravel_index(int(np.abs(a - b).argmax()), a.shape)
     numbers = f"(got {a[worst]:.9g}, expected {b[worst]:.9g}, allowed difference {limit:.2g})"
-    require(error.max() <= limit, f"{finding} {numbers}")
+    require(abs(a[worst] - b[worst]) <= limit, f"{finding} {numbers}")
 
 
 def require_refused(
@@ -82,11 +90,11 @@ class Subject:
 
     Attributes:
         component: as a plugin's manifest declares it.
-        shared: results of `once`, by name.
+        shared: results of functions under `once`.
     """
 
     component: Component
-    shared: dict[str, Any] = field(default_factory=dict)
+    shared: dict[Any, Any] = field(default_factory=dict)
 
     @property
     def model(self) -> type[ComponentConfig]:
@@ -108,22 +116,27 @@ class Subject:
 
     def configured(self, changes: Mapping[str, Any]) -> ComponentConfig:
         """The example's config with some fields replaced; keys are field names."""
-        values = {**self.model.model_validate(self._example()).model_dump(), **changes}
+        example = {"kind": self.component.kind, **self.component.example}
+        values = {**self.model.model_validate(example).model_dump(), **changes}
         return self.model.model_validate(values)
 
     def build(self, config: ComponentConfig | None = None) -> Any:
         """A new instance."""
         return self.component.build(self.config if config is None else config)
 
-    def once(self, name: str, make: Callable[[], T]) -> T:
-        """The shared result of this name, computed by the first check that needs it."""
-        if name not in self.shared:
-            self.shared[name] = make()
-        result: T = self.shared[name]
+
+def once(make: Callable[Concatenate[Subject, P], T]) -> Callable[Concatenate[Subject, P], T]:
+    """Decorator: what a function makes of a subject (and further hashable arguments) is made by its first check."""
+
+    @functools.wraps(make)
+    def shared(subject: Subject, *args: P.args, **kwargs: P.kwargs) -> T:
+        key = (make.__module__, make.__name__, *args, *kwargs.items())
+        if key not in subject.shared:
+            subject.shared[key] = make(subject, *args, **kwargs)
+        result: T = subject.shared[key]
         return result
 
-    def _example(self) -> dict[str, Any]:
-        return {"kind": self.component.kind, **self.component.example}
+    return shared
 
 
 CheckFunction = Callable[[Subject], None]
@@ -172,34 +185,37 @@ class Check:
             raise failure from error
 
     def _failure(self, subject: Subject, seen: str) -> CheckFailure:
-        seen = seen if seen.endswith(".") else seen + "."
+        seen = seen.removesuffix(".")
         return CheckFailure(
-            f"{subject.component.label} fails '{self.name}': {seen} The contract: {self.clause}"
+            f"{subject.component.label} fails '{self.name}': {seen}. The contract: {self.clause}"
         )
 
 
-class Suite:
-    """Collects the checks of one interface; `Suite.check` is the decorator."""
-
-    def __init__(self, interface: str) -> None:
-        self.interface = interface
-        self.checks: list[Check] = []
-
-    def check(self, clause: str, declares: bool = False) -> Callable[[CheckFunction], CheckFunction]:
-        """Register a function as a check; `clause` is the sentence of the contract that it tests."""
-
-        def register(function: CheckFunction) -> CheckFunction:
-            self.checks.append(Check(self.interface, function.__name__, clause, function, declares))
-            return function
-
-        return register
+def declared(function: CheckFunction) -> CheckFunction:
+    """Decorator: a check of the first stage."""
+    vars(function)["declares"] = True
+    return function
 
 
 def checks_for(interface: str) -> tuple[Check, ...]:
-    """All checks of an interface: those of the first stage, the common ones before its own, then the rest."""
-    own: Suite = importlib.import_module(f"pliant.testing.{interface}").suite
-    common: Suite = importlib.import_module("pliant.testing.common").suite
-    every = (*(replace(check, interface=interface, declares=True) for check in common.checks), *own.checks)
+    """All checks of an interface: those of the first stage, the common ones before its own, then the rest.
+
+    A check is a public function ``(subject: Subject) -> None`` of a module of this room; its docstring is the clause.
+    """
+    every = []
+    for room in ("common", interface, *MORE.get(interface, ())):
+        module = importlib.import_module(f"pliant.testing.{room}")
+        for name, function in vars(module).items():
+            own = inspect.isfunction(function) and function.__module__ == module.__name__
+            if (
+                own
+                and name[0] != "_"
+                and function.__annotations__ == {"subject": "Subject", "return": "None"}
+            ):
+                first = room == "common" or "declares" in vars(function)
+                every.append(
+                    Check(interface, name, inspect.cleandoc(function.__doc__ or ""), function, first)
+                )
     return tuple(sorted(every, key=lambda check: not check.declares))
 
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from pliant.interfaces.surrogate import FittedLaw, Surrogate
+from pliant.records.design import Array
 from pliant.records.fem import FemDataset
 from pliant.records.law import JointLaw
 from pliant.testing.joint_laws import (
@@ -18,14 +19,14 @@ from pliant.testing.joint_laws import (
     stored,
 )
 from pliant.testing.samples import coupled_law, linear_law, module_table_of, softening_law, table_of
-from pliant.testing.suite import CheckSkipped, Subject, Suite, require, require_close, require_refused
+from pliant.testing.suite import CheckSkipped, Subject, agree, once, require, require_refused
 
-suite = Suite("surrogate")
-
-
-def _data(subject: Subject) -> FemDataset:
-    """States of a law with curvature and a little scatter, so that no form fits them exactly."""
-    return subject.once("table", lambda: table_of(softening_law(), noise_n_m=2e-5))
+# States of a law with curvature and a little scatter, so that no form fits them exactly, and points inside their box.
+DATA = table_of(softening_law(), noise_n_m=2e-5)
+LINEAR = table_of(linear_law())
+_SHARES = np.random.default_rng(11).random((2, 20))
+P = DATA.actuation.max() * _SHARES[0]
+U = (DATA.angle_rad.min() + np.ptp(DATA.angle_rad) * _SHARES[1])[:, None]
 
 
 def _surrogate(subject: Subject) -> Surrogate:
@@ -34,212 +35,159 @@ def _surrogate(subject: Subject) -> Surrogate:
     return surrogate
 
 
+@once
 def _fitted(subject: Subject) -> FittedLaw:
-    return subject.once("fitted", lambda: _surrogate(subject).fit(_data(subject)))
+    return _surrogate(subject).fit(DATA)
 
 
-def _points(data: FemDataset) -> tuple[np.ndarray, np.ndarray]:
-    """Points inside the data's box."""
-    random = np.random.default_rng(11)
-    u = data.angle_rad
-    return data.actuation.max() * random.random(20), (u.min() + np.ptp(u) * random.random(20))[:, None]
-
-
-@suite.check("`fit` reproduces what its data say: a linear law to 2 % of the effort's range.")
-def fits_a_linear_law(subject: Subject) -> None:
-    law = linear_law()
-    data = table_of(law)
-    fitted = _surrogate(subject).fit(data).law
-    p, u = _points(data)
-    wanted = law.evaluate(p, u).tau
-    require_close(
-        fitted.evaluate(p, u).tau,
-        wanted,
-        "τ (N·m) of a fitted linear law is off: units, scaling, or the moment's sign",
-        atol=0.02 * float(np.ptp(data.moment_n_m)),
-    )
-
-
-@suite.check('the report holds the errors on states of role "check", and their number.')
-def reports_its_errors_honestly(subject: Subject) -> None:
-    fitted, check = _fitted(subject), _data(subject).select("check")
-    missed = fitted.law.evaluate(check.actuation, check.angle_rad[:, None]).tau[:, 0] - check.moment_n_m
-    report = fitted.report
-    require(
-        report.n_heldout == len(check),
-        f"n_heldout is {report.n_heldout}, there are {len(check)} check states",
-    )
-    wanted = {
-        "rmse": float(np.sqrt(np.mean(missed**2))),
-        "worst": float(np.abs(missed).max()),
-        "worst_of_range": float(np.abs(missed).max() / np.ptp(_data(subject).moment_n_m)),
-        "r2": 1 - float(np.sum(missed**2) / np.sum((check.moment_n_m - check.moment_n_m.mean()) ** 2)),
-    }
-    for name, value in wanted.items():
-        require_close(
-            getattr(report, name), value, f"the report's {name} is not that of the check states", rtol=1e-6
-        )
-
-
-@suite.check('the fit does not see states of role "check".')
-def check_states_are_not_fitted(subject: Subject) -> None:
-    data = _data(subject)
-    altered = np.where(data.role == "check", 1.5 * data.moment_n_m + 1e-3, data.moment_n_m)
-    law = _surrogate(subject).fit(replace(data, moment_n_m=altered)).law
-    p, u = _points(data)
-    require(
-        np.array_equal(law.evaluate(p, u).tau, _fitted(subject).law.evaluate(p, u).tau),
-        "the law changed when only the check states' moments did: they were fitted, or chose the model",
-    )
-
-
-@suite.check("`evaluate` gives the exact slopes ∂τ/∂p and ∂τ/∂u, shapes (n, a) and (n, a, a).")
-def slopes_are_derivatives(subject: Subject) -> None:
-    for law in _laws(subject):
-        require_exact_slopes(law, *_points(_data(subject)), rtol=1e-4)
-
-
-@suite.check("laws are vectorised: joints evaluated together or one by one give the same.")
-def joints_do_not_affect_each_other(subject: Subject) -> None:
-    for law in _laws(subject):
-        require_joints_apart(law, *_points(_data(subject)))
-
-
-@suite.check(
-    "`load(record)` gives a law that evaluates to the same bits, through JSON and arrays without pickle."
-)
-def record_gives_the_same_bits(subject: Subject) -> None:
-    for law in _laws(subject):
-        record = law.record()
-        require(
-            record.kind == subject.component.kind,
-            f"the record's kind is '{record.kind}', so that surrogate '{subject.component.kind}' would not "
-            "be asked",
-        )
-        require_same_bits(law, _surrogate(subject).load(stored(record)), *_points(_data(subject)))
-
-
-@suite.check("τ = −∂Π/∂u with Π(p, 0) = 0: no simulation can gain energy from the law.")
-def effort_derives_from_the_potential(subject: Subject) -> None:
-    p, u = _points(_data(subject))
-    for law in _laws(subject):
-        rest = law.potential(p, np.zeros_like(u))
-        require_close(rest, np.zeros(20), "the potential at u = 0 is not zero", atol=1e-15)
-        require_potential(law, p, u, rtol=1e-4)
-
-
-@suite.check("a law knows its domain: the box of its data, and how far outside a point lies.")
-def domain_is_the_box_of_the_data(subject: Subject) -> None:
-    data = _data(subject).select("fit")
-    domain = _fitted(subject).law.domain
-    box = [data.actuation.min(), data.actuation.max(), data.angle_rad.min(), data.angle_rad.max()]
-    require_close(
-        [*domain.actuation, *domain.deformation[0]],
-        box,
-        "the domain is not the box of the fitted states: extrapolation would not be flagged",
-        rtol=1e-6,
-    )
-
-
-@suite.check("laws answer outside their domain with finite numbers; the excess is flagged, not hidden.")
-def stays_finite_outside_the_domain(subject: Subject) -> None:
-    require_finite_outside(_fitted(subject).law)
-
-
-@suite.check("data of a stable joint give a stable law: ∂τ/∂u < 0 in the domain.")
-def law_is_stable(subject: Subject) -> None:
-    slope = _fitted(subject).law.evaluate(*_points(_data(subject))).dtau_du[:, 0, 0]
-    require(
-        np.all(slope < 0),
-        f"∂τ/∂u reaches {slope.max():.3g} N·m/rad where the data fall: sign, or overfitting",
-    )
-
-
-@suite.check("too few states raise `UserError`, which says how many are needed.")
-def says_when_there_are_too_few_states(subject: Subject) -> None:
-    one = _data(subject).rows(np.arange(len(_data(subject))) == 3)
-    require_refused(
-        lambda: _surrogate(subject).fit(one),
-        "a law was fitted to a single state",
-        r"\d",
-        "number of states",
-    )
-
-
-@suite.check("slopes may be NaN (data from elsewhere): then values alone are fitted.")
-def fits_values_without_slopes(subject: Subject) -> None:
-    law = linear_law()
-    data = table_of(law)
-    blank = np.full(len(data), np.nan)
-    fitted = _surrogate(subject).fit(replace(data, dmoment_dp=blank, dmoment_du=blank)).law
-    p, u = _points(data)
-    require_close(
-        fitted.evaluate(p, u).tau,
-        law.evaluate(p, u).tau,
-        "τ (N·m) is off when the data have no slopes",
-        atol=0.02 * float(np.ptp(data.moment_n_m)),
-    )
-
-
-@suite.check("a moment that is not a number raises `UserError`; it is never fitted or dropped in silence.")
-def refuses_values_that_are_not_numbers(subject: Subject) -> None:
-    data = _data(subject)
-    moments = data.moment_n_m.copy()
-    moments[5] = np.nan
-    require_refused(
-        lambda: _surrogate(subject).fit(replace(data, moment_n_m=moments)),
-        "a table with a NaN moment was fitted without a word",
-    )
-
-
-@suite.check("the same data give the same law, bit by bit: results are stored under the data's key.")
-def is_deterministic(subject: Subject) -> None:
-    p, u = _points(_data(subject))
-    again = _surrogate(subject).fit(_data(subject)).law
-    require(
-        np.array_equal(again.evaluate(p, u).tau, _fitted(subject).law.evaluate(p, u).tau),
-        "two fits of the same data differ: a random start without a fixed seed",
-    )
-
-
-@suite.check("`stated` gives the law that the config states, or None.")
-def stated_law_is_complete(subject: Subject) -> None:
-    stated = subject.build().stated()
-    if stated is None:
-        raise CheckSkipped(f"the example of {subject.component.label} states no law")
-    require(isinstance(stated, JointLaw), f"stated() gave {stated!r}, no JointLaw")
-    require(
-        stated.domain.actuation.shape == (2,), "the stated law has no domain; Domain.unbounded says 'none'"
-    )
-    require(len(stated.axes) == stated.domain.deformation.shape[0], "the domain does not fit the law's axes")
-
-
-@suite.check("a surrogate that couples axes finds how one axis turns another, with symmetric slopes.")
-def couples_the_axes_of_a_joint(subject: Subject) -> None:
-    surrogate = _surrogate(subject)
-    if not surrogate.couples:
-        raise CheckSkipped(f"{subject.component.label} fits each axis by itself")
-    wanted, data = coupled_law(), module_table_of(coupled_law())
-    law = surrogate.fit_module(data).law
-    p, u = data.actuation[data.role == "check"], data.deformation[data.role == "check"]
-    effort, truth = law.evaluate(p, u), wanted.evaluate(p, u)
-    require(law.axes == wanted.axes, f"the law's axes are {law.axes}, the data's {wanted.axes}")
-    for k, axis in enumerate(wanted.axes):
-        require_close(
-            effort.tau[:, k],
-            truth.tau[:, k],
-            f"τ (N·m) about {axis} of a coupled law is off: are states that hold several axes fitted?",
-            atol=0.02 * float(np.ptp(data.tau[:, k])),
-        )
-    require_close(
-        effort.dtau_du,
-        np.swapaxes(effort.dtau_du, 1, 2),
-        "∂τ_i/∂u_j differs from ∂τ_j/∂u_i: the law has no potential and can create energy",
-        atol=1e-9,
-    )
+def _tau(subject: Subject, data: FemDataset) -> Array:
+    """τ at the points by a law that is fitted to these data."""
+    return _surrogate(subject).fit(data).law.evaluate(P, U).tau
 
 
 def _laws(subject: Subject) -> list[JointLaw]:
     """The fitted law, and the stated one if the example states it."""
     stated = subject.build().stated()
     return [_fitted(subject).law, *([stated] if stated is not None else [])]
+
+
+def fits_a_linear_law(subject: Subject) -> None:
+    """`fit` reproduces what its data say: a linear law to 2 % of the effort's range."""
+    finding = "τ (N·m) of a fitted linear law is off: units, scaling, or the moment's sign"
+    wanted, allowed = linear_law().evaluate(P, U).tau, 0.02 * float(np.ptp(LINEAR.moment_n_m))
+    agree(_tau(subject, LINEAR), wanted, finding, atol=allowed)
+
+
+def reports_its_errors_honestly(subject: Subject) -> None:
+    """the report holds the errors on states of role "check", and their number."""
+    fitted, check = _fitted(subject), DATA.select("check")
+    missed = fitted.law.evaluate(check.actuation, check.angle_rad[:, None]).tau[:, 0] - check.moment_n_m
+    worst, spread = float(np.abs(missed).max()), np.sum((check.moment_n_m - check.moment_n_m.mean()) ** 2)
+    given = fitted.report.n_heldout
+    require(given == len(check), f"n_heldout is {given}, there are {len(check)} check states")
+    for name, value in (
+        ("rmse", float(np.sqrt(np.mean(missed**2)))),
+        ("worst", worst),
+        ("worst_of_range", worst / float(np.ptp(DATA.moment_n_m))),
+        ("r2", 1 - float(np.sum(missed**2) / spread)),
+    ):
+        finding = f"the report's {name} is not that of the check states"
+        agree(getattr(fitted.report, name), value, finding, rtol=1e-6)
+
+
+def check_states_are_not_fitted(subject: Subject) -> None:
+    """the fit does not see states of role "check"."""
+    altered = np.where(DATA.role == "check", 1.5 * DATA.moment_n_m + 1e-3, DATA.moment_n_m)
+    same = np.array_equal(
+        _tau(subject, replace(DATA, moment_n_m=altered)), _fitted(subject).law.evaluate(P, U).tau
+    )
+    require(
+        same, "the law changed when only the check states' moments did: they were fitted, or chose the model"
+    )
+
+
+def slopes_are_derivatives(subject: Subject) -> None:
+    """`evaluate` gives the exact slopes ∂τ/∂p and ∂τ/∂u, shapes (n, a) and (n, a, a)."""
+    for law in _laws(subject):
+        require_exact_slopes(law, P, U, rtol=1e-4)
+
+
+def joints_do_not_affect_each_other(subject: Subject) -> None:
+    """laws are vectorised: joints evaluated together or one by one give the same."""
+    for law in _laws(subject):
+        require_joints_apart(law, P, U)
+
+
+def record_gives_the_same_bits(subject: Subject) -> None:
+    """`load(record)` gives a law that evaluates to the same bits, through JSON and arrays without pickle."""
+    own = subject.component.kind
+    for law in _laws(subject):
+        record = law.record()
+        asked = f"the record's kind is '{record.kind}', so that surrogate '{own}' would not be asked"
+        require(record.kind == own, asked)
+        require_same_bits(law, _surrogate(subject).load(stored(record)), P, U)
+
+
+def effort_derives_from_the_potential(subject: Subject) -> None:
+    """τ = −∂Π/∂u with Π(p, 0) = 0: no simulation can gain energy from the law."""
+    for law in _laws(subject):
+        agree(
+            law.potential(P, np.zeros_like(U)),
+            np.zeros(len(P)),
+            "the potential at u = 0 is not zero",
+            atol=1e-15,
+        )
+        require_potential(law, P, U, rtol=1e-4)
+
+
+def domain_is_the_box_of_the_data(subject: Subject) -> None:
+    """a law knows its domain: the box of its data, and how far outside a point lies."""
+    fitted, domain = DATA.select("fit"), _fitted(subject).law.domain
+    box = [end for values in (fitted.actuation, fitted.angle_rad) for end in (values.min(), values.max())]
+    finding = "the domain is not the box of the fitted states: extrapolation would not be flagged"
+    agree([*domain.actuation, *domain.deformation[0]], box, finding, rtol=1e-6)
+
+
+def stays_finite_outside_the_domain(subject: Subject) -> None:
+    """laws answer outside their domain with finite numbers; the excess is flagged, not hidden."""
+    require_finite_outside(_fitted(subject).law)
+
+
+def law_is_stable(subject: Subject) -> None:
+    """data of a stable joint give a stable law: ∂τ/∂u < 0 in the domain."""
+    steepest = _fitted(subject).law.evaluate(P, U).dtau_du.max()
+    require(steepest < 0, f"∂τ/∂u reaches {steepest:.3g} N·m/rad where the data fall: sign, or overfitting")
+
+
+def says_when_there_are_too_few_states(subject: Subject) -> None:
+    """too few states raise `UserError`, which says how many are needed."""
+    one, accepted = DATA.rows(np.arange(len(DATA)) == 3), "a law was fitted to a single state"
+    require_refused(lambda: _surrogate(subject).fit(one), accepted, r"\d", "number of states")
+
+
+def fits_values_without_slopes(subject: Subject) -> None:
+    """slopes may be NaN (data from elsewhere): then values alone are fitted."""
+    blank = np.full(len(LINEAR), np.nan)
+    tau = _tau(subject, replace(LINEAR, dmoment_dp=blank, dmoment_du=blank))
+    allowed = 0.02 * float(np.ptp(LINEAR.moment_n_m))
+    agree(tau, linear_law().evaluate(P, U).tau, "τ (N·m) is off when the data have no slopes", atol=allowed)
+
+
+def refuses_values_that_are_not_numbers(subject: Subject) -> None:
+    """a moment that is not a number raises `UserError`; it is never fitted or dropped in silence."""
+    moments = np.where(np.arange(len(DATA)) == 5, np.nan, DATA.moment_n_m)
+    accepted = "a table with a NaN moment was fitted without a word"
+    require_refused(lambda: _surrogate(subject).fit(replace(DATA, moment_n_m=moments)), accepted)
+
+
+def is_deterministic(subject: Subject) -> None:
+    """the same data give the same law, bit by bit: results are stored under the data's key."""
+    same = np.array_equal(_tau(subject, DATA), _fitted(subject).law.evaluate(P, U).tau)
+    require(same, "two fits of the same data differ: a random start without a fixed seed")
+
+
+def stated_law_is_complete(subject: Subject) -> None:
+    """`stated` gives the law that the config states, or None."""
+    stated = subject.build().stated()
+    if stated is None:
+        raise CheckSkipped(f"the example of {subject.component.label} states no law")
+    require(isinstance(stated, JointLaw), f"stated() gave {stated!r}, no JointLaw")
+    domain = stated.domain
+    require(domain.actuation.shape == (2,), "the stated law has no domain; Domain.unbounded says 'none'")
+    require(len(stated.axes) == domain.deformation.shape[0], "the domain does not fit the law's axes")
+
+
+def couples_the_axes_of_a_joint(subject: Subject) -> None:
+    """a surrogate that couples axes finds how one axis turns another, with symmetric slopes."""
+    surrogate, wanted, data = _surrogate(subject), coupled_law(), module_table_of(coupled_law())
+    if not surrogate.couples:
+        raise CheckSkipped(f"{subject.component.label} fits each axis by itself")
+    law = surrogate.fit_module(data).law
+    p, u = data.actuation[data.role == "check"], data.deformation[data.role == "check"]
+    effort, truth = law.evaluate(p, u), wanted.evaluate(p, u)
+    require(law.axes == wanted.axes, f"the law's axes are {law.axes}, the data's {wanted.axes}")
+    for k, axis in enumerate(wanted.axes):
+        finding = f"τ (N·m) about {axis} of a coupled law is off: are states that hold several axes fitted?"
+        agree(effort.tau[:, k], truth.tau[:, k], finding, atol=0.02 * float(np.ptp(data.tau[:, k])))
+    finding = "∂τ_i/∂u_j differs from ∂τ_j/∂u_i: the law has no potential and can create energy"
+    agree(effort.dtau_du, np.swapaxes(effort.dtau_du, 1, 2), finding, atol=1e-9)

@@ -16,12 +16,10 @@ from pliant.records.rollout import Equilibrium, TaskResult
 from pliant.records.scene import Scene
 from pliant.records.shape import Shape
 from pliant.store.codec import encode
-from pliant.testing.physics_bench import chain_numbers
-from pliant.testing.samples import linear_law, sample_chain
-from pliant.testing.stand_ins import StandIn, StandInConfig, StandInScene, StandInSimulation
-from pliant.testing.suite import CheckSkipped, Subject, Suite, require, require_close
+from pliant.testing.samples import chain_numbers, linear_law, sample_chain
+from pliant.testing.stand_ins import StandInScene, StandInSimulation
+from pliant.testing.suite import CheckSkipped, Finding, Subject, agree, once, require
 
-suite = Suite("task")
 UNITS = r"m|rad|n|n_m|pa|s|j|kg|w|c|hz|k|m_s|rad_s|m_s2|n_m_rad|n_per_m"
 # Numbers that have no unit say what they are instead.
 DIMENSIONLESS = "ratio|share|count|score|strain|reward"
@@ -41,17 +39,26 @@ def _chain(subject: Subject, modules: int = 3) -> ChainModel:
     return sample_chain(law, modules=modules)
 
 
-def _run(subject: Subject, simulation: type[StandInSimulation] | None = None, modules: int = 3) -> TaskResult:
+def _run(
+    subject: Subject, simulation: type[StandInSimulation] = StandInSimulation, modules: int = 3
+) -> TaskResult:
     task: Task | SceneTask = subject.build()
     chain = task.prepare(_chain(subject, modules))
     if isinstance(task, SceneTask):
         return task.run(chain, StandInScene)
-    with (simulation or StandIn(StandInConfig()).build)(chain) as built:
+    with simulation(chain) as built:
         return task.run(built)
 
 
+@once
 def _result(subject: Subject) -> TaskResult:
-    return subject.once("result", lambda: _run(subject))
+    return _run(subject)
+
+
+def _contact_only(subject: Subject, otherwise: str) -> None:
+    """Skip the check for a task without contact."""
+    if not isinstance(subject.build(), SceneTask):
+        raise CheckSkipped(f"a task without contact {otherwise}")
 
 
 def _leaves(name: str, value: Any) -> Iterator[tuple[str, Any]]:
@@ -66,161 +73,127 @@ def _leaves(name: str, value: Any) -> Iterator[tuple[str, Any]]:
         yield name, value
 
 
-@suite.check("`prepare` returns a chain and leaves the one it was given as it was.")
 def prepare_leaves_the_chain_alone(subject: Subject) -> None:
+    """`prepare` returns a chain and leaves the one it was given as it was."""
     chain = _chain(subject)
     before, payload = chain_numbers(chain), chain.payload_kg
     prepared = subject.build().prepare(chain)
-    require(
-        isinstance(prepared, ChainModel), f"prepare returned {prepared!r}, no ChainModel: a forgotten return?"
-    )
-    require(
-        np.array_equal(before, chain_numbers(chain)) and chain.payload_kg == payload,
-        "prepare changed the chain in place; use chain.with_(...)",
-    )
+    is_chain = isinstance(prepared, ChainModel)
+    require(is_chain, f"prepare returned {prepared!r}, no ChainModel: a forgotten return?")
+    same = np.array_equal(before, chain_numbers(chain)) and chain.payload_kg == payload
+    require(same, "prepare changed the chain in place; use chain.with_(...)")
     require(prepared.n_joints == chain.n_joints, "prepare changed the number of joints")
 
 
-@suite.check("`scene` puts copies of the chain into a `Scene` and leaves the chain alone.")
 def makes_a_scene(subject: Subject) -> None:
+    """`scene` puts copies of the chain into a `Scene` and leaves the chain alone."""
+    _contact_only(subject, "has no scene")
     task = subject.build()
-    if not isinstance(task, SceneTask):
-        raise CheckSkipped("a task without contact has no scene")
     chain = task.prepare(_chain(subject))
     before = chain_numbers(chain)
     scene = task.scene(chain)
     require(isinstance(scene, Scene), f"scene returned {scene!r}, no Scene: a forgotten return?")
     require(len(scene.arms) > 0, "the scene has no arms")
-    require(
-        np.array_equal(before, chain_numbers(chain)), "scene changed the chain in place; use chain.with_(...)"
-    )
+    same = np.array_equal(before, chain_numbers(chain))
+    require(same, "scene changed the chain in place; use chain.with_(...)")
     joints = [arm.chain.n_joints for arm in scene.arms]
     require(set(joints) == {chain.n_joints}, f"the chain has {chain.n_joints} joints, the arms have {joints}")
 
 
-@suite.check("a task with contact leaves stills, which is what pages show of it.")
 def leaves_stills(subject: Subject) -> None:
-    if not isinstance(subject.build(), SceneTask):
-        raise CheckSkipped("a task without contact is drawn as a chain")
-    require(
-        len(_result(subject).stills) > 0,
-        "the result has no stills: still(scene, state, label) of pliant.mechanics.stills, at least of the end",
-    )
+    """a task with contact leaves stills, which is what pages show of it."""
+    _contact_only(subject, "is drawn as a chain")
+    how = "still(scene, state, label) of pliant.mechanics.stills, at least of the end"
+    require(len(_result(subject).stills) > 0, f"the result has no stills: {how}")
 
 
-@suite.check(
-    "a task with contact leaves frames of its motion: a time, a carriage and joint coordinates of each arm."
-)
 def leaves_frames(subject: Subject) -> None:
-    if not isinstance(subject.build(), SceneTask):
-        raise CheckSkipped("a task without contact leaves a rollout instead")
+    """a task with contact leaves frames of its motion: a time, a carriage and joint coordinates of each arm."""
+    _contact_only(subject, "leaves a rollout instead")
     frames = _result(subject).frames
-    require(frames is not None, "the result has no frames: SceneFrames.of(states) of the first trial")
-    assert frames is not None
+    if frames is None:
+        raise Finding("the result has no frames: SceneFrames.of(states) of the first trial")
     t = len(frames.time_s)
     require(t > 1 and np.all(np.diff(frames.time_s) > 0), f"time_s of the {t} frames does not increase")
-    shapes = {
-        frames.carriage_m.shape[0],
-        *(q.shape[0] for q in frames.coordinates),
-        frames.positions_m.shape[0],
-    }
-    require(shapes == {t}, f"for {t} times the frames' arrays have {shapes} rows")
+    rows = {len(part) for part in (frames.carriage_m, *frames.coordinates, frames.positions_m)}
+    require(rows == {t}, f"for {t} times the frames' arrays have {rows} rows")
 
 
-@suite.check("`run` gives a `TaskResult` whose `final` is the settled chain, with markers base, joints, tip.")
 def leaves_a_settled_chain(subject: Subject) -> None:
-    result = _result(subject)
+    """`run` gives a `TaskResult` whose `final` is the settled chain, with markers base, joints, tip."""
+    result, n = _result(subject), _chain(subject).n_joints
     require(isinstance(result, TaskResult), f"run returned {type(result).__name__}, no TaskResult")
-    require(isinstance(result.final, Equilibrium), f"final is {type(result.final).__name__}, no Equilibrium")
-    n = _chain(subject).n_joints
-    require(
-        result.final.markers_m.shape == (n + 2, 3),
-        f"final.markers_m has shape {result.final.markers_m.shape}",
-    )
-    require(result.final.converged, "the task did not converge on a chain of three modules")
+    final = result.final
+    require(isinstance(final, Equilibrium), f"final is {type(final).__name__}, no Equilibrium")
+    require(final.markers_m.shape == (n + 2, 3), f"final.markers_m has shape {final.markers_m.shape}")
+    require(final.converged, "the task did not converge on a chain of three modules")
 
 
-@suite.check("the task does something: it actuates or loads the chain.")
 def drives_the_chain(subject: Subject) -> None:
+    """the task does something: it actuates or loads the chain."""
     moved = float(np.abs(_result(subject).final.joint_angles).max())
-    require(
-        moved > 1e-4, "the joints stand at zero at the end: `apply` was not called, or not before `settle`"
-    )
+    finding = "the joints stand at zero at the end: `apply` was not called, or not before `settle`"
+    require(moved > 1e-4, finding)
 
 
-@suite.check(
-    "metrics are SI with the unit in the name (`tip_deflection_m`); a pure number says what it is "
-    "(`…_ratio`)."
-)
 def metrics_carry_their_unit(subject: Subject) -> None:
+    """metrics are SI with the unit in the name (`tip_deflection_m`); a pure number says what it is (`…_ratio`)."""
     metrics = _result(subject).metrics
     require(len(metrics) > 0, "the task measures nothing")
-    for name, value in metrics.items():
-        for leaf, number in _leaves(name, value):
-            if not isinstance(number, float | np.floating):
-                continue  # counts, flags and texts have no unit
-            require(
-                NAME.fullmatch(leaf) is not None,
-                f"metric '{leaf}' = {number!r} does not end in an SI unit such as _m, _rad, _n, _s, nor in "
-                "_ratio, "
-                "_share or _count",
-            )
+    for leaf, number in _leaves("", metrics):
+        if isinstance(number, float | np.floating):  # counts, flags and texts have no unit
+            does = "does not end in an SI unit such as _m, _rad, _n, _s, nor in _ratio, _share or _count"
+            require(NAME.fullmatch(leaf) is not None, f"metric '{leaf}' = {number!r} {does}")
 
 
-@suite.check("`measures`, where it names any, names every number that `run` measures.")
 def measures_what_it_says(subject: Subject) -> None:
+    """`measures`, where it names any, names every number that `run` measures."""
     stated = subject.build().measures()
     if not stated:
         raise CheckSkipped("the task does not say before what it measures")
     found = {name for name, value in _result(subject).metrics.items() if isinstance(value, int | float)}
-    missing = sorted(found - set(stated))
-    require(not missing, f"measures() leaves out {', '.join(missing)}: a search would refuse to name it")
+    missing = ", ".join(sorted(found - set(stated)))
+    require(not missing, f"measures() leaves out {missing}: a search would refuse to name it")
 
 
-@suite.check("metrics are finite numbers and can be stored as JSON.")
 def metrics_are_finite(subject: Subject) -> None:
+    """metrics are finite numbers and can be stored as JSON."""
     result = _result(subject)
-    for name, value in result.metrics.items():
-        for leaf, number in _leaves(name, value):
-            if isinstance(number, float | int | np.number):
-                require(np.isfinite(number), f"metric '{leaf}' is {number}")
+    for leaf, number in _leaves("", result.metrics):
+        if isinstance(number, float | int | np.number):
+            require(np.isfinite(number), f"metric '{leaf}' is {number}")
     if isinstance(subject.build(), SceneTask):  # contact forces are not in its residual
         result = replace(result, final=replace(result.final, residual=0.0))
     json.dumps(encode(result, {}), allow_nan=False)
 
 
-@suite.check("the same chain in the same engine gives the same result.")
 def is_deterministic(subject: Subject) -> None:
-    again = _run(subject)
-    require_close(
-        again.final.markers_m,
-        _result(subject).final.markers_m,
-        "markers (m) of a second run differ",
-        atol=1e-12,
-    )
-    texts = [json.dumps(encode(_timeless(r).metrics, {})) for r in (again, _result(subject))]
+    """the same chain in the same engine gives the same result."""
+    first, again = _result(subject), _run(subject)
+    finding = "markers (m) of a second run differ"
+    agree(again.final.markers_m, first.final.markers_m, finding, atol=1e-12)
+    # Without wall times, the only numbers that may differ.
+    timeless = [{k: v for k, v in r.metrics.items() if not k.endswith("wall_s")} for r in (again, first)]
+    texts = [json.dumps(encode(metrics, {})) for metrics in timeless]
     require(texts[0] == texts[1], f"metrics of a second run differ: {texts[0]} and {texts[1]}")
 
 
-@suite.check("the task runs on any number of modules.")
 def runs_on_one_joint(subject: Subject) -> None:
-    result = _run(subject, modules=1)
-    require(
-        result.final.markers_m.shape == (3, 3),
-        f"markers of one joint have shape {result.final.markers_m.shape}",
-    )
+    """the task runs on any number of modules."""
+    shape = _run(subject, modules=1).final.markers_m.shape
+    require(shape == (3, 3), f"markers of one joint have shape {shape}")
 
 
-@suite.check("a chain that did not settle is not called settled: `final.converged` is the engine's.")
 def passes_on_that_it_did_not_converge(subject: Subject) -> None:
+    """a chain that did not settle is not called settled: `final.converged` is the engine's."""
     if isinstance(subject.build(), SceneTask):
         raise CheckSkipped("a task with contact does not settle")
-    result = _run(subject, _NeverSettles)
-    require(not result.final.converged, "the engine did not converge, the task says that it did")
+    final = _run(subject, _NeverSettles).final
+    require(not final.converged, "the engine did not converge, the task says that it did")
 
 
-@suite.check("a history has matching shapes: time (t,), joint_angles (t, n, a), markers (t, n + 2, 3).")
 def history_is_consistent(subject: Subject) -> None:
+    """a history has matching shapes: time (t,), joint_angles (t, n, a), markers (t, n + 2, 3)."""
     history = _result(subject).rollout
     if history is None:
         return
@@ -235,8 +208,3 @@ class _NeverSettles(StandInSimulation):
 
     def settle(self) -> Equilibrium:
         return replace(super().settle(), converged=False, residual=1e-3)
-
-
-def _timeless(result: TaskResult) -> TaskResult:
-    """Without wall times, the only numbers that may differ."""
-    return replace(result, metrics={k: v for k, v in result.metrics.items() if not k.endswith("wall_s")})

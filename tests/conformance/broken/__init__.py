@@ -1,11 +1,13 @@
-"""Small plugins: one good one per interface, and for every check one that is broken in exactly that way."""
+"""Small plugins: one good one per interface, and a table of what is changed in it and the check that must find it."""
 
 from __future__ import annotations
 
+import functools
 import importlib
+import inspect
 import pkgutil
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -16,11 +18,10 @@ SUITES = ("common", *INTERFACES)
 
 @dataclass(frozen=True)
 class Broken:
-    """A broken component, the check that must find it and a pattern that its message must hold."""
+    """A broken component and the check that must find it."""
 
     check: str
     component: Component
-    says: str
 
 
 class Variants:
@@ -30,53 +31,62 @@ class Variants:
         self.good = good
         self.all: list[Broken] = []
 
-    def add(self, check: str, says: str, **changes: Any) -> None:
+    def add(self, check: str, **changes: Any) -> None:
         """A component whose manifest entry is changed."""
-        self.all.append(Broken(check, replace(self.good, **changes), says))
+        self.all.append(Broken(check, replace(self.good, **changes)))
 
-    def by(self, check: str, says: str) -> Callable[[type], type]:
-        """Decorator: an implementation that breaks one check."""
-
-        def register(cls: type) -> type:
-            self.add(check, says, implementation=f"{cls.__module__}:{cls.__name__}")
-            return cls
-
-        return register
-
-    def by_config(self, check: str, says: str) -> Callable[[type], type]:
+    def by_config(self, check: str) -> Callable[[type], type]:
         """Decorator: a config model that breaks one check."""
 
         def register(cls: type) -> type:
-            self.add(check, says, config=f"{cls.__module__}:{cls.__name__}")
+            self.add(check, config=f"{cls.__module__}:{cls.__name__}")
             return cls
 
         return register
 
-    def by_part(self, base: type, attribute: str) -> Callable[[str, str], Callable[[type], type]]:
-        """A decorator like `by`, for a part: the implementation is `base` with this part as its `attribute`."""
+    def of(self, base: type, part: str = "") -> Callable[..., None]:
+        """Rows of the table: the check, and by name the members of `base` that are changed, or of a part of it.
 
-        def by(check: str, says: str) -> Callable[[type], type]:
-            def register(part: type) -> type:
-                members = {attribute: part, "__doc__": part.__doc__, "__module__": part.__module__}
-                whole = type(f"With{part.__name__}", (base,), members)
-                setattr(sys.modules[part.__module__], whole.__name__, self.by(check, says)(whole))
-                return part
+        A function is a method; before `self` it gets the good method that it replaces. A part is the class that
+        `base` has as this attribute, or as an attribute of one ("laws.made").
+        """
 
-            return register
+        def row(check: str, **members: Any) -> None:
+            module = sys.modules[base.__module__]
+            name = f"Broken{len(vars(module))}"
+            setattr(module, name, _changed(base, part.split(".") if part else (), members, name))
+            self.add(check, implementation=f"{module.__name__}:{name}")
 
-        return by
+        return row
+
+
+def _changed(base: type, path: Sequence[str], members: dict[str, Any], name: str) -> type:
+    if path:
+        members = {path[0]: _changed(getattr(base, path[0]), path[1:], members, name)}
+    else:
+        members = {k: _method(base, k, m) if inspect.isfunction(m) else m for k, m in members.items()}
+    return type(
+        name, (base,), {**members, "__module__": base.__module__, "__doc__": f"{name} of {base.__name__}."}
+    )
+
+
+def _method(base: type, name: str, function: Callable[..., Any]) -> Callable[..., Any]:
+    def method(self: Any, *given: Any, **named: Any) -> Any:
+        return function(functools.partial(getattr(base, name), self), self, *given, **named)
+
+    return method
 
 
 def good(interface: str) -> Component:
     """The good component of an interface."""
-    variants: Variants = importlib.import_module(f"broken.{interface}").variants
+    variants: Variants = importlib.import_module(f"{__name__}.{interface}").variants
     return variants.good
 
 
 def of(suite: str) -> list[Broken]:
     """The broken components of a suite: those of its module, and of modules `<suite>_...` that add to them."""
-    variants: Variants = importlib.import_module(f"broken.{suite}").variants
+    variants: Variants = importlib.import_module(f"{__name__}.{suite}").variants
     for module in pkgutil.iter_modules(__path__):
         if module.name.startswith(f"{suite}_"):
-            importlib.import_module(f"broken.{module.name}")
+            importlib.import_module(f"{__name__}.{module.name}")
     return variants.all

@@ -1,11 +1,12 @@
 """A good family, the box with its cavity off the axis, and bodies that are none."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any, Literal
 
 import numpy as np
+from tests.conformance.broken import Variants
 
-from broken import Variants
 from pliant.errors import InvalidDesignError
 from pliant.interfaces.family import ActuatorFamily, FamilyConfig
 from pliant.meshing.hexahedra import cell_volumes
@@ -71,186 +72,97 @@ class Box(ActuatorFamily):
         )
 
 
-variants = Variants(Component("family", "small", "broken.family:BoxConfig", "broken.family:Box", "a box"))
-
-
-class Falsified(Box):
-    """Changes the problem or its mesh after the good one made it."""
-
-    def problem(self, refinement: int = 1, axes: tuple[str, ...] | None = None) -> ModuleProblem:
-        problem = super().problem(refinement)
-        mesh = replace(problem.mesh, **self.mesh_changes(problem))
-        return replace(problem, **{"mesh": mesh, **self.changes(problem)})
-
-    def mesh_changes(self, problem: ModuleProblem) -> dict[str, Any]:
-        return {}
-
-    def changes(self, problem: ModuleProblem) -> dict[str, Any]:
-        return {}
-
-
-@variants.by("elements_are_valid", "inverted or collapsed")
-class LeftHanded(Falsified):
-    """Cells in mirrored order."""
-
-    def mesh_changes(self, problem: ModuleProblem) -> dict[str, Any]:
-        order = np.arange(27).reshape(3, 3, 3)[:, :, ::-1].ravel()
-        return {"cells": problem.mesh.cells[:, order]}
-
-
-@variants.by("mesh_is_one_closed_body", "nodes coincide")
-class Cracked(Falsified):
-    """The last cell has nodes of its own."""
-
-    def mesh_changes(self, problem: ModuleProblem) -> dict[str, Any]:
-        mesh = problem.mesh
-        own = np.arange(27) + len(mesh.nodes_m)
-        nodes = np.concatenate([mesh.nodes_m, mesh.nodes_m[mesh.cells[-1]]])
-        # the old nodes that only the last cell used go
-        keep = np.unique(np.concatenate([mesh.cells[:-1].ravel(), own]))
-        new = np.zeros(len(nodes), int)
-        new[keep] = np.arange(len(keep))
-        return {"nodes_m": nodes[keep], "cells": new[np.vstack([mesh.cells[:-1], own])]}
-
-
-@variants.by("cavity_faces_point_into_the_cavity", "swap its a and b")
-class InwardCavity(Falsified):
-    """Cavity normals into the solid."""
-
-    def mesh_changes(self, problem: ModuleProblem) -> dict[str, Any]:
-        return {"cavity": problem.mesh.cavity[:, np.arange(9).reshape(3, 3).T.ravel()]}
-
-
-@variants.by("end_sections_are_plane", "node set 'end' has")
-class MissingEndNodes(Falsified):
-    """An end set without its last node."""
-
-    def mesh_changes(self, problem: ModuleProblem) -> dict[str, Any]:
-        sets = problem.mesh.node_sets
-        return {"node_sets": {**sets, "end": sets["end"][:-1]}}
-
-
-@variants.by("supports_hold_the_body", "hold 5 of 6 rigid motions")
-class Floating(Falsified):
-    """Nothing holds z."""
-
-    def changes(self, problem: ModuleProblem) -> dict[str, Any]:
-        return {"fixed": {"start": (0,), "end": (0,), "symmetry": (1,)}}
-
-
-@variants.by("couplings_are_possible", "pairs a node with itself")
-class TiedToItself(Falsified):
-    """A link of the end section with itself."""
-
-    def changes(self, problem: ModuleProblem) -> dict[str, Any]:
-        end = problem.mesh.node_sets["end"]
-        return {"links": (Link(end, end, {2: 1.0}),)}
-
-
-@variants.by("smaller_pieces_are_of_the_same_module", "a forgotten mirror half")
-class HalfForgotten(Falsified):
-    """For one axis the other half of the width is forgotten."""
-
-    def problem(self, refinement: int = 1, axes: tuple[str, ...] | None = None) -> ModuleProblem:
-        problem = super().problem(refinement, axes)
-        return problem if axes is None else replace(problem, energy_scale=2.0)
-
-
-@variants.by("refinement_refines", "the argument is not used")
-class NeverFiner(Box):
-    """Ignores the refinement."""
-
-    def problem(self, refinement: int = 1, axes: tuple[str, ...] | None = None) -> ModuleProblem:
-        return super().problem(1)
-
-
-@variants.by("piece_fits_the_module", "more than the module's length")
-class WrongScale(Falsified):
-    """A piece counted too often."""
-
-    def changes(self, problem: ModuleProblem) -> dict[str, Any]:
-        return {"deformation_scale": 4.0}
-
-
-@variants.by("axes_fit_the_joint", "main axis 'z'")
-class WrongAxis(Falsified):
-    """Bends about an axis that the joint does not have."""
-
-    def changes(self, problem: ModuleProblem) -> dict[str, Any]:
-        return {"main_axis": "z"}
-
-
-@variants.by("mass_is_that_of_the_mesh", "not that of the meshed body")
-class ForgottenMirror(Box):
-    """The mass of half the width."""
-
-    def mass(self, density_kg_m3: float) -> ModuleMass:
-        return super().mass(density_kg_m3 / 2)
-
-
-@variants.by("mass_scales_with_density", "mass ignores the density")
-class FixedDensity(Box):
-    """Always silicone."""
-
-    def mass(self, density_kg_m3: float) -> ModuleMass:
-        return super().mass(1000.0)
-
-
-@variants.by("mass_scales_with_density", "mass is not proportional to the density")
-class DeadWeight(Box):
-    """A constant mass at the tip, though no part of the module is rigid."""
-
-    def mass(self, density_kg_m3: float) -> ModuleMass:
-        good = super().mass(density_kg_m3)
-        return replace(good, end=good.end.joined(MassProperties(1e-3, good.end.com_m, 1e-9 * np.eye(3))))
-
-
-@variants.by("inertia_is_physical", "triangle inequality")
-class ThinInertia(Box):
-    """Far too much inertia about one axis."""
-
-    def mass(self, density_kg_m3: float) -> ModuleMass:
-        good = super().mass(density_kg_m3)
-        inertia = good.end.inertia_kg_m2 + np.diag([0.0, 0.0, 3 * np.trace(good.end.inertia_kg_m2)])
-        return replace(good, end=replace(good.end, inertia_kg_m2=inertia))
-
-
-@variants.by("halves_are_in_their_places", "start half's centre of mass")
-class SwappedHalves(Box):
-    """Start and end exchanged."""
-
-    def mass(self, density_kg_m3: float) -> ModuleMass:
-        good = super().mass(density_kg_m3)
-        return ModuleMass(good.end, good.start)
-
-
-@variants.by_config("parameters_have_units", "'gap' is a plain float")
 class PlainNumbers(BoxConfig):
     """A gap in whatever unit."""
 
     gap: float = 1.5e-3
 
 
-@variants.by("impossible_designs_are_refused", "wall_m = -0.001 m was accepted")
-class Trusting(Box):
-    """Takes the size of a negative wall."""
-
-    def __init__(self, config: BoxConfig) -> None:
-        super().__init__(config.model_copy(update={"wall_m": abs(config.wall_m) or 1e-3}))
+variants = Variants(Component("family", "small", f"{__name__}:BoxConfig", f"{__name__}:Box", "a box"))
+broken = variants.of(Box)
+variants.add("parameters_have_units", config=f"{__name__}:PlainNumbers")
 
 
-@variants.by("accepted_designs_have_meshes", "was accepted, but")
-class NeverChecks(Box):
-    """Builds anything; thick walls turn the cavity inside out."""
-
-    def __init__(self, config: BoxConfig) -> None:
-        ActuatorFamily.__init__(self, config)
+def meshed(check: str, change: Callable[[ModuleProblem], dict[str, Any]]) -> None:
+    """A row: fields of the good problem's mesh are changed."""
+    broken(check, problem=lambda up, self, *a, **k: _remeshed(up(*a, **k), change))
 
 
-@variants.by("is_deterministic", "two meshes of one design differ")
-class Jitter(Falsified):
-    """Random node positions, a micrometre."""
+def posed(check: str, **changes: Any) -> None:
+    """A row: fields of the good problem are others."""
+    broken(check, problem=lambda up, self, *a, **k: replace(up(*a, **k), **changes))
 
-    def mesh_changes(self, problem: ModuleProblem) -> dict[str, Any]:
-        nodes = problem.mesh.nodes_m
-        return {"nodes_m": nodes + 1e-9 * np.random.default_rng().standard_normal(nodes.shape)}
+
+def weighed(check: str, change: Callable[[ModuleMass], ModuleMass]) -> None:
+    """A row: the good mass is changed."""
+    broken(check, mass=lambda up, self, density: change(up(density)))
+
+
+def _remeshed(problem: ModuleProblem, change: Callable[[ModuleProblem], dict[str, Any]]) -> ModuleProblem:
+    return replace(problem, mesh=replace(problem.mesh, **change(problem)))
+
+
+def _cracked(problem: ModuleProblem) -> dict[str, Any]:
+    """The last cell has nodes of its own; the old ones that only it used go."""
+    mesh = problem.mesh
+    own = np.arange(27) + len(mesh.nodes_m)
+    nodes = np.concatenate([mesh.nodes_m, mesh.nodes_m[mesh.cells[-1]]])
+    keep = np.unique(np.concatenate([mesh.cells[:-1].ravel(), own]))
+    new = np.zeros(len(nodes), int)
+    new[keep] = np.arange(len(keep))
+    return {"nodes_m": nodes[keep], "cells": new[np.vstack([mesh.cells[:-1], own])]}
+
+
+def _short_end(problem: ModuleProblem) -> dict[str, Any]:
+    sets = problem.mesh.node_sets
+    return {"node_sets": {**sets, "end": sets["end"][:-1]}}
+
+
+def _tied_to_itself(up: Any, self: Any, *given: Any, **named: Any) -> ModuleProblem:
+    end = (problem := up(*given, **named)).mesh.node_sets["end"]
+    return replace(problem, links=(Link(end, end, {2: 1.0}),))
+
+
+def _half_forgotten(up: Any, self: Any, refinement: int = 1, axes: Any = None) -> ModuleProblem:
+    problem: ModuleProblem = up(refinement, axes)
+    return problem if axes is None else replace(problem, energy_scale=2.0)
+
+
+def _dead_weight(mass: ModuleMass) -> ModuleMass:
+    return replace(mass, end=mass.end.joined(MassProperties(1e-3, mass.end.com_m, 1e-9 * np.eye(3))))
+
+
+def _thin(mass: ModuleMass) -> ModuleMass:
+    inertia = mass.end.inertia_kg_m2 + np.diag([0.0, 0.0, 3 * np.trace(mass.end.inertia_kg_m2)])
+    return replace(mass, end=replace(mass.end, inertia_kg_m2=inertia))
+
+
+def _jittered(problem: ModuleProblem) -> dict[str, Any]:
+    nodes = problem.mesh.nodes_m
+    return {"nodes_m": nodes + 1e-9 * np.random.default_rng().standard_normal(nodes.shape)}
+
+
+MIRRORED, TURNED = (np.arange(27).reshape(3, 3, 3)[:, :, ::-1].ravel(), np.arange(9).reshape(3, 3).T.ravel())
+meshed("elements_are_valid", lambda p: {"cells": p.mesh.cells[:, MIRRORED]})
+meshed("mesh_is_one_closed_body", _cracked)
+meshed("cavity_faces_point_into_the_cavity", lambda p: {"cavity": p.mesh.cavity[:, TURNED]})
+meshed("end_sections_are_plane", _short_end)
+posed("supports_hold_the_body", fixed={"start": (0,), "end": (0,), "symmetry": (1,)})
+broken("couplings_are_possible", problem=_tied_to_itself)
+broken("smaller_pieces_are_of_the_same_module", problem=_half_forgotten)
+broken("refinement_refines", problem=lambda up, self, *a, **k: up(1))
+posed("piece_fits_the_module", deformation_scale=4.0)
+posed("axes_fit_the_joint", main_axis="z")
+broken("mass_is_that_of_the_mesh", mass=lambda up, self, density: up(density / 2))
+broken("mass_scales_with_density", mass=lambda up, self, density: up(1000.0))
+weighed("mass_scales_with_density", _dead_weight)
+weighed("inertia_is_physical", _thin)
+weighed("halves_are_in_their_places", lambda mass: ModuleMass(mass.end, mass.start))
+broken(
+    "impossible_designs_are_refused",
+    __init__=lambda up, self, c: up(c.model_copy(update={"wall_m": abs(c.wall_m) or 1e-3})),
+)
+broken(
+    "accepted_designs_have_meshes", __init__=lambda up, self, config: ActuatorFamily.__init__(self, config)
+)
+meshed("is_deterministic", _jittered)

@@ -2,7 +2,7 @@
 
 import sqlite3
 
-from broken.material import SolidConfig
+from tests.conformance.broken.material import SolidConfig
 
 LIMIT = sqlite3.SQLITE_LIMIT_LENGTH
 

@@ -2,24 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import fields, replace
 from typing import Any, ClassVar, Literal
 
 import numpy as np
+from tests.conformance.broken import Variants
 
-from broken import Variants
 from pliant.errors import UserError
 from pliant.interfaces.meta_model import DesignLaws, FittedMetaModel
 from pliant.records.design import Array
 from pliant.records.law import Effort, LawRecord
 from pliant.records.solved import SolvedDesigns
 from pliant.registry.component import Component
-from pliant.testing.meta_model_stand_in import (
-    StandInLaws,
-    StandInMetaModel,
-    StandInMetaModelConfig,
-)
+from pliant.testing.meta_model_stand_in import StandInLaws, StandInMetaModel, StandInMetaModelConfig
 from pliant.testing.samples import EnergyLaw
 
 
@@ -66,196 +61,103 @@ variants = Variants(
     Component(
         "meta_model",
         "small",
-        "broken.meta_model:SmallConfig",
-        "broken.meta_model:Small",
+        f"{__name__}:SmallConfig",
+        f"{__name__}:Small",
         "terms quadratic in the parameters",
     )
 )
-broken_by = variants.by_part(Small, "laws")
+broken, broken_laws, broken_law = (variants.of(Small, part) for part in ("", "laws", "laws.made"))
 
 
-def broken_law(check: str, says: str) -> Callable[[type], type]:
-    """Decorator: a law of one design that breaks one check."""
-
-    def register(law: type) -> type:
-        members = {"made": law, "__doc__": law.__doc__, "__module__": __name__}
-        broken_by(check, says)(type(f"{law.__name__}s", (SmallLaws,), members))
-        return law
-
-    return register
-
-
-@variants.by("predicts_designs_left_out", "% of its range off")
-class Swapped(Small):
-    """Takes the parameters in another order."""
-
-    def fit(self, designs: SolvedDesigns) -> FittedMetaModel:
-        good = super().fit(designs)
-        values = designs.values.copy()
-        values[:, 0] = values[::-1, 0]
-        swapped = super().fit(replace(designs, values=values)).laws
-        return replace(good, laws=swapped)
+def refitted(check: str, change: Any) -> None:
+    """A row: the good fit of data of which fields are changed, design by design."""
+    broken(
+        check,
+        fit=lambda up, self, designs: up(
+            replace(designs, data=tuple(replace(one, **change(one)) for one in designs.data))
+        ),
+    )
 
 
-@variants.by("predicts_three_axes", "% of its range off")
-class Uncoupled(Small):
-    """Forgets what the other axes do."""
-
-    def fit(self, designs: SolvedDesigns) -> FittedMetaModel:
-        data = tuple(
-            replace(one, tau=np.where(np.arange(one.tau.shape[1]) == 0, 2 * one.tau, one.tau))
-            if len(one.axes) == 3
-            else one
-            for one in designs.data
-        )
-        return super().fit(replace(designs, data=data))
+def _swapped(up: Any, self: Any, designs: SolvedDesigns) -> FittedMetaModel:
+    values = designs.values.copy()
+    values[:, 0] = values[::-1, 0]
+    return replace(up(designs), laws=up(replace(designs, values=values)).laws)
 
 
-@variants.by("laws_are_of_the_joint", "of the law are")
-class AlwaysBends(Small):
-    """Says that every joint is driven by a tendon."""
-
-    def fit(self, designs: SolvedDesigns) -> FittedMetaModel:
-        good = super().fit(designs)
-        return replace(good, laws=replace(good.laws, actuation_name="tendon_force_n"))  # type: ignore[type-var]
+def _soft(up: Any, self: Any, values: Array) -> EnergyLaw:
+    law: EnergyLaw = up(values)
+    squares = (law.powers[:, 0] == 0) & (law.powers[:, 1:].sum(axis=1) == 2)
+    return replace(law, terms=law.terms - 0.9 * np.abs(law.terms) * squares)
 
 
-@broken_by("laws_are_stable_in_their_box", "the stiffness of an unseen design falls to")
-class NegativeStiffness(SmallLaws):
-    """Passive stiffness nearly lost."""
-
-    def law(self, values: Array) -> EnergyLaw:
-        law = super().law(values)
-        squares = (law.powers[:, 0] == 0) & (law.powers[:, 1:].sum(axis=1) == 2)
-        return replace(law, terms=law.terms - 0.9 * np.abs(law.terms) * squares)
-
-
-@broken_law("slopes_are_derivatives", "dtau_dp is not the slope of tau")
-class WrongSlopeLaw(EnergyLaw):
-    """∂τ/∂p twice."""
-
-    def evaluate(self, actuation: Array, deformation: Array) -> Effort:
-        good = super().evaluate(actuation, deformation)
-        return replace(good, dtau_dp=2 * good.dtau_dp)
-
-
-@broken_law("laws_create_no_energy", "creates energy")
-class CirculatingLaw(EnergyLaw):
+def _circulating(up: Any, self: Any, p: Array, u: Array) -> Effort:
     """x drives z and z drives x back."""
-
-    def evaluate(self, actuation: Array, deformation: Array) -> Effort:
-        good = super().evaluate(actuation, deformation)
-        if deformation.shape[1] < 3:
-            return good
-        around = 1e-3 * np.array([[0.0, 0, 1], [0, 0, 0], [-1, 0, 0]])
-        return replace(good, tau=good.tau + deformation @ around.T, dtau_du=good.dtau_du + around)
+    good: Effort = up(p, u)
+    around = 1e-3 * np.array([[0.0, 0, 1], [0, 0, 0], [-1, 0, 0]])
+    if u.shape[1] < 3:
+        return good
+    return replace(good, tau=good.tau + u @ around.T, dtau_du=good.dtau_du + around)
 
 
-@broken_law("joints_do_not_affect_each_other", "depends on which other joints")
-class BatchedLaw(EnergyLaw):
-    """Uses the batch's mean."""
-
-    def evaluate(self, actuation: Array, deformation: Array) -> Effort:
-        good = super().evaluate(actuation, deformation)
-        return replace(good, tau=good.tau + 1e-4 * deformation.mean())
+def _of_one_box(up: Any, self: Any, values: Array) -> EnergyLaw:
+    law: EnergyLaw = up(values)
+    return replace(law, domain=replace(law.domain, deformation=np.tile([-1.0, 1.0], (len(law.axes), 1))))
 
 
-@broken_by("domain_follows_the_design", "not that to which a design like this is sampled")
-class OneBox(SmallLaws):
-    """The same range of u for every design."""
-
-    def law(self, values: Array) -> EnergyLaw:
-        law = super().law(values)
-        return replace(law, domain=replace(law.domain, deformation=np.tile([-1.0, 1.0], (len(law.axes), 1))))
+def _nan_outside(up: Any, self: Any, p: Array, u: Array) -> Effort:
+    outside = np.any(self.domain.excess(p, u) != 0, axis=1)
+    return replace(up(p, u), tau=np.where(outside[:, None], np.nan, up(p, u).tau))
 
 
-@broken_law("laws_stay_finite_outside_their_domain", "not finite outside the domain")
-class RefusingLaw(EnergyLaw):
-    """No number outside the box of u."""
-
-    def evaluate(self, actuation: Array, deformation: Array) -> Effort:
-        good = super().evaluate(actuation, deformation)
-        outside = np.any(self.domain.excess(actuation, deformation) != 0, axis=1)
-        return replace(good, tau=np.where(outside[:, None], np.nan, good.tau))
+def _of_the_nearest(up: Any, self: Any, values: Array) -> EnergyLaw:
+    low, high = self.box.T
+    law: EnergyLaw = up(low + np.round((values - low) / (high - low) * 3) / 3 * (high - low))
+    return law
 
 
-@broken_by("laws_are_smooth_in_the_parameters", "a jump")
-class Rounding(SmallLaws):
-    """Gives the law of the nearest grid point."""
-
-    def law(self, values: Array) -> EnergyLaw:
-        low, high = self.box.T
-        return super().law(low + np.round((values - low) / (high - low) * 3) / 3 * (high - low))
+def _single_precision(up: Any, self: Any) -> LawRecord:
+    return replace(up(), arrays={**up().arrays, "terms": np.float32(self.terms)})
 
 
-@broken_by("record_gives_the_same_bits", "the record rounds a number")
-class SinglePrecision(SmallLaws):
-    """Stores 32 bits."""
-
-    def record(self) -> LawRecord:
-        good = super().record()
-        return replace(good, arrays={**good.arrays, "terms": np.float32(self.terms)})
-
-
-@variants.by("is_deterministic", "two fits of the same designs differ")
-class Bootstraps(Small):
-    """A random resample without a seed."""
-
-    def fit(self, designs: SolvedDesigns) -> FittedMetaModel:
-        random = np.random.default_rng()
-        data = tuple(replace(one, tau=one.tau + 1e-6 * random.random(one.tau.shape)) for one in designs.data)
-        return super().fit(replace(designs, data=data))
+def _fitting_anything(up: Any, self: Any, designs: SolvedDesigns) -> Any:
+    try:
+        return up(designs)
+    except UserError:
+        values = designs.values * np.linspace(0.99, 1.01, 8).reshape(4, 2)
+        return up(replace(designs, values=values, data=4 * designs.data))
 
 
-@variants.by("check_states_are_not_fitted", "they were fitted")
-class SeesEverything(Small):
-    """Fits the check states too."""
-
-    def fit(self, designs: SolvedDesigns) -> FittedMetaModel:
-        data = tuple(replace(one, role=np.full(len(one), "fit")) for one in designs.data)
-        return super().fit(replace(designs, data=data))
-
-
-@variants.by("untrusted_states_are_not_fitted", "states in self-contact")
-class TrustsAll(Small):
-    """Fits states in self-contact."""
-
-    def fit(self, designs: SolvedDesigns) -> FittedMetaModel:
-        data = tuple(replace(one, status=np.full(len(one), "ok")) for one in designs.data)
-        return super().fit(replace(designs, data=data))
-
-
-@broken_by("flags_designs_outside", "not flagged by how far")
-class Boundless(SmallLaws):
-    """Claims to hold for every design."""
-
-    def excess(self, values: Array) -> Array:
-        return np.zeros(len(self.names))
-
-
-@broken_by("doubt_grows_away_from_solved_designs", "far outside")
-class Backwards(SmallLaws):
-    """Is surest where nothing was solved."""
-
-    def doubt(self, values: Array) -> Array:
-        return 1 / super().doubt(values)
-
-
-@broken_by("gain_is_a_share", "no shares of the mean squared error")
-class Greedy(SmallLaws):
-    """Gives its doubt for a gain."""
-
-    def gain(self, candidates: Array, over: Array) -> Array | None:
-        return super().doubt(candidates)
-
-
-@variants.by("says_when_there_are_too_few_designs", "fitted to a single design")
-class FitsAnything(Small):
-    """Fits one design without a word."""
-
-    def fit(self, designs: SolvedDesigns) -> FittedMetaModel:
-        try:
-            return super().fit(designs)
-        except UserError:
-            values = designs.values * np.linspace(0.99, 1.01, 8).reshape(4, 2)
-            return super().fit(replace(designs, values=values, data=4 * designs.data))
+broken("predicts_designs_left_out", fit=_swapped)
+refitted(
+    "predicts_three_axes",
+    lambda one: {"tau": one.tau * np.where(np.arange(one.tau.shape[1]) == 0, len(one.axes) // 2 + 1, 1)},
+)
+broken(
+    "laws_are_of_the_joint",
+    fit=lambda up, self, designs: replace(
+        up(designs), laws=replace(up(designs).laws, actuation_name="tendon_force_n")
+    ),
+)
+broken_laws("laws_are_stable_in_their_box", law=_soft)
+broken_law(
+    "slopes_are_derivatives", evaluate=lambda up, self, p, u: replace(up(p, u), dtau_dp=2 * up(p, u).dtau_dp)
+)
+broken_law("laws_create_no_energy", evaluate=_circulating)
+broken_law(
+    "joints_do_not_affect_each_other",
+    evaluate=lambda up, self, p, u: replace(up(p, u), tau=up(p, u).tau + 1e-4 * u.mean()),
+)
+broken_laws("domain_follows_the_design", law=_of_one_box)
+broken_law("laws_stay_finite_outside_their_domain", evaluate=_nan_outside)
+broken_laws("laws_are_smooth_in_the_parameters", law=_of_the_nearest)
+broken_laws("record_gives_the_same_bits", record=_single_precision)
+refitted(
+    "is_deterministic", lambda one: {"tau": one.tau + 1e-6 * np.random.default_rng().random(one.tau.shape)}
+)
+refitted("check_states_are_not_fitted", lambda one: {"role": np.full(len(one), "fit")})
+refitted("untrusted_states_are_not_fitted", lambda one: {"status": np.full(len(one), "ok")})
+broken_laws("flags_designs_outside", excess=lambda up, self, values: np.zeros(len(self.names)))
+broken_laws("doubt_grows_away_from_solved_designs", doubt=lambda up, self, values: 1 / up(values))
+broken_laws("gain_is_a_share", gain=lambda up, self, candidates, over: self.doubt(candidates))
+broken("says_when_there_are_too_few_designs", fit=_fitting_anything)

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
+from tests.conformance.broken import Variants
 
-from broken import Variants
 from pliant.interfaces.optimizer import (
     Context,
     Optimizer,
@@ -113,187 +113,95 @@ class Search(Optimizer):
 
 
 variants = Variants(
-    Component(
-        "optimizer", "small", "broken.optimizer:SearchConfig", "broken.optimizer:Search", "small search"
-    )
+    Component("optimizer", "small", f"{__name__}:SearchConfig", f"{__name__}:Search", "small search")
 )
+broken = variants.of(Search)
 
 
-@variants.by("declares_its_capabilities", "capabilities is")
-class Boastful(Search):
-    """Capabilities in words."""
-
-    capabilities = "everything"  # type: ignore[assignment]
+def _off_by_one(up: Any, self: Any, variable: Variable, *given: Any) -> Any:
+    return up(variable, *given) + 1 if variable.type == "integer" else up(variable, *given)
 
 
-@variants.by("proposals_are_within_bounds", r"not in \[5, 10\]")
-class OffByOne(Search):
-    """Integers up to and beyond the highest."""
-
-    def value(self, variable: Variable, generator: np.random.Generator, centre: Value | None) -> Value:
-        value = super().value(variable, generator, centre)
-        return value + 1 if variable.type == "integer" else value  # type: ignore[operator]
+def _numpys(up: Any, self: Any, variable: Variable, *given: Any) -> Any:
+    return np.float64(up(variable, *given)) if variable.type == "real" else up(variable, *given)
 
 
-@variants.by("proposals_are_plain_values", "JSON cannot hold")
-class NumpyValues(Search):
-    """numpy's numbers."""
-
-    def value(self, variable: Variable, generator: np.random.Generator, centre: Value | None) -> Value:
-        value = super().value(variable, generator, centre)
-        return np.float64(value) if variable.type == "real" else value
+def _numbered_by_batch(up: Any, self: Any, count: int) -> list[Trial]:
+    asked = [replace(c, number=i) for i, c in enumerate(up(count))]
+    self.open = {c.number: c for c in asked}
+    return asked
 
 
-@variants.by("batch_is_a_number", "batch is 0")
-class NoBatch(Search):
-    """Its batch is empty."""
-
-    batch = 0  # type: ignore[assignment]
-
-
-@variants.by("candidates_have_their_own_numbers", "given twice")
-class NumbersByBatch(Search):
-    """Numbers start anew in each batch."""
-
-    def ask(self, count: int) -> Sequence[Trial]:
-        asked = [replace(c, number=i) for i, c in enumerate(super().ask(count))]
-        self.open = {c.number: c for c in asked}
-        return asked
+def _in_step(up: Any, self: Any, count: int) -> Sequence[Trial]:
+    if self.open:
+        raise RuntimeError(f"{len(self.open)} outcomes are missing")
+    return up(count)  # type: ignore[no-any-return]
 
 
-@variants.by("answers_before_all_is_told", "RuntimeError")
-class InStep(Search):
-    """Waits for every trial."""
-
-    def ask(self, count: int) -> Sequence[Trial]:
-        if self.open:
-            raise RuntimeError(f"{len(self.open)} outcomes are missing")
-        return super().ask(count)
+def _seeding_everybody(up: Any, self: Any, space: Space, seed: int) -> None:
+    up(space, seed)
+    np.random.seed(seed + random.Random(seed).randrange(9))
 
 
-@variants.by("seed_decides_everything", "two searches with one seed differ")
-class Unseeded(Search):
-    """Uses the clock."""
-
-    def value(self, variable: Variable, generator: np.random.Generator, centre: Value | None) -> Value:
-        return super().value(variable, np.random.default_rng(), centre)
+def _the_last_one_counts(up: Any, self: Any, trials: Sequence[Trial]) -> None:
+    for trial in trials:
+        candidate = self.open.pop(trial.number)
+        self.best[candidate.context] = [(trial.number, dict(candidate.values), [trial.objective])]
 
 
-@variants.by("seeds_differ", "the seed is not used")
-class OneSeed(Search):
-    """Always seed 0."""
-
-    def start(self, space: Space, seed: int) -> None:
-        super().start(space, 0)
+def _ranked_as_integers(up: Any, self: Any, trials: Sequence[Trial]) -> None:
+    self.ranked = sorted(int(trial.objective) for trial in trials)
 
 
-@variants.by("leaves_global_random_state_alone", "global generator")
-class GlobalSeed(Search):
-    """Seeds numpy for everybody."""
-
-    def start(self, space: Space, seed: int) -> None:
-        super().start(space, seed)
-        np.random.seed(seed + random.Random(seed).randrange(9))
+def _wanting_a_whole_guess(up: Any, self: Any, space: Space, seed: int) -> None:
+    up(space, seed)
+    self.first = [space.start[v.name] for v in space.variables]
 
 
-@variants.by("order_of_results_does_not_matter", "depend on the order")
-class LastOneCounts(Search):
-    """Goes on from the trial that came last."""
-
-    def tell(self, trials: Sequence[Trial]) -> None:
-        for trial in trials:
-            candidate = self.open.pop(trial.number)
-            self.best[candidate.context] = [(trial.number, dict(candidate.values), [trial.objective])]
+def _logging_beside(up: Any, self: Any, folder: Path) -> Sequence[Path]:
+    (folder.parent / "search.log").write_text("")
+    return up(folder)  # type: ignore[no-any-return]
 
 
-@variants.by("continues_after_an_interruption", "the state leaves something out")
-class Forgets(Search):
-    """Its state leaves out what was learned."""
-
-    def state(self) -> Mapping[str, Any]:
-        return json.loads(json.dumps({**super().state(), "best": [[]]}))
+def _first_for_ever(up: Any, self: Any, number: int) -> Trial:
+    self.best = [[]]
+    return replace(up(0), number=number)
 
 
-@variants.by("survives_failed_evaluations", "ValueError")
-class Fragile(Search):
-    """Ranks outcomes as integers."""
-
-    def tell(self, trials: Sequence[Trial]) -> None:
-        self.ranked = sorted(int(trial.objective) for trial in trials)
+def _one_answer(up: Any, self: Any, candidate: Trial, scores: list[float]) -> None:
+    up(replace(candidate, context=0), scores)
+    self.best = [self.best[0]] * len(self.best)
 
 
-@variants.by("begins_at_a_guess", "KeyError")
-class WholeGuess(Search):
-    """Wants a guess for every variable."""
-
-    def start(self, space: Space, seed: int) -> None:
-        super().start(space, seed)
-        self.first = [space.start[v.name] for v in space.variables]
-
-
-@variants.by("recommends_within_bounds", r"not in \[5, 10\]")
-class FarRecommendation(Search):
-    """Recommends what it extrapolates."""
-
-    def recommend(self) -> Sequence[Trial]:
-        found = super().recommend()
-        return [replace(c, values={**c.values, "modules": 99}) for c in found]
-
-
-@variants.by("exports_into_its_folder", "beside the folder")
-class ExportsBeside(Search):
-    """Writes a log where it was not asked to."""
-
-    def export(self, folder: Path) -> Sequence[Path]:
-        (folder.parent / "search.log").write_text("")
-        return super().export(folder)
-
-
-@variants.by("improves_on_a_sphere", "not searching")
-class Stubborn(Search):
-    """Proposes the first candidate for ever."""
-
-    def candidate(self, number: int) -> Trial:
-        self.best = [[]]
-        return replace(super().candidate(0), number=number)
-
-
-@variants.by("avoids_what_is_refused", "taken for a good one")
-class ZeroForNothing(Search):
-    """Fills in zero where there is no objective."""
-
-    def scores(self, trial: Trial) -> list[float]:
-        return [0.0 if math.isnan(score) else score for score in super().scores(trial)]
-
-
-@variants.by("avoids_what_is_refused", "whatever its objective")
-class Unruly(Search):
-    """Goes by the objective of candidates that break a constraint on metrics."""
-
-    def scores(self, trial: Trial) -> list[float]:
-        return list(trial.objectives)
-
-
-@variants.by("finds_a_front", "the second too")
-class OneSided(Search):
-    """Claims several objectives and looks at the first."""
-
-    def scores(self, trial: Trial) -> list[float]:
-        return [trial.objective]
-
-
-@variants.by("contexts_are_in_range", "were tried")
-class OneContext(Search):
-    """Never tries the second context."""
-
-    def candidate(self, number: int) -> Trial:
-        return replace(super().candidate(number), context=0)
-
-
-@variants.by("learns_an_answer_for_each_context", "one answer for both")
-class OneAnswer(Search):
-    """Learns from all contexts as if they were one."""
-
-    def keep(self, candidate: Trial, scores: list[float]) -> None:
-        super().keep(replace(candidate, context=0), scores)
-        self.best = [self.best[0]] * len(self.best)
+broken("declares_its_capabilities", capabilities="everything")
+broken("proposals_are_within_bounds", value=_off_by_one)
+broken("proposals_are_plain_values", value=_numpys)
+broken("batch_is_a_number", batch=0)
+broken("candidates_have_their_own_numbers", ask=_numbered_by_batch)
+broken("answers_before_all_is_told", ask=_in_step)
+broken(
+    "seed_decides_everything",
+    value=lambda up, self, variable, _, centre: up(variable, np.random.default_rng(), centre),
+)
+broken("seeds_differ", start=lambda up, self, space, seed: up(space, 0))
+broken("leaves_global_random_state_alone", start=_seeding_everybody)
+broken("order_of_results_does_not_matter", tell=_the_last_one_counts)
+broken(
+    "continues_after_an_interruption", state=lambda up, self: json.loads(json.dumps({**up(), "best": [[]]}))
+)
+broken("survives_failed_evaluations", tell=_ranked_as_integers)
+broken("begins_at_a_guess", start=_wanting_a_whole_guess)
+broken(
+    "recommends_within_bounds",
+    recommend=lambda up, self: [replace(c, values={**c.values, "modules": 99}) for c in up()],
+)
+broken("exports_into_its_folder", export=_logging_beside)
+broken("improves_on_a_sphere", candidate=_first_for_ever)
+broken(
+    "avoids_what_is_refused",
+    scores=lambda up, self, trial: [0.0 if math.isnan(score) else score for score in up(trial)],
+)
+broken("avoids_what_is_refused", scores=lambda up, self, trial: list(trial.objectives))
+broken("finds_a_front", scores=lambda up, self, trial: [trial.objective])
+broken("contexts_are_in_range", candidate=lambda up, self, number: replace(up(number), context=0))
+broken("learns_an_answer_for_each_context", keep=_one_answer)

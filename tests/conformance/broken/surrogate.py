@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
+from tests.conformance.broken import Variants
 
-from broken import Variants
 from pliant.errors import UserError
 from pliant.interfaces.surrogate import FittedLaw, Surrogate, SurrogateConfig
 from pliant.records.design import Array
@@ -85,18 +85,6 @@ class Line(Surrogate):
         return LineLaw(a["terms"], box, axes=tuple(v["axes"]), actuation_name=v["actuation_name"])
 
 
-variants = Variants(
-    Component(
-        "surrogate",
-        "small",
-        "broken.surrogate:LineConfig",
-        "broken.surrogate:Line",
-        "a linear law",
-        {"stated_gain": 1e-6},
-    )
-)
-
-
 class Lawed(Line):
     """A fit whose law is another class."""
 
@@ -111,159 +99,92 @@ class Lawed(Line):
         )
 
 
-broken_by = variants.by_part(Lawed, "law")
+variants = Variants(
+    Component(
+        "surrogate",
+        "small",
+        f"{__name__}:LineConfig",
+        f"{__name__}:Line",
+        "a linear law",
+        {"stated_gain": 1e-6},
+    )
+)
 
 
-@variants.by("fits_a_linear_law", "fitted linear law is off")
-class WrongSign(Line):
-    """The moment's sign reversed."""
-
-    def solve(self, columns: Array, rows: FemDataset) -> Array:
-        return -super().solve(columns, rows)
+broken, broken_law = variants.of(Line), variants.of(Lawed, "law")
 
 
-@variants.by("reports_its_errors_honestly", "the report's rmse|n_heldout")
-class FlattersItself(Line):
-    """Reports the errors of the fitted states."""
-
-    def score(self, law: JointLaw, data: FemDataset, n_fitted: int, role: Any = "fit") -> FitReport:
-        return replace(super().score(law, data, n_fitted, "fit"), n_heldout=len(data.select("check")))
+def _nan_outside(up: Any, self: Any, p: Array, u: Array) -> Effort:
+    outside = np.any(self.domain.excess(p, u) != 0, axis=1)
+    return replace(up(p, u), tau=np.where(outside[:, None], np.nan, up(p, u).tau))
 
 
-@variants.by("check_states_are_not_fitted", "they were fitted")
-class SeesEverything(Line):
-    """Fits the check states too."""
-
-    def fit(self, data: FemDataset) -> FittedLaw:
-        return super().fit(replace(data, role=np.full(len(data), "fit")))
-
-    def score(self, law: JointLaw, data: FemDataset, n_fitted: int, role: Any = "fit") -> FitReport:
-        return super().score(law, data, n_fitted, "fit")
+def _single_precision(up: Any, self: Any) -> LawRecord:
+    return replace(up(), arrays={**up().arrays, "terms": np.float32(self.terms)})
 
 
-@broken_by("slopes_are_derivatives", "dtau_du is not the slope of tau")
-class WrongSlope(LineLaw):
-    """∂τ/∂u with the sign of a stiffness."""
-
-    def evaluate(self, actuation: Array, deformation: Array) -> Effort:
-        good = super().evaluate(actuation, deformation)
-        return replace(good, dtau_du=-good.dtau_du)
-
-
-@broken_by("joints_do_not_affect_each_other", "depends on which other joints")
-class Batched(LineLaw):
-    """Uses the batch's mean."""
-
-    def evaluate(self, actuation: Array, deformation: Array) -> Effort:
-        good = super().evaluate(actuation, deformation)
-        return replace(good, tau=good.tau + 1e-4 * deformation.mean())
+def _fitting_anything(up: Any, self: Any, data: FemDataset) -> FittedLaw:
+    try:
+        return up(data)  # type: ignore[no-any-return]
+    except UserError:
+        law = LineLaw(np.array([0.0, 1e-6, 0.04]), Domain.unbounded(1))
+        return FittedLaw(law, FitReport(1, 0, 0.0, 0.0, 0.0, 1.0, 1.0, {}))
 
 
-@broken_by("record_gives_the_same_bits", "the record rounds a number")
-class Rounded(LineLaw):
-    """Stores 32 bits."""
-
-    def record(self) -> LawRecord:
-        good = super().record()
-        return replace(good, arrays={**good.arrays, "terms": np.float32(self.terms)})
+def _resampled(up: Any, self: Any, columns: Array, rows: FemDataset) -> Array:
+    chosen = np.random.default_rng().integers(len(columns), size=len(columns))
+    return np.asarray(up(columns[chosen], replace(rows, moment_n_m=rows.moment_n_m[chosen])))
 
 
-@broken_by("effort_derives_from_the_potential", "τ is not −∂Π/∂u")
-class OtherEnergy(LineLaw):
-    """Twice the energy."""
-
-    def potential(self, actuation: Array, deformation: Array) -> Array:
-        return 2 * super().potential(actuation, deformation)
-
-
-@variants.by("domain_is_the_box_of_the_data", "not the box of the fitted states")
-class Boundless(Line):
-    """Claims to hold everywhere."""
-
-    def fit(self, data: FemDataset) -> FittedLaw:
-        good = super().fit(data)
-        return replace(good, law=replace(good.law, domain=Domain.unbounded(1)))  # type: ignore[type-var]
+def _each_axis_by_itself(up: Any, self: Any, data: ModuleData) -> FittedLaw:
+    """τ_k = g_k p − K_k u_k."""
+    rows = data.role == "fit"
+    p, u, tau = data.actuation[rows], data.deformation[rows], data.tau[rows]
+    columns = [np.stack([p, -u[:, k]], axis=1) for k in range(len(data.axes))]
+    fits = [np.linalg.lstsq(both, tau[:, k], rcond=None)[0] for k, both in enumerate(columns)]
+    gain, stiffness = np.transpose(fits)
+    law = LinearLaw(gain, np.diag(stiffness), Domain.unbounded(len(gain)), data.joint, data.axes)
+    return FittedLaw(law, FitReport(len(p), 0, 0.0, 0.0, 0.0, 0.0, float(np.ptp(tau)), {}))
 
 
-@broken_by("stays_finite_outside_the_domain", "not finite outside the domain")
-class Refusing(LineLaw):
-    """No number outside its box."""
-
-    def evaluate(self, actuation: Array, deformation: Array) -> Effort:
-        good = super().evaluate(actuation, deformation)
-        outside = np.any(self.domain.excess(actuation, deformation) != 0, axis=1)
-        return replace(good, tau=np.where(outside[:, None], np.nan, good.tau))
-
-
-@variants.by("law_is_stable", "∂τ/∂u reaches")
-class Unstable(Line):
-    """Its stiffness is negative."""
-
-    def solve(self, columns: Array, rows: FemDataset) -> Array:
-        return super().solve(columns, rows) * [1, 1, -1]
-
-
-@variants.by("says_when_there_are_too_few_states", "LinAlgError|ValueError|single state|IndexError")
-class FitsAnything(Line):
-    """Fits one state without a word."""
-
-    def fit(self, data: FemDataset) -> FittedLaw:
-        try:
-            return super().fit(data)
-        except UserError:
-            law = LineLaw(np.array([0.0, 1e-6, 0.04]), Domain.unbounded(1))
-            return FittedLaw(law, FitReport(1, 0, 0.0, 0.0, 0.0, 1.0, 1.0, {}))
-
-
-@variants.by("fits_values_without_slopes", "not all values are finite|LinAlgError")
-class NeedsSlopes(Line):
-    """Takes the stiffness from the slopes alone."""
-
-    def solve(self, columns: Array, rows: FemDataset) -> Array:
-        return super().solve(columns, rows) * [1, 1, 0] + [0, 0, -rows.dmoment_du.mean()]
-
-
-@variants.by("refuses_values_that_are_not_numbers", "without a word")
-class DropsNan(Line):
-    """Leaves out what it cannot read."""
-
-    def fit(self, data: FemDataset) -> FittedLaw:
-        return super().fit(replace(data, moment_n_m=np.nan_to_num(data.moment_n_m)))
-
-
-@variants.by("is_deterministic", "two fits of the same data differ")
-class Bootstraps(Line):
-    """A random resample without a seed."""
-
-    def solve(self, columns: Array, rows: FemDataset) -> Array:
-        chosen = np.random.default_rng().integers(len(columns), size=len(columns))
-        return super().solve(columns[chosen], replace(rows, moment_n_m=rows.moment_n_m[chosen]))
-
-
-@variants.by("stated_law_is_complete", "no JointLaw")
-class StatesNumbers(Line):
-    """Gives the coefficients instead of a law."""
-
-    def stated(self) -> Any:
-        return np.array([0.0, 1e-6, 0.04])
-
-
-@variants.by("couples_the_axes_of_a_joint", "about x of a coupled law is off")
-class EachByItself(Line):
-    """Says that it couples axes, and fits τ_k = g_k p − K_k u_k."""
-
-    couples = True
-
-    def fit_module(self, data: ModuleData) -> FittedLaw:
-        rows = data.role == "fit"
-        p, u, tau = data.actuation[rows], data.deformation[rows], data.tau[rows]
-        fits = [
-            np.linalg.lstsq(np.stack([p, -u[:, k]], axis=1), tau[:, k], rcond=None)[0]
-            for k in range(len(data.axes))
-        ]
-        gain, stiffness = np.transpose(fits)
-        law = LinearLaw(gain, np.diag(stiffness), Domain.unbounded(len(gain)), data.joint, data.axes)
-        missed = law.evaluate(p, u).tau - tau
-        worst, wide = float(np.abs(missed).max()), float(np.ptp(tau))
-        rmse = float(np.sqrt(np.mean(missed**2)))
-        return FittedLaw(law, FitReport(len(p), 0, rmse, worst, worst / wide, 0.0, wide, {}))
+broken("fits_a_linear_law", solve=lambda up, self, *given: -up(*given))
+broken(
+    "reports_its_errors_honestly",
+    score=lambda up, self, law, data, n: replace(
+        up(law, data, n, "fit"), n_heldout=len(data.select("check"))
+    ),
+)
+broken(
+    "check_states_are_not_fitted",
+    fit=lambda up, self, data: up(replace(data, role=np.full(len(data), "fit"))),
+    score=lambda up, self, law, data, n: up(law, data, n, "fit"),
+)
+broken_law(
+    "slopes_are_derivatives", evaluate=lambda up, self, p, u: replace(up(p, u), dtau_du=-up(p, u).dtau_du)
+)
+broken_law(
+    "joints_do_not_affect_each_other",
+    evaluate=lambda up, self, p, u: replace(up(p, u), tau=up(p, u).tau + 1e-4 * u.mean()),
+)
+broken_law("record_gives_the_same_bits", record=_single_precision)
+broken_law(
+    "effort_derives_from_the_potential", potential=lambda up, self, p, u: 2 * JointLaw.potential(self, p, u)
+)
+broken(
+    "domain_is_the_box_of_the_data",
+    fit=lambda up, self, data: replace(up(data), law=replace(up(data).law, domain=Domain.unbounded(1))),
+)
+broken_law("stays_finite_outside_the_domain", evaluate=_nan_outside)
+broken("law_is_stable", solve=lambda up, self, *given: up(*given) * [1, 1, -1])
+broken("says_when_there_are_too_few_states", fit=_fitting_anything)
+broken(
+    "fits_values_without_slopes",
+    solve=lambda up, self, columns, rows: up(columns, rows) * [1, 1, 0] + [0, 0, -rows.dmoment_du.mean()],
+)
+broken(
+    "refuses_values_that_are_not_numbers",
+    fit=lambda up, self, data: up(replace(data, moment_n_m=np.nan_to_num(data.moment_n_m))),
+)
+broken("is_deterministic", solve=_resampled)
+broken("stated_law_is_complete", stated=lambda up, self: np.array([0.0, 1e-6, 0.04]))
+broken("couples_the_axes_of_a_joint", couples=True, fit_module=_each_axis_by_itself)

@@ -1,11 +1,11 @@
 """A good viewer that marks the joints as dots, and viewers that break one rule each."""
 
 from collections.abc import Iterator
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
+from tests.conformance.broken import Variants
 
-from broken import Variants
 from pliant.errors import UserError
 from pliant.interfaces.viewer import Handle, Picture, View, Viewer, ViewerConfig
 from pliant.mechanics.kinematics import ChainGeometry
@@ -43,28 +43,17 @@ class Dots(Viewer):
         raise AssertionError("asked to show without a display")
 
 
-variants = Variants(Component("viewer", "small", "broken.viewer:DotsConfig", "broken.viewer:Dots", "dots"))
+variants = Variants(Component("viewer", "small", f"{__name__}:DotsConfig", f"{__name__}:Dots", "dots"))
+broken = variants.of(Dots)
 
 
-@variants.by("gives_a_picture_per_frame", r"is \(\(96, 64, 3\)")
-class Turned(Dots):
-    """Width and height mixed up."""
-
-    def pictures(self, motion: Motion, size: tuple[int, int], view: View) -> Iterator[Picture]:
-        yield from super().pictures(motion, size[::-1], view)
+def _first_only(up: Any, self: Any, *given: Any) -> list[Picture]:
+    pictures = list(up(*given))
+    return pictures[:1] * len(pictures)
 
 
-@variants.by("shows_the_motion", "differ in 0.00%")
-class Frozen(Dots):
-    """Always the first frame."""
-
-    def pictures(self, motion: Motion, size: tuple[int, int], view: View) -> Iterator[Picture]:
-        first, *others = super().pictures(motion, size, view)
-        yield from (first for _ in (first, *others))
-
-
-@variants.by("draws_a_pose_always_alike", "two pictures of one pose differ")
-class Travelling(Dots):
-    """A camera that moves."""
-
-    shift = 4
+broken(
+    "gives_a_picture_per_frame", pictures=lambda up, self, motion, size, view: up(motion, size[::-1], view)
+)
+broken("shows_the_motion", pictures=_first_only)
+broken("draws_a_pose_always_alike", shift=4)

@@ -16,7 +16,7 @@ from pliant.interfaces.family import ActuatorFamily, FamilyConfig
 from pliant.interfaces.physics import PhysicsBackend
 from pliant.interfaces.task import SceneTask, Task
 from pliant.mechanics.law_draws import draws
-from pliant.pipeline.chain import NO_SHAPES, Module, RigidPiece, Segment, build_chain, family_module
+from pliant.pipeline.chain import NO_SHAPES, Module, RigidPiece, build_chain, family_module
 from pliant.pipeline.meta_model.designs import MATERIAL, NO_PART_IN_THE_LAW, Solved, solved_designs, values_of
 from pliant.pipeline.meta_model.stage import MetaModelStage, meta_model_stage
 from pliant.pipeline.simulate import check_capabilities, run_task
@@ -61,13 +61,12 @@ class Recent(Generic[T]):
 
     def get(self, key: Hashable, make: Callable[[], T]) -> T:
         """The result of this key, made now if it is not known; what `make` raises is not remembered."""
-        if key in self._kept:
-            self._kept.move_to_end(key)
-            return self._kept[key]
-        found = self._kept[key] = make()
-        if len(self._kept) > self._most:
-            self._kept.popitem(last=False)
-        return found
+        if key not in self._kept:
+            self._kept[key] = make()
+            if len(self._kept) > self._most:
+                self._kept.popitem(last=False)
+        self._kept.move_to_end(key)
+        return self._kept[key]
 
 
 @dataclass(frozen=True)
@@ -108,11 +107,11 @@ class CachedLaws:
         found = []
         for number, design in enumerate(distinct_designs(study)):
             if study.meta_model is not None and design.meta_model is not None and design.family is not None:
-                law, seed = self._by_parameters(study, design.family, draw is not None), 0
+                law, stream = self._by_parameters(study, design.family, draw is not None), 0
             else:
-                law, seed = self._once(study, design), 1 + number
+                law, stream = self._once(study, design), 1 + number
             if draw is not None and law.error is not None:
-                law, self.drawn = self._draw(law, draw, seed), True
+                law, self.drawn = self._draw(law, draw, (draw.seed + 1_000_003 * stream) % 2**32), True
             found.append(DesignStages(design, None, LawStage(law, None, None, None)))
         return found
 
@@ -133,31 +132,32 @@ class CachedLaws:
                     "vary that instead: effects.0.ratio."
                 )
 
-    def _solved_designs(self, study: Study) -> Solved:
+    def _base(self, study: Study) -> Study:
         # The designs are those of the study that is searched, whatever the candidate's own parameters are.
-        base = self._study.model_copy(update={"meta_model": study.meta_model})
-        return self._solved.get(repr(study.meta_model), lambda: solved_designs(self._bench, base))
+        return self._study.model_copy(update={"meta_model": study.meta_model})
 
-    def _meta(self, study: Study) -> MetaModelStage:
-        base = self._study.model_copy(update={"meta_model": study.meta_model})
-        return self._metas.get(
-            repr(study.meta_model), lambda: meta_model_stage(self._bench, base, self._solved_designs(study))
+    def _solved_designs(self, study: Study) -> Solved:
+        return self._solved.get(
+            repr(study.meta_model), lambda: solved_designs(self._bench, self._base(study))
         )
 
     def _by_parameters(self, study: Study, family: FamilyConfig, with_error: bool) -> JointLaw:
-        meta = self._meta(study)
+        block = study.meta_model
+        meta = self._metas.get(
+            repr(block), lambda: meta_model_stage(self._bench, self._base(study), self._solved_designs(study))
+        )
         designs = meta.designs
-        assert study.meta_model is not None
-        extrapolate = study.meta_model.extrapolate
-        values = values_of(designs.names, designs.box, designs.fixed, family, study.material, extrapolate)
-        key = (repr(study.meta_model), values.tobytes(), with_error)
+        assert block is not None
+        values = values_of(
+            designs.names, designs.box, designs.fixed, family, study.material, block.extrapolate
+        )
+        key = (repr(block), values.tobytes(), with_error)
         # The error bar takes longer than the law and changes no simulation.
         return self._laws.get(key, lambda: meta.law(values) if with_error else meta.laws.law(values))
 
     def _once(self, study: Study, design: Design) -> JointLaw:
         waits = needs_fem(self._bench, design)
-        solved = repr((study.material, study.fem)) if waits else ""
-        key = design.name + solved
+        key = design.name + (repr((study.material, study.fem)) if waits else "")
         if waits and key not in self._fem_of:
             self._fem_of.add(key)
             if len(self._fem_of) == 1 + len(distinct_designs(self._study)):
@@ -165,39 +165,9 @@ class CachedLaws:
         return self._own.get(key, lambda: own_law(self._bench, study, design)).law.law
 
     def _draw(self, law: JointLaw, draw: LawDraw, seed: int) -> JointLaw:
-        numbers = (draw.seed + 1_000_003 * seed) % 2**32
         # The law is kept with its draws, so that its identity stays its own.
-        kept = self._drawn.get(
-            (id(law), draw.count, numbers), lambda: (law, *draws(law, draw.count, numbers))
-        )
+        kept = self._drawn.get((id(law), draw.count, seed), lambda: (law, *draws(law, draw.count, seed)))
         return kept[1 + draw.index]
-
-
-class CachedModules:
-    """Modules by design: masses and shapes are made once, the law is the candidate's."""
-
-    def __init__(self) -> None:
-        self._kept: Recent[Module] = Recent(MOST_DESIGNS)
-
-    def module(self, family: ActuatorFamily, density_kg_m3: float | None, law: JointLaw) -> Module:
-        """As `family_module`."""
-        key = (repr(family.config.canonical()), density_kg_m3)
-        module = self._kept.get(key, lambda: family_module(law, family, density_kg_m3))
-        return replace(module, law=law)
-
-    def segments(
-        self, bench: Workbench, study: Study, stages: list[DesignStages], shapes: bool
-    ) -> list[Segment]:
-        """As `chain_segments`; without `shapes` nothing collides."""
-        made = chain_segments(bench, study, stages, self.module)
-        return made if shapes else [replace(one, piece=_bare(one.piece)) for one in made]
-
-
-def _bare(piece: Module | RigidPiece) -> Module | RigidPiece:
-    """The piece without what collides."""
-    if isinstance(piece, RigidPiece):
-        return replace(piece, shapes=())
-    return replace(piece, shapes=NO_SHAPES)
 
 
 class FastPath:
@@ -210,9 +180,9 @@ class FastPath:
     """
 
     def __init__(self, bench: Workbench, study: Study, timed: Timer = untimed) -> None:
-        self.bench, self.laws, self.modules = bench, CachedLaws(bench, study), CachedModules()
+        self.bench, self.laws, self._timed = bench, CachedLaws(bench, study), timed
+        self._modules: Recent[Module] = Recent(MOST_DESIGNS)
         self._engines: Recent[PhysicsBackend] = Recent(MOST_ENGINES)
-        self._timed = timed
 
     def result(self, study: Study, draw: LawDraw | None = None) -> TaskResult:
         """The task's result in the study's engine, by its laws or by drawn ones.
@@ -221,7 +191,8 @@ class FastPath:
             UserError: as `simulate_study`.
         """
         task: Task | SceneTask = self.bench.build("task", study.noisy_task())
-        engine = self._engine(study)
+        physics = physics_of_study(self.bench, study)
+        engine = self._engines.get(repr(physics), lambda: self.bench.build("physics", physics))
         chain = self.chain(study, isinstance(task, SceneTask) or engine.capabilities.contacts, draw)
         effects = [self.bench.build("effect", effect) for effect in study.effects]
         check_capabilities(engine, chain, engine.config.kind)
@@ -231,9 +202,16 @@ class FastPath:
         """The study's chain without its effects; without `shapes` nothing collides."""
         config = study.need("chain", "a simulation")
         stages = self._timed("laws", lambda: self.laws.stages(study, draw))
-        segments = self._timed("modules", lambda: self.modules.segments(self.bench, study, stages, shapes))
+        segments = self._timed("modules", lambda: chain_segments(self.bench, study, stages, self._module))
+        if not shapes:
+            bare = [
+                replace(s.piece, shapes=() if isinstance(s.piece, RigidPiece) else NO_SHAPES)
+                for s in segments
+            ]
+            segments = [replace(one, piece=piece) for one, piece in zip(segments, bare, strict=True)]
         return self._timed("chain", lambda: build_chain(config, segments))
 
-    def _engine(self, study: Study) -> PhysicsBackend:
-        config = physics_of_study(self.bench, study)
-        return self._engines.get(repr(config), lambda: self.bench.build("physics", config))
+    def _module(self, family: ActuatorFamily, density_kg_m3: float | None, law: JointLaw) -> Module:
+        """As `family_module`: masses and shapes of a design are made once, the law is the candidate's."""
+        key = (repr(family.config.canonical()), density_kg_m3)
+        return replace(self._modules.get(key, lambda: family_module(law, family, density_kg_m3)), law=law)

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 import zlib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from statistics import NormalDist
 from typing import Any
@@ -20,6 +20,7 @@ import numpy as np
 
 from pliant.config.search import RobustConfig
 from pliant.config.study import Study
+from pliant.config.study_keys import KeyPath, study_key
 from pliant.errors import UserError
 from pliant.pipeline.meta_model.designs import MATERIAL, ROUNDING, shown, solved_designs
 from pliant.pipeline.workbench import Workbench
@@ -27,14 +28,7 @@ from pliant.records.design import Array
 from pliant.registry.discovery import Registry
 from pliant.search.evaluate.fast_path import LawDraw
 from pliant.search.problem.search_problem import SearchProblem
-from pliant.search.problem.study_setter import (
-    KeyPath,
-    StudyKey,
-    number_at,
-    overridden,
-    study_key,
-    written_path,
-)
+from pliant.search.problem.study_setter import number_at, overridden, written_path
 from pliant.units import UnitError, parse_quantity
 
 # A normal deviation is cut off at so many standard deviations.
@@ -66,8 +60,7 @@ class Deviation:
         random = np.random.default_rng([seed, zlib.crc32(self.key.encode())])
         shares = (random.permutation(count) + random.random(count)) / count
         if not self.normal:
-            uniform: Array = self.size * (2.0 * shares - 1.0)
-            return uniform
+            return np.asarray(self.size * (2.0 * shares - 1.0))
         normal = NormalDist()
         low = normal.cdf(-CUT)
         return np.array([self.size * normal.inv_cdf(low + share * (1 - 2 * low)) for share in shares])
@@ -178,28 +171,20 @@ def _deviation(study: Study, registry: Registry, written: str, said: Any) -> Dev
     normal = isinstance(said, Mapping)
     if normal and set(said) != {"sd"}:
         raise UserError(f"{place} is {dict(said)}; write {FORMS}.")
-    size, relative = _size(said["sd"] if isinstance(said, Mapping) else said, key, place)
-    return Deviation(written, key.path, size, relative, normal)
-
-
-def _size(said: Any, key: StudyKey, place: str) -> tuple[float, bool]:
-    """A width in SI, and whether it is relative to the value."""
-    relative = isinstance(said, str) and said.strip().endswith("%")
+    width = said["sd"] if isinstance(said, Mapping) else said
+    relative = isinstance(width, str) and width.strip().endswith("%")
     try:
-        if isinstance(said, str):
-            size = parse_quantity(said, "dimensionless" if relative or not key.unit else key.unit)
-        elif isinstance(said, int | float) and not isinstance(said, bool):
-            size = float(said)
+        if isinstance(width, str):
+            size = parse_quantity(width, "dimensionless" if relative or not key.unit else key.unit)
+        elif isinstance(width, int | float) and not isinstance(width, bool):
+            size = float(width)
         else:
-            raise UnitError(f"{said!r} is no width")
+            raise UnitError(f"{width!r} is no width")
     except UnitError as error:
         raise UserError(f"{place}: {error}; write {FORMS}.") from None
     if not (math.isfinite(size) and size > 0):
-        raise UserError(f"{place} is {said}; a width is above 0: write {FORMS}.")
-    return size, relative
-
-
-Range = tuple[float, float]
+        raise UserError(f"{place} is {width}; a width is above 0: write {FORMS}.")
+    return Deviation(written, key.path, size, relative, normal)
 
 
 def tolerance_notes(bench: Workbench, problem: SearchProblem, scenarios: tuple[Scenario, ...]) -> list[str]:
@@ -219,29 +204,44 @@ def tolerance_notes(bench: Workbench, problem: SearchProblem, scenarios: tuple[S
         return []
     designs = solved_designs(bench, problem.study).designs
     boxes = dict(zip(designs.names, designs.box.tolist(), strict=True))
-    return [
-        note
-        for deviation in deviations
-        if deviation.parameter in boxes
-        for path in _paths(problem, deviation)
-        if (note := _note(problem, deviation, path, boxes[deviation.parameter]))
-    ]
+    notes = []
+    for deviation in deviations:
+        # The key, and a family's in the segments that give it, or may be given, a value of their own.
+        own = [
+            key
+            for variable in problem.variables
+            for key in variable.keys
+            if deviation.path[0] == "family"
+            and key[:2] == ("chain", "segments")
+            and key[3:] == deviation.path
+        ]
+        paths = dict.fromkeys((deviation.path, *overridden(problem.study, deviation.path), *own))
+        if deviation.parameter in boxes:
+            notes += [_note(problem, deviation, path, boxes[deviation.parameter]) for path in paths]
+    return [note for note in notes if note]
 
 
-def _note(problem: SearchProblem, deviation: Deviation, path: KeyPath, box: Range) -> str:
+def _note(problem: SearchProblem, deviation: Deviation, path: KeyPath, box: tuple[float, float]) -> str:
     """A sentence where the key at a path leaves the box; empty where it stays inside."""
-    held = list(_held(problem, path))
-    names = [name for name, _ in held if name]
-    low, high = (choose(value for _, ends in held for value in ends) for choose in (min, max))
+    everywhere, held = False, list[float]()  # the lowest and highest values that it may hold undisturbed
+    setters = [one for one in problem.variables if path in one.keys]
+    for one in setters:
+        everywhere |= len(one.conditions) == len(problem.conditions)
+        held += one.settings.values() or (one.variable.low, one.variable.high)
+    stated = [condition.changes[path] for condition in problem.conditions if path in condition.changes]
+    held += stated
+    if not everywhere and len(stated) < len(problem.conditions):
+        held.append(number_at(problem.study, path))
+    low, high = min(held), max(held)
     reached = deviation.moved(low, -deviation.reach), deviation.moved(high, deviation.reach)
     slack = ROUNDING * (box[1] - box[0])
     if box[0] - slack <= reached[0] and reached[1] <= box[1] + slack:
         return ""
 
-    def said(ends: Range) -> str:
+    def said(ends: tuple[float, float]) -> str:
         return " to ".join(dict.fromkeys(shown(deviation.parameter, end) for end in ends))
 
-    key = written_path(path)
+    key, names = written_path(path), [one.name for one in setters]
     who = f"{key} ({', '.join(names)})" if names and names != [key] else key
     leaves = (
         f"search.robust.vary: with its tolerance {who}, {said((low, high))}, comes to {said(reached)}, outside the "
@@ -253,30 +253,3 @@ def _note(problem: SearchProblem, deviation: Deviation, path: KeyPath, box: Rang
     if inside[0] > inside[1] + slack:
         raise UserError(f"{leaves}, and no candidate stays inside; make the tolerance smaller, {remedy}")
     return f"{leaves}, where candidates fail; keep it within {said(inside)}, {remedy}"
-
-
-def _paths(problem: SearchProblem, deviation: Deviation) -> tuple[KeyPath, ...]:
-    """The key, and a family's in the segments that give it, or may be given, a value of their own."""
-    own = [
-        key
-        for variable in problem.variables
-        for key in variable.keys
-        if deviation.path[0] == "family" and key[:2] == ("chain", "segments") and key[3:] == deviation.path
-    ]
-    return tuple(dict.fromkeys((deviation.path, *overridden(problem.study, deviation.path), *own)))
-
-
-def _held(problem: SearchProblem, path: KeyPath) -> Iterator[tuple[str, Range]]:
-    """(variable or "", lowest and highest value) that the key may hold undisturbed."""
-    everywhere = False
-    for one in problem.variables:
-        if path in one.keys:
-            everywhere |= len(one.conditions) == len(problem.conditions)
-            values = one.settings.values() or (one.variable.low, one.variable.high)
-            yield one.name, (min(values), max(values))
-    stated = [condition.changes[path] for condition in problem.conditions if path in condition.changes]
-    if stated:
-        yield "", (min(stated), max(stated))
-    if not everywhere and len(stated) < len(problem.conditions):
-        value = number_at(problem.study, path)
-        yield "", (value, value)

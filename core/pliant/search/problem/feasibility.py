@@ -44,15 +44,13 @@ class Feasibility:
         """What to say of a space of which little can be used; empty where all is well."""
         if self.share >= 0.01:
             return ""
-        return (
-            f"about {100 * self.share:.2g} % of the search's space passes its constraints; {self._worst()}."
+        text = max(self.broken, key=self.broken.__getitem__, default="")
+        worst = (
+            f"'{text}' turns {100 * self.broken[text]:.3g} % away"
+            if text
+            else "the rest are no possible designs"
         )
-
-    def _worst(self) -> str:
-        if not self.broken:
-            return "the rest are no possible designs"
-        text = max(self.broken, key=lambda name: self.broken[name])
-        return f"'{text}' turns {100 * self.broken[text]:.3g} % away"
+        return f"about {100 * self.share:.2g} % of the search's space passes its constraints; {worst}."
 
 
 def require_feasible(problem: SearchProblem, seed: int) -> Feasibility:
@@ -67,16 +65,36 @@ def require_feasible(problem: SearchProblem, seed: int) -> Feasibility:
     """
     samples = _samples(problem, seed)
     count = len(next(iter(samples.values())))
-    amounts = _amounts(problem, samples, count)
+    known: dict[str, Any] = {**problem.names.constants, **samples}
+    amounts = {
+        c.text: np.nan_to_num(np.broadcast_to(c.amount(known), count), nan=NO_NUMBER, posinf=NO_NUMBER)
+        for c in problem.constraints
+        if not c.uses("metric")
+    }
     passed = np.all([amount == 0 for amount in amounts.values()], axis=0) if amounts else np.ones(count, bool)
     if not passed.any():
         raise UserError(_infeasible(problem, samples, amounts))
-    refused, built = _refused(problem, samples, np.flatnonzero(passed))
-    if sum(refused.values()) == built:
-        raise UserError(_impossible(refused, built))
-    share = float(passed.mean()) * (1 - sum(refused.values()) / built)
-    broken = {text: float((amount > 0).mean()) for text, amount in amounts.items()}
-    return Feasibility(share, count, {t: b for t, b in broken.items() if b > 0}, refused, built)
+    rows = np.flatnonzero(passed)
+    rows = rows[:: max(1, len(rows) // BUILT)][:BUILT]
+    causes: Counter[str] = Counter()
+    for turn, row in enumerate(rows):  # in the conditions in turn
+        try:
+            problem.apply(
+                {name: column[row] for name, column in samples.items()}, turn % len(problem.conditions)
+            )
+        except MissingDependencyError:
+            raise
+        except UserError as error:
+            causes[str(error).splitlines()[0]] += 1
+    if causes.total() == len(rows):
+        cause, most = causes.most_common(1)[0]
+        raise UserError(
+            f"no candidate of the search is a possible design: all of {len(rows)} samples that pass its constraints "
+            f"are refused, {most} of them so: {cause}"
+        )
+    share = float(passed.mean()) * (1 - causes.total() / len(rows))
+    broken = {text: float((amount > 0).mean()) for text, amount in amounts.items() if (amount > 0).any()}
+    return Feasibility(share, count, broken, dict(causes.most_common()), len(rows))
 
 
 def _samples(problem: SearchProblem, seed: int) -> dict[str, Array]:
@@ -91,8 +109,7 @@ def _samples(problem: SearchProblem, seed: int) -> dict[str, Array]:
     found = {axis.name: _scaled(axis, points[:, column]) for column, axis in enumerate(axes)}
     order = np.random.default_rng(seed).permutation(count) % len(branches)
     for name in branches[0]:
-        column = np.array([branch[name] for branch in branches], dtype=object)
-        found[name] = column[order]
+        found[name] = np.array([branch[name] for branch in branches], dtype=object)[order]
     return found
 
 
@@ -102,25 +119,12 @@ def _scaled(axis: Variable, shares: Array) -> Array:
         chosen: Array = np.array(axis.choices, dtype=object)[index]
         return chosen
     if axis.type == "integer":
-        whole: Array = axis.low + np.floor(shares * (axis.high - axis.low + 1))
-        return np.minimum(whole, axis.high)
+        return np.minimum(axis.low + np.floor(shares * (axis.high - axis.low + 1)), axis.high)
     return axis.low + shares * (axis.high - axis.low)
 
 
-def _amounts(problem: SearchProblem, samples: Mapping[str, Array], count: int) -> dict[str, Array]:
-    """Constraint of variables → (count,) by how much it is broken."""
-    known: dict[str, Any] = problem.names.resolved(samples)
-    return {
-        constraint.text: np.nan_to_num(
-            np.broadcast_to(constraint.amount(known), count), nan=NO_NUMBER, posinf=NO_NUMBER
-        )
-        for constraint in problem.constraints
-        if not constraint.uses("metric")
-    }
-
-
 def _infeasible(problem: SearchProblem, samples: Mapping[str, Array], amounts: Mapping[str, Array]) -> str:
-    """Which constraints nothing passes, and the sample that comes closest."""
+    """Which constraints nothing passes, and the sample that comes closest, by the variables that these name."""
     broken = {text: amount > 0 for text, amount in amounts.items()}
     total = sum(mask.astype(int) for mask in broken.values())
     lines = []
@@ -133,57 +137,22 @@ def _infeasible(problem: SearchProblem, samples: Mapping[str, Array], amounts: M
                 f"'{text}' fails in {100 * mask.mean():.3g} %, alone in {100 * alone / len(mask):.3g} %"
             )
     least = int(np.argmin(sum(amounts.values())))
+    named = {
+        name
+        for c in problem.constraints
+        if c.text in broken and broken[c.text][least]
+        for name in c.variables
+    }
+    shown = []
+    for one in problem.variables:
+        if one.name in named:
+            value = samples[one.name][least]
+            written = value if isinstance(value, str) else f"{float(value):.4g}"
+            shown.append(f"{one.name} = {written}{' ' + one.unit if one.unit else ''}")
+    more = ", …" if len(shown) > SEEN else ""
     return (
         f"no candidate passes the search's constraints: of {len(samples[next(iter(samples))])} samples of its space, "
-        f"{'; '.join(lines)}. Least broken: {_sample(problem, samples, least, amounts)}. "
-        "Widen the ranges or relax a constraint."
-    )
-
-
-def _sample(
-    problem: SearchProblem, samples: Mapping[str, Array], row: int, amounts: Mapping[str, Array]
-) -> str:
-    """The values of the variables that the broken constraints name."""
-    named = {
-        symbol.name
-        for constraint in problem.constraints
-        if constraint.text in amounts and amounts[constraint.text][row] > 0
-        for symbol in constraint.names
-        if symbol.role == "variable"
-    }
-    shown = [
-        f"{one.name} = {_written(samples[one.name][row])}{' ' + one.unit if one.unit else ''}"
-        for one in problem.variables
-        if one.name in named
-    ]
-    more = ", …" if len(shown) > SEEN else ""
-    return ", ".join(shown[:SEEN]) + more
-
-
-def _written(value: Any) -> str:
-    return value if isinstance(value, str) else f"{float(value):.4g}"
-
-
-def _refused(problem: SearchProblem, samples: Mapping[str, Array], rows: Any) -> tuple[dict[str, int], int]:
-    """Causes for which designs are refused, in the conditions in turn; and how many were built."""
-    chosen = rows[:: max(1, len(rows) // BUILT)][:BUILT]
-    causes: Counter[str] = Counter()
-    for turn, row in enumerate(chosen):
-        values: dict[str, Value] = {name: column[row] for name, column in samples.items()}
-        try:
-            problem.apply(values, turn % len(problem.conditions))
-        except MissingDependencyError:
-            raise
-        except UserError as error:
-            causes[str(error).splitlines()[0]] += 1
-    return dict(causes.most_common()), len(chosen)
-
-
-def _impossible(refused: Mapping[str, int], built: int) -> str:
-    cause, count = next(iter(refused.items()))
-    return (
-        f"no candidate of the search is a possible design: all of {built} samples that pass its constraints are "
-        f"refused, {count} of them so: {cause}"
+        f"{'; '.join(lines)}. Least broken: {', '.join(shown[:SEEN])}{more}. Widen the ranges or relax a constraint."
     )
 
 
@@ -213,11 +182,9 @@ def require_reachable(problem: SearchProblem, bench: Workbench) -> None:
 
 def _largest(problem: SearchProblem) -> Iterator[Mapping[str, Value]]:
     """Upper bounds of the numbers, with each choice of each categorical variable in turn."""
-    chosen = [v for v in problem.variables if v.variable.type == "categorical"]
-    base: dict[str, Value] = {
-        v.name: v.variable.choices[0] if v in chosen else v.variable.high for v in problem.variables
-    }
+    axes = [v.variable for v in problem.variables]
+    base: dict[str, Value] = {axis.name: axis.choices[0] if axis.choices else axis.high for axis in axes}
     yield base
-    for v in chosen:
-        for choice in v.variable.choices[1:]:
-            yield {**base, v.name: choice}
+    for axis in axes:
+        for choice in axis.choices[1:]:
+            yield {**base, axis.name: choice}

@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import lru_cache
 from typing import Any
 
 from pydantic import TypeAdapter, ValidationError
 
 from pliant.config.problems import sentences
 from pliant.config.study import BLOCKS, Study, varied
-from pliant.config.study_keys import KeyPath, StudyKey, study_key
+from pliant.config.study_keys import KeyPath, study_key
 from pliant.errors import UserError
 from pliant.interfaces.base import FrozenModel
 from pliant.interfaces.family import FamilyConfig
 from pliant.registry.discovery import Registry
 from pliant.units import strip_unit_suffix
-
-__all__ = ["KeyPath", "StudyKey", "StudySetter", "study_key", "written_path"]
 
 
 def written_path(path: KeyPath) -> str:
@@ -32,10 +31,7 @@ class StudySetter:
     """
 
     def __init__(self, study: Study, registry: Registry) -> None:
-        self._study = study
-        self._registry = registry
-        self._types: dict[tuple[str, str], type[FrozenModel]] = {}
-        self._adapters: dict[str, TypeAdapter[Any]] = {}
+        self._study, self._registry = study, registry
         self._raw: dict[str, Any] = {}
 
     def study(self, changes: Mapping[KeyPath, Any]) -> Study:
@@ -58,35 +54,32 @@ class StudySetter:
 
     def _block(self, head: str, changes: Mapping[KeyPath, Any]) -> Any:
         held = getattr(self._study, head)
-        kind = changes.get(("kind",))
-        if kind is not None and (held is None or kind != held.kind):  # another kind has other keys
-            raw: Any = {"kind": kind}
-            held = None
+        raw: Any = {"kind": changes.get(("kind",))}
+        if raw["kind"] is not None and (held is None or raw["kind"] != held.kind):
+            held = None  # another kind has other keys
         else:
-            if head not in self._raw:
-                self._raw[head] = self._dumped(head)
-            raw = self._raw[head]
+            raw = self._stated(head)
         for path in sorted(changes, key=len):
             raw = _with(raw, held, path, changes[path])
         try:
             if isinstance(held, tuple):
-                return self._items(head, held).validate_python(raw)
-            model = type(held) if held is not None else self._type(head, raw["kind"])
+                return _adapter(tuple(type(item) for item in held)).validate_python(raw)
+            model = (
+                type(held)
+                if held is not None
+                else self._registry.get(BLOCKS[head], raw["kind"]).config_model()
+            )
             return model.model_validate(raw)
         except ValidationError as error:
-            model = type(held) if isinstance(held, FrozenModel) else FrozenModel
-            raise UserError(sentences(error, model, lambda path: "", (head,))) from None
+            raise _refused(
+                error, type(held) if isinstance(held, FrozenModel) else FrozenModel, head
+            ) from None
 
-    def _items(self, head: str, held: tuple[Any, ...]) -> TypeAdapter[Any]:
-        """What validates a list of blocks, each by its own type."""
-        if head not in self._adapters:
-            types: Any = tuple[tuple(type(item) for item in held)]  # type: ignore[misc]
-            self._adapters[head] = TypeAdapter(types)
-        return self._adapters[head]
-
-    def _dumped(self, head: str) -> Any:
+    def _stated(self, head: str) -> Any:
         """A block's raw values; families of segments in SI, so that no text is parsed for every candidate."""
-        raw = _dumped(getattr(self._study, head))
+        if head in self._raw:
+            return self._raw[head]
+        raw = self._raw[head] = _dumped(getattr(self._study, head))
         for segment in raw.get("segments", ()) if head == "chain" and self._study.family else ():
             if segment.get("family"):
                 family = varied(self._study.family, segment["family"])  # type: ignore[arg-type]
@@ -95,24 +88,18 @@ class StudySetter:
                 segment["family"] = {k: v for k, v in values.items() if strip_unit_suffix(k) in stated}
         return raw
 
-    def _type(self, head: str, kind: str) -> type[FrozenModel]:
-        if (head, kind) not in self._types:
-            self._types[head, kind] = self._registry.get(BLOCKS[head], kind).config_model()
-        return self._types[head, kind]
-
     def _check_families(self, study: Study) -> None:
         """Every design of the chain, as its family judges it."""
         if study.family is None:
             return
         designs: list[FamilyConfig] = []
         for number, segment in enumerate(study.chain.segments if study.chain else ()):
-            if segment.rigid is not None or not segment.family:
-                continue
-            try:
-                designs.append(varied(study.family, segment.family))  # type: ignore[arg-type]
-            except ValidationError as error:
-                at = ("chain", "segments", number, "family")
-                raise UserError(sentences(error, type(study.family), lambda path: "", at)) from None
+            if segment.rigid is None and segment.family:
+                try:
+                    designs.append(varied(study.family, segment.family))  # type: ignore[arg-type]
+                except ValidationError as error:
+                    place = ("chain", "segments", number, "family")
+                    raise _refused(error, type(study.family), *place) from None
         segments = study.chain.as_segments() if study.chain else ()
         if not segments or any(s.rigid is None and not s.family for s in segments):
             designs.append(study.family)
@@ -120,13 +107,21 @@ class StudySetter:
             self._registry.build("family", design)
 
 
+def _refused(error: ValidationError, model: type[FrozenModel], *place: str | int) -> UserError:
+    return UserError(sentences(error, model, lambda path: "", place))
+
+
+@lru_cache(64)
+def _adapter(types: tuple[type, ...]) -> TypeAdapter[Any]:
+    """What validates a list of blocks, each by its own type."""
+    return TypeAdapter(tuple[types])  # type: ignore[valid-type]
+
+
 def _dumped(value: Any) -> Any:
     """What was stated, as JSON values under field names."""
     if isinstance(value, FrozenModel):
         return value.model_dump(mode="json", exclude_unset=True)
-    if isinstance(value, tuple | list):
-        return [_dumped(item) for item in value]
-    return value
+    return [_dumped(item) for item in value] if isinstance(value, tuple | list) else value
 
 
 def _with(raw: Any, held: Any, path: KeyPath, value: Any) -> Any:
@@ -135,29 +130,23 @@ def _with(raw: Any, held: Any, path: KeyPath, value: Any) -> Any:
         return value
     part, rest = path[0], path[1:]
     if isinstance(part, int):
-        items = list(raw)
         inner = held[part] if isinstance(held, tuple | list) and part < len(held) else None
-        items[part] = _with(items[part], inner, rest, value)
-        return items
+        return [*raw[:part], _with(raw[part], inner, rest, value), *raw[part + 1 :]]
     inner = held.get(part) if isinstance(held, Mapping) else getattr(held, part, None)
     below = dict(raw) if isinstance(raw, Mapping) else {}
-    if isinstance(held, Mapping) or not isinstance(
-        held, FrozenModel
-    ):  # as people wrote it, with or without its unit
-        old = [key for key in below if strip_unit_suffix(key) == strip_unit_suffix(part)]
-        raw_inner = below.pop(old[0]) if old else None
-    else:
-        raw_inner = below.get(part)
+    old = part
+    if not isinstance(held, FrozenModel):  # as people wrote it, with or without its unit
+        old = next((key for key in below if strip_unit_suffix(key) == strip_unit_suffix(part)), part)
+    raw_inner = below.pop(old, None)
     if rest and raw_inner is None:  # a default of the study's models
         raw_inner = _dumped(inner)
     below[part] = _with(raw_inner, inner, rest, value)
     return below
 
 
-PLACE = "search.verify.change"
-
-
-def changed(registry: Registry, study: Study, change: Mapping[str, Any], place: str = PLACE) -> Study:
+def changed(
+    registry: Registry, study: Study, change: Mapping[str, Any], place: str = "search.verify.change"
+) -> Study:
     """The study with `change` on top: ``{task.trials: 10, chain.base.roll: 30 deg}``.
 
     Args:
@@ -186,7 +175,13 @@ def number_at(study: Study, path: KeyPath) -> float:
     """
     found: Any = study
     for place, part in enumerate(path):
-        found = _inside(found, part)
+        if isinstance(part, int):
+            found = found[part] if isinstance(found, list | tuple) and part < len(found) else None
+        elif isinstance(found, Mapping):
+            named = {strip_unit_suffix(key): held for key, held in found.items()}
+            found = named.get(strip_unit_suffix(part))
+        else:
+            found = getattr(found, part, None)
         if path[:2] == ("chain", "segments") and place == 3 and part == "family" and study.family is not None:
             found = varied(study.family, found or {})
     if isinstance(found, bool) or not isinstance(found, int | float):
@@ -204,12 +199,3 @@ def overridden(study: Study, path: KeyPath) -> tuple[KeyPath, ...]:
         for number, segment in enumerate(study.chain.segments)
         if name in {strip_unit_suffix(key) for key in segment.family}
     )
-
-
-def _inside(value: Any, part: str | int) -> Any:
-    if isinstance(part, int):
-        return value[part] if isinstance(value, list | tuple) and part < len(value) else None
-    if isinstance(value, Mapping):
-        named = {strip_unit_suffix(key): held for key, held in value.items()}
-        return named.get(strip_unit_suffix(part))
-    return getattr(value, part, None)

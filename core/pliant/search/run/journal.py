@@ -48,11 +48,6 @@ class Generation:
     wall_s: float = 0.0
 
     @property
-    def evaluated(self) -> int:
-        """Trials that were simulated."""
-        return sum(trial.simulated for trial in self.trials)
-
-    @property
     def open(self) -> tuple[Trial, ...]:
         """Trials that wait for their evaluation."""
         return tuple(trial for trial in self.trials if trial.state == PROPOSED)
@@ -78,14 +73,6 @@ class Generation:
 def _plain(value: Any) -> Any:
     """Mappings and numbers of numpy as JSON values."""
     return dict(value) if isinstance(value, Mapping) else value.item()
-
-
-@dataclass(frozen=True)
-class Snapshot:
-    """An optimizer's state after so many batches."""
-
-    batches: int
-    state: Mapping[str, Any]
 
 
 class Journal:
@@ -133,17 +120,17 @@ class Journal:
         os.fsync(file.fileno())
         self._synced = time.monotonic()
 
-    def snapshot(self) -> Snapshot | None:
-        """The optimizer's state, or None where there is none that can be read."""
+    def snapshot(self) -> tuple[int, Mapping[str, Any]] | None:
+        """After how many batches the optimizer's state was taken, and that; None where none can be read."""
         try:
             plain = json.loads(self._state.read_text(encoding="utf-8"))
-            return Snapshot(int(plain["batches"]), dict(plain["state"]))
+            return int(plain["batches"]), dict(plain["state"])
         except (OSError, ValueError, KeyError, TypeError):
             return None
 
-    def save(self, snapshot: Snapshot) -> None:
-        """Replace the state, whole or not at all."""
-        text = json.dumps({"batches": snapshot.batches, "state": snapshot.state})
+    def save(self, batches: int, state: Mapping[str, Any]) -> None:
+        """Replace the optimizer's state, whole or not at all."""
+        text = json.dumps({"batches": batches, "state": state})
         with writing_in(self._folder):
             write_atomically(self._state, text)
 
@@ -157,12 +144,9 @@ class Journal:
         self.forget_snapshot()
 
     def _whole_lines(self) -> Iterator[bytes]:
-        if not self._lines.exists():
-            return
-        with self._lines.open("rb") as file:
-            for line in file:
-                if line.endswith(b"\n"):
-                    yield line
+        if self._lines.exists():
+            with self._lines.open("rb") as file:
+                yield from (line for line in file if line.endswith(b"\n"))
 
     def _cut(self, size: int) -> None:
         if self._lines.exists():

@@ -8,18 +8,212 @@ from __future__ import annotations
 
 import time
 from collections import Counter, deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from itertools import groupby
 
+import numpy as np
+
+from pliant.errors import ContractError
 from pliant.execution.jobs import JobQueue
 from pliant.execution.progress import Progress, ProgressBar
-from pliant.interfaces.optimizer import FAILED, NOT_A_NUMBER, Trial
-from pliant.search.run.branch import Branch
-from pliant.search.run.journal import Generation
+from pliant.interfaces.optimizer import FAILED, NOT_A_NUMBER, Optimizer, Space, Trial, Value
+from pliant.search.problem.search_problem import SearchProblem
+from pliant.search.run.journal import Generation, Journal
 from pliant.search.workers import told_of
 
+SNAPSHOT_EVERY_S = 30.0
+REFUSED_PER_EVALUATION = 50
+BUDGET, UNTIL, EXHAUSTED = "budget", "until", "exhausted"
 CHUNK_S = 0.25  # so long a worker has enough to do not to wait for messages
 MOST_AT_A_TIME = 64  # branches, where the executor itself knows how many workers it has
+
+
+class _MismatchError(Exception):
+    """The optimizer proposes something else than the journal holds."""
+
+
+class Branch:
+    """The search of one combination of the `each` variables: its optimizer is asked and told, its journal follows.
+
+    Args:
+        index: its place among the branches; with the seed it decides all proposals.
+        values: of the `each` variables.
+        make: builds its optimizer.
+        problem: knows constraints and `until`.
+        space: what is searched.
+        journal: of this branch.
+        seed: of the study.
+        budget: candidates that are simulated; None: `generations` times the optimizer's batch.
+        generations: see `budget`.
+        whole: whether the budget is rounded up to whole batches, so that a larger one goes on behind the last.
+
+    Attributes:
+        budget: candidates that are simulated at most; known once the optimizer is started.
+        trials: that were told; `evaluated` of them were simulated, `refused` not; in `batches`.
+        stopped: why it ended: "budget", "until", "exhausted"; "" while it goes on.
+        wall_s: of the search, all sessions together.
+        note: where it could not go on from its journal, why.
+    """
+
+    def __init__(
+        self,
+        index: int,
+        values: Mapping[str, Value],
+        make: Callable[[], Optimizer],
+        problem: SearchProblem,
+        space: Space,
+        journal: Journal,
+        seed: int,
+        budget: int,
+        generations: int | None = None,
+        whole: bool = False,
+    ) -> None:
+        self.index, self.values, self._make = index, values, make
+        self._problem, self._space, self._journal = problem, space, journal
+        self._seed = int(np.random.SeedSequence((seed, index)).generate_state(1)[0]) % 2**31
+        self.budget, self._generations, self._whole = budget, generations, whole
+        self.note = ""
+        self._saved = time.monotonic()
+        self._reset()
+
+    def _reset(self) -> None:
+        self.optimizer = self._make()
+        self.trials: list[Trial] = []
+        self.evaluated = self.refused = self.batches = 0
+        self.stopped, self.wall_s = "", 0.0
+        # Where `until` is to hold: with contexts in each of them, since each has a design of its own.
+        self._ahead = set(range(len(self._space.contexts))) or {-1}
+
+    @property
+    def gave_up(self) -> bool:
+        """Whether too many candidates were refused for the search to go on."""
+        return self.refused >= REFUSED_PER_EVALUATION * self.budget
+
+    def start(self) -> None:
+        """Begin, or go on from the journal; `note` says where that was not possible."""
+        recorded = self._journal.read()
+        self.optimizer.start(self._space, self._seed)
+        if self._generations is not None:
+            self.budget = self._generations * max(1, self.optimizer.batch)
+        elif self._whole:
+            self.budget += -self.budget % max(1, self.optimizer.batch)
+        try:
+            self._resume(recorded)
+        except Exception as error:  # a state of another version may break a plugin in any way
+            if not recorded:
+                raise
+            cause = str(error) if isinstance(error, _MismatchError) else f"{type(error).__name__}: {error}"
+            self.note = f"search {self.index} begins anew: its journal cannot be followed ({cause})."
+            self._journal.clear()
+            self._reset()
+            self.optimizer.start(self._space, self._seed)
+
+    def _resume(self, recorded: Sequence[Generation]) -> None:
+        """Go through the journal as far as it fits the budget, telling what was told."""
+        followed: list[Generation] = []
+        for generation in recorded:
+            if self.stopped or generation.asked != min(generation.size, self.budget - self.evaluated):
+                break
+            self._count(generation)
+            followed.append(generation)
+        if len(followed) < len(recorded):
+            self._journal.keep(len(followed))
+        begin, snapshot = 0, self._journal.snapshot()
+        if snapshot is not None and snapshot[0] > len(followed):
+            self._journal.forget_snapshot()  # it would fit again once other batches stand in their place
+        elif snapshot is not None:
+            self.optimizer = self._make()
+            begin = snapshot[0]
+            self.optimizer.restore(snapshot[1])
+        for generation in followed[begin:]:
+            proposed, kept = (
+                [(trial.number, trial.context, dict(trial.values)) for trial in trials]
+                for trials in (self._proposed(generation.asked), generation.trials)
+            )
+            if proposed != kept:
+                raise _MismatchError("the optimizer proposes other candidates now")
+            self._learn(generation)
+
+    def ask(self) -> Generation | None:
+        """The next generation with something to evaluate; None when the search has stopped."""
+        while not self.stopped:
+            size = max(1, self.optimizer.batch)
+            asked = min(size, self.budget - self.evaluated)
+            trials = []
+            for trial in self._proposed(asked):
+                broken = self._problem.violated(trial.values, trial.context)
+                trials.append(trial.refused(broken) if broken else trial)
+            generation = Generation(asked, size, tuple(trials))
+            if generation.open:
+                return generation
+            if not trials:
+                self.stopped = EXHAUSTED
+                self._journal.sync()
+            else:
+                self.tell(generation, (), self.wall_s)
+        return None
+
+    def tell(self, generation: Generation, evaluated: Sequence[Trial], wall_s: float) -> None:
+        """Record a generation with the trials that were open in it, then tell the optimizer."""
+        done = [trial for trial in generation.trials if trial not in generation.open]
+        trials = tuple(sorted((*done, *evaluated), key=lambda trial: trial.number))
+        record = replace(generation, trials=trials, wall_s=wall_s)
+        self._journal.append(record)
+        self._learn(record)
+        self._count(record)
+        if self.stopped:
+            self._journal.sync()
+        due = time.monotonic() - self._saved >= SNAPSHOT_EVERY_S
+        # A last batch cut short by the budget would stand in the way of a larger budget.
+        if (self.stopped or due) and record.asked == record.size:
+            self._journal.save(self.batches, self.optimizer.state())
+            self._saved = time.monotonic()
+
+    def recommended(self) -> list[Trial]:
+        """What the optimizer recommends beyond what was tried, without what breaks constraints."""
+        found = [replace(self._full(trial), number=-1) for trial in self.optimizer.recommend()]
+        return [trial for trial in found if not self._problem.violated(trial.values, trial.context)]
+
+    def _full(self, trial: Trial) -> Trial:
+        """With all values, those of the branch too, and its condition."""
+        names = [variable.name for variable in self._space.variables]
+        if set(trial.values) != set(names):
+            raise ContractError(
+                f"the optimizer proposes values for {', '.join(sorted(trial.values)) or 'nothing'}; the search is "
+                f"over {', '.join(names)}."
+            )
+        context = max(trial.context, 0) if self._space.contexts else -1
+        return replace(trial, values={**self.values, **trial.values}, context=context)
+
+    def _proposed(self, count: int) -> list[Trial]:
+        proposed = sorted(self.optimizer.ask(count), key=lambda trial: trial.number)
+        if len(proposed) > count:
+            raise ContractError(
+                f"the optimizer was asked for {count} candidates and proposes {len(proposed)}."
+            )
+        return [self._full(trial) for trial in proposed]
+
+    def _learn(self, generation: Generation) -> None:
+        self.optimizer.tell([trial.told(self._space.objectives) for trial in generation.trials])
+
+    def _count(self, generation: Generation) -> None:
+        """Take a generation into the account and see whether the search stops."""
+        simulated = sum(trial.simulated for trial in generation.trials)
+        self.trials += generation.trials
+        self.batches += 1
+        self.evaluated += simulated
+        self.refused += len(generation.trials) - simulated
+        self.wall_s = generation.wall_s
+        for trial in generation.trials:
+            if trial.feasible and self._problem.reached(trial.values, trial.metrics):
+                self._ahead.discard(trial.context)
+        if not self._ahead:
+            self.stopped = UNTIL
+        elif self.evaluated >= self.budget:
+            self.stopped = BUDGET
+        elif self.gave_up:
+            self.stopped = EXHAUSTED
 
 
 class Loop:
@@ -49,8 +243,9 @@ class Loop:
         self._progress, self._title, self._shown = progress, title, shown
         self._by_index = {branch.index: branch for branch in branches}
         self._begun, self._before_s = 0.0, before_s
-        self._active: dict[int, Generation] = {}
-        self._rows: dict[int, list[Trial]] = {}
+        self._active: dict[
+            int, tuple[Generation, list[Trial]]
+        ] = {}  # what is out, and what has come back of it
         self._counts: Counter[str] = Counter()
         self._best = float("inf")
         self._each_s = 0.0
@@ -64,25 +259,23 @@ class Loop:
 
     def run(self) -> None:
         """Until no branch is left."""
-        waiting = deque(self._branches)
+        waiting, size = deque(self._branches), self._queue.executor.size
+        # One more than workers, so that none waits for the optimizer.
+        side_by_side = MOST_AT_A_TIME if size is None else size + 1 if size > 1 else 1
         self._queue.wait_until_ready(self._progress)  # not counted: a rate is of evaluations
         self._begun = time.perf_counter()
         try:
             while waiting or self._active:
-                while waiting and len(self._active) < self._side_by_side():
-                    self._start(waiting.popleft())
-                for branch, rows in groupby(self._queue.completed(), key=lambda one: one.key):
-                    self._back(self._by_index[branch], [told_of(one) for one in rows])
+                while waiting and len(self._active) < side_by_side:
+                    branch = waiting.popleft()
+                    self._next(branch, self._start(branch))
+                for index, rows in groupby(self._queue.completed(), key=lambda one: one.key):
+                    self._back(self._by_index[index], [told_of(one) for one in rows])
         finally:
             if self._bar is not None:
                 self._bar.finish()
 
-    def _side_by_side(self) -> int:
-        """Branches at a time: one more than workers, so that none waits for the optimizer."""
-        size = self._queue.executor.size
-        return MOST_AT_A_TIME if size is None else size + 1 if size > 1 else 1
-
-    def _start(self, branch: Branch) -> None:
+    def _start(self, branch: Branch) -> ProgressBar:
         branch.start()
         if branch.note:
             self._progress.note(branch.note)
@@ -96,59 +289,52 @@ class Loop:
             self._bar.advance(branch.evaluated)
         # Sessions before this one; branches side by side tell the same time.
         self._before_s = max(self._before_s, branch.wall_s)
-        for trial in branch.trials:
-            self._note(trial)
-        self._next(branch)
+        self._note(branch.trials)
+        return self._bar
 
-    def _next(self, branch: Branch) -> None:
+    def _next(self, branch: Branch, bar: ProgressBar) -> None:
         """The branch's next batch to the workers, or its end."""
         batch = branch.ask()
         if batch is None:
             self._active.pop(branch.index, None)
             self._total -= branch.budget - branch.evaluated
-            if self._bar is not None:
-                self._bar.expect(self._total)
+            bar.expect(self._total)
             self._ended(branch)
             return
-        self._active[branch.index], self._rows[branch.index] = batch, []
-        for tasks in self._chunks(batch.open):
-            self._queue.submit(tasks, branch.index)
-
-    def _chunks(self, tasks: tuple[Trial, ...]) -> list[tuple[Trial, ...]]:
-        """How a batch travels: split over the workers where it is the only one, finer where evaluations are long."""
-        workers = self._queue.executor.size or len(tasks)
-        alone = len(self._branches) == 1
-        most = -(-len(tasks) // workers) if alone else len(tasks)
+        self._active[branch.index] = batch, []
+        # It travels split over the workers where it is the only one, in smaller parts where evaluations are long.
+        trials = batch.open
+        most = (
+            -(-len(trials) // (self._queue.executor.size or len(trials)))
+            if len(self._branches) == 1
+            else len(trials)
+        )
         if self._each_s > 0.0:
             most = min(most, max(1, round(CHUNK_S / self._each_s)))
-        return [tasks[k : k + most] for k in range(0, len(tasks), most)]
+        for k in range(0, len(trials), most):
+            self._queue.submit(trials[k : k + most], branch.index)
 
     def _back(self, branch: Branch, rows: Sequence[Trial]) -> None:
         """Outcomes have come back; the branch goes on when its batch is whole."""
-        batch, got = self._active[branch.index], self._rows[branch.index]
+        bar = self._bar
+        assert bar is not None
+        batch, got = self._active[branch.index]
         got += rows
-        for row in rows:
-            self._note(row)
-            if row.simulated:
-                self._each_s += 0.1 * (row.wall_s - self._each_s) if self._each_s else row.wall_s
-        if self._bar is not None:
-            self._bar.advance(sum(row.simulated for row in rows))
+        self._note(rows)
+        simulated = [row for row in rows if row.simulated]
+        for row in simulated:
+            self._each_s += 0.1 * (row.wall_s - self._each_s) if self._each_s else row.wall_s
+        bar.advance(len(simulated))
         if len(got) == len(batch.open):
             branch.tell(batch, got, self.wall_s)
-            self._next(branch)
-        if self._bar is not None:
-            self._bar.describe(self._said())
-
-    def _note(self, trial: Trial) -> None:
-        self._counts[trial.state] += 1
-        if trial.feasible:
-            self._best = min(self._best, trial.objective)
-
-    def _said(self) -> str:
-        """Best value and what went wrong, for the bar."""
+            self._next(branch, bar)
         failed = self._counts[FAILED] + self._counts[NOT_A_NUMBER]
+        refused = sum(one.refused for one in self._branches)
         parts = [f"best {self._shown(self._best)}" if self._best < float("inf") else "nothing feasible yet"]
-        refused = sum(branch.refused for branch in self._branches)
         parts += [f"{refused} refused"] if refused else []
         parts += [f"{failed} failed"] if failed else []
-        return ", ".join(parts)
+        bar.describe(", ".join(parts))
+
+    def _note(self, trials: Sequence[Trial]) -> None:
+        self._counts.update(trial.state for trial in trials)
+        self._best = min([self._best, *(trial.objective for trial in trials if trial.feasible)])

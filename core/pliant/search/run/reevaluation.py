@@ -15,16 +15,14 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from pliant.config.search import ConfirmConfig
 from pliant.execution.jobs import JobQueue
-from pliant.execution.progress import Progress
+from pliant.execution.progress import Progress, bar_of
 from pliant.interfaces.optimizer import Trial, Value, Variable
 from pliant.search.problem.search_problem import SearchProblem
 from pliant.search.run.journal import Generation, Journal
 from pliant.search.run.results import Row
 from pliant.search.workers import told_of
 
-PLACE = "search.confirm.change"
 TWINS = 0.05  # of each variable's range: candidates that are closer than that in all of them
 
 
@@ -51,30 +49,26 @@ def reevaluated(
     config = problem.config.confirm
     assert config is not None
     axes = [*(one.variable for one in problem.variables), *(one.variable for one in problem.shared)]
-    chosen = [row for context in _contexts(rows) for row in best_apart(axes, rows, context, config.best)]
-    journal = Journal(folder, f"confirm-{_digest(config)}")
+    contexts = sorted({row.context for _, row in rows})
+    chosen = [row for context in contexts for row in best_apart(axes, rows, context, config.best)]
+    # Of what is changed; how many are tried again does not matter to any of them.
+    change = json.dumps(config.model_dump(mode="json")["change"], sort_keys=True)
+    journal = Journal(folder, f"confirm-{hashlib.sha256(change.encode()).hexdigest()[:16]}")
     batches, begun = journal.read(), time.perf_counter()
     before_s = batches[-1].wall_s if batches else 0.0
     known = {_candidate(told): told for batch in batches for told in batch.trials}
     left = [row for _, row in chosen if _candidate(row) not in known]
-    bar = progress.begin("the best once more", len(chosen), len(chosen) - len(left))
-    try:
+    with bar_of(progress, "the best once more", len(chosen), len(chosen) - len(left)) as bar:
         for one in queue.each([Trial(k, row.values, row.context) for k, row in enumerate(left)]):
             told = told_of(one)
             journal.append(Generation(1, 1, (told,), before_s + time.perf_counter() - begun))
             known[_candidate(told)] = told
             bar.advance()
-    finally:
-        bar.finish()
     found = [
         (branch, replace(known[_candidate(row)], number=row.number, first=row.objectives))
         for branch, row in chosen
     ]
     return found, before_s + time.perf_counter() - begun
-
-
-def _contexts(rows: Sequence[Row]) -> list[int]:
-    return sorted({row.context for _, row in rows})
 
 
 def best_apart(axes: Sequence[Variable], rows: Sequence[Row], context: int, count: int) -> list[Row]:
@@ -89,33 +83,21 @@ def best_apart(axes: Sequence[Variable], rows: Sequence[Row], context: int, coun
     feasible = [row for row in rows if row[1].feasible and row[1].context == context]
     found: list[Row] = []
     for row in sorted(feasible, key=lambda row: row[1].objectives[0]):
-        if len(found) == count:
-            break
-        if not any(_twins(axes, row[1].values, better.values) for _, better in found):
+        twins = any(_twins(axes, row[1].values, better.values) for _, better in found)
+        if len(found) < count and not twins:
             found.append(row)
     return found
 
 
 def _twins(axes: Sequence[Variable], one: Mapping[str, Value], other: Mapping[str, Value]) -> bool:
-    both = [axis for axis in axes if axis.name in one and axis.name in other]
-    return all(_close(axis, one[axis.name], other[axis.name]) for axis in both)
-
-
-def _close(axis: Variable, one: Value, other: Value) -> bool:
-    if axis.type == "categorical":
-        return one == other
-    return abs(float(one) - float(other)) <= TWINS * (axis.high - axis.low)
+    for axis in axes:
+        if axis.name in one and axis.name in other:
+            a, b = one[axis.name], other[axis.name]
+            choice = axis.type == "categorical"
+            if a != b if choice else not abs(float(a) - float(b)) <= TWINS * (axis.high - axis.low):
+                return False
+    return True
 
 
 def _candidate(trial: Trial) -> tuple[Any, ...]:
-    return trial.context, _values(trial)
-
-
-def _digest(config: ConfirmConfig) -> str:
-    """Of what is changed; how many are tried again does not matter to any of them."""
-    plain = config.model_dump(mode="json")["change"]
-    return hashlib.sha256(json.dumps(plain, sort_keys=True).encode()).hexdigest()[:16]
-
-
-def _values(trial: Trial) -> tuple[Any, ...]:
-    return tuple(sorted(trial.values.items()))
+    return trial.context, tuple(sorted(trial.values.items()))

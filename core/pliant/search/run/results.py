@@ -22,12 +22,19 @@ def history_of(variables: Sequence[Variable], rows: Sequence[Row], objectives: i
 
     The objective of a candidate that breaks a constraint on metrics is NaN, its metrics are there.
     """
+
+    def column(axis: Variable) -> list[float]:
+        values = [row.values[axis.name] for _, row in rows]
+        if axis.type != "categorical":
+            return [float(value) for value in values]
+        return [float(axis.choices.index(value)) if value in axis.choices else NAN for value in values]
+
     names = sorted({name for _, row in rows for name in row.metrics})
     scores = [row.objectives if row.feasible else (NAN,) * objectives for _, row in rows]
     return SearchHistory(
         np.array([branch for branch, _ in rows], int),
         np.array([row.context for _, row in rows], int),
-        {v.name: np.array([_number(v, row.values[v.name]) for _, row in rows], float) for v in variables},
+        {axis.name: np.array(column(axis), float) for axis in variables},
         np.array([STATUSES.index(row.state) for _, row in rows], int),
         np.array(scores, float).reshape(len(rows), objectives),
         {
@@ -36,12 +43,6 @@ def history_of(variables: Sequence[Variable], rows: Sequence[Row], objectives: i
         },
         np.array([row.wall_s for _, row in rows], float),
     )
-
-
-def _number(variable: Variable, value: Value) -> float:
-    if variable.type == "categorical":
-        return float(variable.choices.index(value)) if value in variable.choices else NAN
-    return float(value)
 
 
 def best_of(rows: Iterable[Row]) -> Row | None:
@@ -69,8 +70,7 @@ def counts_of(rows: Iterable[Row]) -> tuple[dict[str, int], dict[str, int]]:
     Constraints are told apart by their numbers; other causes that differ in numbers only are one.
     """
     constraints: Counter[str] = Counter()
-    refused: list[str] = []
-    failed: list[str] = []
+    refused, failed = list[str](), list[str]()
     for _, row in rows:
         if row.state == REFUSED and row.violation > 0:
             constraints[row.cause or "refused"] += 1
@@ -87,13 +87,7 @@ def design_of(problem: SearchProblem, row: Row) -> FoundDesign:
     branch, told = row
     signs = [-1.0 if maximised else 1.0 for maximised in problem.maximised]
     stated, first = (
-        dict(
-            zip(
-                problem.objective_names,
-                (sign * one for sign, one in zip(signs, found, strict=True)),
-                strict=True,
-            )
-        )
+        {name: sign * one for name, sign, one in zip(problem.objective_names, signs, found, strict=True)}
         for found in (told.objectives, told.first or told.objectives)
     )
     return FoundDesign(
@@ -137,13 +131,8 @@ def counted(causes: Iterable[str]) -> dict[str, int]:
 
     "joint 1 stands 35 % outside" and "joint 4 stands 2 % outside" are one cause.
     """
-    texts: dict[str, str] = {}
-    counts: dict[str, int] = {}
-    differ: set[str] = set()
+    alike: dict[str, list[str]] = {}
     for cause in causes:
-        words = NUMBERS.sub("#", cause)
-        if texts.setdefault(words, cause) != cause:
-            differ.add(words)
-        counts[words] = counts.get(words, 0) + 1
-    order = sorted(counts, key=lambda words: -counts[words])
-    return {(texts[w].rstrip(".") + ALIKE if w in differ else texts[w]): counts[w] for w in order}
+        alike.setdefault(NUMBERS.sub("#", cause), []).append(cause)
+    order = sorted(alike.values(), key=len, reverse=True)
+    return {(t[0] if len(set(t)) == 1 else t[0].rstrip(".") + ALIKE): len(t) for t in order}

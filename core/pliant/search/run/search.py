@@ -2,114 +2,141 @@
 
 from __future__ import annotations
 
+import json
 import shutil
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from pliant.config.study import Study
 from pliant.errors import NotReachedError
-from pliant.execution.executors import Executor, InlineExecutor
+from pliant.execution.executors import Executor
 from pliant.execution.jobs import JobQueue
-from pliant.interfaces.optimizer import Trial, Variable
+from pliant.interfaces.optimizer import Space, Trial
 from pliant.pipeline.workbench import Workbench
-from pliant.records.search import STATUSES, FoundDesign, SearchResult
-from pliant.search.analyse.post_analysis import Evaluators, post_analysis
+from pliant.records.search import STATUSES, FoundDesign, Robustness, SearchResult, Slope
+from pliant.search.analyse.limits import limits
+from pliant.search.analyse.sensitivity import slopes
 from pliant.search.evaluate.evaluator import Evaluator, evaluated, evaluator_of_study
 from pliant.search.problem.search_problem import SearchProblem
-from pliant.search.run.branch import BUDGET, EXHAUSTED, REFUSED_PER_EVALUATION, UNTIL, Branch
-from pliant.search.run.halving import Halving
-from pliant.search.run.journal import Journal, keep_journals, take_journals
-from pliant.search.run.loop import Loop
+from pliant.search.run.journal import Journal
+from pliant.search.run.loop import BUDGET, EXHAUSTED, REFUSED_PER_EVALUATION, UNTIL, Branch, Loop
 from pliant.search.run.reevaluation import reevaluated
-from pliant.search.run.results import best_of, counts_of, design_of, front_of, history_of
-from pliant.search.run.warm_start import untried_nominal, warm_started
-from pliant.search.workers import Setup, queue_of
+from pliant.search.run.results import Row, best_of, counts_of, design_of, front_of, history_of
+from pliant.search.workers import Setup, queue_of, told_of
+from pliant.store.store import write_atomically
 
 EXPORT = "export"
+# A robust search looks about the nominal design within a tenth of every range: deviations move an optimum by little,
+# while a first guess may be anywhere.
+SPREAD = 0.1
 
 
-@dataclass(frozen=True)
-class Search:
-    """Everything that a search needs.
+def warm_started(nominal: SearchResult | None, problem: SearchProblem, space: Space) -> Space:
+    """The space with the best nominal design as its start.
+
+    What is best when nothing deviates is mostly good when something does, and costs a fraction of the runs: so a
+    robust search begins there, and the nominal designs take part in its choice. It can then come to no worse a design
+    than the nominal one; where it comes to no better one either, that design is the most robust that is known.
+
+    The space stays as it is where there is none, where the study begins `anywhere`, and with contexts, which have one
+    best design each.
+    """
+    if nominal is None or not nominal.best or space.contexts or problem.config.start != "study":
+        return space
+    values = nominal.best[0].values
+    return replace(space, start={one.name: values[one.name] for one in space.variables}, spread=SPREAD)
+
+
+class Halving:
+    """Successive halving over the searches of a study: the best of them go on with several times the candidates.
+
+    Every search gets the budget first; of the `factor`-th part that found most each gets `factor` times as many
+    candidates, and so on until one is left. Each step costs about as much as the first (Jamieson, Talwalkar, AISTATS
+    2016, whose "arms" are our branches). Which searches went on is written down, so that an interrupted search takes
+    the same ones.
+
+    Args:
+        folder: of the journals; holds the choices that were made.
+        count: branches.
+        factor: of the study; None: nobody goes on.
+        of: what the choices depend on; those made of something else are forgotten.
 
     Attributes:
-        bench, study: surroundings, and what is searched; with an `optimizer` block.
+        left: the branches that go on.
+    """
+
+    def __init__(self, folder: Path, count: int, factor: int | None, of: Sequence[int | None]) -> None:
+        self._file, self._factor, self._of = folder / "halving.json", factor, [count, factor, *of]
+        self._chosen: list[list[int]] = []
+        try:
+            plain = json.loads(self._file.read_text(encoding="utf-8"))
+            self._chosen = plain["chosen"] if factor is not None and plain["of"] == self._of else []
+        except (OSError, ValueError, KeyError, TypeError):
+            pass  # chosen again
+        self.left = self._chosen[-1] if self._chosen else list(range(count))
+
+    def times(self, branch: int) -> int:
+        """How many times the budget a branch has by now."""
+        return int((self._factor or 1) ** sum(branch in chosen for chosen in self._chosen))
+
+    def go_on(self, scores: Sequence[float]) -> bool:
+        """Choose among those left, by the best objective of every branch; whether somebody goes on."""
+        if self._factor is None or len(self.left) == 1:
+            return False
+        ranked = sorted(self.left, key=lambda branch: (scores[branch], branch))
+        self.left = sorted(ranked[: -(-len(self.left) // self._factor)])
+        self._chosen.append(self.left)
+        write_atomically(self._file, json.dumps({"of": self._of, "chosen": self._chosen}))
+        return True
+
+
+class Search:
+    """One search under way.
+
+    Args:
+        bench: surroundings.
+        study: what is searched; with an `optimizer` block.
         problem: the study's `SearchProblem`.
-        evaluator: of this process.
         executor: who evaluates.
-        contextual: whether every candidate is tried in one condition only.
+        folder: holds journals; what stands there is gone on from.
         nominal: of a robust search: the finished nominal one where it begins, and that it is compared with.
     """
 
-    bench: Workbench
-    study: Study
-    problem: SearchProblem
-    evaluator: Evaluator
-    executor: Executor
-    contextual: bool = False
-    nominal: SearchResult | None = None
-
-    def setup(self) -> Setup:
-        """What workers get."""
-        return Setup.of(self.bench, self.study, self.executor)
-
-    def evaluators(self) -> Evaluators:
-        """Who looks about the best design: without the scenarios of a robust search."""
-
-        config = self.study.need("search", "a search")
-        plain, setup = self.evaluator, self.setup()
-        if config.robust is not None:
-            plain = Evaluator(self.bench, self.problem, ())
-            nominal = self.study.model_copy(update={"search": config.model_copy(update={"robust": None})})
-            setup = Setup.of(self.bench, nominal, self.executor)
-        alone = isinstance(self.executor, InlineExecutor)
-        return Evaluators(plain, self.evaluator, None if alone else queue_of(self.executor, setup, plain))
-
-    def run(self, partial: Path, kept: Path, files: Path) -> SearchResult:
-        """Search.
-
-        Args:
-            partial: holds journals; what stands there is gone on from.
-            kept: journals of the same search with another budget, taken and left.
-            files: where the optimizer's own files go.
-        """
-        if take_journals(kept, partial):
-            self.bench.progress.note("going on from the journal of the same search with another budget.")
-        run = _Run(self, partial)
-        result = run.result()
-        result = replace(result, files=_moved(partial / EXPORT, files))
-        keep_journals(partial, kept)
-        return result
-
-
-class _Run:
-    """One search under way."""
-
-    def __init__(self, search: Search, partial: Path) -> None:
-        self.search, self.problem, self.partial = search, search.problem, partial
-        self.config = search.study.need("search", "a search")
-        self.space = warm_started(search.nominal, self.problem, self.problem.space(search.contextual))
-        self.values = self.problem.branches()
-        self.recommendations: dict[int, list[Trial]] = {}
+    def __init__(
+        self,
+        bench: Workbench,
+        study: Study,
+        problem: SearchProblem,
+        executor: Executor,
+        folder: Path,
+        nominal: SearchResult | None = None,
+    ) -> None:
+        self.bench, self.study, self.problem, self.executor = bench, study, problem, executor
+        self.folder, self.nominal, self.config = folder, nominal, study.need("search", "a search")
+        self.evaluator = evaluator_of_study(bench, study)
+        optimizer = type(bench.build("optimizer", study.need("optimizer", "a search")))
+        # Whether every candidate is tried in one condition only.
+        self.contextual = bool(optimizer.capabilities.contexts and self.config.conditions)
+        self.space = warm_started(nominal, problem, problem.space(self.contextual))
+        self.recommendations: dict[int, list[Trial]] = {}  # also nominal designs; by branch
         self.exported = float("inf")
-        config = self.config
-        factor = config.halving.factor if config.halving is not None else None
-        self.halving = Halving(partial, len(self.values), factor, (config.budget, config.generations))
-        self.branches = [self._branch(index) for index in range(len(self.values))]
+        factor = self.config.halving.factor if self.config.halving is not None else None
+        of = (self.config.budget, self.config.generations)
+        self.halving = Halving(folder, len(problem.branches()), factor, of)
+        self.branches = [self._branch(index) for index in range(len(problem.branches()))]
 
     def _branch(self, index: int) -> Branch:
-        bench, optimizer = self.search.bench, self.search.study.optimizer
         times, generations = self.halving.times(index), self.config.generations
         return Branch(
             index,
-            self.values[index],
-            lambda: bench.build("optimizer", optimizer),  # type: ignore[arg-type]
+            self.problem.branches()[index],
+            lambda: self.bench.build("optimizer", self.study.optimizer),  # type: ignore[arg-type]
             self.problem,
             self.space,
-            Journal(self.partial, f"branch-{index:04d}"),
+            Journal(self.folder, f"branch-{index:04d}"),
             self.config.seed,
             times * self.config.budget,
             times * generations if generations is not None else None,
@@ -118,20 +145,23 @@ class _Run:
 
     def result(self) -> SearchResult:
         """Run it, then look about the best design."""
-        search = self.search
-        with queue_of(search.executor, search.setup(), search.evaluator) as queue:
+        setup = Setup.of(self.bench, self.study, self.executor)
+        with queue_of(self.executor, setup, self.evaluator) as queue:
             wall_s = self._all_rungs(queue)
             self._try_nominal()
             again, more_s = self._reevaluated()
             result = self._found(wall_s + more_s, again)
-            return post_analysis(self.problem, search.evaluators(), result, search.nominal)
+            return self._analysed(result, setup) if result.best else result
 
     def _all_rungs(self, queue: JobQueue[Trial, Trial]) -> float:
         """Every branch, then those that go on; returns the wall time in s."""
-        progress, wall_s, active = self.search.bench.progress, 0.0, self.branches
+        progress, wall_s, active = self.bench.progress, 0.0, self.branches
         title = "searching" if self.config.robust is None else "searching, robust"
+        sign = -1 if self.problem.maximised[0] else 1
         while True:
-            loop = Loop(active, queue, progress, title, self._ended, self._shown, wall_s)
+            loop = Loop(
+                active, queue, progress, title, self._ended, lambda value: f"{sign * value:.4g}", wall_s
+            )
             loop.run()
             wall_s = loop.wall_s
             before = len(self.halving.left)
@@ -149,90 +179,80 @@ class _Run:
         best = best_of((branch.index, row) for row in rows)
         return best[1].objectives[0] if best else float("inf")
 
-    @property
-    def recommended(self) -> list[tuple[int, Trial]]:
-        """What the optimizers recommend beyond what they tried, and nominal designs, with branches."""
-        return [(branch, row) for branch, rows in self.recommendations.items() for row in rows]
-
-    def _try_nominal(self) -> None:
-        """The nominal designs take part in the choice."""
-        for branch, task in untried_nominal(self.search.nominal, self._rows()):
-            self.recommendations.setdefault(branch, []).append(evaluated(self.search.evaluator, task))
-
-    def _reevaluated(self) -> tuple[list[tuple[int, Trial]], float]:
-        """The best candidates once more, and the time of it in s; none where the study does not ask for it."""
-        search = self.search
-        if self.config.confirm is None:
-            return [], 0.0
-        setup = Setup.of(search.bench, search.study, search.executor, confirm=True)
-        evaluator = evaluator_of_study(search.bench, search.study, confirm=True)
-        rows = [*self._rows(), *self.recommended]
-        queue = queue_of(search.executor, setup, evaluator)
-        return reevaluated(self.problem, rows, queue, search.bench.progress, self.partial)
-
-    def _rows(self) -> list[tuple[int, Trial]]:
-        return [(branch.index, row) for branch in self.branches for row in branch.trials]
-
-    def _found(self, wall_s: float, again: Sequence[tuple[int, Trial]]) -> SearchResult:
-        """What the branches come to; `again` are the candidates among which the best is chosen."""
-        search = self.search
-        rows = self._rows()
-        best = self._best(again or [*rows, *self.recommended])
-        refused, failed = counts_of(rows)
-        self._say_exhausted(refused)
-        designs = tuple(design_of(self.problem, row) for row in best)
-        everything = [told for _, told in (*rows, *self.recommended, *again)]
-        return SearchResult(
-            optimizer=search.study.optimizer.kind if search.study.optimizer else "",
-            seed=self.config.seed,
-            variables=tuple(self.problem.records(search.contextual)),
-            objectives=tuple(self.problem.objective_names),
-            maximised=tuple(self.problem.maximised),
-            conditions=tuple(c.name for c in self.problem.conditions if self.config.conditions),
-            branches=tuple(dict(values) for values in self.values),
-            history=history_of(self._variables(), self._stated(rows), self.space.objectives),
-            best=designs,
-            evaluations=sum(told.simulated for told in everything),
-            simulations=sum(told.simulations for told in everything),
-            refused=refused,
-            failed=failed,
-            stopped=self._stopped(designs),
-            wall_s=wall_s,
-        )
-
-    def _stated(self, rows: Sequence[tuple[int, Trial]]) -> Sequence[tuple[int, Trial]]:
-        """Rows in which variables that are one have the value of the row's own condition instead of a share."""
-        if not (self.search.contextual and self.problem.shared):
-            return rows
-        return [(b, replace(r, values=self.problem.stated(r.values, r.context))) for b, r in rows]
-
     def _ended(self, branch: Branch) -> None:
         """What only a branch's optimizer knows: what it recommends, and its files where it is the best so far."""
-        rows = [evaluated(self.search.evaluator, task) for task in branch.recommended()]
+        rows = [evaluated(self.evaluator, task) for task in branch.recommended()]
         self.recommendations[branch.index] = rows
-        score = self._score(branch)
-        folder = self.partial / EXPORT
+        score, folder = self._score(branch), self.folder / EXPORT
         if score < self.exported or not folder.exists():
             self.exported = score
             shutil.rmtree(folder, ignore_errors=True)
             folder.mkdir()
             branch.optimizer.export(folder)
 
-    def _best(self, everything: Sequence[tuple[int, Trial]]) -> list[tuple[int, Trial]]:
-        """The best, the front of several objectives, or the best of each condition."""
-        if self.search.contextual:
-            contexts = range(len(self.space.contexts))
-            found = [best_of(row for row in everything if row[1].context == c) for c in contexts]
-            return [row for row in found if row is not None]
-        if self.space.objectives > 1:
-            return front_of(everything)
-        best = best_of(everything)
-        return [] if best is None else [best]
+    def _rows(self, recommended: bool = False) -> list[Row]:
+        """What was tried, with branches; also what the optimizers recommend beyond that, and nominal designs."""
+        rows = [(branch.index, row) for branch in self.branches for row in branch.trials]
+        more = self.recommendations.items() if recommended else ()
+        return rows + [(branch, row) for branch, listed in more for row in listed]
 
-    def _variables(self) -> tuple[Variable, ...]:
-        """The columns of the history: of the branches, then of the space."""
-        each = [one.variable for one in self.problem.variables if one.each]
-        return (*each, *self.space.variables)
+    def _try_nominal(self) -> None:
+        """The best nominal designs take part in the choice, those too that the robust search has not tried itself."""
+
+        def key(branch: int, one: Trial | FoundDesign) -> tuple[object, ...]:
+            return branch, one.context, tuple(sorted(one.values.items()))
+
+        tried = {key(branch, row) for branch, row in self._rows()}
+        for one in self.nominal.best if self.nominal is not None else ():
+            if key(one.branch, one) not in tried:
+                told = evaluated(self.evaluator, Trial(-1, one.values, one.context))
+                self.recommendations.setdefault(one.branch, []).append(told)
+
+    def _reevaluated(self) -> tuple[list[Row], float]:
+        """The best candidates once more, and the time of it in s; none where the study does not ask for it."""
+        if self.config.confirm is None:
+            return [], 0.0
+        setup = Setup.of(self.bench, self.study, self.executor, confirm=True)
+        queue = queue_of(self.executor, setup, evaluator_of_study(self.bench, self.study, confirm=True))
+        rows = self._rows(recommended=True)
+        return reevaluated(self.problem, rows, queue, self.bench.progress, self.folder)
+
+    def _found(self, wall_s: float, again: Sequence[Row]) -> SearchResult:
+        """What the branches come to; `again` are the candidates among which the best is chosen."""
+        problem, rows, everything = self.problem, self._rows(), self._rows(recommended=True)
+        refused, failed = counts_of(rows)
+        self._say_exhausted(refused)
+        designs = tuple(design_of(problem, row) for row in self._best(again or everything))
+        told = [row for _, row in (*everything, *again)]
+        if self.contextual and problem.shared:
+            # Variables that are one have the value of the row's own condition instead of a share.
+            rows = [(b, replace(row, values=problem.stated(row.values, row.context))) for b, row in rows]
+        axes = (*(one.variable for one in problem.variables if one.each), *self.space.variables)
+        return SearchResult(
+            optimizer=self.study.optimizer.kind if self.study.optimizer else "",
+            seed=self.config.seed,
+            variables=problem.records(self.contextual),
+            objectives=problem.objective_names,
+            maximised=problem.maximised,
+            conditions=tuple(c.name for c in problem.conditions if self.config.conditions),
+            branches=tuple(dict(values) for values in problem.branches()),
+            history=history_of(axes, rows, self.space.objectives),
+            best=designs,
+            evaluations=sum(row.simulated for row in told),
+            simulations=sum(row.simulations for row in told),
+            refused=refused,
+            failed=failed,
+            stopped=self._stopped(designs),
+            wall_s=wall_s,
+        )
+
+    def _best(self, everything: Sequence[Row]) -> list[Row]:
+        """The best, the front of several objectives, or the best of each condition."""
+        if self.space.objectives > 1 and not self.contextual:
+            return front_of(everything)
+        contexts: Iterable[int | None] = range(len(self.space.contexts)) if self.contextual else [None]
+        found = [best_of(row for row in everything if c in (None, row[1].context)) for c in contexts]
+        return [row for row in found if row is not None]
 
     def _stopped(self, best: Sequence[FoundDesign]) -> str:
         """Why the search of the best design ended; of several, or of none, what tells most."""
@@ -240,31 +260,59 @@ class _Run:
         reasons = reasons or {branch.stopped for branch in self.branches}
         return next((reason for reason in (UNTIL, BUDGET, EXHAUSTED) if reason in reasons), BUDGET)
 
-    def _say_exhausted(self, refused: dict[str, int]) -> None:
+    def _say_exhausted(self, refused: Mapping[str, int]) -> None:
         spent = [branch for branch in self.branches if branch.stopped == EXHAUSTED]
         if not spent:
             return
         cause = next(iter(refused), "") if any(branch.gave_up for branch in spent) else ""
         of_all = f" in {len(spent)} of {len(self.branches)} searches" if len(self.branches) > 1 else ""
-        self.search.bench.progress.note(
+        self.bench.progress.note(
             f"stopped early{of_all}: more than {REFUSED_PER_EVALUATION} candidates were refused for each one of the "
             f"budget, most by '{cause}' ({refused[cause]} times)."
             if cause
             else f"stopped early{of_all}: the optimizer proposes nothing more."
         )
 
-    def _shown(self, value: float) -> str:
-        return f"{-value if self.problem.maximised[0] else value:.4g}"
-
-
-def _moved(folder: Path, files: Path) -> tuple[str, ...]:
-    """The optimizer's files where they stay; names relative to that folder."""
-    names = sorted(file.relative_to(folder).as_posix() for file in folder.rglob("*") if file.is_file())
-    shutil.rmtree(files, ignore_errors=True)
-    if names:
-        files.parent.mkdir(parents=True, exist_ok=True)
-        shutil.copytree(folder, files)
-    return tuple(names)
+    def _analysed(self, result: SearchResult, setup: Setup) -> SearchResult:
+        """The result with slopes, limits and, of a robust search, what robustness costs."""
+        best, plain, config = result.best[0], self.evaluator, self.config
+        if config.robust is not None:  # slopes are those without its scenarios
+            plain = Evaluator(self.bench, self.problem, ())
+            nominal = self.study.model_copy(update={"search": config.model_copy(update={"robust": None})})
+            setup = Setup.of(self.bench, nominal, self.executor)
+        queue = queue_of(self.executor, setup, plain)
+        found: tuple[Slope, ...] = ()
+        if config.sensitivity:
+            found = slopes(self.problem, best, lambda t: map(told_of, queue.each(t)), self.bench.progress)
+        said = limits(self.problem, best, found, result.history, {**result.refused, **result.failed})
+        robust, beside = config.robust, self.nominal
+        if robust is None or beside is None or not beside.best:
+            return replace(result, slopes=found, limits=said)
+        sign = -1.0 if self.problem.maximised[0] else 1.0
+        alone, together = (
+            [evaluated(judge, Trial(one.number, one.values, one.context)) for one in (beside.best[0], best)]
+            for judge in (plain, self.evaluator)
+        )
+        varied = [
+            f"{key}, standard deviation {amount.get('sd')}"
+            if isinstance(amount, Mapping)
+            else f"{key} ± {amount}"
+            for key, amount in robust.vary.items()
+        ]
+        spread = [sign * np.array(told.scenarios, float) for told in together]
+        price = Robustness(
+            measure=robust.measure,
+            level=robust.level,
+            samples=robust.samples,
+            sources=(*(["laws within their error bars"] if robust.laws else []), *varied),
+            nominal_of_nominal=sign * alone[0].objective,
+            robust_of_nominal=sign * together[0].objective,
+            nominal_of_robust=sign * alone[1].objective,
+            robust_of_robust=sign * together[1].objective,
+            spread=dict(zip(("nominal", "robust"), spread, strict=True)),
+            nominal=beside.best[0],
+        )
+        return replace(result, slopes=found, limits=said, robustness=price)
 
 
 def nothing_found(result: SearchResult) -> NotReachedError:
@@ -275,6 +323,6 @@ def nothing_found(result: SearchResult) -> NotReachedError:
     if simulated.any():
         causes["a constraint on metrics is broken"] = int(simulated.sum())
         causes = {cause: count for cause, count in causes.items() if cause not in result.refused}
-    most = max(causes, key=lambda cause: causes[cause], default="")
+    most = max(causes, key=causes.__getitem__, default="")
     why = f"; most often: {most} ({causes[most]} of {len(result.history)} candidates)" if most else ""
     return NotReachedError(f"nothing feasible was found in {result.evaluations} evaluations{why}.")

@@ -14,7 +14,7 @@ from pliant.interfaces.fem import FemConfig
 from pliant.pipeline.meta_model.designs import solved_designs
 from pliant.pipeline.study import DEFAULT_SURROGATE
 from pliant.pipeline.workbench import Workbench
-from pliant.records.fem import PASSED, ModuleData
+from pliant.records.fem import PASSED
 from pliant.registry.discovery import Registry
 from pliant.search.problem.study_setter import changed
 
@@ -65,8 +65,16 @@ def direct_studies(bench: Workbench, studies: Sequence[Study]) -> tuple[list[Stu
     first, sentences = studies[0], list[str]()
     changes: dict[str, Any] = {"meta_model": None}
     if first.fem is None:
-        changes["fem"] = default_fem(bench, studies)
-        sentences.append(_said(changes["fem"]))
+        fem: Any = default_fem(bench, studies)
+        changes["fem"] = fem
+        limit = f"tendon_force_max: {fem.tendon_force_max_n or 0:g} N"
+        if fem.pressure_max_pa is not None:
+            limit = f"pressure_max: {fem.pressure_max_pa / 1e3:g} kPa"
+        passed = ", self_contact: pass" if fem.self_contact == "pass" else ""
+        sentences.append(
+            f"The study has no 'fem' block; the check used {{kind: {fem.kind}, {limit}{passed}}}, which covers the "
+            "meta-model's data and the task."
+        )
     surrogate = first.surrogate
     if surrogate is not None and not bench.build("surrogate", surrogate).needs_fem():
         default = bench.registry.get("surrogate", DEFAULT_SURROGATE).config_model()
@@ -85,20 +93,27 @@ def default_fem(bench: Workbench, studies: Sequence[Study]) -> FemConfig:
     """
     family: ActuatorFamily = bench.build("family", studies[0].need("family", "FEM"))
     data = solved_designs(bench, studies[0]).designs.data
-    tasks = [_driven(study, family.actuation) for study in studies]
-    most = max(*(float(one.actuation.max()) for one in data), *tasks)
-    keys = {LIMITS[family.actuation]: most, "lateral_angle_rad": _lateral(data)}
-    passed = any(np.any(one.status == PASSED) for one in data)
-    config: Any = (
-        bench.registry.get("fem", DEFAULT_FEM)
-        .config_model()
-        .model_validate(
-            {"kind": DEFAULT_FEM, "self_contact": "pass" if passed else "stop"}
-            | {key: value for key, value in keys.items() if value is not None}
-        )
+    most = max(
+        *(float(one.actuation.max()) for one in data),
+        *(_driven(study, family.actuation) for study in studies),
     )
-    found: FemConfig = config
-    return found
+    lateral = [  # in the states that explore these axes
+        float(np.abs(one.deformation[one.explored == axis, k]).max())
+        for one in data
+        for k, axis in enumerate(one.axes)
+        if axis != one.main_axis and np.any(one.explored == axis)
+    ]
+    passed = any(np.any(one.status == PASSED) for one in data)
+    block = {
+        "kind": DEFAULT_FEM,
+        "self_contact": "pass" if passed else "stop",
+        LIMITS[family.actuation]: most,
+    }
+    if lateral:
+        block["lateral_angle_rad"] = max(lateral)
+    made: Any = bench.registry.get("fem", DEFAULT_FEM).config_model().model_validate(block)
+    config: FemConfig = made
+    return config
 
 
 def _driven(study: Study, actuation: str) -> float:
@@ -107,29 +122,4 @@ def _driven(study: Study, actuation: str) -> float:
     full = abs(float(getattr(task, actuation, None) or 0.0))
     noise = float(getattr(getattr(task, "noise", None), actuation, 0.0))
     segments = study.chain.as_segments() if study.chain is not None else ()
-    share = max((segment.actuation_share for segment in segments), default=1.0)
-    return MARGIN * (full + noise) * share
-
-
-def _lateral(data: Sequence[ModuleData]) -> float | None:
-    """The largest angle about lateral axes in the states that explore them; None without such."""
-    angles = [
-        float(np.abs(one.deformation[one.explored == axis, k]).max())
-        for one in data
-        for k, axis in enumerate(one.axes)
-        if axis != one.main_axis and np.any(one.explored == axis)
-    ]
-    return max(angles) if angles else None
-
-
-def _said(fem: FemConfig) -> str:
-    """What was chosen, for people."""
-    if fem.pressure_max_pa is not None:
-        limit = f"pressure_max: {fem.pressure_max_pa / 1e3:g} kPa"
-    else:
-        limit = f"tendon_force_max: {fem.tendon_force_max_n:g} N"
-    passed = ", self_contact: pass" if fem.self_contact == "pass" else ""
-    return (
-        f"The study has no 'fem' block; the check used {{kind: {fem.kind}, {limit}{passed}}}, which covers the "
-        "meta-model's data and the task."
-    )
+    return MARGIN * (full + noise) * max((segment.actuation_share for segment in segments), default=1.0)

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pliant.config.study import Study
 from pliant.errors import PliantError, interrupted
+from pliant.execution.progress import bar_of
 from pliant.interfaces.family import FamilyConfig
 from pliant.interfaces.physics import PhysicsConfig
 from pliant.pipeline.meta_model.designs import parameters_of, spoken, trusted
@@ -23,22 +22,20 @@ from pliant.records.fem import ModuleData
 from pliant.records.law import JointLaw
 from pliant.records.rollout import TaskResult
 from pliant.records.search import FoundDesign, Verification
-from pliant.search.evaluate.evaluator import measured, numbers
+from pliant.search.evaluate.evaluator import measured, numbers, shared_means
 from pliant.search.problem.search_problem import SearchProblem
 from pliant.search.problem.study_setter import changed
 from pliant.search.verify.direct_fem import direct_studies, solvable
-from pliant.store.store import Artifact
 from pliant.units import strip_unit_suffix
 
+BAND = 0.9
 Numbers = Mapping[str, float]
-
-
-@dataclass(frozen=True)
-class Case:
-    """A design in one condition: the study that has both."""
-
-    condition: str
-    study: Study
+NO_FEM = "verify.fem is false: the laws of the best design were not checked by FEM."
+NOT_SOLVABLE = (
+    "The laws of this study are stated or come from tables of their own and do not depend on the design, so there is "
+    "nothing that FEM could check."
+)
+Case = tuple[str, Study]  # a condition, and the study that has it and the design
 
 
 def verify(bench: Workbench, problem: SearchProblem, best: FoundDesign) -> Verification:
@@ -61,20 +58,28 @@ def verify(bench: Workbench, problem: SearchProblem, best: FoundDesign) -> Verif
     laws: tuple[Mapping[str, Any], ...] = ()
     fem_wall_s = 0.0
     if not solvable(problem.study):
-        notes.append(_unsolved(problem.study))
+        unwanted = problem.config.verify is not None and not problem.config.verify.fem
+        notes.append(NO_FEM if unwanted else NOT_SOLVABLE)
     else:
-        studies, chosen = direct_studies(bench, [case.study for case in cases])
+        studies, chosen = direct_studies(bench, [study for _, study in cases])
         notes += chosen
-        direct = [replace(case, study=study) for case, study in zip(cases, studies, strict=True)]
+        direct = [(condition, study) for (condition, _), study in zip(cases, studies, strict=True)]
         try:
             laws, fem_wall_s = _laws(bench, cases, direct)
         except PliantError as error:
             notes.append(f"Direct FEM of the design failed: {error}")
         else:
             verified = _simulated(bench, direct, "with laws from direct FEM", notes)
+
+    def means(engines: Mapping[str, Mapping[str, Numbers]]) -> dict[str, Numbers]:
+        whole = {
+            engine: list(found.values()) for engine, found in engines.items() if len(found) == len(cases)
+        }
+        return {engine: shared_means(found) for engine, found in whole.items()}
+
     return Verification(
-        predicted={engine: _mean(found) for engine, found in predicted.items() if len(found) == len(cases)},
-        verified={engine: _mean(found) for engine, found in verified.items() if len(found) == len(cases)},
+        predicted=means(predicted),
+        verified=means(verified),
         conditions=verified,
         laws=laws,
         fem_wall_s=fem_wall_s,
@@ -91,45 +96,37 @@ def cases_of(bench: Workbench, problem: SearchProblem, best: FoundDesign) -> lis
     """
     change = problem.config.verify.change if problem.config.verify is not None else {}
     return [
-        Case(condition.name, changed(bench.registry, problem.apply(best.values, index), change))
+        (condition.name, changed(bench.registry, problem.apply(best.values, index), change))
         for index, condition in enumerate(problem.conditions)
         if best.context in (-1, index)
     ]
-
-
-def _measured(study: Study, result: TaskResult) -> dict[str, float]:
-    """The numbers that the task measured, and its `trials` where it has such."""
-    trials = getattr(study.task, "trials", None)
-    return numbers(measured(result)) | ({"trials": float(trials)} if trials is not None else {})
 
 
 def _simulated(
     bench: Workbench, cases: Sequence[Case], what: str, notes: list[str]
 ) -> dict[str, dict[str, Numbers]]:
     """Engine → condition → metrics; engines that fail leave a note instead."""
-    engines = engines_of(bench, cases[0].study)
+    engines = engines_of(bench, cases[0][1])
     found: dict[str, dict[str, Numbers]] = {}
-    bar = bench.progress.begin(f"check {what}", len(engines) * len(cases))
-    try:
-        for case in cases:
+    with bar_of(bench.progress, f"check {what}", len(engines) * len(cases)) as bar:
+        for condition, study in cases:
+            trials = getattr(study.task, "trials", None)
             for engine in engines:
-                place = f"{engine.kind}, {what}" + (f", {case.condition}" if len(cases) > 1 else "")
+                place = f"{engine.kind}, {what}" + (f", {condition}" if len(cases) > 1 else "")
                 bar.describe(place)
                 try:
-                    result = run_in(bench, case.study, engine)
+                    result = run_in(bench, study, engine)
                 except Exception as error:  # one engine's failure is no reason to lose the others' answers
                     if interrupted(error):
                         raise KeyboardInterrupt from None
                     name = "" if isinstance(error, PliantError) else f"{type(error).__name__}: "
                     notes.append(f"{place}: {name}{error}")
                 else:
-                    found.setdefault(engine.kind, {})[case.condition] = _measured(case.study, result)
-                    settled = result.final.converged
-                    wrong = result.not_reached or ("" if settled else "the chain did not settle.")
-                    notes += [f"{place}: {wrong}"] if wrong else []
+                    own = {"trials": float(trials)} if trials is not None else {}
+                    found.setdefault(engine.kind, {})[condition] = numbers(measured(result)) | own
+                    if result.not_reached or not result.final.converged:
+                        notes.append(f"{place}: {result.not_reached or 'the chain did not settle.'}")
                 bar.advance()
-    finally:
-        bar.finish()
     return found
 
 
@@ -149,21 +146,26 @@ def _laws(
     bench: Workbench, cases: Sequence[Case], direct: Sequence[Case]
 ) -> tuple[tuple[Mapping[str, Any], ...], float]:
     """What the search's laws missed of FEM, each distinct design once, and the time that FEM took."""
+
+    def by_family(study: Study) -> dict[str, DesignStages]:
+        """The same text for the same family, whatever its law comes from."""
+        stages = laws_of_study(bench, study)
+        return {repr(one.family.canonical()) if one.family is not None else "": one for one in stages}
+
     found: dict[str, tuple[DesignStages, DesignStages]] = {}
-    for case, other in zip(cases, direct, strict=True):
-        of_search = {_key(stages): stages for stages in laws_of_study(bench, case.study)}
-        for stages in laws_of_study(bench, other.study):
-            key = _key(stages)
+    for (_, case), (_, other) in zip(cases, direct, strict=True):
+        of_search = by_family(case)
+        for key, stages in by_family(other).items():
             if stages.fem is not None and key in of_search:
                 found.setdefault(key, (of_search[key], stages))
-    names = names_of([one.family for one, _ in found.values()], cases[0].study)
+    names = names_of([one.family for one, _ in found.values()], cases[0][1])
     laws = []
     for name, (searched, solved) in zip(names, found.values(), strict=True):
         assert solved.fem is not None
         misses = law_errors(searched.law.law, solved.fem.value, name)
         report = solved.law.report
         fit = {"fit_worst_of_range": report.worst_of_range} if report is not None else {}
-        laws.append({**misses, **fit, "fem_wall_s": _wall_s(solved.fem)})
+        laws.append({**misses, **fit, "fem_wall_s": float(solved.fem.manifest["wall_s"])})
     return tuple(laws), sum(law["fem_wall_s"] for law in laws)
 
 
@@ -177,36 +179,6 @@ def names_of(families: Sequence[FamilyConfig | None], study: Study) -> list[str]
         searched = {strip_unit_suffix(key.rpartition(".")[2]) for key in keys if "family." in key}
         differ = [name for name in names if strip_unit_suffix(name) in searched]
     return [spoken({name: one[name] for name in differ}) for one in parameters]
-
-
-def _key(stages: DesignStages) -> str:
-    """The same text for the same family, whatever its law comes from."""
-    return repr(stages.family.canonical()) if stages.family is not None else ""
-
-
-def _wall_s(artifact: Artifact) -> float:
-    """What it took when it was made."""
-    return float(artifact.manifest["wall_s"])
-
-
-def _mean(conditions: Mapping[str, Numbers]) -> Numbers:
-    """The mean over conditions of the metrics that all of them have."""
-    shared = set.intersection(*(set(metrics) for metrics in conditions.values()))
-    every = list(conditions.values())
-    return {name: float(np.mean([one[name] for one in every])) for name in every[0] if name in shared}
-
-
-def _unsolved(study: Study) -> str:
-    """Why there is no direct FEM."""
-    if study.search is not None and study.search.verify is not None and not study.search.verify.fem:
-        return "verify.fem is false: the laws of the best design were not checked by FEM."
-    return (
-        "The laws of this study are stated or come from tables of their own and do not depend on the design, so there "
-        "is nothing that FEM could check."
-    )
-
-
-BAND = 0.9
 
 
 def law_errors(law: JointLaw, data: ModuleData, name: str = "") -> dict[str, Any]:
@@ -228,16 +200,28 @@ def law_errors(law: JointLaw, data: ModuleData, name: str = "") -> dict[str, Any
     keep = trusted(data)
     order = [data.axes.index(axis) for axis in law.axes]
     p, u, tau = data.actuation[keep], data.deformation[keep][:, order], data.tau[keep][:, order]
-    counts = _counted(law, data, keep) & np.isfinite(tau)
+    # A state tells of an axis: of lateral ones only where they are explored or all axes are held.
+    lateral = data.explored[keep] != data.main_axis
+    columns = [np.ones(len(p), bool) if axis == data.main_axis else lateral for axis in law.axes]
+    counts = np.stack(columns, axis=1) & np.isfinite(tau)
     if not counts.any():
         return {"name": name, "n_states": 0, "axes": {}}
     miss = law.evaluate(p, u).tau - tau
     largest = float(np.abs(tau[counts]).max()) or 1.0
-    axes = {
-        axis: _of_axis(miss[rows, k], tau[rows, k])
-        for k, axis in enumerate(law.axes)
-        if (rows := counts[:, k]).any()
-    }
+    band = law.band(p, u, BAND)
+    axes = {}
+    for k, axis in enumerate(law.axes):
+        rows = counts[:, k]
+        if rows.any():
+            rmse, worst, off = _rms(miss[rows, k]), float(np.abs(miss[rows, k]).max()), tau[rows, k]
+            width, own_largest = float(np.ptp(off)) or 1.0, float(np.abs(off).max()) or 1.0
+            axes[axis] = {
+                "n_states": int(rows.sum()),
+                "rmse_of_range": rmse / width,
+                "worst_of_range": worst / width,
+                "rmse_of_largest": rmse / own_largest,
+                "worst_of_largest": worst / own_largest,
+            }
     return {
         "name": name,
         "n_states": len(p),
@@ -247,34 +231,10 @@ def law_errors(law: JointLaw, data: ModuleData, name: str = "") -> dict[str, Any
         "worst_of_largest": float(np.abs(miss[counts]).max()) / largest,
         "rmse_of_range": max(one["rmse_of_range"] for one in axes.values()),
         "worst_of_range": max(one["worst_of_range"] for one in axes.values()),
-        "in_band": _in_band(law, p, u, miss, counts),
+        "in_band": float("nan") if band is None else float(np.mean((np.abs(miss) <= band)[counts])),
         "axes": axes,
-    }
-
-
-def _counted(law: JointLaw, data: ModuleData, keep: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """(n, k) whether a state tells of an axis: lateral ones only where they are explored or all axes are held."""
-    lateral = data.explored[keep] != data.main_axis
-    columns = [np.ones(int(keep.sum()), bool) if axis == data.main_axis else lateral for axis in law.axes]
-    return np.stack(columns, axis=1)
-
-
-def _of_axis(miss: Array, tau: Array) -> dict[str, Any]:
-    width, largest = float(np.ptp(tau)) or 1.0, float(np.abs(tau).max()) or 1.0
-    rmse, worst = _rms(miss), float(np.abs(miss).max())
-    return {
-        "n_states": len(miss),
-        "rmse_of_range": rmse / width,
-        "worst_of_range": worst / width,
-        "rmse_of_largest": rmse / largest,
-        "worst_of_largest": worst / largest,
     }
 
 
 def _rms(values: Array) -> float:
     return float(np.sqrt(np.mean(values**2)))
-
-
-def _in_band(law: JointLaw, p: Array, u: Array, miss: Array, counts: NDArray[np.bool_]) -> float:
-    band = law.band(p, u, BAND)
-    return float("nan") if band is None else float(np.mean((np.abs(miss) <= band)[counts]))

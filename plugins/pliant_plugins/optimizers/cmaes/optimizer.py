@@ -3,18 +3,182 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+import warnings
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
-from pliant.interfaces.optimizer import Optimizer, Space, Trial
+import cma
+import numpy as np
+
+from pliant.interfaces.optimizer import Optimizer, Space, Trial, Value, Variable
 from pliant.records.design import Array
 from pliant_plugins.optimizers.cmaes.config import CmaesConfig
-from pliant_plugins.optimizers.cmaes.encoding import Encoding
 from pliant_plugins.optimizers.cmaes.fitness import FAILED, Result, fitness
-from pliant_plugins.optimizers.cmaes.run import Run
 
 NOT_ASKED = -1
+LEAST_CHOICE_STD = 0.1
+CHOSEN, NOT_CHOSEN = 0.75, 0.25  # where a guess puts the coordinates of a choice
+
+
+@dataclass(frozen=True)
+class Axis:
+    """A variable and the coordinates that encode it; `size` 0 where there is nothing to choose."""
+
+    variable: Variable
+    first: int
+    size: int
+
+    @property
+    def steps(self) -> float:
+        """The coordinate's highest value; its lowest is 0."""
+        return self.variable.high - self.variable.low if self.variable.type == "integer" else 1.0
+
+    def value(self, x: Array) -> Value:
+        """The variable's value at coordinates x, within its bounds."""
+        v, part = self.variable, x[self.first : self.first + self.size]
+        if v.type == "categorical":
+            if self.size > 1:
+                return v.choices[int(np.argmax(part))]
+            return v.choices[round(min(max(part[0], 0.0), 1.0)) if self.size else 0]
+        coordinate = float(part[0]) if self.size else 0.0
+        if v.type == "integer":
+            return int(min(max(v.low + round(coordinate), v.low), v.high))
+        return float(min(max(v.low + coordinate * (v.high - v.low), v.low), v.high))
+
+
+@dataclass(frozen=True, eq=False)
+class Encoding:
+    """Variables as coordinates of a normal distribution.
+
+    A real variable is one coordinate 0…1. A whole number is one coordinate in its own steps, which pycma rounds and
+    keeps from freezing (its `integer_variables`). A choice of two is a whole number 0 or 1, which imposes no order. A
+    choice of more is one coordinate 0…1 per choice and the largest wins: an index would put choices in an order that
+    they do not have. Their standard deviation has a lower limit, so that a choice can still change late. There are at
+    least two coordinates since pycma does not search a single one: one without meaning is added.
+
+    Attributes:
+        axes: the variables.
+        high: (n,) upper bound of each coordinate; the lower bound is 0.
+        whole: coordinates that are rounded.
+        least_std: (n,) lower limit of the standard deviation; 0 for none.
+    """
+
+    axes: tuple[Axis, ...]
+    high: Array
+    whole: tuple[int, ...]
+    least_std: Array
+
+    @classmethod
+    def of(cls, variables: Sequence[Variable]) -> Encoding:
+        """The encoding of a space's variables."""
+        axes: list[Axis] = []
+        n = 0
+        for v in variables:
+            count = len(v.choices)
+            size = (count - (count < 3)) if v.type == "categorical" else int(v.high > v.low)
+            axes.append(Axis(v, n, size))
+            n += size
+        high, least = np.ones(max(n, 2)), np.zeros(max(n, 2))
+        for axis in axes:
+            high[axis.first : axis.first + axis.size] = axis.steps
+            if axis.size > 1:
+                least[axis.first : axis.first + axis.size] = LEAST_CHOICE_STD
+        whole = tuple(axis.first for axis in axes if axis.size == 1 and axis.variable.type != "real")
+        return cls(tuple(axes), high, whole, least)
+
+    def encoded(self, guess: Mapping[str, Value]) -> Array:
+        """(n,) coordinates of a guess; variables that it leaves out stand in the middle."""
+        x: Array = 0.5 * self.high
+        for axis in self.axes:
+            v = axis.variable
+            if v.name not in guess or axis.size == 0:
+                continue
+            value = guess[v.name]
+            if v.type != "categorical":
+                share = (float(value) - v.low) / (v.high - v.low)
+                x[axis.first] = min(max(share, 0.0), 1.0) * axis.steps
+            elif value in v.choices:
+                index = v.choices.index(value)
+                if axis.size == 1:
+                    x[axis.first] = index
+                else:
+                    x[axis.first : axis.first + axis.size] = NOT_CHOSEN
+                    x[axis.first + index] = CHOSEN
+        return x
+
+    def rounded(self, x: Array) -> Array:
+        """(n,) coordinates of the very values that x stands for."""
+        rounded = x.copy()
+        rounded[list(self.whole)] = np.round(x[list(self.whole)])
+        return rounded
+
+    def decoded(self, x: Array) -> dict[str, Value]:
+        """Variable → value, within its bounds."""
+        return {axis.variable.name: axis.value(x) for axis in self.axes}
+
+
+class Run:
+    """One run of pycma, from its first mean until it stops by itself: with bounds, whole numbers and random numbers of
+    its own.
+
+    Bounds are kept by pycma's `BoundTransform`: every sample maps to a point inside that is evaluated as it is. Its
+    `BoundPenalty` would add penalties that it weighs by the objective's spread, which failed and refused candidates
+    distort. pycma's integer handling calls `np.random.rand` whatever its option `randn` says, so numpy's global state
+    is exchanged for this run's during a call. Not for several threads at once.
+    """
+
+    def __init__(
+        self, encoding: Encoding, mean: Array | None, sigma: float, population: int, seed: Sequence[int]
+    ) -> None:
+        """`mean` None: uniformly drawn."""
+        self._state = np.random.RandomState(np.random.SeedSequence(seed).generate_state(8)).get_state()
+        options = {
+            "bounds": [[0.0] * len(encoding.high), list(encoding.high)],
+            "BoundaryHandler": "BoundTransform",
+            "CMA_stds": list(encoding.high),
+            "integer_variables": list(encoding.whole),
+            "minstd": encoding.least_std if encoding.least_std.any() else 0,
+            "popsize": population,
+            "maxiter": math.inf,  # the search's budget ends it
+            "maxfevals": math.inf,
+            "seed": math.nan,  # leave numpy's generator alone
+            "verbose": -9,
+            "verb_disp": 0,
+            "verb_log": 0,
+            "signals_filename": "",
+        }
+        with self._own_random():
+            first = np.random.uniform(0.0, encoding.high) if mean is None else mean
+            self._pycma = cma.CMAEvolutionStrategy(first, sigma, options)
+
+    @contextmanager
+    def _own_random(self) -> Iterator[None]:
+        others = np.random.get_state()
+        np.random.set_state(self._state)
+        try:
+            yield
+        finally:
+            self._state = np.random.get_state()
+            np.random.set_state(others)
+
+    def sample(self, count: int) -> list[Array]:
+        """`count` arrays (n,) within bounds."""
+        with self._own_random():
+            drawn: list[Array] = self._pycma.ask(count)
+        return drawn
+
+    def learn(self, samples: Sequence[Array], values: Sequence[float]) -> bool:
+        """Update from a generation, low values being good; whether the run has come to its end.
+
+        Samples that were drawn before the last update count as injected ones (Hansen 2011, Injecting external
+        solutions into CMA-ES), whose step pycma limits.
+        """
+        with self._own_random(), warnings.catch_warnings():
+            warnings.filterwarnings("ignore", category=UserWarning, module="cma")  # about the injected ones
+            self._pycma.tell(list(samples), list(values))
+            return bool(self._pycma.stop())
 
 
 @dataclass

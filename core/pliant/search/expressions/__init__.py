@@ -1,1 +1,0 @@
-"""Formulas of a search: read from text, computed."""
