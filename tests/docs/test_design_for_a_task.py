@@ -45,6 +45,7 @@ def reached(searched):
     return searched("reach")
 
 
+@pytest.mark.slow
 def test_the_example_searches_what_the_page_says_and_writes_its_files(reached, workplace):
     told = reached[1]
     assert list(told["best"]["values"]) == ["n", "r", "R", "l", "task.pressure"]
@@ -66,10 +67,12 @@ def test_the_best_of_the_page_keeps_its_own_constraints():
     assert float(re.search(r"tip_x ([\d.]+) mm", shown)[1]) >= 60
 
 
+@pytest.mark.slow
 def test_a_robust_search_has_the_scenarios_of_the_command(searched):
     assert searched("sure")[1]["robustness"]["samples"] == 2
 
 
+@pytest.mark.slow
 def test_the_front_is_sorted(searched):
     told = searched("front")[1]
     assert list(told["objectives"]) == ["n * l / 1 mm", "task.pressure / 1 kPa"]
@@ -78,6 +81,7 @@ def test_the_front_is_sorted(searched):
     assert sorted((b for _, b in scores), reverse=True) == [b for _, b in scores]
 
 
+@pytest.mark.slow
 def test_the_python_of_the_page_reads_what_is_there(reached, workplace, capsys):
     text = next(text for text in blocks(PAGE, "python") if "api.optimize" in text)
     opened = f'open_study("reach.yaml", overrides={list(SMALL)}, store="store")'

@@ -19,9 +19,9 @@ from pliant.pipeline.simulate import run_task
 from pliant.records.history import History
 from pliant.records.term import LawTerm
 from pliant.registry.discovery import discover
+from pliant.testing import run_checks
 from pliant.testing.histories import follow_joint
 from pliant.testing.samples import sample_chain, sample_finger
-from pliant.testing.suite import run_checks
 
 WRITTEN = [
     *(ROOT / name for name in ("README.md", "CONTRIBUTING.md", "examples/data/README.md")),
