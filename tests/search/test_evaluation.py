@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from tests.search import evaluation_bench as bench
+from tests.search.toy_search import Watched
 
 from pliant.errors import UserError
 from pliant.pipeline.study import simulate_study
@@ -244,7 +245,7 @@ def test_use_outside_the_data_is_a_metric(tmp_path):
 
 
 def test_fem_for_each_candidate_is_said_once(tmp_path):
-    notes = []
+    watched = Watched()
     search = "variables:\n  family.radius: {low: 4 mm, high: 5 mm}\nobjective: {maximize: bend_angle}\n"
     text = bench.BENDING.replace(
         "meta_model: {kind: stand_in, data: TABLE}", "fem: {kind: springs_fem, pressure_max: 10 kPa}"
@@ -252,27 +253,9 @@ def test_fem_for_each_candidate_is_said_once(tmp_path):
     one, problem = bench.opened(
         tmp_path, text.replace("TASK", "task: {kind: free_bending, pressure: 10 kPa}"), search
     )
-    object.__setattr__(one.bench, "progress", Noted(notes))
+    object.__setattr__(one.bench, "progress", watched)
     evaluator = Evaluator(one.bench, problem)
     found = [evaluator.evaluate({"family.radius": radius}) for radius in (4.2e-3, 4.5e-3, 4.8e-3)]
     assert [one.state for one in found] == ["ok"] * 3, found
     assert np.all(np.diff([one.metrics["bend_angle_rad"] for one in found]) < 0)  # thicker is stiffer
-    assert len([note for note in notes if "FEM of its own" in note]) == 1
-
-
-class Noted:
-    """Progress that keeps what it is told."""
-
-    def __init__(self, notes):
-        self.note = notes.append
-
-    def begin(self, title, total, done=0):
-        return self
-
-    def advance(self, steps=1): ...
-
-    def describe(self, text): ...
-
-    def expect(self, total): ...
-
-    def finish(self): ...
+    assert len([note for note in watched.notes if "FEM of its own" in note]) == 1

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import sys
 import time
@@ -12,6 +13,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
+from pydantic import create_model
 
 from pliant.execution.executors import executor_for
 from pliant.execution.progress import Silent
@@ -144,30 +146,6 @@ class Narrowing(Optimizer):
         return [folder / "best.txt"]
 
 
-class NarrowingConfig(OptimizerConfig):
-    """No settings."""
-
-    kind: Literal["narrowing"] = "narrowing"
-
-
-class ContextualConfig(OptimizerConfig):
-    """No settings."""
-
-    kind: Literal["contextual"] = "contextual"
-
-
-class FrontConfig(OptimizerConfig):
-    """No settings."""
-
-    kind: Literal["front"] = "front"
-
-
-class KnowingConfig(OptimizerConfig):
-    """No settings."""
-
-    kind: Literal["knowing"] = "knowing"
-
-
 class Contextual(Narrowing):
     """Tries candidates in turn in each condition, and recommends the best that it knows for all."""
 
@@ -189,6 +167,54 @@ class Knowing(Narrowing):
 
     def recommend(self) -> Sequence[Trial]:
         return [Trial(-1, {"task.pressure": 6.16245e3, "chain.module_length": 10.5e-3})]
+
+
+def config_of(kind: str) -> type[OptimizerConfig]:
+    """A config without settings."""
+    return create_model(f"{kind.title()}Config", __base__=OptimizerConfig, kind=(Literal[kind], kind))
+
+
+NarrowingConfig, ContextualConfig, FrontConfig, KnowingConfig = map(
+    config_of, ("narrowing", "contextual", "front", "knowing")
+)
+
+
+class StopError(Exception):
+    """Stands for whatever ends a process."""
+
+
+class Watched(Silent):
+    """Progress that keeps what it is told, and ends the search after so many steps."""
+
+    def __init__(
+        self, after: float = math.inf, error: type[BaseException] = StopError, title: str = ""
+    ) -> None:
+        self.left, self.error, self.title = after, error, title
+        self.notes: list[str] = []
+        self.texts: list[str] = []
+        self.done = self.total = 0
+        self.counts = True
+
+    def begin(self, title: str, total: int, done: int = 0) -> Watched:
+        self.counts = self.title in title
+        self.done, self.total = (done, total) if self.counts else (self.done, self.total)
+        return self
+
+    def advance(self, steps: int = 1) -> None:
+        if self.counts:
+            self.done += steps
+            self.left -= steps
+            if self.left < 0:
+                raise self.error
+
+    def note(self, text: str) -> None:
+        self.notes.append(text)
+
+    def describe(self, text: str) -> None:
+        self.texts.append(text)
+
+    def expect(self, total: int) -> None:
+        self.total = total
 
 
 def evaluator_of(setup: Setup) -> ToyEvaluator:

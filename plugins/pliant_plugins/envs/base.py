@@ -1,29 +1,107 @@
-"""What all environments share: time, seeds, spaces, pictures. A subclass says what is seen and what is wanted."""
+"""What all environments share: time, seeds, spaces, pictures, and the chain of a study in its engine."""
 
 from __future__ import annotations
 
+import os
 from abc import abstractmethod
+from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, ClassVar, get_args
 
 import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
+from pliant.api import DEFAULT_STORE, OpenStudy, open_study
 from pliant.errors import UserError
+from pliant.interfaces.physics import PhysicsBackend
 from pliant.interfaces.viewer import Picture, View
+from pliant.pipeline.motion import highest_actuation, prepared_chain
+from pliant.pipeline.study import DEFAULT_PHYSICS, StudyRun, laws_of_study
+from pliant.records.chain import ChainModel
 from pliant.records.design import Array
 from pliant.records.scene import Scene, SceneFrames
 
 OBSERVED = NDArray[np.float32]
 LIMIT = 10.0  # observations are of order one and clipped here
+STUDIES = Path(__file__).parent / "studies"
+
+
+def stored() -> Path:
+    """The artifact store of environments: `PLIANT_STORE`, else the usual one."""
+    return Path(os.environ.get("PLIANT_STORE") or DEFAULT_STORE)
+
+
+@dataclass(frozen=True, eq=False)
+class Plant:
+    """What an environment controls: a study's chain in its engine, and the range of its actuation.
+
+    Attributes:
+        opened: the study.
+        chain: with the task's own loads and the effects applied.
+        backend: its engine.
+        task: the built task, or None.
+        names: the chain's inputs.
+        highest: (k,) what action +1 means for each of them; −1 is 0.
+    """
+
+    opened: OpenStudy
+    chain: ChainModel
+    backend: PhysicsBackend
+    task: Any
+    names: tuple[str, ...]
+    highest: Array
+
+    @staticmethod
+    def of(study: str | Path | None, default: str, actuation_max: float | None) -> Plant:
+        """The plant of a study file, or of the default of this name.
+
+        Args:
+            study: path of a study; None takes `studies/<default>.yaml`.
+            default: name of the default study.
+            actuation_max: highest pressure (Pa) or tendon force (N); None takes the task's, else the law's domain.
+
+        Raises:
+            UserError: the study is wrong, or nothing says how far the actuation goes.
+        """
+        opened = open_study(study or STUDIES / f"{default}.yaml", store=stored())
+        bench, loaded = opened.bench, opened.study
+        chain, backend, task = prepared_chain(bench, loaded)
+        if not backend.capabilities.dynamic:
+            raise UserError(
+                f"an environment steps through time and physics '{backend.config.kind}' has equilibria only; "
+                "use 'mujoco' or 'pybullet' in the study."
+            )
+        names = tuple(dict.fromkeys(actuator.input for actuator in chain.actuators))
+        top = highest_actuation(loaded, chain) if actuation_max is None else actuation_max
+        if not (np.isfinite(top) and top > 0):
+            raise UserError(f"actuation_max is {top}; it needs a positive number of Pa or N.")
+        return Plant(opened, chain, backend, task, names, np.full(len(names), float(top)))
+
+    @property
+    def equilibria(self) -> PhysicsBackend:
+        """The engine that finds equilibria, with its defaults."""
+        component = self.opened.bench.registry.get("physics", DEFAULT_PHYSICS)
+        built: PhysicsBackend = component.build(component.config_model()(kind=DEFAULT_PHYSICS))
+        return built
+
+    def drawn(self) -> StudyRun:
+        """What the drawing of the chain is made from."""
+        return StudyRun(self.opened.study, laws_of_study(self.opened.bench, self.opened.study))
+
+    def actuation(self, share: Array) -> dict[str, float]:
+        """Inputs at shares (k,) of their highest values."""
+        return dict(zip(self.names, (share * self.highest).tolist(), strict=True))
 
 
 class SoftRobotEnv(gymnasium.Env[OBSERVED, NDArray[np.float32]]):
     """One episode: `steps` control steps of `control_s`, in each of which the action holds.
 
     Args:
+        study: path of a study file; by default one that ships with the environment.
+        actuation_max: highest pressure (Pa) or tendon force (N); the task's by default.
         control_s: length of a control step.
-        episode_s: after this time the episode is truncated.
+        episode_s: after this time the episode is truncated; 2 s by default, of a grasp 6 s.
         render_mode: "rgb_array" or None.
         size: (width, height) of pictures.
         camera: "iso", "front", "side" or "top".
@@ -31,14 +109,22 @@ class SoftRobotEnv(gymnasium.Env[OBSERVED, NDArray[np.float32]]):
 
     metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 20}  # noqa: RUF012 - gymnasium's
 
+    default_study: ClassVar[str]
+    default_episode_s: ClassVar[float] = 2.0
+    option_names: ClassVar[tuple[str, ...]] = ()
+
     def __init__(
         self,
-        control_s: float,
-        episode_s: float,
-        render_mode: str | None,
-        size: tuple[int, int],
-        camera: str,
+        study: str | Path | None = None,
+        *,
+        actuation_max: float | None = None,
+        control_s: float = 0.05,
+        episode_s: float | None = None,
+        render_mode: str | None = None,
+        size: tuple[int, int] = (480, 360),
+        camera: str = "iso",
     ) -> None:
+        episode_s = self.default_episode_s if episode_s is None else episode_s
         if not (control_s > 0 and episode_s >= control_s):
             raise UserError(f"control_s is {control_s} and episode_s {episode_s}: 0 < control_s ≤ episode_s.")
         if render_mode not in (None, *self.metadata["render_modes"]):
@@ -52,6 +138,9 @@ class SoftRobotEnv(gymnasium.Env[OBSERVED, NDArray[np.float32]]):
         self.metadata = {**self.metadata, "render_fps": round(1 / control_s)}
         self._painter: Any = None
         self._taken = 0
+        self.plant = Plant.of(study, self.default_study, actuation_max)
+        self._share = self._before = np.zeros(len(self.plant.names))
+        self._build()
 
     def _set_spaces(self, actions: int, observations: int) -> None:
         self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (actions,), np.float32)
@@ -69,6 +158,7 @@ class SoftRobotEnv(gymnasium.Env[OBSERVED, NDArray[np.float32]]):
                 f"unknown option '{unknown[0]}'; this environment takes {', '.join(self.option_names)}."
             )
         self._taken = 0
+        self._share = self._before = np.zeros(len(self.plant.names))
         self._begin(options)
         return self._observed(), self._metrics()
 
@@ -80,7 +170,8 @@ class SoftRobotEnv(gymnasium.Env[OBSERVED, NDArray[np.float32]]):
         truncated = self._taken >= self.steps
         if not bounded:
             left = float(1 + self.steps - self._taken)
-            return self._nothing(), -left, True, False, {"unbounded": True}
+            nothing = np.zeros(self.observation_space.shape or (), np.float32)
+            return nothing, -left, True, False, {"unbounded": True}
         reward = self._reward(wanted)
         return self._observed(), reward, self._done(), truncated, self._metrics()
 
@@ -104,16 +195,14 @@ class SoftRobotEnv(gymnasium.Env[OBSERVED, NDArray[np.float32]]):
             self._painter.close()
             self._painter = None
 
-    def _nothing(self) -> OBSERVED:
-        shape = self.observation_space.shape
-        return np.zeros(shape or (), np.float32)
-
     @staticmethod
     def _clipped(*parts: Array) -> OBSERVED:
         flat = np.concatenate([np.ravel(part) for part in parts])
         return np.clip(flat, -LIMIT, LIMIT).astype(np.float32)
 
-    option_names: ClassVar[tuple[str, ...]] = ()
+    @abstractmethod
+    def _build(self) -> None:
+        """Build the simulation and set the spaces."""
 
     @abstractmethod
     def _begin(self, options: dict[str, Any]) -> None:
