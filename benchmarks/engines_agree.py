@@ -33,7 +33,7 @@ from pliant_plugins.physics.pybullet.backend import Pybullet
 from pliant_plugins.physics.pybullet.config import PybulletConfig
 from pliant_plugins.physics.quasistatic.backend import Quasistatic
 from pliant_plugins.physics.quasistatic.config import QuasistaticConfig
-from pliant_plugins.surrogates.polynomial.config import PolynomialConfig, StudyCoefficients
+from pliant_plugins.surrogates.config import PolynomialConfig, StudyCoefficients
 from pliant_plugins.surrogates.polynomial.surrogate import Polynomial
 
 MODULES, LENGTH_M, MODULE_KG, COM_OFFSET_M = 8, 0.011, 0.0016, 0.010

@@ -17,7 +17,7 @@ from pliant.pipeline.workbench import Workbench
 from pliant.records.fem import FemDataset
 from pliant.registry.discovery import discover
 from pliant.store.store import ArtifactStore
-from pliant_plugins.surrogates.polynomial.config import PolynomialConfig
+from pliant_plugins.surrogates.config import PolynomialConfig
 from pliant_plugins.surrogates.polynomial.surrogate import Polynomial
 
 

@@ -27,9 +27,8 @@ from scipy.optimize import minimize_scalar
 from pliant.records.design import Array
 from pliant.records.fem import FemState
 from pliant_plugins.families.bellow_bending.family import BellowBending, BellowBendingConfig
+from pliant_plugins.fem.newton import Control, Equilibrium
 from pliant_plugins.fem.skfem.backend import SkfemSolver
-from pliant_plugins.fem.skfem.condense import Control
-from pliant_plugins.fem.skfem.newton import Equilibrium
 
 TABLE = REFERENCE / "bellow_bending_fem.csv"
 LENGTHS = {"inner_radius": 2e-3, "average_radius": 6e-3, "wall": 1.5e-3, "module_length": 11e-3}

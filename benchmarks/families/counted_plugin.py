@@ -10,8 +10,8 @@ from pliant.interfaces.material import Material
 from pliant.records.fem import FemState, ModuleProblem
 from pliant.registry.component import Component
 from pliant.registry.hookspecs import hookimpl
+from pliant_plugins.fem.config import SkfemConfig
 from pliant_plugins.fem.skfem.backend import Skfem, SkfemSolver
-from pliant_plugins.fem.skfem.config import SkfemConfig
 
 CONTRACT = 2
 

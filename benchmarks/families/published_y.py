@@ -17,8 +17,8 @@ from scipy.optimize import minimize_scalar
 from pliant.errors import NotReachedError
 from pliant.records.design import Array
 from pliant.records.fem import ModuleProblem
+from pliant_plugins.fem.config import SkfemConfig
 from pliant_plugins.fem.skfem.backend import Skfem, SkfemSolver
-from pliant_plugins.fem.skfem.config import SkfemConfig
 from pliant_plugins.materials.neo_hookean import NeoHookean, NeoHookeanConfig
 
 CURVE = REFERENCE / "helical_y_fem_R5.66_l4.72.csv"

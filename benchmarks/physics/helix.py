@@ -22,8 +22,8 @@ from pliant.records.design import Design
 from pliant.records.fem import FemDataset
 from pliant.records.law import Domain, JointLaw
 from pliant.records.rollout import Inputs
+from pliant_plugins.surrogates.config import StudyCoefficients
 from pliant_plugins.surrogates.polynomial.axes import AxesLaw
-from pliant_plugins.surrogates.polynomial.config import StudyCoefficients
 from pliant_plugins.surrogates.polynomial.law import PolynomialLaw
 from pliant_plugins.surrogates.polynomial.study import fit_study, study_law
 

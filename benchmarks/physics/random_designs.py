@@ -19,8 +19,8 @@ from pliant.interfaces.physics import Case
 from pliant.pipeline.chain import Segment, build_chain, rigid_rod, rod_module
 from pliant.records.law import Domain
 from pliant.records.rollout import Inputs
+from pliant_plugins.surrogates.config import StudyCoefficients
 from pliant_plugins.surrogates.polynomial.axes import AxesLaw
-from pliant_plugins.surrogates.polynomial.config import StudyCoefficients
 from pliant_plugins.surrogates.polynomial.law import PolynomialLaw
 from pliant_plugins.surrogates.polynomial.study import study_law
 

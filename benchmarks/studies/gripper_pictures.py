@@ -8,7 +8,6 @@ import numpy as np
 from benchmarks.studies.gripper_check import engines_of
 
 from pliant.report.figures import style
-from pliant.report.figures.search_small import small_png
 
 Result = dict[str, Any]
 Steps = tuple[Any, Any]
@@ -36,7 +35,7 @@ def grasps(result: Result) -> bytes | None:
             row[1].set_ylabel("z_max (mm)")
         figure.legend(*grid[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=len(found))
         figure.set_layout_engine("constrained", w_pad=0.07, h_pad=0.07)
-        return small_png(figure).tobytes()
+        return style.small_png(figure).tobytes()
 
 
 def _bars(axes: Any, found: dict[str, Any], engine: str, metric: str, scale: float) -> None:
@@ -70,7 +69,7 @@ def policy(result: Result) -> bytes | None:
         grid[0].set_yticks(range(len(tasks)), list(tasks))
         grid[0].set_ylim(len(tasks) - 0.4, -0.6)
         figure.set_layout_engine("constrained", w_pad=0.07, h_pad=0.07)
-        return small_png(figure).tobytes()
+        return style.small_png(figure).tobytes()
 
 
 def _proposed(axes: Any, variable: dict[str, Any], tasks: dict[str, Any]) -> None:
@@ -120,7 +119,7 @@ def seeds(result: Result) -> bytes | None:
             panels[0].set_ylim(np.nanmin(early) - 0.05, max(np.nanmax(scores) for _, scores in every) + 0.05)
         panels[0].set_ylabel("best score so far")
         figure.set_layout_engine("constrained", w_pad=0.07)
-        return small_png(figure).tobytes()
+        return style.small_png(figure).tobytes()
 
 
 def _steps(curve: dict[str, Any]) -> Steps:

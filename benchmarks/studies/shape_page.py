@@ -13,7 +13,6 @@ from benchmarks.studies.published import SOURCE
 from benchmarks.studies.shape_bars import METRICS, apart, engines, of_check, pair
 
 from pliant.report.figures import style
-from pliant.report.figures.search_small import small_png
 
 PLANES = ((0, 1), (0, 2), (2, 1))
 TALL_PX, WIDE_PX = 430, 1560
@@ -84,7 +83,7 @@ def backbones(result: Result) -> bytes | None:
             row[0].set_title(f"{name}, laws of {lines['laws']}")
         figure.legend(*grid[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
         figure.set_layout_engine("constrained", w_pad=0.07, h_pad=0.07)
-        return small_png(figure).tobytes()
+        return style.small_png(figure).tobytes()
 
 
 def _projection(axes: Any, lines: dict[str, Any], plane: tuple[int, int]) -> None:
@@ -125,7 +124,7 @@ def history(result: Result) -> bytes | None:
         axes.set_title(f"Best so far of {len(found)} structures")
         axes.legend(loc="upper right")
         figure.set_layout_engine("constrained")
-        return small_png(figure).tobytes()
+        return style.small_png(figure).tobytes()
 
 
 def strip(result: Result) -> bytes | None:
@@ -150,7 +149,7 @@ def strip(result: Result) -> bytes | None:
         axes.set_ylabel("RMSE, best of a structure (mm)")
         axes.set_title("Best of every structure; bars are medians")
         figure.set_layout_engine("constrained")
-        return small_png(figure).tobytes()
+        return style.small_png(figure).tobytes()
 
 
 def structure(one: dict[str, Any]) -> str:

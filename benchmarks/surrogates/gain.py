@@ -22,8 +22,8 @@ from pliant.interfaces.meta_model import DesignLaws
 from pliant.pipeline.meta_model.cross_validation import shares
 from pliant.records.design import Array
 from pliant.records.solved import SolvedDesigns
-from pliant_plugins.meta_models.regression.config import RegressionConfig
-from pliant_plugins.meta_models.regression.model import Regression
+from pliant_plugins.meta_models.config import RegressionConfig
+from pliant_plugins.meta_models.regression import Regression
 
 OVER = 256
 SEED = 0

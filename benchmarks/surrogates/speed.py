@@ -1,4 +1,4 @@
-"""Evaluations of laws with slopes per second, on one core: compiled, and as the law stood in numpy.
+"""Evaluations of laws with slopes per second, on one core: compiled, and by the formula in numpy (`ContinuedLaw`).
 
 OMP_NUM_THREADS=1 python -m benchmarks.surrogates.speed        prints, and writes benchmarks/out/surrogate_speed.json
 
@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,7 @@ from benchmarks.surrogates.kinds import bending_designs, helical_designs, surrog
 
 from pliant.records.design import Array
 from pliant.records.law import Effort, JointLaw
+from pliant_plugins.surrogates.continued import ContinuedLaw
 from pliant_plugins.surrogates.polynomial.law import PolynomialLaw
 
 POINTS = 100_000
@@ -63,9 +65,9 @@ def timed(name: str, law: JointLaw) -> dict[str, Any]:
         found[place] = {"million_per_s": POINTS / min(times) / 1e6}
         line = f"{name}, {place}: {found[place]['million_per_s']:.3g} million/s"
         if isinstance(law, PolynomialLaw):
-            former = Former(law)
-            require_same(law.evaluate(p, u), former.evaluate(p, u))
-            slow = rounds(former.evaluate, p, u, 3)
+            former = partial(ContinuedLaw.evaluate, law)
+            require_same(law.evaluate(p, u), former(p, u))
+            slow = rounds(former, p, u, 3)
             fast = rounds(law.evaluate, p, u, 3)
             found[place] |= {
                 "former_million_per_s": POINTS / min(slow) / 1e6,
@@ -107,53 +109,6 @@ def require_same(found: Effort, wanted: Effort) -> None:
         missed = np.abs(getattr(found, name) - values).max() / np.abs(values).max()
         if missed > 1e-13:
             raise SystemExit(f"{name} differs from the former formula by {missed:.2g} of its largest value")
-
-
-class Former:
-    """The named baseline: `PolynomialLaw.evaluate` as it stood before it was compiled, in numpy."""
-
-    def __init__(self, law: PolynomialLaw) -> None:
-        self.law = law
-        c = law.coefficients
-        plain = np.pad(c, ((0, 0), (0, 2)))
-        plain[0, -2] = law.odd
-        in_u = np.zeros_like(plain)
-        in_u[:, : c.shape[1] - 1] = c[:, 1:] * np.arange(1, c.shape[1]) / law.deformation_map[1]
-        in_u[0, -1] = 2 * law.odd
-        self.table = np.concatenate([plain, self._in_x(plain), in_u, self._in_x(in_u)], axis=1)
-
-    def _in_x(self, table: Array) -> Array:
-        slope = np.zeros_like(table)
-        slope[:-1] = table[1:] * np.arange(1, len(table))[:, None] / self.law.actuation_map[1]
-        return slope
-
-    def evaluate(self, actuation: Array, deformation: Array) -> Effort:
-        """As the law's."""
-        law, p, u = self.law, actuation, deformation[:, 0]
-        held_u = np.minimum(np.maximum(u, law.domain.deformation[0, 0]), law.domain.deformation[0, 1])
-        held_p = np.minimum(np.maximum(p, law.domain.actuation[0]), law.domain.actuation[1])
-        tau, gain, slope, cross = self._polynomials(held_p, held_u).T
-        dp, du = p - held_p, u - held_u
-        if dp.any():
-            reach, rate, reference = law._saturate(dp)
-            tau = tau + reach * gain + (dp - reach) * reference
-            gain = rate * gain + (1 - rate) * reference
-            slope = slope + reach * cross
-            cross = rate * cross
-        tau, gain = tau + slope * du, gain + cross * du
-        return Effort(tau[:, None], gain[:, None], slope[:, None, None])
-
-    def _polynomials(self, p: Array, u: Array) -> Array:
-        law = self.law
-        x = (p - law.actuation_map[0]) / law.actuation_map[1]
-        v = (u - law.deformation_map[0]) / law.deformation_map[1]
-        columns = np.empty((len(u), law.coefficients.shape[1] + 2))
-        columns[:, :-2] = np.vander(v, law.coefficients.shape[1], increasing=True)
-        columns[:, -1] = np.abs(u)
-        columns[:, -2] = u * columns[:, -1]
-        rows = np.vander(x, len(law.coefficients), increasing=True) @ self.table
-        result: Array = np.einsum("nkj,nj->nk", rows.reshape(len(u), 4, -1), columns)
-        return result
 
 
 if __name__ == "__main__":

@@ -37,7 +37,7 @@ from pliant.errors import UserError
 from pliant.records.design import Array
 from pliant.records.fem import TRUSTED, ModuleData
 from pliant.records.law import Domain
-from pliant_plugins.surrogates.polynomial.config import PolynomialConfig
+from pliant_plugins.surrogates.config import PolynomialConfig
 from pliant_plugins.surrogates.polynomial.fit import MORE_WITH_POTENTIAL
 from pliant_plugins.surrogates.polynomial.posterior import Posterior, all_terms, prior_of
 from pliant_plugins.surrogates.polynomial.surrogate import Polynomial

@@ -22,8 +22,8 @@ from pliant.records.design import Array
 from pliant.records.fem import TRUSTED, ModuleData
 from pliant.records.law import JointLaw
 from pliant.tabular.fem_reading import read_designs_table, read_module_table, read_table
+from pliant_plugins.surrogates.config import PolynomialConfig
 from pliant_plugins.surrogates.polynomial.axes import AXES, fit_each
-from pliant_plugins.surrogates.polynomial.config import PolynomialConfig
 from pliant_plugins.surrogates.polynomial.states import Mask, effort_ranges
 from pliant_plugins.surrogates.polynomial.surrogate import Polynomial
 

@@ -202,10 +202,13 @@ def compare_counts(
     return compare_counted(opened.bench, counted, workers)
 
 
-def diagnose(opened: OpenStudy, data: Data = None, *, kinds: Sequence[str] | None = None) -> Diagnosis:
+def diagnose(
+    opened: OpenStudy, data: Data = None, *, kinds: Sequence[str] | None = None, workers: Workers = 1
+) -> Diagnosis:
     """Which physical effect is missing: `pliant diagnose`."""
     model = predictor(opened, data)
-    return diagnose_with(model, kinds=kinds, runs=own_runs(opened.study, model.chain, model.measurement))
+    own = own_runs(opened.study, model.chain, model.measurement)
+    return diagnose_with(model, kinds=kinds, runs=own, workers=workers)
 
 
 def extend(opened: OpenStudy, kinds: Sequence[str], data: Data = None) -> Extension:
@@ -214,9 +217,12 @@ def extend(opened: OpenStudy, kinds: Sequence[str], data: Data = None) -> Extens
     return extend_with(ground, opened.study.effects, kinds)
 
 
-def improve(opened: OpenStudy, data: Data = None, *, kinds: Sequence[str] | None = None) -> Improvement:
+def improve(
+    opened: OpenStudy, data: Data = None, *, kinds: Sequence[str] | None = None, workers: Workers = 1
+) -> Improvement:
     """The whole loop, with runs put aside: `pliant improve`."""
-    return improve_with(opened.bench, opened.study, read_measurement(opened, data), kinds=kinds)
+    measurement = read_measurement(opened, data)
+    return improve_with(opened.bench, opened.study, measurement, kinds=kinds, workers=workers)
 
 
 def calibrate(

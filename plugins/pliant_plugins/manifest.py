@@ -124,7 +124,7 @@ def _modules() -> list[Component]:
         Component(
             interface="fem",
             kind="skfem",
-            config=f"{HERE}.fem.skfem.config:SkfemConfig",
+            config=f"{HERE}.fem.config:SkfemConfig",
             implementation=f"{HERE}.fem.skfem.backend:Skfem",
             summary="scikit-fem discretisation in a bend frame, exact slopes, pardiso or SuperLU",
             example={"pressure_max": "15 kPa"},
@@ -134,7 +134,7 @@ def _modules() -> list[Component]:
         Component(
             interface="fem",
             kind="ngsolve",
-            config=f"{HERE}.fem.ngsolve.config:NgsolveConfig",
+            config=f"{HERE}.fem.config:NgsolveConfig",
             implementation=f"{HERE}.fem.ngsolve.backend:Ngsolve",
             summary="NGSolve: Taylor–Hood elements and differentiated energies, an independent check",
             example={"pressure_max": "15 kPa", "order": 2},
@@ -144,7 +144,7 @@ def _modules() -> list[Component]:
         Component(
             interface="surrogate",
             kind="polynomial",
-            config=f"{HERE}.surrogates.polynomial.config:PolynomialConfig",
+            config=f"{HERE}.surrogates.config:PolynomialConfig",
             implementation=f"{HERE}.surrogates.polynomial.surrogate:Polynomial",
             summary="polynomial law of adaptive degree from values and slopes, or the study's form",
             example={"form": "study", "coefficients": STUDY_LAW, "odd": True},
@@ -152,14 +152,14 @@ def _modules() -> list[Component]:
         Component(
             interface="surrogate",
             kind="table",
-            config=f"{HERE}.surrogates.table.config:TableConfig",
+            config=f"{HERE}.surrogates.config:TableConfig",
             implementation=f"{HERE}.surrogates.table.surrogate:Table",
             summary="measurements or FEM from elsewhere, interpolated and smoothed as far as they scatter",
         ),
         Component(
             interface="surrogate",
             kind="neural",
-            config=f"{HERE}.surrogates.neural.config:NeuralConfig",
+            config=f"{HERE}.surrogates.config:NeuralConfig",
             implementation=f"{HERE}.surrogates.neural.surrogate:Neural",
             summary="small network of an energy, trained on values and slopes, of one to three axes",
             lazy=("torch",),
@@ -173,8 +173,8 @@ def _meta_models() -> list[Component]:
         Component(
             interface="meta_model",
             kind="regression",
-            config=f"{HERE}.meta_models.regression.config:RegressionConfig",
-            implementation=f"{HERE}.meta_models.regression.model:Regression",
+            config=f"{HERE}.meta_models.config:RegressionConfig",
+            implementation=f"{HERE}.meta_models.regression:Regression",
             summary="Gaussian processes, kernel ridge or polynomials of the design, whichever does better",
             example={"regressor": "gaussian_process"},
             requires=("sklearn",),
@@ -183,8 +183,8 @@ def _meta_models() -> list[Component]:
         Component(
             interface="meta_model",
             kind="coefficients",
-            config=f"{HERE}.meta_models.coefficients.config:CoefficientsConfig",
-            implementation=f"{HERE}.meta_models.coefficients.model:Coefficients",
+            config=f"{HERE}.meta_models.config:CoefficientsConfig",
+            implementation=f"{HERE}.meta_models.coefficients:Coefficients",
             summary="network 64-64-32 from the design to the coefficients of its law",
             example={"starts": 2},
             requires=("torch",),
@@ -193,8 +193,8 @@ def _meta_models() -> list[Component]:
         Component(
             interface="meta_model",
             kind="neural",
-            config=f"{HERE}.meta_models.neural.config:NeuralMetaConfig",
-            implementation=f"{HERE}.meta_models.neural.model:NeuralMetaModel",
+            config=f"{HERE}.meta_models.config:NeuralMetaConfig",
+            implementation=f"{HERE}.meta_models.neural:NeuralMetaModel",
             summary="one network of design, actuation and deformation: an energy, or torques as in the study",
             example={"units": 16, "steps": 200},
             requires=("torch",),

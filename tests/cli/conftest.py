@@ -1,6 +1,11 @@
 """A command line to call in-process and studies to call it with."""
 
 import json
+import os
+import signal
+import subprocess
+import sys
+import time
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -46,6 +51,38 @@ class Call:
     out: str
     err: str
 
+    def done(self, code=0):
+        """The call itself, which ended so."""
+        assert self.code == code, self.err
+        return self
+
+    def refused(self, *words):
+        """It ended with 2 and one or two sentences on standard error that hold the words."""
+        said = " ".join(self.err.split())
+        assert self.code == 2, said
+        assert "error: " in said and "Traceback" not in said and said.count(". ") <= 3, said
+        for word in words:
+            assert word in said, said
+        return self
+
+
+def interrupted(arguments, working):
+    """Start the command, press Ctrl-C once it is `working()`, and see that it and its workers end as they should."""
+    command = [sys.executable, "-m", "pliant", *map(str, arguments)]
+    process = subprocess.Popen(command, start_new_session=True, stderr=subprocess.PIPE)
+    until = time.monotonic() + 120
+    while not working():
+        assert time.monotonic() < until
+        time.sleep(0.05)
+    os.killpg(process.pid, signal.SIGINT)  # as a terminal does: to workers too
+    said = process.communicate(timeout=150)[1].decode()  # busy machines begin their workers slowly
+    assert process.returncode == 130, said
+    assert "finished work is kept, run the same command to go on" in said and "Traceback" not in said
+    with pytest.raises(ProcessLookupError):
+        for _ in range(200):
+            os.killpg(process.pid, 0)
+            time.sleep(0.05)
+
 
 @pytest.fixture
 def workplace(tmp_path, monkeypatch):
@@ -64,6 +101,17 @@ def pliant(workplace):
         if result.exception is not None and not isinstance(result.exception, SystemExit):
             raise result.exception
         return Call(result.exit_code, result.stdout, result.stderr)
+
+    return call
+
+
+@pytest.fixture
+def json_of(pliant):
+    """Call the command, which must end with 0; its JSON."""
+
+    def call(*arguments, code=0):
+        pliant(*arguments, "--json", "result.json").done(code)
+        return json.loads(Path("result.json").read_text())
 
     return call
 

@@ -52,22 +52,20 @@ def test_a_tables_law_gets_its_page_beside_the_study(pliant, workplace, table):
 
 
 def test_a_stated_law_has_no_page(pliant, write, stated, workplace):
-    done = pliant("fit", write(stated), "--out", "page")
-    assert done.code == 2
-    assert "stated by its coefficients: there is no fit, so leave out --out" in done.err
+    pliant("fit", write(stated), "--out", "page").refused(
+        "stated by its coefficients: there is no fit, so leave out --out"
+    )
     assert not (workplace / "page" / "fit.html").exists()
 
 
 def test_a_folder_that_cannot_be_written_is_refused_first(pliant, write, workplace, table):
     (workplace / "file").write_text("")
-    done = pliant("fit", write(STUDY), "--out", "file/page")
-    assert done.code == 2 and "cannot be written" in done.err
+    pliant("fit", write(STUDY), "--out", "file/page").refused("cannot be written")
 
 
 def test_a_meta_models_page_with_what_to_solve_next(pliant, read, workplace):
     bench.unseen(workplace)
-    done = pliant("fit", "unseen.yaml", "--next", "2", "--out", "page", "--no-learning", "--json", "fit.json")
-    assert done.code == 0
+    pliant("fit", "unseen.yaml", "--next", "2", "--out", "page", "--no-learning", "--json", "fit.json").done()
     result, text = read("fit.json"), words(workplace / "page" / "fit.html")
     assert result["report"] == "page/fit.html"
     assert percent(result["scores"]["all"]["axes"]["y"]["worst_of_range"], 3) in text

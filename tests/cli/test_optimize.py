@@ -4,33 +4,32 @@ import csv
 import json
 import os
 import re
-import signal
-import subprocess
 import sys
-import time
 
 import pytest
+from tests.cli.conftest import interrupted
 from tests.cli.search_study import BUDGET, STUDY
 
 from pliant import api
 from pliant.config.loading import load_study
 from pliant.registry.discovery import discover
-from pliant.report.search_folder import read_search
+from pliant.report.search_files import read_search
 
 pytest.importorskip("cma")
 
 
-@pytest.fixture
-def real_page():
-    """The test is about the page too, whose pictures take longer than the search."""
-
-
 @pytest.fixture(autouse=True)
 def page_or_none(request, monkeypatch):
+    """Pictures take longer than the search: tests that are about the page ask for `real_page`."""
     if "real_page" not in request.fixturenames:
         monkeypatch.setattr(
             "pliant.cli.optimize.write_search_page", lambda folder, *_: folder / "search.html"
         )
+
+
+@pytest.fixture
+def real_page():
+    pass
 
 
 @pytest.fixture
@@ -48,39 +47,57 @@ def optimize(pliant, path):
     return call
 
 
+@pytest.fixture
+def found(optimize, read):
+    """The JSON of a search that ends with 0."""
+
+    def call(*arguments, **more):
+        optimize(*arguments, "--json", "out.json", **more).done()
+        return read("out.json")
+
+    return call
+
+
 def without_times(result):
     rows = [{k: v for k, v in row.items() if k != "wall_s"} for row in result["history"]]
     return rows, result["best"], result["evaluations"], result["slopes"]
 
 
-def test_the_result_has_the_contracts_keys_and_the_known_optimum(optimize, read, pliant):
-    call = optimize("--json", "out.json")
-    assert call.code == 0, call.err
-    result = read("out.json")
+def test_what_is_found_is_in_the_json_on_the_terminal_in_the_table_and_in_a_study_that_runs(
+    optimize, read, pliant, workplace
+):
+    call = optimize("--json", "out.json").done()
+    result, best = read("out.json"), read("out.json")["best"]
     assert {"best", "objective", "history", "evaluations", "wall_s", "verified"} <= set(result)
     assert result["evaluations"] == len(result["history"]) == BUDGET
     assert result["objective"] == pytest.approx(0.0, abs=2e-4)
-    best = result["best"]
     assert best["metrics"]["tip_x_m"] == pytest.approx(0.010, abs=2e-4)
     assert list(best["design"]) == ["chain.module_length_m"]
     assert list(best["controls"]) == ["task.pressure_pa"]
     assert 2e3 <= best["controls"]["task.pressure_pa"] <= 14e3
     assert set(result["verified"]["engines"]) == set()  # a stated law: nothing to check by FEM
     assert result["history"][-1]["best"] == result["objective"]
-
-
-def test_lines_for_people_say_what_was_found_and_what_it_took(optimize):
-    call = optimize()
-    for words in (
-        "best     ",
-        "mm",
-        "kPa",
-        f"{BUDGET} evaluations with {BUDGET} simulations",
-        "slope    task.pressure",
-    ):
+    counted = f"{BUDGET} evaluations with {BUDGET} simulations"
+    for words in ("best     ", "mm", "kPa", counted, "slope    task.pressure", "predicted"):
         assert words in call.out
     assert call.out.count("slope    ") <= 3
-    assert "predicted" in call.out
+    with (workplace / "runs/toy/history.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == BUDGET
+    assert {"task.pressure_pa", "chain.module_length_m", "tip_x_m", "status", "wall_s"} <= set(rows[0])
+    miss = [abs(float(row["tip_x_m"]) - 0.010) for row in rows]
+    assert [float(row["abs(tip_x - 10 mm)"]) for row in rows] == pytest.approx(miss)
+    assert json.loads((workplace / "runs/toy/optimize.json").read_text())["objective"] == min(miss)
+    text = (workplace / "runs/toy/best.yaml").read_text()
+    assert text.startswith("# Found by 'pliant optimize'")
+    assert "extends: {file: ../../study.yaml, values_sha256: " in text
+    again = pliant("simulate", "runs/toy/best.yaml", "--json", "again.json").done()
+    assert again.err == ""
+    assert read("again.json")["metrics"]["tip_x_m"] == pytest.approx(best["metrics"]["tip_x_m"], abs=1e-9)
+    second = optimize("--json", "out.json")
+    assert read("out.json")["stages"][0]["cached"] and "searching" not in second.err
+    checked = optimize("search.verify.change={task.pressure: 5 kPa}", "--json", "out.json").done()
+    assert read("out.json")["stages"][0]["cached"] and "check" in checked.err
 
 
 def test_an_objective_that_is_a_key_has_its_unit(optimize):
@@ -89,8 +106,8 @@ def test_an_objective_that_is_a_key_has_its_unit(optimize):
     assert re.search(r"slope    task\.pressure: 0\.12 kPa for 1 % of its range", call.out)
 
 
-def test_the_page_draws_the_best_design_as_it_was_evaluated(optimize, read, workplace, real_page):
-    assert optimize("search.budget=6", "--json", "out.json").code == 0
+def test_the_page_draws_the_best_design_as_it_was_evaluated(optimize, workplace, real_page):
+    optimize("search.budget=6").done()
     assert (workplace / "runs/toy/search.html").is_file()
     _, result, drawn = read_search(workplace / "runs/toy")
     assert [one.label for one in drawn] == ["best"]
@@ -105,7 +122,7 @@ def test_designs_spread_over_a_front_are_drawn(optimize, workplace, monkeypatch)
         "pliant.cli.optimize.write_search_page", lambda *page: pages.append(page) or workplace
     )
     objectives = "search.objective=[tip_x, {maximize: tip_z}]"
-    assert optimize("optimizer={kind: optuna, sampler: random}", objectives, "search.budget=60").code == 0
+    optimize("optimizer={kind: optuna, sampler: random}", objectives, "search.budget=60").done()
     ((_, _, result, drawn),) = pages
     numbers = [int(one.label.removeprefix("design ")) - 1 for one in drawn]
     assert len(result.best) > 4 == len(drawn)
@@ -114,154 +131,89 @@ def test_designs_spread_over_a_front_are_drawn(optimize, workplace, monkeypatch)
         assert one.result.metrics["tip_z_m"] == design.metrics["tip_z_m"]
 
 
-def test_the_winner_is_a_study_that_runs(optimize, read, pliant, workplace):
-    assert optimize("--json", "out.json").code == 0
-    text = (workplace / "runs/toy/best.yaml").read_text()
-    assert text.startswith("# Found by 'pliant optimize'")
-    assert "extends: {file: ../../study.yaml, values_sha256: " in text
-    call = pliant("simulate", "runs/toy/best.yaml", "--json", "again.json")
-    assert call.code == 0
-    assert call.err == ""
-    assert read("again.json")["metrics"]["tip_x_m"] == pytest.approx(
-        read("out.json")["best"]["metrics"]["tip_x_m"], abs=1e-9
-    )
-
-
-def test_a_study_that_extends_another_gives_a_winner_too(pliant, write, read, workplace):
+def test_a_study_that_extends_another_gives_a_winner_too(json_of, write, workplace):
     write(STUDY, "base.yaml")
     write("extends: base.yaml\npliant: 1\nname: child\nsearch: {budget: 12}\n")
-    assert pliant("optimize", "study.yaml", "--workers", 1, "--json", "out.json").code == 0
+    best = json_of("optimize", "study.yaml", "--workers", 1)["best"]
     study = load_study(workplace / "runs/child/best.yaml", discover())
     assert study.search is None
-    assert study.task.pressure_pa == read("out.json")["best"]["controls"]["task.pressure_pa"]
+    assert study.task.pressure_pa == best["controls"]["task.pressure_pa"]
 
 
-def test_overrides_are_searched_and_written(optimize, read, workplace):
-    assert optimize("chain.modules=4", "search.budget=6", "--out", "there", "--json", "out.json").code == 0
-    assert read("out.json")["evaluations"] == 6
+def test_overrides_are_searched_and_written(found, workplace):
+    assert found("chain.modules=4", "search.budget=6", "--out", "there")["evaluations"] == 6
     assert load_study(workplace / "there/best.yaml", discover()).chain.modules == 4
 
 
-def test_the_history_is_a_table_in_si_units(optimize, workplace, read):
-    optimize("--json", "out.json")
-    with (workplace / "runs/toy/history.csv").open() as file:
-        rows = list(csv.DictReader(file))
-    assert len(rows) == BUDGET
-    assert {"task.pressure_pa", "chain.module_length_m", "tip_x_m", "status", "wall_s"} <= set(rows[0])
-    miss = [abs(float(row["tip_x_m"]) - 0.010) for row in rows]
-    assert [float(row["abs(tip_x - 10 mm)"]) for row in rows] == pytest.approx(miss)
-    assert min(miss) == pytest.approx(read("out.json")["objective"])
-    assert json.loads((workplace / "runs/toy/optimize.json").read_text())["objective"] == min(miss)
-
-
-def test_workers_and_the_interface_in_python_find_the_same(optimize, read, path):
-    optimize("--json", "one.json", "--store", "a")
-    optimize("--json", "two.json", "--store", "b", workers=2)
-    assert without_times(read("one.json")) == without_times(read("two.json"))
-    result = api.optimize(api.open_study(path, store="c"), workers=1)
-    assert result.best[0].values == read("one.json")["best"]["values"]
-
-
-def test_a_dask_cluster_finds_the_same(optimize, read):
+def test_workers_a_dask_cluster_and_the_interface_in_python_find_the_same(found, path):
+    one = found("search.budget=12", "--store", "a")
+    two = found("search.budget=12", "--store", "b", workers=2)
+    assert without_times(one) == without_times(two)
+    result = api.optimize(api.open_study(path, ["search.budget=12"], store="c"), workers=1)
+    assert result.best[0].values == one["best"]["values"]
     distributed = pytest.importorskip("distributed")
     settings = {"n_workers": 1, "threads_per_worker": 1, "dashboard_address": None}
     with distributed.LocalCluster(**settings) as local:
-        scheduler = ("--scheduler", local.scheduler_address, "--store", "a")
-        call = optimize(*scheduler, "--json", "there.json", workers=None)
-    assert call.code == 0, call.err
-    optimize("--json", "here.json", "--store", "b")
-    assert without_times(read("there.json")) == without_times(read("here.json"))
+        scheduler = ("--scheduler", local.scheduler_address, "--store", "d")
+        there = found("search.budget=12", *scheduler, workers=None)
+    assert without_times(there) == without_times(one)
 
 
-def test_no_cluster_is_one_sentence(optimize):
-    call = optimize("--scheduler", "nowhere.json", workers=None)
-    assert call.code == 2
-    assert "nowhere.json is no scheduler's file" in call.err
+def test_a_larger_budget_goes_on(optimize, found, read):
+    found("search.budget=6")
+    assert "going on from" in optimize("search.budget=18", "--json", "more.json").err
+    assert without_times(read("more.json")) == without_times(found("search.budget=18", "--store", "fresh"))
 
 
-def test_a_second_call_searches_nothing(optimize, read):
-    optimize()
-    call = optimize("--json", "out.json")
-    assert read("out.json")["stages"][0]["cached"]
-    assert "searching" not in call.err
+def test_until_ends_it(found):
+    result = found("search.until=tip_x <= 10.5 mm and tip_x >= 9.5 mm")
+    assert result["stopped"] == "until" and result["evaluations"] < BUDGET
 
 
-def test_a_larger_budget_goes_on(optimize, read, workplace):
-    optimize("search.budget=6", "--json", "first.json")
-    call = optimize("search.budget=18", "--json", "more.json")
-    assert "going on from" in call.err
-    optimize("search.budget=18", "--json", "fresh.json", "--store", "fresh")
-    assert without_times(read("more.json")) == without_times(read("fresh.json"))
-
-
-def test_another_check_does_not_search_again(optimize, read):
-    optimize()
-    call = optimize("search.verify.change={task.pressure: 5 kPa}", "--json", "out.json")
-    assert call.code == 0, call.err
-    assert read("out.json")["stages"][0]["cached"]
-    assert "check" in call.err
-
-
-def test_until_ends_it(optimize, read):
-    optimize("search.until=tip_x <= 10.5 mm and tip_x >= 9.5 mm", "--json", "out.json")
-    result = read("out.json")
-    assert result["stopped"] == "until"
-    assert result["evaluations"] < BUDGET
-
-
-def test_each_value_has_a_search_of_its_own(optimize, read):
-    modules = "search.variables.n={key: chain.modules, low: 2, high: 3, each: true}"
-    assert optimize(modules, "search.budget=8", "--json", "out.json").code == 0
-    result = read("out.json")
+def test_each_value_has_a_search_of_its_own(found):
+    result = found("search.variables.n={key: chain.modules, low: 2, high: 3, each: true}", "search.budget=8")
     assert [branch["n"] for branch in result["branches"]] == [2, 3]
     assert result["evaluations"] == 16
     assert [row["branch"] for row in result["history"]] == [0] * 8 + [1] * 8
     assert result["best"]["design"]["chain.modules"] in (2, 3)
 
 
-def test_conditions_are_all_tried_and_each_gets_a_study(optimize, read, workplace):
+def test_conditions_are_all_tried_and_each_gets_a_study(found, workplace):
     conditions = "search.conditions={light: {chain.payload: 0 g}, heavy: {chain.payload: 5 g}}"
-    gravity = "chain.gravity=[0, 0, -9.81]"
-    assert optimize(conditions, gravity, "search.budget=8", "--json", "out.json").code == 0
-    result = read("out.json")
-    assert set(result["best"]["conditions"]) == {"light", "heavy"}
-    assert result["simulations"] == 16
-    heavy = load_study(workplace / "runs/toy/best-heavy.yaml", discover())
-    light = load_study(workplace / "runs/toy/best-light.yaml", discover())
+    result = found(conditions, "chain.gravity=[0, 0, -9.81]", "search.budget=8")
+    assert set(result["best"]["conditions"]) == {"light", "heavy"} and result["simulations"] == 16
+    heavy, light = (
+        load_study(workplace / f"runs/toy/best-{name}.yaml", discover()) for name in ("heavy", "light")
+    )
     assert (light.chain.payload_kg, heavy.chain.payload_kg) == (0.0, 0.005)
     assert heavy.task.pressure_pa == light.task.pressure_pa
 
 
 def test_conditions_whose_names_make_one_file_name_get_two_files(optimize, workplace):
     conditions = "search.conditions={'egg (5 g)': {chain.payload: 5 g}, 'egg [5 g]': {chain.payload: 6 g}}"
-    assert optimize(conditions, "search.budget=6", "search.verify=null").code == 0
-    written = {
-        file.name: load_study(file, discover()).chain.payload_kg for file in workplace.glob("runs/toy/best-*")
-    }
+    optimize(conditions, "search.budget=6", "search.verify=null").done()
+    files = workplace.glob("runs/toy/best-*")
+    written = {file.name: load_study(file, discover()).chain.payload_kg for file in files}
     assert written == {"best-egg__5_g_-1.yaml": 0.005, "best-egg__5_g_-2.yaml": 0.006}
 
 
-def test_the_best_design_is_not_written_over_the_study(pliant, write, workplace):
+def test_the_best_design_is_not_written_over_the_study(pliant, write):
     path = write(STUDY, "best.yaml")
     call = pliant("optimize", "best.yaml", "--out", ".", "--workers", 1)
-    assert call.code == 2
-    assert "the best design would be written over best.yaml; give another --out." in call.err
+    call.refused("the best design would be written over best.yaml; give another --out.")
     assert path.read_text() == STUDY
 
 
-def test_the_history_of_a_very_long_search_is_thinned_to_its_end(optimize, read, monkeypatch):
+def test_the_history_of_a_very_long_search_is_thinned_to_its_end(found, monkeypatch):
     monkeypatch.setattr("pliant.report.search_files.MOST_ROWS", 7)
-    assert optimize("--json", "out.json", "search.verify=null").code == 0
-    result = read("out.json")
+    result = found("search.verify=null")
     rows = [row["row"] for row in result["history"]]
     assert len(rows) == 7 and (rows[0], rows[-1]) == (0, BUDGET - 1)
     assert result["history"][-1]["best"] == result["objective"]
 
 
-def test_an_objective_that_is_no_number_is_counted_and_survived(optimize, read):
-    objective = "search.objective=abs(tip_x - 10 mm) + 0 * log(task.pressure - 4 kPa)"
-    assert optimize(objective, "--json", "out.json").code == 0
-    result = read("out.json")
+def test_an_objective_that_is_no_number_is_counted_and_survived(found):
+    result = found("search.objective=abs(tip_x - 10 mm) + 0 * log(task.pressure - 4 kPa)")
     (cause,) = result["failed"]
     assert "nan" in cause
     lost = [row for row in result["history"] if row["status"] == "not_a_number"]
@@ -273,22 +225,19 @@ def test_an_objective_that_is_no_number_is_counted_and_survived(optimize, read):
 def test_nothing_feasible_exits_with_3_and_leaves_nothing_of_the_search_before(
     optimize, workplace, real_page
 ):
-    assert optimize("search.budget=6", "search.verify=null").code == 0
-    call = optimize("search.constraints=[tip_x >= 1 m]", "search.budget=6")
-    assert call.code == 3
+    optimize("search.budget=6", "search.verify=null").done()
+    call = optimize("search.constraints=[tip_x >= 1 m]", "search.budget=6").done(3)
     assert "nothing feasible was found in 6 evaluations" in call.err
     result = json.loads((workplace / "runs/toy/optimize.json").read_text())
-    assert result["best"] is None
-    assert result["report"] == "runs/toy/search.html"
+    assert (result["best"], result["report"]) == (None, "runs/toy/search.html")
     assert not (workplace / "runs/toy/best.yaml").exists()
     page = (workplace / result["report"]).read_text()
     assert "No design was found among 6 candidates: 0 refused, 0 failed, 6 simulated that break a con" in page
 
 
 def test_the_other_verbs_say_whose_keys_these_are(pliant, path):
-    call = pliant("simulate", path)
-    assert call.code == 0
-    assert "search, optimizer: for 'pliant optimize'; 'simulate' takes the study as it is" in call.err
+    said = pliant("simulate", path).done().err
+    assert "search, optimizer: for 'pliant optimize'; 'simulate' takes the study as it is" in said
 
 
 WRONG = {
@@ -316,40 +265,19 @@ WRONG = {
 @pytest.mark.parametrize("name", WRONG)
 def test_wrong_input_is_one_sentence(optimize, name, workplace):
     arguments, sentence = WRONG[name]
-    call = optimize(*arguments)
-    assert call.code == 2, call.err
-    assert sentence in call.err
+    optimize(*arguments).refused(sentence)
     written = [file.name for file in workplace.rglob("*") if file.is_file() and file.stat().st_size]
     assert written == ["study.yaml"]
 
 
-def test_no_workers(optimize):
-    call = optimize(workers="0")
-    assert call.code == 2
-    assert "workers is 0" in call.err
-
-
-def test_without_cma_the_message_says_what_to_install(optimize, monkeypatch):
+def test_wrong_workers_are_one_sentence(optimize, monkeypatch):
+    optimize(workers="0").refused("workers is 0")
+    optimize("--scheduler", "nowhere.json", workers=None).refused("nowhere.json is no scheduler's file")
     monkeypatch.setitem(sys.modules, "cma", None)
-    call = optimize()
-    assert call.code == 2
-    assert "pip install 'pliant[search]'" in call.err
+    optimize().refused("pip install 'pliant[search]'")
 
 
 @pytest.mark.skipif(not hasattr(os, "killpg"), reason="POSIX signals")
-def test_ctrl_c_ends_it_and_the_same_command_goes_on(path, workplace, read):
-    command = [sys.executable, "-m", "pliant", "optimize", str(path), "search.budget=4000", "--workers", "2"]
-    process = subprocess.Popen(command, start_new_session=True, stderr=subprocess.PIPE)
-    until = time.monotonic() + 120
-    while not list(workplace.glob(".pliant/store/search/*.partial/*.jsonl")):
-        assert time.monotonic() < until
-        time.sleep(0.05)
-    os.killpg(process.pid, signal.SIGINT)  # as a terminal does: to workers too
-    _, said = process.communicate(timeout=150)  # busy machines begin their workers slowly
-    assert process.returncode == 130, said.decode()
-    assert "run the same command to go on" in said.decode()
-    assert "Traceback" not in said.decode()
-    with pytest.raises(ProcessLookupError):
-        for _ in range(200):
-            os.killpg(process.pid, 0)
-            time.sleep(0.05)
+def test_ctrl_c_ends_it_and_the_same_command_goes_on(path, workplace):
+    arguments = ("optimize", path, "search.budget=4000", "--workers", 2)
+    interrupted(arguments, lambda: list(workplace.glob(".pliant/store/search/*.partial/*.jsonl")))

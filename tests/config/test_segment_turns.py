@@ -69,11 +69,6 @@ def test_a_turn_is_relative_to_the_modules_before_it() -> None:
     assert all(s.turn_rad is None for s in turned.as_segments())
 
 
-def test_rotations_are_told_as_they_are_written() -> None:
-    rotated = segments({"modules": 2}, {"modules": 3, "rotation": 0.85})
-    assert rotated.as_segments() == rotated.segments
-
-
 def test_turns_and_rotations_make_one_chain() -> None:
     turned = settled({"modules": 2}, {"modules": 2, "turn": 0.4}, {"modules": 1, "turn": "20 deg"})
     rotated = settled(

@@ -7,7 +7,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from ruamel.yaml import YAML
 
-from pliant.cli.best_study import write_best
+from pliant.cli.optimize import write_best
 from pliant.config.loading import StudyFile, load_study
 from pliant.config.paths import change_paths
 from pliant.config.writing import StudyDraft, _agree

@@ -15,7 +15,7 @@ from pliant.config.loading import load_study
 from pliant.config.search import SearchConfig
 from pliant.records.search import Verification
 from pliant.registry.discovery import discover
-from pliant.report.search_lines import lines
+from pliant.report.search import lines
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs/design_for_a_task.md").read_text(encoding="utf-8")

@@ -130,7 +130,7 @@ def test_the_plugin_of_the_docs_passes_conformance(tmp_path, monkeypatch):
 
 def typed_in(folder, monkeypatch, name, interface):
     """The component of a generated package, with the page's block typed over its implementation."""
-    from pliant.cli.new_plugin import create_package
+    from pliant.cli.plugins import create_package
 
     page, file = DOCS / "write_a_plugin.md", f"src/{name.replace('-', '_')}/{interface}.py"
     cls = "".join(word.capitalize() for word in name.split("-"))

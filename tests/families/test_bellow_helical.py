@@ -15,8 +15,8 @@ from pliant.records.fem import FemState, ModuleProblem
 from pliant_plugins.families.bellow.revolved import Counts, ring, sector
 from pliant_plugins.families.bellow_helical.family import BellowHelical, BellowHelicalConfig
 from pliant_plugins.families.bellow_helical.thread import rod_chord, thread_points
+from pliant_plugins.fem.config import SkfemConfig
 from pliant_plugins.fem.skfem.backend import Skfem
-from pliant_plugins.fem.skfem.config import SkfemConfig
 from pliant_plugins.materials.neo_hookean import NeoHookean, NeoHookeanConfig
 
 MU = 237e3

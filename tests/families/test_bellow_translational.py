@@ -12,8 +12,8 @@ from pliant.interfaces.fem import ModuleSolver
 from pliant.records.fem import ModuleProblem
 from pliant_plugins.families.bellow.revolved import Counts, sector
 from pliant_plugins.families.bellow_translational.family import BellowTranslational, BellowTranslationalConfig
+from pliant_plugins.fem.config import SkfemConfig
 from pliant_plugins.fem.skfem.backend import Skfem
-from pliant_plugins.fem.skfem.config import SkfemConfig
 from pliant_plugins.materials.neo_hookean import NeoHookean, NeoHookeanConfig
 
 NAMES = ("inner_radius", "average_radius", "wall", "module_length")

@@ -10,8 +10,8 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import root
 
 from pliant_plugins.families.tendon_joint.family import TendonJoint, TendonJointConfig
+from pliant_plugins.fem.config import SkfemConfig
 from pliant_plugins.fem.skfem.backend import Skfem, SkfemSolver
-from pliant_plugins.fem.skfem.config import SkfemConfig
 from pliant_plugins.manifest import TENDON_JOINT
 from pliant_plugins.materials.neo_hookean import NeoHookean, NeoHookeanConfig
 
@@ -156,8 +156,8 @@ def test_another_code_agrees() -> None:
         reason="an extra: pip install 'pliant[ngsolve]'",
         exc_type=ImportError,
     )
+    from pliant_plugins.fem.config import NgsolveConfig
     from pliant_plugins.fem.ngsolve.backend import Ngsolve
-    from pliant_plugins.fem.ngsolve.config import NgsolveConfig
 
     config = NgsolveConfig.model_validate({"tendon_force_max_n": 8.0, "order": 2})
     material = NeoHookean(NeoHookeanConfig(shear_modulus_pa=MU, poisson_ratio=NU))

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from pliant_plugins.families.tendon_joint.family import TendonJoint, TendonJointConfig
+from pliant_plugins.fem.config import SkfemConfig
 from pliant_plugins.fem.skfem.backend import Skfem, SkfemSolver
-from pliant_plugins.fem.skfem.config import SkfemConfig
 from pliant_plugins.manifest import TENDON_JOINT
 from pliant_plugins.materials.neo_hookean import NeoHookean, NeoHookeanConfig
 

@@ -12,8 +12,8 @@ from scipy.optimize import minimize_scalar
 from tests.solve_fem_states import RESULTS, solved
 
 from pliant_plugins.families.bellow_bending.family import BellowBending, BellowBendingConfig
+from pliant_plugins.fem.config import SkfemConfig
 from pliant_plugins.fem.skfem.backend import Skfem
-from pliant_plugins.fem.skfem.config import SkfemConfig
 from pliant_plugins.materials.neo_hookean import NeoHookean, NeoHookeanConfig
 
 CURVE = Path(__file__).parents[3] / "shared/data/reference/bellow_bending_fem.csv"

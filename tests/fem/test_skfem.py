@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy import sparse
 
 from pliant.errors import ContractError, UserError
 from pliant.interfaces.fem import StateNotConvergedError
@@ -15,11 +14,10 @@ from pliant.meshing.grids import grid_cells, grid_faces
 from pliant.meshing.hexahedra import boundary_faces
 from pliant.records.fem import FemState, ModuleMesh, ModuleProblem
 from pliant_plugins.families.bellow_bending.family import BellowBending, BellowBendingConfig
+from pliant_plugins.fem.config import SkfemConfig
 from pliant_plugins.fem.skfem.assembly import Assembler
 from pliant_plugins.fem.skfem.backend import Skfem, SkfemSolver
 from pliant_plugins.fem.skfem.basis import cell_data
-from pliant_plugins.fem.skfem.config import SkfemConfig
-from pliant_plugins.fem.skfem.pattern import Terms
 from pliant_plugins.materials.neo_hookean import NeoHookean, NeoHookeanConfig
 
 MU, NU = 240e3, 0.49
@@ -76,26 +74,6 @@ def states(solver: SkfemSolver) -> dict[str, FemState]:
     return {"rest": rest, "free": free, "held": solver.constrained(6e3, free.angle_rad - 0.05, free)}
 
 
-def random_point(assembler: Assembler, size: float) -> tuple[np.ndarray, np.ndarray]:
-    """An admissible x and a direction, θ and e included."""
-    rng = np.random.default_rng(4)
-    x, d = np.zeros((2, assembler.count))
-    free = assembler.pattern.free
-    x[free], d[free] = size * rng.standard_normal((2, len(free)))
-    x[-2:], d[-2:] = (0.12, 0.02), (0.3, 0.1)
-    return x, d
-
-
-def times(assembler: Assembler, terms: Terms, d: np.ndarray) -> np.ndarray:
-    """Hessian · d over the free dofs and the two globals."""
-    pattern = assembler.pattern
-    upper = sparse.csr_matrix((terms.matrix, pattern.indices, pattern.indptr), shape=(pattern.size,) * 2)
-    matrix = upper + sparse.triu(upper, 1).T
-    v = d[pattern.free]
-    border = terms.border[pattern.free]
-    return np.concatenate([matrix @ v + border @ d[-2:], border.T @ v + terms.border[-2:] @ d[-2:]])
-
-
 def uniform(assembler: Assembler, volume: float, pressure: float) -> np.ndarray:
     """What a mixed element interpolates ϑ − 1 = volume and q/K = pressure from."""
     data = assembler.cells.pressure
@@ -107,37 +85,6 @@ def uniform(assembler: Assembler, volume: float, pressure: float) -> np.ndarray:
         one[:] = 0.0
         one[data.places[:, 0]] = 1 / data.value[:, 0, 0]
     return np.concatenate([volume * one, pressure * one])
-
-
-@pytest.mark.parametrize("what", ["strain_energy", "cavity"])
-@pytest.mark.parametrize("dilatation", ["cell", "continuous", "point"])
-def test_gradient_and_hessian_against_differences(what: str, dilatation: str) -> None:
-    assembler = Assembler(box(0.03), material(), dilatation)  # type: ignore[arg-type]
-    x, d = random_point(assembler, 2e-5)
-    h = 1e-5
-    evaluate = getattr(assembler, what)
-    here, ahead, behind = evaluate(x), evaluate(x + h * d), evaluate(x - h * d)
-    assert here.gradient @ d == pytest.approx((ahead.value - behind.value) / (2 * h), rel=1e-7)
-    keep = np.append(assembler.pattern.free, [assembler.size, assembler.size + 1])
-    slope = ((ahead.gradient - behind.gradient) / (2 * h))[keep]
-    product = times(assembler, here, d)
-    assert np.linalg.norm(product - slope) < 1e-7 * np.linalg.norm(slope)
-    # the globals' rows are small in that norm
-    assert np.allclose(product[-2:], slope[-2:], rtol=1e-6)
-
-
-def test_globals_alone_against_differences() -> None:
-    """Every θ, e entry by itself: a wrong sign hides in a whole-matrix test."""
-    assembler = Assembler(box(0.03), material())
-    x, _ = random_point(assembler, 2e-5)
-    for what in (assembler.strain_energy, assembler.cavity):
-        for i in (-2, -1):
-            d, h = np.zeros_like(x), 1e-5
-            d[i] = h
-            ahead, behind, here = what(x + d), what(x - d), what(x)
-            assert here is not None and ahead is not None and behind is not None
-            slope = (ahead.gradient - behind.gradient) / (2 * h)
-            assert np.allclose(here.border[-2:, i], slope[-2:], rtol=1e-6)
 
 
 @pytest.mark.parametrize("dilatation", ["cell", "continuous", "point"])
@@ -197,16 +144,6 @@ def test_cavity_of_the_bellow_at_rest(solver: SkfemSolver, states: dict[str, Fem
     assert solver.cavity_volume(states["rest"]) == pytest.approx(bellow().geometry.cavity_volume(), rel=5e-4)
 
 
-def test_rest(solver: SkfemSolver, states: dict[str, FemState]) -> None:
-    rest = states["rest"]
-    assert (rest.actuation, rest.angle_rad, rest.status) == (0.0, 0.0, "ok")
-    assert rest.energy_j == pytest.approx(0, abs=1e-12)
-    assert rest.moment_n_m == pytest.approx(0, abs=1e-12)
-    again = solver.free(0.0, states["free"])
-    assert abs(again.angle_rad) < 1e-9
-    assert np.abs(again.solution).max() < 1e-9
-
-
 def test_signs(solver: SkfemSolver, states: dict[str, FemState]) -> None:
     """Pressure bends towards −z, the plate's side; the holding moment is positive; stable laws fall."""
     rest, free, held = states["rest"], states["free"], states["held"]
@@ -223,28 +160,6 @@ def test_signs(solver: SkfemSolver, states: dict[str, FemState]) -> None:
     assert solver.deformed_nodes(free)[end, 2].mean() < solver.problem.mesh.nodes_m[end, 2].mean()
 
 
-def test_deformed_end_sections_are_plane_and_turned(solver: SkfemSolver, states: dict[str, FemState]) -> None:
-    free, mesh = states["free"], solver.problem.mesh
-    placed = solver.deformed_nodes(free)
-    assert np.abs(placed[mesh.node_sets["start"], 0]).max() < 1e-12
-    theta = free.angle_rad / 2
-    end = placed[mesh.node_sets["end"]]
-    along = end @ np.array([np.cos(theta), 0.0, -np.sin(theta)])
-    assert np.ptp(along) < 1e-12
-    straight = solver.deformed_nodes(states["rest"])
-    assert np.allclose(straight, mesh.nodes_m, atol=1e-15)
-
-
-def test_slopes_against_converged_differences(solver: SkfemSolver, states: dict[str, FemState]) -> None:
-    held = states["held"]
-    p, u = held.actuation, held.angle_rad
-    dp, du = 20.0, 1e-3
-    up, down = (solver.constrained(p + s * dp, u, held).moment_n_m for s in (1, -1))
-    assert held.dmoment_dp == pytest.approx((up - down) / (2 * dp), rel=1e-6)
-    up, down = (solver.constrained(p, u + s * du, held).moment_n_m for s in (1, -1))
-    assert held.dmoment_du == pytest.approx((up - down) / (2 * du), rel=1e-5)
-
-
 def test_maxwell(solver: SkfemSolver, states: dict[str, FemState]) -> None:
     """∂V/∂u at constant p is ∂τ/∂p at constant u: both are −∂²Π/∂p∂u."""
     held, du = states["held"], 1e-3
@@ -253,19 +168,6 @@ def test_maxwell(solver: SkfemSolver, states: dict[str, FemState]) -> None:
         for s in (1, -1)
     )
     assert (ahead - behind) / (2 * du) == pytest.approx(held.dmoment_dp, rel=1e-5)
-
-
-def test_energy_is_the_work_put_in(solver: SkfemSolver, states: dict[str, FemState]) -> None:
-    """ΔU = ∫ p dV along the free branch, by Gauss–Legendre in p of V's slope, taken by parts."""
-    low, high = states["free"], solver.free(7e3, states["free"])
-    node, weight = np.polynomial.legendre.leggauss(3)
-    pressure = 6.5e3 + 0.5e3 * node
-    inside = sum(
-        w * 0.5e3 * solver.cavity_volume(solver.free(float(p), low))
-        for p, w in zip(pressure, weight, strict=True)
-    )
-    ends = 7e3 * solver.cavity_volume(high) - 6e3 * solver.cavity_volume(low)
-    assert high.energy_j - low.energy_j == pytest.approx(ends - inside, rel=1e-7)
 
 
 def test_only_pressure_over_modulus_matters(states: dict[str, FemState]) -> None:
@@ -286,22 +188,6 @@ def test_rotation_control_both_ways_and_back(solver: SkfemSolver, states: dict[s
     released = solver.free(6e3, back)
     assert released.angle_rad == pytest.approx(free.angle_rad, abs=1e-8)
     assert np.allclose(released.solution, free.solution, atol=1e-9)
-
-
-def test_pressure_and_angle_may_move_together(solver: SkfemSolver, states: dict[str, FemState]) -> None:
-    direct = solver.constrained(6e3, states["held"].angle_rad, states["rest"])
-    assert direct.moment_n_m == pytest.approx(states["held"].moment_n_m, rel=1e-7)
-
-
-def test_restart_from_a_saved_state(states: dict[str, FemState]) -> None:
-    held = states["held"]
-    saved = replace(held, solution=np.frombuffer(held.solution.tobytes()).copy())
-    other = backend().solver(bellow().problem(), material())
-    again = other.constrained(held.actuation, held.angle_rad, saved)
-    for name in ("moment_n_m", "dmoment_dp", "dmoment_du", "energy_j", "axial_strain"):
-        assert getattr(again, name) == pytest.approx(getattr(held, name), rel=1e-8), name
-    further = other.free(7e3, saved)
-    assert abs(further.moment_n_m) < 1e-8
 
 
 @pytest.mark.skipif(importlib.util.find_spec("pypardiso") is None, reason="pypardiso is not installed")

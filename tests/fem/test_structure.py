@@ -8,8 +8,8 @@ import pytest
 from pliant.errors import UserError
 from pliant.interfaces.fem import StateNotConvergedError, StructureSolver
 from pliant_plugins.families.bellow_bending.family import BellowBending, BellowBendingConfig
+from pliant_plugins.fem.config import SkfemConfig
 from pliant_plugins.fem.skfem.backend import Skfem
-from pliant_plugins.fem.skfem.config import SkfemConfig
 from pliant_plugins.materials.neo_hookean import NeoHookean, NeoHookeanConfig
 
 MU = 240e3

@@ -16,8 +16,8 @@ from pliant.pipeline.chain import Segment, build_chain, rod_module
 from pliant.pipeline.simulate import drawn_chains
 from pliant.records.law import JointLaw
 from pliant.testing.samples import softening_law, table_of
+from pliant_plugins.surrogates.config import TableConfig
 from pliant_plugins.surrogates.polynomial.axes import AxesLaw
-from pliant_plugins.surrogates.table.config import TableConfig
 from pliant_plugins.surrogates.table.surrogate import Table
 
 SHARES = (0.6, 1.7)

@@ -76,17 +76,6 @@ def test_a_target_moves_the_effort_by_its_size(one_axis) -> None:
     assert 0.003 < share < 0.03
 
 
-def test_states_of_role_check_and_untrusted_ones_do_not_count(one_axis) -> None:
-    designs, form, _ = one_axis
-    spoiled = []
-    for data in designs.data:
-        unseen = data.role == "check"
-        spoiled.append(replace(data, tau=np.where(unseen[:, None], 7.0, data.tau)))
-    again, _ = fit_common_form(replace(designs, data=tuple(spoiled)))
-    np.testing.assert_array_equal(again.centre, form.centre)
-    np.testing.assert_array_equal(again.directions, form.directions)
-
-
 def test_a_design_with_few_states_follows_the_others(one_axis) -> None:
     """Of one design all but five states are gone: the population fills in what they leave open."""
     designs, _, _ = one_axis
@@ -126,15 +115,6 @@ def test_laws_of_any_targets_are_stable(one_axis, three_axes) -> None:
             place = form.parameters(values[None])
             moved += bool(np.any(form._stable(place[0], wild, form._box(place)) != wild))
     assert moved > 0
-
-
-def test_a_record_gives_the_same_bits(three_axes) -> None:
-    designs, form, targets = three_axes
-    again = CommonForm.of_record(*form.record())
-    one, two = (f.law(designs.values[2], targets[2]) for f in (form, again))
-    p, u = np.linspace(0, 15e3, 7), np.linspace(-0.1, 0.2, 21).reshape(7, 3)
-    np.testing.assert_array_equal(one.evaluate(p, u).tau, two.evaluate(p, u).tau)
-    np.testing.assert_array_equal(one.domain.deformation, two.domain.deformation)
 
 
 def test_the_nearest_stable_coefficients_are_the_projection() -> None:

@@ -22,20 +22,18 @@ from pliant.testing.solved_samples import (
     solved_spherical_designs,
     unseen_designs,
 )
-from pliant_plugins.meta_models.coefficients.config import CoefficientsConfig
-from pliant_plugins.meta_models.coefficients.model import (
+from pliant_plugins.meta_models import networks
+from pliant_plugins.meta_models.coefficients import (
     CoefficientLaws,
     Coefficients,
     law_of_targets,
     study_targets,
 )
+from pliant_plugins.meta_models.config import CoefficientsConfig, NeuralMetaConfig
 from pliant_plugins.meta_models.networks import Layers
-from pliant_plugins.meta_models.neural.config import NeuralMetaConfig
-from pliant_plugins.meta_models.neural.laws import EnergyLaws
-from pliant_plugins.meta_models.neural.model import NeuralMetaModel
-from pliant_plugins.meta_models.neural.ridges import RidgeFamily
-from pliant_plugins.meta_models.neural.states import ScaledStates
-from pliant_plugins.surrogates.neural.config import NeuralConfig
+from pliant_plugins.meta_models.neural import EnergyLaws, NeuralMetaModel
+from pliant_plugins.meta_models.ridges import RidgeFamily, ScaledStates
+from pliant_plugins.surrogates.config import NeuralConfig
 from pliant_plugins.surrogates.neural.law import NeuralLaw
 from pliant_plugins.surrogates.neural.surrogate import Neural
 
@@ -96,7 +94,7 @@ def test_a_mirrored_energy_does_not_see_the_sign_of_the_side_axes() -> None:
 @pytest.mark.parametrize("mirror", [(1.0, 1.0, 1.0), (-1.0, 1.0, -1.0)])
 def test_what_is_trained_is_what_is_evaluated(mirror: tuple[float, ...]) -> None:
     torch = pytest.importorskip("torch")
-    from pliant_plugins.meta_models.neural.training import _Misfit
+    from pliant_plugins.meta_models.ridges import _Misfit
 
     family = random_family(3, np.array(mirror))
     random = np.random.default_rng(2)
@@ -177,9 +175,7 @@ def test_an_energy_that_is_unstable_for_a_design_is_stiffened(designs: SolvedDes
 
 def test_the_studys_torques_make_stable_laws(designs: SolvedDesigns, monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("torch")
-    from pliant_plugins.meta_models import network_training
-
-    monkeypatch.setattr(network_training, "ADAM_STEPS", 400)
+    monkeypatch.setattr(networks, "ADAM_STEPS", 400)
     laws = NeuralMetaModel(NeuralMetaConfig(activation="relu", units=24)).fit(designs).laws
     for values in unseen_designs(3):
         truth, law = sample_law(values), laws.law(values)
@@ -191,7 +187,7 @@ def test_the_studys_torques_make_stable_laws(designs: SolvedDesigns, monkeypatch
 
 def test_torch_is_imported_for_training_alone() -> None:
     code = (
-        "import sys, pliant_plugins.meta_models.neural.model, pliant_plugins.meta_models.coefficients.model;"
+        "import sys, pliant_plugins.meta_models.neural, pliant_plugins.meta_models.coefficients;"
         "sys.exit('torch' in sys.modules)"
     )
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

@@ -7,16 +7,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pliant.errors import UserError
-from pliant.testing.solved_samples import RANGE, grid, sample_law, solved_designs, unseen_designs
-from pliant_plugins.meta_models.regression.closed_forms import (
+from pliant.testing.solved_samples import RANGE, grid, solved_designs, unseen_designs
+from pliant_plugins.meta_models.config import RegressionConfig
+from pliant_plugins.meta_models.regression import (
+    GaussianProcesses,
+    Regression,
+    RegressionLaws,
+    _fitted,
     fit_kernel_ridge,
     fit_polynomial,
     legendre_products,
 )
-from pliant_plugins.meta_models.regression.config import RegressionConfig
-from pliant_plugins.meta_models.regression.gaussian_process import GaussianProcesses, _fitted
-from pliant_plugins.meta_models.regression.model import Regression, RegressionLaws
 
 pytest.importorskip("sklearn", reason="needs scikit-learn")
 
@@ -32,13 +33,6 @@ def _sample(n: int = 24, seed: int = 1) -> tuple[np.ndarray, np.ndarray]:
 @pytest.fixture(scope="module")
 def processes() -> GaussianProcesses:
     return GaussianProcesses.fit(*_sample())
-
-
-@pytest.fixture(scope="module")
-def laws() -> RegressionLaws:
-    found = Regression(RegressionConfig()).fit(solved_designs()).laws
-    assert isinstance(found, RegressionLaws)
-    return found
 
 
 @pytest.mark.parametrize("rough", [False, True])
@@ -108,33 +102,23 @@ def test_polynomials_and_kernel_ridge_are_scored_by_refitting_without_a_design()
     assert np.abs(missed).max() < 1e-3 * np.ptp(cubic)
 
 
-def test_designs_between_solved_ones_are_right(laws: RegressionLaws) -> None:
-    for values in unseen_designs():
-        truth, law = sample_law(values), laws.law(values)
-        p, u = np.linspace(0, 15e3, 40), np.linspace(*truth.domain.deformation[0], 40)[::-1, None]
-        wanted = truth.evaluate(p, u).tau
-        assert np.abs(law.evaluate(p, u).tau - wanted).max() < 0.005 * np.ptp(wanted)
-
-
 @pytest.mark.parametrize("regressor", ["gaussian_process", "kernel_ridge", "polynomial"])
-def test_records_give_the_same_bits(regressor: str) -> None:
+def test_each_regressor_is_taken_and_recorded(regressor: str) -> None:
     model = Regression(RegressionConfig.model_validate({"regressor": regressor}))
     fitted = model.fit(solved_designs((3, 3)))
     assert fitted.details["regressor"] == regressor
-    again = model.load(fitted.laws.record())
-    values, at = unseen_designs(1)[0], (np.array([0.0, 7e3]), np.array([[0.1], [0.3]]))
+    again, values = model.load(fitted.laws.record()), unseen_designs(1)
     assert isinstance(again, RegressionLaws) and isinstance(fitted.laws, RegressionLaws)
-    np.testing.assert_array_equal(
-        again.law(values).evaluate(*at).tau, fitted.laws.law(values).evaluate(*at).tau
-    )
-    over = unseen_designs()
-    np.testing.assert_array_equal(again.gain(over, over), fitted.laws.gain(over, over))
+    assert (again.smoother is None) == (regressor == "gaussian_process")
+    np.testing.assert_array_equal(again.targets(values), fitted.laws.targets(values))
 
 
-def test_auto_takes_the_smallest_error_on_designs_left_out(laws: RegressionLaws) -> None:
-    details = Regression(RegressionConfig()).fit(solved_designs()).details
-    assert details["regressor"] == min(details["left_out"], key=details["left_out"].get)
-    assert (laws.smoother is None) == (details["regressor"] == "gaussian_process")
+def test_auto_takes_the_smallest_error_on_designs_left_out() -> None:
+    fitted = Regression(RegressionConfig()).fit(solved_designs((3, 3)))
+    assert isinstance(fitted.laws, RegressionLaws)
+    chosen, left_out = fitted.details["regressor"], fitted.details["left_out"]
+    assert chosen == min(left_out, key=left_out.get)
+    assert (fitted.laws.smoother is None) == (chosen == "gaussian_process")
 
 
 def test_gain_and_doubt_are_largest_where_nothing_is_solved() -> None:
@@ -148,10 +132,3 @@ def test_gain_and_doubt_are_largest_where_nothing_is_solved() -> None:
     assert gain[0] > 5 * max(gain[1:])
     doubt = laws.doubt(candidates)
     assert np.argmax(doubt) == 0
-
-
-def test_too_few_designs_say_how_many_are_needed() -> None:
-    designs = solved_designs((2, 2))
-    few = designs.rows(np.array([True, True, True, False]))
-    with pytest.raises(UserError, match="needs at least 4 designs for 2 parameters"):
-        Regression(RegressionConfig()).fit(few)

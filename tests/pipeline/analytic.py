@@ -1,4 +1,4 @@
-"""Modules whose potential is a sum of products of plain functions, so that every derivative is exact."""
+"""Modules whose potential is a sum of products of plain functions, so that every derivative is exact; sampled."""
 
 from __future__ import annotations
 
@@ -8,7 +8,10 @@ from itertools import product
 
 import numpy as np
 
-from pliant.interfaces.fem import ModuleSolver, StateNotConvergedError
+from pliant.execution.progress import Silent
+from pliant.interfaces.fem import FemConfig, ModuleSolver, StateNotConvergedError
+from pliant.pipeline.sampling.plan import sample
+from pliant.pipeline.sampling.walk import Piece, Sampling
 from pliant.records.fem import FemState
 
 Function = Callable[[float, int], float]  # of x and the order of the derivative
@@ -150,3 +153,54 @@ def helix(coupled: float = 0.4, one_sided: float = 0.0) -> Potential:
         (0.15, (one, power(1), power(1), power(1))),
         (one_sided, (p, one, one, power(3))),
     )
+
+
+def line(stiffness: float, gain: float = 1.0) -> Potential:
+    """τ = gain · p − stiffness · u."""
+    return Potential((stiffness / 2, (power(0), power(2))), (-gain, (power(1), power(1))))
+
+
+class Counting(Silent):
+    """A bar that is never behind its count; notes."""
+
+    def __init__(self) -> None:
+        self.notes: list[str] = []
+
+    def begin(self, title, total, done=0):
+        self.total, self.count = total, done
+        return self
+
+    def advance(self, steps=1):
+        self.count += steps
+
+    def expect(self, total):
+        self.total = total
+        assert total >= self.count
+
+    def note(self, text):
+        self.notes.append(text)
+
+
+def config(**changes: object) -> FemConfig:
+    settings = {"kind": "any", "pressure_max_pa": 1.0, "error": 1e-3, "check_states": 4, **changes}
+    return FemConfig.model_validate(settings)
+
+
+def sampled(solver, folder, progress=None, loads=None, limits=(-math.inf, math.inf), **changes) -> Sampling:
+    """The sampling of one axis by this solver."""
+    folder.mkdir(exist_ok=True)
+    settings = config(**changes)
+    piece = Piece("main", solver, ("y",), "y", limits)
+    return sample([piece], settings, settings.pressure_max_pa, folder, progress or Silent(), loads)
+
+
+def full_and_main(potential: Potential, folder, stop_after=10**9, loads=None, **changes):
+    """The sampling of `helix`-like modules of three axes, and the solvers of the main piece and of the full one."""
+    folder.mkdir(exist_ok=True)
+    # The main axis alone, the others at zero.
+    alone = ((c * f[1](0.0, 0) * f[3](0.0, 0), (f[0], f[2])) for c, f in potential.terms)
+    main, full = Analytic(Potential(*alone)), Analytic(potential, ("x", "y", "z"), stop_after=stop_after)
+    pieces = [Piece("main", main, ("y",), "y"), Piece("full", full, ("x", "y", "z"), "y")]
+    settings = {"kind": "any", "pressure_max_pa": 1.0, "error": 2e-3, **changes}
+    done = sample(pieces, FemConfig.model_validate(settings), 1.0, folder, Silent(), loads)
+    return done, main, full

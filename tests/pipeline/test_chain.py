@@ -1,13 +1,10 @@
 """Modules become a chain: frames, masses, segments, base poses (docs/conventions.md)."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from pliant.config.chain import BaseConfig, ChainConfig
 from pliant.errors import UserError
-from pliant.mechanics.kinematics import ChainGeometry
 from pliant.mechanics.statics import ChainStatics, Loads
 from pliant.pipeline.chain import Module, Segment, base_rotation, build_chain, rod_module
 from pliant.records.design import MassProperties, ModuleMass
@@ -33,14 +30,6 @@ def chain_of(modules=3, length=0.01, mass=0.002, **config):
     return build_chain(settings, [Segment(rod_module(Spring(), length, mass), modules, 0.0)])
 
 
-def test_pieces_are_half_whole_whole_half():
-    chain = chain_of(3)
-    assert [j.offset_m[0] for j in chain.joints] == pytest.approx([0.005, 0.01, 0.01])
-    assert chain.tip_offset_m == pytest.approx([0.005, 0, 0])
-    assert chain.length_m == pytest.approx(0.03)
-    assert len(chain.bodies) == 4
-
-
 def test_masses_add_up_and_a_body_of_two_halves_is_a_rod():
     chain = chain_of(3)
     assert sum(b.mass_kg for b in chain.bodies) == pytest.approx(0.006)
@@ -63,50 +52,6 @@ def test_direction_is_where_the_chain_points(direction):
     assert rotation @ X == pytest.approx(np.array(direction) / np.linalg.norm(direction))
     assert rotation.T @ rotation == pytest.approx(np.eye(3))
     assert np.linalg.det(rotation) == pytest.approx(1.0)
-
-
-def test_up_is_a_half_turn_about_world_y():
-    rotation = base_rotation(BaseConfig(direction=(0, 0, 1)))
-    assert rotation @ Y == pytest.approx(-Y)
-    assert rotation @ Z == pytest.approx(X)
-
-
-def test_roll_turns_about_the_chain_axis():
-    plain = base_rotation(BaseConfig(direction=(1, 0, 0)))
-    rolled = base_rotation(BaseConfig.model_validate({"direction": (1, 0, 0), "roll": "90 deg"}))
-    assert rolled @ X == pytest.approx(plain @ X)
-    assert rolled @ Y == pytest.approx(plain @ Z)
-
-
-def test_quaternion_is_w_x_y_z():
-    half_turn_about_z = base_rotation(BaseConfig(quaternion=(0, 0, 0, 2)))
-    assert half_turn_about_z == pytest.approx(np.diag([-1.0, -1.0, 1.0]))
-
-
-def test_segment_rotations_are_relative_to_the_base():
-    module = rod_module(Spring(), 0.01, 0.002)
-    config = ChainConfig.model_validate({"segments": [{"modules": 2}, {"modules": 1}, {"modules": 1}]})
-    chain = build_chain(config, [Segment(module, 2, 0.3), Segment(module, 1, 1.0), Segment(module, 1, 0.4)])
-    turns = [np.arctan2(j.rest_rotation[2, 1], j.rest_rotation[1, 1]) for j in chain.joints]
-    assert turns == pytest.approx([0.3, 0.0, 0.7, -0.6])
-
-
-def test_a_rotated_segment_keeps_its_masses_in_its_own_frame():
-    rod = rod_module(Spring(), 0.01, 0.002)
-    heavy = replace(
-        rod, mass=ModuleMass(*(m.shifted(np.array([0, 0, 0.003])) for m in (rod.mass.start, rod.mass.end)))
-    )
-    config = ChainConfig(modules=2)
-    chain = build_chain(config, [Segment(heavy, 1, 0.0), Segment(heavy, 1, np.pi)])
-    middle = chain.bodies[1]
-    assert middle.com_m[2] == pytest.approx(0.0, abs=1e-12), "end half of one, turned start half of the other"
-    assert chain.bodies[2].com_m[2] == pytest.approx(0.003)
-
-
-def test_markers_at_rest_lie_on_the_chain():
-    chain = chain_of(3, base={"position": [0, 0, 1]})
-    markers = ChainGeometry.of(chain).markers(np.zeros((3, 1)))
-    assert markers[:, 2] == pytest.approx(1 - np.array([0, 0.005, 0.015, 0.025, 0.03]))
 
 
 @pytest.mark.parametrize(
@@ -215,3 +160,12 @@ def test_mass_beside_the_hinge_line_swings_under_it():
         chain = build_chain(config, segments)
         weight = ChainStatics(chain).residual(np.zeros((2, 1)), Loads.unactuated(chain))
         assert np.all(sign * weight > 0)
+
+
+def test_roll_turns_about_the_chain_axis_and_a_quaternion_is_w_x_y_z():
+    plain = base_rotation(BaseConfig(direction=(1, 0, 0)))
+    rolled = base_rotation(BaseConfig.model_validate({"direction": (1, 0, 0), "roll": "90 deg"}))
+    assert rolled[:, :2] == pytest.approx(plain[:, [0, 2]])
+    up = base_rotation(BaseConfig(direction=(0, 0, 1)))  # a half turn about world y
+    assert up[:, 1:] == pytest.approx(np.column_stack([-Y, X]))
+    assert base_rotation(BaseConfig(quaternion=(0, 0, 0, 2))) == pytest.approx(np.diag([-1.0, -1.0, 1.0]))

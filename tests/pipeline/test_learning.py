@@ -21,13 +21,12 @@ from pliant.pipeline.learning import (
     with_checks,
 )
 from pliant.pipeline.residuals import Residuals, as_scored, module_of, module_of_axes
-from pliant.pipeline.surrogate import evaluations_per_second
 from pliant.pipeline.workbench import Workbench
 from pliant.records.fem import ModuleData
 from pliant.registry.discovery import discover
 from pliant.store.store import ArtifactStore
 from pliant.testing.samples import linear_law, softening_law, table_of
-from pliant_plugins.surrogates.polynomial.config import PolynomialConfig
+from pliant_plugins.surrogates.config import PolynomialConfig
 from pliant_plugins.surrogates.polynomial.surrogate import Polynomial
 
 
@@ -49,18 +48,6 @@ def test_an_order_is_spread_from_its_beginning() -> None:
     assert np.array_equal(order, spread_order(places, one, seed=0))
     other = spread_order(places, one, seed=1)
     assert not np.array_equal(order, other) and sorted(other) == list(range(25))
-
-
-def test_axes_take_turns() -> None:
-    places = np.random.default_rng(0).random((12, 3))
-    groups = np.array(["y"] * 8 + ["x"] * 4)
-    order = spread_order(places, groups, seed=0)
-    assert groups[order][:8].tolist() == ["y", "x"] * 4
-
-
-def test_sizes_grow_by_the_root_of_two_to_all_states() -> None:
-    assert subset_sizes(30) == [4, 6, 8, 11, 16, 23, 30]
-    assert subset_sizes(4) == [4]
 
 
 def test_errors_fall_to_nothing_for_a_law_of_the_surrogates_own_form() -> None:
@@ -103,12 +90,6 @@ def test_slopes_are_blanked_and_check_states_never_fitted() -> None:
     for few, more in pairwise(with_slopes):
         states = [set(map(tuple, np.column_stack([m.actuation, m.deformation]))) for m in (few, more)]
         assert states[0] <= states[1]
-
-
-def test_data_without_slopes_have_one_curve() -> None:
-    module = data()
-    blank = replace(module, dtau_dp=module.dtau_dp * np.nan, dtau_du=module.dtau_du * np.nan)
-    assert {p["slopes"] for p in learning_curve(polynomial(), blank)["points"]} == {WITHOUT}
 
 
 def test_states_needed_are_those_from_which_on_all_are_good() -> None:
@@ -187,9 +168,12 @@ def test_the_scored_states_of_a_table_are_found_again() -> None:
     ).worst == (pytest.approx(report.worst_of_range, rel=1e-9))
 
 
-def test_speed_is_counted_in_evaluations() -> None:
-    assert 1e3 < evaluations_per_second(softening_law(), count=500) < 1e10
-
-
 def box(axes: int) -> np.ndarray:
     return np.tile([-np.inf, np.inf], (1 + axes, 1))
+
+
+def test_axes_take_turns_and_sizes_grow_by_the_root_of_two_to_all_states() -> None:
+    groups = np.array(["y"] * 8 + ["x"] * 4)
+    order = spread_order(np.random.default_rng(0).random((12, 3)), groups, seed=0)
+    assert groups[order][:8].tolist() == ["y", "x"] * 4
+    assert (subset_sizes(30), subset_sizes(4)) == ([4, 6, 8, 11, 16, 23, 30], [4])

@@ -35,38 +35,6 @@ def test_a_sweep_and_its_table_hold_the_same_designs(tmp_path):
     assert all(np.array_equal(a.tau, b.tau) for a, b in zip(found.data, other.data, strict=True))
 
 
-def test_a_refused_design_is_left_out_and_counted(tmp_path):
-    found = from_sweep(bench.solved(tmp_path, "{radius: [4 mm, 9 mm], length: [8 mm, 9.5 mm]}"))
-    assert len(found.designs) == 3
-    assert found.left_out == 1
-
-
-def test_a_material_constant_may_vary(tmp_path):
-    found = from_sweep(
-        bench.solved(tmp_path, "{radius: [4 mm, 5 mm], material.shear_modulus: [200 kPa, 300 kPa]}")
-    )
-    assert found.designs.names == ("radius_m", "material.shear_modulus_pa")
-
-
-def test_a_parameter_that_is_no_number_cannot_vary(tmp_path):
-    with pytest.raises(UserError, match="'defect' is 'none', but it varies"):
-        from_sweep(bench.solved(tmp_path, "{radius: [4 mm, 5 mm], defect: [none, some_states]}"))
-
-
-def test_nothing_varies(tmp_path):
-    with pytest.raises(UserError, match="the designs do not differ.*radius_m has one value"):
-        from_sweep(bench.solved(tmp_path, "{radius: [4 mm]}"))
-
-
-def test_rounding_of_a_table_is_no_difference():
-    designs = samples((2, 2))
-    constants, data, labels = parts(designs)
-    constants[1] = {**constants[1], "module_length_m": constants[1]["module_length_m"] * (1 + 1e-9)}
-    found, doubles = assembled("sample", constants, data, labels, "here")
-    assert found.names == designs.names
-    assert doubles == 0
-
-
 def test_doubles_that_agree_count_once_and_doubles_that_contradict_are_refused():
     constants, data, labels = parts(samples((2, 2)))
     constants, labels = [*constants, constants[1]], [*labels, "design 4"]
@@ -77,48 +45,12 @@ def test_doubles_that_agree_count_once_and_doubles_that_contradict_are_refused()
         assembled("sample", constants, [*data, other], labels, "here")
 
 
-def test_designs_of_different_joints_are_refused():
-    constants, data, labels = parts(samples((2, 2)))
-    data[2] = solved_spherical_designs((2, 2)).data[2]
-    with pytest.raises(UserError, match="joint of design 2 is spherical, of design 0 revolute"):
-        assembled("sample", constants, data, labels, "here")
-
-
-def test_a_design_without_a_trusted_state_is_refused():
-    constants, data, labels = parts(samples((2, 2)))
-    data[3] = replace(data[3], status=np.full(len(data[3]), "self_contact"))
-    with pytest.raises(UserError, match="design 3 has no trusted state"):
-        assembled("sample", constants, data, labels, "here")
-
-
-def test_an_empty_table(tmp_path):
-    path = tmp_path / "fem.csv"
-    path.write_text("")
-    with pytest.raises(UserError, match="the table is empty"):
-        from_table(path, "springs")
-
-
-def test_a_table_without_columns_of_parameters(tmp_path):
-    lines = [line.split(",") for line in bench.table(tmp_path).read_text().splitlines()]
-    keep = [i for i, name in enumerate(lines[0]) if name not in ("radius_m", "length_m")]
-    path = tmp_path / "bare.csv"
-    path.write_text("\n".join(",".join(row[i] for i in keep) for row in lines))
-    with pytest.raises(UserError, match="needs columns of parameters, such as average_radius_m"):
-        from_table(path, "springs")
-
-
 def test_a_table_of_another_family_is_told_by_its_columns(tmp_path):
     path = bench.table(tmp_path)
     path.write_text(path.read_text().replace("radius_m", "bore_m"))
     opened = bench.opened(tmp_path, data=path)
     with pytest.raises(UserError, match="'bore_m' varies between its designs, and it is not a parameter"):
         solved_designs(opened.bench, opened.study)
-
-
-def test_a_study_without_designs(tmp_path):
-    opened = bench.opened(tmp_path, (", data: TABLE".replace("TABLE", str(tmp_path / "fem.csv")), ""))
-    with pytest.raises(UserError, match="needs solved designs: give the study a 'sweep' block"):
-        api.meta_model(opened)
 
 
 def test_designs_have_the_numbers_of_the_table_and_a_parameter_that_is_missing_is_thought_of(tmp_path):
@@ -132,9 +64,53 @@ def test_designs_have_the_numbers_of_the_table_and_a_parameter_that_is_missing_i
         from_table(path, "springs")
 
 
-def test_a_study_with_a_meta_model_needs_a_family(tmp_path):
-    path = bench.unseen(tmp_path)
-    lines = [line for line in path.read_text().splitlines() if not line.startswith("family")]
-    path.write_text("\n".join(lines))
+def test_a_refused_design_is_counted_and_a_material_constant_may_vary(tmp_path):
+    sweep = "{radius: [4 mm, 9 mm], length: [8 mm, 9.5 mm], material.shear_modulus: [200 kPa, 300 kPa]}"
+    found = from_sweep(bench.solved(tmp_path, sweep))
+    assert (len(found.designs), found.left_out) == (6, 2)
+    assert found.designs.names == ("radius_m", "length_m", "material.shear_modulus_pa")
+
+
+@pytest.mark.parametrize(
+    ("sweep", "sentence"),
+    [
+        ("{radius: [4 mm, 5 mm], defect: [none, some_states]}", "'defect' is 'none', but it varies"),
+        ("{radius: [4 mm]}", "the designs do not differ.*radius_m has one value"),
+    ],
+)
+def test_sweeps_that_teach_nothing(tmp_path, sweep, sentence):
+    with pytest.raises(UserError, match=sentence):
+        from_sweep(bench.solved(tmp_path, sweep))
+
+
+def test_designs_that_do_not_belong_together():
+    constants, data, labels = parts(samples((2, 2)))
+    near = [constants[0], {**constants[1], "module_length_m": constants[1]["module_length_m"] * (1 + 1e-9)}]
+    _, doubles = assembled("sample", [*near, *constants[2:]], data, labels, "here")
+    assert doubles == 0, "rounding of a table is no difference"
+    spherical = [*data[:2], solved_spherical_designs((2, 2)).data[2], data[3]]
+    with pytest.raises(UserError, match="joint of design 2 is spherical, of design 0 revolute"):
+        assembled("sample", constants, spherical, labels, "here")
+    touching = [*data[:3], replace(data[3], status=np.full(len(data[3]), "self_contact"))]
+    with pytest.raises(UserError, match="design 3 has no trusted state"):
+        assembled("sample", constants, touching, labels, "here")
+
+
+def test_tables_and_studies_without_designs(tmp_path):
+    path = bench.table(tmp_path)
+    rows = [line.split(",") for line in path.read_text().splitlines()]
+    bare = tmp_path / "bare.csv"
+    for text, sentence in (
+        ("", "is empty"),
+        ("\n".join(",".join(r[:5] + r[7:]) for r in rows), "columns of param"),
+    ):
+        bare.write_text(text)
+        with pytest.raises(UserError, match=sentence):
+            from_table(bare, "springs")
+    with pytest.raises(UserError, match="needs solved designs: give the study a 'sweep' block"):
+        api.meta_model(bench.opened(tmp_path, (f", data: {path}", "")))
+    study = bench.unseen(tmp_path)
+    lines = [line for line in study.read_text().splitlines() if not line.startswith("family")]
+    study.write_text("\n".join(lines))
     with pytest.raises(UserError, match="no 'family' block; a meta-model needs one"):
-        api.simulate(api.open_study(path, store=tmp_path / "store"))
+        api.simulate(api.open_study(study, store=tmp_path / "store"))

@@ -4,28 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from tests.pipeline.analytic import Analytic, Potential, bellow, power
+from tests.pipeline.analytic import Analytic, Counting, Potential, bellow, line
+from tests.pipeline.analytic import sampled as run
 
 from pliant.errors import NotReachedError
-from pliant.execution.progress import Silent
-from pliant.interfaces.fem import FemConfig
 from pliant.pipeline.sampling.adaptive import Box, interpolated, law_view
-from pliant.pipeline.sampling.plan import sample
-from pliant.pipeline.sampling.walk import Piece, Sampling
+from pliant.pipeline.sampling.walk import Sampling
 
 LIMIT = 1.0
-
-
-def config(**changes: object) -> FemConfig:
-    return FemConfig.model_validate(
-        {"kind": "any", "pressure_max_pa": LIMIT, "error": 1e-3, "check_states": 4, **changes}
-    )
-
-
-def run(solver, folder, progress=None, **changes: object) -> Sampling:
-    folder.mkdir(exist_ok=True)
-    piece = Piece("main", solver, ("y",), "y")
-    return sample([piece], config(**changes), LIMIT, folder, progress or Silent())
 
 
 def fitted(sampling: Sampling):
@@ -86,27 +72,13 @@ def test_the_box_has_its_corners(tmp_path):
     assert {(0.0, -0.5), (LIMIT, -0.5), (0.0, 1.2), (LIMIT, 1.2), (0.0, 0.0)} <= places
 
 
-class Bar(Silent):
-    def begin(self, title, total, done=0):
-        self.total, self.count, self.totals = total, done, [total]
-        return self
-
-    def advance(self, steps=1):
-        self.count += steps
-
-    def expect(self, total):
-        self.total = total
-        self.totals.append(total)
-        assert total >= self.count
-
-
 @pytest.mark.parametrize("after", [0, 1, 5, 9, 12])
 def test_an_interrupted_sampling_solves_nothing_twice(tmp_path, after):
     whole = run(Analytic(bellow(2)), tmp_path / "whole")
     first = Analytic(bellow(2), stop_after=after)
     with pytest.raises(KeyboardInterrupt):
         run(first, tmp_path / "part")
-    second, bar = Analytic(bellow(2)), Bar()
+    second, bar = Analytic(bellow(2)), Counting()
     resumed = run(second, tmp_path / "part", bar)
     assert not set(first.solved) & set(second.solved)
     assert bar.count == bar.total == len(whole.solved)
@@ -157,8 +129,7 @@ def test_what_cannot_be_reached_in_max_states_is_said(tmp_path):
 
 
 def test_free_steps_grow_on_a_straight_curve(tmp_path):
-    line = Potential((0.5, (power(0), power(2))), (-0.4, (power(1), power(1))))
-    sampling = run(Analytic(line), tmp_path)
+    sampling = run(Analytic(line(1.0, 0.4)), tmp_path)
     free = [s.state.actuation for s in sampling.solved if s.target.branch == "free"]
     assert free[-1] == LIMIT
     assert np.all(np.diff(np.diff(free)) >= -1e-12)

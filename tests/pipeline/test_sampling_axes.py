@@ -4,34 +4,18 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from tests.pipeline.analytic import Analytic, Potential, helix
+from tests.pipeline.analytic import full_and_main, helix
 
-from pliant.execution.progress import Silent
-from pliant.interfaces.fem import FemConfig
 from pliant.pipeline.dataset import module_rows
-from pliant.pipeline.sampling.plan import sample
-from pliant.pipeline.sampling.walk import Piece
 from pliant.records.design import Design
 from pliant.records.fem import ModuleData
 
 AXES = ("x", "y", "z")
-LIMIT = 1.0
-
-
-def alone(full: Potential) -> Potential:
-    """The main axis of a module of three, the others at zero."""
-    return Potential(*((c * f[1](0.0, 0) * f[3](0.0, 0), (f[0], f[2])) for c, f in full.terms))
 
 
 def run(folder, potential, **changes: object):
-    folder.mkdir(exist_ok=True)
-    config = FemConfig.model_validate({"kind": "any", "pressure_max_pa": 1.0, "error": 2e-3, **changes})
-    full = Analytic(potential, AXES)
-    pieces = [
-        Piece("main", Analytic(alone(potential)), ("y",), "y"),
-        Piece("full", full, AXES, "y"),
-    ]
-    return sample(pieces, config, LIMIT, folder, Silent()), full
+    sampling, _, full = full_and_main(potential, folder, **changes)
+    return sampling, full
 
 
 def data(sampling) -> ModuleData:
@@ -130,19 +114,12 @@ def test_rows_of_the_main_axis_alone_say_what_they_do_not_know(tmp_path):
 
 
 def test_an_interrupted_sampling_of_several_axes_solves_nothing_twice(tmp_path):
-    whole, _ = run(tmp_path / "whole", helix())
-    (tmp_path / "part").mkdir()
-    config = FemConfig(kind="any", pressure_max_pa=1.0, error=2e-3)
-
-    def pieces(stop_after: int):
-        solvers = [Analytic(alone(helix())), Analytic(helix(), AXES, stop_after=stop_after)]
-        return solvers, [Piece("main", solvers[0], ("y",), "y"), Piece("full", solvers[1], AXES, "y")]
-
-    first, interrupted = pieces(7)
+    whole, _, _ = full_and_main(helix(), tmp_path / "whole")
     with pytest.raises(KeyboardInterrupt):
-        sample(interrupted, config, LIMIT, tmp_path / "part", Silent())
-    second, again = pieces(10**9)
-    resumed = sample(again, config, LIMIT, tmp_path / "part", Silent())
-    assert second[0].solved == []
-    assert not set(first[1].solved) & set(second[1].solved)
+        full_and_main(helix(), tmp_path / "part", stop_after=7)
+    resumed, main, full = full_and_main(helix(), tmp_path / "part")
+    assert (
+        main.solved == []
+        and len(full.solved) == len([s for s in whole.solved if s.target.piece == "full"]) - 7
+    )
     assert [s.target for s in resumed.solved] == [s.target for s in whole.solved]

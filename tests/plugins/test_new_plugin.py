@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from pliant.cli.new_plugin import EXAMPLES, create_package
+from pliant.cli.plugins import EXAMPLES, create_package
 from pliant.errors import UserError
 
 

@@ -22,7 +22,7 @@ from pliant.records.search import (
     Verification,
 )
 from pliant.records.shape import Shape
-from pliant.report.search_folder import DrawnDesign
+from pliant.report.search_files import DrawnDesign
 from pliant.testing.samples import sample_chain
 
 RADIUS = VariableRecord("family.average_radius", ("family.average_radius",), "real", 6e-3, 8e-3, (), "m")

@@ -23,7 +23,6 @@ from pliant.records.law import Domain
 from pliant.registry.discovery import discover
 from pliant.report.document import page_table
 from pliant.report.figures.error_bars import coverage_picture
-from pliant.report.figures.law_errors import residual_map, slope_map
 from pliant.report.fit import (
     fit_document,
     fit_sentence,
@@ -32,7 +31,7 @@ from pliant.report.fit import (
     fitted_law,
     stored_fit_page,
 )
-from pliant.report.fit_page import bar_section, comparison_section
+from pliant.report.fit_page import bar_section, comparison_section, residual_map, slope_map
 from pliant.report.fit_tables import (
     SURROGATES,
     axes_table,
@@ -49,7 +48,7 @@ from pliant.store.store import ArtifactStore
 from pliant.tabular.fem_writing import write_table
 from pliant.testing.samples import barred_law, linear_law, softening_law, table_of
 from pliant.testing.solved_samples import solved_designs, solved_spherical_designs, spherical_sample_law
-from pliant_plugins.surrogates.polynomial.config import PolynomialConfig
+from pliant_plugins.surrogates.config import PolynomialConfig
 from pliant_plugins.surrogates.polynomial.surrogate import Polynomial
 
 BOX = Domain(np.array([0.0, 15e3]), np.array([[-0.2, 0.45]]))

@@ -22,20 +22,20 @@ from pliant.records.design import Array
 from pliant.records.law import JointLaw
 from pliant.records.solved import SolvedDesigns
 from pliant.report.document import Document, page_table
-from pliant.report.figures.designs import design_errors, parity_picture
 from pliant.report.meta import meta_sentence, meta_warnings
-from pliant.report.meta_page import meta_drawn
-from pliant.report.meta_tables import (
+from pliant.report.meta_page import design_errors, meta_drawn, parity_picture
+from pliant.report.meta_view import (
     SCORES,
     WORTH,
+    MetaFitted,
     cost_table,
     coverage_table,
     learning_table,
     next_table,
+    parameter_unit,
     score_rows,
     worst_table,
 )
-from pliant.report.meta_view import MetaFitted, parameter_unit
 from pliant.report.render import page
 from pliant.testing.meta_model_stand_in import StandInMetaModel, StandInMetaModelConfig
 from pliant.testing.samples import softening_law

@@ -9,16 +9,29 @@ import pytest
 from tests.report import search_samples as samples
 
 from pliant.records.search import SearchResult
-from pliant.report.figures.search_answer import search_answer
-from pliant.report.figures.search_designs import search_designs
-from pliant.report.figures.search_front import search_front
-from pliant.report.figures.search_history import branch_strip, moving_median, search_history, shown_range
-from pliant.report.figures.search_parallel import MOST_LINES, search_parallel, thinned
-from pliant.report.figures.search_policy import last_rows, search_policy
-from pliant.report.figures.search_robust import search_robust
-from pliant.report.figures.search_slopes import by_influence, influence, search_slopes
-from pliant.report.figures.search_verified import search_successes, search_verified, success_counts
-from pliant.report.search_folder import Drawing
+from pliant.report.figures.search_axes import (
+    MOST_LINES,
+    last_rows,
+    search_answer,
+    search_parallel,
+    search_policy,
+    thinned,
+)
+from pliant.report.figures.search_best import (
+    search_designs,
+    search_robust,
+    search_slopes,
+    search_successes,
+    search_verified,
+)
+from pliant.report.figures.search_course import (
+    branch_strip,
+    moving_median,
+    search_front,
+    search_history,
+    shown_range,
+)
+from pliant.report.search_files import Drawing
 from pliant.report.search_view import SearchView, log_suits, short_labels
 
 
@@ -93,19 +106,19 @@ def test_the_last_quarter_is_that_of_the_condition() -> None:
 
 
 def test_slopes_stand_by_influence() -> None:
-    found = [influence(slope) for slope in by_influence(read(samples.one_branch()))]
+    found = [SearchView.influence(slope) for slope in read(samples.one_branch()).by_influence()]
     assert found == sorted(found, reverse=True) and len(found) == 5
 
 
 def test_successes_are_counted_by_the_checks_own_trials() -> None:
     checked = replace(samples.one_branch(), verification=samples.verification())
-    assert success_counts(read(checked))["mujoco"]["egg-5"] == (7, 10)
+    assert read(checked).success_counts()["mujoco"]["egg-5"] == (7, 10)
     own = samples.verification()
     twenty = {e: {c: {**m, "trials": 20.0} for c, m in one.items()} for e, one in own.conditions.items()}
     more = replace(checked, verification=replace(own, conditions=twenty))
-    assert success_counts(read(more))["pybullet"]["egg-5"] == (14, 20)
+    assert read(more).success_counts()["pybullet"]["egg-5"] == (14, 20)
     odd = {"mujoco": {"egg-0": {"success_share": 0.333}}}
-    assert success_counts(read(replace(checked, verification=replace(own, conditions=odd)))) == {}
+    assert read(replace(checked, verification=replace(own, conditions=odd))).success_counts() == {}
 
 
 def test_figures_exist_for_what_the_record_has() -> None:

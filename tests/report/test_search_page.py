@@ -19,11 +19,10 @@ from pliant.errors import UserError
 from pliant.records.search import SearchResult
 from pliant.registry.discovery import discover
 from pliant.report import render
-from pliant.report.search import rebuild_search_page, search_document, write_search_page
-from pliant.report.search_folder import Drawing, is_search
-from pliant.report.search_sentences import answer, late, price, warned
-from pliant.report.search_tables import design_table, robust_table
-from pliant.report.search_view import SearchView
+from pliant.report.search import answer, late, rebuild_search_page, search_document, warned, write_search_page
+from pliant.report.search_files import Drawing, is_search
+from pliant.report.search_page import design_table, robust_table
+from pliant.report.search_view import SearchView, price
 
 LARGEST = 1_500_000
 

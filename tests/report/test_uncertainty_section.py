@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from tests.report.pages import words
 
-from pliant.report.figures.tip_cloud import tip_cloud
+from pliant.report.figures.error_bars import tip_cloud
 from pliant.report.render import page
 from pliant.report.run import run_document, warnings
 from pliant.report.run_page import uncertainty_section

@@ -11,8 +11,8 @@ from tests.search.toy_search import Watched
 from pliant import api
 from pliant.errors import UserError
 from pliant.interfaces.optimizer import Trial, Variable
+from pliant.report.search import lines
 from pliant.report.search_files import search_json
-from pliant.report.search_lines import lines
 from pliant.search import workers
 from pliant.search.evaluate.evaluator import Evaluator, evaluated, problem_of
 from pliant.search.problem.search_problem import reevaluation_problem

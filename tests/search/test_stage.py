@@ -9,7 +9,7 @@ from tests.search.toy_search import Narrowing, Watched
 
 from pliant.errors import UserError
 from pliant.records.search import Verification
-from pliant.report.search_lines import lines
+from pliant.report.search import lines
 from pliant.search.stage import JOURNALS, files_folder, search_study
 from pliant.search.stage_keys import components_of
 from pliant.search.verify.check import converged, merged

@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 
 from pliant.records.law import Domain, Effort, JointLaw
+from pliant_plugins.surrogates.config import PolynomialConfig, StudyCoefficients
 from pliant_plugins.surrogates.neural.law import NeuralLaw
 from pliant_plugins.surrogates.neural.network import Network
 from pliant_plugins.surrogates.polynomial.axes import AxesLaw
-from pliant_plugins.surrogates.polynomial.config import PolynomialConfig, StudyCoefficients
 from pliant_plugins.surrogates.polynomial.energy import EnergyBasis
 from pliant_plugins.surrogates.polynomial.energy_law import EnergyLaw
 from pliant_plugins.surrogates.polynomial.law import PolynomialLaw

@@ -13,8 +13,8 @@ from pliant.errors import UserError
 from pliant.records.fem import FemDataset
 from pliant.records.law import Domain, JointLaw
 from pliant.testing.samples import softening_law, table_of
+from pliant_plugins.surrogates.config import PolynomialConfig
 from pliant_plugins.surrogates.polynomial.axes import AxesLaw
-from pliant_plugins.surrogates.polynomial.config import PolynomialConfig
 from pliant_plugins.surrogates.polynomial.law import PolynomialLaw
 
 

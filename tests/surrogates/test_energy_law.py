@@ -7,6 +7,7 @@ import pytest
 from tests.surrogates.laws import energy_law, points
 
 from pliant.records.law import Domain
+from pliant_plugins.surrogates.polynomial import energy_law as energy_law_module
 from pliant_plugins.surrogates.polynomial.energy import EnergyBasis
 from pliant_plugins.surrogates.polynomial.energy_law import EnergyLaw
 
@@ -44,19 +45,17 @@ def test_where_bowls_help_no_axis_that_is_inside_coupling_ends_sooner() -> None:
 
 def test_a_continuation_takes_milliseconds(monkeypatch: pytest.MonkeyPatch) -> None:
     """A design search makes thousands of laws: the places that are looked at are few."""
-    from pliant_plugins.surrogates.polynomial import energy_continuation
-
     seen: list[int] = []
-    evaluate = energy_continuation.energy_kernel.evaluate
+    evaluate = energy_law_module.evaluate
 
     def counted(p: np.ndarray, u: np.ndarray, parameters: np.ndarray) -> np.ndarray:
         seen.append(len(p))
         return evaluate(p, u, parameters)
 
-    monkeypatch.setattr(energy_continuation.energy_kernel, "evaluate", counted)
+    monkeypatch.setattr(energy_law_module, "evaluate", counted)
     law = energy_law(3)
     box = np.concatenate([law.domain.actuation[None], law.domain.deformation])
-    energy_continuation.continuation(law.basis, law.coefficients, box)
+    energy_law_module.continuation(law.basis, law.coefficients, box)
     assert sum(seen) < 2500
 
 

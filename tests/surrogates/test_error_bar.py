@@ -11,7 +11,7 @@ import pytest
 from pliant.records.design import Design
 from pliant.records.error_bar import BarsOfAxes, ErrorBar
 from pliant.records.fem import FemDataset
-from pliant_plugins.surrogates.polynomial.config import PolynomialConfig
+from pliant_plugins.surrogates.config import PolynomialConfig
 from pliant_plugins.surrogates.polynomial.surrogate import Polynomial
 
 BOX = np.array([[0.0, 15e3], [-0.2, 0.45]])

@@ -25,11 +25,9 @@ from pliant.records.law import JointLaw
 from pliant.store.codec import decode, encode
 from pliant.testing.samples import softening_law, table_of
 from pliant_plugins.physics.compiled.laws import law_address
-from pliant_plugins.surrogates.neural.config import NeuralConfig
+from pliant_plugins.surrogates.config import NeuralConfig, PolynomialConfig, TableConfig
 from pliant_plugins.surrogates.neural.surrogate import Neural
-from pliant_plugins.surrogates.polynomial.config import PolynomialConfig
 from pliant_plugins.surrogates.polynomial.surrogate import Polynomial
-from pliant_plugins.surrogates.table.config import TableConfig
 from pliant_plugins.surrogates.table.surrogate import Table
 
 STABLE: dict[str, JointLaw] = {

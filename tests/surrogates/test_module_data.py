@@ -10,7 +10,7 @@ import pytest
 from pliant.errors import UserError
 from pliant.records.design import Array, Design
 from pliant.records.fem import PASSED, SELF_CONTACT, FemDataset
-from pliant_plugins.surrogates.polynomial.config import PolynomialConfig
+from pliant_plugins.surrogates.config import PolynomialConfig
 from pliant_plugins.surrogates.polynomial.surrogate import Polynomial
 
 

@@ -10,9 +10,7 @@ from typing import cast
 
 import numpy as np
 import pytest
-from pydantic import ValidationError
 
-from pliant.errors import UserError
 from pliant.interfaces.surrogate import FittedLaw
 from pliant.pipeline.workbench import Workbench
 from pliant.records.design import Design
@@ -22,11 +20,11 @@ from pliant.store.store import ArtifactStore, Recipe
 from pliant.tabular.fem_reading import read_table
 from pliant.testing.samples import linear_spherical_law, softening_law, table_of
 from pliant_plugins.manifest import pliant_components
-from pliant_plugins.surrogates.neural.config import NeuralConfig
+from pliant_plugins.surrogates.config import NeuralConfig
 
 torch = pytest.importorskip("torch", reason="pip install 'pliant[neural]'")
 from pliant_plugins.surrogates.neural.surrogate import Neural  # noqa: E402
-from pliant_plugins.surrogates.neural.system import Scales, States, System  # noqa: E402
+from pliant_plugins.surrogates.neural.training import Scales, States, System  # noqa: E402
 
 DATA = Path(__file__).parents[2] / "examples/data"
 UNITS = 12
@@ -35,7 +33,7 @@ UNITS = 12
 @cache
 def fitted(name: str) -> FittedLaw:
     """The law of a shipped table."""
-    return Neural(NeuralConfig(units=32)).fit(read_table(DATA / f"{name}.csv"))
+    return Neural(NeuralConfig(units=16)).fit(read_table(DATA / f"{name}.csv"))
 
 
 def spherical_states(n: int = 60, checks: int = 15) -> ModuleData:
@@ -97,7 +95,7 @@ def test_jacobian_is_the_residuals_derivative(k: int) -> None:
 
 @pytest.mark.parametrize(
     ("name", "worst_of_range"),
-    [("bellow_bending", 5e-3), ("tendon_joint", 5e-3), ("bellow_translational", 5e-3)],
+    [("bellow_bending", 5e-3), ("tendon_joint", 5e-3)],
 )
 def test_states_left_out_of_fem_are_met(name: str, worst_of_range: float) -> None:
     report = fitted(name).report
@@ -175,29 +173,6 @@ def test_training_leaves_torch_as_it_was() -> None:
     Neural(NeuralConfig(units=4)).fit(table_of(softening_law(), pressures=3, angles=4))
     assert torch.equal(torch.random.get_rng_state(), state)
     assert torch.get_num_threads() == threads
-
-
-@pytest.mark.parametrize("units", [0, 3, 10_000])
-def test_absurd_networks_are_refused(units: int) -> None:
-    with pytest.raises(ValidationError, match="units"):
-        NeuralConfig(units=units)
-
-
-def test_too_few_states_of_one_axis_and_of_three() -> None:
-    data = table_of(softening_law())
-    few = data.rows(np.arange(len(data)) < 4)
-    with pytest.raises(UserError, match="a neural law needs at least 6 states"):
-        Neural(NeuralConfig()).fit(few)
-    with pytest.raises(UserError, match="a neural law of 3 coupled axes needs at least 16 states"):
-        Neural(NeuralConfig()).fit_module(spherical_states(20, 10))
-
-
-def test_states_that_contradict_each_other() -> None:
-    data = table_of(softening_law())
-    u, moment = data.angle_rad.copy(), data.moment_n_m.copy()
-    u[1], moment[1] = u[0], moment[0] + np.ptp(moment) / 2
-    with pytest.raises(UserError, match="contradict each other"):
-        Neural(NeuralConfig()).fit(replace(data, angle_rad=u, moment_n_m=moment))
 
 
 def test_torch_counts_in_the_key_of_a_fit() -> None:

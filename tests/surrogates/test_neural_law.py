@@ -36,7 +36,7 @@ def test_without_torch_laws_are_loaded_and_a_fit_names_the_install_command() -> 
         "            raise ModuleNotFoundError(name)\n"
         "sys.meta_path.insert(0, WithoutTorch())\n"
         "import numpy as np\n"
-        "from pliant_plugins.surrogates.neural.config import NeuralConfig\n"
+        "from pliant_plugins.surrogates.config import NeuralConfig\n"
         "from pliant_plugins.manifest import pliant_components\n"
         "from pliant_plugins.surrogates.neural.network import Network\n"
         "from pliant_plugins.surrogates.neural.law import NeuralLaw\n"

@@ -7,17 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numba.core.registry import CPUDispatcher
+from tests.surrogates.laws import BOX, TABLE, WAVY, require_same
 
-from pliant.records.law import Domain, Effort
+from pliant.records.law import Domain
 from pliant_plugins.surrogates.continued import ContinuedLaw
-from pliant_plugins.surrogates.polynomial import batch
+from pliant_plugins.surrogates.polynomial import kernel
 from pliant_plugins.surrogates.polynomial.law import PolynomialLaw
 
-BOX = Domain(np.array([0.0, 15e3]), np.array([[-0.2, 0.45]]))
-TABLE = 1e-3 * np.array(
-    [[12.0, -20.0, 1.0, -2.0], [11.0, 2.5, -1.5, 0.8], [1.0, -1.2, 0.7, 0.0], [0.2, 0.5, 0.0, 0.0]]
-)
-WAVY = PolynomialLaw(TABLE, np.array([7.5e3, 7.5e3]), np.array([0.125, 0.325]), BOX, odd=-0.02)
 LAWS = {
     "wavy": WAVY,
     "unstable": replace(WAVY, coefficients=-TABLE),
@@ -30,14 +26,6 @@ NAMES = ("tau", "dtau_dp", "dtau_du")
 def many(n: int = 1111) -> tuple[np.ndarray, np.ndarray]:
     rng = np.random.default_rng(4)
     return rng.uniform(-10e3, 30e3, n), rng.uniform(-0.6, 0.9, (n, 1))
-
-
-def require_same(found: Effort, wanted: Effort) -> None:
-    for name in NAMES:
-        values = getattr(wanted, name)
-        np.testing.assert_allclose(
-            getattr(found, name), values, rtol=1e-12, atol=1e-14 * np.abs(values).max(), err_msg=name
-        )
 
 
 @pytest.mark.parametrize("size", [1, 3, 64, 255, 256, 257, 1000])
@@ -101,6 +89,6 @@ def test_what_is_not_a_number_stays_so_and_spoils_no_other_point() -> None:
 
 def test_compiled_functions_call_none_of_other_files() -> None:
     """numba's cache on disk sees changes of a function's own file only."""
-    called = [value for value in vars(batch).values() if isinstance(value, CPUDispatcher)]
+    called = [value for value in vars(kernel).values() if isinstance(value, CPUDispatcher)]
     assert called
-    assert all(function.py_func.__module__ == batch.__name__ for function in called)
+    assert all(function.py_func.__module__ == kernel.__name__ for function in called)

@@ -13,7 +13,7 @@ from pliant.errors import UserError
 from pliant.records.design import Design
 from pliant.records.fem import FemDataset
 from pliant.records.law import LawRecord
-from pliant_plugins.surrogates.polynomial.config import PolynomialConfig
+from pliant_plugins.surrogates.config import PolynomialConfig
 from pliant_plugins.surrogates.polynomial.surrogate import Polynomial
 
 REFERENCE = Path(__file__).parents[2] / ".." / "shared" / "data" / "reference"
@@ -162,11 +162,6 @@ def test_pressures_that_a_bench_meets_nearly_are_still_two_levels(seed: int) -> 
     assert np.abs(missed).max() < 0.03 * np.ptp(coupled(p, u))
 
 
-def test_fitting_twice_gives_the_same_bits() -> None:
-    first, second = (fit(fem_like()).law.record().arrays["coefficients"] for _ in range(2))
-    np.testing.assert_array_equal(first, second)
-
-
 def test_load_makes_the_fitted_law_and_refuses_another_kind() -> None:
     law = fit(fem_like()).law
     surrogate = Polynomial(PolynomialConfig())
@@ -174,15 +169,6 @@ def test_load_makes_the_fitted_law_and_refuses_another_kind() -> None:
     np.testing.assert_array_equal(surrogate.load(law.record()).evaluate(p, u).tau, law.evaluate(p, u).tau)
     with pytest.raises(UserError, match="cannot read a law of kind 'neural'"):
         surrogate.load(LawRecord("neural", {}, {}))
-
-
-def test_check_states_are_never_fitted() -> None:
-    data = fem_like()
-    wrong = replace(data, moment_n_m=np.where(data.role == "check", 7.0, data.moment_n_m))
-    np.testing.assert_array_equal(
-        fit(wrong).law.record().arrays["coefficients"], fit(data).law.record().arrays["coefficients"]
-    )
-    assert fit(wrong).report.worst > 6
 
 
 def test_report_fields_agree_with_its_residuals() -> None:

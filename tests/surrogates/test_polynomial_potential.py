@@ -11,7 +11,7 @@ from pliant.pipeline.residuals import module_of
 from pliant.records.design import Design
 from pliant.records.fem import FemDataset
 from pliant.records.law import Domain
-from pliant_plugins.surrogates.polynomial.config import PolynomialConfig
+from pliant_plugins.surrogates.config import PolynomialConfig
 from pliant_plugins.surrogates.polynomial.posterior import Posterior, all_terms, prior_of, solve
 from pliant_plugins.surrogates.polynomial.surrogate import Polynomial
 from pliant_plugins.surrogates.polynomial.system import System

@@ -11,7 +11,7 @@ from pydantic import ValidationError
 from pliant.errors import UserError
 from pliant.records.design import Design
 from pliant.records.fem import FemDataset
-from pliant_plugins.surrogates.polynomial.config import PolynomialConfig, StudyCoefficients
+from pliant_plugins.surrogates.config import PolynomialConfig, StudyCoefficients
 from pliant_plugins.surrogates.polynomial.study import fit_differences
 from pliant_plugins.surrogates.polynomial.surrogate import Polynomial
 

@@ -11,12 +11,11 @@ import pytest
 from pliant.errors import UserError
 from pliant.tabular.fem_reading import read_table
 from pliant.tabular.fem_writing import write_table
-from pliant.testing.samples import linear_law, softening_law, table_of
+from pliant.testing.samples import softening_law, table_of
+from pliant_plugins.surrogates.config import TableConfig
 from pliant_plugins.surrogates.polynomial.axes import AxesLaw
 from pliant_plugins.surrogates.table import spline
-from pliant_plugins.surrogates.table.config import TableConfig
-from pliant_plugins.surrogates.table.law import TableLaw
-from pliant_plugins.surrogates.table.surrogate import Table
+from pliant_plugins.surrogates.table.surrogate import Table, TableLaw
 
 RANDOM = np.random.default_rng(4)
 
@@ -141,13 +140,6 @@ def test_three_tables_make_a_spherical_joint(tmp_path: Path) -> None:
     tau, by_p, by_u = np.zeros(3), np.zeros(3), np.zeros((3, 3))
     scalar.function(float(p[0]), u[0], scalar.parameters, tau, by_p, by_u)
     np.testing.assert_allclose(tau, law.evaluate(p[:1], u[:1]).tau[0], rtol=1e-10)
-
-
-def test_a_linear_law_is_exact_wherever_it_is_asked() -> None:
-    law = table().fit(table_of(linear_law())).law
-    p, u = points(law)
-    wanted = linear_law().evaluate(p, u).tau
-    np.testing.assert_allclose(law.evaluate(p, u).tau, wanted, atol=1e-6 * np.ptp(wanted))
 
 
 def test_too_few_and_contradicting_states_are_refused() -> None:

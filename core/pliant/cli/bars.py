@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from datetime import timedelta
 
 from rich.console import Console
@@ -15,7 +17,7 @@ from rich.progress import Progress as RichProgress
 from rich.progress import Task as RichTask
 from rich.text import Text
 
-from pliant.execution.progress import LogBar, ProgressBar, Silent
+from pliant.execution.progress import LogBar, Progress, ProgressBar, Silent
 
 
 class _Rate(ProgressColumn):
@@ -84,3 +86,43 @@ class TerminalProgress:
     def note(self, text: str) -> None:
         # A corrupted artifact or a skipped engine must be heard even with --quiet.
         self.console.print(f"note: {text}", highlight=False, soft_wrap=True, markup=False)
+
+
+class FittingBar:
+    """Progress of diagnoses, one bar for each: effects first, then sets of them as the search comes to them."""
+
+    def __init__(self, progress: Progress, kinds: int) -> None:
+        self._progress, self._kinds = progress, kinds
+        self._begin("fitting effects")
+
+    def _begin(self, title: str) -> None:
+        self._task, self._done = self._progress.begin(title, 1 + self._kinds), 0
+
+    def tick(self, hypothesis: str) -> None:
+        """Count a fit; each diagnosis begins with "nothing". The bar grows with the sets: nobody knows their number."""
+        if hypothesis == "nothing" and self._done:
+            self.finish()
+            self._begin("fitting effects again")
+        if " + " in hypothesis:
+            self._task.expect(self._done + 1)  # effects that the chain cannot have are not fitted
+            self._task.describe(hypothesis)
+        self._task.advance()
+        self._done += 1
+
+    def finish(self) -> None:
+        """End the bar."""
+        self._task.expect(self._done)
+        self._task.finish()
+
+
+@contextmanager
+def fitting_bar(progress: Progress, kinds: int) -> Iterator[FittingBar]:
+    """A bar that ends with the block; of a diagnosis that fails before its first fit nothing is told."""
+    bar = FittingBar(progress, kinds)
+    try:
+        yield bar
+    except BaseException:
+        if bar._done:
+            bar.finish()
+        raise
+    bar.finish()

@@ -10,12 +10,18 @@ from typing import Annotated
 import typer
 
 from pliant.calibration.calibration import calibrate as calibrate_with
-from pliant.calibration.fitting import Constant, changed
-from pliant.calibration.reading import BenchData, read_bench_data
+from pliant.calibration.fitting import changed
+from pliant.calibration.reading import read_bench_data
 from pliant.calibration.result import Calibration
-from pliant.cli.new_study import Force, Full, check_target
-from pliant.cli.options import DEFAULT_STORE, JsonFile, Overrides, Quiet, StoreFolder, StudyFile
-from pliant.cli.session import session
+from pliant.cli.options import (
+    Force,
+    Full,
+    Overrides,
+    StudyFile,
+    check_target,
+    verb,
+)
+from pliant.cli.session import Session
 from pliant.config.study import Study, written_name
 from pliant.config.writing import StudyDraft
 from pliant.errors import UserError
@@ -50,7 +56,9 @@ NewStudy = Annotated[
 NOT_REACHED = 3
 
 
+@verb()
 def calibrate(
+    here: Session,
     study: StudyFile,
     overrides: Overrides = None,
     data: BenchFile = None,
@@ -59,30 +67,26 @@ def calibrate(
     out: NewStudy = None,
     force: Force = False,
     full: Full = False,
-    store: StoreFolder = DEFAULT_STORE,
-    json: JsonFile = None,
-    quiet: Quiet = False,
 ) -> None:
     """Fits the material's constants to a tensile test or a free curve, with their uncertainty."""
-    with session("calibrate", json, quiet) as here:
-        begun = time.perf_counter()
-        installed = here.registry
-        loaded = here.study(study, overrides)
-        if data is None:
-            raise UserError("name the data: pliant calibrate STUDY.yaml --data CSV.")
+    begun = time.perf_counter()
+    installed = here.registry
+    loaded = here.study(study, overrides)
+    if data is None:
+        raise UserError("name the data: pliant calibrate STUDY.yaml --data CSV.")
+    if out is not None:
+        check_target(study, out, force)
+    found = calibrate_with(here.bench(), loaded, read_bench_data(data, test), fit)
+    here.show(calibration_document(loaded.name, found))
+    here.result |= {"study": loaded.name, "out": None, "wall_s": time.perf_counter() - begun}
+    if found.undetermined:
         if out is not None:
-            check_target(study, out, force)
-        found = calibrate_with(here.bench(store), loaded, read_bench_data(data, test), fit)
-        here.show(calibration_document(loaded.name, found))
-        here.result |= {"study": loaded.name, "out": None, "wall_s": time.perf_counter() - begun}
-        if found.undetermined:
-            if out is not None:
-                here.say("No study was written.")
-            here.exit_code = NOT_REACHED
-        elif out is not None:
-            write_study(study, out, loaded, overrides or (), found, installed, full)
-            here.result["out"] = str(out)
-            here.say(f"study    {out}")
+            here.say("No study was written.")
+        here.exit_code = NOT_REACHED
+    elif out is not None:
+        write_study(study, out, loaded, overrides or (), found, installed, full)
+        here.result["out"] = str(out)
+        here.say(f"study    {out}")
 
 
 def write_study(
@@ -95,10 +99,18 @@ def write_study(
     full: bool = False,
 ) -> None:
     """Write the study with the fitted constants, rounded to six digits."""
-    rounded = changed(found.config, found.constants, [_rounded(c) for c in found.constants])
+    rounded = changed(
+        found.config,
+        found.constants,
+        [parse_quantity(_text(c.value, c.is_modulus), c.unit or "dimensionless") for c in found.constants],
+    )
     assert rounded is not None
     draft = StudyDraft(source, overrides)
-    draft.set(("material", "kind"), rounded.kind, _note(found.data, found.covered))
+    draft.set(
+        ("material", "kind"),
+        rounded.kind,
+        f"fitted to {found.data.source} (sha256 {found.data.sha256[:8]}), {found.covered}",
+    )
     for field in dict.fromkeys(c.field for c in found.constants):
         key, modulus = written_name(type(rounded), field), field.endswith("_pa")
         value = getattr(rounded, field)
@@ -110,17 +122,9 @@ def write_study(
     draft.write(target, {**study.canonical(), "material": rounded.canonical()}, registry, full)
 
 
-def _note(data: BenchData, covered: str) -> str:
-    return f"fitted to {data.source} (sha256 {data.sha256[:8]}), {covered}"
-
-
 def _text(value: float, is_modulus: bool) -> str:
     return f"{value / 1e3:.6g} kPa" if is_modulus else f"{value:.6g}"
 
 
 def _written(value: float, is_modulus: bool) -> str | float:
     return _text(value, True) if is_modulus else float(_text(value, False))
-
-
-def _rounded(constant: Constant) -> float:
-    return parse_quantity(_text(constant.value, constant.is_modulus), constant.unit or "dimensionless")

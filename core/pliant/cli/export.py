@@ -8,8 +8,8 @@ from typing import Annotated
 
 import typer
 
-from pliant.cli.options import DEFAULT_STORE, JsonFile, Overrides, Quiet, StoreFolder, StudyFile
-from pliant.cli.session import check_writable, session
+from pliant.cli.options import Overrides, StudyFile, verb
+from pliant.cli.session import Session, check_writable
 from pliant.config.study import Study
 from pliant.errors import MissingDependencyError, UserError, closest
 from pliant.interfaces.physics import PhysicsBackend
@@ -42,7 +42,9 @@ def surface_of(bench: Workbench, study: Study, part: str, scale: float) -> Trian
     return welded(surface_at_rest(chain))
 
 
+@verb()
 def export(
+    here: Session,
     study: StudyFile,
     out: Annotated[Path, typer.Option("--out", metavar="FILE", help="A .xml (MJCF), .urdf or .stl.")],
     overrides: Overrides = None,
@@ -58,39 +60,35 @@ def export(
         float,
         typer.Option("--scale", help="stl: the file's lengths are metres times this; 1000 for millimetres."),
     ] = 1.0,
-    store: StoreFolder = DEFAULT_STORE,
-    json: JsonFile = None,
-    quiet: Quiet = False,
 ) -> None:
     """The chain as MJCF or URDF with its surfaces beside it, or its surface as STL.
 
     In MJCF and URDF the law is stiffness at rest only. An STL of one module needs no FEM.
     """
-    with session("export", json, quiet) as here:
-        if out.is_dir():
-            raise UserError(f"--out {out} is a folder; give the name of a file in it.")
-        loaded = here.study(study, overrides)
-        if (form or out.suffix.removeprefix(".")).lower() == STL:
-            surface = surface_of(here.bench(store), loaded, part, scale)
-            check_writable(out.parent)
-            write_stl(surface, out, scale)
-            here.result.update({"files": [out], "format": STL, "triangles": len(surface.faces)})
-            here.say(f"written  {out} ({part}, {len(surface.faces)} triangles)")
-            return
-        if part != "chain" or scale != 1.0:
-            raise UserError("--part and --scale are for STL; MJCF and URDF hold the whole chain in metres.")
-        engine = writer_of(here.registry, out, form)
-        loaded.need("chain", "an export")
+    if out.is_dir():
+        raise UserError(f"--out {out} is a folder; give the name of a file in it.")
+    loaded = here.study(study, overrides)
+    if (form or out.suffix.removeprefix(".")).lower() == STL:
+        surface = surface_of(here.bench(), loaded, part, scale)
         check_writable(out.parent)
-        bench = here.bench(store)
-        chain = chain_of_study(bench, loaded).chain
-        looks = drawn_chain(bench, StudyRun(loaded, laws_of_study(bench, loaded)))
-        files = engine.export(chain, out, looks)
-        if loaded.effects:
-            here.progress.note("the study's effects are not in the file, which holds the chain at rest.")
-        here.result.update({"files": list(files), "format": engine.capabilities.export})
-        beside = f" and {len(files) - 1} mesh(es) in {files[1].parent}" if len(files) > 1 else ""
-        here.say(f"written  {out}{beside}")
+        write_stl(surface, out, scale)
+        here.result.update({"files": [out], "format": STL, "triangles": len(surface.faces)})
+        here.say(f"written  {out} ({part}, {len(surface.faces)} triangles)")
+        return
+    if part != "chain" or scale != 1.0:
+        raise UserError("--part and --scale are for STL; MJCF and URDF hold the whole chain in metres.")
+    engine = writer_of(here.registry, out, form)
+    loaded.need("chain", "an export")
+    check_writable(out.parent)
+    bench = here.bench()
+    chain = chain_of_study(bench, loaded).chain
+    looks = drawn_chain(bench, StudyRun(loaded, laws_of_study(bench, loaded)))
+    files = engine.export(chain, out, looks)
+    if loaded.effects:
+        here.progress.note("the study's effects are not in the file, which holds the chain at rest.")
+    here.result.update({"files": list(files), "format": engine.capabilities.export})
+    beside = f" and {len(files) - 1} mesh(es) in {files[1].parent}" if len(files) > 1 else ""
+    here.say(f"written  {out}{beside}")
 
 
 def writer_of(registry: Registry, out: Path, form: str | None) -> PhysicsBackend:

@@ -7,10 +7,16 @@ from typing import Annotated
 
 import typer
 
-from pliant.cli.compare import DataFile
-from pliant.cli.new_study import Force, Full, check_target
-from pliant.cli.options import DEFAULT_STORE, JsonFile, Overrides, Quiet, StoreFolder, StudyFile
-from pliant.cli.session import Session, session
+from pliant.cli.evidence import DataFile
+from pliant.cli.options import (
+    Force,
+    Full,
+    Overrides,
+    StudyFile,
+    check_target,
+    verb,
+)
+from pliant.cli.session import Session
 from pliant.config.study import Study
 from pliant.diagnosis.extension import Ground, write_extended_study
 from pliant.diagnosis.extension import extend as extend_with
@@ -32,7 +38,9 @@ Refit = Annotated[bool, typer.Option("--refit", help="Fit the effects that the s
 NOT_REACHED = 3
 
 
+@verb()
 def extend(
+    here: Session,
     study: StudyFile,
     overrides: Overrides = None,
     effect: Effects = None,
@@ -41,35 +49,28 @@ def extend(
     refit: Refit = False,
     force: Force = False,
     full: Full = False,
-    store: StoreFolder = DEFAULT_STORE,
-    json: JsonFile = None,
-    quiet: Quiet = False,
 ) -> None:
     """Fits an effect, writes a new study that contains it, with its uncertainty; comments are kept."""
-    with session("extend", json, quiet) as here:
-        installed = here.registry
-        loaded = here.study(study, overrides)
-        kinds = _kinds(here, loaded, effect, refit)
-        target = out or study.with_name(f"{study.stem}+{'+'.join(effect or [])}.yaml")
-        check_target(study, target, force)
-        bench = here.bench(store)
-        measurement = measurement_of_study(bench, loaded, data)
-        ground = Ground.of(bench, loaded, measurement)
-        found = extend_with(ground, loaded.effects, kinds)
-        here.result.update(
-            study=loaded.name, data=measurement.source, data_sha256=measurement.sha256, out=None
-        )
-        remarks = tuple(ground.predictor.remarks)
-        here.show(extension_document(loaded.name, measurement, found, here.registry, remarks))
-        if found.absent:
-            here.exit_code = NOT_REACHED
-            return
-        note = origin(found, measurement)
-        write_extended_study(
-            study, target, loaded, overrides or (), found, note, installed, data=data, full=full
-        )
-        here.result["out"] = str(target)
-        here.say(f"study    {target}")
+    installed = here.registry
+    loaded = here.study(study, overrides)
+    kinds = _kinds(here, loaded, effect, refit)
+    target = out or study.with_name(f"{study.stem}+{'+'.join(effect or [])}.yaml")
+    check_target(study, target, force)
+    bench = here.bench()
+    measurement = measurement_of_study(bench, loaded, data)
+    ground = Ground.of(bench, loaded, measurement)
+    found = extend_with(ground, loaded.effects, kinds)
+    here.measured(loaded, measurement)
+    here.result["out"] = None
+    remarks = tuple(ground.predictor.remarks)
+    here.show(extension_document(loaded.name, measurement, found, here.registry, remarks))
+    if found.absent:
+        here.exit_code = NOT_REACHED
+        return
+    note = origin(found, measurement)
+    write_extended_study(study, target, loaded, overrides or (), found, note, installed, data=data, full=full)
+    here.result["out"] = str(target)
+    here.say(f"study    {target}")
 
 
 def _kinds(here: Session, study: Study, effect: list[str] | None, refit: bool) -> list[str]:

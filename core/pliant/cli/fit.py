@@ -1,20 +1,31 @@
-"""`pliant fit`: a law from a study's data set, or from a table of anybody's."""
+"""`pliant fit`: a law from a study's data set or from a table of anybody's, or a study's meta-model."""
 
 from __future__ import annotations
 
+import json
+import os
+from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
-from pliant.cli.fit_meta import Next, fit_meta
-from pliant.cli.fit_table import fit_table
-from pliant.cli.options import DEFAULT_STORE, JsonFile, Overrides, Quiet, StoreFolder
-from pliant.cli.session import Session, check_writable, session
+from pliant.cli.options import Overrides, verb
+from pliant.cli.session import Session, check_writable, plain
 from pliant.config.study import Study
-from pliant.errors import UserError
-from pliant.pipeline.study import DEFAULT_SURROGATE, laws_of_study
-from pliant.report.fit import fitted_designs, laws_document, stored_fit_page
+from pliant.errors import MissingDependencyError, UserError
+from pliant.interfaces.surrogate import SurrogateConfig
+from pliant.pipeline.learning import design_learning_stage
+from pliant.pipeline.meta_model.next_design import check_count, designs_to_solve, write_proposals
+from pliant.pipeline.meta_model.stage import MetaModelStage, meta_model_stage
+from pliant.pipeline.study import DEFAULT_SURROGATE, Design, DesignStages, laws_of_study
+from pliant.pipeline.surrogate import law_stage
+from pliant.pipeline.workbench import Workbench
+from pliant.records.law import JointLaw
+from pliant.report.fit import fitted_designs, fitted_law, laws_document, stored_fit_page, table_document
+from pliant.report.fit_view import Fitted
+from pliant.report.meta import meta_document, stored_meta_page
+from pliant.store.store import write_atomically
 
 # Endings of what is meant as a table; those that are none are told so when they are read.
 TABLES = (".csv", ".txt", ".tsv", ".dat", ".pdf", ".xls", ".xlsx")
@@ -48,8 +59,23 @@ Learning = Annotated[
     typer.Option(help="For the page, fit again to parts of the data: how many states or designs it takes."),
 ]
 
+STUDY, RESULT = "study.yaml", "fit.json"
+TABLE = "next.csv"
+STUDYS_WAY = {"kind": "coefficients", "form": "study"}
 
+Next = Annotated[
+    int | None,
+    typer.Option(
+        "--next",
+        metavar="N",
+        help="Of a study with a 'meta_model': the N designs to solve next, as next.csv in --out.",
+    ),
+]
+
+
+@verb()
 def fit(
+    here: Session,
     source: Source,
     overrides: Overrides = None,
     kind: Kind = None,
@@ -57,42 +83,178 @@ def fit(
     out: Out = None,
     next_designs: Next = None,
     learning: Learning = True,
-    store: StoreFolder = DEFAULT_STORE,
-    json: JsonFile = None,
-    quiet: Quiet = False,
 ) -> None:
     """The joint law, or the study's meta-model, from data or anybody's table; prints errors on what was left out."""
-    with session("fit", json, quiet) as here:
-        if source.suffix.lower() in TABLES:
-            if overrides:
-                raise UserError(
-                    f"'{overrides[0]}' changes a study, and {source} is a table; use --kind, or --out."
-                )
-            if next_designs is not None:
-                raise UserError(f"--next is for a study with a 'meta_model' block, and {source} is a table.")
-            fit_table(here, source, kind or DEFAULT_SURROGATE, compare, out, store, learning)
-            return
-        loaded = here.study(source, overrides, uses=["sweep"] if next_designs is not None else [])
-        if loaded.meta_model is None and next_designs is not None:
-            raise UserError(f"--next is for a study with a 'meta_model' block; '{loaded.name}' has none.")
-        if loaded.meta_model is not None and kind is None:
-            fit_meta(here, loaded, next_designs, out, store, learning, compare)
-            return
-        if kind is not None or compare:
-            name = "--kind" if kind is not None else "--compare"
-            hint = f": say 'surrogate.kind={kind}'" if kind is not None else ""
-            raise UserError(f"{name} is for a table such as fem.csv, and {source} is a study{hint}.")
-        _fit_study(here, loaded, out, store, learning)
+    if source.suffix.lower() in TABLES:
+        if overrides:
+            raise UserError(
+                f"'{overrides[0]}' changes a study, and {source} is a table; use --kind, or --out."
+            )
+        if next_designs is not None:
+            raise UserError(f"--next is for a study with a 'meta_model' block, and {source} is a table.")
+        fit_table(here, source, kind or DEFAULT_SURROGATE, compare, out, learning)
+        return
+    loaded = here.study(source, overrides, uses=["sweep"] if next_designs is not None else [])
+    if loaded.meta_model is None and next_designs is not None:
+        raise UserError(f"--next is for a study with a 'meta_model' block; '{loaded.name}' has none.")
+    if loaded.meta_model is not None and kind is None:
+        fit_meta(here, loaded, next_designs, out, learning, compare)
+        return
+    if kind is not None or compare:
+        name = "--kind" if kind is not None else "--compare"
+        hint = f": say 'surrogate.kind={kind}'" if kind is not None else ""
+        raise UserError(f"{name} is for a table such as fem.csv, and {source} is a study{hint}.")
+    _fit_study(here, loaded, out, learning)
 
 
-def _fit_study(here: Session, loaded: Study, out: Path | None, store: Path, learning: bool) -> None:
+def _fit_study(here: Session, loaded: Study, out: Path | None, learning: bool) -> None:
     """The law of each distinct design of a study; with `out` the page of the fit."""
     if out is not None:
         check_writable(out)
-    bench = here.bench(store)
+    bench = here.bench()
     designs = laws_of_study(bench, loaded)
     shown = [d for d in designs if out is not None or d.law.report is not None]
     fitted = fitted_designs(bench, shown, learning and out is not None)
     inputs = loaded.canonical()
     document = laws_document(loaded.name, designs, fitted, inputs)
     here.show(document, out, stored_fit_page(bench, document, fitted, inputs))
+
+
+def fit_meta(
+    here: Session,
+    study: Study,
+    count: int | None,
+    out: Path | None,
+    learning: bool = True,
+    compare: bool = False,
+) -> None:
+    """Fit the meta-model, say how it does on designs left out, and with `count` which designs it lacks most.
+
+    With `out` its page is written, with the `learning` curve over designs.
+    """
+    if count is not None:
+        check_count(count)
+    folder = out or Path("runs") / study.name
+    if count is not None or out is not None:
+        check_writable(folder)
+    bench = here.bench()
+    stage = meta_model_stage(bench, study)
+    beside = _beside(here, bench, study, stage) if compare else []
+    found = designs_to_solve(bench, study, stage, count) if count is not None else []
+    curve = design_learning_stage(bench, stage) if learning and out is not None else None
+    inputs: Any = study.canonical()
+    more: Any = {"learning": curve, "proposals": found, "compared": beside}
+    document = meta_document(study.name, stage, inputs, **more)
+    here.show(document, out, stored_meta_page(bench, document, stage, inputs, **more))
+    if found:
+        table = folder / TABLE
+        write_proposals(found, table)
+        here.result["csv"] = str(table)
+        here.say(f"table    {table}, for 'sweep: {{designs: {TABLE}}}'")
+
+
+def _beside(here: Session, bench: Workbench, study: Study, stage: MetaModelStage) -> list[MetaModelStage]:
+    """The study's way, a network from parameters to coefficients of its form, fitted to the same designs."""
+    try:
+        config = (
+            bench.registry.get("meta_model", STUDYS_WAY["kind"]).config_model().model_validate(STUDYS_WAY)
+        )
+        other = meta_model_stage(bench, study.model_copy(update={"meta_model": config}), stage.solved)
+    except (UserError, MissingDependencyError) as error:
+        here.say(f"beside   {STUDYS_WAY['kind']}: {error}")
+        here.result["compared"] = {STUDYS_WAY["kind"]: {"problem": str(error)}}
+        return []
+    here.result["compared"] = {
+        STUDYS_WAY["kind"]: {"scores": {place: one.as_values() for place, one in other.scores.items()}}
+    }
+    return [other]
+
+
+def fit_table(
+    here: Session,
+    source: Path,
+    kind: str,
+    compare: bool,
+    out: Path | None,
+    learning: bool = True,
+) -> None:
+    """Fit, print, and write what was asked for. Raises `UserError` for whatever is wrong with the table."""
+    if out is not None:
+        _check_free(source, kind, out)
+        check_writable(out)
+    bench = here.bench()
+    try:
+        stages, own = _fitted(bench, source, kind, learning and out is not None)
+    except UserError:
+        if out is not None and not any(out.iterdir()):
+            out.rmdir()
+        raise
+    fitted, problems = [own], {}
+    for other in here.registry.kinds("surrogate") if compare else ():
+        try:
+            fitted += [_fitted(bench, source, other, False)[1]] if other != kind else []
+        except (UserError, MissingDependencyError) as error:
+            problems[other] = str(error)
+    document = table_document(source, stages, fitted, problems)
+    if out is None:
+        here.show(document)
+        return
+    here.result.update(document.data)
+    document = replace(document, brief=(*document.brief, _write_study(here, source, kind, own.law, out)))
+    here.show(document, out, stored_fit_page(bench, document, fitted[:1], {}, fitted))
+
+
+def _fitted(bench: Workbench, source: Path, kind: str, learning: bool) -> tuple[DesignStages, Fitted]:
+    config = (
+        bench.registry.get("surrogate", kind).config_model().model_validate({"kind": kind, "data": source})
+    )
+    assert isinstance(config, SurrogateConfig)
+    stage = law_stage(bench, config, None)
+    stages = DesignStages(Design(None, config), None, stage)
+    return stages, fitted_law(bench, kind, config, stage, learning=learning, source=source.name)
+
+
+def _check_free(source: Path, kind: str, out: Path) -> None:
+    """Raise `UserError` where the folder holds a study of another law; one of this law may have been edited."""
+    study = out / STUDY
+    if study.exists() and _law_line(source, kind, out) not in study.read_text(
+        encoding="utf-8", errors="replace"
+    ):
+        raise UserError(f"{study} is there already, of another law; give another --out.")
+
+
+def _write_study(here: Session, source: Path, kind: str, law: JointLaw, out: Path) -> str:
+    """Write the study, unless it is there already, and the result; returns the line that says so."""
+    study = out / STUDY
+    kept = study.exists()
+    if not kept:
+        write_atomically(study, _study_text(source, kind, law, out))
+    write_atomically(out / RESULT, json.dumps(plain(here.result), indent=1, allow_nan=False) + "\n")
+    here.result["study"] = str(study)
+    what = "kept as it was;" if kept else "set the chain's measures in it, then"
+    return f"study    {study}: {what} 'pliant run {study}'"
+
+
+def _law_line(source: Path, kind: str, out: Path) -> str:
+    """The line of the study that says where its law comes from."""
+    table = json.dumps(os.path.relpath(source, out).replace(os.sep, "/"))
+    return f"surrogate: {{kind: {kind}, data: {table}}}"
+
+
+def _study_text(source: Path, kind: str, law: JointLaw, out: Path) -> str:
+    """A study with this law; the chain's numbers are placeholders that it says."""
+    name = json.dumps(source.stem)
+    largest = max((float(side) for side in law.domain.actuation), key=abs)
+    key = "pressure" if law.actuation_name == "pressure_pa" else "tendon_force"
+    return f"""\
+pliant: 1
+name: {name}
+{_law_line(source, kind, out)}
+chain:
+  modules: 1                # how many of these joints stand in a row
+  module_length: 10 mm      # from one joint to the next
+  # module_mass: 1 g        # needed for gravity
+  gravity: [0, 0, 0]        # m/s²; [0, 0, -9.81] with a mass
+physics: {{kind: quasistatic}}
+task: {{kind: free_bending, {key}: {largest:.6g}}}
+"""

@@ -7,11 +7,17 @@ from typing import Annotated
 
 import typer
 
-from pliant.cli.compare import DataFile
-from pliant.cli.fitting_bar import fitting_bar
-from pliant.cli.new_study import Force, Full, check_target
-from pliant.cli.options import DEFAULT_STORE, JsonFile, Overrides, Quiet, StoreFolder, StudyFile
-from pliant.cli.session import check_writable, session
+from pliant.cli.bars import fitting_bar
+from pliant.cli.evidence import Candidates, DataFile, Workers, report_folder
+from pliant.cli.options import (
+    Force,
+    Full,
+    Overrides,
+    StudyFile,
+    check_target,
+    verb,
+)
+from pliant.cli.session import Session, check_writable
 from pliant.diagnosis.extension import write_extended_study
 from pliant.diagnosis.improvement import improve as improve_with
 from pliant.evidence.prediction import measurement_of_study
@@ -24,59 +30,50 @@ NewStudy = Annotated[
         "--out", metavar="NEW.yaml", help="The new study; <study>-improved.yaml beside it by default."
     ),
 ]
-ReportFolder = Annotated[
-    Path | None,
-    typer.Option("--report", metavar="DIR", help="Folder of the report; runs/<name>-improve by default."),
-]
-Candidates = Annotated[
-    list[str] | None,
-    typer.Option("--effect", metavar="KIND", help="Candidate, may be repeated; all effects by default."),
-]
 
 
+@verb()
 def improve(
+    here: Session,
     study: StudyFile,
     overrides: Overrides = None,
     data: DataFile = None,
     effect: Candidates = None,
     out: NewStudy = None,
-    report: ReportFolder = None,
+    report: Annotated[Path | None, report_folder("improve", "--report")] = None,
     force: Force = False,
     full: Full = False,
-    store: StoreFolder = DEFAULT_STORE,
-    json: JsonFile = None,
-    quiet: Quiet = False,
+    workers: Workers = 1,
 ) -> None:
     """compare → diagnose → extend until the noise floor or an honest stop; errors are on data that was not fitted."""
-    with session("improve", json, quiet) as here:
-        installed = here.registry
-        loaded = here.study(study, overrides)
-        for kind in effect or ():
-            here.registry.get("effect", kind)
-        target = out or study.with_name(f"{study.stem}-improved.yaml")
-        folder = report or Path("runs") / f"{loaded.name}-improve"
-        check_target(study, target, force)
-        bench = here.bench(store)
-        measurement = measurement_of_study(bench, loaded, data)
-        check_writable(folder)
-        with fitting_bar(here, len(effect or here.registry.kinds("effect"))) as bar:
-            found = improve_with(bench, loaded, measurement, kinds=effect, tick=bar.tick)
-        here.result.update(study=loaded.name, data=measurement.source, data_sha256=measurement.sha256)
-        here.result["final_study"] = str(study)
-        if found.final is not None:
-            notes = {kind: stands_for(step) for step in found.steps for kind in step.added}
-            write_extended_study(
-                study,
-                target,
-                loaded,
-                overrides or (),
-                found.final,
-                origin(found, cited(measurement)),
-                installed,
-                notes_by_kind=notes,
-                data=data,
-                full=full,
-            )
-            here.result["final_study"] = str(target)
-        here.say(f"study    {target}" if found.final is not None else "No study was written.")
-        here.show(improvement_document(loaded.name, measurement, found, here.registry, effect or ()), folder)
+    installed = here.registry
+    loaded = here.study(study, overrides)
+    for kind in effect or ():
+        here.registry.get("effect", kind)
+    target = out or study.with_name(f"{study.stem}-improved.yaml")
+    folder = report or Path("runs") / f"{loaded.name}-improve"
+    check_target(study, target, force)
+    bench = here.bench()
+    measurement = measurement_of_study(bench, loaded, data)
+    check_writable(folder)
+    with fitting_bar(here.progress, len(effect or here.registry.kinds("effect"))) as bar:
+        found = improve_with(bench, loaded, measurement, kinds=effect, tick=bar.tick, workers=workers)
+    here.measured(loaded, measurement)
+    here.result["final_study"] = str(study)
+    if found.final is not None:
+        notes = {kind: stands_for(step) for step in found.steps for kind in step.added}
+        write_extended_study(
+            study,
+            target,
+            loaded,
+            overrides or (),
+            found.final,
+            origin(found, cited(measurement)),
+            installed,
+            notes_by_kind=notes,
+            data=data,
+            full=full,
+        )
+        here.result["final_study"] = str(target)
+    here.say(f"study    {target}" if found.final is not None else "No study was written.")
+    here.show(improvement_document(loaded.name, measurement, found, here.registry, effect or ()), folder)

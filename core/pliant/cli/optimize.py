@@ -3,84 +3,86 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from json import dumps
 from pathlib import Path
+from typing import Any
 
-from pliant.cli.best_study import write_best
-from pliant.cli.drawn_designs import drawn_designs
 from pliant.cli.options import (
-    DEFAULT_STORE,
-    JsonFile,
+    Full,
     Overrides,
-    Quiet,
     Scheduler,
-    StoreFolder,
     StudyFile,
     Workers,
+    verb,
     workers_or_scheduler,
 )
-from pliant.cli.session import Session, check_writable, plain, session
+from pliant.cli.session import Session, check_writable, plain
 from pliant.cli.studies import OutFolder
 from pliant.config.study import OF_OPTIMIZE, Study
-from pliant.errors import NotReachedError, UserError
+from pliant.config.writing import StudyDraft
+from pliant.errors import NotReachedError, PliantError, UserError
+from pliant.interfaces.task import SceneTask
 from pliant.pipeline.study import physics_of_study
 from pliant.pipeline.workbench import Workbench
 from pliant.records.search import FoundDesign, SearchResult
 from pliant.registry.discovery import Registry
-from pliant.report.search import search_document, write_search_page
-from pliant.report.search_files import BEST, HISTORY, JSON, copy_exported, write_history
-from pliant.report.search_lines import best_said
+from pliant.report.search import best_said, search_document, write_search_page
+from pliant.report.search_files import BEST, HISTORY, RESULT, DrawnDesign, copy_exported, write_history
+from pliant.report.search_view import spread_of
 from pliant.search.evaluate.evaluator import problem_of
+from pliant.search.evaluate.fast_path import FastPath
 from pliant.search.problem.search_problem import SearchProblem
 from pliant.search.run.search import nothing_found
 from pliant.search.stage import files_folder, search_study
 from pliant.search.verify.check import converged
 from pliant.store.store import Artifact, write_atomically
+from pliant.units import parse_quantity, si_unit, strip_unit_suffix
 
 UNFIT = re.compile(r"[^\w.-]")  # in the name of a file
 WRITTEN = re.compile(r"best(-.*)?\.yaml")  # studies of found designs
 
 
+@verb()
 def optimize(
+    here: Session,
     study: StudyFile,
     overrides: Overrides = None,
     out: OutFolder = None,
     workers: Workers = None,
     scheduler: Scheduler = None,
-    store: StoreFolder = DEFAULT_STORE,
-    json: JsonFile = None,
-    quiet: Quiet = False,
+    full: Full = False,
 ) -> None:
     """The study's search, then the check of the winner by direct FEM; goes on where it was interrupted."""
-    with session("optimize", json, quiet) as here:
-        installed = here.registry
-        loaded = here.study(study, overrides, uses=OF_OPTIMIZE)
-        loaded.need("search", "'pliant optimize'")
-        chosen = workers_or_scheduler(workers, scheduler)
-        folder = out or Path("runs") / loaded.name
-        check_writable(folder)
-        if folder.resolve() == study.resolve().parent and WRITTEN.fullmatch(study.name):
-            raise UserError(f"the best design would be written over {study}; give another --out.")
-        bench = here.bench(store)
-        made = search_study(bench, loaded, executor=chosen)
-        here.result["study"], here.result["out"] = loaded.name, str(folder)
-        here.result["stages"] = [{"stage": "search", "key": made.key, "cached": made.cached}]
-        _write(here, bench, made, loaded, folder, _Source(study, tuple(overrides or ()), installed))
-        if not made.value.best:
-            raise nothing_found(made.value)
+    installed = here.registry
+    loaded = here.study(study, overrides, uses=OF_OPTIMIZE)
+    loaded.need("search", "'pliant optimize'")
+    chosen = workers_or_scheduler(workers, scheduler)
+    folder = out or Path("runs") / loaded.name
+    check_writable(folder)
+    if folder.resolve() == study.resolve().parent and WRITTEN.fullmatch(study.name):
+        raise UserError(f"the best design would be written over {study}; give another --out.")
+    bench = here.bench()
+    made = search_study(bench, loaded, executor=chosen)
+    here.result["study"], here.result["out"] = loaded.name, str(folder)
+    here.result["stages"] = [{"stage": "search", "key": made.key, "cached": made.cached}]
+    _write_folder(here, bench, made, loaded, folder, _Source(study, tuple(overrides or ()), installed, full))
+    if not made.value.best:
+        raise nothing_found(made.value)
 
 
 @dataclass(frozen=True)
 class _Source:
-    """The study's file, how it was read, and the plugins that were known before."""
+    """The study's file, how it was read, the plugins that were known before, and whether found studies stand alone."""
 
     path: Path
     overrides: tuple[str, ...]
     registry: Registry
+    full: bool
 
 
-def _write(
+def _write_folder(
     here: Session, bench: Workbench, made: Artifact, study: Study, folder: Path, source: _Source
 ) -> None:
     """Everything that the folder of a search holds, and the lines for people; an earlier search's files go."""
@@ -100,7 +102,7 @@ def _write(
         if not converged(result, study, engine):
             here.exit_code = NotReachedError.exit_code
     _write_page(here, bench, folder, study, problem, result)
-    write_atomically(folder / JSON, dumps(plain(here.result), indent=1, allow_nan=False))
+    write_atomically(folder / RESULT, dumps(plain(here.result), indent=1, allow_nan=False))
 
 
 def _write_designs(
@@ -121,7 +123,9 @@ def _write_designs(
         targets = [folder / f"best-{stems[condition]}{alike}.yaml"] if named else []
         targets += [folder / BEST] if condition == 0 or design.context >= 0 else []
         for target in targets:
-            write_best(source.path, target, winner, keys, said, source.overrides, source.registry)
+            write_best(
+                source.path, target, winner, keys, said, source.overrides, source.registry, source.full
+            )
 
 
 def _each(problem: SearchProblem, result: SearchResult) -> list[tuple[FoundDesign, int]]:
@@ -137,3 +141,99 @@ def _write_page(
     page = write_search_page(folder, study, result, drawn_designs(bench, study, problem, result))
     here.result["report"] = str(page)
     here.say(f"report   {page}")
+
+
+OF_A_FRONT = 4
+OF_CONDITIONS = 6
+
+
+def drawn_designs(
+    bench: Workbench, study: Study, problem: SearchProblem, result: SearchResult
+) -> list[DrawnDesign]:
+    """The best design in each condition, the best of each condition, or some spread over a front; none of no design.
+
+    One that cannot be simulated again is left out, and a note says why.
+    """
+    path, found = FastPath(bench, study), []
+    for label, design, condition in _chosen(problem, result):
+        winner = problem.apply(design.values, condition)
+        scene = isinstance(bench.build("task", winner.noisy_task()), SceneTask)
+        try:
+            answer = path.result(winner)
+            chain = None if scene else path.chain(winner, shapes=True)
+        except PliantError as error:
+            bench.progress.note(f"the picture of '{label}' is missing: {error}")
+            continue
+        found.append(DrawnDesign(label, chain, answer))
+    return found
+
+
+def _chosen(problem: SearchProblem, result: SearchResult) -> list[tuple[str, FoundDesign, int]]:
+    """Label, design and the condition in which it is drawn."""
+    names = [condition.name for condition in problem.conditions]
+    best = result.best
+    if not best:
+        return []
+    if best[0].context >= 0:
+        return [(names[design.context], design, design.context) for design in best[:OF_CONDITIONS]]
+    if len(best) > 1:
+        return [(f"design {k + 1}", best[k], 0) for k in spread_of(len(best), OF_A_FRONT)]
+    return [(name or "best", best[0], condition) for condition, name in enumerate(names[:OF_CONDITIONS])]
+
+
+# Units of a study's text, which are read again: not those of `pliant.formatting`.
+TEXT_UNITS = {"m": (1e3, "mm"), "Pa": (1e-3, "kPa"), "kg": (1e3, "g"), "N": (1.0, "N"), "s": (1.0, "s")}
+
+
+def write_best(
+    source: Path,
+    target: Path,
+    winner: Study,
+    keys: Sequence[Sequence[str | int]],
+    said: str,
+    overrides: Sequence[str],
+    registry: Registry,
+    full: bool = False,
+) -> None:
+    """Write the study of a found design.
+
+    Args:
+        source: the searched study.
+        target: the new file.
+        winner: the study with the design in it.
+        keys: what differs from `source`.
+        said: where it comes from, for the first line.
+        overrides: with which `source` was read.
+        registry: as it was before the study's own plugin files were read.
+        full: whether the file shall stand alone.
+
+    Raises:
+        UserError: it cannot be written.
+    """
+    meant = {**winner.canonical(), **dict.fromkeys(OF_OPTIMIZE)}
+    draft = StudyDraft(source, overrides)
+    for block in OF_OPTIMIZE:
+        draft.drop(block)
+    for key in keys:
+        draft.set(tuple(key), _as_written(meant, key))
+    draft.write(target, meant, registry, full, head=" ".join(said.split()))
+
+
+def _as_written(canonical: Mapping[str, Any], path: Sequence[str | int]) -> Any:
+    """The value at a path as people write it, exactly."""
+    node: Any = canonical
+    name = ""
+    for key in path:
+        if isinstance(node, list):
+            node = node[int(key)]
+            continue
+        name = next(n for n in node if strip_unit_suffix(n) == strip_unit_suffix(str(key)))
+        node = node[name]
+    unit = si_unit(name)
+    if not (isinstance(node, float) and unit in TEXT_UNITS):
+        return node
+    factor, short = TEXT_UNITS[unit]
+    for text in (f"{float(f'{factor * node:.12g}')!r} {short}", f"{factor * node!r} {short}"):
+        if parse_quantity(text, unit) == node:
+            return text
+    return f"{node!r} {unit}"

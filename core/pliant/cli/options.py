@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+import inspect
+import os
+from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
+from pliant.cli.session import check_writable, session
+from pliant.config.loading import StudyFile as ReadStudy
+from pliant.config.writing import refuse_bases
 from pliant.errors import UserError
 from pliant.execution.executors import checked_workers
 
@@ -49,8 +55,63 @@ Scheduler = Annotated[
 DEFAULT_STORE = Path(".pliant/store")
 
 
+def verb(store: bool = True, json: bool = True) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """A verb of the command line: its function gets a `Session` first; `--store`, `--json` and `--quiet` are added."""
+    shared: dict[str, tuple[Any, Any]] = {
+        **({"store": (StoreFolder, DEFAULT_STORE)} if store else {}),
+        **({"json": (JsonFile, None)} if json else {}),
+        "quiet": (Quiet, False),
+    }
+
+    def made(function: Callable[..., None]) -> Callable[..., None]:
+        _, *own = inspect.signature(function, eval_str=True).parameters.values()
+        more = [
+            inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, annotation=kind, default=default)
+            for name, (kind, default) in shared.items()
+        ]
+
+        def call(**given: Any) -> None:
+            own_store, target = given.pop("store", DEFAULT_STORE), given.pop("json", None)
+            name = function.__name__.replace("_", "-")
+            with session(name, target, given.pop("quiet"), own_store) as here:
+                function(here, **given)
+
+        call.__name__, call.__doc__, call.__module__ = (
+            function.__name__,
+            function.__doc__,
+            function.__module__,
+        )
+        call.__signature__ = inspect.Signature([*own, *more])  # type: ignore[attr-defined]
+        call.__annotations__ = {parameter.name: parameter.annotation for parameter in (*own, *more)}
+        return call
+
+    return made
+
+
 def workers_or_scheduler(workers: int | None, scheduler: str | None) -> int | str | None:
     """The one that is given; raises `UserError` for both, or for a number of workers that is none."""
     if workers is not None and scheduler is not None:
         raise UserError("give --workers or --scheduler, not both; a cluster's workers are its own.")
     return scheduler if workers is None else checked_workers(workers)
+
+
+Force = Annotated[bool, typer.Option("--force", help="Overwrite the new study's file if it is there.")]
+Full = Annotated[
+    bool,
+    typer.Option(
+        "--full",
+        help="Write a study that stands alone, comments kept, instead of 'extends' and what changed.",
+    ),
+]
+
+
+def check_target(source: Path, target: Path, force: bool) -> None:
+    """Refuse a place that cannot be written or that holds something, before any work is done."""
+    if os.path.isdir(target):  # noqa: PTH112 - never raises
+        raise UserError(
+            f"--out needs the name of a file, and {target} is a folder; try {target / 'new.yaml'}."
+        )
+    refuse_bases(target, ReadStudy.read(source))
+    if os.path.exists(target) and not force:  # noqa: PTH110 - never raises
+        raise UserError(f"{target} is there already; give another --out, or --force to overwrite it.")
+    check_writable(target.parent)

@@ -4,17 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 import typer
 
-from pliant.cli.compare import DataFile
-from pliant.cli.diagnose import Candidates
-from pliant.cli.fitting_bar import fitting_bar
-from pliant.cli.options import DEFAULT_STORE, JsonFile, Overrides, Quiet, StoreFolder, StudyFile
-from pliant.cli.protocol_files import write_runs
-from pliant.cli.session import Session, check_writable, session
+from pliant.cli.bars import fitting_bar
+from pliant.cli.evidence import Candidates, DataFile, Workers, write_runs
+from pliant.cli.options import Overrides, StudyFile, verb
+from pliant.cli.session import Session, check_writable
 from pliant.config.study import Study
 from pliant.diagnosis.classes import design_runs, unread
 from pliant.diagnosis.diagnosis import Diagnosis, diagnose
@@ -30,9 +28,8 @@ from pliant.diagnosis.next_run import (
 from pliant.errors import UserError
 from pliant.evidence.prediction import Predictor, measurement_of_study
 from pliant.experiments.experiment_catalogue import own_runs, runs_of
-from pliant.experiments.planned_run import BenchScale
+from pliant.experiments.planned_run import BenchScale, PlannedRun
 from pliant.pipeline.study import chain_of_study
-from pliant.pipeline.workbench import Workbench
 from pliant.records.measurement import Measurement
 from pliant.report.plan import design_document, plan_document
 
@@ -52,7 +49,9 @@ Folder = Annotated[
 AFTER_DATA = 2
 
 
+@verb()
 def plan(
+    here: Session,
     study: StudyFile,
     overrides: Overrides = None,
     data: DataFile = None,
@@ -60,98 +59,65 @@ def plan(
     minutes: Minutes = None,
     effect: Candidates = None,
     out: Folder = None,
-    store: StoreFolder = DEFAULT_STORE,
-    json: JsonFile = None,
-    quiet: Quiet = False,
+    workers: Workers = 1,
 ) -> None:
     """Which runs to do next: with data those that decide between the explanations left, without data a protocol."""
-    with session("plan", json, quiet) as here:
-        loaded = here.study(study, overrides)
-        if runs is not None and runs < 1:
-            raise UserError(f"--runs is {runs}; it should be 1 or more.")
-        if minutes is not None and not minutes > 0:
-            raise UserError(f"--minutes is {minutes:g}; it should be above 0.")
-        folder = out or Path("runs") / f"{loaded.name}-plan"
-        check_writable(folder)
-        bench, most = here.bench(store), np.inf if minutes is None else minutes
-        kinds = effect or here.registry.kinds("effect")
-        for kind in kinds:
-            here.registry.get("effect", kind)
-        here.result |= {"study": loaded.name, "out": str(folder)}
-        if data or loaded.measurements is not None:
-            measurement = measurement_of_study(bench, loaded, data)
-            _after(here, bench, loaded, study, measurement, data, kinds, runs or AFTER_DATA, most, folder)
-        else:
-            _before(here, bench, loaded, study, kinds, runs, most, folder)
-
-
-def _after(
-    here: Session,
-    bench: Workbench,
-    loaded: Study,
-    study: Path,
-    measurement: Measurement,
-    data: Sequence[Path] | None,
-    kinds: Sequence[str],
-    runs: int,
-    minutes: float,
-    folder: Path,
-) -> None:
-    """Runs that decide between what a diagnosis leaves."""
-    predictor = Predictor.of_study(bench, loaded, measurement)
-    own = own_runs(loaded, predictor.chain, measurement)
-    shortest = min(run.minutes for run in catalogue_of(predictor, own))
-    if minutes < shortest:
-        raise UserError(f"--minutes {minutes:g}: the shortest run takes {shortest:g} min with setting up.")
-    with fitting_bar(here, len(kinds)) as bar:
-        found = diagnose(predictor, kinds=kinds, runs=own, tick=bar.tick)
-    chosen, remark = _chosen(predictor, found, own, runs, minutes)
-    planned = [
-        (f"run_{k}_{one.name}.csv".replace(" ", "_").replace("/", "_"), one.planned)
-        for k, one in enumerate(chosen, 1)
-        if one.planned is not None
-    ]
-    files = write_runs(folder, planned, measurement.outputs, study, loaded, measurement, data)
-    here.show(plan_document(loaded.name, measurement, found, chosen, [str(file) for file in files], remark))
-
-
-def _chosen(
-    predictor: Predictor, found: Diagnosis, own: Sequence[Any], runs: int, minutes: float
-) -> tuple[tuple[NextRun, ...], str]:
-    """Runs one after another, and a sentence where several explanations are left and none of them helps."""
-    if found.verdict == "not_repeatable" and found.next_run is not None:
-        return (found.next_run,), ""
-    belief = Belief.of(found.fits, found.judgement.probability, found.noise)
-    view = view_of(predictor, found.scales, found.noise.n_effective, own)
-    done = done_before(view, predictor.measurement)
-    chosen = next_runs(view, belief, runs, minutes, done)
-    if chosen:
-        return chosen, ""
-    return (), undecidable(belief)
-
-
-def _before(
-    here: Session,
-    bench: Workbench,
-    loaded: Study,
-    study: Path,
-    kinds: Sequence[str],
-    runs: int | None,
-    minutes: float,
-    folder: Path,
-) -> None:
-    """The fewest runs that tell the effects apart."""
+    loaded = here.study(study, overrides)
+    if runs is not None and runs < 1:
+        raise UserError(f"--runs is {runs}; it should be 1 or more.")
+    if minutes is not None and not minutes > 0:
+        raise UserError(f"--minutes is {minutes:g}; it should be above 0.")
+    folder = out or Path("runs") / f"{loaded.name}-plan"
+    check_writable(folder)
+    bench, most = here.bench(), np.inf if minutes is None else minutes
+    kinds = effect or here.registry.kinds("effect")
+    for kind in kinds:
+        here.registry.get("effect", kind)
+    here.result |= {"study": loaded.name, "out": str(folder)}
+    if data or loaded.measurements is not None:
+        measurement = measurement_of_study(bench, loaded, data)
+        found, chosen, remark = _after(here, loaded, measurement, kinds, runs or AFTER_DATA, most, workers)
+        planned = [(f"{k}_{one.name}", one.planned) for k, one in enumerate(chosen, 1) if one.planned]
+        files = write_runs(folder, _named(planned), measurement.outputs, study, loaded, measurement, data)
+        here.show(plan_document(loaded.name, measurement, found, chosen, files, remark))
+        return
     chain = chain_of_study(bench, loaded).chain
     menu = runs_of(loaded.protocols, BenchScale.of_chain(chain, largest_of_task(loaded)))
     outputs = ("elongation_strain",) if chain.laws[0].joint == "prismatic" else ("angle_rad",)
     predictor = Predictor.of_study(bench, loaded, unread(menu, outputs))
-    found = design_runs(predictor, menu, kinds, most_runs=runs, minutes=minutes)
-    planned = [
-        (f"run_{n}_{menu[k].name}.csv".replace(" ", "_").replace("/", "_"), menu[k])
-        for n, k in enumerate(found.chosen, 1)
-    ]
-    files = write_runs(folder, planned, outputs, study, loaded)
-    here.show(design_document(loaded.name, found, [str(file) for file in files]))
+    fewest = design_runs(predictor, menu, kinds, most_runs=runs, minutes=most)
+    named = _named([(f"{n}_{menu[k].name}", menu[k]) for n, k in enumerate(fewest.chosen, 1)])
+    here.show(design_document(loaded.name, fewest, write_runs(folder, named, outputs, study, loaded)))
+
+
+def _named(runs: Sequence[tuple[str, PlannedRun]]) -> list[tuple[str, PlannedRun]]:
+    """The runs with names of files."""
+    return [(f"run_{name}.csv".replace(" ", "_").replace("/", "_"), run) for name, run in runs]
+
+
+def _after(
+    here: Session,
+    loaded: Study,
+    measurement: Measurement,
+    kinds: Sequence[str],
+    runs: int,
+    minutes: float,
+    workers: int,
+) -> tuple[Diagnosis, tuple[NextRun, ...], str]:
+    """Runs that decide between what a diagnosis leaves; a sentence where several are left and no run helps."""
+    predictor = Predictor.of_study(here.bench(), loaded, measurement)
+    own = own_runs(loaded, predictor.chain, measurement)
+    shortest = min(run.minutes for run in catalogue_of(predictor, own))
+    if minutes < shortest:
+        raise UserError(f"--minutes {minutes:g}: the shortest run takes {shortest:g} min with setting up.")
+    with fitting_bar(here.progress, len(kinds)) as bar:
+        found = diagnose(predictor, kinds=kinds, runs=own, tick=bar.tick, workers=workers)
+    if found.verdict == "not_repeatable" and found.next_run is not None:
+        return found, (found.next_run,), ""
+    belief = Belief.of(found.fits, found.judgement.probability, found.noise)
+    view = view_of(predictor, found.scales, found.noise.n_effective, own)
+    chosen = next_runs(view, belief, runs, minutes, done_before(view, predictor.measurement))
+    return found, chosen, "" if chosen else undecidable(belief)
 
 
 def largest_of_task(loaded: Study) -> float | None:

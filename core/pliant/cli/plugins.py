@@ -1,126 +1,258 @@
-"""The verbs about plugins: plugins, check, schema, new-plugin."""
+"""The verbs about plugins: plugins, check, schema, and new-plugin, which writes a package that passes its own tests."""
 
 from __future__ import annotations
 
-import json as json_module
+import json
+import keyword
+import re
+import shutil
+import sys
+import tempfile
+from dataclasses import dataclass
+from importlib import resources
+from importlib.resources.abc import Traversable
 from pathlib import Path
+from string import Template
 from typing import Annotated
 
 import typer
 from rich.table import Table
 from rich.text import Text
 
-from pliant.cli.new_plugin import EXAMPLES, create_package
-from pliant.cli.options import JsonFile, PluginFiles, Quiet
-from pliant.cli.session import session
+from pliant import __version__
+from pliant.cli.options import PluginFiles, verb
+from pliant.cli.session import Session
 from pliant.config.schema import study_schema
 from pliant.errors import UserError, closest
 from pliant.registry.component import INTERFACES
 from pliant.registry.files import with_files
 
 CHECK_FAILED = 3
+TEMPLATES = resources.files("pliant.cli") / "templates"
+# What a study block of the generated plugin holds beside `kind`, and its line in `pliant plugins`.
+EXAMPLES = {
+    "effect": ('{"loss": 0.1}', "a share of the actuation is lost on the way"),
+    "family": ("{}", "rectangular tube with its cavity off the axis"),
+    "material": ('{"c10": "60 kPa", "c20": "5 kPa"}', "Yeoh rubber, nearly incompressible"),
+    "meta_model": ("{}", "terms quadratic in the design's parameters, by least squares"),
+    "optimizer": ("{}", "uniform random search"),
+    "physics": ("{}", "equilibria by plain Newton, for short chains"),
+    "surrogate": ("{}", "linear law by least squares"),
+    "task": ('{"pressure": "10 kPa", "force": [0, 0, "-20 mN"]}', "hold a force at the tip"),
+}
 
 
+@verb(store=False)
 def plugins(
+    here: Session,
     study: Annotated[
         Path | None, typer.Argument(metavar="[STUDY.yaml]", help="List its own `plugins` files too.")
     ] = None,
     file: PluginFiles = None,
-    json: JsonFile = None,
-    quiet: Quiet = False,
 ) -> None:
     """What is installed, what misses a package, and what failed to load."""
-    with session("plugins", json, quiet) as here:
-        if study is not None:
-            here.study(study, None)
-        here.registry = with_files(here.registry, file or ())
-        table = Table("interface", "kind", "package", "what it is", box=None, pad_edge=False)
-        rows = []
-        for interface in INTERFACES:
-            for component in here.registry.of(interface):
-                missing = component.missing(lazy=True)
-                part = "" if component.missing() else " for part of its work"
-                state = f"needs {missing}{part}: {component.install}" if missing else ""
-                rows.append(
-                    {
-                        "interface": interface,
-                        "kind": component.kind,
-                        "package": component.package,
-                        "summary": component.summary,
-                        "unavailable": state,
-                    }
-                )
-                text = Text(component.summary)
-                if state:
-                    text.append(f" (unavailable: {state})", "yellow")
-                table.add_row(interface, component.kind, component.package, text)
-        here.say(table)
-        failures = [vars(failure) for failure in here.registry.failures]
-        for failure in failures:
-            line = f"{failure['name']} ({failure['package']}): {failure['cause']}"
-            here.say(Text.assemble(("failed", "red"), f"   {line}"))
-        here.result.update({"components": rows, "failed": failures})
+    if study is not None:
+        here.study(study, None)
+    here.registry = with_files(here.registry, file or ())
+    table = Table("interface", "kind", "package", "what it is", box=None, pad_edge=False)
+    rows = []
+    for interface in INTERFACES:
+        for component in here.registry.of(interface):
+            missing = component.missing(lazy=True)
+            part = "" if component.missing() else " for part of its work"
+            state = f"needs {missing}{part}: {component.install}" if missing else ""
+            rows.append(
+                {
+                    "interface": interface,
+                    "kind": component.kind,
+                    "package": component.package,
+                    "summary": component.summary,
+                    "unavailable": state,
+                }
+            )
+            text = Text(component.summary)
+            if state:
+                text.append(f" (unavailable: {state})", "yellow")
+            table.add_row(interface, component.kind, component.package, text)
+    here.say(table)
+    failures = [vars(failure) for failure in here.registry.failures]
+    for failure in failures:
+        line = f"{failure['name']} ({failure['package']}): {failure['cause']}"
+        here.say(Text.assemble(("failed", "red"), f"   {line}"))
+    here.result.update({"components": rows, "failed": failures})
 
 
+@verb(store=False)
 def check(
+    here: Session,
     interface: Annotated[str, typer.Argument(metavar="INTERFACE", help=", ".join(INTERFACES))],
     kind: Annotated[str, typer.Argument(metavar="KIND", help="The plugin's kind.")],
     file: PluginFiles = None,
-    json: JsonFile = None,
-    quiet: Quiet = False,
 ) -> None:
     """Run the conformance suite of an interface on a plugin."""
-    with session("check", json, quiet) as here:
-        from pliant.testing.suite import run_checks
+    from pliant.testing.suite import run_checks
 
-        here.registry = with_files(here.registry, file or ())
-        if interface not in INTERFACES:
-            raise UserError(
-                f"unknown interface '{interface}'{closest(interface, INTERFACES)} "
-                f"Interfaces: {', '.join(INTERFACES)}."
-            )
-        outcomes = run_checks(here.registry.get(interface, kind))
-        marks = {"passed": "[green]passed[/] ", "failed": "[red]FAILED[/] ", "skipped": "[yellow]skipped[/]"}
-        for outcome in outcomes:
-            here.say(f"{marks[outcome.status]}  {outcome.name}", markup=True)
-            if outcome.message:
-                here.say(f"           {outcome.message}")
-        counts = {state: sum(o.status == state for o in outcomes) for state in marks}
-        here.say(", ".join(f"{count} {state}" for state, count in counts.items()))
-        here.result.update(
-            {
-                "interface": interface,
-                "kind": kind,
-                **counts,
-                "checks": [{"name": o.name, "status": o.status, "message": o.message} for o in outcomes],
-            }
+    here.registry = with_files(here.registry, file or ())
+    if interface not in INTERFACES:
+        raise UserError(
+            f"unknown interface '{interface}'{closest(interface, INTERFACES)} "
+            f"Interfaces: {', '.join(INTERFACES)}."
         )
-        if counts["failed"]:
-            here.exit_code = CHECK_FAILED
+    outcomes = run_checks(here.registry.get(interface, kind))
+    marks = {"passed": "[green]passed[/] ", "failed": "[red]FAILED[/] ", "skipped": "[yellow]skipped[/]"}
+    for outcome in outcomes:
+        here.say(f"{marks[outcome.status]}  {outcome.name}", markup=True)
+        if outcome.message:
+            here.say(f"           {outcome.message}")
+    counts = {state: sum(o.status == state for o in outcomes) for state in marks}
+    here.say(", ".join(f"{count} {state}" for state, count in counts.items()))
+    here.result.update(
+        {
+            "interface": interface,
+            "kind": kind,
+            **counts,
+            "checks": [{"name": o.name, "status": o.status, "message": o.message} for o in outcomes],
+        }
+    )
+    if counts["failed"]:
+        here.exit_code = CHECK_FAILED
 
 
-def schema(json: JsonFile = None, quiet: Quiet = False) -> None:
+@verb(store=False)
+def schema(
+    here: Session,
+) -> None:
     """JSON schema of a study under the installed plugins, for editors."""
-    with session("schema", json, quiet) as here:
-        made = study_schema(here.registry)
-        if json is None and not quiet:
-            typer.echo(json_module.dumps(made, indent=1))
-        here.result["schema"] = made
+    made = study_schema(here.registry)
+    if here.json_target is None and not here.quiet:
+        typer.echo(json.dumps(made, indent=1))
+    here.result["schema"] = made
 
 
+@verb(store=False)
 def new_plugin(
+    here: Session,
     name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the package, e.g. my-finger.")],
     interface: Annotated[
         str, typer.Option("--interface", help=f"What it shall fill: {', '.join(EXAMPLES)}.")
     ] = "effect",
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Parent folder of the package.")] = Path(),
-    json: JsonFile = None,
-    quiet: Quiet = False,
 ) -> None:
     """A third-party package that works and passes its own tests as generated."""
-    with session("new-plugin", json, quiet) as here:
-        files = create_package(name, out, interface)
-        here.result["files"] = [str(path) for path in files]
-        for path in files:
-            here.say(str(path))
-        here.say(f"\nnext: pip install -e '{out / name}[test]' && pytest {out / name}")
+    files = create_package(name, out, interface)
+    here.result["files"] = [str(path) for path in files]
+    for path in files:
+        here.say(str(path))
+    here.say(f"\nnext: pip install -e '{out / name}[test]' && pytest {out / name}")
+
+
+@dataclass(frozen=True)
+class Names:
+    """One name in its forms: pliant-my-finger, pliant_my_finger, my_finger, MyFinger."""
+
+    distribution: str
+    package: str
+    kind: str
+    cls: str
+
+
+def create_package(name: str, folder: Path, interface: str = "effect") -> list[Path]:
+    """Write the package `folder`/`name` and return its files.
+
+    Args:
+        name: name of the distribution, such as ``my-finger``; a leading ``pliant-`` is left out of the kind.
+        folder: where the package's folder is made.
+        interface: what the plugin shall fill; each has a small real plugin as a start.
+
+    Raises:
+        UserError: for a name or interface that cannot be, a folder that is not empty or cannot be written.
+            Nothing is left behind.
+    """
+    if interface not in EXAMPLES:
+        known = ", ".join(EXAMPLES)
+        why = "has no skeleton yet" if interface in INTERFACES else "is no interface"
+        raise UserError(f"interface '{interface}' {why}{closest(interface, EXAMPLES)} Skeletons: {known}.")
+    names = _names(name)
+    target = folder / name
+    if target.exists() and (not target.is_dir() or any(target.iterdir())):
+        raise UserError(f"{target} exists and is not empty; choose another name or --out folder.")
+    texts = _texts(names, interface)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        partial = Path(tempfile.mkdtemp(prefix=f".{name}-", dir=folder))
+        try:
+            for path, text in texts.items():
+                file = partial / path
+                file.parent.mkdir(parents=True, exist_ok=True)
+                file.write_text(text, encoding="utf-8")
+            partial.chmod(0o755)
+            if target.is_dir():
+                target.rmdir()
+            partial.replace(target)
+        finally:
+            shutil.rmtree(partial, ignore_errors=True)
+    except OSError as error:
+        raise UserError(
+            f"{target} cannot be written ({error.strerror or error}); choose another --out folder."
+        ) from None
+    return [target / path for path in texts]
+
+
+def _names(name: str) -> Names:
+    """Check the name: PEP 503's letters, a package that can be imported, a class of its own."""
+    if not re.fullmatch(r"[A-Za-z][A-Za-z0-9]*([-_][A-Za-z0-9]+)*", name):
+        raise UserError(
+            f"'{name}' is no name for a package: use letters and digits in words joined by '-', such as "
+            "my-finger."
+        )
+    package = name.lower().replace("-", "_")
+    kind = package.removeprefix("pliant_")
+    if (
+        keyword.iskeyword(package)
+        or package in sys.stdlib_module_names
+        or package in ("pliant", "pliant_plugins")
+    ):
+        raise UserError(
+            f"'{name}' would hide Python's or Pliant's own module '{package}'; choose another name."
+        )
+    if kind in INTERFACES or not kind.isidentifier() or keyword.iskeyword(kind):
+        raise UserError(f"'{kind}' cannot be a kind; choose a name that says what the plugin models.")
+    return Names(name, package, kind, "".join(word.capitalize() for word in kind.split("_")))
+
+
+def _texts(names: Names, interface: str) -> dict[str, str]:
+    """Path inside the package → text."""
+    example, summary = EXAMPLES[interface]
+    values = {
+        "name": names.distribution,
+        "package": names.package,
+        "kind": names.kind,
+        "cls": names.cls,
+        "interface": interface,
+        "example": example,
+        "summary": summary,
+        "pliant": __version__,
+        "next_pliant": _next_minor(__version__),
+    }
+    texts = {}
+    for folder in ("common", interface):
+        for path, template in _files(TEMPLATES / folder):
+            where = path.removesuffix(".txt").replace("PACKAGE", names.package)
+            texts[where] = Template(template).substitute(values)
+    return dict(sorted(texts.items()))
+
+
+def _next_minor(version: str) -> str:
+    """The first version that may change what a plugin relies on: 0.1.3 → 0.2."""
+    major, minor = version.split(".")[:2]
+    return f"{major}.{int(minor) + 1}"
+
+
+def _files(folder: Traversable, prefix: str = "") -> list[tuple[str, str]]:
+    found = []
+    for item in folder.iterdir():
+        if item.is_dir():
+            found += _files(item, f"{prefix}{item.name}/")
+        elif item.name.endswith(".txt"):
+            found.append((prefix + item.name, item.read_text(encoding="utf-8")))
+    return found

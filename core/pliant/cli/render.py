@@ -1,4 +1,4 @@
-"""`pliant render`: pictures and films of what a study simulates."""
+"""`pliant render`: pictures and films of what a study simulates; `pliant view`: the interactive window."""
 
 from __future__ import annotations
 
@@ -10,16 +10,28 @@ from typing import Annotated, get_args
 import numpy as np
 import typer
 
-from pliant.cli.options import DEFAULT_STORE, JsonFile, Overrides, Quiet, StoreFolder, StudyFile
-from pliant.cli.session import Session, check_writable, session
+from pliant.cli.options import Overrides, StudyFile, verb
+from pliant.cli.session import Session, check_writable
 from pliant.cli.studies import NOT_CONVERGED
+from pliant.config.study import Study
 from pliant.errors import UserError, closest
+from pliant.interfaces.task import SceneTask
 from pliant.interfaces.viewer import View, Viewer
-from pliant.pipeline.motion import at_times, motion_of_run
-from pliant.pipeline.study import StudyRun, simulate_study
+from pliant.pipeline.motion import (
+    ChainHandle,
+    at_times,
+    chain_frames,
+    chain_scene,
+    drawn_chain,
+    highest_actuation,
+    motion_of_run,
+    prepared_chain,
+)
+from pliant.pipeline.study import StudyRun, laws_of_study, simulate_study
 from pliant.pipeline.workbench import Workbench
 from pliant.records.design import Array
 from pliant.records.motion import Motion
+from pliant.records.rollout import Inputs
 
 SIZE = re.compile(r"(\d{1,5})x(\d{1,5})")
 SMALLEST_PX, LARGEST_PX = 32, 4096
@@ -30,7 +42,9 @@ PLOTS = (".svg", ".png", ".pdf")
 ViewerKind = Annotated[str, typer.Option("--viewer", metavar="KIND", help="Who draws; see 'pliant plugins'.")]
 
 
+@verb()
 def render(
+    here: Session,
     study: StudyFile,
     overrides: Overrides = None,
     out: Annotated[Path, typer.Option("--out", metavar="FILE", help="A .png, .gif or .mp4.")] = Path(
@@ -53,35 +67,31 @@ def render(
         typer.Option("--backbone", help="Three views of the line through the joints (.svg, .png, .pdf)."),
     ] = False,
     viewer: ViewerKind = "mujoco",
-    store: StoreFolder = DEFAULT_STORE,
-    json: JsonFile = None,
-    quiet: Quiet = False,
 ) -> None:
     """Draw what the study simulates: a picture, a film, or the backbone in three views."""
-    with session("render", json, quiet) as here:
-        ending = _ending(out, backbone)
-        pixels = _pixels(size, ending)
-        view = _view(camera)
-        _check_numbers(fps, at_s, seconds, ending)
-        loaded = here.study(study, overrides).model_copy(update={"cross_check": ()})
-        loaded.need("task", "a picture")
-        check_writable(out.parent)
-        bench = here.bench(store)
-        drawer = here.registry.get("viewer", viewer)
-        built: Viewer = drawer.build(drawer.config_model()(kind=viewer))
-        done = simulate_study(bench, loaded)
-        started = time.perf_counter()
-        if backbone:
-            _write_backbone(done, out)
-            count = 1
-        else:
-            motion = motion_of_run(bench, done)
-            times = _times(motion, fps, at_s, seconds, ending)
-            count = _write_film(bench, built, motion, times, pixels, view, fps, out)
-        wall_s = time.perf_counter() - started
-        here.result.update({"out": out, "pictures": count, "size": pixels, "wall_s": wall_s})
-        here.say(f"written  {out}   ({count} picture{'s' * (count > 1)}, {count / wall_s:.1f} per second)")
-        _judge(here, done)
+    ending = _ending(out, backbone)
+    pixels = _pixels(size, ending)
+    view = _view(camera)
+    _check_numbers(fps, at_s, seconds, ending)
+    loaded = here.study(study, overrides).model_copy(update={"cross_check": ()})
+    loaded.need("task", "a picture")
+    check_writable(out.parent)
+    bench = here.bench()
+    drawer = here.registry.get("viewer", viewer)
+    built: Viewer = drawer.build(drawer.config_model()(kind=viewer))
+    done = simulate_study(bench, loaded)
+    started = time.perf_counter()
+    if backbone:
+        _write_backbone(done, out)
+        count = 1
+    else:
+        motion = motion_of_run(bench, done)
+        times = _times(motion, fps, at_s, seconds, ending)
+        count = _write_film(bench, built, motion, times, pixels, view, fps, out)
+    wall_s = time.perf_counter() - started
+    here.result.update({"out": out, "pictures": count, "size": pixels, "wall_s": wall_s})
+    here.say(f"written  {out}   ({count} picture{'s' * (count > 1)}, {count / wall_s:.1f} per second)")
+    _judge(here, done)
 
 
 def _judge(here: Session, done: StudyRun) -> None:
@@ -182,3 +192,43 @@ def _write_backbone(done: StudyRun, out: Path) -> None:
     from pliant.report.figures.backbones import backbone  # matplotlib takes a second to import
 
     backbone(done, out)
+
+
+@verb(json=False)
+def view(
+    here: Session,
+    study: StudyFile,
+    overrides: Overrides = None,
+    replay: Annotated[
+        bool, typer.Option("--replay", help="Replay the task; else sliders drive the chain.")
+    ] = False,
+    viewer: ViewerKind = "mujoco",
+) -> None:
+    """Open a window: move the pressure by a slider, or replay what the task did (scenes always)."""
+    drawer = here.registry.get("viewer", viewer)
+    built: Viewer = drawer.build(drawer.config_model()(kind=viewer))
+    built.require_display()
+    loaded = here.study(study, overrides).model_copy(update={"cross_check": ()})
+    bench = here.bench()
+    scene = loaded.task is not None and isinstance(bench.build("task", loaded.task), SceneTask)
+    if replay or scene:
+        built.show(motion_of_run(bench, simulate_study(bench, loaded)))
+    else:
+        _drive(bench, loaded, built)
+
+
+def _drive(bench: Workbench, study: Study, viewer: Viewer) -> None:
+    chain, backend, _ = prepared_chain(bench, study)
+    highest = highest_actuation(study, chain)
+    looks = drawn_chain(bench, StudyRun(study, laws_of_study(bench, study)))
+    with backend.build(chain) as simulation:
+        rest = simulation.snapshot()
+        names = dict.fromkeys(actuator.input for actuator in chain.actuators)
+        poses = [rest.position]
+        for share in (0.5, 1.0):
+            simulation.apply(Inputs(dict.fromkeys(names, share * highest)))
+            poses.append(simulation.settle().joint_angles)
+        simulation.restore(rest)
+        frames = chain_frames(np.arange(3.0), np.array(poses))
+        worn = chain.with_(shapes=looks.shapes)
+        viewer.show(Motion(chain_scene(worn), frames), ChainHandle(simulation, highest))

@@ -23,6 +23,8 @@ from pliant.config.loading import load_study
 from pliant.config.study import Study
 from pliant.errors import INTERRUPTED, PliantError, UserError, interrupted
 from pliant.pipeline.workbench import Workbench
+from pliant.records.counts import Counts
+from pliant.records.measurement import Measurement
 from pliant.registry.discovery import Registry, discover
 from pliant.registry.files import blamed, with_files
 from pliant.report.document import Document
@@ -42,6 +44,7 @@ class Session:
     quiet: bool = False
     result: dict[str, Any] = field(default_factory=dict)
     exit_code: int = 0
+    store: Path = Path()
 
     def __post_init__(self) -> None:
         # With JSON on standard output, words for people go to standard error.
@@ -82,20 +85,24 @@ class Session:
             )
         return study
 
+    def measured(self, study: Study, data: Measurement | Counts) -> None:
+        """Keep for the JSON which study was held against which data."""
+        self.result.update(study=study.name, data=data.source, data_sha256=data.sha256)
+
     @property
     def progress(self) -> TerminalProgress:
         """Progress on standard error."""
         return TerminalProgress(self.err, self.quiet)
 
-    def bench(self, store: Path) -> Workbench:
-        """A workbench on this store."""
-        return Workbench(self.registry, ArtifactStore(store.expanduser()), self.progress)
+    def bench(self) -> Workbench:
+        """A workbench on the verb's store."""
+        return Workbench(self.registry, ArtifactStore(self.store.expanduser()), self.progress)
 
 
 @contextmanager
-def session(command: str, json_target: str | None, quiet: bool) -> Iterator[Session]:
+def session(command: str, json_target: str | None, quiet: bool, store: Path) -> Iterator[Session]:
     """Run a verb: errors become one message and an exit code, the result becomes JSON."""
-    here = Session(command, json_target, quiet)
+    here = Session(command, json_target, quiet, store=store)
     try:
         if json_target is not None and json_target != "-":
             _check_json_target(json_target)

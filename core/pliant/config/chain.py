@@ -32,20 +32,20 @@ class RigidConfig(FrozenModel):
     A closed end of l + 2t follows its module where a search changes l: ``{module_lengths: 1, length: 3 mm}``.
     """
 
-    length_m: Length = Field(default=0.0, ge=0, description="along the chain")
+    length_m: Length = Field(0.0, ge=0, description="along the chain")
     module_lengths: Ratio = Field(
-        default=0.0, ge=0, description="added to the length: so many of the module before it, or of the first"
+        0.0, ge=0, description="added to the length: so many of the module before it, or of the first"
     )
     section: Literal["rod", "module"] = Field(
-        default="rod", description="a cylinder about the chain axis, or the shape of the study's module"
+        "rod", description="a cylinder about the chain axis, or the shape of the study's module"
     )
     mass_kg: Mass | None = Field(
-        default=None,
+        None,
         ge=0,
         description="by default none for a rod, and a module's mass per length for its section",
     )
     radius_m: Length | None = Field(
-        default=None, gt=0, description="outer radius of a rod; without one it does not collide"
+        None, gt=0, description="outer radius of a rod; without one it does not collide"
     )
 
     @model_validator(mode="after")
@@ -68,15 +68,15 @@ class SegmentConfig(FrozenModel):
     own; the keys of rods are those that differ from the chain's where there is no family.
     """
 
-    modules: Count | None = Field(default=None, ge=1, le=4096, description="number of equal modules")
-    rigid: RigidConfig | None = Field(default=None, description="instead of `modules`: a rigid piece")
-    rotation_rad: Angle = Field(default=0.0, description="about the chain axis, relative to the base")
+    modules: Count | None = Field(None, ge=1, le=4096, description="number of equal modules")
+    rigid: RigidConfig | None = Field(None, description="instead of `modules`: a rigid piece")
+    rotation_rad: Angle = Field(0.0, description="about the chain axis, relative to the base")
     turn_rad: Angle | None = Field(
-        default=None,
+        None,
         description="about the chain axis, relative to the modules before it; instead of `rotation`",
     )
     actuation_share: Ratio = Field(
-        default=1.0,
+        1.0,
         gt=0,
         description="share of the chain's pressure or force that its supply gets, as behind a regulator of its own",
     )
@@ -84,12 +84,12 @@ class SegmentConfig(FrozenModel):
         default_factory=dict, description="parameters that differ, e.g. {wall: 2 mm}"
     )
     surrogate: SurrogateConfig | None = Field(
-        default=None, description="a law of its own, instead of the study's; a block with `kind`"
+        None, description="a law of its own, instead of the study's; a block with `kind`"
     )
-    module_length_m: Length | None = Field(default=None, gt=0, description="only without a family")
-    module_mass_kg: Mass | None = Field(default=None, ge=0, description="only without a family")
-    module_radius_m: Length | None = Field(default=None, gt=0, description="only without a family")
-    module_offset_m: Length | None = Field(default=None, description="only without a family")
+    module_length_m: Length | None = Field(None, gt=0, description="only without a family")
+    module_mass_kg: Mass | None = Field(None, ge=0, description="only without a family")
+    module_radius_m: Length | None = Field(None, gt=0, description="only without a family")
+    module_offset_m: Length | None = Field(None, description="only without a family")
 
     @model_validator(mode="after")
     def _modules_or_rigid(self) -> SegmentConfig:
@@ -108,12 +108,10 @@ class SegmentConfig(FrozenModel):
 class BaseConfig(FrozenModel):
     """Pose of the chain's base: a quaternion (w, x, y, z), or the direction of the chain axis and a roll."""
 
-    position_m: tuple[Length, Length, Length] = Field(default=(0.0, 0.0, 0.0), description="in the world")
-    quaternion: tuple[Ratio, Ratio, Ratio, Ratio] | None = Field(default=None, description="w, x, y, z")
-    direction: Vector | None = Field(default=None, description="where chain x points, in the world")
-    roll_rad: Angle | None = Field(
-        default=None, description="about the chain axis, with or without direction"
-    )
+    position_m: tuple[Length, Length, Length] = Field((0.0, 0.0, 0.0), description="in the world")
+    quaternion: tuple[Ratio, Ratio, Ratio, Ratio] | None = Field(None, description="w, x, y, z")
+    direction: Vector | None = Field(None, description="where chain x points, in the world")
+    roll_rad: Angle | None = Field(None, description="about the chain axis, with or without direction")
 
     @model_validator(mode="after")
     def _one_way(self) -> BaseConfig:
@@ -130,7 +128,7 @@ class ActuatorConfig(FrozenModel):
     """A chamber or tendon: `input` names its signal, `sign` the side on which it acts."""
 
     input: str = Field(pattern=INPUT_PATTERN, description="name of the signal")
-    sign: float = Field(default=1.0, description="1 or -1: the side on which it acts")
+    sign: float = Field(1.0, description="1 or -1: the side on which it acts")
 
     @model_validator(mode="after")
     def _unit_sign(self) -> ActuatorConfig:
@@ -142,23 +140,23 @@ class ActuatorConfig(FrozenModel):
 class ChainConfig(FrozenModel):
     """N equal modules, or segments of them; gravity, base pose, payload and actuators."""
 
-    modules: Count | None = Field(default=None, ge=1, le=4096, description="number of equal modules")
-    segments: tuple[SegmentConfig, ...] = Field(default=(), description="instead of `modules`")
+    modules: Count | None = Field(None, ge=1, le=4096, description="number of equal modules")
+    segments: tuple[SegmentConfig, ...] = Field((), description="instead of `modules`")
     gravity_m_s2: tuple[Acceleration, Acceleration, Acceleration] = Field(
-        default=GRAVITY_M_S2, description="in the world; [0, 0, 0] switches weight off"
+        GRAVITY_M_S2, description="in the world; [0, 0, 0] switches weight off"
     )
-    base: BaseConfig = Field(default=BaseConfig(), description="pose of the base")
-    payload_kg: Mass = Field(default=0.0, ge=0, description="hung at the tip")
+    base: BaseConfig = Field(BaseConfig(), description="pose of the base")
+    payload_kg: Mass = Field(0.0, ge=0, description="hung at the tip")
     actuators: tuple[ActuatorConfig, ...] = Field(
-        default=(), description="opposed chambers or tendons; one chamber by default"
+        (), description="opposed chambers or tendons; one chamber by default"
     )
-    module_length_m: Length | None = Field(default=None, gt=0, description="only without a family")
-    module_mass_kg: Mass = Field(default=0.0, ge=0, description="only without a family; a uniform rod")
+    module_length_m: Length | None = Field(None, gt=0, description="only without a family")
+    module_mass_kg: Mass = Field(0.0, ge=0, description="only without a family; a uniform rod")
     module_radius_m: Length | None = Field(
-        default=None, gt=0, description="only without a family: radius of the rod, for contact and pictures"
+        None, gt=0, description="only without a family: radius of the rod, for contact and pictures"
     )
     module_offset_m: Length = Field(
-        default=0.0,
+        0.0,
         description="only without a family: how far the rod's centre line lies from its joint, along module z",
     )
 

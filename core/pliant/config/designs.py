@@ -5,14 +5,14 @@ from __future__ import annotations
 import csv
 import itertools
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from pydantic import ValidationError
 
-from pliant.config.problems import sentences
+from pliant.config.problems import at_place, sentences
 from pliant.config.study import RANGE, SWEPT_BLOCKS, Study, SweepConfig, varied, written_name
 from pliant.errors import UserError, closest
 from pliant.interfaces.base import ComponentConfig
@@ -77,37 +77,31 @@ def sweep_designs(study: Study, where: Where = lambda path: "") -> tuple[SweptDe
         UserError: an unknown parameter, values that are none, doubles, too many designs.
     """
     sweep: SweepConfig = study.need("sweep", "this command")
-    place = where(("sweep",))
+    at = at_place(where(("sweep",)))
     for block in SWEPT_BLOCKS:
         if getattr(study, block) is None:
-            raise UserError(_at(place) + f"'sweep' varies designs, but the study has no '{block}' block.")
-    if sweep.designs is not None and sweep.axes:
-        raise UserError(
-            _at(place) + "'sweep' has a table in 'designs' and lists of its own; give one of them."
-        )
+            raise UserError(f"{at}'sweep' varies designs, but the study has no '{block}' block.")
     if sweep.designs is not None:
+        if sweep.axes:
+            raise UserError(f"{at}'sweep' has a table in 'designs' and lists of its own; give one of them.")
         return _combined(study, *_table(study, sweep.designs))
-    parameters = [_parameter(study, name, _at(where(("sweep", name))), "sweep.") for name in sweep.axes]
+    parameters = [_parameter(study, name, at_place(where(("sweep", name))), "sweep.") for name in sweep.axes]
     if not parameters:
-        raise UserError(
-            _at(place) + "'sweep' names no parameter; write for example 'average_radius: [5 mm, 6 mm]'."
-        )
-    _no_doubles([p.name for p in parameters], "'sweep'", _at(place))
+        raise UserError(f"{at}'sweep' names no parameter; write for example 'average_radius: [5 mm, 6 mm]'.")
+    _no_doubles([p.name for p in parameters], "'sweep'", at)
     axes = [_values(study, p, value, where) for p, value in zip(parameters, sweep.axes.values(), strict=True)]
     count = math.prod(map(len, axes))
     if count > MOST_DESIGNS:
         product = " × ".join(str(len(axis)) for axis in axes)
         raise UserError(
-            _at(place) + f"'sweep' has {count} designs ({product}), more than {MOST_DESIGNS}; "
-            "shorten its lists or give the designs that you want as a table, 'designs: designs.csv'."
+            f"{at}'sweep' has {count} designs ({product}), more than {MOST_DESIGNS}; shorten its lists or give the "
+            "designs that you want as a table, 'designs: designs.csv'."
         )
     return _combined(study, parameters, itertools.product(*axes))
 
 
 def _combined(
-    study: Study,
-    parameters: Sequence[_Parameter],
-    rows: Iterator[tuple[Any, ...]] | Sequence[tuple[Any, ...]],
+    study: Study, parameters: Sequence[_Parameter], rows: Iterable[tuple[Any, ...]]
 ) -> tuple[SweptDesign, ...]:
     designs = []
     for number, row in enumerate(rows):
@@ -156,29 +150,22 @@ def _fields(config: ComponentConfig | None) -> dict[str, str]:
 
 
 def _values(study: Study, parameter: _Parameter, written: Any, where: Where) -> list[Any]:
-    """The values of one parameter, parsed."""
-    at, key = _at(where(parameter.path)), f"'{'.'.join(parameter.path)}'"
-    if isinstance(written, Mapping):
-        return _range(study, parameter, written, at, where)
-    if not isinstance(written, list | tuple):
+    """The values of one parameter, parsed: those of a list, or of a range, both ends included."""
+    at, key = at_place(where(parameter.path)), f"'{'.'.join(parameter.path)}'"
+    if isinstance(written, list | tuple) and written:
+        values = [_parsed(study, parameter, value, where) for value in written]
+        _no_doubles([repr(value) for value in values], key, at, [str(value) for value in written])
+        return values
+    if not isinstance(written, Mapping):
         raise UserError(
-            at
-            + f"{key} is {written!r}; it needs a list such as [a, b] or a range {{low: a, high: b, count: 5}}."
+            f"{at}{key} is an empty list; leave the parameter out or give it values."
+            if isinstance(written, list | tuple)
+            else f"{at}{key} is {written!r}; it needs a list such as [a, b] or a range "
+            "{low: a, high: b, count: 5}."
         )
-    if not written:
-        raise UserError(at + f"{key} is an empty list; leave the parameter out or give it values.")
-    values = [_parsed(study, parameter, value, where) for value in written]
-    _no_doubles([repr(value) for value in values], key, at, [str(value) for value in written])
-    return values
-
-
-def _range(
-    study: Study, parameter: _Parameter, written: Mapping[str, Any], at: str, where: Where
-) -> list[Any]:
-    """Evenly spaced values, both ends included."""
-    key, count = f"'{'.'.join(parameter.path)}'", written.get("count")
     if set(written) != RANGE:
         raise UserError(at + f"{key}: a range has the keys low, high and count, no others.")
+    count = written["count"]
     if isinstance(count, bool) or not isinstance(count, int) or count < 2:
         raise UserError(at + f"{key}: a range needs a whole number of at least 2 as its count.")
     if count > MOST_DESIGNS:
@@ -247,7 +234,3 @@ def _no_doubles(keys: Sequence[str], owner: str, at: str, written: Sequence[str]
             again = "" if shown[index] == shown[first[key]] else f" (again as {shown[index]})"
             raise UserError(at + f"{owner} has {shown[first[key]]} twice{again}; keep one.")
         first[key] = index
-
-
-def _at(place: str) -> str:
-    return f"{place}: " if place else ""

@@ -20,8 +20,8 @@ from ruamel.yaml.constructor import DuplicateKeyError
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
 
 from pliant.config.designs import sweep_designs
-from pliant.config.paths import PATH_KEYS, absolute_paths
-from pliant.config.problems import sentences
+from pliant.config.paths import PATH_KEYS, change_paths
+from pliant.config.problems import at_place, sentences
 from pliant.config.searched import search_variables
 from pliant.config.study import BLOCKS, Study, normalised, study_model, varied
 from pliant.config.study_keys import study_key
@@ -91,30 +91,28 @@ def load_study(
         study = model.model_validate(raw)
     except ValidationError as error:
         raise UserError(sentences(error, model, sources.where)) from None
-    _check_segments(study, sources)
+    for number, segment in enumerate(study.chain.segments if study.chain and study.family else ()):
+        try:  # a segment's changes are keys of the study's family; their mistakes have their lines too
+            varied(study.family, segment.family)  # type: ignore[arg-type]
+        except ValidationError as error:
+            at = ("chain", "segments", number, "family")
+            raise UserError(sentences(error, type(study.family), sources.where, at)) from None  # type: ignore[arg-type]
     if study.sweep is not None:
         sweep_designs(study, sources.where)  # so that its mistakes have their lines
     if study.search is not None:
         search_variables(study, registry, sources.where)
-        _check_changes(study, registry, sources)
+        robust, verify = study.search.robust, study.search.verify
+        vary, change = robust.vary if robust else {}, verify.change if verify else {}
+        for block, keys in ((("robust", "vary"), vary), (("verify", "change"), change)):
+            for key in keys:
+                study_key(study, registry, key, sources.where(("search", *block, key)))
     return study
-
-
-def _check_changes(study: Study, registry: Registry, sources: _Sources) -> None:
-    """Keys that a search's scenarios and its check change."""
-    search = study.search
-    vary = search.robust.vary if search and search.robust else {}
-    change = search.verify.change if search and search.verify else {}
-    for at, keys in ((("robust", "vary"), vary), (("verify", "change"), change)):
-        for key in keys:
-            study_key(study, registry, key, sources.where(("search", *at, key)))
 
 
 def _plugin_files(raw: Mapping[str, Any], sources: _Sources) -> list[Path]:
     """The files that `plugins` lists; they are asked for their kinds before the study is validated."""
     files = raw.get("plugins") or []
-    place = sources.where(("plugins",))
-    at = f"{place}: " if place else ""
+    at = at_place(sources.where(("plugins",)))
     if not (isinstance(files, list) and all(isinstance(file, str) for file in files)):
         raise UserError(f"{at}'plugins' needs a list of Python files such as [my_effect.py].")
     for file in files:
@@ -126,18 +124,6 @@ def _plugin_files(raw: Mapping[str, Any], sources: _Sources) -> list[Path]:
     return [Path(file) for file in files]
 
 
-def _check_segments(study: Study, sources: _Sources) -> None:
-    """A segment's changes are keys of the study's family; their mistakes have their lines too."""
-    for number, segment in enumerate(study.chain.segments if study.chain else ()):
-        if study.family is None or not segment.family:
-            continue
-        try:
-            varied(study.family, segment.family)
-        except ValidationError as error:
-            at = ("chain", "segments", number, "family")
-            raise UserError(sentences(error, type(study.family), sources.where, at)) from None
-
-
 def _place_of_kind(message: str, raw: Mapping[str, Any], sources: _Sources) -> str:
     for key, block in raw.items():
         blocks = block if isinstance(block, list) else [block]
@@ -145,8 +131,7 @@ def _place_of_kind(message: str, raw: Mapping[str, Any], sources: _Sources) -> s
             kind = item.get("kind") if isinstance(item, Mapping) else None
             if kind is not None and f"kind '{kind}'" in message:
                 path = (key, index, "kind") if isinstance(block, list) else (key, "kind")
-                place = sources.where(path)
-                return f"{place}: " if place else ""
+                return at_place(sources.where(path))
     return ""
 
 
@@ -179,7 +164,8 @@ def read_yaml(path: Path) -> CommentedMap:
         raise UserError(f"{path}: it is not a UTF-8 text file; save it as UTF-8.") from None
     except (OSError, ValueError) as error:  # ValueError: a name that no file can have
         cause = getattr(error, "strerror", None) or error
-        raise UserError(f"{_short(str(path))}: the file cannot be read ({cause}).") from None
+        name = str(path) if len(str(path)) <= 80 else f"{str(path)[:60]}…"
+        raise UserError(f"{name}: the file cannot be read ({cause}).") from None
     return _parse(text, path)
 
 
@@ -195,7 +181,12 @@ def _parse(text: str, path: Path) -> CommentedMap:
     except MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         line = mark.line + 1 if mark else "?"
-        raise UserError(f"{path}, line {line}: this is not YAML ({_yaml_problem(error)}).") from None
+        problem = str(error.problem)  # for people who never saw the parser's grammar
+        if "'\\t'" in problem:
+            problem = "there is a tab; YAML takes spaces only"
+        elif "found another document" in problem:
+            problem = "'---' begins a second document; a file holds one study"
+        raise UserError(f"{path}, line {line}: this is not YAML ({problem}).") from None
     except YAMLError as error:
         raise UserError(f"{path}: this is not YAML ({' '.join(str(error).split())}).") from None
     except RecursionError:
@@ -205,20 +196,6 @@ def _parse(text: str, path: Path) -> CommentedMap:
     if not isinstance(data, CommentedMap):
         raise UserError(f"{path}: a study is a list of 'key: value' lines; this file holds none.")
     return data
-
-
-def _yaml_problem(error: MarkedYAMLError) -> str:
-    """What the parser found, in words for people who never saw its grammar."""
-    problem = str(error.problem)
-    if "'\\t'" in problem:
-        return "there is a tab; YAML takes spaces only"
-    if "found another document" in problem:
-        return "'---' begins a second document; a file holds one study"
-    return problem
-
-
-def _short(text: str) -> str:
-    return text if len(text) <= 80 else f"{text[:60]}…"
 
 
 def _neighbours(path: Path) -> str:
@@ -234,7 +211,7 @@ class StudyFile:
     Attributes:
         values: merged with its bases, paths absolute, blocks written out as mappings.
         files: the file and its bases.
-        digest: of the values, see `_digest`.
+        digest: SHA-256 of what the file and its bases say.
     """
 
     values: dict[str, Any]
@@ -280,8 +257,10 @@ def _read_with_bases(path: Path, sources: _Sources, chain: tuple[Path, ...]) -> 
                 f"{path.name}: its base {extends.file} has changed since this study was written; it is read as it is "
                 "now."
             )
-    digest = _digest(own, base_digest)
-    absolute_paths(own, resolved.parent)
+    # Comments, layout and the order of keys do not count.
+    text = json.dumps([own, base_digest], sort_keys=True, default=str)
+    digest = hashlib.sha256(text.encode()).hexdigest()
+    change_paths(own, lambda path: str(resolved.parent / path))
     sources.places.update(here.places)
     return merge(base, own), digest
 
@@ -306,12 +285,6 @@ def base_of(value: Any, place: str) -> Extends | None:
     raise UserError(
         f"{place}: 'extends' must be the name of one file, or {{file: base.yaml, values_sha256: …}}, both texts."
     )
-
-
-def _digest(own: Mapping[str, Any], base_digest: str) -> str:
-    """SHA-256 of what a file and its bases say; comments, layout and the order of keys do not count."""
-    text = json.dumps([own, base_digest], sort_keys=True, default=str)
-    return hashlib.sha256(text.encode()).hexdigest()
 
 
 def plain_values(node: Any, path: Path = Path()) -> Any:

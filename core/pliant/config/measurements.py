@@ -55,12 +55,12 @@ class ExcludedSpan(FrozenModel):
     """A part of a run whose readings are not used, or a whole run where neither a span nor lines are given."""
 
     run: Name = Field(description="the run's name, as in the file")
-    start_s: Time | None = Field(default=None, description="from this time_s on; from the first sample")
-    end_s: Time | None = Field(default=None, description="up to this time_s; up to the last sample")
+    start_s: Time | None = Field(None, description="from this time_s on; from the first sample")
+    end_s: Time | None = Field(None, description="up to this time_s; up to the last sample")
     lines: tuple[Count, Count] | None = Field(
-        default=None, description="first and last line of the file, instead of times"
+        None, description="first and last line of the file, instead of times"
     )
-    why: str = Field(default="", description="said again wherever the span is mentioned")
+    why: str = Field("", description="said again wherever the span is mentioned")
 
     @model_validator(mode="after")
     def _one_way(self) -> ExcludedSpan:
@@ -96,9 +96,9 @@ class MeasurementNotes(ColumnNotes):
         default_factory=dict, description="standard deviation of a sensor, e.g. {angle_rad: 0.5 deg}"
     )
     markers_m: tuple[Length, ...] = Field(
-        default=(), description="positions of marker 1, 2, … along the chain at rest, from the base"
+        (), description="positions of marker 1, 2, … along the chain at rest, from the base"
     )
-    exclude: tuple[ExcludedSpan, ...] = Field(default=(), description="spans or runs that are not used")
+    exclude: tuple[ExcludedSpan, ...] = Field((), description="spans or runs that are not used")
     conditions: dict[Name, Condition] = Field(
         default_factory=dict,
         description="of a file of counts: column: key of the task, e.g. {weights: task.extra_weights}",
@@ -109,13 +109,13 @@ class MeasurementsConfig(MeasurementNotes):
     """The `measurements` block: the CSV, and what it does not say of itself (before the YAML beside it)."""
 
     file: Name = Field(description="the CSV, relative to the study")
-    outputs: tuple[Name, ...] = Field(default=(), description="outputs to use; all by default")
+    outputs: tuple[Name, ...] = Field((), description="outputs to use; all by default")
     max_samples: Count = Field(
-        default=MOST_SAMPLES, ge=1000, description="samples kept of a longer file, thinned evenly per run"
+        MOST_SAMPLES, ge=1000, description="samples kept of a longer file, thinned evenly per run"
     )
     trials: Count = Field(
-        default=10, ge=1, le=10_000, description="trials to simulate for each condition of a file of counts"
+        10, ge=1, le=10_000, description="trials to simulate for each condition of a file of counts"
     )
     plausible: tuple[PlausibleRange, ...] = Field(
-        default=(), description="numbers of the task that may explain counts, for `pliant diagnose`"
+        (), description="numbers of the task that may explain counts, for `pliant diagnose`"
     )

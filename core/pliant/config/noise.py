@@ -13,10 +13,10 @@ from pliant.units import Pressure, Ratio
 class NoiseConfig(FrozenModel):
     """Half widths of uniform distributions, drawn anew in every trial from the task's seed."""
 
-    friction: Ratio = Field(default=0.0, ge=0, lt=1, description="of the coefficient of friction, relative")
-    pressure_pa: Pressure = Field(default=0.0, ge=0, description="of the pressure")
+    friction: Ratio = Field(0.0, ge=0, lt=1, description="of the coefficient of friction, relative")
+    pressure_pa: Pressure = Field(0.0, ge=0, description="of the pressure")
     placement: Ratio = Field(
-        default=0.0,
+        0.0,
         ge=0,
         le=1,
         description="of the object's place: radius of a disc, per radius of the object",
@@ -26,11 +26,9 @@ class NoiseConfig(FrozenModel):
 class UncertaintyConfig(FrozenModel):
     """The task is run again with laws drawn from the error bars; `{}` takes the defaults."""
 
-    samples: int = Field(default=24, ge=8, le=2000, description="runs with drawn laws")
-    level: Ratio = Field(
-        default=0.9, gt=0, lt=1, description="share of the runs that the stated intervals hold"
-    )
-    seed: int = Field(default=0, ge=0, description="of the draws")
+    samples: int = Field(24, ge=8, le=2000, description="runs with drawn laws")
+    level: Ratio = Field(0.9, gt=0, lt=1, description="share of the runs that the stated intervals hold")
+    seed: int = Field(0, ge=0, description="of the draws")
 
     @model_validator(mode="after")
     def _enough(self) -> UncertaintyConfig:

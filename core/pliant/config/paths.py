@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 PATH_KEYS = (
@@ -15,11 +14,6 @@ PATH_KEYS = (
     ("sweep", "designs"),
     ("family", "visual"),
 )
-
-
-def absolute_paths(study: dict[str, Any], folder: Path) -> None:
-    """Make the paths of a study that was read from `folder` absolute, in place."""
-    change_paths(study, lambda path: str(folder / path))
 
 
 def change_paths(study: dict[str, Any], change: Callable[[str], str]) -> None:

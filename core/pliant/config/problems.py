@@ -16,10 +16,23 @@ from pliant.interfaces.base import FrozenModel
 MOST = 5
 LONGEST = 80
 PYDANTICS_OWN = frozenset((*get_args(ErrorType), "path_type"))
+WANTED = dict.fromkeys(
+    ("model_type", "model_attributes_type", "dict_type"), "it needs a block of 'key: value' lines"
+) | {
+    **dict.fromkeys(("tuple_type", "list_type"), "it needs a list such as [a, b]"),
+    **dict.fromkeys(("string_type", "path_type"), "it should be a text"),
+    "int": "it should be a whole number",
+    "bool": "it should be true or false",
+}
 PATTERNS = {
     NAME_PATTERN: "it should begin with a letter or digit and hold only A-Z a-z 0-9 . _ -",
     INPUT_PATTERN: "it should be pressure_pa, pressure_1_pa, … or tendon_force_n, tendon_force_1_n, …",
 }
+
+
+def at_place(place: str) -> str:
+    """Begins a sentence with its place: "finger.yaml, line 3: "; nothing where that is not known."""
+    return f"{place}: " if place else ""
 
 
 def sentences(
@@ -35,9 +48,7 @@ def sentences(
     details = error.errors()
     lines = []
     for detail in details[:MOST]:
-        place = where((*at, *detail["loc"]))
-        sentence = _sentence(detail, model, at)
-        lines.append(f"{place}: {sentence}" if place else sentence)
+        lines.append(at_place(where((*at, *detail["loc"]))) + _sentence(detail, model, at))
     if len(details) > MOST:
         lines.append(f"… and {len(details) - MOST} more.")
     return "\n".join(lines)
@@ -68,24 +79,17 @@ def _sentence(detail: Any, model: type[FrozenModel], at: tuple[Any, ...]) -> str
 def _wanted(detail: Any) -> str:
     """What is allowed, without pydantic's and Python's words."""
     kind, context = detail["type"], detail.get("ctx", {})
-    if kind in ("model_type", "model_attributes_type", "dict_type"):
-        return "it needs a block of 'key: value' lines"
-    if kind in ("tuple_type", "list_type"):
-        return "it needs a list such as [a, b]"
     if kind == "too_short":
         return f"it should have at least {context['min_length']} item{'s' * (context['min_length'] > 1)}"
     if kind == "too_long":
         return f"it should have at most {context['max_length']} items"
-    if kind in ("string_type", "path_type"):
-        return "it should be a text"
-    if kind.startswith("int_"):
-        return "it should be a whole number"
-    if kind.startswith("bool_"):
-        return "it should be true or false"
     if kind == "string_pattern_mismatch":
         pattern = context["pattern"]
         return PATTERNS.get(pattern, f"it should match the pattern {pattern}")
-    return _lower(detail["msg"]).replace("input ", "it ").replace("string should", "it should")
+    words = WANTED.get(kind) or WANTED.get(kind.partition("_")[0])
+    text = str(detail["msg"])
+    text = text[:1].lower() + text[1:]
+    return words or text.replace("input ", "it ").replace("string should", "it should")
 
 
 def _written(value: Any) -> str:
@@ -111,23 +115,15 @@ def _flow(value: Any) -> str:
     return str(value)
 
 
-def _lower(text: str) -> str:
-    return text[:1].lower() + text[1:]
-
-
 def _model_at(model: type[FrozenModel] | None, path: Sequence[Any]) -> type[FrozenModel] | None:
     for part in path:
         if model is None:
             return None
         if isinstance(part, int):
             continue
-        matches = [f for name, f in model.model_fields.items() if part in (name, _alias(f))]
+        matches = [f for name, f in model.model_fields.items() if part in (name, f.validation_alias)]
         model = nested_model(_item(matches[0].annotation, path)) if matches else None
     return model
-
-
-def _alias(field: Any) -> Any:
-    return field.validation_alias
 
 
 def _item(annotation: Any, path: Sequence[Any]) -> Any:

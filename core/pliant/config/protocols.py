@@ -49,29 +49,29 @@ class ProtocolConfig(FrozenModel):
     """
 
     run: str = Field(description="a run of the default menu, or `custom`")
-    name: Name | None = Field(default=None, description="another name; needed where a run is listed twice")
-    words: Name | None = Field(default=None, description="the order to the bench, instead of the menu's")
+    name: Name | None = Field(None, description="another name; needed where a run is listed twice")
+    words: Name | None = Field(None, description="the order to the bench, instead of the menu's")
     minutes: float | None = Field(
-        default=None, gt=0, le=10_000, description="of motion and set-up together, instead of the menu's"
+        None, gt=0, le=10_000, description="of motion and set-up together, instead of the menu's"
     )
-    period_s: Time | None = Field(default=None, gt=0, le=86_400, description="of one cycle")
-    cycles: Count | None = Field(default=None, ge=1, le=1000, description="how many")
-    amplitudes: tuple[Level, ...] = Field(default=(), max_length=1000, description="of each cycle")
-    levels: tuple[Level, ...] = Field(default=(), max_length=1000, description="of each hold or step")
-    hold_s: Time | None = Field(default=None, gt=0, le=86_400, description="how long a level is held")
-    load_n_m: Moment | None = Field(default=None, gt=0, description="largest end moment of load steps")
+    period_s: Time | None = Field(None, gt=0, le=86_400, description="of one cycle")
+    cycles: Count | None = Field(None, ge=1, le=1000, description="how many")
+    amplitudes: tuple[Level, ...] = Field((), max_length=1000, description="of each cycle")
+    levels: tuple[Level, ...] = Field((), max_length=1000, description="of each hold or step")
+    hold_s: Time | None = Field(None, gt=0, le=86_400, description="how long a level is held")
+    load_n_m: Moment | None = Field(None, gt=0, description="largest end moment of load steps")
     times_s: tuple[Time, ...] = Field(
-        default=(), max_length=10_000, description="custom: corners of the drive, from 0"
+        (), max_length=10_000, description="custom: corners of the drive, from 0"
     )
     inputs: dict[Name, tuple[Level, ...]] = Field(
         default_factory=dict,
         description="custom: each input at these times, e.g. {pressure_pa: [0, 5 kPa, 0]}",
     )
-    moments_n_m: tuple[Moment, ...] = Field(default=(), description="custom: end moment at these times")
-    pitch_rad: Angle = Field(default=0.0, description="custom: base turned about world y")
-    roll_rad: Angle = Field(default=0.0, description="custom: base turned about world x")
-    temperature_c: float | None = Field(default=None, ge=-100, le=300, description="in °C")
-    new_specimen: bool = Field(default=False, description="custom: a body never loaded before")
+    moments_n_m: tuple[Moment, ...] = Field((), description="custom: end moment at these times")
+    pitch_rad: Angle = Field(0.0, description="custom: base turned about world y")
+    roll_rad: Angle = Field(0.0, description="custom: base turned about world x")
+    temperature_c: float | None = Field(None, ge=-100, le=300, description="in °C")
+    new_specimen: bool = Field(False, description="custom: a body never loaded before")
 
     @field_validator("run")
     @classmethod

@@ -23,16 +23,16 @@ class SearchVariableConfig(FrozenModel):
     """
 
     key: str | tuple[str, ...] | None = Field(
-        default=None, description="key or keys that it sets; by default its name"
+        None, description="key or keys that it sets; by default its name"
     )
-    low: Any = Field(default=None, description="lowest value, as the study writes the key: 6 mm")
-    high: Any = Field(default=None, description="highest value")
-    choices: tuple[Any, ...] = Field(default=(), description="instead of a range: the values of the key")
+    low: Any = Field(None, description="lowest value, as the study writes the key: 6 mm")
+    high: Any = Field(None, description="highest value")
+    choices: tuple[Any, ...] = Field((), description="instead of a range: the values of the key")
     each: bool = Field(
-        default=False, description="a search of its own for each value (whole numbers and choices only)"
+        False, description="a search of its own for each value (whole numbers and choices only)"
     )
     only: str | tuple[str, ...] = Field(
-        default=(), description="names of the conditions that it sets its key in (egg-*); by default all"
+        (), description="names of the conditions that it sets its key in (egg-*); by default all"
     )
 
     @model_validator(mode="after")
@@ -52,8 +52,8 @@ class ObjectiveConfig(FrozenModel):
     and variables.
     """
 
-    minimize: str | None = Field(default=None, min_length=1, description="expression to be small")
-    maximize: str | None = Field(default=None, min_length=1, description="expression to be large")
+    minimize: str | None = Field(None, min_length=1, description="expression to be small")
+    maximize: str | None = Field(None, min_length=1, description="expression to be large")
 
     @model_validator(mode="after")
     def _one_way(self) -> ObjectiveConfig:
@@ -104,18 +104,18 @@ class RobustConfig(FrozenModel):
     an absolute one, and `effects.0.factor: {sd: 0.03}` a normal deviation, as the evidence loop states it.
     """
 
-    samples: Count = Field(default=16, ge=2, le=1000, description="scenarios")
+    samples: Count = Field(16, ge=2, le=1000, description="scenarios")
     measure: Literal["mean", "worst", "cvar"] = Field(
-        default="mean", description="of the objective over the scenarios"
+        "mean", description="of the objective over the scenarios"
     )
     level: Ratio = Field(
-        default=0.8, ge=0, lt=1, description="of cvar: the mean of the worst 1 − level of the scenarios"
+        0.8, ge=0, lt=1, description="of cvar: the mean of the worst 1 − level of the scenarios"
     )
-    laws: bool = Field(default=True, description="whether laws are drawn from their error bars")
+    laws: bool = Field(True, description="whether laws are drawn from their error bars")
     vary: Widths = Field(default_factory=dict, description="keys of the study and how far they are off")
-    seed: int = Field(default=0, ge=0, description="of the scenarios")
+    seed: int = Field(0, ge=0, description="of the scenarios")
     compare: bool = Field(
-        default=True,
+        True,
         description="whether a nominal search of the same budget comes first: the robust one begins at its best "
         "design, and the result says what robustness costs",
     )
@@ -125,7 +125,7 @@ class HalvingConfig(FrozenModel):
     """Successive halving: of the searches of `each` variables the best go on with more candidates until one is left."""
 
     factor: int = Field(
-        default=3, ge=2, le=100, description="one in so many goes on, with so many times the candidates"
+        3, ge=2, le=100, description="one in so many goes on, with so many times the candidates"
     )
 
 
@@ -133,7 +133,7 @@ class ConfirmConfig(FrozenModel):
     """The best candidates are tried again before one is chosen: of many noisy trials the best one was lucky, too."""
 
     best: Count = Field(
-        default=10,
+        10,
         ge=1,
         le=10_000,
         description="candidates, of each condition where it has its own; near twins of a better one are left out",
@@ -148,7 +148,7 @@ class VerifyConfig(FrozenModel):
     and in those of `cross_check`.
     """
 
-    fem: bool = Field(default=True, description="whether its laws are fitted to FEM of the design itself")
+    fem: bool = Field(True, description="whether its laws are fitted to FEM of the design itself")
     change: Changes = Field(
         default_factory=dict, description="keys that are different in the check: {task.trials: 10}"
     )
@@ -169,47 +169,47 @@ class SearchConfig(FrozenModel):
         description="what is minimised: a metric of the task, an expression, or a list of them"
     )
     constraints: tuple[str, ...] = Field(
-        default=(), description="inequalities of variables or metrics, such as n1 + n2 <= 12"
+        (), description="inequalities of variables or metrics, such as n1 + n2 <= 12"
     )
     budget: Count = Field(
-        default=200, ge=1, le=10_000_000, description="candidates that are simulated, of each search"
+        200, ge=1, le=10_000_000, description="candidates that are simulated, of each search"
     )
     generations: Count | None = Field(
-        default=None,
+        None,
         ge=1,
         le=1_000_000,
         description="instead of a budget: batches of the optimizer's own size",
     )
     halving: HalvingConfig | None = Field(
-        default=None,
+        None,
         description="of searches of `each` variables: the best go on with several times the budget",
     )
     until: str | None = Field(
-        default=None,
+        None,
         description="a search ends early where this holds: rmse <= 5 mm and e_max <= 5 mm; where each condition has a "
         "design of its own, once it holds in each",
     )
-    seed: int = Field(default=0, ge=0, description="of the optimizer")
+    seed: int = Field(0, ge=0, description="of the optimizer")
     start: Literal["study", "anywhere"] = Field(
-        default="study",
+        "study",
         description="whether the search begins at the study's own values, where they are in range",
     )
     conditions: dict[str, Changes] = Field(
         default_factory=dict, description="name → keys of the study: every candidate is tried in all of them"
     )
     over_conditions: Literal["mean", "worst"] = Field(
-        default="mean", description="of the objective over the conditions"
+        "mean", description="of the objective over the conditions"
     )
-    robust: RobustConfig | None = Field(default=None, description="designs for what is uncertain")
+    robust: RobustConfig | None = Field(None, description="designs for what is uncertain")
     confirm: ConfirmConfig | None = Field(
-        default=None, description="of noisy tasks: the best candidates once more, before one is chosen"
+        None, description="of noisy tasks: the best candidates once more, before one is chosen"
     )
     sensitivity: bool = Field(
-        default=True,
+        True,
         description="whether the objective is found along each variable of the best design: some ten candidates each",
     )
     verify: VerifyConfig | None = Field(
-        default=VerifyConfig(), description="the check of the best design; null for none"
+        VerifyConfig(), description="the check of the best design; null for none"
     )
 
     @model_validator(mode="before")

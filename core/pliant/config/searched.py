@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
 from typing import Any
 
+from pliant.config.problems import at_place
 from pliant.config.search import SearchConfig, SearchVariableConfig
 from pliant.config.study import Study
 from pliant.config.study_keys import KeyPath, StudyKey, study_key
@@ -70,10 +71,8 @@ def no_place(path: Sequence[Any]) -> str:
     return ""
 
 
-def search_conditions(
-    study: Study, registry: Registry, where: Where = no_place
-) -> tuple[tuple[Condition, ...], dict[KeyPath, str]]:
-    """The conditions of a study's search, one without a name where it states none; and their keys as written.
+def search_conditions(study: Study, registry: Registry, where: Where = no_place) -> tuple[Condition, ...]:
+    """The conditions of a study's search, one without a name where it states none.
 
     Features, in the order in which the keys first appear: a number is scaled to 0…1 over the conditions; anything
     else has a 0 or 1 for each of its values in the order of the conditions. A key that a condition does not set has
@@ -86,31 +85,30 @@ def search_conditions(
     keys: dict[KeyPath, StudyKey] = {}
     found: list[tuple[str, dict[KeyPath, Any]]] = []
     for name, changes in config.conditions.items():
-        at = ("search", "conditions", name)
-        place = _at(where(at))
+        path = ("search", "conditions", name)
+        at, label = at_place(where(path)), ".".join(path)
         if not changes:
             raise UserError(
-                f"{place}'{'.'.join(at)}' sets nothing; name the key that is its own, such as 'task.pressure: 12 kPa'."
+                f"{at}'{label}' sets nothing; name the key that is its own, such as 'task.pressure: 12 kPa'."
             )
         set_here: dict[KeyPath, Any] = {}
         for written, value in changes.items():
-            key = study_key(study, registry, written, where((*at, written)))
+            key = study_key(study, registry, written, where((*path, written)))
             if key.path in set_here:
-                raise UserError(f"{place}'{'.'.join(at)}' sets '{key.written}' twice; keep one.")
-            set_here[key.path] = key.parsed(value, ".".join((*at, written)), where((*at, written)))
+                raise UserError(f"{at}'{label}' sets '{key.written}' twice; keep one.")
+            set_here[key.path] = key.parsed(value, f"{label}.{written}", where((*path, written)))
             keys.setdefault(key.path, key)
         same = next((other for other, held in found if held == set_here), None)
         if same is not None:
-            raise UserError(f"{place}conditions '{same}' and '{name}' set the same; keep one.")
+            raise UserError(f"{at}conditions '{same}' and '{name}' set the same; keep one.")
         found.append((name, set_here))
     if not found:
-        return (Condition(""),), {}
+        return (Condition(""),)
     columns = [column for key in keys.values() for column in _features(key, [held for _, held in found])]
-    conditions = tuple(
+    return tuple(
         Condition(name, held, tuple(column[row] for column in columns))
         for row, (name, held) in enumerate(found)
     )
-    return conditions, {path: key.written for path, key in keys.items()}
 
 
 def _features(key: StudyKey, conditions: Sequence[Mapping[KeyPath, Any]]) -> list[list[float]]:
@@ -137,12 +135,12 @@ def search_variables(
         UserError: unknown keys, bounds that the key does not take, patterns without a condition, keys set twice.
     """
     config: SearchConfig = study.need("search", "a search")
-    conditions, written = search_conditions(study, registry, where)
+    conditions = search_conditions(study, registry, where)
     found = [
         _variable(study, registry, name, variable, tuple(c.name for c in conditions), where)
         for name, variable in config.variables.items()
     ]
-    _set_once(found, conditions, written, where)
+    _set_once(found, conditions, where)
     return tuple(found)
 
 
@@ -154,116 +152,80 @@ def _variable(
     conditions: Sequence[str],
     where: Where,
 ) -> SearchedVariable:
-    at = ("search", "variables", name)
-    place, label = where(at), ".".join(at)
-    keys = [study_key(study, registry, key, where((*at, "key")) or place) for key in config.keys(name)]
+    path = ("search", "variables", name)
+    place, label = where(path), ".".join(path)
+    at = at_place(place)
+    keys = [study_key(study, registry, key, where((*path, "key")) or place) for key in config.keys(name)]
     if not keys:
-        raise UserError(f"{_at(place)}'{label}.key' is an empty list; name a key of the study.")
-    other = next((key for key in keys if (key.sort, key.unit) != (keys[0].sort, keys[0].unit)), None)
+        raise UserError(f"{at}'{label}.key' is an empty list; name a key of the study.")
+    first = keys[0]
+    other = next((key for key in keys if (key.sort, key.unit) != (first.sort, first.unit)), None)
     if other is not None:
         raise UserError(
-            f"{_at(place)}'{label}' sets '{keys[0].written}' and '{other.written}', which hold different things; "
+            f"{at}'{label}' sets '{first.written}' and '{other.written}', which hold different things; "
             "make them two variables."
         )
+
+    def parsed(value: Any, end: str) -> Any:
+        """The value as the first key takes it; each of them must."""
+        one, *others = [key.parsed(value, f"{label}.{end}", place) for key in keys]
+        if any(also != one for also in others):
+            raise UserError(f"{at}'{label}.{end}' is {value}, which its keys read in different ways.")
+        return one
+
+    settings: dict[Value, Any] = {}
+    instead = f"leaves nothing to search; write '{first.written}' into the study instead."
     if config.choices:
-        variable, settings = _choices(name, keys, config, label, place)
+        for number, written in enumerate(config.choices):
+            value = parsed(written, f"choices.{number}")
+            plain = isinstance(value, int | float | str) and not isinstance(value, bool)
+            choice = value if plain else written if isinstance(written, str) else json.dumps(written)
+            if choice in settings:
+                raise UserError(f"{at}'{label}.choices' has {written} twice; keep one.")
+            settings[choice] = value
+        if len({isinstance(choice, str) for choice in settings}) > 1:
+            raise UserError(f"{at}'{label}.choices' mixes numbers and texts.")
+        if len(settings) < 2 and not config.each:
+            raise UserError(f"{at}'{label}.choices' has one value, which {instead}")
+        variable = Variable(name, "categorical", choices=tuple(settings))
+        stated = next((choice for choice, setting in settings.items() if setting == first.value), None)
     else:
-        variable, settings = _range(name, keys, config, label, place), {}
+        if first.sort not in ("real", "integer"):
+            raise UserError(f"{at}'{first.written}' is no number, so '{label}' has no range; give 'choices'.")
+        low, high = parsed(config.low, "low"), parsed(config.high, "high")
+        if low > high:
+            raise UserError(f"{at}'{label}' has low {config.low} above high {config.high}; exchange them.")
+        if low == high and not config.each:  # one structure of a study that is fixed in one derived from it
+            raise UserError(f"{at}'{label}' has low and high {config.low}, which {instead}")
+        variable = Variable(name, "integer" if first.sort == "integer" else "real", low, high)
+        stated = first.value if isinstance(first.value, int | float) else None
     if config.each and variable.type == "real":
         raise UserError(
-            f"{_at(place)}'{label}' is a real number, which has no single values; 'each' is for whole numbers "
+            f"{at}'{label}' is a real number, which has no single values; 'each' is for whole numbers "
             "and choices."
         )
     return SearchedVariable(
         name=name,
         keys=tuple(key.path for key in keys),
         variable=variable,
-        unit=keys[0].unit,
+        unit=first.unit,
         each=config.each,
-        conditions=_conditions(config, conditions, label, place),
+        conditions=_conditions(config, conditions, label, at),
         settings=settings,
         written=tuple(key.written for key in keys),
-        stated=_stated(keys[0].value, settings),
+        stated=stated,
     )
 
 
-def _range(
-    name: str, keys: Sequence[StudyKey], config: SearchVariableConfig, label: str, place: str
-) -> Variable:
-    sort = keys[0].sort
-    if sort not in ("real", "integer"):
-        raise UserError(
-            f"{_at(place)}'{keys[0].written}' is no number, so '{label}' has no range; give 'choices'."
-        )
-    low, high = (
-        _parsed(keys, value, f"{label}.{end}", place)
-        for end, value in (("low", config.low), ("high", config.high))
-    )
-    if low > high:
-        raise UserError(
-            f"{_at(place)}'{label}' has low {config.low} above high {config.high}; exchange them."
-        )
-    if low == high and not config.each:  # one structure of a study that is fixed in one derived from it
-        raise UserError(
-            f"{_at(place)}'{label}' has low and high {config.low}, which leaves nothing to search; "
-            f"write '{keys[0].written}' into the study instead."
-        )
-    return Variable(name, "integer" if sort == "integer" else "real", low, high)
-
-
-def _choices(
-    name: str, keys: Sequence[StudyKey], config: SearchVariableConfig, label: str, place: str
-) -> tuple[Variable, dict[Value, Any]]:
-    settings: dict[Value, Any] = {}
-    for number, written in enumerate(config.choices):
-        value = _parsed(keys, written, f"{label}.choices.{number}", place)
-        plain = isinstance(value, int | float) and not isinstance(value, bool)
-        choice: Value = value if plain or isinstance(value, str) else _label(written)
-        if choice in settings:
-            raise UserError(f"{_at(place)}'{label}.choices' has {written} twice; keep one.")
-        settings[choice] = value
-    if len({isinstance(choice, str) for choice in settings}) > 1:
-        raise UserError(f"{_at(place)}'{label}.choices' mixes numbers and texts.")
-    if len(settings) < 2 and not config.each:
-        raise UserError(
-            f"{_at(place)}'{label}.choices' has one value, which leaves nothing to search; write "
-            f"'{keys[0].written}' into the study instead."
-        )
-    return Variable(name, "categorical", choices=tuple(settings)), settings
-
-
-def _parsed(keys: Sequence[StudyKey], value: Any, label: str, place: str) -> Any:
-    """The value as the first key takes it; each of them must."""
-    first, *others = [key.parsed(value, label, place) for key in keys]
-    if any(other != first for other in others):
-        raise UserError(f"{_at(place)}'{label}' is {value}, which its keys read in different ways.")
-    return first
-
-
-def _label(written: Any) -> str:
-    return written if isinstance(written, str) else json.dumps(written)
-
-
-def _stated(value: Any, settings: Mapping[Value, Any]) -> Value | None:
-    """The study's own value, among the choices by its choice."""
-    if settings:
-        return next((choice for choice, setting in settings.items() if setting == value), None)
-    return value if isinstance(value, int | float) else None
-
-
-def _conditions(
-    config: SearchVariableConfig, names: Sequence[str], label: str, place: str
-) -> tuple[int, ...]:
+def _conditions(config: SearchVariableConfig, names: Sequence[str], label: str, at: str) -> tuple[int, ...]:
     """Indices of the conditions that the patterns of `only` match."""
-    patterns = (config.only,) if isinstance(config.only, str) else config.only
-    if not patterns:
-        return tuple(range(len(names)))
-    if names == ("",):
-        raise UserError(f"{_at(place)}'{label}' has 'only', but the search states no conditions.")
+    patterns = (config.only,) if isinstance(config.only, str) else config.only or ("*",)
+    if config.only and names == ("",):
+        raise UserError(f"{at}'{label}' has 'only', but the search states no conditions.")
     for pattern in patterns:
         if not any(fnmatchcase(name, pattern) for name in names):
             raise UserError(
-                f"{_at(place)}'{label}.only' has '{pattern}', which no condition is called"
+                f"{at}'{label}.only' has '{pattern}', which no condition is called"
                 f"{closest(pattern, names)} Conditions: {', '.join(names)}."
             )
     return tuple(i for i, name in enumerate(names) if any(fnmatchcase(name, p) for p in patterns))
@@ -272,26 +234,22 @@ def _conditions(
 def _set_once(
     variables: Sequence[SearchedVariable],
     conditions: Sequence[Condition],
-    written: Mapping[KeyPath, str],
     where: Where,
 ) -> None:
     """No key is set twice in a condition."""
     setters: dict[tuple[int, KeyPath], str] = {}
     for variable in variables:
-        place = _at(where(("search", "variables", variable.name)))
+        at = at_place(where(("search", "variables", variable.name)))
         for index in variable.conditions:
+            condition = conditions[index]
             for path, name in zip(variable.keys, variable.written, strict=True):
-                inside = f" in condition '{conditions[index].name}'" if conditions[index].name else ""
-                if path in conditions[index].changes:
+                if path in condition.changes:
                     raise UserError(
-                        f"{place}'{name}' is set by variable '{variable.name}' and by condition "
-                        f"'{conditions[index].name}' itself; leave it out of one of them."
+                        f"{at}'{name}' is set by variable '{variable.name}' and by condition '{condition.name}' "
+                        "itself; leave it out of one of them."
                     )
                 other = setters.setdefault((index, path), variable.name)
                 if other != variable.name or variable.keys.count(path) > 1:
+                    inside = f" in condition '{condition.name}'" if condition.name else ""
                     who = f"'{other}' and '{variable.name}'" if other != variable.name else f"'{other}' twice"
-                    raise UserError(f"{place}'{name}' is set by variable {who}{inside}; keep one.")
-
-
-def _at(place: str) -> str:
-    return f"{place}: " if place else ""
+                    raise UserError(f"{at}'{name}' is set by variable {who}{inside}; keep one.")

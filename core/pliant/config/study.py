@@ -40,7 +40,7 @@ class SweepConfig(FrozenModel):
     model_config = ConfigDict(extra="allow")
 
     designs: Path | None = Field(
-        default=None, description="a CSV with one design per row, its header naming parameters"
+        None, description="a CSV with one design per row, its header naming parameters"
     )
 
     @model_validator(mode="before")
@@ -84,47 +84,43 @@ OF_OPTIMIZE = ("search", "optimizer")
 class Study(FrozenModel):
     """What a study file says. `cross_check` lists further engines that run the same task for comparison."""
 
-    pliant: Literal[1] = Field(default=1, description="format version")
+    pliant: Literal[1] = Field(1, description="format version")
     plugins: tuple[Path, ...] = Field(
-        default=(), description="Python files with effects of your own (docs/write_an_effect.md)"
+        (), description="Python files with effects of your own (docs/write_an_effect.md)"
     )
     name: str = Field(pattern=NAME_PATTERN, max_length=100, description="names the output folder")
-    family: FamilyConfig | None = Field(
-        default=None, description="the actuator module and its design parameters"
-    )
-    material: MaterialConfig | None = Field(default=None, description="what it is made of")
-    fem: FemConfig | None = Field(default=None, description="which states are solved, and by what")
+    family: FamilyConfig | None = Field(None, description="the actuator module and its design parameters")
+    material: MaterialConfig | None = Field(None, description="what it is made of")
+    fem: FemConfig | None = Field(None, description="which states are solved, and by what")
     surrogate: SurrogateConfig | None = Field(
-        default=None, description="how data become a law; polynomial by default"
+        None, description="how data become a law; polynomial by default"
     )
-    chain: ChainConfig | None = Field(default=None, description="how modules become a robot")
-    physics: PhysicsConfig | None = Field(default=None, description="the engine; quasistatic by default")
+    chain: ChainConfig | None = Field(None, description="how modules become a robot")
+    physics: PhysicsConfig | None = Field(None, description="the engine; quasistatic by default")
     cross_check: tuple[PhysicsConfig, ...] = Field(
-        default=(), description="engines that run the same task, for comparison"
+        (), description="engines that run the same task, for comparison"
     )
-    task: TaskConfig | None = Field(default=None, description="what the robot does")
-    effects: tuple[EffectConfig, ...] = Field(
-        default=(), description="physical effects, applied in this order"
-    )
-    optimizer: OptimizerConfig | None = Field(default=None, description="proposes designs; cmaes by default")
+    task: TaskConfig | None = Field(None, description="what the robot does")
+    effects: tuple[EffectConfig, ...] = Field((), description="physical effects, applied in this order")
+    optimizer: OptimizerConfig | None = Field(None, description="proposes designs; cmaes by default")
     measurements: MeasurementsConfig | None = Field(
-        default=None, description="what the bench recorded (docs/measurement_files.md)"
+        None, description="what the bench recorded (docs/measurement_files.md)"
     )
-    sweep: SweepConfig | None = Field(default=None, description="the designs that `pliant fem` solves")
+    sweep: SweepConfig | None = Field(None, description="the designs that `pliant fem` solves")
     meta_model: MetaModelConfig | None = Field(
-        default=None, description="one model over the designs of a sweep, which gives the law of any other"
+        None, description="one model over the designs of a sweep, which gives the law of any other"
     )
     search: SearchConfig | None = Field(
-        default=None, description="what `pliant optimize` varies and wants (docs/design_for_a_task.md)"
+        None, description="what `pliant optimize` varies and wants (docs/design_for_a_task.md)"
     )
     uncertainty: UncertaintyConfig | None = Field(
-        default=None, description="carries the error bars of the laws to the tip"
+        None, description="carries the error bars of the laws to the tip"
     )
     noise: NoiseConfig | None = Field(
-        default=None, description="how far the task's conditions vary from trial to trial"
+        None, description="how far the task's conditions vary from trial to trial"
     )
     protocols: tuple[ProtocolConfig, ...] = Field(
-        default=(),
+        (),
         description="runs that the bench can do, instead of the default menu (docs/plan_the_next_experiment.md)",
     )
 
@@ -200,24 +196,15 @@ def study_model(raw: Mapping[str, Any], registry: Registry) -> type[Study]:
 def _segment_models(chain: Any, registry: Registry) -> tuple[type[SegmentConfig], ...]:
     """A model for each segment, its own law typed by its kind; none where no segment has a law of its own."""
     segments = chain.get("segments") if isinstance(chain, Mapping) else None
-    blocks = [s.get("surrogate") if isinstance(s, Mapping) else None for s in _list(segments)]
-    kinds = [_kind_of(block) for block in blocks]
-    if not any(kinds):
-        return ()
-    return tuple(
-        create_model(
-            "SegmentConfig",
-            __base__=SegmentConfig,
-            surrogate=(registry.get("surrogate", kind).config_model(), ...),
-        )
-        if kind
-        else SegmentConfig
-        for kind in kinds
-    )
-
-
-def _list(value: Any) -> list[Any]:
-    return value if isinstance(value, list) else []
+    models: list[type[SegmentConfig]] = []
+    for segment in segments if isinstance(segments, list) else ():
+        kind = _kind_of(segment.get("surrogate")) if isinstance(segment, Mapping) else None
+        if kind is None:
+            models.append(SegmentConfig)
+        else:
+            law = registry.get("surrogate", kind).config_model()
+            models.append(create_model("SegmentConfig", __base__=SegmentConfig, surrogate=(law, ...)))
+    return tuple(models) if any(model is not SegmentConfig for model in models) else ()
 
 
 def _kind_of(block: Any) -> str | None:

@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from types import UnionType
@@ -13,7 +13,7 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
 from pydantic import TypeAdapter, ValidationError
 
-from pliant.config.problems import sentences
+from pliant.config.problems import at_place, sentences
 from pliant.config.study import BLOCKS, Study, varied, written_name
 from pliant.errors import UserError, closest
 from pliant.interfaces.base import FrozenModel
@@ -74,7 +74,7 @@ class StudyKey:
         Raises:
             UserError: the key does not take it.
         """
-        at = f"{place}: " if place else ""
+        at = at_place(place)
         if self.kinds and value not in self.kinds:
             raise UserError(
                 f"{at}'{label}' is {value!r}, which is no installed kind{closest(str(value), self.kinds)} "
@@ -104,9 +104,11 @@ def study_key(study: Study, registry: Registry, written: str, place: str = "") -
     Raises:
         UserError: the study has no such key, or it is none that anybody may set.
     """
-    at = f"{place}: " if place else ""
+    at = at_place(place)
     parts = [int(p) if p.isascii() and p.isdigit() else p for p in str(written).split(".")]
-    _may_be_set(parts, written, at)
+    for name in (str(parts[0]), ".".join(map(str, parts[:2]))):
+        if name in NOT_TO_SET:
+            raise UserError(f"{at}'{written}' cannot be set: {NOT_TO_SET[name]}.")
     head = str(parts[0])
     if len(parts) == 2 and parts[1] == "kind" and head in BLOCKS:
         block = getattr(study, head)
@@ -120,14 +122,25 @@ def study_key(study: Study, registry: Registry, written: str, place: str = "") -
         if number == 0 and step.value is None:
             raise UserError(f"{at}'{written}' cannot be set: the study has no '{head}' block.")
         if number == 3 and step.path[:2] == ("chain", "segments") and step.path[3] == "family":
-            step = _segment_family(study, step, written, at)
+            # Keys of the study's family that differ in the segment: of the family that it comes to.
+            if study.family is None:
+                raise UserError(f"{at}'{written}' cannot be set: the study has no 'family' block.")
+            family = varied(study.family, step.value or {})
+            step = _Step(family, type(family), step.path, step.names)
     if len(parts) == 1:
-        raise UserError(
-            f"{at}'{written}' is a whole block; name a key in it, such as {_example(step, written)}."
-        )
+        model, example = _model(step.value, step.annotation), "0"
+        if model is not None:
+            hidden = ("kind", "visual", "visual_scale")
+            named = (written_name(model, name) for name in model.model_fields if name not in hidden)
+            example = next(named, "kind")
+        raise UserError(f"{at}'{written}' is a whole block; name a key in it, such as '{written}.{example}'.")
     sort, unit = _sort(step.annotation)
     shown = ".".join(map(str, step.names))
-    return StudyKey(shown, step.path, sort, unit, step.annotation, _json(step.value))
+    if isinstance(step.value, FrozenModel):
+        value = step.value.model_dump(mode="json", exclude_unset=True)
+    else:
+        value = TypeAdapter(Any).dump_python(step.value, mode="json")
+    return StudyKey(shown, step.path, sort, unit, step.annotation, value)
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,28 +187,6 @@ class _Step:
         value = getattr(self.value, name, None)
         path, shown = (*self.path, name), (*self.names, written_name(model, name))
         return _Step(value, annotation, path, shown)
-
-
-def _may_be_set(parts: Sequence[str | int], written: str, at: str) -> None:
-    for length in (1, 2):
-        name = ".".join(map(str, parts[:length]))
-        if name in NOT_TO_SET and len(parts) >= length:
-            raise UserError(f"{at}'{written}' cannot be set: {NOT_TO_SET[name]}.")
-
-
-def _segment_family(study: Study, step: _Step, written: str, at: str) -> _Step:
-    """A segment's `family` holds keys of the study's family that differ there: the family that it comes to."""
-    if study.family is None:
-        raise UserError(f"{at}'{written}' cannot be set: the study has no 'family' block.")
-    family = varied(study.family, step.value or {})
-    return _Step(family, type(family), step.path, step.names)
-
-
-def _json(value: Any) -> Any:
-    """What the study holds as JSON values."""
-    if isinstance(value, FrozenModel):
-        return value.model_dump(mode="json", exclude_unset=True)
-    return TypeAdapter(Any).dump_python(value, mode="json")
 
 
 def _model(value: Any, annotation: Any) -> type[FrozenModel] | None:
@@ -261,15 +252,3 @@ def _units(annotation: Any) -> Iterator[str]:
 
 def _unless_given(value: Any) -> str:
     return ", since the study does not give it" if value is None else ""
-
-
-def _example(step: _Step, written: str) -> str:
-    model = _model(step.value, step.annotation)
-    if model is None:
-        return f"'{written}.0'"
-    names = [
-        written_name(model, name)
-        for name in model.model_fields
-        if name not in ("kind", "visual", "visual_scale")
-    ]
-    return f"'{written}.{names[0]}'" if names else f"'{written}.kind'"

@@ -280,13 +280,10 @@ def _become(tree: Any, values: Any) -> None:
         both = [(CommentedMap, Mapping), (CommentedSeq, list)]
         if any(isinstance(there, node) and isinstance(value, plain) for node, plain in both):
             _become(there, value)
-        elif not known or not any(_same(plain_values(there), form) for form in (value, _short_form(value))):
-            tree[key] = _node(value)
-
-
-def _short_form(value: Any) -> Any:
-    """`mujoco` for `{kind: mujoco}`."""
-    return value["kind"] if isinstance(value, Mapping) and set(value) == {"kind"} else value
+        else:
+            short = value["kind"] if isinstance(value, Mapping) and set(value) == {"kind"} else value
+            if not known or not any(_same(plain_values(there), form) for form in (value, short)):
+                tree[key] = _node(value)
 
 
 def _remove(tree: CommentedMap, key: str) -> None:

@@ -52,6 +52,7 @@ from pliant.errors import NotReachedError, UserError
 from pliant.evidence.covariates import covariates
 from pliant.evidence.importance import importance
 from pliant.evidence.prediction import Predictor
+from pliant.execution.executors import Workers, executor_for
 from pliant.experiments.planned_run import PlannedRun
 from pliant.formatting import listed, whole_percent
 from pliant.measurements.floors import Floor, floor_remarks, noise_floors
@@ -140,8 +141,9 @@ def diagnose(
     thresholds: EvidenceThresholds = THRESHOLDS,
     runs: Sequence[PlannedRun] = (),
     tick: Tick | None = None,
+    workers: Workers = 1,
 ) -> Diagnosis:
-    """EffectFit every candidate, weigh them, and say what can be said.
+    """Fit every candidate, weigh them, and say what can be said.
 
     Args:
         predictor: a study's model, driven by the measured histories.
@@ -149,6 +151,7 @@ def diagnose(
         thresholds: thresholds.
         runs: what the bench can do next; the default menu without them.
         tick: called with the name of each hypothesis when it has been fitted.
+        workers: who fits hypotheses: processes, the scheduler of a dask cluster, an executor.
 
     Raises:
         UserError: an unknown kind, or no reading can be used.
@@ -166,10 +169,12 @@ def diagnose(
     fitter = Fitter(predictor, readings)
     chosen, left_out = applicable(registry, fitter, asked)
     shown = excitations(registry, fitter, fitter.fit(EffectSet.of(registry, NOTHING)), chosen)
-    search = HypothesisSearch(registry, measurement, readings, fitter, thresholds, shown)
-    if tick is not None:
-        search.tick = tick
-    table = search.run(chosen)
+    with executor_for(workers) as executor:
+        search = HypothesisSearch(
+            registry, measurement, readings, fitter, thresholds, shown, executor=executor
+        )
+        search.tick = tick or search.tick
+        table = search.run(chosen)
     silent = not_excited(shown, thresholds)
     not_tried = _not_tried(left_out, [kind for kind in chosen if not _solved(search.fits, kind)])
     judgement = judge(table, thresholds, len(chosen) - len(silent))

@@ -17,7 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -171,6 +171,14 @@ class Fitter:
         self.predictor, self.readings = predictor, readings
         self.weights = np.ones(len(readings)) if weights is None else weights
         self._seen: dict[tuple[object, ...], _LinearPoint] = {}
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Without the points: a worker has its own."""
+        return {**vars(self), "_seen": {}}
+
+    def fit_from(self, asked: tuple[EffectSet, Sequence[Array]]) -> EffectFit:
+        """`fit` of a candidate and its starts as one item of a `JobQueue`."""
+        return self.fit(*asked)
 
     def fit(self, candidate: EffectSet, starts: Sequence[Array] | None = None) -> EffectFit:
         """The best of fits from several starts; short trials decide which one is finished.

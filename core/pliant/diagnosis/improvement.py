@@ -32,6 +32,7 @@ from pliant.diagnosis.verdict import (
 )
 from pliant.evidence.comparison import compare, interpret
 from pliant.evidence.prediction import Predictor
+from pliant.execution.executors import Workers
 from pliant.experiments.experiment_catalogue import own_runs
 from pliant.interfaces.effect import EffectConfig
 from pliant.measurements.floors import Floor
@@ -132,6 +133,7 @@ def improve(
     kinds: Sequence[str] | None = None,
     most_steps: int = MOST_STEPS,
     tick: Tick | None = None,
+    workers: Workers = 1,
 ) -> Improvement:
     """Walk the whole loop.
 
@@ -140,11 +142,12 @@ def improve(
         kinds: candidates; all effects by default.
         most_steps: effects at most.
         tick: called with the name of each hypothesis when it has been fitted.
+        workers: who fits hypotheses, as for `diagnose`.
 
     Raises:
         UserError: no reading can be used, or an engine that cannot follow histories.
     """
-    walk = _Walk(bench, study, measurement, kinds, tick)
+    walk = _Walk(bench, study, measurement, kinds, tick, workers)
     stop, reason = walk.go(most_steps)
     return walk.scored(stop, reason, walk.final())
 
@@ -159,9 +162,10 @@ class _Walk:
         measurement: Measurement,
         kinds: Sequence[str] | None,
         tick: Tick | None,
+        workers: Workers,
     ) -> None:
         self.bench, self.study, self.measurement, self.locked = bench, study, measurement, lock(measurement)
-        self.kinds, self.tick = kinds, tick
+        self.kinds, self.tick, self.workers = kinds, tick, workers
         self.ground = Ground.of(bench, study, self.locked.training)
         self.effects = study.effects
         self.added: list[str] = []
@@ -213,7 +217,7 @@ class _Walk:
         study = self.study.model_copy(update={"effects": self.effects})
         predictor = Predictor.of_study(self.bench, study, self.locked.training)
         own = own_runs(study, predictor.chain, predictor.measurement)
-        self.last = diagnose(predictor, kinds=self.kinds, runs=own, tick=self.tick)
+        self.last = diagnose(predictor, kinds=self.kinds, runs=own, tick=self.tick, workers=self.workers)
         return self.last
 
     def _gains(self, whole: Extension) -> bool:

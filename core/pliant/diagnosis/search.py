@@ -40,6 +40,8 @@ from pliant.diagnosis.verdict import (
     room_above_floor,
     sorted_kinds,
 )
+from pliant.execution.executors import Executor, InlineExecutor
+from pliant.execution.jobs import JobQueue
 from pliant.measurements.repeats import RepeatGroup, repeat_groups
 from pliant.records.design import Array
 from pliant.records.measurement import Measurement
@@ -142,7 +144,7 @@ Tick = Callable[[str], None]
 
 @dataclass(eq=False)
 class HypothesisSearch:
-    """Fits hypotheses one after another and keeps them."""
+    """Fits hypotheses, as many at a time as the executor does, and keeps them."""
 
     registry: Registry
     measurement: Measurement
@@ -151,6 +153,7 @@ class HypothesisSearch:
     thresholds: EvidenceThresholds
     shown: Mapping[str, Excitation]
     tick: Tick = lambda _: None
+    executor: Executor = field(default_factory=InlineExecutor)
     fits: dict[Kinds, EffectFit] = field(default_factory=dict)
     rows: dict[Kinds, Row] = field(default_factory=dict)
 
@@ -161,9 +164,8 @@ class HypothesisSearch:
 
     def run(self, kinds: Sequence[str]) -> EvidenceTable:
         """The table of everything that was worth fitting among these kinds."""
-        self._fit(NOTHING)
-        for kind in kinds:
-            self._fit((kind,))
+        self._fit([NOTHING])
+        self._fit([(kind,) for kind in kinds])
         current = self._best([key for key in self.fits if len(key) <= 1])
         if room_above_floor(self.table(), current, self.thresholds):
             self._grow(Directions.of(kinds, self.fits, self.shown, MOST_LOST), len(kinds))
@@ -189,11 +191,9 @@ class HypothesisSearch:
             sets += self._larger(self._best(beside), directions)
             if not sets:
                 return
-            for larger in dict.fromkeys(sets):
-                self._fit(larger)
+            self._fit(sets)
             best = self._exchanged(self._best(sets), directions)
-            for left in best:
-                self._fit(tuple(kind for kind in best if kind != left), near=best)
+            self._fit([tuple(kind for kind in best if kind != left) for left in best], near=best)
             if not self._pays(best, before) or not room_above_floor(self.table(), best, self.thresholds):
                 return
 
@@ -216,8 +216,7 @@ class HypothesisSearch:
                 continue
             others = directions.next_to(looked.residual, looked.slopes, best, EXCHANGED)
             sets = [sorted_kinds((*rest, kind)) for kind in others]
-            for candidate in sets:
-                self._fit(candidate, near=best)
+            self._fit(sets, near=best)
             best = self._best([best, *sets])
         return best
 
@@ -241,14 +240,19 @@ class HypothesisSearch:
         evidence = log_evidence(self.table(), self.thresholds)
         return max(among, key=lambda kinds: evidence[kinds])
 
-    def _fit(self, kinds: Kinds, near: Kinds | None = None) -> None:
-        if kinds in self.fits:
-            return
-        candidate = EffectSet.of(self.registry, kinds)
-        fit = self.fitter.fit(candidate, self._starts(candidate, near))
-        self.fits[kinds] = fit
-        self.rows[kinds] = _row(kinds, fit, self.fits[NOTHING].residual, self.readings, self.condition)
-        self.tick(" + ".join(kinds) or "nothing")
+    def _fit(self, sets: Sequence[Kinds], near: Kinds | None = None) -> None:
+        """Fit those of the sets that are new; where each begins does not depend on the others."""
+        new = [kinds for kinds in dict.fromkeys(sets) if kinds not in self.fits]
+        asked = [EffectSet.of(self.registry, kinds) for kinds in new]
+        starts = [self._starts(candidate, near) for candidate in asked]
+        with JobQueue(self.executor, self.fitter.fit_from) as queue:
+            done = queue.each(list(zip(asked, starts, strict=True)))
+            for kinds, one in zip(new, done, strict=True):
+                fit = self.fits[kinds] = one.unwrap()
+                self.rows[kinds] = _row(
+                    kinds, fit, self.fits[NOTHING].residual, self.readings, self.condition
+                )
+                self.tick(" + ".join(kinds) or "nothing")
 
     def _starts(self, candidate: EffectSet, near: Kinds | None) -> list[Array]:
         """Near a fitted set, or near each effect as it was fitted alone and near all of them."""

@@ -1,10 +1,12 @@
-"""Learning curves of a surrogate over states: how its error falls with the number of states that it is fitted to."""
+"""Learning curves: how the error of a surrogate falls with the states that it is fitted to, that of a meta-model with
+the designs.
+"""
 
 from __future__ import annotations
 
 import json
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -13,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pliant.errors import UserError
-from pliant.execution.progress import Progress
+from pliant.execution.progress import Progress, Silent
 from pliant.interfaces.meta_model import MetaModel
 from pliant.interfaces.surrogate import Surrogate, SurrogateConfig
 from pliant.pipeline.meta_model.stage import NOT_FITTED, MetaModelStage
@@ -22,7 +24,6 @@ from pliant.pipeline.surrogate import without_tables
 from pliant.pipeline.workbench import Workbench, content
 from pliant.records.design import Array
 from pliant.records.fem import TRUSTED, ModuleData
-from pliant.records.law import JointLaw
 from pliant.records.solved import SolvedDesigns
 from pliant.store.store import Artifact, write_atomically
 
@@ -31,7 +32,8 @@ STEP = np.sqrt(2.0)
 # Of each order of states but the first, distances are stretched by a random factor of this deviation of its logarithm.
 SHUFFLE = 0.5
 HELD_OUT_SHARE = 0.2
-HELD_OUT_SEED = 0
+TEST_SHARE = 0.25
+SEED = 0  # of what is held out
 WITH, WITHOUT = "with slopes", "without slopes"
 
 
@@ -40,13 +42,9 @@ def learning_stage(
 ) -> Artifact:
     """The learning curve through the store; `inputs` key the data. The value is the dict of `learning_curve`."""
     surrogate: Surrogate = bench.build("surrogate", config)
-
-    def compute(partial: Path) -> dict[str, Any]:
-        return learning_curve(surrogate, data, orders, bench.progress, partial / "points.json")
-
     return bench.make(
         "learning",
-        compute,
+        lambda partial: learning_curve(surrogate, data, orders, bench.progress, partial / "points.json"),
         components=[bench.component("surrogate", config)],
         modules=["pliant.pipeline.learning"],
         config={"surrogate": without_tables(content(config)), "orders": orders},
@@ -54,11 +52,25 @@ def learning_stage(
     )
 
 
+def design_learning_stage(bench: Workbench, stage: MetaModelStage) -> Artifact:
+    """The learning curve of a fitted meta-model's kind through the store; the value is that of `design_learning`."""
+    model: MetaModel = bench.build("meta_model", stage.config)
+    settings = {name: value for name, value in content(stage.config).items() if name not in NOT_FITTED}
+    return bench.make(
+        "learning",
+        lambda partial: design_learning(model, stage.designs, bench.progress, partial / "points.json"),
+        components=[bench.component("meta_model", stage.config)],
+        modules=["pliant.pipeline.learning"],
+        config={"meta_model": settings, "family": stage.designs.family, "names": list(stage.designs.names)},
+        inputs=stage.solved.inputs,
+    )
+
+
 def learning_curve(
     surrogate: Surrogate,
     data: ModuleData,
     orders: int = 1,
-    progress: Any = None,
+    progress: Progress | None = None,
     kept: Path | None = None,
 ) -> dict[str, Any]:
     """Refit on nested subsets of the states and score on the check states.
@@ -78,38 +90,115 @@ def learning_curve(
     data = with_checks(data)
     usable = np.isin(data.status, TRUSTED)
     fit = np.flatnonzero(usable & (data.role == "fit"))
+    checks = np.flatnonzero(data.role == "check")
     sizes = subset_sizes(len(fit))
-    jobs = [(s, o, n) for s in _slopes(data) for o in range(orders) for n in sizes]
-    found = kept_points(kept)
+    sloped = np.isfinite(data.dtau_dp).any() or np.isfinite(data.dtau_du).any()
     places = np.column_stack([data.actuation, data.deformation])[fit]
     ordered = [fit[spread_order(places, data.explored[fit], seed)] for seed in range(orders)]
     box = fitted_box(data, data.axes)
-    bar = progress.begin("learning curve", len(jobs)) if progress is not None else None
+
+    def point(slopes: str, order: int, n: int) -> dict[str, Any]:
+        """Scores of the law of a subset on the check states inside the box of all states."""
+        subset = data.rows(np.sort(np.concatenate([ordered[order][:n], checks])))
+        if slopes == WITHOUT:
+            unknown = {name: np.full_like(getattr(subset, name), np.nan) for name in ("dtau_dp", "dtau_du")}
+            subset = replace(subset, **unknown)
+        started = time.perf_counter()
+        law = surrogate.fit_module(subset).law
+        wall_s = time.perf_counter() - started
+        columns = [0, *(1 + data.axes.index(axis) for axis in law.axes)]
+        missed = Residuals.of_law(data, law, inside=box[columns])
+        missed = missed.rows(missed.check)
+        return {"rms": missed.rms, "worst": missed.worst, "wall_s": wall_s}
+
+    jobs = [
+        {"slopes": s, "order": o, "n": n}
+        for s in ((WITH, WITHOUT) if sloped else (WITHOUT,))
+        for o in range(orders)
+        for n in sizes
+    ]
+    return {
+        **_points(jobs, point, progress or Silent(), "learning curve", kept),
+        "n_check": int((usable & (data.role == "check")).sum()),
+        "sizes": sizes,
+        "untrusted": int(np.sum(~usable)),
+    }
+
+
+def design_learning(
+    model: MetaModel, designs: SolvedDesigns, progress: Progress, kept: Path | None = None
+) -> dict[str, Any]:
+    """Refit on nested subsets of the designs and score on a quarter of them that no fit sees.
+
+    Subsets begin with corners of the range and go on with the design farthest from those before it.
+
+    Returns:
+        `points`: each with `n` designs, and for "all" and "interior" test designs `rms` and `worst`, shares of the
+        range of each design's effort, and `wall_s`; `left_out`: sizes that cannot be fitted, each with its cause;
+        `test`, `interior`: rows of the designs that score, and of those among them inside the range.
+    """
+    n = len(designs)
+    test = np.sort(np.random.default_rng(SEED).permutation(n)[: max(1, round(TEST_SHARE * n))])
+    train = np.setdiff1d(np.arange(n), test)
+    order = train[spread_order(designs.values[train], np.full(len(train), "designs"), 0)]
+    inner = test[~designs.corners()[test]]
+
+    def point(n: int) -> dict[str, Any]:
+        """Scores of the model of some designs."""
+        started = time.perf_counter()
+        laws = model.fit(designs.rows(np.isin(np.arange(len(designs)), order[:n]))).laws
+        wall_s = time.perf_counter() - started
+        shares = {}
+        for i in test:
+            law = laws.law(designs.values[i])
+            everywhere = np.tile([-np.inf, np.inf], (1 + len(law.axes), 1))
+            shares[i] = Residuals.of_law(designs.data[i], law, inside=everywhere).share
+
+        def scores(rows: NDArray[np.int64]) -> dict[str, float] | None:
+            if not len(rows):
+                return None
+            every = np.concatenate([shares[i] for i in rows])
+            return {"rms": float(np.sqrt(np.mean(every**2))), "worst": float(every.max())}
+
+        return {"all": scores(test), "interior": scores(inner), "wall_s": wall_s}
+
+    sizes = subset_sizes(len(order), max(model.fewest, len(designs.names) + 1))
+    title = "learning curve over designs"
+    points = _points([{"n": size} for size in sizes], point, progress, title, kept)
+    return {**points, "test": test.tolist(), "interior": inner.tolist()}
+
+
+def _points(
+    jobs: Sequence[dict[str, Any]],
+    point: Callable[..., dict[str, Any]],
+    progress: Progress,
+    title: str,
+    kept: Path | None,
+) -> dict[str, Any]:
+    """`points` of the jobs, and those `left_out` with their cause; what is in the file `kept` is not computed again."""
     try:
-        for slopes, order, n in jobs:
-            name = f"{slopes}, {order}, {n}"
+        found = json.loads(kept.read_text()) if kept is not None else {}
+    except (OSError, ValueError):
+        found = {}
+    found = found if isinstance(found, dict) else {}
+    bar = progress.begin(title, len(jobs))
+    try:
+        for job in jobs:
+            name = ", ".join(map(str, job.values()))
             if name not in found:
-                subset = _subset(data, ordered[order][:n], slopes == WITH)
-                found[name] = {
-                    "slopes": slopes,
-                    "order": order,
-                    "n": n,
-                    **_point(surrogate, subset, data, box),
-                }
-                keep_points(kept, found)
-            if bar is not None:
-                bar.advance()
+                try:
+                    found[name] = {**job, **point(**job)}
+                except UserError as error:
+                    found[name] = {**job, "cause": str(error)}
+                if kept is not None:
+                    write_atomically(kept, json.dumps(found))
+            bar.advance()
     finally:
-        if bar is not None:
-            bar.finish()
-    points = [found[f"{s}, {o}, {n}"] for s, o, n in jobs]
-    scored = usable & (data.role == "check")
+        bar.finish()
+    points = [found[", ".join(map(str, job.values()))] for job in jobs]
     return {
         "points": [p for p in points if "cause" not in p],
         "left_out": [p for p in points if "cause" in p],
-        "n_check": int(scored.sum()),
-        "sizes": sizes,
-        "untrusted": int(np.sum(~usable)),
     }
 
 
@@ -117,20 +206,18 @@ def states_needed(
     curve: Mapping[str, Any], share: float, slopes: str = WITH, score: str = "rms"
 ) -> int | None:
     """The fewest states from which on every larger subset of the first order is below `share`; None if none is."""
-    points = sorted(
-        (p for p in curve["points"] if p["slopes"] == slopes and p["order"] == 0), key=lambda p: -p["n"]
-    )
+    points = (p for p in curve["points"] if p["slopes"] == slopes and p["order"] == 0)
     needed = None
-    for point in points:
+    for point in sorted(points, key=lambda p: -p["n"]):
         if not point[score] <= share:
             break
         needed = int(point["n"])
     return needed
 
 
-def subset_sizes(n: int) -> list[int]:
-    """4, 6, 8, 11, 16, … in steps of √2, and n itself."""
-    sizes, size = [], float(FEWEST)
+def subset_sizes(n: int, fewest: int = FEWEST) -> list[int]:
+    """4, 6, 8, 11, 16, … in steps of √2 from the fewest, and n itself."""
+    sizes, size = [], float(fewest)
     while round(size) < n:
         sizes.append(round(size))
         size *= STEP
@@ -173,7 +260,7 @@ def with_checks(data: ModuleData) -> ModuleData:
     inner = np.flatnonzero(usable & ~border)
     wanted = min(len(inner), max(1, round(HELD_OUT_SHARE * int(usable.sum()))))
     held_out = np.zeros(len(data), bool)
-    held_out[np.random.default_rng(HELD_OUT_SEED).choice(inner, wanted, replace=False)] = True
+    held_out[np.random.default_rng(SEED).choice(inner, wanted, replace=False)] = True
     return replace(data, role=np.where(held_out, "check", data.role))
 
 
@@ -197,155 +284,3 @@ def _corners(x: Array) -> Iterator[int]:
     box = np.stack([y.min(axis=0), y.max(axis=0)])
     for sides in ((0, 0), (1, 1), (0, 1), (1, 0)):
         yield int(np.argmin(np.linalg.norm(y - box[sides, (0, 1)], axis=1)))
-
-
-def _slopes(data: ModuleData) -> Sequence[str]:
-    known = np.isfinite(data.dtau_dp).any() or np.isfinite(data.dtau_du).any()
-    return (WITH, WITHOUT) if known else (WITHOUT,)
-
-
-def _subset(data: ModuleData, rows: NDArray[np.int64], slopes: bool) -> ModuleData:
-    """These states to fit and all check states, with slopes or with NaN for them."""
-    keep = np.sort(np.concatenate([rows, np.flatnonzero(data.role == "check")]))
-    part = data.rows(keep)
-    if slopes:
-        return part
-    return replace(
-        part, dtau_dp=np.full_like(part.dtau_dp, np.nan), dtau_du=np.full_like(part.dtau_du, np.nan)
-    )
-
-
-def _point(surrogate: Surrogate, subset: ModuleData, data: ModuleData, box: Array) -> dict[str, Any]:
-    """Scores of the law of a subset on the check states inside the box of all states, or the cause of its failure."""
-    started = time.perf_counter()
-    try:
-        law = surrogate.fit_module(subset).law
-    except UserError as error:
-        return {"cause": str(error)}
-    wall_s = time.perf_counter() - started
-    missed = _checked(data, law, box)
-    return {"rms": missed.rms, "worst": missed.worst, "wall_s": wall_s}
-
-
-def _checked(data: ModuleData, law: JointLaw, box: Array) -> Residuals:
-    columns = [0, *(1 + data.axes.index(axis) for axis in law.axes)]
-    missed = Residuals.of(data, law.axes, lambda p, u: law.evaluate(p, u).tau, box[columns])
-    return missed.rows(missed.check)
-
-
-def kept_points(kept: Path | None) -> dict[str, Any]:
-    """Points of an interrupted run; what cannot be read is computed anew."""
-    if kept is None or not kept.is_file():
-        return {}
-    try:
-        found = json.loads(kept.read_text())
-    except ValueError:
-        return {}
-    return found if isinstance(found, dict) else {}
-
-
-def keep_points(kept: Path | None, found: Mapping[str, Any]) -> None:
-    """Write the finished points of a curve, where there is a file for them."""
-    if kept is not None:
-        write_atomically(kept, json.dumps(found))
-
-
-TEST_SHARE = 0.25
-TEST_SEED = 0
-
-
-def design_learning_stage(bench: Workbench, stage: MetaModelStage) -> Artifact:
-    """The learning curve of a fitted meta-model's kind through the store; the value is that of `design_learning`."""
-    model: MetaModel = bench.build("meta_model", stage.config)
-
-    def compute(partial: Path) -> dict[str, Any]:
-        return design_learning(model, stage.designs, bench.progress, partial / "points.json")
-
-    settings = {name: value for name, value in content(stage.config).items() if name not in NOT_FITTED}
-    return bench.make(
-        "learning",
-        compute,
-        components=[bench.component("meta_model", stage.config)],
-        modules=["pliant.pipeline.learning"],
-        config={"meta_model": settings, "family": stage.designs.family, "names": list(stage.designs.names)},
-        inputs=stage.solved.inputs,
-    )
-
-
-def design_learning(
-    model: MetaModel, designs: SolvedDesigns, progress: Progress, kept: Path | None = None
-) -> dict[str, Any]:
-    """Refit on nested subsets of the designs and score on a quarter of them that no fit sees.
-
-    Subsets begin with corners of the range and go on with the design farthest from those before it.
-
-    Returns:
-        `points`: each with `n` designs, and for "all" and "interior" test designs `rms` and `worst`, shares of the
-        range of each design's effort, and `wall_s`; `left_out`: sizes that cannot be fitted, each with its cause;
-        `test`, `interior`: rows of the designs that score, and of those among them inside the range.
-    """
-    n = len(designs)
-    test = np.sort(np.random.default_rng(TEST_SEED).permutation(n)[: max(1, round(TEST_SHARE * n))])
-    train = np.setdiff1d(np.arange(n), test)
-    order = train[spread_order(designs.values[train], np.full(len(train), "designs"), 0)]
-    inner = test[~designs.corners()[test]]
-    found = kept_points(kept)
-    sizes = _design_sizes(max(model.fewest, len(designs.names) + 1), len(order))
-    bar = progress.begin("learning curve over designs", len(sizes))
-    try:
-        for size in sizes:
-            if str(size) not in found:
-                found[str(size)] = {"n": size, **_design_point(model, designs, order[:size], test, inner)}
-                keep_points(kept, found)
-            bar.advance()
-    finally:
-        bar.finish()
-    points = [found[str(size)] for size in sizes]
-    return {
-        "points": [p for p in points if "cause" not in p],
-        "left_out": [p for p in points if "cause" in p],
-        "test": test.tolist(),
-        "interior": inner.tolist(),
-    }
-
-
-def _design_point(
-    model: MetaModel,
-    designs: SolvedDesigns,
-    chosen: NDArray[np.int64],
-    test: NDArray[np.int64],
-    inner: NDArray[np.int64],
-) -> dict[str, Any]:
-    """Scores of the model of some designs, or the cause why there is none."""
-    keep = np.zeros(len(designs), bool)
-    keep[chosen] = True
-    started = time.perf_counter()
-    try:
-        laws = model.fit(designs.rows(keep)).laws
-    except UserError as error:
-        return {"cause": str(error)}
-    wall_s = time.perf_counter() - started
-    shares = {int(i): _shares(laws.law(designs.values[i]), designs, int(i)) for i in test}
-    return {"all": _scores(shares, test), "interior": _scores(shares, inner), "wall_s": wall_s}
-
-
-def _shares(law: Any, designs: SolvedDesigns, index: int) -> Any:
-    """(m,) |miss| of one design's trusted states, as shares of the range of each axis' effort."""
-    data = designs.data[index]
-    everywhere = np.tile([-np.inf, np.inf], (1 + len(law.axes), 1))
-    return Residuals.of(data, law.axes, lambda p, u: law.evaluate(p, u).tau, everywhere).share
-
-
-def _scores(shares: Mapping[int, Any], rows: Sequence[int] | NDArray[np.int64]) -> dict[str, float] | None:
-    if not len(rows):
-        return None
-    every = np.concatenate([shares[int(i)] for i in rows])
-    return {"rms": float(np.sqrt(np.mean(every**2))), "worst": float(every.max())}
-
-
-def _design_sizes(fewest: int, most: int) -> list[int]:
-    sizes, size = [], float(fewest)
-    while round(size) < most:
-        sizes.append(round(size))
-        size *= STEP
-    return [*sizes, most]

@@ -59,16 +59,21 @@ class Residuals:
         """
         columns = [data.axes.index(axis) for axis in axes]
         u, tau = data.deformation[:, columns], data.tau[:, columns]
-        trusted = np.isin(data.status, TRUSTED) & _inside(data.actuation, u, inside)
+        low, high = inside.T
+        bounded = np.isfinite(inside).all(axis=1)
+        room = INSIDE * np.subtract(high, low, out=np.zeros(len(inside)), where=bounded)
+        values, trusted = np.column_stack([data.actuation, u]), np.isin(data.status, TRUSTED)
         if ranges is None:
-            ranges = np.array([_range(data, axis) for axis in axes])
+            known = [tau[trusted & (data.explored == axis), k] for k, axis in enumerate(axes)]
+            ranges = np.array([(float(np.ptp(own)) if len(own) else 0.0) or 1.0 for own in known])
+        trusted &= np.all((values >= low - room) & (values <= high + room), axis=1)
         state, axis = [], []
         for kind in (*axes, COUPLING):
             rows = np.flatnonzero(trusted & (data.explored == kind))
             for k in range(len(axes)) if every or kind == COUPLING else (axes.index(kind),):
-                known = rows[np.isfinite(tau[rows, k])]
-                state.append(known)
-                axis.append(np.full(len(known), k))
+                told = rows[np.isfinite(tau[rows, k])]
+                state.append(told)
+                axis.append(np.full(len(told), k))
         rows, place = np.concatenate(state), np.concatenate(axis)
         miss = predict(data.actuation, u)[rows, place] - tau[rows, place]
         return Residuals(
@@ -84,10 +89,14 @@ class Residuals:
 
     @staticmethod
     def of_law(
-        data: ModuleData, law: JointLaw, every: bool = False, ranges: Array | None = None
+        data: ModuleData,
+        law: JointLaw,
+        every: bool = False,
+        ranges: Array | None = None,
+        inside: Array | None = None,
     ) -> Residuals:
-        """Misses of a law at trusted states inside its domain."""
-        box = np.vstack([law.domain.actuation, law.domain.deformation])
+        """Misses of a law at trusted states inside its domain, or another box."""
+        box = np.vstack([law.domain.actuation, law.domain.deformation]) if inside is None else inside
         return Residuals.of(data, law.axes, lambda p, u: law.evaluate(p, u).tau, box, every, ranges)
 
     def rows(self, keep: NDArray[np.bool_]) -> Residuals:
@@ -111,21 +120,6 @@ def fitted_box(data: ModuleData, axes: tuple[str, ...]) -> Array:
     rows = np.isin(data.status, TRUSTED) & (data.role == "fit")
     values = np.column_stack([data.actuation, data.deformation[:, [data.axes.index(a) for a in axes]]])[rows]
     return np.stack([values.min(axis=0), values.max(axis=0)], axis=1)
-
-
-def _inside(actuation: Array, deformation: Array, box: Array) -> NDArray[np.bool_]:
-    values = np.column_stack([actuation, deformation])
-    bounded = np.isfinite(box)
-    width = np.where(bounded.all(axis=1), box[:, 1] - box[:, 0], 0.0)
-    room = INSIDE * width
-    found: NDArray[np.bool_] = np.all((values >= box[:, 0] - room) & (values <= box[:, 1] + room), axis=1)
-    return found
-
-
-def _range(data: ModuleData, axis: str) -> float:
-    rows = np.isin(data.status, TRUSTED) & (data.explored == axis)
-    tau = data.tau[rows, data.axes.index(axis)]
-    return (float(np.ptp(tau)) if len(tau) else 0.0) or 1.0
 
 
 def module_of(data: FemDataset) -> ModuleData:
@@ -159,24 +153,16 @@ def module_of_axes(data: Mapping[str, FemDataset], axes: tuple[str, ...]) -> Mod
     """States of several axes, each known by a table of its own: the other axes at rest, their efforts unknown (NaN)."""
     parts = []
     for axis, one in data.items():
-        own, n, k = module_of(one), len(one), len(axes)
-        at = axes.index(axis)
-        u, tau, by_p = np.zeros((n, k)), np.full((n, k), np.nan), np.full((n, k), np.nan)
-        by_u = np.full((n, k, k), np.nan)
-        u[:, at], tau[:, at], by_p[:, at] = one.angle_rad, one.moment_n_m, one.dmoment_dp
-        by_u[:, at, at] = one.dmoment_du
-        found: dict[str, Any] = {
-            "deformation": u,
-            "tau": tau,
-            "dtau_dp": by_p,
-            "dtau_du": by_u,
-            "explored": np.full(n, axis),
-        }
-        parts.append(replace(own, axes=axes, joint="spherical", **found))
+        own, at, k = module_of(one), axes.index(axis), len(axes)
+        spread: dict[str, Any] = {"deformation": np.zeros((len(one), k))}
+        spread |= {name: np.full((len(one), k), np.nan) for name in ("tau", "dtau_dp")}
+        for name, values in spread.items():
+            values[:, at] = getattr(own, name)[:, 0]
+        spread["dtau_du"] = np.full((len(one), k, k), np.nan)
+        spread["dtau_du"][:, at, at] = one.dmoment_du
+        parts.append(replace(own, axes=axes, joint="spherical", **spread))
     arrays = [name for name, value in vars(parts[0]).items() if isinstance(value, np.ndarray)]
-    joined: dict[str, Any] = {
-        name: np.concatenate([getattr(part, name) for part in parts]) for name in arrays
-    }
+    joined: dict[str, Any] = {name: np.concatenate([vars(part)[name] for part in parts]) for name in arrays}
     return replace(parts[0], main_axis="y" if "y" in data else parts[0].explored[0], **joined)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -175,37 +175,55 @@ def simulate_stage(
     physics: PhysicsConfig,
     task: TaskConfig,
     effects: Sequence[EffectConfig],
+    uncertainty: UncertaintyConfig | None = None,
 ) -> Artifact:
     """Run the task; the artifact's value is a `TaskResult`.
 
-    Raises `MissingDependencyError` for an engine that is not installed and `UserError` for a chain that it
-    cannot simulate.
+    With `uncertainty`, the task is run with `samples` chains whose laws are drawn, and the value is the dict of
+    `spread`.
+
+    Raises:
+        MissingDependencyError: an engine that is not installed.
+        UserError: a chain that the engine cannot simulate, or whose laws state no error to draw from.
     """
     backend: PhysicsBackend = bench.build("physics", physics)
     built_task: Task | SceneTask = bench.build("task", task)
     built_effects: list[Effect] = [bench.build("effect", effect) for effect in effects]
     check_capabilities(backend, source.chain, physics.kind)
 
-    def compute(partial: Path) -> TaskResult:
+    def nominal(partial: Path) -> TaskResult:
         if sentence := backend.preparing(source.chain, histories=False):
             bench.progress.note(sentence)
         return run_task(backend, built_task, built_effects, source.chain)
 
+    compute: Callable[[Path], Any] = nominal
+    stage, more = "simulate", {}
+    if uncertainty is not None:
+        drawn, level = drawn_chains(source.chain, uncertainty.samples, uncertainty.seed), uncertainty.level
+
+        def with_drawn_laws(partial: Path) -> dict[str, Any]:
+            bar, results = bench.progress.begin("drawn laws", len(drawn)), []
+            try:
+                for chain in drawn:
+                    results.append(run_task(backend, built_task, built_effects, chain))
+                    bar.advance()
+            finally:
+                bar.finish()
+            return spread(results, level)
+
+        stage, compute, more = "uncertainty", with_drawn_laws, {"uncertainty": content(uncertainty)}
+    plugins = [("physics", physics), ("task", task), *(("effect", effect) for effect in effects)]
     return bench.make(
-        "simulate",
+        stage,
         compute,
-        components=[
-            *source.components,
-            bench.component("physics", physics),
-            bench.component("task", task),
-            *(bench.component("effect", effect) for effect in effects),
-        ],
+        components=[*source.components, *(bench.component(name, config) for name, config in plugins)],
         modules=["pliant.pipeline.simulate", "pliant.pipeline.chain"],
         config={
             **source.config,
             "physics": content(physics),
             "task": content(task),
             "effects": [content(effect) for effect in effects],
+            **more,
         },
         inputs=source.inputs,
     )
@@ -230,13 +248,10 @@ def run_task(
             result = task.run(WithInputs(simulation, model) if model.inputs else simulation)
     if task.config.outside_domain == "error":
         refuse_extrapolation(result.final.outside_domain)
-    reported = model.reported({**result.metrics, **_pushed(result)})
+    # Output maps may depend on the sum of the last inputs; a task may leave no history.
+    acting = {} if result.rollout is None else {"actuation": float(np.sum(result.rollout.actuation[-1]))}
+    reported = model.reported({**result.metrics, **acting})
     return replace(result, metrics={name: reported[name] for name in reported if name != "actuation"})
-
-
-def _pushed(result: TaskResult) -> dict[str, float]:
-    """The sum of the last inputs, for output maps that depend on it; nothing where a task leaves no history."""
-    return {} if result.rollout is None else {"actuation": float(np.sum(result.rollout.actuation[-1]))}
 
 
 def refuse_extrapolation(outside: Sequence[OutsideDomain]) -> None:
@@ -293,59 +308,6 @@ def check_capabilities(backend: PhysicsBackend, chain: ChainModel, kind: str) ->
         )
 
 
-def uncertainty_stage(
-    bench: Workbench,
-    source: ChainSource,
-    physics: PhysicsConfig,
-    task: TaskConfig,
-    effects: Sequence[EffectConfig],
-    config: UncertaintyConfig,
-) -> Artifact:
-    """Run the task with `config.samples` drawn chains; the artifact's value is the dict of `spread`.
-
-    Raises:
-        UserError: no law of the chain states an error.
-    """
-    backend, built = bench.build("physics", physics), bench.build("task", task)
-    built_effects = [bench.build("effect", effect) for effect in effects]
-    check_capabilities(backend, source.chain, physics.kind)
-    drawn = drawn_chains(source.chain, config.samples, config.seed)
-
-    def compute(partial: Path) -> dict[str, Any]:
-        bar = bench.progress.begin("drawn laws", len(drawn))
-        results = []
-        try:
-            for chain in drawn:
-                results.append(run_task(backend, built, built_effects, chain))
-                bar.advance()
-        finally:
-            bar.finish()
-        return spread(results, config.level)
-
-    components = [
-        *source.components,
-        bench.component("physics", physics),
-        bench.component("task", task),
-        *(bench.component("effect", effect) for effect in effects),
-    ]
-    settings = {
-        **source.config,
-        "physics": content(physics),
-        "task": content(task),
-        "effects": [content(effect) for effect in effects],
-        "uncertainty": content(config),
-    }
-    modules = ["pliant.pipeline.simulate", "pliant.pipeline.chain"]
-    return bench.make(
-        "uncertainty",
-        compute,
-        components=components,
-        modules=modules,
-        config=settings,
-        inputs=source.inputs,
-    )
-
-
 def drawn_chains(chain: ChainModel, count: int, seed: int) -> list[ChainModel]:
     """Chains whose laws are drawn from their error bars; laws that state no error stay.
 
@@ -360,18 +322,17 @@ def drawn_chains(chain: ChainModel, count: int, seed: int) -> list[ChainModel]:
     # a stream for each law, so that no seed's laws share the draws of another's
     inside = list(dict.fromkeys(unshared(law)[0] for law in chain.laws))
     seeds = np.random.SeedSequence(seed).generate_state(len(inside))
-    drawn = {law: _draws(law, count, int(own)) for law, own in zip(inside, seeds, strict=True)}
-    return [chain.with_(laws=tuple(_as(law, drawn, i) for law in chain.laws)) for i in range(count)]
+    drawn = {
+        law: (law,) * count if law.error is None else draws(law, count, int(own))
+        for law, own in zip(inside, seeds, strict=True)
+    }
 
+    def nth(law: JointLaw, number: int) -> JointLaw:
+        """Segments that get different shares of the actuation have one law, and one error."""
+        own, share = unshared(law)
+        return shared(drawn[own][number], share)
 
-def _as(law: JointLaw, drawn: Mapping[JointLaw, Sequence[JointLaw]], number: int) -> JointLaw:
-    """A draw in the place of a law; segments that get different shares of the actuation have one law, and one error."""
-    inside, share = unshared(law)
-    return shared(drawn[inside][number], share)
-
-
-def _draws(law: JointLaw, count: int, seed: int) -> tuple[JointLaw, ...]:
-    return (law,) * count if law.error is None else draws(law, count, seed)
+    return [chain.with_(laws=tuple(nth(law, number) for law in chain.laws)) for number in range(count)]
 
 
 def spread(results: Sequence[TaskResult], level: float) -> dict[str, Any]:
@@ -395,23 +356,10 @@ def spread(results: Sequence[TaskResult], level: float) -> dict[str, Any]:
     low, high = np.quantile(tips, sides, axis=0)
     mean = tips.mean(axis=0)
     radius = float(np.quantile(np.linalg.norm(tips - mean, axis=1), level))
-    told |= {"tip_mean_m": mean, "tip_low_m": low, "tip_high_m": high, "tip_radius_m": radius}
-    told["metrics"] = {
-        name: _interval(values, sides) for name, values in _numbers([r.metrics for r in settled]).items()
-    }
-    return told
-
-
-def _numbers(metrics: Sequence[Mapping[str, Any]]) -> dict[str, Array]:
-    """Metrics that are one number in every run."""
-    found = {}
-    for name in metrics[0]:
-        values = [one.get(name) for one in metrics]
+    told |= {"tip_mean_m": mean, "tip_low_m": low, "tip_high_m": high, "tip_radius_m": radius, "metrics": {}}
+    for name in settled[0].metrics:  # those that are one number in every run
+        values: list[Any] = [one.metrics.get(name) for one in settled]
         if all(isinstance(v, float | int) and not isinstance(v, bool) for v in values):
-            found[name] = np.array(values, float)
-    return found
-
-
-def _interval(values: Array, sides: Sequence[float]) -> dict[str, float]:
-    low, high = np.quantile(values, list(sides))
-    return {"low": float(low), "high": float(high), "sd": float(values.std(ddof=1))}
+            low, high = map(float, np.quantile(values, sides))
+            told["metrics"][name] = {"low": low, "high": high, "sd": float(np.std(values, ddof=1))}
+    return told

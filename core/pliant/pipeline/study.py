@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from pliant.config.chain import ChainConfig, RigidConfig, SegmentConfig
+from pliant.config.chain import ChainConfig, SegmentConfig
 from pliant.config.study import BLOCKS, Study, varied
 from pliant.errors import MissingDependencyError, UserError
 from pliant.interfaces.family import ActuatorFamily, FamilyConfig
@@ -28,7 +28,7 @@ from pliant.pipeline.chain import (
 from pliant.pipeline.dataset import fem_stage
 from pliant.pipeline.meta_model.designs import solved_designs, values_of
 from pliant.pipeline.meta_model.stage import MetaModelStage, law_of_design, meta_model_stage
-from pliant.pipeline.simulate import ChainSource, simulate_stage, uncertainty_stage
+from pliant.pipeline.simulate import ChainSource, simulate_stage
 from pliant.pipeline.surrogate import LawStage, law_stage, without_tables
 from pliant.pipeline.visual import seen_surface
 from pliant.pipeline.workbench import Workbench, content
@@ -234,7 +234,7 @@ def simulate_study(bench: Workbench, study: Study) -> StudyRun:
             engines.append(EngineRun(other.kind, None, skipped=str(error)))
     spread = None
     if study.uncertainty is not None:
-        spread = uncertainty_stage(bench, source, physics, task, study.effects, study.uncertainty)
+        spread = simulate_stage(bench, source, physics, task, study.effects, study.uncertainty)
     wall_s = time.perf_counter() - started
     return StudyRun(study, designs, source.chain, tuple(engines), wall_s, tuple(study.unused()), spread)
 
@@ -258,113 +258,21 @@ def chain_segments(
         for segment, design in zip(configs, designs, strict=True)
     ]
     segments = []
-    like = next(module for module in modules if module is not None)
+    like = next(
+        module for module in modules if module is not None
+    )  # whose length and section rigid pieces take
     for segment, module in zip(configs, modules, strict=True):
         like = module or like
-        piece = module if segment.rigid is None else _rigid(segment.rigid, like)
+        piece: Module | RigidPiece | None = module
+        if (rigid := segment.rigid) is not None:
+            length = rigid.along_m(like.length_m)
+            if rigid.section == "module":
+                piece = module_like(like, length, rigid.mass_kg)
+            else:
+                piece = rigid_rod(length, rigid.mass_kg or 0.0, rigid.radius_m)
         assert piece is not None
         segments.append(Segment(piece, segment.modules or 1, segment.rotation_rad, segment.actuation_share))
     return segments
-
-
-def _rigid(config: RigidConfig, like: Module) -> RigidPiece:
-    """A rigid piece; `like` is the module before it, or the first."""
-    length = config.along_m(like.length_m)
-    if config.section == "module":
-        return module_like(like, length, config.mass_kg)
-    return rigid_rod(length, config.mass_kg or 0.0, config.radius_m)
-
-
-def _fem(bench: Workbench, study: Study, family: FamilyConfig) -> Artifact:
-    return fem_stage(bench, family, study.need("material", "FEM"), study.need("fem", "FEM"))
-
-
-def _default(bench: Workbench, interface: str, kind: str) -> Any:
-    return bench.registry.get(interface, kind).config_model()(kind=kind)
-
-
-def segment_designs(study: Study) -> list[Design | None]:
-    """What each segment's modules are made of, changes applied and validated; None for a rigid piece.
-
-    Raises:
-        UserError: a segment changes a family in a way that is not possible.
-    """
-    if study.chain is None:
-        return [Design(study.family, study.surrogate, study.meta_model if study.family else None)]
-    return [
-        _design(study, _family(study, number, segment), segment) if segment.rigid is None else None
-        for number, segment in enumerate(study.chain.as_segments())
-    ]
-
-
-def _design(study: Study, family: FamilyConfig | None, segment: SegmentConfig) -> Design:
-    """A segment's design; one with a surrogate of its own does not take the meta-model's law."""
-    own = segment.surrogate is not None or family is None
-    return Design(family, segment.surrogate or study.surrogate, None if own else study.meta_model)
-
-
-def _family(study: Study, number: int, segment: SegmentConfig) -> FamilyConfig | None:
-    """The family config of a segment."""
-    if not segment.family:
-        return study.family
-    if study.family is None:
-        raise UserError(f"chain.segments.{number} changes a family, but the study has no 'family' block.")
-    try:
-        return varied(study.family, segment.family)  # type: ignore[return-value]
-    except ValueError as error:
-        raise UserError(f"chain.segments.{number}.family: {error}") from None
-
-
-def distinct_designs(study: Study) -> list[Design]:
-    """What the chain's modules are made of, each design once."""
-    distinct: dict[str, Design] = {}
-    for design in segment_designs(study):
-        if design is not None:
-            distinct.setdefault(design.name, design)
-    return list(distinct.values())
-
-
-def _chain_source(bench: Workbench, study: Study, stages: Sequence[DesignStages]) -> ChainSource:
-    chain = study.need("chain", "a simulation")
-    segments = chain_segments(bench, study, stages)
-    # Segments as they were understood, not as they were written: "2 mm" and "0.002" make one chain. The content of
-    # tables is in the keys of the laws.
-    pieces = [
-        without_tables({k: v for k, v in content(segment).items() if k != "family"})
-        for segment in chain.as_segments()
-    ]
-    config = {
-        "chain": {k: v for k, v in content(chain).items() if k not in ("modules", "segments")},
-        "segments": pieces,
-        "families": [content(d.family) if d and d.family else None for d in segment_designs(study)],
-        "surrogate": without_tables(content(study.surrogate)) if study.surrogate else {},
-        "density_kg_m3": _density(study),
-    }
-    components = [bench.component("family", study.family)] if study.family else []
-    components += law_components(bench, stages)
-    inputs = {f"law{number}": s.law.key for number, s in enumerate(stages)}
-    return ChainSource(build_chain(chain, segments), config, inputs, components)
-
-
-def _rod(segment: SegmentConfig, chain: ChainConfig, law: JointLaw) -> Module:
-    """A module without a family, by the segment's own measures or else the chain's.
-
-    Raises:
-        UserError: neither has a length.
-    """
-    given = [_first(getattr(segment, name), getattr(chain, name)) for name in OF_RODS]
-    if given[0] is None:
-        raise UserError("a chain without a 'family' block needs 'chain.module_length', for example '11 mm'.")
-    length, mass, radius, offset = given
-    return rod_module(law, length, mass, radius, offset)
-
-
-def _first(own: float | None, other: float | None) -> Any:
-    return other if own is None else own
-
-
-def _density(study: Study) -> float | None:
-    return float(study.material.density_kg_m3) if study.material else None
 
 
 def _family_module(
@@ -393,8 +301,22 @@ def _family_module(
     return family_module(stages.law.law, family, density)
 
 
+def _rod(segment: SegmentConfig, chain: ChainConfig, law: JointLaw) -> Module:
+    length, mass, radius, offset = (_of_rod(segment, chain, name) for name in OF_RODS)
+    return rod_module(law, length, mass, radius, offset)
+
+
+def _of_rod(segment: SegmentConfig, chain: ChainConfig, name: str) -> Any:
+    """A measure of a module without a family: the segment's own or else the chain's; its length must be given."""
+    own = getattr(segment, name)
+    value = getattr(chain, name) if own is None else own
+    if value is None and name == "module_length_m":
+        raise UserError("a chain without a 'family' block needs 'chain.module_length', for example '11 mm'.")
+    return value
+
+
 def chain_length_m(bench: Workbench, study: Study) -> float:
-    """Length of the study's chain at rest, from its families or rods alone.
+    """Length of the study's chain at rest, from its families or rods alone, before any law is made.
 
     Raises:
         UserError: no chain, or a module without a length.
@@ -402,10 +324,14 @@ def chain_length_m(bench: Workbench, study: Study) -> float:
     """
     chain: ChainConfig = study.need("chain", "a chain's length")
     segments = chain.as_segments()
-    lengths = [
-        None if design is None else _module_length_m(bench, chain, segment, design)
-        for segment, design in zip(segments, segment_designs(study), strict=True)
-    ]
+    lengths: list[float | None] = []
+    for segment, design in zip(segments, segment_designs(study), strict=True):
+        if design is None:
+            lengths.append(None)
+        elif design.family is not None:
+            lengths.append(float(bench.build("family", design.family).module_length_m))
+        else:
+            lengths.append(_of_rod(segment, chain, "module_length_m"))
     total, like = 0.0, next(length for length in lengths if length is not None)
     for segment, length in zip(segments, lengths, strict=True):
         like = length or like
@@ -413,11 +339,68 @@ def chain_length_m(bench: Workbench, study: Study) -> float:
     return total
 
 
-def _module_length_m(bench: Workbench, chain: ChainConfig, segment: SegmentConfig, design: Design) -> float:
-    if design.family is not None:
-        return float(bench.build("family", design.family).module_length_m)
-    own = segment.module_length_m
-    length = chain.module_length_m if own is None else own
-    if length is None:
-        raise UserError("a chain without a 'family' block needs 'chain.module_length', for example '11 mm'.")
-    return length
+def segment_designs(study: Study) -> list[Design | None]:
+    """What each segment's modules are made of, changes applied and validated; None for a rigid piece.
+
+    A segment with a surrogate of its own does not take the meta-model's law.
+
+    Raises:
+        UserError: a segment changes a family in a way that is not possible.
+    """
+    if study.chain is None:
+        return [Design(study.family, study.surrogate, study.meta_model if study.family else None)]
+    designs: list[Design | None] = []
+    for number, segment in enumerate(study.chain.as_segments()):
+        if segment.rigid is not None:
+            designs.append(None)
+            continue
+        family: Any = study.family
+        if segment.family and family is None:
+            raise UserError(f"chain.segments.{number} changes a family, but the study has no 'family' block.")
+        try:
+            family = varied(family, segment.family) if segment.family else family
+        except ValueError as error:
+            raise UserError(f"chain.segments.{number}.family: {error}") from None
+        own = segment.surrogate is not None or family is None
+        designs.append(
+            Design(family, segment.surrogate or study.surrogate, None if own else study.meta_model)
+        )
+    return designs
+
+
+def distinct_designs(study: Study) -> list[Design]:
+    """What the chain's modules are made of, each design once."""
+    return list({design.name: design for design in segment_designs(study) if design is not None}.values())
+
+
+def _chain_source(bench: Workbench, study: Study, stages: Sequence[DesignStages]) -> ChainSource:
+    chain = study.need("chain", "a simulation")
+    # Segments as they were understood, not as they were written: "2 mm" and "0.002" make one chain. The content of
+    # tables is in the keys of the laws.
+    pieces = [
+        without_tables({k: v for k, v in content(segment).items() if k != "family"})
+        for segment in chain.as_segments()
+    ]
+    config = {
+        "chain": {k: v for k, v in content(chain).items() if k not in ("modules", "segments")},
+        "segments": pieces,
+        "families": [content(d.family) if d and d.family else None for d in segment_designs(study)],
+        "surrogate": without_tables(content(study.surrogate)) if study.surrogate else {},
+        "density_kg_m3": _density(study),
+    }
+    components = [bench.component("family", study.family)] if study.family else []
+    components += law_components(bench, stages)
+    inputs = {f"law{number}": s.law.key for number, s in enumerate(stages)}
+    return ChainSource(build_chain(chain, chain_segments(bench, study, stages)), config, inputs, components)
+
+
+def _fem(bench: Workbench, study: Study, family: FamilyConfig) -> Artifact:
+    return fem_stage(bench, family, study.need("material", "FEM"), study.need("fem", "FEM"))
+
+
+def _default(bench: Workbench, interface: str, kind: str) -> Any:
+    return bench.registry.get(interface, kind).config_model()(kind=kind)
+
+
+def _density(study: Study) -> float | None:
+    return float(study.material.density_kg_m3) if study.material else None

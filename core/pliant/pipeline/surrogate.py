@@ -19,6 +19,9 @@ from pliant.store.store import Artifact
 from pliant.tabular.fem_columns import table_digest
 from pliant.tabular.fem_reading import has_several_axes, read_module_table, read_table
 
+REPEATS = 5
+FALLBACK = np.array([0.0, 1.0])  # a limit that a stated law does not give
+
 
 @dataclass(frozen=True)
 class LawStage:
@@ -41,15 +44,21 @@ def law_stage(bench: Workbench, config: SurrogateConfig, dataset: Artifact | Non
     stated = surrogate.stated()
     if stated is not None:
         return LawStage(stated, None, None, None)
-    whole = _whole(surrogate, dataset)
+    tables = surrogate.tables()
+    table = tables.get("")
+    # States that know all axes: of the FEM stage, or of a table of several axes.
+    if not tables:
+        whole: ModuleData | None = dataset.value if dataset is not None else None
+    else:
+        whole = read_module_table(table) if table is not None and has_several_axes(table) else None
     data, keys = _data(surrogate, dataset, whole)
 
     def compute(partial: Path) -> Any:
         try:
             fitted = surrogate.fit_axes(data) if whole is None else surrogate.fit_module(whole)
         except UserError as error:
-            tables = ", ".join(dict.fromkeys(path.name for path in surrogate.tables().values()))
-            raise UserError(f"{tables}: {error}" if tables else str(error)) from None
+            names = ", ".join(dict.fromkeys(path.name for path in tables.values()))
+            raise UserError(f"{names}: {error}" if names else str(error)) from None
         return {"law": fitted.law.record(), "report": fitted.report}
 
     artifact = bench.make(
@@ -61,7 +70,9 @@ def law_stage(bench: Workbench, config: SurrogateConfig, dataset: Artifact | Non
         inputs=keys,
     )
     law = surrogate.load(artifact.value["law"])
-    return LawStage(law, artifact.value["report"], artifact, _shown(data))
+    # Pictures show the data of the law's only axis or of the main one, else the first.
+    drawn = next((data[axis] for axis in ("", "y") if axis in data), next(iter(data.values())))
+    return LawStage(law, artifact.value["report"], artifact, drawn)
 
 
 def without_tables(config: Mapping[str, Any]) -> dict[str, Any]:
@@ -71,15 +82,6 @@ def without_tables(config: Mapping[str, Any]) -> dict[str, Any]:
         for name, value in config.items()
         if name != "data"
     }
-
-
-def _whole(surrogate: Surrogate, dataset: Artifact | None) -> ModuleData | None:
-    """States that know all axes: of the FEM stage, or of a table of several axes; None for tables by axis."""
-    tables = surrogate.tables()
-    if not tables:
-        return dataset.value if dataset is not None else None
-    path = tables.get("")
-    return read_module_table(path) if path is not None and has_several_axes(path) else None
 
 
 def _data(
@@ -108,17 +110,7 @@ def _data(
     return data, keys
 
 
-def _shown(data: Mapping[str, FemDataset]) -> FemDataset:
-    """The data set that pictures show: that of the law's only axis or of the main one, else the first."""
-    return next((data[axis] for axis in ("", "y") if axis in data), next(iter(data.values())))
-
-
-AT_ONCE = 20_000
-REPEATS = 5
-FALLBACK = np.array([0.0, 1.0])  # a limit that a stated law does not give
-
-
-def evaluations_per_second(law: JointLaw, count: int = AT_ONCE) -> float:
+def evaluations_per_second(law: JointLaw, count: int = 20_000) -> float:
     """Best of a few calls of `law.evaluate` with `count` random states of its domain; one call warms it up."""
     box = np.vstack([law.domain.actuation, law.domain.deformation])
     box = np.where(np.isfinite(box), box, FALLBACK)
@@ -133,14 +125,11 @@ def evaluations_per_second(law: JointLaw, count: int = AT_ONCE) -> float:
     return count / best
 
 
-KIND, FORM = "polynomial", "study"
-
-
 def study_law_beside(bench: Workbench, data: ModuleData) -> JointLaw | None:
     """The law of the study's form, or None where it cannot be fitted or the polynomial surrogate is not installed."""
     try:
-        component = bench.registry.get("surrogate", KIND)
-        config = component.config_model().model_validate({"kind": KIND, "form": FORM})
+        component = bench.registry.get("surrogate", "polynomial")
+        config = component.config_model().model_validate({"kind": "polynomial", "form": "study"})
         surrogate: Surrogate = component.build(config)
         return surrogate.fit_module(data).law
     except (PliantError, ValueError):

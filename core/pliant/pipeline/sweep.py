@@ -32,7 +32,7 @@ from pliant.execution.executors import (
 )
 from pliant.execution.jobs import Finished, JobQueue
 from pliant.execution.progress import Once, ProgressBar
-from pliant.execution.progress_store import JobProgress, ProgressStore, progress_store_in
+from pliant.execution.progress_store import JobProgress, progress_store_in
 from pliant.pipeline.dataset import fem_stage
 from pliant.pipeline.remote import other_version, registry_with, require_seen
 from pliant.pipeline.workbench import Workbench
@@ -48,6 +48,9 @@ from pliant.store.store import (
 from pliant.tabular.fem_writing import write_table
 
 Status = Literal["done", "refused", "not_reached", "error", "crashed", "busy", "stop"]
+POLL_S = 0.5
+ARRIVES_WITHIN_S = 90.0
+NUMBER = "design"  # the column of a sweep's table
 
 
 @dataclass(frozen=True)
@@ -85,9 +88,14 @@ class Answer:
 
 
 def solve(job: SweepJob, say: Callable[[str], None] | None = None) -> Answer:
-    """Solve one design, unless the store has it; `say` hears of its states where that is this process."""
+    """Solve one design in a worker, unless the store has it; `say` hears of its states where that is this process.
+
+    The worker finds its own plugins and opens the store by its path. It never raises: whatever happens to a design is
+    an answer.
+    """
     started = time.perf_counter()
     progress: JobProgress | None = None
+    status: Status = "stop"
     try:
         require_seen(Path(job.progress), job.store)
         progress = JobProgress(Path(job.progress) / str(job.number), say)
@@ -96,11 +104,10 @@ def solve(job: SweepJob, say: Callable[[str], None] | None = None) -> Answer:
             return Answer("busy")
         status, cause = _solved(job, Workbench(registry_with(job.plugins), store, progress))
     except PliantError as error:
-        status, cause = "stop", str(error)
+        cause = str(error)
     except OSError as error:  # the folder or the store went away
-        status, cause = "stop", f"worker on {platform.node()}: {error}."
-    notes = tuple(progress.notes) if progress else ()
-    return Answer(status, cause, time.perf_counter() - started, notes)
+        cause = f"worker on {platform.node()}: {error}."
+    return Answer(status, cause, time.perf_counter() - started, tuple(progress.notes) if progress else ())
 
 
 def _solved(job: SweepJob, bench: Workbench) -> tuple[Status, str]:
@@ -118,8 +125,7 @@ def _solved(job: SweepJob, bench: Workbench) -> tuple[Status, str]:
     except UserError:
         raise
     except (Exception, SystemExit) as error:  # a plugin may fail in any way
-        text = " ".join(str(error).split())
-        return "error", f"{type(error).__name__}: {text}" if text else type(error).__name__
+        return "error", ": ".join(filter(None, (type(error).__name__, " ".join(str(error).split()))))
     if made.key != job.key:
         raise other_version(" (its result has another key)")
     return "done", ""
@@ -199,11 +205,11 @@ class SweepRun:
 
     def done(self) -> tuple[DesignOutcome, ...]:
         """The designs that have data."""
-        return tuple(outcome for outcome in self.outcomes if outcome.status == "done")
+        return tuple(o for o in self.outcomes if o.status == "done")
 
     def refused(self) -> tuple[DesignOutcome, ...]:
         """The designs that their family refuses."""
-        return tuple(outcome for outcome in self.outcomes if outcome.status == "refused")
+        return tuple(o for o in self.outcomes if o.status == "refused")
 
     def failed(self) -> tuple[DesignOutcome, ...]:
         """The possible designs without data."""
@@ -213,9 +219,6 @@ class SweepRun:
         """Each design that is done with its data, read from the store one by one."""
         for outcome in self.done():
             yield outcome.design, outcome.data()
-
-
-NUMBER = "design"
 
 
 def write_sweep_table(run: SweepRun, path: Path, digits: int | None = None) -> None:
@@ -259,10 +262,6 @@ def shortened(cell: str, digits: int) -> str:
     return cell if cell.lstrip("-").isdecimal() else f"{value:.{digits}g}"
 
 
-POLL_S = 0.5
-ARRIVES_WITHIN_S = 90.0
-
-
 def sweep_study(
     bench: Workbench, study: Study, *, executor: Workers = None, workers: int | None = None
 ) -> SweepRun:
@@ -293,70 +292,60 @@ def sweep_study(
     try:
         if missing:
             with executor_for(chosen, len(missing)) as running:
-                outcomes |= _Sweep(bench, study, missing, bar).run(running)
+                outcomes |= _run(bench, study, missing, running, bar)
     finally:
         bar.finish()
     return SweepRun(study, tuple(outcomes[n] for n in sorted(outcomes)), time.perf_counter() - started)
 
 
-class _Sweep:
-    """One sweep under way: jobs out, answers in, until none is left."""
+def _run(
+    bench: Workbench,
+    study: Study,
+    missing: Mapping[int, tuple[SweptDesign, str]],
+    executor: Executor,
+    bar: ProgressBar,
+) -> dict[int, DesignOutcome]:
+    """Jobs out, answers in, until none is left: outcomes by number."""
+    outcomes: dict[int, DesignOutcome] = {}
+    root = bench.store.root
 
-    def __init__(
-        self, bench: Workbench, study: Study, missing: Mapping[int, tuple[SweptDesign, str]], bar: ProgressBar
-    ) -> None:
-        self.bench, self.study, self.missing, self.bar = bench, study, missing, bar
-        self.outcomes: dict[int, DesignOutcome] = {}
-
-    def run(self, executor: Executor) -> dict[int, DesignOutcome]:
-        """Outcomes by number."""
-        here = isinstance(executor, InlineExecutor)
-        function = partial(solve, say=self.bar.describe) if here else solve
-        with (
-            progress_store_in(self.bench.store.root) as progress,
-            JobQueue[SweepJob, Answer](executor, function, lambda job: progress.began(job.number)) as queue,
-        ):
-            for number in self.missing:
-                queue.submit([self._job(number, progress)])
-            while queue.waiting:
-                for one in queue.completed(POLL_S):
-                    progress.clear(one.item.number)
-                    self._take(one, queue)
-                self.bar.describe(progress.states(job.number for job in queue.running))
-        return self.outcomes
-
-    def _job(self, number: int, progress: ProgressStore) -> SweepJob:
-        design, key = self.missing[number]
-        configs = {
-            "family": design.family.canonical(),
-            "material": design.material.canonical(),
-            "fem": self.study.need("fem", "FEM").canonical(),
-        }
-        plugins = tuple(str(file) for file in self.study.plugins)
-        store = str(self.bench.store.root.resolve())
-        return SweepJob(number, configs, plugins, store, str(progress.folder), key)
-
-    def _take(self, one: Finished[SweepJob, Answer], queue: JobQueue[SweepJob, Answer]) -> None:
+    def take(one: Finished[SweepJob, Answer], queue: JobQueue[SweepJob, Answer]) -> None:
         number = one.item.number
         if one.failure is not None:
-            status = "crashed" if one.failure.error is None else "error"
-            answer = Answer(status, one.failure.cause)  # type: ignore[arg-type]
+            status: Status = "crashed" if one.failure.error is None else "error"
+            answer = Answer(status, one.failure.cause)
         else:
             answer = one.unwrap()
         for note in answer.notes:
-            self.bench.progress.note(note)
+            bench.progress.note(note)
         if answer.status == "stop":
             raise UserError(answer.cause)
         if answer.status == "busy":  # another sweep has it: later, and then with patience
             queue.submit([replace(one.item, waits=True)])
             return
-        design, key = self.missing[number]
+        design, key = missing[number]
         if answer.status == "done":
-            made = _arrived(self.bench.store.root / "fem" / key)
-            self.outcomes[number] = DesignOutcome.of(design, made, cached=False)
+            outcomes[number] = DesignOutcome.of(design, _arrived(root / "fem" / key), cached=False)
         else:
-            self.outcomes[number] = DesignOutcome(design, answer.status, answer.cause, wall_s=answer.wall_s)
-        self.bar.advance()
+            outcomes[number] = DesignOutcome(design, answer.status, answer.cause, wall_s=answer.wall_s)
+        bar.advance()
+
+    function = partial(solve, say=bar.describe) if isinstance(executor, InlineExecutor) else solve
+    plugins = tuple(str(file) for file in study.plugins)
+    with (
+        progress_store_in(root) as progress,
+        JobQueue[SweepJob, Answer](executor, function, lambda job: progress.began(job.number)) as queue,
+    ):
+        for number, (design, key) in missing.items():
+            blocks = {"family": design.family, "material": design.material, "fem": study.need("fem", "FEM")}
+            configs = {name: block.canonical() for name, block in blocks.items()}
+            queue.submit([SweepJob(number, configs, plugins, str(root.resolve()), str(progress.folder), key)])
+        while queue.waiting:
+            for one in queue.completed(POLL_S):
+                progress.clear(one.item.number)
+                take(one, queue)
+            bar.describe(progress.states(job.number for job in queue.running))
+    return outcomes
 
 
 def _arrived(folder: Path) -> Artifact:
@@ -395,10 +384,9 @@ def _planned(
     known: dict[int, DesignOutcome] = {}
     missing: dict[int, tuple[SweptDesign, str]] = {}
     for design in designs:
-        if design.cause:
-            known[design.number] = DesignOutcome(design, "refused", design.cause)
-            continue
         try:
+            if design.cause:
+                raise InvalidDesignError(design.cause)
             made = fem_stage(looking, design.family, design.material, study.need("fem", "FEM"))
             known[design.number] = DesignOutcome.of(design, made, cached=True)
         except InvalidDesignError as error:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from pliant.formatting import Unit, actuation_unit, deformation_unit, effort_unit, number, percent, seconds
 from pliant.records.fem import PASSED, TRUSTED, FemDataset, ModuleData
-from pliant.report.document import Cells, Drawn, Picture, Section, Table, numbered
+from pliant.report.document import Cells, Drawn, Picture, Section, Table, drawn, numbered, section
 from pliant.report.fem_view import (
     Solved,
     axis_record,
@@ -36,102 +36,71 @@ def fem_drawn(study: Mapping[str, Any], designs: Sequence[Solved], manifests: Ma
     shapes = shape_section([(d.name, d.data.axis(d.data.main_axis)) for d in designs])
     states, *rest = data_sections(designs)
     hero, *others = states.pictures
-    sections = [shapes, replace(states, pictures=tuple(others)), *rest, *closing_sections(study, manifests)]
-    return Drawn(hero, tuple(section for section in sections if section is not None))
+    states = replace(states, pictures=tuple(others))
+    return drawn(hero, shapes, states, *rest, *closing_sections(study, manifests))
 
 
 def shape_section(designs: Sequence[tuple[str, FemDataset]]) -> Section | None:
     """Meshes at rest and deformed, and the stress, of designs whose data have shapes; None without any."""
     pictures = []
     for n, (name, data) in enumerate([d for d in designs if can_show(d[1])][:SHOWN]):
-        link = (
-            " The rigid links beside the flexure are not drawn."
-            if data.actuation_name == "tendon_force_n"
-            else ""
-        )
+        links = " The rigid links beside the flexure are not drawn."
         mirrors = data.shapes[0].mirrors
         images = IMAGES[len(mirrors)] + ("; the rest are mirror images." if mirrors else ".")
-        caption = f"{name}: the mesh at rest and on the free branch, orthographic, one scale; {images}{link}"
+        caption = f"{name}: the mesh at rest and on the free branch, orthographic, one scale; {images}"
+        caption += links if data.actuation_name == "tendon_force_n" else ""
         pictures.append(Picture(numbered("module_shape", n), caption, module_shape(data)))
         if has_stress(data):
-            stress = Picture(numbered("module_stress", n), stress_caption(data), module_stress(data))
-            pictures.append(stress)
-    return Section("One module, undeformed and deformed", tuple(pictures)) if pictures else None
+            caption = stress_caption(data)
+            pictures.append(Picture(numbered("module_stress", n), caption, module_stress(data)))
+    return section("One module, undeformed and deformed", *pictures)
 
 
 def data_sections(designs: Sequence[Solved], remark: str = "") -> list[Section]:
     """States, sampling and cost of each design; empty without any. `remark` ends the section of the states."""
     if not designs:
         return []
-    shown = designs[:SHOWN]
-    note = f"Pictures of the first {SHOWN} of {len(designs)} designs. " if len(designs) > SHOWN else ""
-    states = Section(
-        "The FEM data",
-        tuple(
-            Picture(numbered("fem_states", n), _states_caption(d), states_picture(d.data))
-            for n, d in enumerate(shown)
-        ),
-        _named(designs, [(states_table(d.data), failed_table(d.data)) for d in designs]),
-        (note + remark).strip(),
-    )
-    chosen = Section(
-        "How the states were chosen",
-        tuple(
-            Picture(numbered("fem_sampling", n), _sampling_caption(d), sampling_picture(d.data))
-            for n, d in enumerate(shown)
-            if foretold_axes(d.data)
-        ),
-        _named(designs, [(sampling_table(d.data), coupling_table(d.data)) for d in designs]),
-    )
-    cost = Section(
-        "What the FEM cost",
-        tuple(
-            Picture(
-                numbered("fem_cost", n), _prefix(d, designs) + "Seconds as measured when it was solved.", p
-            )
-            for n, d in enumerate(shown)
-            if solved_rows(d.data).any() and (p := cost_picture(d.data)) is not None
-        ),
-        _named(designs, [(cost_table(d.data, d.backend),) for d in designs]),
-    )
-    return [states, chosen, cost]
-
-
-def _named(designs: Sequence[Solved], tables: Sequence[Sequence[Table | None]]) -> tuple[Table, ...]:
-    """All tables in a row; those of several designs carry their names."""
-    found = []
-    for design, some in zip(designs, tables, strict=True):
-        for table in some:
-            if table is not None:
-                title = _prefix(design, designs) + table.title
-                found.append(replace(table, title=title))
-    return tuple(found)
-
-
-def _prefix(design: Solved, designs: Sequence[Solved]) -> str:
-    return f"{design.name}: " if len(designs) > 1 else ""
-
-
-def _states_caption(design: Solved) -> str:
-    word = "forces in N, extensions in mm" if design.data.joint == "prismatic" else "moments of one module"
-    return f"{design.name}: every solved state; {word}. Thin lines join states of one actuation that are to be fitted."
-
-
-def _sampling_caption(design: Solved) -> str:
-    return (
-        f"{design.name}. Left: blue with number = states chosen where the law was least certain, grey = free branch "
-        "and corners, open = check states, cross = self-contact. Right: each new state against what was foretold of it."
-    )
+    cut = f"Pictures of the first {SHOWN} of {len(designs)} designs. " if len(designs) > SHOWN else ""
+    made = [Section("The FEM data", note=(cut + remark).strip()), Section("How the states were chosen")]
+    made.append(Section("What the FEM cost"))
+    for n, one in enumerate(designs):
+        data, name = one.data, f"{one.name}: " if len(designs) > 1 else ""
+        word = "forces in N, extensions in mm" if data.joint == "prismatic" else "moments of one module"
+        captions = {
+            "fem_states": (
+                f"{one.name}: every solved state; {word}. Thin lines join states of one actuation that are to be "
+                "fitted."
+            ),
+            "fem_sampling": (
+                f"{one.name}. Left: blue with number = states chosen where the law was least certain, grey = free "
+                "branch and corners, open = check states, cross = self-contact. Right: each new state against what "
+                "was foretold of it."
+            ),
+            "fem_cost": f"{name}Seconds as measured when it was solved.",
+        }
+        drawing = (
+            states_picture,
+            sampling_picture if foretold_axes(data) else None,
+            cost_picture if solved_rows(data).any() else None,
+        )
+        tables = (
+            (states_table(data), failed_table(data)),
+            (sampling_table(data), coupling_table(data)),
+            (cost_table(data, one.backend),),
+        )
+        for k, (key, draw) in enumerate(zip(captions, drawing, strict=True)):
+            shown = draw is not None and n < SHOWN
+            own = (Picture(numbered(key, n), captions[key], draw(data)),) if shown and draw else ()
+            named = tuple(replace(t, title=name + t.title) for t in tables[k] if t is not None)
+            made[k] = replace(made[k], pictures=made[k].pictures + own, tables=made[k].tables + named)
+    return made
 
 
 def states_table(data: ModuleData) -> Table:
     """How many states of each sort, and what they span."""
-    p_unit, u_unit, effort = (
-        actuation_unit(data.actuation_name),
-        deformation_unit(data),
-        effort_unit(data),
-    )
+    p_unit, u_unit, effort = actuation_unit(data.actuation_name), deformation_unit(data), effort_unit(data)
     rows: list[Cells] = []
+    trusted, check = np.isin(data.status, TRUSTED), data.role == "check"
     for kind in explored_kinds(data):
         chosen = data.explored == kind
         if kind == "coupling":
@@ -140,8 +109,9 @@ def states_table(data: ModuleData) -> Table:
             k = data.axes.index(kind)
             u, tau = data.deformation[chosen, k], data.tau[chosen, k]
             spans = [kind, _span(u, u_unit), _span(tau, effort)]
-        count = _counts(data, chosen)
-        rows.append([spans[0], *count, _span(data.actuation[chosen], p_unit), *spans[1:]])
+        groups = (chosen & trusted & ~check, chosen & trusted & check, chosen & ~trusted)
+        counts = [str(int(group.sum())) for group in groups]
+        rows.append([spans[0], *counts, _span(data.actuation[chosen], p_unit), *spans[1:]])
     head = ["axis", "to fit", "check", "self-contact", "actuation", "u", "effort τ"]
     copies = int(np.sum(~solved_rows(data)))
     note = "States in self-contact are marked, since the FEM has no contact."
@@ -199,11 +169,9 @@ def coupling_table(data: ModuleData) -> Table | None:
     )
     place = f"{p_unit.text(float(found['actuation']))}; {u}"
     differ = found.get("pieces_differ")
+    largest = f"{number(float(found['largest']), 3)} between {first} and {second}"
     rows = [
-        [
-            "largest off-diagonal slope",
-            f"{number(float(found['largest']), 3)} between {first} and {second}",
-        ],
+        ["largest off-diagonal slope", largest],
         ["found at", place],
         ["asymmetry of ∂τ/∂u", _tiny(float(found["largest_asymmetry"]))],
         ["free angle, piece of one axis against the whole", "–" if differ is None else _tiny(float(differ))],
@@ -228,11 +196,8 @@ def cost_table(data: ModuleData, backend: str) -> Table:
     table += [
         ["states solved", str(int(rows.sum()))],
         ["time of all states", seconds(float(wall.sum()))],
-        ["time of a state", _mean_and_largest([float(w) for w in wall], seconds)],
-        [
-            "Newton steps of a state",
-            _mean_and_largest([float(s) for s in steps], lambda s: number(s, 3)),
-        ],
+        ["time of a state", _mean_and_largest(wall.tolist(), seconds)],
+        ["Newton steps of a state", _mean_and_largest(steps.tolist(), lambda s: number(float(s), 3))],
         ["Newton steps in all", str(int(steps.sum()))],
     ]
     return Table("Cost", ["", "value"], table, numeric=9)
@@ -248,12 +213,6 @@ def failed_table(data: ModuleData) -> Table | None:
     more = len(data.failed) - FAILURES
     note = f"{more} more in the JSON result." if more > 0 else ""
     return Table("Failed states", ["actuation", "held", "cause"], rows, note, numeric=9)
-
-
-def _counts(data: ModuleData, chosen: NDArray[np.bool_]) -> list[str]:
-    trusted, check = np.isin(data.status, TRUSTED), data.role == "check"
-    groups = (chosen & trusted & ~check, chosen & trusted & check, chosen & ~trusted)
-    return [str(int(g.sum())) for g in groups]
 
 
 def _span(values: NDArray[np.float64], unit: Unit) -> str:

@@ -98,17 +98,16 @@ def data_warnings(data: FemDataset | ModuleData, prefix: str = "") -> list[Warne
         found.append(Warned(f"{prefix}{int(other.sum())} states are not trusted ({names})."))
     failed = data.failed
     if failed:
-        items = tuple(_failed(entry, data) for entry in failed[:LISTED])
+        items = tuple(
+            f"{', '.join(failed_place(entry, data))}: {entry.get('cause', 'no cause recorded')}"
+            for entry in failed[:LISTED]
+        )
         found.append(Warned(f"{prefix}{len(failed)} states failed{rest_of_list(len(failed))}.", items))
     return found
 
 
 def _touching(data: FemDataset | ModuleData) -> str:
     return "links that would meet" if data.actuation_name == "tendon_force_n" else "touching convolutions"
-
-
-def _failed(entry: Mapping[str, object], data: FemDataset | ModuleData) -> str:
-    return f"{', '.join(failed_place(entry, data))}: {entry.get('cause', 'no cause recorded')}"
 
 
 def rest_of_list(count: int) -> str:

@@ -6,12 +6,19 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from pliant.formatting import effort_unit, number
+import numpy as np
+from matplotlib.colors import LogNorm
+from matplotlib.ticker import MaxNLocator
+
+from pliant.formatting import actuation_unit, deformation_unit, effort_unit, number, percent
+from pliant.pipeline.residuals import Residuals
+from pliant.records.design import Array
 from pliant.records.law import FitReport
-from pliant.report.document import Drawn, Picture, Section, Table, numbered, page_table
+from pliant.report.document import Drawn, Picture, Section, drawn, numbered, page_table, section
+from pliant.report.figures import style
 from pliant.report.figures.error_bars import coverage_picture
+from pliant.report.figures.fem import actuation_word, coordinate_words
 from pliant.report.figures.law import law_picture
-from pliant.report.figures.law_errors import residual_map, slope_map, surrogate_bars
 from pliant.report.figures.learning import learning_picture, state_curves
 from pliant.report.fit_tables import (
     SURROGATES,
@@ -23,7 +30,7 @@ from pliant.report.fit_tables import (
     learning_table,
     settings_table,
 )
-from pliant.report.fit_view import Fitted
+from pliant.report.fit_view import Fitted, slope_grid
 from pliant.report.folder import DesignResult, FinishedRun
 from pliant.report.provenance import Manifests, closing_sections
 
@@ -39,29 +46,26 @@ def fit_drawn(
 ) -> Drawn:
     """The first law on top; then all of `fitted`, named where they are `several`, those `compared` side by side."""
     hero, *others = law_pictures(fitted[0])
-    sections = [Section("The law about the other axes", tuple(others))] if others else []
-    if (beside := comparison_section(compared)) is not None:
-        sections.append(beside)
+    sections = [section("The law about the other axes", *others), comparison_section(compared)]
     for count, one in enumerate(fitted):
         prefix = f"{one.name}: " if several else ""
-        if count:
-            sections.append(Section(f"{prefix}the law", tuple(law_pictures(one, count))))
-        sections += of_one(one, count, prefix)
-    return Drawn(hero, (*sections, *closing_sections(study, manifests)))
+        own = section("the law", *law_pictures(one, count)) if count else None
+        every = (own, *of_one(one, count))
+        sections += [replace(s, title=f"{prefix}{s.title}") for s in every if s is not None]
+    return drawn(hero, *sections, *closing_sections(study, manifests))
 
 
 def law_pictures(fitted: Fitted, count: int = 0) -> list[Picture]:
     """The law with its band and states, one picture for each axis."""
     pictures = []
-    run = FinishedRun({}, {}, (), (), ())
     for k, axis in enumerate(fitted.explored):
-        data = fitted.data.axis(axis)
         form = {key: value for key, value in fitted.axis_details(axis).items() if key == "study_form"}
         scale = float(fitted.misses.ranges[fitted.law.axes.index(axis)])
         report = FitReport(fitted.report.n_fitted, fitted.report.n_heldout, 0.0, 0.0, 0.0, 0.0, scale, form)
-        design = DesignResult(fitted.name, data, fitted.law, report, fitted.data)
+        design = DesignResult(fitted.name, fitted.data.axis(axis), fitted.law, report, fitted.data)
         name = numbered("fit_law" if k == 0 else f"fit_law_{axis}", count)
-        pictures.append(Picture(name, _law_caption(fitted, axis), law_picture(run, design)))
+        made = law_picture(FinishedRun({}, {}, (), (), ()), design)
+        pictures.append(Picture(name, _law_caption(fitted, axis), made))
     return pictures
 
 
@@ -73,38 +77,39 @@ def _law_caption(fitted: Fitted, axis: str) -> str:
         if fitted.law.error is not None
         else "This law states no error bar. "
     )
-    beside = (
-        " Below: the study's form on the same states." if fitted.axis_details(axis).get("study_form") else ""
-    )
+    form = fitted.axis_details(axis).get("study_form")
+    below = " Below: the study's form on the same states." if form else ""
     what = "force" if fitted.law.joint == "prismatic" else "moment"
     return (
         f"{about}τ is the external {what} that opposes actuation. {band}Right: law minus state; filled = fitted, open "
-        f"= left out.{beside}"
+        f"= left out.{below}"
     )
 
 
-def error_section(fitted: Fitted) -> Section:
-    """Errors beside the study's forms, and what the fit chose."""
-    tables: list[Table | None] = [
+def of_one(fitted: Fitted, count: int = 0) -> tuple[Section | None, ...]:
+    """All sections of one law: errors, their places, error bars, learning, slopes, cost."""
+    each = fitted.explored if isinstance(fitted.report.details.get("axes"), dict) else fitted.explored[:1]
+    errors = section(
+        "Errors, and what the fit chose",
         errors_table(fitted),
         axes_table(fitted.data, fitted.law, fitted.ranges),
-    ]
-    each = fitted.explored if isinstance(fitted.report.details.get("axes"), dict) else fitted.explored[:1]
-    tables += [choice_table(fitted, axis) for axis in each]
-    tables.append(settings_table(fitted))
-    return Section("Errors, and what the fit chose", tables=tuple(t for t in tables if t is not None))
-
-
-def map_section(fitted: Fitted, count: int = 0) -> Section:
-    """Where the errors are."""
+        *(choice_table(fitted, axis) for axis in each),
+        settings_table(fitted),
+    )
     caption = (
         "Each state by its error, a share of the range of its axis' effort, all panels on one logarithmic scale of "
         "colours."
     )
     if fitted.study_misses:
         caption += " Beside the law: the form of the published study, fitted to the same states."
-    return Section(
-        "Where the law misses", (Picture(numbered("fit_map", count), caption, residual_map(fitted)),)
+    places = Picture(numbered("fit_map", count), caption, residual_map(fitted))
+    return (
+        errors,
+        section("Where the law misses", places),
+        bar_section(fitted, count),
+        _learning(fitted, count),
+        _slopes(fitted, count),
+        section("Cost", cost_table(fitted)),
     )
 
 
@@ -117,12 +122,11 @@ def bar_section(fitted: Fitted, count: int = 0) -> Section | None:
         "Left: share of the states left out inside bands of each stated level; honest bars follow the diagonal within "
         "what chance does with so few states (grey). Right: each state's miss against the half-width of its own band."
     )
-    picture = Picture(numbered("fit_bars", count), caption, coverage_picture(curves))
-    table = coverage_table(curves)
-    return Section("Are the error bars honest?", (picture,), (table,) if table else ())
+    shown = Picture(numbered("fit_bars", count), caption, coverage_picture(curves))
+    return section("Are the error bars honest?", shown, coverage_table(curves))
 
 
-def learning_section(fitted: Fitted, count: int = 0) -> Section | None:
+def _learning(fitted: Fitted, count: int = 0) -> Section | None:
     """Error against the number of states; None where it was not asked for or nothing could be fitted."""
     learning = fitted.learning
     if learning is None or not learning["points"]:
@@ -131,60 +135,196 @@ def learning_section(fitted: Fitted, count: int = 0) -> Section | None:
         "The surrogate fitted again to nested subsets of the states, with exact slopes and with values alone, and "
         f"scored on the same {learning['n_check']} check states."
     )
-    picture = learning_picture(
-        {"Error by number of states": state_curves(learning)},
-        "states fitted", "error on check states (% of the effort's range)", MARK,
-    )  # fmt: skip
-    shown = Picture(numbered("fit_learning", count), caption, picture)
-    return Section("How many states it takes", (shown,), (learning_table(learning),))
+    curves = {"Error by number of states": state_curves(learning)}
+    made = learning_picture(curves, "states fitted", "error on check states (% of the effort's range)", MARK)
+    shown = Picture(numbered("fit_learning", count), caption, made)
+    return section("How many states it takes", shown, learning_table(learning))
 
 
-def slope_section(fitted: Fitted, count: int = 0) -> Section:
+def _slopes(fitted: Fitted, count: int = 0) -> Section | None:
     """∂τ/∂u over the box."""
-    effort = effort_unit(fitted.law)
+    effort, several, largest = effort_unit(fitted.law), len(fitted.law.axes) > 1, fitted.least_stable
     per = "m" if fitted.law.joint == "prismatic" else "rad"
-    largest = fitted.least_stable
     shown = f"{number(effort.factor * largest, 3)} {effort.symbol}/{per}"
     verdict = (
         f"Stable over the whole box: the largest ∂τ/∂u is {shown}, below zero."
         if largest < 0
         else f"UNSTABLE somewhere in the box: ∂τ/∂u reaches {shown}, and a joint may snap there."
     )
-    if len(fitted.law.axes) > 1:
+    if several:
         verdict += " It is the largest eigenvalue of the symmetric part, over random places of the box."
     caption = "∂τ/∂u over the law's box; the ring marks where the joint is softest."
-    if len(fitted.law.axes) > 1:
-        caption += " Each axis with the others at zero."
-    pictures = (Picture(numbered("fit_slopes", count), caption, slope_map(fitted)),)
-    return Section("Slopes: where the joint is soft", pictures, text=(verdict,))
-
-
-def cost_section(fitted: Fitted) -> Section:
-    """FEM, fit, evaluation."""
-    return Section("Cost", tables=(cost_table(fitted),))
+    caption += " Each axis with the others at zero." if several else ""
+    made = Picture(numbered("fit_slopes", count), caption, slope_map(fitted))
+    return section("Slopes: where the joint is soft", made, text=verdict)
 
 
 def comparison_section(fitted: Sequence[Fitted]) -> Section | None:
     """Several surrogates on the same states; None for one."""
     if len(fitted) < 2:
         return None
-    caption = (
-        "The same states for all; shorter bars are better for errors and times, longer ones for evaluations."
+    title, caption = (
+        "Surrogates side by side",
+        "The same states for all; shorter bars are better for errors and times, longer ones for evaluations.",
     )
-    picture = Picture("fit_surrogates", caption, surrogate_bars(fitted))
-    return Section(
-        "Surrogates side by side", (picture,), (page_table("Surrogates side by side", SURROGATES, fitted),)
-    )
+    made = Picture("fit_surrogates", caption, surrogate_bars(fitted))
+    return section(title, made, page_table(title, SURROGATES, fitted))
 
 
-def of_one(fitted: Fitted, count: int = 0, prefix: str = "") -> list[Section]:
-    """All sections of one law, their titles led by `prefix` where there are several."""
-    sections = [
-        error_section(fitted),
-        map_section(fitted, count),
-        bar_section(fitted, count),
-        learning_section(fitted, count),
-        slope_section(fitted, count),
-        cost_section(fitted),
+LOWEST = 1e-8  # share of the range below which errors are drawn alike
+HEIGHT = 470
+
+
+def residual_map(fitted: Fitted) -> style.Png:
+    """One row for each axis, one column for the law and for each of the study's forms."""
+    beside = {
+        title.replace("the study's form, ", "study's form, "): m for title, m in fitted.study_misses.items()
+    }
+    columns = {"this law": fitted.misses, **beside}
+    names = fitted.explored
+    norm = _norm(columns)
+    cells = [(name, title) for name in names for title in columns]
+    # Panels of one law stand side by side, those of several laws in a row for each axis.
+    across = len(columns) if len(columns) > 1 else len(names)
+    down = len(cells) // across
+    with style.canvas(1560 if across > 1 else 940, HEIGHT * down + 130, wspace=0.03) as figure:
+        grid = figure.subplots(
+            down, across, squeeze=False, sharex="row" if len(columns) > 1 else False, sharey=True
+        )
+        for place, (name, title) in zip(grid.ravel(), cells, strict=True):
+            shown = title if len(columns) > 1 or len(names) == 1 else ""
+            _map_panel(place, fitted, columns[title], name, shown, norm)
+        for place in grid[:, 1:].ravel():
+            place.set_ylabel("")
+        where = {"ax": grid.ravel().tolist(), "pad": 0.015, "fraction": 0.03, "aspect": 45}
+        label = "|law − state|, % of the effort's range"
+        bar = style.colour_bar(figure, (norm, style.error_map()), label, **where)
+        bar.yaxis.set_major_formatter(lambda value, _: number(float(value), 1))
+        style.key_below(figure, _legend(fitted.misses))
+        return style.png(figure)
+
+
+def _map_panel(axes: Any, fitted: Fitted, missed: Residuals, name: str, title: str, norm: LogNorm) -> None:
+    data, k = fitted.data, missed.axes.index(name)
+    part = missed.rows(missed.axis == k)
+    p_unit, u_unit = actuation_unit(data.actuation_name), deformation_unit(data)
+    x = data.deformation[part.state, data.axes.index(name)] * u_unit.factor
+    y = data.actuation[part.state] * p_unit.factor
+    share = 100 * np.maximum(part.share, LOWEST)
+    looks = (
+        (~part.check & ~part.together, "o", 40),
+        (~part.check & part.together, "s", 40),
+        (part.check & ~part.together, "D", 62),
+        (part.check & part.together, "P", 90),
+    )
+    for chosen, marker, size in looks:
+        axes.scatter(
+            x[chosen], y[chosen], size, c=share[chosen], cmap=style.error_map(), norm=norm, marker=marker,
+            edgecolor=style.INK, linewidths=[1.1 if marker in "DP" else 0.4], zorder=4 if marker in "DP" else 3,
+        )  # fmt: skip
+    axes.margins(0.07)
+    axes.set(xlabel=coordinate_words(data, name), ylabel=f"{actuation_word(data)} ({p_unit.symbol})")
+    worst = part.rows(part.check).worst
+    says = f"worst {percent(worst)} left out" if np.isfinite(worst) else f"worst {percent(part.worst)}"
+    words = [f"axis {name}" if len(data.axes) > 1 else "", title]
+    text = f"{', '.join(word for word in words if word)}:{' ' if len(fitted.study_misses) < 2 else chr(10)}{says}"
+    axes.set_title(text[0].upper() + text[1:], fontsize=9)
+
+
+def _norm(columns: Mapping[str, Residuals]) -> LogNorm:
+    """Whole decades around all errors that are drawn."""
+    shares = np.concatenate([m.share for m in columns.values()])
+    shares = 100 * np.maximum(shares[np.isfinite(shares)], LOWEST)
+    low = 10.0 ** np.floor(np.log10(np.quantile(shares, 0.15) if len(shares) else 1e-3))
+    high = 10.0 ** np.ceil(np.log10(shares.max(initial=10 * low)))
+    return LogNorm(low, max(high, 10 * low), clip=True)
+
+
+def _legend(missed: Residuals) -> list[Any]:
+    groups = (
+        ("fitted", "o", ~missed.check & ~missed.together),
+        ("left out", "D", missed.check & ~missed.together),
+        ("fitted, all axes held", "s", ~missed.check & missed.together),
+        ("left out, all axes held", "P", missed.check & missed.together),
+    )
+    return [
+        style.entry(f"{label} ({count})", marker, mfc=style.FAINT, mec=style.INK, ms=6)
+        for label, marker, chosen in groups
+        if (count := len(np.unique(missed.state[chosen])))
     ]
-    return [replace(s, title=f"{prefix}{s.title}") for s in sections if s is not None]
+
+
+LEVELS = 14
+FLAT = 0.02  # of the largest slope: less than that across the box is shown as one colour
+
+
+def slope_map(fitted: Fitted) -> style.Png:
+    """One panel for each axis that was explored."""
+    law, data, names = fitted.law, fitted.data, fitted.explored
+    p_unit, u_unit, effort = actuation_unit(law.actuation_name), deformation_unit(law), effort_unit(law)
+    per = "m" if law.joint == "prismatic" else "rad"
+    with style.canvas(1000 if len(names) == 1 else 1560, 600, wspace=0.03) as figure:
+        grid = figure.subplots(1, len(names), squeeze=False)[0]
+        for axes, name in zip(grid, names, strict=True):
+            p, u, slopes = slope_grid(law, name)
+            x, y, shown = u * u_unit.factor, p * p_unit.factor, effort.factor * slopes
+            mesh = axes.contourf(x, y, shown, _levels(shown), cmap=style.pressure_map().reversed())
+            if shown.max() >= 0 > shown.min():
+                axes.contour(x, y, shown, [0.0], colors=style.WARN, linewidths=2)
+            i, j = np.unravel_index(int(np.argmax(shown)), shown.shape)
+            for colour, width, order in (("white", 2.6, 5), (style.INK, 1.3, 6)):
+                ring = {"mfc": "none", "mec": colour, "mew": width, "clip_on": False, "zorder": order}
+                axes.plot([x[j]], [y[i]], "o", ms=9, **ring)
+            label = rf"$\partial\tau/\partial u$ ({effort.symbol}/{per})"
+            bar = style.colour_bar(figure, mesh, label, ax=axes, pad=0.02)
+            bar.yaxis.set_major_formatter(lambda value, _: number(float(value), 4))
+            axes.grid(False)
+            axes.set(xlabel=coordinate_words(data, name), ylabel=f"{actuation_word(data)} ({p_unit.symbol})")
+            word = "softest" if shown.max() < 0 else "UNSTABLE"
+            text = f"axis {name}: {word}" if len(names) > 1 else word
+            largest = number(float(shown.max()), 3)
+            axes.set_title(f"{text[0].upper()}{text[1:]} {largest} {effort.symbol}/{per}")
+        return style.png(figure)
+
+
+def _levels(shown: Array) -> Array:
+    """Round contours over the slopes; around a slope that hardly varies, a range of its own size."""
+    low, high = float(shown.min()), float(shown.max())
+    room = max(FLAT * max(abs(low), abs(high)) - (high - low), 0.0) / 2 + np.finfo(float).tiny
+    return np.asarray(MaxNLocator(LEVELS).tick_values(low - room, high + room))
+
+
+SMALLEST = 1e-8
+
+
+def surrogate_bars(fitted: Sequence[Fitted]) -> style.Png:
+    """Three panels of horizontal bars on log scales, the first surrogate at the top."""
+    names = [one.name for one in fitted]
+    worst = [100 * f.report.worst_of_range for f in fitted]
+    panels = (
+        ("Worst error on states left out", "% of the effort's range", worst),
+        ("Time of the fit", "s", [f.wall_s for f in fitted]),
+        ("Evaluations with slopes", "million a second", [f.per_second / 1e6 for f in fitted]),
+    )
+    with style.canvas(1560, 170 + 70 * len(fitted), wspace=0.04) as figure:
+        grid = figure.subplots(1, 3, sharey=True)
+        for axes, (title, unit, values) in zip(grid, panels, strict=True):
+            _bars(axes, names, np.maximum(values, SMALLEST))
+            axes.set(title=title, xlabel=unit)
+        grid[0].invert_yaxis()
+        return style.png(figure)
+
+
+def _bars(axes: Any, names: Sequence[str], values: Any) -> None:
+    low = 10.0 ** np.floor(np.log10(values.min() / 2))
+    places = np.arange(len(names))
+    colours = [style.SERIES[k % len(style.SERIES)] for k in places]
+    axes.barh(places, values - low, left=low, height=0.6, color=colours, zorder=3)
+    axes.set(xscale="log", xlim=(low, values.max() * (values.max() / low) ** 0.25))
+    axes.set_yticks(places, names)
+    axes.grid(axis="y", visible=False)
+    style.log_labels(axes.xaxis)
+    for place, value in zip(places, values, strict=True):
+        axes.annotate(
+            number(float(value), 3), (value, place), (4, 0), textcoords="offset points", va="center", fontsize=8.5
+        )  # fmt: skip

@@ -72,6 +72,10 @@ class FinishedRun:
     segment_designs: tuple[int, ...] = ()
     uncertainty: Mapping[str, Any] | None = None
 
+    def named(self, design: DesignResult) -> str:
+        """The design's name as a sentence or a title begins with it; empty where there is one design."""
+        return f"{design.name}: " if len(self.designs) > 1 else ""
+
 
 def finished(run: StudyRun, summary: Mapping[str, Any]) -> FinishedRun:
     """A run in memory as what a report reads."""

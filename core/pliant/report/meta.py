@@ -14,8 +14,7 @@ from pliant.pipeline.meta_model.next_design import Proposal
 from pliant.pipeline.meta_model.stage import MetaModelStage
 from pliant.pipeline.workbench import Workbench
 from pliant.report.document import Document, Drawn, Table, Warned, brief, brief_table, capital
-from pliant.report.meta_tables import SCORES, coverage_table, next_table, score_rows
-from pliant.report.meta_view import MetaFitted
+from pliant.report.meta_view import SCORES, MetaFitted, coverage_table, next_table, score_rows
 from pliant.report.provenance import made_by, stage_json
 from pliant.report.stage import StoredPage
 from pliant.store.store import Artifact

@@ -1,26 +1,33 @@
-"""The page of a meta-model: errors on designs left out, bars, learning, cost."""
+"""The page of a meta-model: errors on designs left out, where in the space of designs, bars, learning, cost."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from itertools import combinations
 from typing import Any
 
-from pliant.report.document import Drawn, Picture, Section, page_table
-from pliant.report.figures.designs import design_errors, free_picture, parity_picture
+import numpy as np
+from matplotlib.colors import LogNorm
+
+from pliant.formatting import deformation_unit, effort_unit, percent
+from pliant.report.document import Drawn, Picture, Section, drawn, page_table, picture, section
+from pliant.report.figures import style
 from pliant.report.figures.error_bars import design_bars
 from pliant.report.figures.learning import Curve, learning_picture
-from pliant.report.meta_tables import (
+from pliant.report.meta_view import (
+    PLACES,
     PUBLISHED,
     SCORES,
+    MetaFitted,
     cost_table,
     coverage_table,
     learning_table,
     next_table,
+    parameter_unit,
     score_rows,
     settings_table,
     worst_table,
 )
-from pliant.report.meta_view import MetaFitted
 from pliant.report.provenance import Manifests, closing_sections
 
 LEFT_OUT = "Every design was predicted by a model that had not seen it."
@@ -28,51 +35,33 @@ LEFT_OUT = "Every design was predicted by a model that had not seen it."
 
 def meta_drawn(fitted: Sequence[MetaFitted], study: Mapping[str, Any], manifests: Manifests) -> Drawn:
     """The first of `fitted` on top and in all sections; the others stand beside its scores."""
-    one = fitted[0]
-    caption = (
+    one, title = fitted[0], "Scores on designs left out"
+    hero = (
         f"{LEFT_OUT} Left and middle: predicted against solved torque, inside the range of designs and on its border, "
         "where the model extrapolates. Right: what is missed."
     )
-    sections = [_scores(fitted), _free(one), _space(one), _bars(one), _learning(one)]
-    cost = Section("Cost", tables=(cost_table(one),))
-    kept = [section for section in sections if section is not None]
-    hero = Picture("meta_parity", caption, parity_picture(one))
-    return Drawn(hero, (*kept, cost, *closing_sections(study, manifests)))
-
-
-def _scores(fitted: Sequence[MetaFitted]) -> Section:
-    scores = page_table("Scores on designs left out", SCORES, score_rows(fitted), PUBLISHED)
-    tables = [scores, worst_table(fitted[0]), settings_table(fitted[0])]
-    return Section("Scores on designs left out", tables=tuple(t for t in tables if t is not None))
-
-
-def _free(fitted: MetaFitted) -> Section | None:
-    picture = free_picture(fitted)
-    if picture is None:
-        return None
-    caption = f"{LEFT_OUT} The free branch: no external load, every pressure at which it was solved."
-    return Section("Free angle", (Picture("meta_free", caption, picture),))
-
-
-def _space(fitted: MetaFitted) -> Section:
-    caption = "Each design by its worst miss when left out; designs that share a place in a panel stand side by side."
-    if fitted.proposals:
-        caption += " Stars: what should be solved next, in order."
-    found = next_table(fitted)
-    picture = Picture("meta_designs", caption, design_errors(fitted))
-    return Section("Where in the space of designs it misses", (picture,), (found,) if found else ())
-
-
-def _bars(fitted: MetaFitted) -> Section | None:
-    if not fitted.coverage:
-        return None
-    caption = (
-        "Share of states of designs left out inside bands of each stated level, made without the design."
-    )
-    return Section(
-        "Are the error bars honest?",
-        (Picture("meta_bars", caption, design_bars(fitted)),),
-        (coverage_table(fitted),),
+    free = f"{LEFT_OUT} The free branch: no external load, every pressure at which it was solved."
+    space = "Each design by its worst miss when left out; designs that share a place in a panel stand side by side."
+    if one.proposals:
+        space += " Stars: what should be solved next, in order."
+    bars = "Share of states of designs left out inside bands of each stated level, made without the design."
+    scores = page_table(title, SCORES, score_rows(fitted), PUBLISHED)
+    where = Picture("meta_designs", space, design_errors(one))
+    return drawn(
+        Picture("meta_parity", hero, parity_picture(one)),
+        section(title, scores, worst_table(one), settings_table(one)),
+        section("Free angle", picture("meta_free", free, free_picture(one))),
+        section("Where in the space of designs it misses", where, next_table(one)),
+        section(
+            "Are the error bars honest?",
+            Picture("meta_bars", bars, design_bars(one)),
+            coverage_table(one),
+        )
+        if one.coverage
+        else None,
+        _learning(one),
+        section("Cost", cost_table(one)),
+        *closing_sections(study, manifests),
     )
 
 
@@ -87,12 +76,178 @@ def _learning(fitted: MetaFitted) -> Section | None:
             found = [(int(p["n"]), float(p[place][score])) for p in points]
             if found:
                 curves.append(Curve(f"{place}, {label}", found, colour, dashed=score == "worst"))
-    picture = learning_picture(
-        {"Error by number of designs": curves}, "designs fitted", "error on unused designs (% of the range)"
-    )
+    axes = "designs fitted", "error on unused designs (% of the range)"
     caption = "The model fitted again to nested subsets of the designs, scored on designs that no fit saw."
-    return Section(
-        "How many designs it takes",
-        (Picture("meta_learning", caption, picture),),
-        (learning_table(learning),),
+    shown = Picture("meta_learning", caption, learning_picture({"Error by number of designs": curves}, *axes))
+    return section("How many designs it takes", shown, learning_table(learning))
+
+
+MANY = 500
+COLOURS = {"interior": style.SERIES[0], "border": style.SERIES[1]}
+
+
+def parity_picture(fitted: MetaFitted) -> style.Png:
+    """One row for each axis: solved against predicted, interior and border apart, then misses of both."""
+    data = fitted.designs.data[0]
+    effort = effort_unit(data)
+    names = fitted.axes
+    with style.canvas(1560, 500 * len(names) + 40, wspace=0.04) as figure:
+        grid = figure.subplots(len(names), 3, squeeze=False)
+        for row, (a, name) in zip(grid, enumerate(names), strict=True):
+            symbol = rf"$\tau_{name}$" if len(names) > 1 else r"$\tau$"
+            outer, scored = fitted.border[fitted.misses.design], fitted.misses.counts[:, a]
+            groups = {place: scored & (outer == (place == "border")) for place in PLACES}
+            for axes, (place, rows) in zip(row, groups.items(), strict=False):
+                tau, miss = fitted.misses.tau[rows, a], fitted.misses.miss[rows, a]
+                _parity(axes, effort.factor * tau, effort.factor * (tau + miss), COLOURS[place])
+                count = len(np.unique(fitted.misses.design[rows]))
+                scores = fitted.scores[place].axes if place in fitted.scores else {}
+                r2 = f"{scores[name].r2:.6f}" if name in scores else "–"
+                axes.set_title(f"{symbol}, {place}: {count} designs, R² {r2}", fontsize=9.5)
+                axes.set(
+                    xlabel=f"solved {symbol} ({effort.symbol})",
+                    ylabel=f"predicted {symbol} ({effort.symbol})",
+                )
+            for place, rows in reversed(groups.items()):
+                tau = effort.factor * fitted.misses.tau[rows, a]
+                _dots(row[2], tau, 100 * fitted.shares[rows, a], COLOURS[place], place)
+            row[2].axhline(0, color=style.SOFT, lw=0.9, zorder=1)
+            row[2].set_title("Predicted − solved", fontsize=9.5)
+            row[2].set(xlabel=f"solved {symbol} ({effort.symbol})", ylabel="% of the design's range")
+            row[2].legend(loc="best", markerscale=1.6)
+        return style.png(figure)
+
+
+def free_picture(fitted: MetaFitted) -> style.Png | None:
+    """Free angles of designs left out: predicted against solved, and misses; None without free states."""
+    misses, data = fitted.misses, fitted.designs.data[0]
+    if not len(misses.free_design):
+        return None
+    unit = deformation_unit(data)
+    word = "extension" if data.joint == "prismatic" else "angle"
+    u, miss = unit.factor * misses.free_angle, unit.factor * misses.free_miss
+    largest = np.array([np.abs(u[misses.free_design == d]).max() for d in misses.free_design])
+    with style.canvas(1560, 560, wspace=0.04) as figure:
+        left, right = figure.subplots(1, 2)
+        for place in PLACES[::-1]:
+            rows = fitted.border[misses.free_design] == (place == "border")
+            rows &= np.isfinite(miss)
+            if rows.any():
+                _parity(left, u[rows], u[rows] + miss[rows], COLOURS[place])
+                _dots(right, u[rows], 100 * miss[rows] / largest[rows], COLOURS[place], place)
+        right.axhline(0, color=style.SOFT, lw=0.9, zorder=1)
+        every = fitted.scores["all"]
+        worst = "no equilibrium" if np.isinf(every.free_worst) else percent(every.free_worst)
+        left.set(
+            title=f"Free {word}: median miss {percent(every.free_median)}, worst {worst}",
+            xlabel=f"solved free {word} ({unit.symbol})",
+            ylabel=f"predicted free {word} ({unit.symbol})",
+        )
+        right.set(
+            title="Predicted − solved",
+            xlabel=f"solved free {word} ({unit.symbol})",
+            ylabel=f"% of the design's largest free {word}",
+        )
+        right.legend(loc="best", markerscale=1.6)
+        return style.png(figure)
+
+
+def _parity(axes: Any, solved: Any, predicted: Any, colour: str) -> None:
+    if not len(solved):
+        return
+    limits = np.array([min(solved.min(), predicted.min()), max(solved.max(), predicted.max())])
+    axes.plot(limits, limits, color=style.SOFT, lw=1.0, zorder=1)
+    _dots(axes, solved, predicted, colour)
+
+
+def _dots(axes: Any, x: Any, y: Any, colour: str, label: str | None = None) -> None:
+    many = len(x) > MANY
+    look = {"color": colour, "alpha": 0.55 if many else 0.8, "label": label}
+    axes.scatter(x, y, 5 if many else 14, linewidths=0, zorder=3, **look)
+
+
+MOST_PANELS = 6  # panels
+SPREAD = 0.042  # of a parameter's range: designs of a grid that share a place in a panel stand side by side
+
+
+def design_errors(fitted: MetaFitted) -> style.Png:
+    """One panel for each pair of parameters, at most six; one parameter alone stands against its error."""
+    names = fitted.designs.names
+    pairs = list(combinations(range(len(names)), 2))[:MOST_PANELS]
+    shares = 100 * np.maximum(
+        np.where(np.isfinite(fitted.worst), fitted.worst, np.nanmax(fitted.worst)), 1e-8
     )
+    low, high = 10.0 ** np.floor(np.log10(np.nanmin(shares))), 10.0 ** np.ceil(np.log10(np.nanmax(shares)))
+    norm = LogNorm(low, max(high, 10 * low))
+    columns = min(max(len(pairs), 1), 3)
+    rows = -(-max(len(pairs), 1) // columns)
+    with style.canvas(1560 if columns > 1 else 1000, 540 * rows + 60, wspace=0.04) as figure:
+        grid = figure.subplots(rows, columns, squeeze=False).ravel()
+        if not pairs:
+            _against(grid[0], fitted, shares, norm)
+        for axes, (i, j) in zip(grid, pairs, strict=False):
+            _pair(axes, fitted, i, j, shares, norm)
+        for axes in grid[max(len(pairs), 1) :]:
+            axes.set_axis_off()
+        place = {"ax": grid.tolist(), "pad": 0.015, "fraction": 0.03, "aspect": 40}
+        label = "worst miss when left out (% of range)"
+        style.log_labels(style.colour_bar(figure, (norm, style.error_map()), label, **place).yaxis)
+        look, inner = {"mfc": style.FAINT, "mec": style.INK}, int((~fitted.border).sum())
+        handles = [
+            style.entry(f"inside the range ({inner})", "o", ms=7, **look),
+            style.entry(f"on its border ({int(fitted.border.sum())})", "s", ms=6.5, **look),
+        ]
+        if fitted.proposals:
+            handles.append(
+                style.entry("solve next, in order", "*", color=style.SERIES[0], mec="white", ms=14)
+            )
+        style.key_below(figure, handles)
+        return style.png(figure)
+
+
+def _pair(axes: Any, fitted: MetaFitted, i: int, j: int, shares: Any, norm: LogNorm) -> None:
+    designs = fitted.designs
+    x_unit, y_unit = (parameter_unit(designs.names[k]) for k in (i, j))
+    x, y = designs.values[:, i] * x_unit.factor, designs.values[:, j] * y_unit.factor
+    dx, dy = _apart(x, y)
+    _scatter(axes, x + dx * np.ptp(x), y + dy * np.ptp(y), fitted, shares, norm)
+    for number, proposal in enumerate(fitted.proposals, start=1):
+        place = proposal.values[i] * x_unit.factor, proposal.values[j] * y_unit.factor
+        axes.plot(*place, "*", ms=14, mfc=style.SERIES[0], mec="white", mew=0.9, zorder=6)
+        axes.annotate(
+            str(number), place, (8, 5), textcoords="offset points", fontsize=9.5, weight="bold", color=style.SERIES[0],
+            zorder=7,
+        )  # fmt: skip
+    axes.margins(0.1)
+    axes.set(xlabel=x_unit.axis, ylabel=y_unit.axis)
+
+
+def _against(axes: Any, fitted: MetaFitted, shares: Any, norm: LogNorm) -> None:
+    unit = parameter_unit(fitted.designs.names[0])
+    _scatter(axes, fitted.designs.values[:, 0] * unit.factor, shares, fitted, shares, norm)
+    axes.set_yscale("log")
+    style.log_labels(axes.yaxis)
+    axes.set(xlabel=unit.axis, ylabel="worst miss (% of the design's range)")
+
+
+def _scatter(axes: Any, x: Any, y: Any, fitted: MetaFitted, shares: Any, norm: LogNorm) -> None:
+    for marker, chosen, size in (("o", ~fitted.border, 62), ("s", fitted.border, 46)):
+        axes.scatter(
+            x[chosen], y[chosen], size, c=shares[chosen], cmap=style.error_map(), norm=norm, marker=marker,
+            edgecolor=style.INK, linewidths=0.5, zorder=3,
+        )  # fmt: skip
+
+
+def _apart(x: Any, y: Any) -> tuple[Any, Any]:
+    """Small shifts, shares of the ranges, so that designs with the same pair of values do not hide each other."""
+    _, place = np.unique(np.round(np.stack([x, y], axis=1), 9), axis=0, return_inverse=True)
+    place = place.ravel()
+    dx, dy = np.zeros(len(x)), np.zeros(len(x))
+    for value in range(int(place.max()) + 1):
+        rows = np.flatnonzero(place == value)
+        side = int(np.ceil(np.sqrt(len(rows))))
+        k = np.arange(len(rows))
+        if len(rows) > 1:
+            dx[rows] = SPREAD * (k % side - (side - 1) / 2)
+            dy[rows] = SPREAD * 1.6 * (k // side - (side - 1) / 2)
+    return dx, dy

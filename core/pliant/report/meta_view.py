@@ -1,4 +1,4 @@
-"""What sentences, tables and pictures read out of a meta-model's results."""
+"""A meta-model as sentences, tables and pictures read it: scores on designs left out, bars, learning, cost."""
 
 from __future__ import annotations
 
@@ -6,19 +6,21 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pliant.formatting import NamedUnit, percent, unit_of
-from pliant.pipeline.meta_model.cross_validation import LeftOutResiduals, Scores, shares
+from pliant.formatting import NamedUnit, number, percent, seconds, unit_of
+from pliant.pipeline.meta_model.cross_validation import AxisScores, LeftOutResiduals, Scores, shares
 from pliant.pipeline.meta_model.designs import spoken
 from pliant.pipeline.meta_model.next_design import Proposal
 from pliant.pipeline.surrogate import evaluations_per_second
 from pliant.records.design import Array
 from pliant.records.law import FitReport, JointLaw
 from pliant.records.solved import SolvedDesigns
+from pliant.report.document import Cells, Column, Table
+from pliant.report.provenance import short_text, words
 
 PLACES = ("interior", "border")
 TIMED = 5  # designs whose law is timed
@@ -138,3 +140,162 @@ def law_of_meta_lines(report: FitReport) -> list[str]:
 def parameter_unit(name: str) -> NamedUnit:
     """A parameter as people read it, with its unit: ``average_radius_m`` → average radius, mm."""
     return unit_of(name.removeprefix("material."))
+
+
+PUBLISHED = (
+    "Of each design's own range of effort, and of its largest free angle. Published for the study's meta-models: R² "
+    "above 0.99 (coefficients) and above 0.999 (network), both on the designs that they were fitted to; here every "
+    "design was left out of the fit that predicts it."
+)
+WORST = 5
+WORTH = {
+    "gain": "of the mean squared error that solving it would remove",
+    "doubt": "of the largest doubt in the range",
+    "distance": "of the range, to the nearest solved design",
+}
+
+
+def share_text(share: float) -> str:
+    """A share in percent, three digits."""
+    return percent(share, 3)
+
+
+class ScoreRow(NamedTuple):
+    """Scores of one axis of a group of designs; `first` where it is the group's first row."""
+
+    label: str
+    scores: Scores
+    axis: AxisScores
+    first: bool
+
+
+SCORES: tuple[Column[ScoreRow], ...] = (
+    Column("label", head="designs left out", brief="designs left out"),
+    Column("scores.n_designs", head="designs", brief="designs"),
+    Column("axis.n_states", head="states"),
+    Column("axis.r2", head="R²", brief="R²", show=lambda r2: f"{r2:.6f}"),
+    Column("axis.rmse_of_range", head="RMS of range", brief="RMS", show=share_text),
+    Column("axis.worst_of_range", head="worst of range", brief="worst", show=share_text),
+    Column(
+        "scores.free_median",
+        head="free angle, median",
+        brief="free: median",
+        text=lambda r: share_text(r.scores.free_median) if r.first else "",
+    ),
+    Column(
+        "scores.free_worst",
+        head="free angle, worst",
+        brief="worst",
+        text=lambda r: _worst_free(r.scores.free_worst, r.scores.free_lost) if r.first else "",
+    ),
+)
+
+
+def score_rows(fitted: Sequence[MetaFitted]) -> list[ScoreRow]:
+    """Torque and free angle on designs left out, interior and border apart, one block for each model."""
+    rows = []
+    for one in fitted:
+        for place, scores in one.scores.items():
+            label = f"{one.name}: {place}" if len(fitted) > 1 else place
+            for count, (axis, of_axis) in enumerate(scores.axes.items()):
+                name = f"{label}, axis {axis}" if len(scores.axes) > 1 else label
+                rows.append(ScoreRow(name, scores, of_axis, count == 0))
+    return rows
+
+
+def worst_table(fitted: MetaFitted) -> Table:
+    """The designs that are missed most."""
+    names = [parameter_unit(name) for name in fitted.designs.names]
+    rows: list[Cells] = []
+    for design in fitted.worst_designs(WORST):
+        values = fitted.designs.values[design]
+        cells = [number(float(v) * unit.factor, 4) for v, unit in zip(values, names, strict=True)]
+        place = "border" if fitted.border[design] else "interior"
+        rows.append([percent(float(fitted.worst[design]), 3), place, *cells])
+    head = ["worst of range", "place", *(unit.axis for unit in names)]
+    return Table("Designs that were missed most", head, rows, numeric=2)
+
+
+def coverage_table(fitted: MetaFitted) -> Table:
+    """What the bars hold."""
+    levels = list(dict.fromkeys(level for found in fitted.coverage.values() for level in found))
+    rows = [
+        [place, *(percent(found[level], 3) if level in found else "–" for level in levels)]
+        for place, found in fitted.coverage.items()
+    ]
+    head = ["", *(f"in the {100 * float(level):g} % band" for level in levels)]
+    note = "Each design's states in bars that the other designs give; each design counts alike."
+    return Table("What the error bars hold", head, rows, note)
+
+
+def learning_table(learning: Mapping[str, Any]) -> Table:
+    """Errors by number of designs."""
+    rows: list[Cells] = []
+    for point in learning["points"]:
+        cells = [str(point["n"])]
+        for place in ("all", "interior"):
+            found = point[place]
+            cells += [percent(found[k], 3) if found else "–" for k in ("rms", "worst")]
+        rows.append([*cells, seconds(float(point["wall_s"]))])
+    head = ["designs", "all, RMS", "all, worst", "interior, RMS", "interior, worst", "fit"]
+    count, inside = len(learning["test"]), len(learning["interior"])
+    note = (
+        f"Shares of each design's range at {count} designs that no fit saw, {inside} of them inside the range. "
+        "Subsets are nested: corners first, then the design farthest from those before it."
+    )
+    if learning["left_out"]:
+        sizes = ", ".join(str(p["n"]) for p in learning["left_out"])
+        note += f" Not fitted: {sizes} ({learning['left_out'][0]['cause']})"
+    return Table("Error by number of designs", head, rows, note)
+
+
+def next_table(fitted: MetaFitted) -> Table | None:
+    """Designs that should be solved next; None where nobody asked."""
+    if not fitted.proposals:
+        return None
+    names = [parameter_unit(name) for name in fitted.designs.names]
+    rows = [
+        [
+            str(count),
+            *(number(v * unit.factor, 4) for v, unit in zip(one.values, names, strict=True)),
+            percent(one.gain, 3),
+        ]
+        for count, one in enumerate(fitted.proposals, start=1)
+    ]
+    basis = fitted.proposals[0].basis
+    head = ["", *(unit.axis for unit in names), WORTH.get(basis, basis)]
+    return Table("Solve these next", head, rows)
+
+
+def cost_table(fitted: MetaFitted) -> Table:
+    """FEM against model, per design."""
+    n = len(fitted.designs)
+    states = sum(len(one) for one in fitted.designs.data)
+    rows: list[Cells] = [["designs solved", f"{n}, {states} states, from {fitted.source}"]]
+    if fitted.fem_s:
+        rows.append(["FEM, all designs", seconds(fitted.fem_s)])
+        rows.append(["FEM, one design", seconds(fitted.fem_s / n)])
+    rows.append(["fit of the model", seconds(fitted.fit_s)])
+    rows.append([f"scoring: {fitted.parts} refits without some designs", seconds(fitted.scoring_s)])
+    rows.append(["law of an unseen design, with its error bar", seconds(fitted.law_s)])
+    rows.append(["evaluations of it with slopes", f"{number(fitted.per_second / 1e6, 3)} million a second"])
+    if fitted.fem_s:
+        each = fitted.fem_s / n
+        ratio = number(float(f"{each / fitted.law_s:.2g}"))
+        hours = number(1000 * (each - fitted.law_s) / 3600, 2)
+        rows.append(["a design by the model instead of FEM", f"{ratio} times faster"])
+        rows.append(["FEM saved by every thousand further designs", f"{hours} hours of one core"])
+    note = (
+        "The law and its evaluations were timed when this page was made; FEM as measured when it was solved."
+    )
+    return Table("Cost", ["", "value"], rows, note, numeric=9)
+
+
+def settings_table(fitted: MetaFitted) -> Table | None:
+    """What the fit tells in one word or number."""
+    rows = [[words(name), text] for name, value in fitted.details.items() if (text := short_text(value))]
+    return Table("What the fit tells", ["", "value"], rows, numeric=9) if rows else None
+
+
+def _worst_free(share: float, lost: int) -> str:
+    return f"no equilibrium in {lost} states" if np.isinf(share) else percent(share, 3)

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
+from functools import cache
+from importlib.resources import files
+from typing import TYPE_CHECKING, Any
 
 from pliant.formatting import units_of_page
 from pliant.report.document import Document, Page, Table
-from pliant.report.template import page_template
 
 if TYPE_CHECKING:
     from rich.table import Table as RichTable
@@ -64,3 +65,18 @@ def page(document: Document) -> Page:
     pictures = [p for section in drawn.sections for p in section.pictures]
     shown = [drawn.hero, *pictures] if drawn.hero is not None else pictures
     return Page(html, {picture.name: picture.png for picture in shown})
+
+
+@cache
+def page_template() -> Any:
+    """The compiled template, a data file beside the code, which the code fingerprint of this room holds."""
+    import jinja2
+
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(str(files("pliant.report") / "templates")),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    return environment.get_template("report.html.j2")

@@ -6,130 +6,113 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
-from pliant.formatting import fixed, number, small_length, unit_of
-from pliant.report.document import Cells, Drawn, Picture, Section, Table, capital, numbered
+from pliant.formatting import Unit, effort_unit, fixed, number, seconds, small_length, unit_of
+from pliant.report.document import (
+    Cells,
+    Drawn,
+    Picture,
+    Section,
+    Table,
+    capital,
+    drawn,
+    numbered,
+    picture,
+    section,
+)
 from pliant.report.fem_page import data_sections, shape_section
 from pliant.report.fem_view import Solved
 from pliant.report.figures.backbones import backbone_picture
 from pliant.report.figures.backbones import caption as backbone_caption
-from pliant.report.figures.chain_pose import chain_pose
-from pliant.report.figures.finger import finger_bodies, finger_picture
+from pliant.report.figures.error_bars import COORDINATES, tip_cloud
+from pliant.report.figures.finger import chain_pose, finger_bodies, finger_picture
 from pliant.report.figures.law import law_picture
 from pliant.report.figures.stills import still_pictures
-from pliant.report.figures.tip_cloud import COORDINATES, tip_cloud
-from pliant.report.fit_tables import axes_table
-from pliant.report.folder import FinishedRun
-from pliant.report.provenance import closing_sections
-from pliant.report.run_tables import coefficients, engine_table, law_table, metrics_table, time_tables
-from pliant.report.run_view import gravity_words, ran, spread_sentence
+from pliant.report.fit_tables import axes_table, score_cells, score_heads
+from pliant.report.folder import DesignResult, FinishedRun
+from pliant.report.provenance import closing_sections, plain, stage_name
+from pliant.report.run_view import distances_m, gravity_words, ran, spread_sentence, study_form
 
 TIP = ("tip_x_m", "tip_y_m", "tip_z_m")
-TITLE = "From the laws' error bars to the tip"
 RESIDUALS = "What the law misses of these states stands in the next section but one, beside the law."
 
 
 def run_drawn(run: FinishedRun) -> Drawn:
     """Body, law and poses on top; then meshes, states, law, engines, uncertainty, cost. Same run, same bytes."""
-    states, how, cost = _fem(run)
-    hero = Picture("finger", _hero_caption(run), finger_picture(run))
+    block = run.study.get("fem") or {}
+    backend = str(block.get("kind", "")) if isinstance(block, Mapping) else ""
+    solved = [Solved(d.name, d.module, backend) for d in run.designs if d.module is not None]
+    *states, cost = [None, *data_sections(solved, RESIDUALS)]
     parts = [
-        _meshes(run),
-        states,
-        how,
+        "FEM shape of one module at this pressure, bent to each joint's angle and stacked; ghosts show the rest state "
+        "and levels on the way, colour the stretch of the skin"
+        if finger_bodies(run) is not None
+        else "",
+        "the joint law with the states behind it",
+    ]
+    if ran(run):
+        scene = ran(run)[0].result.stills
+        parts.append("the scene at the end" if scene else f"the chain's pose {gravity_words(run)}")
+    caption = capital("; ".join(filter(None, parts))) + "."
+    return drawn(
+        Picture("finger", caption, finger_picture(run)),
+        shape_section([(d.name, d.fem) for d in run.designs if d.fem is not None]),
+        *states,
         _laws(run),
         _poses(run),
         uncertainty_section(run),
         cost,
-        *([Section("Times", tables=tuple(times))] if (times := time_tables(run)) else []),
+        section("Times", *time_tables(run)),
         *closing_sections(run.study, run.provenance),
-    ]
-    return Drawn(hero, tuple(section for section in parts if section is not None))
-
-
-def _hero_caption(run: FinishedRun) -> str:
-    parts = []
-    if finger_bodies(run) is not None:
-        parts.append(
-            "FEM shape of one module at this pressure, bent to each joint's angle and stacked; ghosts show the rest "
-            "state and levels on the way, colour the stretch of the skin"
-        )
-    parts.append("the joint law with the states behind it")
-    if ran(run):
-        scene = ran(run)[0].result.stills
-        parts.append("the scene at the end" if scene else f"the chain's pose {gravity_words(run)}")
-    return capital("; ".join(parts)) + "."
-
-
-def _meshes(run: FinishedRun) -> Section | None:
-    return shape_section([(d.name, d.fem) for d in run.designs if d.fem is not None])
-
-
-def _fem(run: FinishedRun) -> list[Section | None]:
-    """The FEM data, how its states were chosen and what they cost; nothing for laws that no FEM was made for."""
-    block = run.study.get("fem") or {}
-    backend = str(block.get("kind", "")) if isinstance(block, Mapping) else ""
-    solved = [Solved(d.name, d.module, backend) for d in run.designs if d.module is not None]
-    return [*data_sections(solved, RESIDUALS)] or [None, None, None]
-
-
-def _laws(run: FinishedRun) -> Section:
-    pictures = tuple(
-        Picture(numbered("law", n), _law_caption(run, n), law_picture(run, d))
-        for n, d in enumerate(run.designs)
     )
-    tables = [law_table(run)]
+
+
+def _laws(run: FinishedRun) -> Section | None:
+    parts: list[Picture | Table | None] = []
+    for n, design in enumerate(run.designs):
+        text = "τ is the external moment that opposes actuation; where it is zero the module is free."
+        caption = run.named(design) + text
+        if len(design.law.axes) > 1:
+            caption += " The other axes are held at zero."
+        if design.fem is not None:
+            caption += (
+                " Right: law minus state in percent of the effort's range, filled = fitted, open = left out."
+            )
+        if design.law.error is not None:
+            band = "the band that holds a state with a probability of 90 %"
+            caption += f" Shaded, and as bars at the states left out: {band}."
+        parts.append(Picture(numbered("law", n), caption, law_picture(run, design)))
+    parts.append(law_table(run))
     for design in run.designs:
         if design.module is not None and set(design.law.axes) == set(design.module.axes):
             table = axes_table(design.module, design.law)
-            name = f"{design.name}: " if len(run.designs) > 1 else ""
-            tables.append(replace(table, title=name + table.title) if table is not None else None)
+            parts.append(replace(table, title=run.named(design) + table.title) if table is not None else None)
     stated = [d for d in run.designs if d.fit is None]
     note = f"Stated law: {coefficients(stated[0])}" if stated else ""
-    return Section(
-        "The joint law τ(p, u)", pictures, tuple(table for table in tables if table is not None), note
-    )
-
-
-def _law_caption(run: FinishedRun, number: int) -> str:
-    design = run.designs[number]
-    name = f"{design.name}: " if len(run.designs) > 1 else ""
-    text = f"{name}τ is the external moment that opposes actuation; where it is zero the module is free."
-    if len(design.law.axes) > 1:
-        text += " The other axes are held at zero."
-    if design.fem is not None:
-        text += " Right: law minus state in percent of the effort's range, filled = fitted, open = left out."
-    if design.law.error is not None:
-        text += " Shaded, and as bars at the states left out: the band that holds a state with a probability of 90 %."
-    return text
+    return section("The joint law τ(p, u)", *parts, note=note)
 
 
 def _poses(run: FinishedRun) -> Section | None:
-    if not ran(run):
+    """The chain in the engines; of a task with contact outlines of its scene."""
+    engines = ran(run)
+    if not engines:
         return None
-    if ran(run)[0].result.stills:
-        return _stills(run)
+    if engines[0].result.stills:
+        caption = "outlines of what collides, from the side and from above; the first trial."
+        pictures = [
+            Picture(numbered("stills", n), f"{engine.kind}: {caption}", still_pictures(engine.result.stills))
+            for n, engine in enumerate(engines)
+        ]
+        notes = dict.fromkeys(str(e.result.metrics["note"]) for e in engines if "note" in e.result.metrics)
+        return section("The scene in the engines", *pictures, metrics_table(run), note=" ".join(notes))
     caption = "Markers are base, joints and tip, at equal scales; faint lines are levels of the actuation."
-    tables = [t for t in (engine_table(run), metrics_table(run)) if t is not None]
-    first = ran(run)[0].result
-    curves = backbone_picture(first)
-    measured = [Picture("backbones", backbone_caption(first), curves)] if curves is not None else []
-    pictures = (Picture("chain_pose", caption, chain_pose(run)), *measured)
-    return Section("The finger in the engines", pictures, tuple(tables))
-
-
-def _stills(run: FinishedRun) -> Section:
-    """A task with contact: outlines of its scene, and its metrics."""
-    pictures = tuple(
-        Picture(
-            numbered("stills", number),
-            f"{engine.kind}: outlines of what collides, from the side and from above; the first trial.",
-            still_pictures(engine.result.stills),
-        )
-        for number, engine in enumerate(ran(run))
+    first = engines[0].result
+    return section(
+        "The finger in the engines",
+        Picture("chain_pose", caption, chain_pose(run)),
+        picture("backbones", backbone_caption(first), backbone_picture(first)),
+        engine_table(run),
+        metrics_table(run),
     )
-    table = metrics_table(run)
-    notes = dict.fromkeys(str(e.result.metrics["note"]) for e in ran(run) if "note" in e.result.metrics)
-    return Section("The scene in the engines", pictures, (table,) if table else (), " ".join(notes))
 
 
 def uncertainty_section(run: FinishedRun) -> Section | None:
@@ -137,21 +120,20 @@ def uncertainty_section(run: FinishedRun) -> Section | None:
     spread, engines = run.uncertainty, ran(run)
     if spread is None or not engines:
         return None
-    first = engines[0]
+    first, title = engines[0], "From the laws' error bars to the tip"
     text = spread_sentence(spread, first.kind)
     if "tip_mean_m" not in spread:
-        return Section(TITLE, text=(text,))
+        return Section(title, text=(text,))
     text += (
         " Modules of one design share one draw. What the laws leave out (friction, tolerances, the chain itself) is "
         "not in it."
     )
-    picture = tip_cloud(spread, first.markers_m[-1])
     caption = (
         "Left: tips of the drawn laws, from the tip of the laws themselves, in the two coordinates that vary most. "
         "Right: share of the runs within a distance of their mean."
     )
-    pictures = (Picture("tip_cloud", caption, picture),) if picture is not None else ()
-    return Section(TITLE, pictures, (_spread_table(spread, run),), text=(text,))
+    cloud = picture("tip_cloud", caption, tip_cloud(spread, first.markers_m[-1]))
+    return section(title, cloud, _spread_table(spread, run), text=text)
 
 
 def _spread_table(spread: Mapping[str, Any], run: FinishedRun) -> Table:
@@ -174,3 +156,110 @@ def _spread_table(spread: Mapping[str, Any], run: FinishedRun) -> Table:
     level = f"{100 * float(spread['level']):g} %"
     head = ["", f"{level} from", "the laws themselves", "to", "half-width"]
     return Table("Intervals", head, rows)
+
+
+def engine_table(run: FinishedRun) -> Table | None:
+    """Settled tips, distances to the first engine, residuals."""
+    engines = ran(run)
+    if not engines:
+        return None
+    rows = [
+        [
+            engine.kind,
+            *(fixed(1e3 * x, 4) for x in engine.result.final.tip_m),
+            "–" if count == 0 else small_length(float(distance[-1])),
+            "–" if count == 0 else small_length(float(distance.max())),
+            effort_unit(run.designs[0].law).text(engine.result.final.residual, 2),
+            number(engine.result.final.converged),
+            {True: "yes", False: "no", None: "not asked"}[engine.result.final.stable],
+            str(engine.result.final.iterations),
+        ]
+        for count, (engine, distance) in enumerate(zip(engines, distances_m(engines), strict=True))
+    ]
+    first = engines[0].kind
+    head = ["engine", *(f"tip {x} (mm)" for x in "xyz"), f"tip to {first}", f"farthest marker to {first}"]
+    head += ["residual", "converged", "stable", "iterations"]
+    note = "Residual: largest unbalanced joint effort, measured by one common statics for all engines."
+    return Table("Settled chain, engine by engine", head, rows, note)
+
+
+def metrics_table(run: FinishedRun) -> Table | None:
+    """The task's metrics, one column per engine."""
+    engines = ran(run)
+    names = list(dict.fromkeys(name for e in engines for name in e.result.metrics if name != "note"))
+    if not names:
+        return None
+    rows = []
+    for name in names:
+        unit = unit_of(name)
+        rows.append([unit.axis, *(_metric(e.result.metrics.get(name), unit) for e in engines)])
+    return Table("What the task measures", ["metric", *(e.kind for e in engines)], rows)
+
+
+def law_table(run: FinishedRun) -> Table | None:
+    """Errors of each law on states left out, with the study's form beside it."""
+    rows: list[Cells] = []
+    for design in run.designs:
+        if design.fit is None:
+            continue
+        fit, form, effort = design.fit, study_form(design), effort_unit(design.law)
+        parts = [fit.details.get("form", "law")]
+        parts += [f"degree {fit.details['degree']}"] if fit.details.get("degree") is not None else []
+        parts += [f"{fit.details['terms']} terms"] if fit.details.get("terms") is not None else []
+        scored: dict[str, Mapping[str, Any]] = {
+            ", ".join([*parts, f"{fit.n_fitted} states fitted"]): vars(fit)
+        }
+        if form is not None and fit.details.get("form") != "study":
+            scored["the study's form"] = form
+        for name, scores in scored.items():
+            rows.append([run.named(design) + name, str(fit.n_heldout), *score_cells(scores, effort)])
+    if not rows:
+        return None
+    head = ["law", "states left out", *score_heads(effort_unit(run.designs[0].law))]
+    fits = [d.fit for d in run.designs if d.fit is not None]
+    note = f"States left out: {fits[0].details['held_out']}." if "held_out" in fits[0].details else ""
+    return Table("Errors of the joint law on states it has not seen", head, rows, note)
+
+
+def time_tables(run: FinishedRun) -> list[Table]:
+    """Wall time of each stage when it was computed, and of settling in each engine."""
+    tables = []
+    if run.provenance:
+        rows = [[stage_name(m), seconds(float(m["wall_s"]))] for m in run.provenance]
+        note = "Times of the computation itself; a stage found in the store costs milliseconds."
+        tables.append(Table("Stages", ["stage", "wall time"], rows, note))
+    engines = ran(run)
+    if engines:
+        base = engines[0].result.final.wall_s
+        rows = [
+            [e.kind, seconds(wall_s), f"{number(wall_s / base, 3)} ×" if base > 0 else "–"]
+            for e in engines
+            for wall_s in (e.result.final.wall_s,)
+        ]
+        head = ["engine", "wall time", f"ratio to {engines[0].kind}"]
+        tables.append(Table("Settling the chain, all levels of the history", head, rows))
+    return tables
+
+
+def coefficients(design: DesignResult) -> str:
+    """The parameters of a stated law, as one line; empty for a fitted one."""
+    record = design.law.record()
+    shown = {**record.values, **{k: v.tolist() for k, v in record.arrays.items()}}
+    return "; ".join(f"{key} = {plain(value)}" for key, value in shown.items())
+
+
+def _metric(value: Any, unit: Unit) -> str:
+    """A metric in a cell; points and tables stand in pictures and in run.json."""
+    if isinstance(value, list | tuple):
+        if any(isinstance(item, list | tuple) for item in value):
+            return f"{len(value)} entries, in run.json"
+        return ", ".join(_metric(item, unit) for item in value)
+    if isinstance(value, Mapping):
+        if any(isinstance(item, list | tuple) for item in value.values()):
+            return "in run.json"
+        return ", ".join(f"{key} {_metric(item, unit)}" for key, item in value.items())
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if not isinstance(value, int | float):
+        return "–" if value is None else str(value)
+    return number(value * unit.factor if unit.symbol else value, 6)

@@ -10,9 +10,9 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from pliant.formatting import Unit, display_unit, number, unit_of_field
+from pliant.formatting import Unit, display_unit, number, plural, unbroken, unit_of_field
 from pliant.records.design import Array
-from pliant.records.search import STATUSES, FoundDesign, SearchResult, VariableRecord
+from pliant.records.search import STATUSES, FoundDesign, Robustness, SearchResult, Slope, VariableRecord
 from pliant.search.problem.names import acts, unit_of_objective
 from pliant.units import strip_unit_suffix
 
@@ -54,18 +54,21 @@ class Axis:
         if value is None:
             return float("nan")
         if self.choices:
-            return float(next((k for k, choice in enumerate(self.raw) if _same(choice, value)), np.nan))
+            numeric = isinstance(value, int | float)
+            alike = (
+                np.isclose(c, value, rtol=1e-9, atol=1e-12)
+                if numeric and isinstance(c, int | float)
+                else c == value
+                for c in self.raw
+            )
+            return float(next((k for k, same in enumerate(alike) if same), np.nan))
         return float(value) * self.unit.factor
 
     def text(self, value: Any) -> str:
         """A value of a `FoundDesign` with its unit."""
-        if value is None:
-            return "–"
-        if isinstance(value, bool | str):
-            return number(value) if isinstance(value, bool) else value
-        if self.type == "integer" and not self.choices:
-            value = round(value)
-        return self.unit.text(value)
+        if value is None or isinstance(value, bool | str):
+            return value if isinstance(value, str) else number(value)
+        return self.unit.text(round(value) if self.type == "integer" and not self.choices else value)
 
     def tick(self, shown: float) -> str:
         """A value on the axis, without unit."""
@@ -110,13 +113,6 @@ class Objective:
         return self.unit.text(float(value), digits)
 
 
-def choice_text(choice: Any, unit: Unit) -> str:
-    """A choice as people read it."""
-    if isinstance(choice, int | float) and not isinstance(choice, bool):
-        return unit.text(choice)
-    return number(choice) if isinstance(choice, bool) else str(choice)
-
-
 def short_labels(names: Sequence[str]) -> list[str]:
     """Last parts of dotted names as words; as many parts as tell them apart."""
     words = [[strip_unit_suffix(part) for part in name.split(".")] for name in names]
@@ -129,14 +125,9 @@ def short_labels(names: Sequence[str]) -> list[str]:
     return found
 
 
-def _same(choice: Any, value: Any) -> bool:
-    if isinstance(choice, int | float) and isinstance(value, int | float):
-        return bool(np.isclose(choice, value, rtol=1e-9, atol=1e-12))
-    return bool(choice == value)
-
-
 OK = STATUSES.index("ok")
 LONGEST = 40  # characters of an objective in a label
+NO_RESULT = ("trials", "outside_domain")  # of the check, but nothing that it measures
 
 Shape = Literal["one", "contextual", "front", "none"]
 
@@ -282,6 +273,40 @@ class SearchView:
         label, unit = unit_of_field(name)
         return label.replace("_", " "), unit
 
+    def by_influence(self) -> list[Slope]:
+        """Slopes of known variables, those whose range changes the objective most first."""
+        known = {axis.name for axis in self.axes}
+        return sorted((s for s in self.result.slopes if s.name in known), key=lambda s: -self.influence(s))
+
+    @staticmethod
+    def influence(slope: Slope) -> float:
+        """Largest change of the objective over the range that could be evaluated."""
+        finite = np.asarray(slope.objective, float)[np.isfinite(slope.objective)]
+        return float(np.ptp(finite)) if len(finite) else 0.0
+
+    def checked_metrics(self) -> list[str]:
+        """Metrics with a prediction and a check in one engine, that of the objective first."""
+        found = self.result.verification
+        both = dict.fromkeys(
+            name
+            for engine, metrics in (found.verified if found is not None else {}).items()
+            for name in metrics
+            if name in found.predicted.get(engine, {}) and name not in NO_RESULT  # type: ignore[union-attr]
+        )
+        return sorted(both, key=lambda name: name != self.objective_metric)
+
+    def success_counts(self) -> dict[str, dict[str, tuple[int, int]]]:
+        """Engine → condition → (stable grasps, trials); empty where no whole number of trials says so."""
+        counts: dict[str, dict[str, tuple[int, int]]] = {}
+        found = self.result.verification
+        for engine, conditions in (found.conditions if found is not None else {}).items():
+            for name, metrics in conditions.items():
+                share, trials = metrics.get("success_share"), self.trials(metrics)
+                if share is None or not trials or abs(share * trials - round(share * trials)) > 1e-6:
+                    return {}
+                counts.setdefault(engine, {})[name or "all trials"] = (round(share * trials), trials)
+        return counts
+
     @property
     def objective_metric(self) -> str:
         """The metric that is the first objective; empty where that is an expression."""
@@ -311,7 +336,14 @@ class SearchView:
         history = self.result.history
         unit = display_unit(variable.unit)
         raw = variable.choices
-        texts = tuple(choice_text(choice, unit) for choice in raw)
+        texts = tuple(
+            unit.text(choice)
+            if isinstance(choice, int | float) and not isinstance(choice, bool)
+            else number(choice)
+            if isinstance(choice, bool)
+            else str(choice)
+            for choice in raw
+        )
         if variable.name in history.values:
             values = np.asarray(history.values[variable.name], float) * (1.0 if raw else unit.factor)
         else:
@@ -339,3 +371,34 @@ def log_suits(values: Array) -> bool:
     if not len(finite) or finite.min() <= 0:
         return False
     return bool(np.percentile(finite, 90) > 8 * finite.min())
+
+
+def measure_words(found: Robustness) -> str:
+    """The measure in words."""
+    return f"mean of the worst {100 * (1 - found.level):.3g} %" if found.measure == "cvar" else found.measure
+
+
+def price(read: SearchView) -> str:
+    """What robustness costs without deviations, and what it gains with them."""
+    found, objective = read.result.robustness, read.objective
+    assert found is not None
+    a, b, c, d = (
+        objective.text(value)
+        for value in (
+            found.nominal_of_nominal, found.nominal_of_robust, found.robust_of_nominal, found.robust_of_robust,
+        )
+    )  # fmt: skip
+    over = f"the {measure_words(found)} over {plural(found.samples, 'scenario')}"
+    if read.result.nominal_is_robust:
+        return unbroken(
+            f"The best nominal design is the most robust one that was found: {d} as {over}, {b} where nothing deviates."
+        )
+    worse = -objective.unit.factor if objective.maximised else objective.unit.factor
+    cost = worse * (found.nominal_of_robust - found.nominal_of_nominal)
+    gain = worse * (found.robust_of_nominal - found.robust_of_robust)
+    size, by = (objective.unit.attached(number(abs(v), 3)) for v in (cost, gain))
+    return unbroken(
+        f"Being robust costs {f'{size} of {objective.label}' if cost > 0 else 'nothing'} where nothing deviates ({a} "
+        f"of the nominal design, {b} of the robust one) and {'improves' if gain > 0 else 'does not improve'} {over}"
+        f"{f' by {by}' if gain > 0 else ''} ({c} against {d})."
+    )

@@ -1,8 +1,15 @@
 """Newton's method from one equilibrium to a neighbouring one, in load steps that are halved where one fails.
 
-What is iterated, its correction and the measure of a correction are the backend's (`Iteration`); the way is the same:
-a predictor, corrections with a line search, and a first correction that is too long gives the load step up at once,
+What is iterated, its correction and the measure of a correction are an `Iteration`'s; the way is the same: a
+predictor, corrections with a line search, and a first correction that is too long gives the load step up at once,
 because two half steps are cheaper.
+
+Of a module, q are the globals of the rod frame and v all other unknowns. With Π = U − a W (actuation a, what it works
+on W) and K = Π_vv factorised once, back-substitutions Z = K⁻¹ [r_v, Π_vq, W_v] give Newton's step under any control,
+
+    S Δq = −ρ + b Δa − f,    S = Π_qq − Π_qv K⁻¹ Π_vq,   ρ = r_q − Π_qv K⁻¹ r_v,   b = W_q − Π_qv K⁻¹ W_v
+
+and, at equilibrium, the exact slopes of the reactions to the joint's axes.
 """
 
 from __future__ import annotations
@@ -10,11 +17,14 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import ClassVar, Generic, TypeVar
+from typing import Any, Generic, Protocol, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
-Point = TypeVar("Point")
+from pliant.records.design import Array
+
+Trial = TypeVar("Trial")
 Step = TypeVar("Step")
 State = TypeVar("State")
 
@@ -37,41 +47,38 @@ class Tolerance:
         strain: root mean square of the strain that the last correction adds.
         max_iterations: corrections before a load step is halved.
         max_halvings: how often a load step may be halved.
+        too_long: strain (root mean square) of a first correction that ends a load step.
+        shortest: fraction of a correction below which the line search gives up.
+        progress: share of its work below which a shortened correction must come.
     """
 
     unit_j: float
     strain: float
     max_iterations: int
     max_halvings: int
-
-    def enough_j(self, final: bool) -> float:
-        """Work of the last correction; a load step that is not `final` may end near equilibrium."""
-        enough = self.strain**2 * self.unit_j
-        return enough if final else max(enough, ON_THE_WAY**2 * self.unit_j)
+    too_long: float = 0.05
+    shortest: float = 1 / 32
+    progress: float = 0.9
 
 
-class Iteration(ABC, Generic[Point, Step]):
+class Iteration(ABC, Generic[Trial, Step]):
     """Newton's iteration to one load level."""
 
-    too_long: ClassVar[float] = 0.05  # strain (root mean square) of a first correction that ends a load step
-    shortest: ClassVar[float] = 1 / 32  # fraction of a correction below which the line search gives up
-    progress: ClassVar[float] = 0.9  # share of its work below which a shortened correction must come
-
     @abstractmethod
-    def correction(self, point: Point) -> Step:
+    def correction(self, point: Trial) -> Step:
         """Newton's step at a point. Raises `SingularMatrixError`."""
 
     @abstractmethod
-    def work(self, point: Point, step: Step) -> float:
+    def work(self, point: Trial, step: Step) -> float:
         """Work (J) of the point's residual along a step, ≥ 0."""
 
     @abstractmethod
-    def moved(self, point: Point, step: Step, length: float) -> Point | None:
+    def moved(self, point: Trial, step: Step, length: float) -> Trial | None:
         """The point after a share of a step; None where a cell is inverted."""
 
     def converged(
-        self, point: Point | None, tolerance: Tolerance, final: bool, patient: bool
-    ) -> tuple[Point, int]:
+        self, point: Trial | None, tolerance: Tolerance, final: bool, patient: bool
+    ) -> tuple[Trial, int]:
         """The equilibrium that a predicted point leads to, and the corrections that it took.
 
         A step that is not `final` ends near equilibrium. Unless `patient`, a load step is given up at once where the
@@ -81,7 +88,8 @@ class Iteration(ABC, Generic[Point, Step]):
             DivergedError: there is none within the iterations.
             SingularMatrixError: the stiffness on the way.
         """
-        enough = tolerance.enough_j(final)
+        enough = tolerance.strain**2 * tolerance.unit_j
+        enough = enough if final else max(enough, ON_THE_WAY**2 * tolerance.unit_j)
         for number in range(1, tolerance.max_iterations + 1):
             if point is None:
                 raise DivergedError("the tangent predictor inverts cells")
@@ -92,17 +100,17 @@ class Iteration(ABC, Generic[Point, Step]):
                 if last is None:
                     raise DivergedError("the last step inverts cells")
                 return last, number
-            if number == 1 and not patient and work > self.too_long**2 * tolerance.unit_j:
+            if number == 1 and not patient and work > tolerance.too_long**2 * tolerance.unit_j:
                 raise DivergedError("the load step is too long")
-            point = self._searched(point, step, work)
+            point = self._searched(point, step, work, tolerance)
         raise DivergedError(f"no convergence in {tolerance.max_iterations} Newton steps")
 
-    def _searched(self, point: Point, step: Step, work: float) -> Point:
+    def _searched(self, point: Trial, step: Step, work: float, tolerance: Tolerance) -> Trial:
         """The first of 1, ½, ¼ … of the step after which the residual works less along it."""
         length = 1.0
-        while length >= self.shortest:
+        while length >= tolerance.shortest:
             trial = self.moved(point, step, length)
-            if trial is not None and self.work(trial, step) < self.progress * work:
+            if trial is not None and self.work(trial, step) < tolerance.progress * work:
                 return trial
             length /= 2
         raise DivergedError("the line search found no better point")
@@ -134,3 +142,159 @@ def in_load_steps(
             continue
         reached, count, length = goal, count + iterations, 2 * length
     return here, count
+
+
+@dataclass(frozen=True, eq=False)
+class Control:
+    """What is prescribed.
+
+    Attributes:
+        actuation: Pa or N.
+        held: (G,) which globals are held.
+        goal: (G,) values of those that are held.
+        effort: (G,) external efforts on the piece that oppose the others; zero at a target.
+    """
+
+    actuation: float
+    held: NDArray[np.bool_]
+    goal: Array
+    effort: Array
+
+
+class Functional(Protocol):
+    """A scalar of x with its gradient, whose last G entries are those of the globals."""
+
+    @property
+    def value(self) -> float: ...
+    @property
+    def gradient(self) -> Array: ...
+
+
+Of = TypeVar("Of", bound=Functional)
+
+
+@dataclass(frozen=True, eq=False)
+class Point(Generic[Of]):
+    """A trial state x, whose last G entries are the globals, at one actuation: U and W there."""
+
+    x: Array
+    actuation: float
+    energy: Of
+    travel: Of
+
+    @property
+    def residual(self) -> Array:
+        """Gradient of Π; its last G are minus the external efforts on the piece."""
+        return self.energy.gradient - self.actuation * self.travel.gradient
+
+
+@dataclass(frozen=True, eq=False)
+class Reduced:
+    """Back-substitutions Z (n, G + 2) and the reduced system in the globals."""
+
+    solved: Array
+    stiffness: Array  # S (G, G)
+    residual: Array  # ρ (G,)
+    actuation: Array  # b (G,)
+
+    def slopes(self, axes: tuple[int, ...]) -> tuple[Array, Array]:
+        """(∂M/∂a (k,), ∂M/∂q (k, k)) of the efforts M that oppose the globals `axes`, all others at equilibrium."""
+        S, b, joint = self.stiffness, self.actuation, np.array(axes)
+        others = np.setdiff1d(np.arange(len(b)), joint)
+        lever = np.asarray(np.linalg.solve(S[np.ix_(others, others)], S[np.ix_(others, joint)]), float)
+        by_actuation = b[joint] - lever.T @ b[others]
+        return by_actuation, S[np.ix_(joint, others)] @ lever - S[np.ix_(joint, joint)]
+
+
+class System(Protocol):
+    """A backend's discrete system. A step is what the unknowns v and the globals change by."""
+
+    @property
+    def count(self) -> int:
+        """Number G of the globals."""
+
+    def evaluate(self, x: Array, actuation: float) -> Point[Any] | None:
+        """U and W at x; None where a cell is inverted."""
+
+    def reduce(self, point: Point[Any]) -> Reduced:
+        """Factorise and condense. Raises `SingularMatrixError`."""
+
+    def step(self, inner: Array, globals_: Array) -> Array:
+        """The change of x that belongs to one of the unknowns and the globals."""
+
+    def work(self, point: Point[Any], step: tuple[Array, Array], control: Control) -> float:
+        """Work (J) of the residual along a step under a control, ≥ 0."""
+
+
+@dataclass(frozen=True, eq=False)
+class Equilibrium:
+    """A converged point with its reduced system, ready to be left again."""
+
+    point: Point[Any]
+    reduced: Reduced
+    iterations: int
+
+
+@dataclass(frozen=True, eq=False)
+class Newton:
+    """Solves equilibria of one module under control of actuation and joint axes."""
+
+    system: System
+    tolerance: Tolerance
+
+    def at(self, x: Array, actuation: float) -> Equilibrium:
+        """The system at x, which the caller knows to be an equilibrium."""
+        point = self.system.evaluate(x, actuation)
+        if point is None:
+            raise DivergedError("the state to start from has inverted cells")
+        return Equilibrium(point, self.system.reduce(point), 0)
+
+    def advance(self, start: Equilibrium, target: Control) -> Equilibrium:
+        """Equilibrium at `target`. Raises `DivergedError`."""
+        first, G = start.point, self.system.count
+        globals_, efforts = first.x[-G:], -first.residual[-G:]
+
+        def step(here: Equilibrium, goal: float, patient: bool) -> tuple[Equilibrium, int]:
+            control = target
+            if goal != 1.0:
+                control = Control(
+                    first.actuation + goal * (target.actuation - first.actuation),
+                    target.held,
+                    globals_ + goal * (target.goal - globals_),
+                    np.where(target.held, 0.0, efforts + goal * (target.effort - efforts)),
+                )
+            way = _ToControl(self.system, control)
+            predicted = way.moved(here.point, way.tangent(here.point, here.reduced), 1.0)
+            point, count = way.converged(predicted, self.tolerance, goal == 1.0, patient)
+            return Equilibrium(point, self.system.reduce(point), count + 1), count + 1
+
+        end, count = in_load_steps(start, step, self.tolerance.max_halvings)
+        return Equilibrium(end.point, end.reduced, count)
+
+
+@dataclass(frozen=True, eq=False)
+class _ToControl(Iteration[Point[Any], tuple[Array, Array]]):
+    """The iteration to one control."""
+
+    system: System
+    target: Control
+
+    def correction(self, point: Point[Any]) -> tuple[Array, Array]:
+        return self.tangent(point, self.system.reduce(point))
+
+    def tangent(self, point: Point[Any], reduced: Reduced) -> tuple[Array, Array]:
+        """Newton's step: actuation, held globals and all else move together, so that no part is left behind."""
+        control, G = self.target, self.system.count
+        rise, held, free = control.actuation - point.actuation, control.held, ~control.held
+        change = np.zeros(G)
+        change[held] = (control.goal - point.x[-G:])[held]
+        right = -reduced.residual + reduced.actuation * rise - control.effort - reduced.stiffness @ change
+        change[free] = np.linalg.solve(reduced.stiffness[np.ix_(free, free)], right[free])
+        Z = reduced.solved
+        return -Z[:, 0] - Z[:, 1:-1] @ change + Z[:, -1] * rise, change
+
+    def work(self, point: Point[Any], step: tuple[Array, Array]) -> float:
+        return self.system.work(point, step, self.target)
+
+    def moved(self, point: Point[Any], step: tuple[Array, Array], length: float) -> Point[Any] | None:
+        return self.system.evaluate(point.x + length * self.system.step(*step), self.target.actuation)

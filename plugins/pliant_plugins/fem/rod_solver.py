@@ -6,32 +6,37 @@ import time
 from abc import abstractmethod
 from collections import deque
 from collections.abc import Mapping
-from typing import Any, ClassVar
+from functools import cached_property
+from typing import ClassVar
 
 import numpy as np
 
 from pliant.errors import UserError
 from pliant.interfaces.fem import Held, ModuleSolver, StateNotConvergedError
+from pliant.mechanics.rotations import exp_map, left_jacobian
 from pliant.records.design import Array
 from pliant.records.fem import FemState, ModuleProblem
-from pliant_plugins.fem.newton import DivergedError, SingularMatrixError
+from pliant_plugins.fem.newton import Control, DivergedError, Equilibrium, Newton, SingularMatrixError
 
 OVERLAP = 1e-4  # of the span: material this far beyond a mirror plane is self-contact
 
 
 class RodSolver(ModuleSolver):
-    """Goes from state to state with a backend's `Newton`, whose last equilibria are kept factorised.
+    """Goes from state to state with `Newton`, whose last equilibria are kept factorised.
 
     A start among these costs nothing. Convolutions that meet are reported, not resolved: there is no contact in the
     model.
     """
 
     remembered: ClassVar[int] = 8
-    newton: Any  # of the backend: `at(x, actuation)` and `advance(equilibrium, target)`
 
-    def __init__(self, problem: ModuleProblem) -> None:
-        self.problem = problem
-        self._known: deque[Any] = deque(maxlen=self.remembered)
+    def __init__(
+        self, problem: ModuleProblem, newton: Newton, places: tuple[int, ...], scales: tuple[float, ...]
+    ) -> None:
+        """The module's coordinates are u = scale · q, of the globals q at `places`, axis by axis."""
+        self.problem, self.newton = problem, newton
+        self._places, self._scales = places, np.array(scales)
+        self._known: deque[Equilibrium] = deque(maxlen=self.remembered)
 
     def rest(self) -> FemState:
         """The undeformed state with its slopes."""
@@ -58,7 +63,12 @@ class RodSolver(ModuleSolver):
         begun = time.perf_counter()
         try:
             here = self._at(start.solution, start.actuation)
-            equilibrium = self.newton.advance(here, self._target(actuation, held))
+            G = self.newton.system.count
+            mask, goal = np.zeros(G, bool), np.zeros(G)
+            for axis, place, scale in zip(self.problem.axes, self._places, self._scales, strict=True):
+                if axis in held:
+                    mask[place], goal[place] = True, held[axis] / scale
+            equilibrium = self.newton.advance(here, Control(actuation, mask, goal, np.zeros(G)))
         except (DivergedError, SingularMatrixError) as error:
             unit = "N" if self.problem.actuation == "tendon_force_n" else "Pa"
             before = dict(zip(self.problem.axes, start.deformation, strict=True))
@@ -74,7 +84,7 @@ class RodSolver(ModuleSolver):
         values = ", ".join(f"{axis} = {value:.4g} {unit}" for axis, value in held.items())
         return f" and {values}" if held else ""
 
-    def _at(self, x: Array, actuation: float) -> Any:
+    def _at(self, x: Array, actuation: float) -> Equilibrium:
         """The equilibrium at x, factorised anew unless it is remembered."""
         count = len(self._undeformed())
         if x.shape != (count,):
@@ -101,21 +111,51 @@ class RodSolver(ModuleSolver):
         beyond = {"start": -s.min(), "end": s.max() - (1 + strain) * problem.span_m}
         return any(beyond[plane] > OVERLAP * problem.span_m for plane in problem.contact_planes)
 
+    def _state(self, equilibrium: Equilibrium, held: tuple[str, ...], begun: float) -> FemState:
+        """Piece to module: u = c q, Π_module = E Π_piece, hence τ = −(E/c) ∂Π_piece/∂q.
+
+        `begun` is the clock's time at which the state was asked for.
+        """
+        point, energy, scales = equilibrium.point, self.problem.energy_scale, self._scales
+        by_actuation, by_axes = equilibrium.reduced.slopes(self._places)
+        efforts = -point.residual[-self.newton.system.count :]
+        return FemState(
+            actuation=point.actuation,
+            deformation=self._coordinates(point.x),
+            tau=energy / scales * efforts[list(self._places)],
+            dtau_dp=energy / scales * by_actuation,
+            dtau_du=energy / np.outer(scales, scales) * by_axes,
+            energy_j=energy * point.energy.value,
+            travel=energy * (point.travel.value - self._travel_at_rest),
+            axial_strain=self._frame(point.x)[1],
+            branch="constrained" if held else "free",
+            status="self_contact" if self._overlaps(point.x) else "ok",
+            iterations=equilibrium.iterations,
+            wall_s=time.perf_counter() - begun,
+            main=self.problem.axes.index(self.problem.main_axis),
+            held=held,
+            solution=point.x,
+        )
+
+    @cached_property
+    def _travel_at_rest(self) -> float:
+        point = self.newton.system.evaluate(self._undeformed(), 0.0)
+        assert point is not None  # the mesh is sound
+        return float(point.travel.value)
+
+    def _coordinates(self, x: Array) -> Array:
+        """u of the module by axis, (k,)."""
+        return np.asarray(self._scales * x[-self.newton.system.count :][list(self._places)])
+
+    def deformed_nodes(self, state: FemState) -> Array:
+        """(n, 3) node positions in m; the start section stays at rest."""
+        turn, strain = self._frame(state.solution)
+        k = turn / ((1 + strain) * self.problem.span_m)
+        return placed(self._section(state.solution), k, self.problem.reference_z_m)
+
     @abstractmethod
     def _undeformed(self) -> Array:
         """x at rest."""
-
-    @abstractmethod
-    def _target(self, actuation: float, held: Mapping[str, float]) -> Any:
-        """What `Newton.advance` goes to; `held` coordinates of the module by axis, rad or m."""
-
-    @abstractmethod
-    def _state(self, equilibrium: Any, held: tuple[str, ...], begun: float) -> FemState:
-        """Piece to module; `begun` is the clock's time at which the state was asked for."""
-
-    @abstractmethod
-    def _coordinates(self, x: Array) -> Array:
-        """u of the module by axis, (k,)."""
 
     @abstractmethod
     def _frame(self, x: Array) -> tuple[Array, float]:
@@ -124,3 +164,30 @@ class RodSolver(ModuleSolver):
     @abstractmethod
     def _section(self, x: Array) -> Array:
         """Section coordinates (n, 3) of the mesh's nodes: s₁ and y, z."""
+
+
+def placed(section: Array, k: Array, reference_z_m: float) -> Array:
+    """Positions (n, 3) in space of section coordinates (s, y, z) (n, 3); the section s = 0 stays at rest.
+
+    R(s) = exp(s [k]×) and r(s) = ∫ R e₁ ds = s J(s k) e₁, with J the left Jacobian of the rotation.
+    """
+    along = section[:, 0]
+    vectors = along[:, None] * k
+    offset = np.column_stack([np.zeros_like(along), section[:, 1], section[:, 2] - reference_z_m])
+    line = along[:, None] * left_jacobian(vectors)[:, :, 0]
+    position: Array = line + np.einsum("nij,nj->ni", exp_map(vectors), offset)
+    position[:, 2] += reference_z_m
+    return position
+
+
+def field_values(F: Array, stress: Array, energy: Array, volume_ratio: Array) -> dict[str, Array]:
+    """Fields of `ModuleFields` at points, from F, the Cauchy stress (…, 3, 3), W and the volume ratio (…)."""
+    mean = np.trace(stress, axis1=-2, axis2=-1) / 3
+    deviator = stress - mean[..., None, None] * np.eye(3)
+    return {
+        "von_mises_pa": np.sqrt(1.5 * np.sum(deviator**2, axis=(-2, -1))),
+        "hydrostatic_pa": mean,
+        "energy_j_m3": energy,
+        "volume_ratio": volume_ratio,
+        "largest_stretch": np.linalg.svd(F, compute_uv=False)[..., 0],
+    }

@@ -81,24 +81,20 @@ class CommonForm:
 
     def sizes_at(self, places: Array) -> Array:
         """(m, k + 1) reach of each axis, and energy, at scaled parameters (m, d)."""
-        found: Array = np.exp(self.sizes(places))
-        return found
+        return np.exp(self.sizes(places))
 
     def reach(self, values: Array) -> Array:
         """(m, k) reach of each axis of designs (m, d), rad or m."""
-        found: Array = self.sizes_at(self.parameters(values))[:, :-1]
-        return found
+        return self.sizes_at(self.parameters(values))[:, :-1]
 
     def effort(self, values: Array) -> Array:
         """(m,) mean size of the main effort of designs (m, d), N·m or N: what one unit of |z| amounts to."""
         sizes = self.sizes_at(self.parameters(values))
-        found: Array = sizes[:, -1] / sizes[:, self.main]
-        return found
+        return sizes[:, -1] / sizes[:, self.main]
 
     def energy(self, values: Array) -> Array:
         """(m,) energy that scales the law of designs (m, d)."""
-        found: Array = self.effort(values) * self.reach(values)[:, self.main]
-        return found
+        return self.effort(values) * self.reach(values)[:, self.main]
 
     def domain(self, values: Array) -> Domain:
         """The box of a design (d,): where designs like it have trusted states."""
@@ -134,8 +130,7 @@ class CommonForm:
         """(k, 2) scaled deformations of designs like one at (1, d)."""
         k = len(self.axes)
         found = self.edges(place).reshape(k, 2)
-        clipped: Array = np.clip(found, self.extent[:, :1], self.extent[:, 1:])
-        return clipped
+        return np.clip(found, self.extent[:, :1], self.extent[:, 1:])
 
     def _domain(self, reach: Array, box: Array) -> Domain:
         return Domain(np.array(self.actuation), box * reach[:, None])

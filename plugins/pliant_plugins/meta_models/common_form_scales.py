@@ -48,13 +48,11 @@ class ParameterMap:
         """(m, d) scaled parameters of designs (m, d); outside the box they go on as they are."""
         low, high, given = self._taken(self.low), self._taken(self.high), self._taken(values)
         width = np.where(high > low, high - low, 1.0)
-        scaled: Array = (2 * given - low - high) / width
-        return scaled
+        return (2 * given - low - high) / width
 
     def _taken(self, values: Array) -> Array:
         safe = np.where(self.logarithmic, np.maximum(values, FLOOR), 1.0)
-        taken: Array = np.where(self.logarithmic, np.log(safe), values)
-        return taken
+        return np.where(self.logarithmic, np.log(safe), values)
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,8 +142,7 @@ def sizes_of(designs: SolvedDesigns) -> Array:
 
 def fitted(data: ModuleData) -> NDArray[np.bool_]:
     """(n,) the states that a meta-model may see: trusted ones of role "fit"."""
-    seen: NDArray[np.bool_] = np.isin(data.status, TRUSTED) & (data.role == "fit")
-    return seen
+    return np.isin(data.status, TRUSTED) & (data.role == "fit")
 
 
 def turned(data: ModuleData) -> tuple[Array, Array]:

@@ -79,8 +79,7 @@ class StabilityGrid:
     def at(self, coefficients: Array, keep: Mask) -> Array:
         """(g', k, k) slopes plus the margin: stable where negative definite."""
         # The product over the whole grid costs less than a copy of a part of it.
-        found: Array = (self._rows @ coefficients).reshape(self.slopes.shape[:3])[keep] + np.diag(self.margin)
-        return found
+        return (self._rows @ coefficients).reshape(self.slopes.shape[:3])[keep] + np.diag(self.margin)
 
     def stable(self, slopes: Array) -> bool:
         """Whether all of (g, k, k) symmetric slopes are negative definite."""
@@ -98,8 +97,7 @@ class StabilityGrid:
                 high = middle
             else:
                 low = middle
-        moved: Array = coefficients + high * (reference - coefficients)
-        return moved
+        return coefficients + high * (reference - coefficients)
 
     def nearest_targets(self, targets: Array, keep: Mask) -> Array | None:
         """The stable targets nearest to given ones, for a grid of coefficients (1, targets); None where none is found.
@@ -172,9 +170,8 @@ def _negative_definite(slopes: Array) -> Mask:
 
 
 def _determinant(s: Array) -> Array:
-    found: Array = (
+    return (
         s[:, 0, 0] * (s[:, 1, 1] * s[:, 2, 2] - s[:, 1, 2] ** 2)
         - s[:, 0, 1] * (s[:, 0, 1] * s[:, 2, 2] - s[:, 1, 2] * s[:, 0, 2])
         + s[:, 0, 2] * (s[:, 0, 1] * s[:, 1, 2] - s[:, 1, 1] * s[:, 0, 2])
     )
-    return found

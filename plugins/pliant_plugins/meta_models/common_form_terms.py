@@ -53,8 +53,7 @@ def orthonormal(blocks: Sequence[Equations]) -> Array:
     """(m, m) L with c = L z such that |z|² is the mean square of the equations over all designs."""
     rows = np.concatenate([one.rows / np.sqrt(len(blocks) * len(one.right)) for one in blocks])
     held = 1e-7 * np.abs(rows).max() * np.eye(rows.shape[1])
-    found: Array = np.linalg.inv(np.linalg.qr(np.concatenate([rows, held]), mode="r"))
-    return found
+    return np.linalg.inv(np.linalg.qr(np.concatenate([rows, held]), mode="r"))
 
 
 def scaled_basis(exponents: Exponents) -> EnergyBasis:

@@ -1,8 +1,8 @@
-"""What the records of all fitted laws share: joint, axes, actuation, the box of the data, the error bar."""
+"""What all fitted laws share: the choice of a stable one, and their records: joint, axes, actuation, box, error bar."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -11,6 +11,22 @@ from pliant.errors import UserError
 from pliant.records.design import Array
 from pliant.records.error_bar import ErrorBar
 from pliant.records.law import Domain, JointLaw, LawRecord
+
+# Stability may cost this factor and share of the effort's range; snap-through that is in the data costs more.
+PRICE = (3.0, 2e-3)
+
+
+def affordable(error: float) -> float:
+    """The error, as a share of the effort's range, up to which a stable law is about as good as one of `error`."""
+    return PRICE[0] * error + PRICE[1]
+
+
+def stable_choice(errors: Sequence[float], slopes: Sequence[float]) -> int:
+    """The place of the best stable law (largest ∂τ/∂u < 0) if one is about as good as the best, else of the best."""
+    best = int(np.argmin(errors))
+    limit = affordable(errors[best])
+    stable = [k for k, slope in enumerate(slopes) if slope < 0 and errors[k] <= limit]
+    return min(stable, key=lambda k: errors[k]) if stable else best
 
 
 def law_record(kind: str, law: JointLaw, arrays: Mapping[str, Array], **values: Any) -> LawRecord:

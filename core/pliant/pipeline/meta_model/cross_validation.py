@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -34,6 +34,12 @@ SEED = 0
 # Where there are at most so many designs in a part, each is a part of its own: leaving more out costs too much.
 FEW = 2
 DIGESTS = "digests.json"
+PLACES = ("all", "interior", "border")
+STEPS = 12  # of the pressure between two free states
+NEWTON = 30
+# Of the law's own size, where Newton is done; and the longest step, in the same unit as u (rad, or shares of the box).
+TOLERANCE = 1e-10
+LONGEST = 0.25
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,21 +114,34 @@ def misses_left_out(
     try:
         for number, part in enumerate(parts):
             bar.describe(f"fit {number + 1} of {len(parts)}")
-            found.append(_kept(partial / f"part-{number}", model, designs, part))
+            found.append(_part(partial / f"part-{number}", model, designs, part))
             bar.advance(len(part))
     finally:
         bar.finish()
-    return _merged(found, len(designs))
+    back = np.argsort(np.concatenate([one["part"] for one in found]))
+    assert len(back) == len(designs)
+    names = [name for name in found[0] if name not in ("part", "wall_s")]
+    joined = {name: np.concatenate([one[name] for one in found]) for name in names}
+    joined |= {name: joined[name][back] for name in ("size", "doubt")}
+    return LeftOutResiduals(**joined, wall_s=float(sum(one["wall_s"] for one in found)))
 
 
-def _kept(folder: Path, model: MetaModel, designs: SolvedDesigns, part: NDArray[np.int64]) -> dict[str, Any]:
+def _part(folder: Path, model: MetaModel, designs: SolvedDesigns, part: NDArray[np.int64]) -> dict[str, Any]:
     """The misses of one part, saved; what is damaged is made anew."""
     try:
         found: dict[str, Any] = read_checked(folder, json.loads((folder / DIGESTS).read_text()))
         return found
     except (OSError, ValueError, CorruptedError):
         pass
-    found = _of_part(model, designs, part)
+    started = time.perf_counter()
+    rest = np.ones(len(designs), bool)
+    rest[part] = False
+    laws = model.fit(designs.rows(rest)).laws
+    doubt = np.asarray(laws.doubt(designs.values[part]), float)
+    rows = [_of_design(laws.law(designs.values[i]), designs, int(i)) for i in part]
+    found = {"part": part, "doubt": doubt, "size": np.stack([row.pop("size") for row in rows])}
+    found |= {name: np.concatenate([row[name] for row in rows]) for name in rows[0]}
+    found["wall_s"] = time.perf_counter() - started
     with writing_in(folder.parent):
         shutil.rmtree(folder, ignore_errors=True)
         folder.mkdir(parents=True)
@@ -131,60 +150,28 @@ def _kept(folder: Path, model: MetaModel, designs: SolvedDesigns, part: NDArray[
     return found
 
 
-def _of_part(model: MetaModel, designs: SolvedDesigns, part: NDArray[np.int64]) -> dict[str, Any]:
-    started = time.perf_counter()
-    rest = np.ones(len(designs), bool)
-    rest[part] = False
-    laws = model.fit(designs.rows(rest)).laws
-    doubt = np.asarray(laws.doubt(designs.values[part]), float)
-    rows = [_of_design(laws.law(designs.values[i]), designs, int(i)) for i in part]
-    names = list(rows[0])
-    return {
-        "part": part,
-        "doubt": doubt,
-        "size": np.stack([row["size"] for row in rows]),
-        **{name: np.concatenate([row[name] for row in rows]) for name in names if name != "size"},
-        "wall_s": time.perf_counter() - started,
-    }
-
-
 def _of_design(law: JointLaw, designs: SolvedDesigns, index: int) -> dict[str, Any]:
     """Misses of the law of one design."""
     data = designs.data[index]
     keep = trusted(data)
     p, u, tau = data.actuation[keep], data.deformation[keep], data.tau[keep]
-    counts = np.ones(tau.shape, bool)
+    counts = np.isfinite(tau)
     for a, axis in enumerate(data.axes):
         if axis != data.main_axis:
-            counts[:, a] = data.explored[keep] != data.main_axis
+            counts[:, a] &= data.explored[keep] != data.main_axis
     free_miss, free_angle = free_misses(law, data)
-    m, k = len(p), len(free_miss)
     return {
-        "design": np.full(m, index),
+        "design": np.full(len(p), index),
         "place": scaled(box_of(law), p, u),
         "miss": law.evaluate(p, u).tau - tau,
         "tau": tau,
-        "counts": counts & np.isfinite(tau),
+        "counts": counts,
         "check": data.role[keep] == "check",
         "size": effort_size(law),
-        "free_design": np.full(k, index),
+        "free_design": np.full(len(free_miss), index),
         "free_miss": free_miss,
         "free_angle": free_angle,
     }
-
-
-def _merged(found: Sequence[Mapping[str, Any]], n: int) -> LeftOutResiduals:
-    order = np.concatenate([one["part"] for one in found])
-    back = np.argsort(order)
-    assert len(order) == n
-    names = ("design", "place", "miss", "tau", "counts", "check", "free_design", "free_miss", "free_angle")
-    joined = {name: np.concatenate([one[name] for one in found]) for name in names}
-    return LeftOutResiduals(
-        **joined,
-        size=np.concatenate([one["size"] for one in found])[back],
-        doubt=np.concatenate([one["doubt"] for one in found])[back],
-        wall_s=float(sum(one["wall_s"] for one in found)),
-    )
 
 
 def box_of(law: JointLaw) -> Array:
@@ -201,22 +188,19 @@ def scaled(box: Array, actuation: Array, deformation: Array) -> Array:
 
 def effort_size(law: JointLaw) -> Array:
     """(a,) range of each axis' effort over p and its own u on the law's box, the other axes at rest."""
-    box = box_of(law)
-    p, u = (grid.ravel() for grid in np.meshgrid(box[0], [0.0, 0.5, 1.0], indexing="ij"))
-    sizes = []
+    places = axis_grids(law, 2, 3)
+    return np.array([float(np.ptp(law.evaluate(p, u).tau[:, a])) for a, (p, u) in enumerate(places)])
+
+
+def axis_grids(law: JointLaw, n_p: int, n_u: int) -> list[tuple[Array, Array]]:
+    """For each axis, p (m,) and u (m, a) on a grid of the law's box over p and that axis, the other axes at rest."""
+    box, found = box_of(law), []
+    p, u = (g.ravel() for g in np.meshgrid(np.linspace(0, 1, n_p), np.linspace(0, 1, n_u), indexing="ij"))
     for a in range(len(law.axes)):
-        low, high = box[1 + a]
         deformation = np.zeros((len(p), len(law.axes)))
-        deformation[:, a] = low + u * (high - low)
-        sizes.append(float(np.ptp(law.evaluate(p, deformation).tau[:, a])))
-    return np.array(sizes)
-
-
-STEPS = 12  # of the pressure between two free states
-NEWTON = 30
-# Of the law's own size, where Newton is done; and the longest step, in the same unit as u (rad, or shares of the box).
-TOLERANCE = 1e-10
-LONGEST = 0.25
+        deformation[:, a] = box[1 + a, 0] + u * np.ptp(box[1 + a])
+        found.append((box[0, 0] + p * np.ptp(box[0]), deformation))
+    return found
 
 
 def free_misses(law: JointLaw, data: ModuleData) -> tuple[Array, Array]:
@@ -266,9 +250,6 @@ def _newton(law: JointLaw, p: float, start: Array, reach: Array) -> Array | None
     return None
 
 
-PLACES = ("all", "interior", "border")
-
-
 @dataclass(frozen=True)
 class AxisScores:
     """Errors of one axis' effort on states of designs left out.
@@ -310,30 +291,28 @@ class Scores:
     free_lost: int
     check_worst_of_range: float
 
+    def _of_worst_axis(self, name: str, worst: Callable[..., float] = max) -> float:
+        return worst((getattr(one, name) for one in self.axes.values()), default=np.nan)
+
     @property
     def r2(self) -> float:
         """Of the worst axis."""
-        return min((one.r2 for one in self.axes.values()), default=np.nan)
+        return self._of_worst_axis("r2", min)
 
     @property
     def worst_of_range(self) -> float:
         """Of the worst axis."""
-        return max((one.worst_of_range for one in self.axes.values()), default=np.nan)
+        return self._of_worst_axis("worst_of_range")
 
     @property
     def rmse_of_range(self) -> float:
         """Of the worst axis."""
-        return max((one.rmse_of_range for one in self.axes.values()), default=np.nan)
+        return self._of_worst_axis("rmse_of_range")
 
     def as_values(self) -> dict[str, Any]:
         """As JSON values."""
-        axes = {axis: dict(vars(one)) for axis, one in self.axes.items()}
-        summary = {
-            "r2": self.r2,
-            "worst_of_range": self.worst_of_range,
-            "rmse_of_range": self.rmse_of_range,
-        }
-        return {**vars(self), **summary, "axes": axes}
+        summary = {name: getattr(self, name) for name in ("r2", "worst_of_range", "rmse_of_range")}
+        return {**vars(self), **summary, "axes": {axis: dict(vars(one)) for axis, one in self.axes.items()}}
 
     @staticmethod
     def of_values(values: Mapping[str, Any]) -> Scores:
@@ -351,65 +330,47 @@ def scores_of(designs: SolvedDesigns, misses: LeftOutResiduals) -> dict[str, Sco
 
 
 def _scores(place: str, designs: SolvedDesigns, misses: LeftOutResiduals, group: NDArray[np.bool_]) -> Scores:
-    axes = designs.data[0].axes
-    rows = group[misses.design]
-    found = {}
-    for a, axis in enumerate(axes):
+    rows, share, axes = group[misses.design], np.abs(shares(misses)), {}
+    for a, axis in enumerate(designs.data[0].axes):
         keep = rows & misses.counts[:, a]
-        if keep.any():
-            found[axis] = _axis(misses, a, keep)
-    free = group[misses.free_design]
-    share = np.abs(misses.free_miss) / _largest_free(misses)[misses.free_design]
-    share = np.where(np.isnan(share), np.inf, share)[free]
+        if not keep.any():
+            continue
+        miss, tau, of_range = misses.miss[keep, a], misses.tau[keep, a], share[keep, a]
+        spread = float(np.sum((tau - tau.mean()) ** 2))
+        axes[axis] = AxisScores(
+            n_states=len(miss),
+            r2=1.0 - float(np.sum(miss**2)) / spread if spread > 0 else float("nan"),
+            rmse=float(np.sqrt(np.mean(miss**2))),
+            worst=float(np.abs(miss).max()),
+            rmse_of_range=float(np.sqrt(np.mean(of_range**2))),
+            worst_of_range=float(of_range.max()),
+        )
+    largest = np.full(len(misses.size), np.nan)
+    for design in np.unique(misses.free_design):
+        largest[design] = np.abs(misses.free_angle[misses.free_design == design]).max()
+    free = np.abs(misses.free_miss) / largest[misses.free_design]
+    free = np.where(np.isnan(free), np.inf, free)[group[misses.free_design]]
     kept = rows & misses.check
-    check = np.abs(shares(misses)[kept])[misses.counts[kept]]
+    check = share[kept][misses.counts[kept]]
     return Scores(
         place=place,
         n_designs=int(group.sum()),
-        axes=found,
-        free_median=float(np.median(share)) if len(share) else float("nan"),
-        free_worst=float(share.max(initial=0.0)) if len(share) else float("nan"),
-        free_states=len(share),
-        free_lost=int(np.isinf(share).sum()),
+        axes=axes,
+        free_median=float(np.median(free)) if len(free) else float("nan"),
+        free_worst=float(free.max(initial=0.0)) if len(free) else float("nan"),
+        free_states=len(free),
+        free_lost=int(np.isinf(free).sum()),
         check_worst_of_range=float(check.max()) if check.size else float("nan"),
-    )
-
-
-def _axis(misses: LeftOutResiduals, a: int, keep: NDArray[np.bool_]) -> AxisScores:
-    miss, tau = misses.miss[keep, a], misses.tau[keep, a]
-    share = shares(misses)[keep, a]
-    spread = float(np.sum((tau - tau.mean()) ** 2))
-    return AxisScores(
-        n_states=len(miss),
-        r2=1.0 - float(np.sum(miss**2)) / spread if spread > 0 else float("nan"),
-        rmse=float(np.sqrt(np.mean(miss**2))),
-        worst=float(np.abs(miss).max()),
-        rmse_of_range=float(np.sqrt(np.mean(share**2))),
-        worst_of_range=float(np.abs(share).max()),
     )
 
 
 def shares(misses: LeftOutResiduals) -> Array:
     """(m, a) misses as shares of the range that the true effort of that design and axis has over its states."""
-    found: Array = misses.miss / effort_ranges(misses)[misses.design]
-    return found
-
-
-def effort_ranges(misses: LeftOutResiduals) -> Array:
-    """(n, a) range of the true effort of each design and axis."""
     ranges: Array = np.full_like(misses.size, np.nan)
     for design in np.unique(misses.design):
         rows = misses.design == design
         for a in range(misses.size.shape[1]):
             tau = misses.tau[rows & misses.counts[:, a], a]
-            width = float(np.ptp(tau)) if len(tau) else 0.0
-            ranges[design, a] = width if width > 0 else np.nan
-    return ranges
-
-
-def _largest_free(misses: LeftOutResiduals) -> Array:
-    """(n,) largest free angle of each design; NaN without free states."""
-    found = np.full(len(misses.size), np.nan)
-    for design in np.unique(misses.free_design):
-        found[design] = np.abs(misses.free_angle[misses.free_design == design]).max()
+            ranges[design, a] = (float(np.ptp(tau)) if len(tau) else 0.0) or np.nan
+    found: Array = misses.miss / ranges[misses.design]
     return found

@@ -1,4 +1,7 @@
-"""What a meta-model is fitted to: the designs of the study's sweep, or those of a sweep's table."""
+"""What a meta-model is fitted to: the designs of the study's sweep, or those of a sweep's table, and their parameters.
+
+Parameters are those of the family, and constants of the material as `material.…`.
+"""
 
 from __future__ import annotations
 
@@ -33,24 +36,44 @@ MATERIAL = "material."
 NO_PART_IN_THE_LAW = ("kind", "density_kg_m3")
 
 
-def parameters_of(family: FamilyConfig) -> dict[str, Any]:
-    """Parameters of a design, SI."""
-    return {name: value for name, value in family.canonical().items() if name != "kind"}
+@dataclass(frozen=True, eq=False)
+class Solved:
+    """Solved designs and where they came from.
+
+    Attributes:
+        designs: what is fitted.
+        inputs: name → key of the FEM artifacts, or digest of the table: what the meta-model's artifact is keyed by.
+        source: in words, for people.
+        left_out: designs of the sweep without data, and doubles that say the same.
+    """
+
+    designs: SolvedDesigns
+    inputs: Mapping[str, str]
+    source: str
+    left_out: int = 0
 
 
-def material_parameters(material: MaterialConfig) -> dict[str, Any]:
-    """Constants of the material that a law depends on, SI, named `material.…`."""
-    found = {
+def parameters_of(family: FamilyConfig, material: MaterialConfig | None = None) -> dict[str, Any]:
+    """Parameters of a design on which a law depends, SI; constants of the material are named `material.…`."""
+    own = {name: value for name, value in family.canonical().items() if name != "kind"}
+    if material is None:
+        return own
+    constants = {
         f"{MATERIAL}{name}": value
         for name, value in material.canonical().items()
         if name not in NO_PART_IN_THE_LAW and value is not None
     }
-    return {f"{MATERIAL}kind": material.kind, **found}
+    return {**own, f"{MATERIAL}kind": material.kind, **constants}
 
 
 def is_number(value: Any) -> bool:
     """Whether a parameter is a finite number."""
     return isinstance(value, int | float) and not isinstance(value, bool) and bool(np.isfinite(value))
+
+
+def trusted(data: ModuleData) -> NDArray[np.bool_]:
+    """(n,) whether nothing overlaps in a state, or what overlaps is let pass."""
+    return np.isin(data.status, TRUSTED)
 
 
 def values_of(
@@ -73,7 +96,14 @@ def values_of(
     Raises:
         UserError: the design lacks a parameter, lies outside the range, or differs in a fixed one.
     """
-    known = {**parameters_of(family), **(material_parameters(material) if material is not None else {})}
+    known = parameters_of(family, material)
+
+    def key(name: str) -> str:
+        """A parameter as the study writes it: `family.average_radius`."""
+        of_material = name.startswith(MATERIAL)
+        field, model = name.removeprefix(MATERIAL), type(material if of_material else family)
+        return f"{'material' if of_material else 'family'}.{written_name(model, field)}"  # type: ignore[arg-type]
+
     for name in names:
         if not is_number(known.get(name)):
             raise UserError(
@@ -83,38 +113,25 @@ def values_of(
                 else f"the meta-model's designs differ in '{name}'; give the study a 'material' block that has it."
             )
     for name, value in fixed.items():
-        if name in known and not _equal(known[name], value):
-            owner = "material" if name.startswith(MATERIAL) else "family"
+        own = known.get(name, value)
+        numbers = is_number(own) and is_number(value)
+        same = np.isclose(float(own), float(value), rtol=1e-6, atol=0.0) if numbers else own == value
+        if not same:
+            bare = name.removeprefix("family.").removeprefix(MATERIAL)
             raise UserError(
-                f"{_key(name, family, material)} is {shown(name, known[name])}, and all solved designs of the "
-                f"meta-model have {shown(name, value)}; use that, or sweep '{name.removeprefix(f'{owner}.')}' too."
+                f"{key(name)} is {shown(name, own)}, and all solved designs of the meta-model have "
+                f"{shown(name, value)}; use that, or sweep '{bare}' too."
             )
     values = np.array([float(known[name]) for name in names])
-    if not extrapolate:
-        for name, value, (low, high) in zip(names, values, box, strict=True):
-            slack = ROUNDING * (high - low)
-            if not low - slack <= value <= high + slack:
-                raise UserError(
-                    f"{_key(name, family, material)} is {shown(name, value)}, outside the meta-model's range "
-                    f"{shown(name, low)} to {shown(name, high)}; solve designs there, or set "
-                    "meta_model.extrapolate: true to use the law all the same."
-                )
+    for name, one, (low, high) in zip(names, values, box, strict=True) if not extrapolate else ():
+        slack = ROUNDING * (high - low)
+        if not low - slack <= one <= high + slack:
+            raise UserError(
+                f"{key(name)} is {shown(name, one)}, outside the meta-model's range "
+                f"{shown(name, low)} to {shown(name, high)}; solve designs there, or set "
+                "meta_model.extrapolate: true to use the law all the same."
+            )
     return values
-
-
-def _equal(one: Any, other: Any) -> bool:
-    if is_number(one) and is_number(other):
-        return bool(np.isclose(float(one), float(other), rtol=1e-6, atol=0.0))
-    return bool(one == other)
-
-
-def _key(name: str, family: FamilyConfig, material: MaterialConfig | None) -> str:
-    """A parameter as the study writes it: `family.average_radius`."""
-    if name.startswith(MATERIAL):
-        field = name.removeprefix(MATERIAL)
-        model: Any = type(material)
-        return f"material.{written_name(model, field) if field in model.model_fields else field}"
-    return f"family.{written_name(type(family), name)}"
 
 
 def shown(name: str, value: Any) -> str:
@@ -124,27 +141,8 @@ def shown(name: str, value: Any) -> str:
 
 def spoken(parameters: Mapping[str, Any]) -> str:
     """Parameters in words: average radius 7.5 mm, wall 1.5 mm."""
-    return ", ".join(
-        f"{strip_unit_suffix(name).replace('_', ' ')} {shown(name, value)}"
-        for name, value in parameters.items()
-    )
-
-
-@dataclass(frozen=True, eq=False)
-class Solved:
-    """Solved designs and where they came from.
-
-    Attributes:
-        designs: what is fitted.
-        inputs: name → key of the FEM artifacts, or digest of the table: what the meta-model's artifact is keyed by.
-        source: in words, for people.
-        left_out: designs of the sweep without data, and doubles that say the same.
-    """
-
-    designs: SolvedDesigns
-    inputs: Mapping[str, str]
-    source: str
-    left_out: int = 0
+    bare = {name: strip_unit_suffix(name).replace("_", " ") for name in parameters}
+    return ", ".join(f"{bare[name]} {shown(name, value)}" for name, value in parameters.items())
 
 
 def solved_designs(bench: Workbench, study: Study) -> Solved:
@@ -184,17 +182,13 @@ def from_sweep(run: SweepRun) -> Solved:
     if not done:
         cause = next((outcome.cause for outcome in run.outcomes if outcome.cause), "")
         raise UserError(f"none of the sweep's {total} could be solved, so there is nothing to fit: {cause}")
-    kind = done[0].design.family.kind
-    swept = list(done[0].design.changes)
-    constants = [
-        {**parameters_of(outcome.design.family), **material_parameters(outcome.design.material)}
-        for outcome in done
-    ]
-    labels = [f"design {outcome.design.number}" for outcome in done]
-    data = [outcome.data() for outcome in done]
-    designs, doubles = assembled(kind, constants, data, labels, "the sweep", swept)
+    planned = [outcome.design for outcome in done]
+    constants = [parameters_of(design.family, design.material) for design in planned]
+    labels = [f"design {design.number}" for design in planned]
+    data, swept = [outcome.data() for outcome in done], list(planned[0].changes)
+    designs, doubles = assembled(planned[0].family.kind, constants, data, labels, "the sweep", swept)
     inputs = {f"design{outcome.design.number}": outcome.key for outcome in done}
-    missing = len(run.failed()) + len(run.refused())
+    missing = len(run.outcomes) - len(done)
     return Solved(designs, inputs, f"the sweep's {total}", missing + doubles)
 
 
@@ -205,8 +199,7 @@ def from_table(path: Path, family: str) -> Solved:
         UserError: as `assembled`, and for a table that cannot be read.
     """
     path = Path(path)
-    read = read_labelled_designs(path)
-    labels, data = [label for label, _ in read], [one for _, one in read]
+    labels, data = zip(*read_labelled_designs(path), strict=True)
     constants = [dict(one.design.parameters) for one in data]
     designs, doubles = assembled(family, constants, data, labels, str(path))
     digest = "sha256:" + hashlib.sha256(path.read_bytes()).hexdigest()
@@ -254,7 +247,15 @@ def assembled(
         )
         raise UserError(f"{place}: the designs do not differ, so there is nothing to learn; {what}")
     values = np.array([[float(one[name]) for name in varied] for one in constants])
-    keep = _without_doubles(values, data, labels, place)
+    first: dict[bytes, int] = {}
+    for index, row in enumerate(np.round(values / np.abs(values).max(axis=0).clip(1e-300), 9)):
+        earlier = first.setdefault(row.tobytes(), index)
+        if earlier != index and not _same_states(data[earlier], data[index]):
+            raise UserError(
+                f"{place}: {labels[index]} has the parameters of {labels[earlier]} and other data; points that "
+                "contradict each other cannot be fitted: keep one of them, or add the parameter in which they differ."
+            )
+    keep = sorted(first.values())
     fixed = {name: constants[0][name] for name in every if name not in varied}
     designs = SolvedDesigns(family, tuple(varied), values[keep], fixed, tuple(data[i] for i in keep))
     return designs, len(data) - len(keep)
@@ -264,21 +265,17 @@ def _one_joint(data: Sequence[ModuleData], labels: Sequence[str], place: str) ->
     """All designs have the same joint, axes and actuation, and states that can be fitted."""
     for label, one in zip(labels, data, strict=True):
         for word, what in (("joint", "joint"), ("axes", "axes"), ("actuation_name", "actuation")):
-            first, other = getattr(data[0], word), getattr(one, word)
-            if first != other:
+            pair = getattr(one, word), getattr(data[0], word)
+            if pair[0] != pair[1]:
+                other, first = (v if isinstance(v, str) else ", ".join(v) for v in pair)
                 raise UserError(
-                    f"{place}: {what} of {label} is {_said(other)}, of {labels[0]} {_said(first)}; a meta-model is for "
+                    f"{place}: {what} of {label} is {other}, of {labels[0]} {first}; a meta-model is for "
                     "designs of one family with the same joint, axes and actuation."
                 )
         if not np.any((one.role == "fit") & trusted(one)):
             raise UserError(
                 f"{place}: {label} has no trusted state to fit (all overlap or are kept for checks); leave it out."
             )
-
-
-def trusted(data: ModuleData) -> NDArray[np.bool_]:
-    """(n,) whether nothing overlaps in a state, or what overlaps is let pass."""
-    return np.isin(data.status, TRUSTED)
 
 
 def _varies(values: Sequence[Any]) -> bool:
@@ -289,34 +286,13 @@ def _varies(values: Sequence[Any]) -> bool:
     return len({repr(value) for value in values}) > 1
 
 
-def _said(value: Any) -> str:
-    return value if isinstance(value, str) else ", ".join(value)
-
-
-def _without_doubles(
-    values: Array, data: Sequence[ModuleData], labels: Sequence[str], place: str
-) -> list[int]:
-    """The places of designs, each once."""
-    first: dict[bytes, int] = {}
-    for index, row in enumerate(np.round(values / np.abs(values).max(axis=0).clip(1e-300), 9)):
-        earlier = first.setdefault(row.tobytes(), index)
-        if earlier != index and not _same(data[earlier], data[index]):
-            raise UserError(
-                f"{place}: {labels[index]} has the parameters of {labels[earlier]} and other data; points that "
-                "contradict each other cannot be fitted: keep one of them, or add the parameter in which they differ."
-            )
-    return sorted(first.values())
-
-
-def _same(one: ModuleData, other: ModuleData) -> bool:
+def _same_states(one: ModuleData, other: ModuleData) -> bool:
     """Whether two designs have the same states: same count, p and u, and efforts to 1 % of their range."""
-    if len(one) != len(other):
-        return False
-    size = np.ptp(one.tau, axis=0) + 1e-300
     return bool(
-        np.allclose(one.actuation, other.actuation)
+        len(one) == len(other)
+        and np.allclose(one.actuation, other.actuation)
         and np.allclose(one.deformation, other.deformation, atol=1e-2)
-        and np.all(np.abs(one.tau - other.tau) <= 1e-2 * size)
+        and np.all(np.abs(one.tau - other.tau) <= 1e-2 * (np.ptp(one.tau, axis=0) + 1e-300))
     )
 
 
@@ -324,25 +300,22 @@ def _one_family(
     bench: Workbench, family: FamilyConfig, material: MaterialConfig | None, found: Solved
 ) -> None:
     """The designs are of the study's family: their parameters are its own, joint, axes and actuation too."""
-    designs = found.designs
-    own = parameters_of(family)
-    known = [*own, *(material_parameters(material) if material is not None else ())]
-    for name in designs.names:
-        if name not in known and not name.startswith("material."):
+    known = list(parameters_of(family, material))
+    for name in found.designs.names:
+        if name not in known and not name.startswith(MATERIAL):
             raise UserError(
                 f"{found.source}: '{name}' varies between its designs, and it is not a parameter of the study's family "
                 f"'{family.kind}'{closest(name, known)} Were the designs of another family?"
             )
     built: ActuatorFamily = bench.build("family", family)
-    data = designs.data[0]
-    said = (data.joint, data.axes, data.actuation_name)
-    if said != (built.joint, built.axes, built.actuation):
+    data = found.designs.data[0]
+    theirs, own = (data.joint, data.axes, data.actuation_name), (built.joint, built.axes, built.actuation)
+    if theirs != own:
+        said = [
+            f"a {joint} joint with {'axis' if len(axes) == 1 else 'axes'} {', '.join(axes)}, driven by {drive}"
+            for joint, axes, drive in (theirs, own)
+        ]
         raise UserError(
-            f"{found.source}: its designs have a {data.joint} joint with {_axes(data.axes)}, driven by "
-            f"{data.actuation_name}; the study's family '{family.kind}' has a {built.joint} joint with "
-            f"{_axes(built.axes)}, driven by {built.actuation}. Were the designs of another family?"
+            f"{found.source}: its designs have {said[0]}; the study's family '{family.kind}' has {said[1]}. "
+            "Were the designs of another family?"
         )
-
-
-def _axes(axes: Sequence[str]) -> str:
-    return f"{'axis' if len(axes) == 1 else 'axes'} {', '.join(axes)}"

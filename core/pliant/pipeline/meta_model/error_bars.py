@@ -14,10 +14,8 @@ arXiv:2306.06342).
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 import scipy
@@ -88,7 +86,7 @@ class Bars:
             new = float(one.sizes_at(learnt.power, everyone, at, np.array([doubt]))[0])
             misses[:, a] = learnt.misses * new * size[a]
         scores = np.stack([learnt.scores for learnt in self._learnt], axis=1)
-        return ErrorBar(box_of(law), self.place, misses, self.weights, scores, self.reach)
+        return ErrorBar(box_of(law), self.place, misses, self.weights, scores, _reach(self.place))
 
     @cached_property
     def _axes(self) -> tuple[_Axis, ...]:
@@ -103,7 +101,8 @@ class Bars:
         for one in self._axes:
             power = one.power(everyone)
             own = one.sizes(power, everyone)
-            misses = np.sqrt(one.normalised(own, everyone))
+            squares = np.where(one.scored, one.share, 0.0) ** 2 / own[self.design] ** 2
+            misses = np.sqrt(np.where(one.scored, squares, one._mean(own, everyone)))
             found.append(_Learnt(power, misses, one.quantiles(own, everyone, levels)))
         return tuple(found)
 
@@ -113,12 +112,6 @@ class Bars:
         counts = np.bincount(self.design, minlength=len(self.values))
         found: Array = 1.0 / counts[self.design]
         return found
-
-    @property
-    def reach(self) -> float:
-        """Width of the kernel over p and u."""
-        m, d = self.place.shape
-        return float(m ** (-1.0 / (d + 4)))
 
     def coverage(self, border: NDArray[np.bool_]) -> dict[str, dict[str, float]]:
         """How much of the left-out designs' states lies in bars made from the other designs only.
@@ -135,14 +128,12 @@ class Bars:
         for a, one in enumerate(self._axes):
             for row, design in enumerate(checked):
                 inside[row, a] = one.covered(int(design), LEVELS)
-        groups = {"all": np.ones(n, bool), "interior": ~border, "border": border}
         found: dict[str, dict[str, float]] = {}
-        for place, group in groups.items():
+        for place, group in {"all": np.ones(n, bool), "interior": ~border, "border": border}.items():
             chosen = inside[group[checked]]
             if chosen.size and not np.all(np.isnan(chosen)):
-                found[place] = {
-                    f"{level:g}": float(np.nanmean(chosen[:, :, i])) for i, level in enumerate(LEVELS)
-                }
+                shares = np.nanmean(chosen, axis=(0, 1))
+                found[place] = {f"{level:g}": float(s) for level, s in zip(LEVELS, shares, strict=True)}
         return found
 
 
@@ -189,12 +180,12 @@ class _Axis:
         with np.errstate(invalid="ignore", divide="ignore"):
             square = np.bincount(bars.design, filled**2, n) / counts
         inside = np.clip(bars.place, -1.0, 1.0)
-        kernel = bars.weights * _kernel(inside, bars.place, bars.reach)
+        kernel = bars.weights * _kernel(inside, bars.place)
         member = (bars.design[:, None] == np.arange(n)).astype(float)
         return _Axis(
             bars,
             square,
-            _kernel(bars.values, bars.values, _reach_of_designs(bars)),
+            _kernel(bars.values, bars.values),
             scored,
             share,
             kernel @ (member * (filled**2)[:, None]),
@@ -222,7 +213,7 @@ class _Axis:
 
     def sizes_at(self, power: float, among: NDArray[np.bool_], values: Array, doubt: Array) -> Array:
         """(k,) σ of further designs, scaled values (k, d)."""
-        near = _kernel(values, self.bars.values, _reach_of_designs(self.bars))
+        near = _kernel(values, self.bars.values)
         return self._sizes(near, power, among, doubt)
 
     def _sizes(self, near: Array, power: float, among: NDArray[np.bool_], doubt: Array) -> Array:
@@ -234,13 +225,8 @@ class _Axis:
         sizes: Array = np.sqrt(np.maximum(local + floor, TINY)) * np.maximum(doubt, TINY) ** power
         return sizes
 
-    def normalised(self, sizes: Array, among: NDArray[np.bool_]) -> Array:
-        """(m,) squared share / σ² of each state; the mean where the axis is not scored."""
-        found = np.where(self.scored, self.share, 0.0) ** 2 / sizes[self.bars.design] ** 2
-        return np.where(self.scored, found, self._mean(sizes, among))
-
     def _mean(self, sizes: Array, among: NDArray[np.bool_]) -> float:
-        """Mean of `normalised`, each design counting alike."""
+        """Mean of squared share / σ², each design counting alike."""
         known = among & np.isfinite(self.square)
         return float(np.mean(self.square[known] / sizes[known] ** 2))
 
@@ -295,17 +281,17 @@ class _Axis:
         return np.array([np.mean(self.share[rows] <= q * width) for q in limit])
 
 
-def _kernel(points: Array, places: Array, reach: float) -> Array:
-    """(n, m) Gaussian kernel; each row's nearest place has 1, so that none underflows."""
+def _kernel(points: Array, places: Array) -> Array:
+    """(n, m) Gaussian kernel, as wide as `_reach`; each row's nearest place has 1, so that none underflows."""
     squares = np.sum(points**2, axis=1)[:, None] + np.sum(places**2, axis=1) - 2 * points @ places.T
-    distance = np.maximum(squares, 0.0) / reach**2
+    distance = np.maximum(squares, 0.0) / _reach(places) ** 2
     found: Array = np.exp(-(distance - distance.min(axis=1, keepdims=True)) / 2)
     return found
 
 
-def _reach_of_designs(bars: Bars) -> float:
-    n, d = bars.values.shape
-    return float(n ** (-1.0 / (d + 4)))
+def _reach(places: Array) -> float:
+    m, d = places.shape
+    return float(m ** (-1.0 / (d + 4)))
 
 
 def _chosen(design: NDArray[np.int64], n: int) -> NDArray[np.bool_]:
@@ -318,13 +304,3 @@ def _chosen(design: NDArray[np.int64], n: int) -> NDArray[np.bool_]:
         if len(rows) > most:
             keep[random.permutation(rows)[most:]] = False
     return keep
-
-
-def as_values(bars: Bars) -> dict[str, Any]:
-    """The bars as plain arrays, for the store."""
-    return {field.name: getattr(bars, field.name) for field in fields(bars)}
-
-
-def of_values(values: Mapping[str, Any]) -> Bars:
-    """The bars that `as_values` gave."""
-    return Bars(**values)

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
@@ -22,8 +22,7 @@ from pydantic import ValidationError
 from pliant.config.designs import sweep_designs
 from pliant.config.study import Study, varied
 from pliant.errors import InvalidDesignError, UserError
-from pliant.interfaces.base import ComponentConfig
-from pliant.pipeline.meta_model.designs import MATERIAL, material_parameters, parameters_of
+from pliant.pipeline.meta_model.designs import MATERIAL, parameters_of
 from pliant.pipeline.meta_model.stage import MetaModelStage
 from pliant.pipeline.workbench import Workbench
 from pliant.records.design import Array
@@ -77,10 +76,9 @@ def designs_to_solve(bench: Workbench, study: Study, stage: MetaModelStage, coun
     """
     check_count(count)
     designs = stage.designs
-    candidates = _of_sweep(study, designs)
+    candidates = _unsolved(designs, _of_sweep(study, designs))
     if not len(candidates):
-        candidates = _in_range(bench, study, designs, CANDIDATES, SEED)
-        candidates = candidates[_distances(designs, candidates, designs.values).min(axis=1) > SAME]
+        candidates = _unsolved(designs, _in_range(bench, study, designs, CANDIDATES, SEED))
     if len(candidates) < count:
         raise UserError(
             f"--next {count}: only {len(candidates)} designs can be had that are not solved yet; ask for fewer, or "
@@ -88,7 +86,16 @@ def designs_to_solve(bench: Workbench, study: Study, stage: MetaModelStage, coun
         )
     over = _in_range(bench, study, designs, OVER, SEED + 1)
     worth, basis = _worth(stage, candidates, over if len(over) else designs.values)
-    return _greedy(designs, candidates, worth, basis, count)
+    reach = len(designs) ** (-1.0 / len(designs.names))
+    left, found = worth.copy(), []
+    for _ in range(count):  # each choice lowers its neighbours
+        best = int(np.argmax(left))
+        chosen = candidates[best]
+        found.append(Proposal(designs.names, tuple(map(float, chosen)), float(worth[best]), basis))
+        apart = _distances(designs, candidates, chosen[None])[:, 0]
+        left = left * (1 - np.exp(-((apart / reach) ** 2) / 2))
+        left[best] = -np.inf
+    return found
 
 
 def write_proposals(proposals: Sequence[Proposal], path: Path) -> None:
@@ -111,22 +118,6 @@ def _worth(stage: MetaModelStage, candidates: Array, over: Array) -> tuple[Array
     return _distances(stage.designs, candidates, stage.designs.values).min(axis=1), "distance"
 
 
-def _greedy(
-    designs: SolvedDesigns, candidates: Array, worth: Array, basis: str, count: int
-) -> list[Proposal]:
-    """The best candidates, each choice lowering its neighbours."""
-    reach = len(designs) ** (-1.0 / len(designs.names))
-    left, found = worth.copy(), []
-    for _ in range(count):
-        best = int(np.argmax(left))
-        chosen = candidates[best]
-        found.append(Proposal(designs.names, tuple(map(float, chosen)), float(worth[best]), basis))
-        apart = _distances(designs, candidates, chosen[None])[:, 0]
-        left = left * (1 - np.exp(-((apart / reach) ** 2) / 2))
-        left[best] = -np.inf
-    return found
-
-
 def _distances(designs: SolvedDesigns, one: Array, other: Array) -> Array:
     """(m, k) distances between designs (m, d) and (k, d), the range of each parameter being 1."""
     width = designs.scale
@@ -134,23 +125,21 @@ def _distances(designs: SolvedDesigns, one: Array, other: Array) -> Array:
     return found
 
 
-def _of_sweep(study: Study, designs: SolvedDesigns) -> Array:
-    """(m, d) designs of the study's sweep that are not solved; none without a sweep of the same parameters."""
-    none = np.zeros((0, len(designs.names)))
-    if study.sweep is None:
-        return none
-    rows = []
-    for design in sweep_designs(study):
-        if design.cause:
-            continue
-        known = {**parameters_of(design.family), **material_parameters(design.material)}
-        if all(name in known for name in designs.names):
-            rows.append([float(known[name]) for name in designs.names])
-    found = np.array(rows).reshape(-1, len(designs.names))
-    if not len(found):
-        return none
-    new: Array = found[_distances(designs, found, designs.values).min(axis=1) > SAME]
+def _unsolved(designs: SolvedDesigns, candidates: Array) -> Array:
+    if not len(candidates):
+        return candidates
+    new: Array = candidates[_distances(designs, candidates, designs.values).min(axis=1) > SAME]
     return new
+
+
+def _of_sweep(study: Study, designs: SolvedDesigns) -> Array:
+    """(m, d) designs of the study's sweep; none without a sweep of the same parameters."""
+    rows = []
+    for design in sweep_designs(study) if study.sweep is not None else ():
+        known = parameters_of(design.family, design.material)
+        if not design.cause and all(name in known for name in designs.names):
+            rows.append([float(known[name]) for name in designs.names])
+    return np.array(rows).reshape(-1, len(designs.names))
 
 
 def _in_range(bench: Workbench, study: Study, designs: SolvedDesigns, count: int, seed: int) -> Array:
@@ -159,30 +148,20 @@ def _in_range(bench: Workbench, study: Study, designs: SolvedDesigns, count: int
     d = len(designs.names)
     corners = np.array(list(product((0.0, 1.0), repeat=d)) if d <= MOST_CORNERS else []).reshape(-1, d)
     shares = np.concatenate([corners, scipy.stats.qmc.Sobol(d, seed=seed).random(count)])
-    rows = [_rounded(row) for row in low + shares * width]
+    rows = [[float(f"{value:.{DIGITS}g}") for value in row] for row in low + shares * width]
     return np.array([row for row in rows if _possible(bench, study, designs, row)]).reshape(-1, d)
-
-
-def _rounded(row: Array) -> list[float]:
-    return [float(f"{value:.{DIGITS}g}") for value in row]
 
 
 def _possible(bench: Workbench, study: Study, designs: SolvedDesigns, row: Sequence[float]) -> bool:
     """Whether the family can be built with these parameters, and the material with its."""
-    blocks: dict[str, dict[str, float]] = {"family": {}, "material": {}}
+    changes: dict[str, dict[str, float]] = {"family": {}, "material": {}}
     for name, value in zip(designs.names, row, strict=True):
         block = "material" if name.startswith(MATERIAL) else "family"
-        blocks[block][name.removeprefix(MATERIAL)] = value
+        changes[block][name.removeprefix(MATERIAL)] = value
     try:
-        for block, config in _configs(study):
-            bench.build(block, varied(config, blocks[block]))
+        for block in changes:
+            if (config := getattr(study, block)) is not None:
+                bench.build(block, varied(config, changes[block]))
     except (InvalidDesignError, ValidationError):
         return False
     return True
-
-
-def _configs(study: Study) -> Iterator[tuple[str, ComponentConfig]]:
-    if study.family is not None:
-        yield "family", study.family
-    if study.material is not None:
-        yield "material", study.material

@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -15,10 +15,9 @@ from pliant.config.study import Study
 from pliant.interfaces.family import FamilyConfig
 from pliant.interfaces.material import MaterialConfig
 from pliant.interfaces.meta_model import DesignLaws, MetaModel, MetaModelConfig
-from pliant.pipeline.meta_model import error_bars
 from pliant.pipeline.meta_model.cross_validation import (
     Scores,
-    box_of,
+    axis_grids,
     effort_size,
     misses_left_out,
     parts_of,
@@ -36,7 +35,7 @@ from pliant.store.store import Artifact
 
 # Keys of the config that change no fit and no score.
 NOT_FITTED = ("data", "extrapolate")
-STABLE_GRID = 7
+STABLE_GRID = 7  # whether ∂τ/∂u stays negative (definite), the directions of the box one by one
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,7 +108,7 @@ def meta_model_stage(bench: Workbench, study: Study, solved: Solved | None = Non
             "scores": {place: one.as_values() for place, one in scores_of(designs, misses).items()},
             "coverage": bars.coverage(designs.corners()),
             "misses": dict(vars(misses)),
-            "bars": error_bars.as_values(bars),
+            "bars": {field.name: getattr(bars, field.name) for field in fields(bars)},
             "parts": len(parts),
             "fit_s": fit_s,
             "scoring_s": misses.wall_s,
@@ -136,7 +135,7 @@ def meta_model_stage(bench: Workbench, study: Study, solved: Solved | None = Non
         laws=model.load(value["record"]),
         scores={place: Scores.of_values(one) for place, one in value["scores"].items()},
         coverage=value["coverage"],
-        bars=error_bars.of_values(value["bars"]),
+        bars=Bars(**value["bars"]),
         details=value["details"],
         parts=int(value["parts"]),
         fit_s=float(value["fit_s"]),
@@ -198,13 +197,14 @@ def report_of(stage: MetaModelStage, law: JointLaw, values: Array) -> FitReport:
     """Errors on designs left out, as the report of a law shows them; its details say whose law it is."""
     every, designs = stage.scores["all"], stage.designs
     states = [int(np.sum((one.role == "fit") & trusted(one))) for one in designs.data]
-    worst = max(every.axes.values(), key=lambda one: one.worst_of_range)
+    slopes = [law.evaluate(p, u).dtau_du for p, u in axis_grids(law, STABLE_GRID, STABLE_GRID)]
+    stable = all(np.linalg.eigvalsh((K + np.swapaxes(K, 1, 2)) / 2).max() < 0 for K in slopes)
     return FitReport(
         n_fitted=sum(states),
         n_heldout=sum(one.n_states for one in every.axes.values()),
         rmse=max(one.rmse for one in every.axes.values()),
         worst=max(one.worst for one in every.axes.values()),
-        worst_of_range=worst.worst_of_range,
+        worst_of_range=every.worst_of_range,
         r2=every.r2,
         effort_range=float(effort_size(law).max()),
         details={
@@ -215,21 +215,6 @@ def report_of(stage: MetaModelStage, law: JointLaw, values: Array) -> FitReport:
             "n_designs": len(designs),
             "scores": {place: one.as_values() for place, one in stage.scores.items()},
             "coverage": {place: dict(one) for place, one in stage.coverage.items()},
-            "stable": _stable(law),
+            "stable": stable,
         },
     )
-
-
-def _stable(law: JointLaw) -> bool:
-    """Whether ∂τ/∂u stays negative (definite) on a grid of the law's box, the main directions one by one."""
-    box = box_of(law)
-    shares = np.linspace(0.0, 1.0, STABLE_GRID)
-    p, u = (grid.ravel() for grid in np.meshgrid(shares, shares, indexing="ij"))
-    p = box[0, 0] + p * np.ptp(box[0])
-    for a in range(len(law.axes)):
-        deformation = np.zeros((len(p), len(law.axes)))
-        deformation[:, a] = box[1 + a, 0] + u * np.ptp(box[1 + a])
-        slope = law.evaluate(p, deformation).dtau_du
-        if np.linalg.eigvalsh((slope + np.swapaxes(slope, 1, 2)) / 2).max() >= 0:
-            return False
-    return True

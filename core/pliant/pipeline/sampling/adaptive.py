@@ -9,14 +9,23 @@ deviation and the last misses lie below the error, as a share of the effort's ra
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pliant.pipeline.sampling.gaussian import Process, effort_orders, fit, slope_orders
 from pliant.pipeline.sampling.walk import Sampled, Target, Walk
 from pliant.records.design import Array
+
+LATTICE = 21  # candidates along each side of the box
+TESTS = 2  # the last states that must have been foretold well enough
+REMEMBERED = 6  # the last misses that scale the deviations
+# A new state keeps this many times the distance to a failed one that it has to a solved one.
+WARY = 2.0
+FEWEST_STATES = 4
+TINY = 1e-12  # a deviation that means certainty
+SAME = 1e-9  # scaled distance below which two places are one
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,35 +50,19 @@ class LawView:
 
 
 def law_view(states: Sequence[Sampled], axis: str, axes: Sequence[str]) -> LawView:
-    """The law of `axis` from states in which the other axes are free, or the only ones."""
-    k = list(axes).index(axis)
-    rows = [_alone(one, k) for one in states]
+    """The law of `axis` from states in which the other axes are free, or the only ones: dτ_j = 0 for all j ≠ k."""
+    k, rows = list(axes).index(axis), []
+    for state in (one.state for one in states):
+        others = [j for j in range(len(state.deformation)) if j != k]
+        by_p, by_u = float(state.dtau_dp[k]), float(state.dtau_du[k, k])
+        if others:
+            K = state.dtau_du
+            moved = np.column_stack([state.dtau_dp[others], K[others, k]])
+            follow = np.linalg.solve(K[np.ix_(others, others)], moved)
+            by_p -= float(K[k, others] @ follow[:, 0])
+            by_u -= float(K[k, others] @ follow[:, 1])
+        rows.append((state.actuation, float(state.deformation[k]), float(state.tau[k]), by_p, by_u))
     return LawView(*np.array(rows, dtype=float).reshape(len(rows), 5).T)
-
-
-def _alone(one: Sampled, k: int) -> tuple[float, ...]:
-    """One state with the other axes condensed: dτ_j = 0 for all j ≠ k."""
-    state = one.state
-    others = [j for j in range(len(state.deformation)) if j != k]
-    by_p, by_u = float(state.dtau_dp[k]), float(state.dtau_du[k, k])
-    if others:
-        K = state.dtau_du
-        follow = np.linalg.solve(
-            K[np.ix_(others, others)], np.column_stack([state.dtau_dp[others], K[others, k]])
-        )
-        by_p -= float(K[k, others] @ follow[:, 0])
-        by_u -= float(K[k, others] @ follow[:, 1])
-    return state.actuation, float(state.deformation[k]), float(state.tau[k]), by_p, by_u
-
-
-LATTICE = 21  # candidates along each side of the box
-TESTS = 2  # the last states that must have been foretold well enough
-REMEMBERED = 6  # the last misses that scale the deviations
-# A new state keeps this many times the distance to a failed one that it has to a solved one.
-WARY = 2.0
-FEWEST_STATES = 4
-TINY = 1e-12  # a deviation that means certainty
-SAME = 1e-9  # scaled distance below which two places are one
 
 
 @dataclass(frozen=True)
@@ -97,111 +90,77 @@ class Box:
         p, u = np.meshgrid(*(np.linspace(*side, LATTICE) for side in sides))
         return p.ravel(), u.ravel()
 
+    def target(self, actuation: float, deformation: float) -> Target:
+        """The state to solve at a place."""
+        held = {self.axis: deformation}
+        return Target("constrained", actuation, held, explored=self.axis, piece=self.piece)
 
-@dataclass
-class Verdict:
-    """How well the law is known, as shares of the effort's range.
+    def corners(self) -> list[Target]:
+        """The corners, the easy ones first: without actuation, then bent with it, then against it."""
+        (p0, p1), (u0, u1) = self.actuation, self.deformation
+        places = ((p0, u1), (p1, u1), (p0, u0), (p1, u0))
+        return [self.target(p, u) for p, u in places if not (self.symmetric and u < 0)]
 
-    Attributes:
-        wanted: the error asked for.
-        stated: the error that the process states over the box; infinite before the first fit.
-        reached: whether `stated` and the last misses are below `wanted`.
-        tests: one record for each new state: where, what was foretold and found, its deviation.
-    """
+    def fitted(self, walk: Walk) -> list[Sampled]:
+        """The states to fit inside the box: those that only showed where it ends lie outside."""
+        k = walk.pieces[self.piece].axes.index(self.axis)
+        low, high = self.deformation
+        margin = SAME * (high - low)
+        return [
+            one
+            for one in walk.of(self.piece)
+            if one.target.role == "fit"
+            and (one.target.explored == self.axis or one.target.branch == "free")
+            and low - margin <= float(one.state.deformation[k]) <= high + margin
+        ]
 
-    wanted: float
-    stated: float = np.inf
-    reached: bool = False
-    tests: list[dict[str, float]] = field(default_factory=list)
-
-    def record(self, n_states: int) -> dict[str, object]:
-        """JSON values."""
-        return {
-            "n_states": n_states,
-            "error": self.wanted,
-            "stated_error": self.stated if np.isfinite(self.stated) else None,
-            "reached": self.reached,
-            "tests": [dict(test) for test in self.tests],
-        }
-
-
-def corners(box: Box) -> list[Target]:
-    """The box's corners, the easy ones first: without actuation, then bent with it, then against it."""
-    (p0, p1), (u0, u1) = box.actuation, box.deformation
-    places = ((p0, u1), (p1, u1), (p0, u0), (p1, u0))
-    return [_target(box, p, u) for p, u in places if not (box.symmetric and u < 0)]
+    def view(self, walk: Walk) -> LawView:
+        """The law of the states to fit, their mirror images among them."""
+        view = law_view(self.fitted(walk), self.axis, walk.pieces[self.piece].axes)
+        return view.mirrored() if self.symmetric else view
 
 
-def refine(walk: Walk, box: Box, wanted: float, most: int, expect: Callable[[int], None]) -> Verdict:
+def refine(walk: Walk, box: Box, wanted: float, most: int, expect: Callable[[int], None]) -> dict[str, Any]:
     """Add states until the error is below `wanted` or the axis has `most` states to fit.
 
     `expect` hears how many states this axis is likely to take still.
+
+    Returns:
+        How well the law is known, as shares of the effort's range, as JSON values: `error` asked for; `stated_error`
+        of the process over the box, None before the first fit; `reached`, whether that and the last misses are below
+        it; `tests`, for each new state where, what was foretold and found, its deviation and miss.
     """
-    verdict = Verdict(wanted)
+    tests: list[dict[str, float]] = []
+    stated, reached = np.inf, False
     lengths: Array | None = None
-    while True:
-        view = _view(walk, box)
-        if len(view) < FEWEST_STATES:
-            return verdict
+    while len(view := box.view(walk)) >= FEWEST_STATES:
         size = float(np.ptp(view.tau)) or 1.0
         process = _process(view, box, size, lengths)
         lengths = process.lengths
         allowed = _allowed(walk, box)
         if not allowed.any():
-            return verdict
+            break
         p, u = (c[allowed] for c in box.lattice())
         mean, deviation = _predict(process, box, p, u)
-        verdict.stated = 2 * _too_small(process, verdict.tests) * float(deviation.max())
-        last = [test["miss"] for test in verdict.tests[-TESTS:]]
-        verdict.reached = len(last) == TESTS and max(last) <= wanted and verdict.stated <= wanted
-        count = len(_fitted(walk, box))
-        if verdict.reached or count >= most:
-            return verdict
-        expect(min(most - count, _likely(verdict)))
+        stated = 2 * _too_small(process, tests) * float(deviation.max())
+        last = [test["miss"] for test in tests[-TESTS:]]
+        reached = len(last) == TESTS and max(last) <= wanted and stated <= wanted
+        count = len(box.fitted(walk))
+        if reached or count >= most:
+            break
+        # The error falls by about a fifth with each state (measured on bending bellows).
+        left = int(np.log(max(stated / wanted, 1.0)) / np.log(1.25))
+        expect(min(most - count, max(1 + left, TESTS - len(tests))))
         worst = int(np.argmax(deviation))
-        state = walk.reach(_target(box, float(p[worst]), float(u[worst])))
-        if state is None:
-            continue
-        tau = float(state.tau[walk.pieces[box.piece].axes.index(box.axis)])
-        verdict.tests.append(
-            {
-                "actuation": float(p[worst]),
-                "deformation": float(u[worst]),
-                "foretold": float(mean[worst]) * size,
-                "found": tau,
-                "deviation": float(deviation[worst]),
-                "miss": abs(float(mean[worst]) * size - tau) / size,
-            }
-        )
-
-
-def _likely(verdict: Verdict) -> int:
-    """States to go: the error falls by about a fifth with each (measured on bending bellows)."""
-    left = np.log(max(verdict.stated / verdict.wanted, 1.0)) / np.log(1.25)
-    return max(1 + int(left), TESTS - len(verdict.tests))
-
-
-def _target(box: Box, actuation: float, deformation: float) -> Target:
-    return Target("constrained", actuation, {box.axis: deformation}, explored=box.axis, piece=box.piece)
-
-
-def _fitted(walk: Walk, box: Box) -> list[Sampled]:
-    """The states to fit inside the box: those that only showed where it ends lie outside."""
-    k = walk.pieces[box.piece].axes.index(box.axis)
-    low, high = box.deformation
-    margin = SAME * (high - low)
-    return [
-        one
-        for one in walk.of(box.piece)
-        if one.target.role == "fit"
-        and (one.target.explored == box.axis or one.target.branch == "free")
-        and low - margin <= float(one.state.deformation[k]) <= high + margin
-    ]
-
-
-def _view(walk: Walk, box: Box) -> LawView:
-    view = law_view(_fitted(walk, box), box.axis, walk.pieces[box.piece].axes)
-    return view.mirrored() if box.symmetric else view
+        place = {"actuation": float(p[worst]), "deformation": float(u[worst])}
+        state = walk.reach(box.target(**place))
+        if state is not None:
+            tau = float(state.tau[walk.pieces[box.piece].axes.index(box.axis)])
+            foretold = float(mean[worst]) * size
+            test = {**place, "foretold": foretold, "found": tau, "deviation": float(deviation[worst])}
+            tests.append({**test, "miss": abs(foretold - tau) / size})
+    stated_error = stated if np.isfinite(stated) else None
+    return {"error": wanted, "stated_error": stated_error, "reached": reached, "tests": tests}
 
 
 def _process(view: LawView, box: Box, size: float, near: Array | None) -> Process:
@@ -231,21 +190,21 @@ def _too_small(process: Process, tests: list[dict[str, float]]) -> float:
     return max(1.0, *map(float, ratios))
 
 
-def _allowed(walk: Walk, box: Box) -> NDArray[np.bool_]:
+def _allowed(walk: Walk, box: Box) -> np.ndarray:
     """Which candidates may be tried: those that are neither solved nor near a failure."""
     candidates = box.scaled(*box.lattice())
-    view = law_view(_fitted(walk, box), box.axis, walk.pieces[box.piece].axes)
-    to_solved = _distance(candidates, box.scaled(view.actuation, view.deformation))
+
+    def distance(p: Array, u: Array) -> Array:
+        if len(p) == 0:
+            return np.full(len(candidates), np.inf)
+        apart = candidates[:, None] - box.scaled(p, u)[None]
+        return np.asarray(np.linalg.norm(apart, axis=2).min(axis=1))
+
+    view = law_view(box.fitted(walk), box.axis, walk.pieces[box.piece].axes)
+    to_solved = distance(view.actuation, view.deformation)
     stops = [t for t in walk.stops if t.piece == box.piece and t.explored == box.axis and t.held]
-    failed = box.scaled(np.array([t.actuation for t in stops]), np.array([t.held[box.axis] for t in stops]))
-    return (_distance(candidates, failed) >= WARY * to_solved) & (to_solved > SAME)
-
-
-def _distance(points: Array, others: Array) -> Array:
-    """(n,) distance to the nearest of the others; infinite where there are none."""
-    if len(others) == 0:
-        return np.full(len(points), np.inf)
-    return np.asarray(np.linalg.norm(points[:, None] - others[None], axis=2).min(axis=1))
+    to_failed = distance(np.array([t.actuation for t in stops]), np.array([t.held[box.axis] for t in stops]))
+    return np.asarray((to_failed >= WARY * to_solved) & (to_solved > SAME))
 
 
 def interpolated(view: LawView, box: Box) -> Callable[[Array, Array], tuple[Array, Array]]:
@@ -267,7 +226,7 @@ def check_error(walk: Walk, box: Box) -> float | None:
         for one in walk.of(box.piece)
         if one.target.role == "check" and one.target.explored == box.axis and one.state.trusted
     ]
-    view = _view(walk, box)
+    view = box.view(walk)
     if not checks or len(view) < FEWEST_STATES:
         return None
     seen = law_view(checks, box.axis, walk.pieces[box.piece].axes)

@@ -1,4 +1,11 @@
-"""Which states of a module are solved, in which order, and how an interrupted sampling goes on."""
+"""Which states of a module are solved, in which order, and how an interrupted sampling goes on.
+
+On the piece that moves about all axes, a lateral axis is held at angles up to `lateral_angle` while the main
+one follows its free branch, as on a bench; states are chosen as on the main axis. A module with mirror planes
+has an energy that is even in its lateral angles. That is tested, not asked: the far corner is solved on both
+sides, and where they agree the states at −u are copies. The coupling states hold all axes at points of a
+scrambled Sobol sequence (Owen 1998), so that a coupled law can be fitted, or the uncoupled one judged.
+"""
 
 from __future__ import annotations
 
@@ -13,156 +20,26 @@ import scipy
 from pliant.execution.progress import Progress
 from pliant.interfaces.fem import FemConfig
 from pliant.interfaces.study_loads import StudyLoads
-from pliant.pipeline.sampling.adaptive import Box, check_error, corners, refine
+from pliant.pipeline.sampling.adaptive import Box, check_error, refine
 from pliant.pipeline.sampling.strategies import (
-    box,
+    box_of_angles,
     check_targets,
     free_actuations,
     free_adaptive,
     free_levels,
     grid,
     ladders,
-    study_axis,
     study_states,
     trusted_box,
 )
 from pliant.pipeline.sampling.walk import FULL, MAIN, Piece, Sampled, Sampling, Saved, Target, Walk, levels
 from pliant.records.fem import FemState, Role
 
-
-def coupling(solved: Sequence[Sampled], axes: Sequence[str], main_axis: str) -> dict[str, Any]:
-    """Largest off-diagonal slope, asymmetry of the slopes, and how well the two pieces agree.
-
-    `largest` is max |∂τ_i/∂u_j| / √|∂τ_i/∂u_i ∂τ_j/∂u_j| over states and pairs, `between` its pair and
-    `actuation`, `deformation` its state; `largest_asymmetry` is max |K − Kᵀ| / max |K|, which an energy makes
-    zero. `pieces_differ` compares the free angle at the largest common actuation on both pieces.
-    """
-    full = [one.state for one in solved if one.target.piece == FULL]
-    if not full:
-        return {}
-    K = np.array([state.dtau_du for state in full])
-    diagonal = np.abs(np.einsum("sii->si", K))
-    relative = np.abs(K) / np.sqrt(diagonal[:, :, None] * diagonal[:, None, :])
-    relative[:, np.arange(len(axes)), np.arange(len(axes))] = 0.0
-    s, i, j = np.unravel_index(int(np.argmax(relative)), relative.shape)
-    skew = np.abs(K - np.swapaxes(K, 1, 2)).max(axis=(1, 2)) / np.abs(K).max(axis=(1, 2))
-    return {
-        "n_states": len(full),
-        "largest": float(relative[s, i, j]),
-        "between": [axes[int(i)], axes[int(j)]],
-        "actuation": full[int(s)].actuation,
-        "deformation": full[int(s)].deformation.tolist(),
-        "largest_asymmetry": float(skew.max()),
-        "pieces_differ": _pieces_differ(solved, list(axes).index(main_axis)),
-    }
-
-
-def _pieces_differ(solved: Sequence[Sampled], main: int) -> float | None:
-    """Relative difference of the free angle between the pieces, or None without a common actuation."""
-    free = {
-        piece: {
-            one.state.actuation: one.state
-            for one in solved
-            if one.target.piece == piece and one.target.branch == "free"
-        }
-        for piece in (MAIN, FULL)
-    }
-    common = max(set(free[MAIN]) & set(free[FULL]), default=0.0)
-    if common == 0.0:
-        return None
-    full = float(free[FULL][common].deformation[main])
-    return abs(free[MAIN][common].angle_rad - full) / abs(full)
-
-
+# States to fit that an adaptive main axis usually takes: free branch, corners, chosen ones.
+USUAL_STATES = 24
 FREE_LEVELS = 3  # states of the free branch on the full piece, rest included
 MIRROR_TOLERANCE = 1e-3  # of τ and of u: both sides agree
 CHECKS = 2  # check states of each lateral axis, on the side that is not fitted
-
-
-@dataclass(frozen=True)
-class Lateral:
-    """The axes of the full piece, up to which actuation and angle they are sampled."""
-
-    axes: tuple[str, ...]
-    main_axis: str
-    limit: float
-    config: FemConfig
-
-    @property
-    def reach(self) -> float:
-        """Largest lateral angle."""
-        return self.config.lateral_angle_rad
-
-    def estimate(self) -> int:
-        """About how many states all this takes."""
-        others = len(self.axes) - 1
-        return FREE_LEVELS + others * self.estimate_of_axis() + self.config.coupling_states
-
-    def estimate_of_axis(self) -> int:
-        """About how many states one axis takes, the free ones aside."""
-        return self.config.lateral_states + 1 + min(CHECKS, self.config.check_states)
-
-    def start(self, walk: Walk) -> None:
-        """The free branch of the full piece, which starts all its other states."""
-        walk.rest(FULL)
-        free_levels(walk, levels(0.0, self.limit, FREE_LEVELS)[1:], "", FULL)
-
-    def explore(self, walk: Walk, axis: str, expect: Callable[[int], None]) -> dict[str, Any]:
-        """The states of one lateral axis; returns the record of how well its law is known."""
-        reach, config = self.reach, self.config
-        symmetric, apart = self._mirror_test(walk, axis)
-        box = Box(axis, FULL, (0.0, self.limit), (-reach, reach), symmetric)
-        for target in corners(box):
-            if not walk.knows(target):
-                walk.reach(target)
-        most = FREE_LEVELS + config.lateral_states * (1 if symmetric else 2)
-        verdict = refine(walk, box, config.error, most, expect)
-        low, high = (-reach, 0.0) if symmetric else (-reach, reach)
-        count = min(CHECKS, config.check_states)
-        for target in check_targets(self.limit, low, high, count, config.seed, axis, FULL):
-            walk.reach(target)
-        n_states = sum(one.target.explored == axis for one in walk.of(FULL))
-        return {
-            **verdict.record(n_states),
-            "check_error": check_error(walk, box),
-            "symmetric": symmetric,
-            "difference_of_sides": apart,
-        }
-
-    def couple(self, walk: Walk, main_box: tuple[float, float]) -> None:
-        """States that hold all axes, over the box of all of them."""
-        count = self.config.coupling_states
-        if count == 0:
-            return
-        sides = [(0.0, self.limit)]
-        sides += [main_box if axis == self.main_axis else (-self.reach, self.reach) for axis in self.axes]
-        sequence = scipy.stats.qmc.Sobol(len(sides), scramble=True, seed=self.config.seed)
-        points = sequence.random_base2(int(np.ceil(np.log2(count))))[:count]
-        low, high = np.array(sides).T
-        for point in low + (high - low) * points:
-            held = {axis: float(u) for axis, u in zip(self.axes, point[1:], strict=True)}
-            walk.reach(Target("constrained", float(point[0]), held, piece=FULL))
-
-    def _mirror_test(self, walk: Walk, axis: str) -> tuple[bool, float | None]:
-        """Whether the states at ±u under the largest actuation are mirror images, and how much they differ."""
-        k = self.axes.index(axis)
-        right = self._corner(walk, axis, self.reach, "fit")
-        left = self._corner(walk, axis, -self.reach, "check")
-        if right is None or left is None:
-            return False, None
-        size = max(abs(float(right.tau[k])), abs(float(left.tau[k])), 1e-300)
-        in_effort = abs(float(right.tau[k] + left.tau[k])) / size
-        followed = np.abs(np.delete(right.deformation, k)) - np.abs(np.delete(left.deformation, k))
-        apart = max(in_effort, float(np.abs(followed).max()) / self.reach)
-        return apart <= MIRROR_TOLERANCE, apart
-
-    def _corner(self, walk: Walk, axis: str, angle: float, role: Role) -> FemState | None:
-        held = {axis: angle}
-        return walk.reach(Target("constrained", self.limit, held, role=role, explored=axis, piece=FULL))
-
-
-# States to fit that an adaptive main axis usually takes: free branch, corners, chosen ones.
-USUAL_STATES = 24
 
 
 def sample(
@@ -214,10 +91,10 @@ class _Plan:
         return self.pieces[MAIN].main_axis
 
     @property
-    def lateral(self) -> Lateral | None:
-        if FULL not in self.pieces:
-            return None
-        return Lateral(self.pieces[FULL].axes, self.main, self.limit, self.config)
+    def lateral(self) -> list[str]:
+        """The other axes."""
+        axes = self.pieces[FULL].axes if FULL in self.pieces else ()
+        return [axis for axis in axes if axis != self.main]
 
     def estimate(self) -> int:
         """About how many states there will be."""
@@ -229,32 +106,39 @@ class _Plan:
         }
         return of_main[config.sampling] + config.check_states + self._later()
 
-    def _later(self) -> int:
-        """About how many states the other axes will take."""
-        return self.lateral.estimate() if self.lateral else 0
+    def _later(self, done: int = 0) -> int:
+        """About how many states the other axes will take, the first `done` of them aside."""
+        each = self.config.lateral_states + 1 + min(CHECKS, self.config.check_states)
+        axes = len(self.lateral) - done
+        free = FREE_LEVELS if done == 0 else 0
+        return free + axes * each + self.config.coupling_states if self.lateral else 0
 
     def carry_out(self, walk: Walk) -> dict[str, Any]:
         """Solve everything; returns the summary."""
         walk.rest(explored=self.main)
-        low, high, record = self._main_axis(walk)
+        box, record = self._main_axis(walk)
         summary: dict[str, Any] = {
             "kind": self.config.sampling,
             "seed": self.config.seed,
             "axes": {self.main: record},
         }
-        lateral = self.lateral
-        if lateral is None:
+        if not self.lateral:
             return summary
-        lateral.start(walk)
-        others = [axis for axis in lateral.axes if axis != self.main]
-        for done, axis in enumerate(others):
-            left = (len(others) - 1 - done) * lateral.estimate_of_axis() + self.config.coupling_states
-            summary["axes"][axis] = self._other_axis(walk, lateral, axis, left)
-        lateral.couple(walk, (low, high))
-        summary["coupling"] = coupling(walk.solved, lateral.axes, self.main)
+        # The free branch of the full piece starts all its other states.
+        walk.rest(FULL)
+        free_levels(walk, levels(0.0, self.limit, FREE_LEVELS)[1:], "", FULL)
+        reach = self.config.lateral_angle_rad
+        for done, axis in enumerate(self.lateral, start=1):
+            if self.config.sampling == "study":
+                ladders(walk, self.loads[axis], self.limit, axis, FULL, (-reach, reach))
+                summary["axes"][axis] = {}
+            else:
+                summary["axes"][axis] = self._lateral_axis(walk, axis, _expect(walk, self._later(done)))
+        self._couple(walk, box)
+        summary["coupling"] = coupling(walk.solved, self.pieces[FULL].axes, self.main)
         return summary
 
-    def _main_axis(self, walk: Walk) -> tuple[float, float, dict[str, Any]]:
+    def _main_axis(self, walk: Walk) -> tuple[tuple[float, float], dict[str, Any]]:
         """Box of the main axis and the record of how well its law is known."""
         config, limit, axis = self.config, self.limit, self.main
         record: dict[str, Any] = {}
@@ -262,34 +146,77 @@ class _Plan:
             low, high = grid(walk, config, limit, axis)
         elif config.sampling == "study":
             free_levels(walk, free_actuations(self.loads[axis], limit), axis)
-            low, high = box(walk, config)
+            low, high = box_of_angles(walk, config)
             ladders(walk, self.loads[axis], limit, axis, MAIN, (low, high))
         else:
             free_adaptive(walk, limit, axis)
-            low, high = box(walk, config)
+            low, high = box_of_angles(walk, config)
             if walk.passing:  # no overlap ends the box; rigid parts do
                 closed = self.pieces[MAIN].contact_range
                 low, high = max(low, closed[0]), min(high, closed[1])
             low, high = trusted_box(walk, axis, limit, low, high)
             where = Box(axis, MAIN, (0.0, limit), (low, high))
-            for target in corners(where):
-                if not walk.knows(target):
-                    walk.reach(target)
+            walk.reach_new(where.corners())
             expect = _expect(walk, config.check_states + self._later())
             verdict = refine(walk, where, config.error, config.max_states, expect)
-            record = verdict.record(len(walk.solved))
+            record = {"n_states": len(walk.solved), **verdict}
         for target in check_targets(limit, low, high, config.check_states, config.seed, axis):
             walk.reach(target)
         if config.sampling == "adaptive":
             record["check_error"] = check_error(walk, where)
-        return low, high, record
+        return (low, high), record
 
-    def _other_axis(self, walk: Walk, lateral: Lateral, axis: str, left: int) -> dict[str, Any]:
-        if self.config.sampling != "study":
-            return lateral.explore(walk, axis, _expect(walk, left))
-        reach = self.config.lateral_angle_rad
-        study_axis(walk, self.loads[axis], self.limit, axis, FULL, (-reach, reach))
-        return {}
+    def _lateral_axis(self, walk: Walk, axis: str, expect: Callable[[int], None]) -> dict[str, Any]:
+        """The states of one lateral axis; returns the record of how well its law is known."""
+        config, reach = self.config, self.config.lateral_angle_rad
+        symmetric, apart = self._mirror_test(walk, axis)
+        box = Box(axis, FULL, (0.0, self.limit), (-reach, reach), symmetric)
+        walk.reach_new(box.corners())
+        most = FREE_LEVELS + config.lateral_states * (1 if symmetric else 2)
+        verdict = refine(walk, box, config.error, most, expect)
+        high, count = 0.0 if symmetric else reach, min(CHECKS, config.check_states)
+        for target in check_targets(self.limit, -reach, high, count, config.seed, axis, FULL):
+            walk.reach(target)
+        return {
+            "n_states": sum(one.target.explored == axis for one in walk.of(FULL)),
+            **verdict,
+            "check_error": check_error(walk, box),
+            "symmetric": symmetric,
+            "difference_of_sides": apart,
+        }
+
+    def _couple(self, walk: Walk, main_box: tuple[float, float]) -> None:
+        """States that hold all axes, over the box of all of them."""
+        count, reach, axes = (
+            self.config.coupling_states,
+            self.config.lateral_angle_rad,
+            self.pieces[FULL].axes,
+        )
+        if count == 0:
+            return
+        sides = [(0.0, self.limit), *(main_box if axis == self.main else (-reach, reach) for axis in axes)]
+        sequence = scipy.stats.qmc.Sobol(len(sides), scramble=True, seed=self.config.seed)
+        points = sequence.random_base2(int(np.ceil(np.log2(count))))[:count]
+        low, high = np.array(sides).T
+        for point in low + (high - low) * points:
+            held = {axis: float(u) for axis, u in zip(axes, point[1:], strict=True)}
+            walk.reach(Target("constrained", float(point[0]), held, piece=FULL))
+
+    def _mirror_test(self, walk: Walk, axis: str) -> tuple[bool, float | None]:
+        """Whether the states at ±u under the largest actuation are mirror images, and how much they differ."""
+        k, reach = self.pieces[FULL].axes.index(axis), self.config.lateral_angle_rad
+
+        def corner(angle: float, role: Role) -> FemState | None:
+            return walk.reach(Target("constrained", self.limit, {axis: angle}, {}, role, axis, FULL))
+
+        right, left = corner(reach, "fit"), corner(-reach, "check")
+        if right is None or left is None:
+            return False, None
+        size = max(abs(float(right.tau[k])), abs(float(left.tau[k])), 1e-300)
+        in_effort = abs(float(right.tau[k] + left.tau[k])) / size
+        followed = np.abs(np.delete(right.deformation, k)) - np.abs(np.delete(left.deformation, k))
+        apart = max(in_effort, float(np.abs(followed).max()) / reach)
+        return apart <= MIRROR_TOLERANCE, apart
 
 
 def _expect(walk: Walk, later: int) -> Callable[[int], None]:
@@ -299,3 +226,39 @@ def _expect(walk: Walk, later: int) -> Callable[[int], None]:
         walk.bar.expect(max(walk.walked + more + later, len(walk.saved)))
 
     return expect
+
+
+def coupling(solved: Sequence[Sampled], axes: Sequence[str], main_axis: str) -> dict[str, Any]:
+    """How strongly the axes of a module depend on each other, from states of the piece that has them all.
+
+    `largest` is max |∂τ_i/∂u_j| / √|∂τ_i/∂u_i ∂τ_j/∂u_j| over states and pairs, `between` its pair and
+    `actuation`, `deformation` its state; `largest_asymmetry` is max |K − Kᵀ| / max |K|, which an energy makes
+    zero. `pieces_differ` compares the free angle at the largest common actuation on both pieces, None without one.
+    """
+    full = [one.state for one in solved if one.target.piece == FULL]
+    if not full:
+        return {}
+    K = np.array([state.dtau_du for state in full])
+    diagonal = np.abs(np.einsum("sii->si", K))
+    relative = np.abs(K) / np.sqrt(diagonal[:, :, None] * diagonal[:, None, :])
+    relative[:, np.arange(len(axes)), np.arange(len(axes))] = 0.0
+    s, i, j = np.unravel_index(int(np.argmax(relative)), relative.shape)
+    skew = np.abs(K - np.swapaxes(K, 1, 2)).max(axis=(1, 2)) / np.abs(K).max(axis=(1, 2))
+    free: dict[str, dict[float, FemState]] = {MAIN: {}, FULL: {}}
+    for one in solved:
+        if one.target.branch == "free":
+            free[one.target.piece][one.state.actuation] = one.state
+    common = max(set(free[MAIN]) & set(free[FULL]), default=0.0)
+    differ = None
+    if common != 0.0:
+        angle = float(free[FULL][common].deformation[list(axes).index(main_axis)])
+        differ = abs(free[MAIN][common].angle_rad - angle) / abs(angle)
+    return {
+        "n_states": len(full),
+        "largest": float(relative[s, i, j]),
+        "between": [axes[int(i)], axes[int(j)]],
+        "actuation": full[int(s)].actuation,
+        "deformation": full[int(s)].deformation.tolist(),
+        "largest_asymmetry": float(skew.max()),
+        "pieces_differ": differ,
+    }

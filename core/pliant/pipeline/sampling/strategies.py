@@ -1,4 +1,4 @@
-"""The free branch: at given levels, or in steps that grow while the tangent foretells the next state."""
+"""Ways to choose the states of an axis: the free branch, the grid, the published study's loads; where the box ends."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pliant.interfaces.fem import FemConfig
 from pliant.interfaces.study_loads import STUDY_LOADS, StudyLoads
 from pliant.pipeline.sampling.walk import MAIN, Target, Walk, levels
 from pliant.records.design import Array
-from pliant.records.fem import FemState, ModuleProblem
+from pliant.records.fem import ModuleProblem
 
 STRAIGHT = 1e-9  # a largest free angle (rad) or extension (m) below this is rounding
 FIRST_STEP = 1 / 8  # of the limit
@@ -17,21 +17,25 @@ SHORTEST_STEP = 1 / 64
 LONGEST_STEP = 1 / 3
 # A step whose prediction misses by this share of the angle reached so far was just right.
 WANTED_MISS = 0.1
+# Actuation of each trial for the border of trusted angles as a share of the limit: that border hardly depends on it,
+# so each trial is also a state somewhere else.
+ACTUATIONS = (0.0, 0.5, 0.25, 0.75)
+ROUNDING = 1e-9
 
 
 def free_levels(walk: Walk, actuations: Array, explored: str, piece: str = MAIN) -> None:
     """The free branch at given actuations, ascending. Raises `NotReachedError` at its first failure."""
     for actuation in actuations:
-        target = Target("free", float(actuation), explored=explored, piece=piece)
-        if walk.reach(target) is None:
+        if walk.reach(Target("free", float(actuation), explored=explored, piece=piece)) is None:
             raise _stopped(walk)
 
 
 def free_adaptive(walk: Walk, limit: float, explored: str) -> None:
     """The free branch up to `limit`, from a walk that stands at rest.
 
-    Each step is as long as the miss of the tangent's prediction over the last one allows; a step that fails is
-    tried at half its length. Raises `NotReachedError` where the shortest step fails.
+    Each step is as long as the miss of the tangent's prediction over the last one allows: the miss grows with the
+    square of the length. A step that fails is tried at half its length. Raises `NotReachedError` where the shortest
+    step fails.
     """
     here = walk.solved[-1].state
     step = FIRST_STEP * limit
@@ -47,27 +51,12 @@ def free_adaptive(walk: Walk, limit: float, explored: str) -> None:
                 raise _stopped(walk)
             walk.failed.pop()  # a shorter step gets past it, or says so
             continue
-        step = length * _growth(here, found)
+        by_actuation = -here.dmoment_dp / here.dmoment_du
+        foretold = here.angle_rad + by_actuation * (found.actuation - here.actuation)
+        miss = abs(found.angle_rad - foretold) / max(abs(found.angle_rad), STRAIGHT)
+        step = length * float(np.clip(np.sqrt(WANTED_MISS / max(miss, 1e-12)), 0.5, 2.0))
         step = min(max(step, SHORTEST_STEP * limit), LONGEST_STEP * limit)
         here = found
-
-
-def largest_free(walk: Walk) -> float:
-    """Largest |u| of the free branch. Raises `NotReachedError` for a module that stays straight."""
-    free = [one.state.angle_rad for one in walk.of(MAIN) if one.target.branch == "free"]
-    largest = float(np.abs(free).max())
-    if largest < STRAIGHT:
-        raise NotReachedError("the module does not bend under pressure, so that no angles can be chosen")
-    return largest
-
-
-def _growth(here: FemState, found: FemState) -> float:
-    """By what the next step may be longer than the last: the miss grows with the square of the length."""
-    by_actuation = -here.dmoment_dp / here.dmoment_du
-    foretold = here.angle_rad + by_actuation * (found.actuation - here.actuation)
-    size = max(abs(found.angle_rad), STRAIGHT)
-    miss = abs(found.angle_rad - foretold) / size
-    return float(np.clip(np.sqrt(WANTED_MISS / max(miss, 1e-12)), 0.5, 2.0))
 
 
 def _stopped(walk: Walk) -> NotReachedError:
@@ -78,11 +67,49 @@ def _stopped(walk: Walk) -> NotReachedError:
     )
 
 
+def box_of_angles(walk: Walk, config: FemConfig) -> tuple[float, float]:
+    """Smallest and largest angle of the data: `angle_low` and `angle_high` times the largest free one.
+
+    Raises `NotReachedError` for a module that stays straight.
+    """
+    free = [one.state.angle_rad for one in walk.of(MAIN) if one.target.branch == "free"]
+    largest = float(np.abs(free).max())
+    if largest < STRAIGHT:
+        raise NotReachedError("the module does not bend under pressure, so that no angles can be chosen")
+    return config.angle_low * largest, config.angle_high * largest
+
+
+def trusted_box(walk: Walk, axis: str, limit: float, low: float, high: float) -> tuple[float, float]:
+    """The part of [low, high] that states show to be free of self-contact, and that contains the free branch."""
+
+    def edge(inner: float, outer: float) -> float:
+        """`outer` if a state there is sound, else the furthest sound one found by halving towards `inner`."""
+        reached, trial = inner, outer
+        for share in ACTUATIONS if inner != outer else ():
+            found = walk.reach(Target("constrained", share * limit, {axis: trial}, explored=axis))
+            if found is not None and found.trusted:
+                reached = trial
+                if trial == outer:
+                    break
+            else:
+                outer = trial
+            trial = (reached + outer) / 2
+        return reached
+
+    free = [one.state for one in walk.solved if one.target.branch == "free"]
+    sound = [state.angle_rad for state in free if state.trusted]
+    inner_high = max(s.angle_rad for s in free)
+    return edge(min(0.0, *sound), low), edge(inner_high, high) if free[-1].trusted else high
+
+
 def grid(walk: Walk, config: FemConfig, limit: float, axis: str) -> tuple[float, float]:
-    """Free branch, then every angle at every actuation, nearest to the free branch first; returns the box."""
+    """Free branch at Chebyshev levels, then every angle at every actuation, nearest to the free branch first.
+
+    Returns the box of angles.
+    """
     free_levels(walk, levels(0.0, limit, config.pressures)[1:], axis)
     free = [one.state for one in walk.of(MAIN)]
-    low, high = box(walk, config)
+    low, high = box_of_angles(walk, config)
     actuations, angles = [s.actuation for s in free], [s.angle_rad for s in free]
     for p in levels(0.0, limit, config.pressures):
         here = float(np.interp(p, actuations, angles))
@@ -91,70 +118,19 @@ def grid(walk: Walk, config: FemConfig, limit: float, axis: str) -> tuple[float,
     return low, high
 
 
-def box(walk: Walk, config: FemConfig) -> tuple[float, float]:
-    """Smallest and largest angle of the data: `angle_low` and `angle_high` times the largest free one."""
-    largest = largest_free(walk)
-    return config.angle_low * largest, config.angle_high * largest
-
-
 def check_targets(
     limit: float, low: float, high: float, count: int, seed: int, axis: str, piece: str = MAIN
 ) -> list[Target]:
-    """`count` states spread over the box by a seeded Latin hypercube."""
+    """`count` states, which no fit will see, spread over the box by a seeded Latin hypercube."""
     random = np.random.default_rng(seed)
     strata = np.stack([random.permutation(count), random.permutation(count)], axis=1)
     points = (strata + random.random((count, 2))) / max(count, 1)
-    return [
-        Target(
-            "constrained",
-            float(a * limit),
-            {axis: float(low + b * (high - low))},
-            role="check",
-            explored=axis,
-            piece=piece,
-        )
-        for a, b in points
-    ]
-
-
-# Actuation of each trial as a share of the limit: that border hardly depends on it, so each trial is
-# also a state somewhere else.
-ACTUATIONS = (0.0, 0.5, 0.25, 0.75)
-
-
-def trusted_box(walk: Walk, axis: str, limit: float, low: float, high: float) -> tuple[float, float]:
-    """The part of [low, high] that states show to be free of self-contact, and that contains the free branch."""
-    free = [one.state for one in walk.solved if one.target.branch == "free"]
-    sound = [state.angle_rad for state in free if state.trusted]
-    inner_low, inner_high = min(0.0, *sound), max(s.angle_rad for s in free)
-    return (
-        _edge(walk, axis, limit, inner_low, low),
-        _edge(walk, axis, limit, inner_high, high) if free[-1].trusted else high,
-    )
-
-
-def _edge(walk: Walk, axis: str, limit: float, inner: float, outer: float) -> float:
-    """`outer` if a state there is sound, else the furthest sound one found by halving towards `inner`."""
-    if inner == outer:
-        return inner
-    reached, trial = inner, outer
-    for share in ACTUATIONS:
-        found = walk.reach(Target("constrained", share * limit, {axis: trial}, explored=axis))
-        if found is not None and found.trusted:
-            reached = trial
-            if trial == outer:
-                break
-        else:
-            outer = trial
-        trial = (reached + outer) / 2
-    return reached
-
-
-ROUNDING = 1e-9
+    places = [(float(a * limit), {axis: float(low + b * (high - low))}) for a, b in points]
+    return [Target("constrained", p, held, {}, "check", axis, piece) for p, held in places]
 
 
 def loads_of(config: FemConfig, problem: ModuleProblem) -> dict[str, StudyLoads]:
-    """The loads of each axis: the config's own, or the study's for such a module.
+    """The loads of each axis in the published study's sampling: the config's own, or those of `STUDY_LOADS`.
 
     Raises `UserError` for an axis that the study did not sample and the config does not give.
     """
@@ -164,17 +140,15 @@ def loads_of(config: FemConfig, problem: ModuleProblem) -> dict[str, StudyLoads]
             f"fem.study_loads: the module has no axis '{unknown[0]}', only {', '.join(problem.axes)}."
         )
     preset = STUDY_LOADS.get((problem.actuation, len(problem.axes), problem.joint), {})
-    loads = {}
+    loads = {**preset, **config.study_loads}
     for axis in problem.axes:
-        found = config.study_loads.get(axis, preset.get(axis))
-        if found is None:
+        if axis not in loads:
             raise UserError(
                 f"fem: the published study has no loads for axis {axis} of a {problem.joint} joint driven by "
                 f"{problem.actuation}; give 'study_loads: {{{axis}: {{actuation_step: ..., effort_high: ..., "
                 "effort_step: ...}}'."
             )
-        loads[axis] = found
-    return loads
+    return {axis: loads[axis] for axis in problem.axes}
 
 
 def free_actuations(loads: StudyLoads, limit: float) -> Array:
@@ -186,28 +160,28 @@ def free_actuations(loads: StudyLoads, limit: float) -> Array:
 def study_states(loads: StudyLoads, limit: float) -> int:
     """How many states one axis has if every load is reached."""
     efforts = len(steps(loads.effort_low, loads.effort_high, loads.effort_step)) - 1
-    levels = len(steps(loads.actuation_low, limit, loads.actuation_step))
-    return 1 + len(free_actuations(loads, limit)) + efforts * levels
-
-
-def study_axis(
-    walk: Walk, loads: StudyLoads, limit: float, axis: str, piece: str, box: tuple[float, float]
-) -> None:
-    """The loads of another axis, the main one free, from a walk that has started on `piece`."""
-    known = {one.state.actuation for one in walk.of(piece) if one.target.branch == "free"}
-    wanted = steps(loads.actuation_low, limit, loads.actuation_step)
-    free_levels(walk, np.array([p for p in wanted if p not in known]), "", piece)
-    ladders(walk, loads, limit, axis, piece, box)
+    return (
+        1
+        + len(free_actuations(loads, limit))
+        + efforts * len(steps(loads.actuation_low, limit, loads.actuation_step))
+    )
 
 
 def ladders(
     walk: Walk, loads: StudyLoads, limit: float, axis: str, piece: str, box: tuple[float, float]
 ) -> None:
-    """Rising and falling loads at each actuation."""
+    """The published study's dead loads in even steps at each actuation, from the free state upwards and downwards.
+
+    A ladder ends where the module is bent beyond the box of angles or does not converge; the main axis is free.
+    """
     k = walk.pieces[piece].axes.index(axis)
+    actuations = steps(loads.actuation_low, limit, loads.actuation_step)
+    if piece != MAIN:
+        known = {one.state.actuation for one in walk.of(piece) if one.target.branch == "free"}
+        free_levels(walk, np.array([p for p in actuations if p not in known]), "", piece)
     efforts = steps(loads.effort_low, loads.effort_high, loads.effort_step)
     small = ROUNDING * loads.effort_step
-    for p in steps(loads.actuation_low, limit, loads.actuation_step):
+    for p in actuations:
         for ladder in (efforts[efforts > small], efforts[efforts < -small][::-1]):
             for effort in ladder:
                 load = {axis: float(effort)}

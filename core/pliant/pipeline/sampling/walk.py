@@ -1,4 +1,4 @@
-"""Solving targets one after another, each from the nearest solved state of the same piece."""
+"""What is to be solved, what was, and what failed: targets one after another, each from the nearest solved state."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ import shutil
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -28,6 +27,7 @@ from pliant.store.store import (
 
 MAIN = "main"  # the piece that moves about the main axis alone, or the only piece
 FULL = "full"  # the piece that moves about all axes
+ROUNDING = 1e-9
 
 
 @dataclass(frozen=True)
@@ -102,11 +102,26 @@ class Saved:
     """
 
     def __init__(self, folder: Path, note: Callable[[str], None]) -> None:
-        self.folder = folder
-        self.index = folder / "states.json"
+        self.folder, self.index = folder, folder / "states.json"
         self.states: dict[str, FemState] = {}
-        self.entries = self._sound(self._read_index(note), note)
+        self.entries: dict[str, dict[str, str]] = {}
         self.reused = False
+        try:
+            entries = json.loads(self.index.read_text())
+        except FileNotFoundError:
+            return
+        except ValueError:
+            entries = None
+        if not isinstance(entries, dict):
+            note(f"{self.index} is damaged; solving its states anew.")
+            return
+        for name, entry in entries.items():
+            try:
+                if "failed" not in entry:
+                    self.states[name] = read_checked(self._place(name), entry)
+                self.entries[name] = entry
+            except (CorruptedError, TypeError) as error:
+                note(f"the finished state '{name}' is damaged ({error}); solving it anew.")
 
     def __len__(self) -> int:
         return len(self.entries)
@@ -138,33 +153,6 @@ class Saved:
         self.entries[name] = entry
         with writing_in(self.folder):
             write_atomically(self.index, json.dumps(self.entries))
-
-    def _read_index(self, note: Callable[[str], None]) -> dict[str, Any]:
-        try:
-            entries = json.loads(self.index.read_text())
-        except FileNotFoundError:
-            return {}
-        except ValueError:
-            entries = None
-        if not isinstance(entries, dict):
-            note(f"{self.index} is damaged; solving its states anew.")
-            return {}
-        return entries
-
-    def _sound(self, entries: Mapping[str, Any], note: Callable[[str], None]) -> dict[str, dict[str, str]]:
-        """The entries whose files are as they were written; their states are kept in `states`."""
-        sound = {}
-        for name, entry in entries.items():
-            try:
-                if "failed" not in entry:
-                    self.states[name] = read_checked(self._place(name), entry)
-                sound[name] = entry
-            except (CorruptedError, TypeError) as error:
-                note(f"the finished state '{name}' is damaged ({error}); solving it anew.")
-        return sound
-
-
-ROUNDING = 1e-9
 
 
 @dataclass(frozen=True)
@@ -209,43 +197,51 @@ class Walk:
         """The undeformed state of a piece."""
         target = Target("free", 0.0, explored=explored, piece=piece)
         name = "rest" if piece == MAIN else f"{piece} rest"
-        state = self.saved.solve(name, lambda: self._seen(piece, self.pieces[piece].solver.rest()))
-        self._count()
-        self.solved.append(Sampled(target, state))
-        return state
+        return self._kept(name, target, self.pieces[piece].solver.rest)
 
     def reach(self, target: Target) -> FemState | None:
         """The target's state, or None where it failed, which is recorded."""
         start = self._nearest(target)
         try:
-            state = self.saved.solve(
-                target.name, lambda: self._seen(target.piece, self._solve(target, start))
-            )
+            return self._kept(target.name, target, lambda: self._solve(target, start))
         except StateNotConvergedError as error:
-            self.failed.append(self._failure(target, str(error)))
+            angle = target.held.get(self.pieces[target.piece].main_axis)
+            failure: dict[str, object] = {"branch": target.branch, "actuation": target.actuation}
+            failure |= {"angle_rad": angle, "cause": str(error)}
+            if target.piece == FULL:
+                failure["held"] = dict(target.held)
+            if target.effort:
+                failure["effort"] = dict(target.effort)
+            self.failed.append(failure)
             self.stops.append(target)
-            self._count()
+            self.bar.advance(0 if self.saved.reused else 1)
             return None
-        self._count()
-        self.solved.append(Sampled(target, state))
-        return state
 
     @property
     def walked(self) -> int:
         """How many targets were dealt with."""
         return len(self.solved) + len(self.stops)
 
-    def knows(self, target: Target) -> bool:
-        """Whether the target was dealt with."""
-        return any(t.name == target.name for t in (*(one.target for one in self.solved), *self.stops))
+    def reach_new(self, targets: list[Target]) -> None:
+        """Reach those of the targets that were not dealt with."""
+        for target in targets:
+            known = (*(one.target for one in self.solved), *self.stops)
+            if all(other.name != target.name for other in known):
+                self.reach(target)
 
-    def _seen(self, piece: str, state: FemState) -> FemState:
-        """The state with its overlap let pass, unless rigid parts meet."""
-        passes = self.passing and state.status == SELF_CONTACT and self.pieces[piece].can_take(state)
-        return replace(state, status=PASSED) if passes else state
+    def _kept(self, name: str, target: Target, solve: Callable[[], FemState]) -> FemState:
+        """The state, its overlap let pass unless rigid parts meet; solved or found among the saved ones."""
 
-    def _count(self) -> None:
+        def seen() -> FemState:
+            state = solve()
+            passes = self.passing and state.status == SELF_CONTACT
+            passes = passes and self.pieces[target.piece].can_take(state)
+            return replace(state, status=PASSED) if passes else state
+
+        state = self.saved.solve(name, seen)
         self.bar.advance(0 if self.saved.reused else 1)
+        self.solved.append(Sampled(target, state))
+        return state
 
     def _solve(self, target: Target, start: FemState) -> FemState:
         piece = self.pieces[target.piece]
@@ -258,39 +254,19 @@ class Walk:
 
     def _nearest(self, target: Target) -> FemState:
         """The solved state closest in actuation and in what the target holds, both by what has been covered."""
-        piece = self.pieces[target.piece]
         states = [one.state for one in self.of(target.piece)]
-        if not target.held and not target.effort:
+        wanted = target.effort or target.held
+        if not wanted:
             below = [s for s in states if s.actuation <= target.actuation] or states
             return max(below, key=lambda s: (s.actuation, s.branch == "free"))
+
+        def width(values: Array) -> float:
+            return float(np.ptp(values)) or 1.0
+
         p = np.array([s.actuation for s in states])
-        distance = ((p - target.actuation) / _width(p)) ** 2
-        if target.effort:
-            names, wanted = list(target.effort), list(target.effort.values())
-            values = np.array([s.tau for s in states])
-        else:
-            names, wanted = list(target.held), list(target.held.values())
-            values = np.array([s.deformation for s in states])
-        for name, value in zip(names, wanted, strict=True):
-            column = values[:, piece.axes.index(name)]
-            distance = distance + ((column - value) / _width(np.append(column, value))) ** 2
+        distance = ((p - target.actuation) / width(p)) ** 2
+        values = np.array([s.tau if target.effort else s.deformation for s in states])
+        for name, value in wanted.items():
+            column = values[:, self.pieces[target.piece].axes.index(name)]
+            distance = distance + ((column - value) / width(np.append(column, value))) ** 2
         return states[int(np.argmin(distance))]
-
-    def _failure(self, target: Target, cause: str) -> dict[str, object]:
-        piece = self.pieces[target.piece]
-        record: dict[str, object] = {
-            "branch": target.branch,
-            "actuation": target.actuation,
-            "angle_rad": target.held.get(piece.main_axis),
-            "cause": cause,
-        }
-        if target.piece == FULL:
-            record["held"] = dict(target.held)
-        if target.effort:
-            record["effort"] = dict(target.effort)
-        return record
-
-
-def _width(values: Array) -> float:
-    """Largest minus smallest, 1 where all are equal."""
-    return float(np.ptp(values)) or 1.0

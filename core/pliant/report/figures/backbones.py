@@ -46,13 +46,12 @@ def backbone_picture(result: TaskResult) -> style.Png | None:
     planes = _planes(np.concatenate([line.points_m for line in lines]))
     apart = "target_points_m" in metrics
     panels = [*(f"view{k}" for k in range(len(planes))), *(["apart"] if apart else [])]
-    with style.canvas(620 * len(panels), 680) as figure:
+    with style.canvas(620 * len(panels), 680, wspace=0.05) as figure:
         axes: dict[str, Any] = figure.subplot_mosaic([panels])
         for k, plane in enumerate(planes):
             _draw(axes[f"view{k}"], lines, plane, legend=k == 0)
         if apart:
             _distances(axes["apart"], *(line.points_m for line in lines))
-        figure.set_layout_engine("constrained", w_pad=0.09, h_pad=0.09, wspace=0.05)
         return style.png(figure)
 
 
@@ -99,8 +98,7 @@ def _draw(axes: Any, lines: Sequence[Line], plane: tuple[int, int], legend: bool
             axes.plot(*(1e3 * np.array([one, other])[:, plane].T), color=style.FAINT, lw=1.0, zorder=1)
     axes.set_aspect("equal", adjustable="datalim")
     axes.margins(0.08)
-    axes.set_xlabel(f"world {NAMES[plane[0]]} (mm)")
-    axes.set_ylabel(f"world {NAMES[plane[1]]} (mm)")
+    axes.set(xlabel=f"world {NAMES[plane[0]]} (mm)", ylabel=f"world {NAMES[plane[1]]} (mm)")
     if legend:
         axes.legend(loc="best")
         axes.set_title("Backbone and target" if lines[-1].dashed else "Settled under each load")
@@ -113,9 +111,11 @@ def _distances(axes: Any, backbone: Array, target: Array) -> None:
     mean = float(np.sqrt(np.mean(apart**2)))
     axes.axhline(mean, color=style.SOFT, lw=1.0, ls=":")
     axes.set_ylim(bottom=0.0)
-    axes.set_xlabel("share of the length (%)")
-    axes.set_ylabel("distance (mm)")
-    axes.set_title(f"Distance to the target, rms {mean:.3g} mm")
+    axes.set(
+        xlabel="share of the length (%)",
+        ylabel="distance (mm)",
+        title=f"Distance to the target, rms {mean:.3g} mm",
+    )
 
 
 # Title, then horizontal and vertical world axis.
@@ -145,18 +145,19 @@ def backbone(run: StudyRun, path: Path) -> None:
         shown.extend(result.rollout.markers_m)
     points = np.concatenate(shown)
     middle, half = 0.5 * (points.min(axis=0) + points.max(axis=0)), 0.56 * float(np.ptp(points, axis=0).max())
-    with style.canvas(1620, 620) as figure:
+    with style.canvas(1620, 620, pad=(0.08, 0.08)) as figure:
         for axes, (title, i, j) in zip(figure.subplots(1, 3), VIEWS, strict=True):
             _draw_poses(axes, (i, j), rest, result, target)
             _draw_loads(axes, (i, j), run, settled[-1], half)
-            axes.set_xlim(1e3 * (middle[i] - half), 1e3 * (middle[i] + half))
-            axes.set_ylim(1e3 * (middle[j] - half), 1e3 * (middle[j] + half))
-            axes.set_aspect("equal")
-            axes.set_xlabel(f"world {NAMES[i]} (mm)")
-            axes.set_ylabel(f"world {NAMES[j]} (mm)")
-            axes.set_title(title)
+            axes.set(
+                xlim=(1e3 * (middle[i] - half), 1e3 * (middle[i] + half)),
+                ylim=(1e3 * (middle[j] - half), 1e3 * (middle[j] + half)),
+                aspect="equal",
+                xlabel=f"world {NAMES[i]} (mm)",
+                ylabel=f"world {NAMES[j]} (mm)",
+                title=title,
+            )
         figure.axes[0].legend(loc="best")
-        figure.set_layout_engine("constrained", w_pad=0.08, h_pad=0.08)
         _save(figure, path)
 
 

@@ -26,7 +26,7 @@ def error_steps(found: Improvement, reasons: Sequence[str]) -> style.Png:
     texts.append(["Why it stops here", *textwrap.wrap(found.reason, CHARACTERS)])
     lines = sum(len(text) + 1 for text in texts)
     height = max(SMALLEST_PX, LINE_PX * lines + 60)
-    with style.canvas(WIDTH_PX, height) as figure:
+    with style.canvas(WIDTH_PX, height, pad=None) as figure:
         share = TEXT_PX / WIDTH_PX
         grid = figure.add_gridspec(
             1,

@@ -46,7 +46,7 @@ def states_picture(data: ModuleData) -> style.Png:
     rows = -(-len(panels) // columns)
     p_unit = actuation_unit(data.actuation_name)
     norm = Normalize(0.0, (float(data.actuation.max()) or 1.0) * p_unit.factor)
-    with style.canvas(1560, 560 * rows if rows > 1 else 640) as figure:
+    with style.canvas(1560, 560 * rows if rows > 1 else 640, wspace=0.03) as figure:
         grid = np.atleast_1d(figure.subplots(rows, columns)).ravel()
         _free(grid[0], data, norm)
         for place, name in zip(grid[1:], axes_names, strict=False):
@@ -58,7 +58,6 @@ def states_picture(data: ModuleData) -> style.Png:
         bar.set_label(f"{actuation_word(data)} ({p_unit.symbol})")
         bar.outline.set_visible(False)
         _legend(figure, data)
-        figure.set_layout_engine("constrained", w_pad=0.09, h_pad=0.09, wspace=0.03)
         return style.png(figure)
 
 
@@ -89,9 +88,11 @@ def _free(axes: Any, data: ModuleData, norm: Normalize) -> None:
     p, u = free.actuation[order] * p_unit.factor, free.angle_rad[order] * u_unit.factor
     axes.plot(p, u, color=style.SOFT, lw=1.1, zorder=2)
     _points(axes, free, free.actuation * p_unit.factor, free.angle_rad * u_unit.factor, norm, p_unit)
-    axes.set_xlabel(f"{actuation_word(data)} ({p_unit.symbol})")
-    axes.set_ylabel(coordinate_words(data, data.main_axis))
-    axes.set_title("Free branch: nothing holds the module")
+    axes.set(
+        xlabel=f"{actuation_word(data)} ({p_unit.symbol})",
+        ylabel=coordinate_words(data, data.main_axis),
+        title="Free branch: nothing holds the module",
+    )
 
 
 def _held(axes: Any, data: ModuleData, name: str, norm: Normalize) -> None:
@@ -117,9 +118,9 @@ def _held(axes: Any, data: ModuleData, name: str, norm: Normalize) -> None:
         )  # fmt: skip
         axes.set_ylim(bottom=foot)
     several = len(data.axes) > 1
-    axes.set_xlabel(coordinate_words(data, name))
-    axes.set_ylabel(
-        rf"effort $\tau_{name}$ ({effort.symbol})" if several else rf"effort $\tau$ ({effort.symbol})"
+    axes.set(
+        xlabel=coordinate_words(data, name),
+        ylabel=rf"effort $\tau_{name}$ ({effort.symbol})" if several else rf"effort $\tau$ ({effort.symbol})",
     )
     follows = f"{data.main_axis} follows freely" if name != data.main_axis else "the others at zero"
     axes.set_title(f"Held about {name}; {follows}" if several else "Held: the effort that opposes actuation")
@@ -165,12 +166,11 @@ SMALLEST_MISS = 1e-8  # a share of the range below which a miss is rounding
 def sampling_picture(data: ModuleData) -> style.Png:
     """One row for each axis: the plane of u and actuation, and misses over the number of states."""
     names = foretold_axes(data)
-    with style.canvas(1560, 560 * len(names) + 40) as figure:
+    with style.canvas(1560, 560 * len(names) + 40, wspace=0.04) as figure:
         grid = figure.subplots(len(names), 2, squeeze=False, width_ratios=[1, 1.25])
         for (plane, history), name in zip(grid, names, strict=True):
             _plane(plane, data, name)
             _history(history, data, name)
-        figure.set_layout_engine("constrained", w_pad=0.09, h_pad=0.09, wspace=0.04)
         return style.png(figure)
 
 
@@ -190,9 +190,11 @@ def _plane(axes: Any, data: ModuleData, name: str) -> None:
         axes.scatter(*place, 130, color=style.SERIES[0], linewidths=0, zorder=4)
         axes.annotate(str(count), place, ha="center", va="center", fontsize=6.5, color="white", zorder=5)
     axes.margins(0.06)
-    axes.set_xlabel(coordinate_words(data, name))
-    axes.set_ylabel(f"{actuation_word(data)} ({p_unit.symbol})")
-    axes.set_title("Where the states lie, in the order of choice")
+    axes.set(
+        xlabel=coordinate_words(data, name),
+        ylabel=f"{actuation_word(data)} ({p_unit.symbol})",
+        title="Where the states lie, in the order of choice",
+    )
 
 
 def _history(axes: Any, data: ModuleData, name: str) -> None:
@@ -229,10 +231,10 @@ def _history(axes: Any, data: ModuleData, name: str) -> None:
     axes.set_ylim(low, high * (high / low) ** 0.45)  # room for the legend
     axes.xaxis.get_major_locator().set_params(integer=True)
     axes.yaxis.set_major_formatter(lambda value, _: number(float(value), 2))
-    axes.set_xlabel("state chosen, in order")
-    axes.set_ylabel("% of the effort's range")
-    axes.set_title(
-        f"Misses of each new state, axis {name}" if len(data.axes) > 1 else "Misses of each new state"
+    axes.set(
+        xlabel="state chosen, in order",
+        ylabel="% of the effort's range",
+        title=f"Misses of each new state, axis {name}" if len(data.axes) > 1 else "Misses of each new state",
     )
     axes.legend(loc="upper right")
 
@@ -244,18 +246,16 @@ def cost_picture(data: ModuleData) -> style.Png:
     colour = dict(zip(kinds, style.SERIES, strict=False))
     shades = [colour.get(str(name), style.SOFT) for name in data.explored[rows]]
     place = np.arange(1, int(rows.sum()) + 1)
-    with style.canvas(1560, 520) as figure:
+    with style.canvas(1560, 520, pad=(0.09, 0.06)) as figure:
         above, below = figure.subplots(2, 1, sharex=True)
         _bars(above, place, data.wall_s[rows], shades, "seconds")
         _bars(below, place, data.iterations[rows], shades, "Newton steps")
         below.set_xlabel("state, in the order of solution")
-        above.set_xlim(0.2, len(place) + 0.8)
-        above.set_title("Time and Newton steps of each state")
+        above.set(xlim=(0.2, len(place) + 0.8), title="Time and Newton steps of each state")
         if len(kinds) > 1:
             words = {"coupling": "all axes held"}
             handles = [Patch(color=colour[k], label=words.get(k, f"axis {k}")) for k in kinds]
             figure.legend(handles=handles, loc="outside right upper")
-        figure.set_layout_engine("constrained", w_pad=0.09, h_pad=0.06)
         return style.png(figure)
 
 

@@ -1,4 +1,4 @@
-"""The headline: the finger as a body of FEM modules beside its law and its pose in the engines."""
+"""The headline: the finger as a body of FEM modules beside its law; its settled pose in every engine."""
 
 from __future__ import annotations
 
@@ -7,22 +7,25 @@ from typing import Any
 
 import numpy as np
 
-from pliant.formatting import actuation_unit
+from pliant.formatting import actuation_unit, display_unit
 from pliant.records.design import Array
 from pliant.report.figures import body, rendering, style
-from pliant.report.figures.chain_pose import draw_poses, views
 from pliant.report.figures.law import draw_law
 from pliant.report.figures.module import can_show, show, stretch_bar, stretch_limits
 from pliant.report.figures.stills import draw_side
 from pliant.report.folder import FinishedRun
 from pliant.report.run_view import (
+    Ran,
     actuation,
     base_pose,
     chain_config,
+    distances_m,
     gravity,
     history_levels,
     module_designs,
+    payload_kg,
     ran,
+    rest_markers,
 )
 
 WIDTH_PX, HEIGHT_PX = 1640, 700
@@ -48,7 +51,7 @@ def finger_picture(run: FinishedRun) -> style.Png:
     panels = [*(["body"] if bodies else []), "law", *(["pose"] if ran(run) else [])]
     ratios = {"body": 1.5, "law": 1.0, "pose": 1.0}
     width = WIDTH_PX if len(panels) == 3 else 620 * len(panels)
-    with style.canvas(width, HEIGHT_PX if len(panels) > 1 else 560) as figure:
+    with style.canvas(width, HEIGHT_PX if len(panels) > 1 else 560, pad=(0.08, 0.09), wspace=0.03) as figure:
         axes: dict[str, Any] = figure.subplot_mosaic([panels], width_ratios=[ratios[p] for p in panels])
         if bodies:
             draw_bodies(figure, axes["body"], run, bodies)
@@ -59,7 +62,6 @@ def finger_picture(run: FinishedRun) -> style.Png:
             draw_poses(axes["pose"], run, views(run)[0])
             if len(ran(run)) > 1:
                 axes["pose"].set_title(f"{axes['pose'].get_title(loc='left')}, {len(ran(run))} engines")
-        figure.set_layout_engine("constrained", w_pad=0.08, h_pad=0.09, wspace=0.03)
         return style.png(figure)
 
 
@@ -139,3 +141,194 @@ def finger_camera(run: FinishedRun) -> rendering.Camera:
     if np.linalg.norm(np.cross(up, toward)) < 0.3 * np.linalg.norm(up):
         up = -along
     return rendering.Camera.looking(toward, up).tilted(AZIMUTH, ELEVATION)
+
+
+LEVELS = 4  # faint poses on the way to the full actuation
+FLAT = 0.02  # of the chain's size: less than this out of the plane needs no second view
+SHOWN_DECADES = 1e-5  # of the largest distance: smaller ones are rounding
+MARKS = ("o", "s", "^", "D", "v", "P")
+NAMES = "xyz"
+
+
+def chain_pose(run: FinishedRun) -> style.Png:
+    """One or two projections of the poses, and the distances of the markers to the first engine's."""
+    engines = ran(run)
+    planes = views(run)
+    several = len(engines) > 1
+    panels = [*(f"view{n}" for n in range(len(planes))), *(["apart"] if several else [])]
+    ratios = [1.15] * len(planes) + ([0.85] if several else [])
+    with style.canvas(720 + 500 * (len(panels) - 1), 720, wspace=0.05) as figure:
+        axes: dict[str, Any] = figure.subplot_mosaic([panels], width_ratios=ratios)
+        for number, plane in enumerate(planes):
+            draw_poses(axes[f"view{number}"], run, plane, legend=number == 0)
+        if several:
+            draw_distances(axes["apart"], engines)
+        return style.png(figure)
+
+
+def views(run: FinishedRun) -> list[tuple[int, int]]:
+    """World planes (horizontal, vertical axis) that show the chain: one for a flat pose, else two."""
+    points = _all_points(run)
+    size = np.ptp(points, axis=0)
+    flat = FLAT * size.max()
+    upright = 2 if size[2] > flat else int(np.argsort(size)[-2])
+    across = [axis for axis in np.argsort(-size, kind="stable").tolist() if axis != upright]
+    seen = [axis for axis in across if size[axis] > flat] or across[:1]
+    return [(axis, upright) for axis in seen]
+
+
+def draw_poses(axes: Any, run: FinishedRun, plane: tuple[int, int], legend: bool = True) -> None:
+    """Rest pose in grey, levels on the way faint, then every engine's settled pose, in mm."""
+    engines = ran(run)
+    rest = rest_markers(run)
+    i, j = plane
+    if rest is not None:
+        line: dict[str, Any] = {"color": style.FAINT, "lw": 3.2, "zorder": 1, "solid_capstyle": "round"}
+        axes.plot(*_flat(rest, plane), label="at rest", marker="o", ms=3, **line)
+    _levels(axes, run, engines[0], plane)
+    for number, engine in enumerate(engines):
+        first = number == 0
+        look: dict[str, Any] = {"color": style.SERIES[number % 6], "marker": MARKS[number % 6]}
+        size = 8.5 - 2.6 * min(number, 2)
+        axes.plot(
+            *_flat(engine.markers_m, plane),
+            label=engine.kind,
+            lw=3.4 if first else 1.3,
+            ls="-" if first else (0, (4, 2 + 2 * number)),
+            ms=size,
+            mfc=look["color"] if first else "white",
+            mec=look["color"],
+            alpha=0.55 if first else 1.0,
+            zorder=5 + number,
+            **look,
+        )
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.margins(0.1)
+    axes.set(xlabel=f"world {NAMES[i]} (mm)", ylabel=f"world {NAMES[j]} (mm)")
+    _annotate(axes, run, engines[0], plane)
+    given = actuation(run)
+    title = f" at {actuation_unit(given[0]).text(given[1])}" if given else ""
+    if legend:
+        axes.set_title(f"Settled pose{title}")
+        axes.legend(loc="best", handlelength=2.6)
+
+
+def draw_distances(axes: Any, engines: list[Ran]) -> None:
+    """Distance of each marker to the first engine's, on a logarithmic scale."""
+    distances = distances_m(engines)
+    worst = max(float(d.max()) for d in distances)
+    floor = max(worst * SHOWN_DECADES, 1e-15)
+    for number, (engine, distance) in enumerate(zip(engines, distances, strict=True)):
+        if number == 0:
+            continue
+        shown = 1e6 * np.where(distance > floor, distance, np.nan)
+        axes.plot(
+            shown,
+            color=style.SERIES[number % 6],
+            marker=MARKS[number % 6],
+            mfc="white",
+            ms=6,
+            label=engine.kind,
+        )
+    count = len(distances[0])
+    axes.set_yscale("log")
+    axes.grid(True, which="major")
+    axes.set_xticks(
+        _ticks(count), labels=[{0: "base", count - 1: "tip"}.get(k, str(k)) for k in _ticks(count)]
+    )
+    axes.set(
+        xlim=(-0.4, count - 0.6),
+        ylabel="distance (µm)",
+        xlabel="marker (joint)",
+        title=f"Distance to {engines[0].kind}",
+    )
+    if worst == 0:
+        axes.text(0.5, 0.5, "identical", transform=axes.transAxes, ha="center")
+        return
+    least = min(float(d[d > floor].min(initial=worst)) for d in distances)
+    axes.set_ylim(0.3e6 * least, 5e6 * worst)
+    axes.legend(loc="lower right")
+
+
+def _levels(axes: Any, run: FinishedRun, engine: Ran, plane: tuple[int, int]) -> None:
+    """Faint poses at lower levels; a level is labelled where its tip is clear of those labelled before."""
+    unit = actuation_unit(run.designs[0].law.actuation_name)
+    labelled = [np.array([v[-1] for v in _flat(engine.markers_m, plane)])]
+    clear = 0.06 * 1e3 * float(np.ptp(_all_points(run), axis=0).max())
+    for value, _, markers in reversed(history_levels(engine.result, LEVELS)):
+        x, y = _flat(markers, plane)
+        axes.plot(x, y, color=style.SERIES[0], alpha=0.28, lw=1.1, zorder=2)
+        tip = np.array([x[-1], y[-1]])
+        if min(float(np.linalg.norm(tip - other)) for other in labelled) < clear:
+            continue
+        labelled.append(tip)
+        out = tip - [x[-2], y[-2]]
+        out = out / max(float(np.linalg.norm(out)), 1e-9)
+        if _beside(tip, engine, plane) < 0.5 * clear:  # a chain that only grows: the label stands beside it
+            out = np.array([1.4, 0.0]) if abs(out[1]) > abs(out[0]) else np.array([0.0, 1.4])
+        axes.annotate(
+            unit.text(value, 3),
+            tuple(tip),
+            tuple(9 * out),
+            textcoords="offset points",
+            fontsize=7.5,
+            color=style.SOFT,
+            ha="left" if out[0] > 0.35 else ("right" if out[0] < -0.35 else "center"),
+            va="bottom" if out[1] > 0.35 else ("top" if out[1] < -0.35 else "center"),
+        )
+
+
+def _beside(tip: Any, engine: Ran, plane: tuple[int, int]) -> float:
+    """Distance of a point from the settled chain, mm."""
+    x, y = (np.asarray(c, float) for c in _flat(engine.markers_m, plane))
+    start, along = np.stack([x, y], axis=1)[:-1], np.diff(np.stack([x, y], axis=1), axis=0)
+    length = np.maximum(np.sum(along**2, axis=1), 1e-12)
+    part = np.clip(np.sum((tip - start) * along, axis=1) / length, 0, 1)
+    return float(np.linalg.norm(start + part[:, None] * along - tip, axis=1).min())
+
+
+def _annotate(axes: Any, run: FinishedRun, engine: Ran, plane: tuple[int, int]) -> None:
+    """Base, tip with its coordinates, payload, direction of gravity."""
+    x, y = _flat(engine.markers_m, plane)
+    axes.plot(x[0], y[0], marker="s", ms=11, color=style.INK, zorder=9)
+    g = gravity(run)[list(plane)]
+    payload = payload_kg(run)
+    if payload:
+        axes.annotate(
+            f"{display_unit('kg').text(payload, 3)} hung",
+            (x[-1], y[-1]),
+            (12, 0),
+            textcoords="offset points",
+            ha="left",
+            va="center",
+            fontsize=8.5,
+        )
+    if np.linalg.norm(g) > 0:
+        unit = g / np.linalg.norm(g)
+        at = np.array([0.94, 0.19])
+        axes.annotate(
+            "",
+            tuple(at + 0.13 * unit),
+            tuple(at),
+            xycoords="axes fraction",
+            textcoords="axes fraction",
+            arrowprops={"arrowstyle": "-|>", "color": style.SOFT, "lw": 1.8},
+        )
+        axes.text(
+            *(at + [-0.02, 0.02]), "g", transform=axes.transAxes, style="italic", color=style.SOFT, ha="right"
+        )
+
+
+def _all_points(run: FinishedRun) -> Array:
+    rest = rest_markers(run)
+    sets = [r.markers_m for r in ran(run)] + ([rest] if rest is not None else [])
+    return np.concatenate(sets)
+
+
+def _flat(markers: Array, plane: tuple[int, int]) -> tuple[Array, Array]:
+    return 1e3 * markers[:, plane[0]], 1e3 * markers[:, plane[1]]
+
+
+def _ticks(count: int) -> list[int]:
+    step = max(1, round((count - 2) / 8))
+    return [0, *range(step, count - 1 - step // 2, step), count - 1]

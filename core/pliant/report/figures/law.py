@@ -27,7 +27,7 @@ FALLBACK_ANGLE = 0.5  # rad, where nothing else bounds a stated law
 def law_picture(run: FinishedRun, design: DesignResult) -> style.Png:
     """Curves and states on the left; residuals of the law and of the study's form on the right."""
     wide = design.fem is not None
-    with style.canvas(1560 if wide else 1000, 720) as figure:
+    with style.canvas(1560 if wide else 1000, 720, wspace=0.04) as figure:
         if not wide:
             draw_law(figure.subplots(), run, design)
         else:
@@ -39,7 +39,6 @@ def law_picture(run: FinishedRun, design: DesignResult) -> style.Png:
             draw_residuals(axes["fitted"], design)
             if study_form(design):
                 draw_residuals(axes["study"], design, of_study=True)
-        figure.set_layout_engine("constrained", w_pad=0.09, h_pad=0.09, wspace=0.04)
         return style.png(figure)
 
 
@@ -88,12 +87,12 @@ def draw_law(axes: Any, run: FinishedRun, design: DesignResult, compact: bool = 
         )
     axis = law.axes[main_axis(law, data.axis if data else "y")]
     symbol = _symbol(law)
-    axes.set_xlabel(
-        f"{symbol} $u$ about {axis} ({u_unit.symbol})"
+    axes.set(
+        xlabel=f"{symbol} $u$ about {axis} ({u_unit.symbol})"
         if len(law.axes) > 1
-        else f"{symbol} $u$ ({u_unit.symbol})"
+        else f"{symbol} $u$ ({u_unit.symbol})",
+        ylabel=rf"effort $\tau$ ({effort.symbol})",
     )
-    axes.set_ylabel(rf"effort $\tau$ ({effort.symbol})")
     source = "law and FEM states" if data is not None and data.design.family != "table" else "law and data"
     if data is None:
         source = "stated by its coefficients" if law.error is None else "of an unseen design"
@@ -143,8 +142,7 @@ def draw_residuals(axes: Any, design: DesignResult, of_study: bool = False) -> N
         largest = max(largest, float(np.max(np.abs(missed[groups.check]) + bars)))
     axes.set_ylim(-1.22 * largest, 1.22 * largest)
     axes.yaxis.set_major_formatter(lambda value, _: number(float(value), 2))
-    axes.set_xlabel(f"{_symbol(design.law)} $u$ ({u_unit.symbol})")
-    axes.set_ylabel("% of effort range")
+    axes.set(xlabel=f"{_symbol(design.law)} $u$ ({u_unit.symbol})", ylabel="% of effort range")
     name = "Study's form − state" if of_study else "Law − state"
     left_out = groups.check.any()
     worst = float(np.abs(missed[groups.check]).max()) if left_out else worst

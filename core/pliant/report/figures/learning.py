@@ -41,13 +41,12 @@ def learning_picture(
     panels: Mapping[str, Sequence[Curve]], x_label: str, y_label: str, mark: float | None = None
 ) -> style.Png:
     """One panel for each title; `mark` draws a line at a share that is of interest."""
-    with style.canvas(1000 if len(panels) == 1 else 1560, 640) as figure:
+    with style.canvas(1000 if len(panels) == 1 else 1560, 640, wspace=0.04) as figure:
         grid = figure.subplots(1, len(panels), squeeze=False)[0]
         for axes, (title, curves) in zip(grid, panels.items(), strict=True):
             _panel(axes, title, curves, mark)
             axes.set_xlabel(x_label)
         grid[0].set_ylabel(y_label)
-        figure.set_layout_engine("constrained", w_pad=0.09, h_pad=0.09, wspace=0.04)
         return style.png(figure)
 
 
@@ -71,8 +70,7 @@ def _panel(axes: Any, title: str, curves: Sequence[Curve], mark: float | None) -
             percent(mark), (1, 100 * mark), (-4, 3), xycoords=("axes fraction", "data"),
             textcoords="offset points", ha="right", fontsize=8.5, color=style.SERIES[2],
         )  # fmt: skip
-    axes.set_xscale("log")
-    axes.set_yscale("log")
+    axes.set(xscale="log", yscale="log")
     sizes = sorted({count for curve in curves for count, _ in curve.points})
     axes.xaxis.set_major_locator(FixedLocator(_apart(sizes)))
     axes.xaxis.set_minor_locator(NullLocator())

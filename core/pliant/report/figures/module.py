@@ -47,11 +47,14 @@ def in_a_row(bodies: Sequence[Titled], bar: Callable[[Any, Any], None]) -> style
     bottom, top = min(b[2] for b in boxes), max(b[3] for b in boxes)
     widths = [b[1] - b[0] for b in boxes]
     scale = min((HEIGHT_PX - 110) / (top - bottom), ROW_PX / sum(widths))
-    slots = [max(scale * w, _title_px(title)) for w, (title, _, _) in zip(widths, bodies, strict=True)]
+    slots = [
+        max(scale * w, max(TITLE_PX, 13.0 * max(len(line) for line in title.split("\n"))))
+        for w, (title, _, _) in zip(widths, bodies, strict=True)
+    ]
     height = scale * (top - bottom)
     picture_px = max(round(height + 110), FEWEST_PX)
     total = sum(slots) + GAP_PX * len(slots) + 170
-    with style.canvas(round(total), picture_px) as figure:
+    with style.canvas(round(total), picture_px, pad=None) as figure:
         left = 20.0
         for (title, surface, look), box, width, slot in zip(bodies, boxes, widths, slots, strict=True):
             start = left + (slot - scale * width) / 2
@@ -76,11 +79,6 @@ def in_a_row(bodies: Sequence[Titled], bar: Callable[[Any, Any], None]) -> style
             label.set(annotation_clip=False)
         bar(figure, figure.add_axes((left / total, 0.18, 14 / total, 0.6)))
         return style.png(figure)
-
-
-def _title_px(title: str) -> float:
-    """About how wide a title is."""
-    return max(TITLE_PX, 13.0 * max(len(line) for line in title.split("\n")))
 
 
 MESH_LINE = 0.45  # pixels

@@ -21,7 +21,7 @@ ARM, OBJECT = style.SERIES[0], style.SERIES[4]
 
 def still_pictures(stills: Sequence[SceneStill]) -> style.Png:
     """One column per instant: the side view (x, z) above, the view from above (x, y) below, one scale."""
-    with style.canvas(430 * len(stills) + 120, 900) as figure:
+    with style.canvas(430 * len(stills) + 120, 900, pad=(0.06, 0.06)) as figure:
         grid = figure.subplots(2, len(stills), squeeze=False, sharex=True)
         for column, still in enumerate(stills):
             for row, plane in enumerate((SIDE, TOP)):
@@ -37,7 +37,6 @@ def still_pictures(stills: Sequence[SceneStill]) -> style.Png:
                 axes.set_ylim(*_limits(stills, plane[1]))
         for axes in grid[1]:
             axes.set_xlim(*_limits(stills, 0))
-        figure.set_layout_engine("constrained", w_pad=0.06, h_pad=0.06)
         return style.png(figure)
 
 
@@ -47,9 +46,11 @@ def draw_side(axes: Axes, still: SceneStill) -> None:
     axes.set_aspect("equal")
     axes.set_xlim(*_limits([still], 0))
     axes.set_ylim(*_limits([still], 2))
-    axes.set_xlabel("world x (mm)")
-    axes.set_ylabel("world z (mm)")
-    axes.set_title(f"{still.label[:1].upper()}{still.label[1:]}, {still.time_s:.3g} s")
+    axes.set(
+        xlabel="world x (mm)",
+        ylabel="world z (mm)",
+        title=f"{still.label[:1].upper()}{still.label[1:]}, {still.time_s:.3g} s",
+    )
 
 
 def draw_still(axes: Axes, still: SceneStill, plane: tuple[int, int]) -> None:

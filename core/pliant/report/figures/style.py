@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
 import matplotlib
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.colors import Colormap, LinearSegmentedColormap
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Colormap, LinearSegmentedColormap, Normalize, to_rgb
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, NullFormatter
 from numpy.typing import NDArray
+from PIL import Image
 
 from pliant.formatting import number
 
@@ -57,10 +61,17 @@ RC: dict[str, Any] = {
 
 
 @contextmanager
-def canvas(width_px: int, height_px: int) -> Iterator[Figure]:
-    """A figure of this size in the house style; the style holds inside the block only."""
+def canvas(
+    width_px: float, height_px: float, pad: tuple[float, float] | None = (0.09, 0.09), wspace: float = 0.02
+) -> Iterator[Figure]:
+    """A figure of this size in the house style; the style holds inside the block only.
+
+    Panels keep `pad` apart (inches) and `wspace` (a share of their width); places are given by hand without a pad.
+    """
     with matplotlib.rc_context(RC):
         figure = Figure(figsize=(width_px / DPI, height_px / DPI), dpi=DPI)
+        if pad is not None:
+            figure.set_layout_engine("constrained", w_pad=pad[0], h_pad=pad[1], wspace=wspace)
         FigureCanvasAgg(figure)
         yield figure
 
@@ -74,7 +85,8 @@ def png(figure: Figure) -> Png:
 
 def pressure_map() -> Colormap:
     """Colours of actuation levels: dark to green; yellow, unreadable on white, is left out."""
-    return _part("viridis", 0.0, 0.74)
+    part = matplotlib.colormaps["viridis"](np.linspace(0.0, 0.74, 128))
+    return LinearSegmentedColormap.from_list("viridis-part", part)
 
 
 def stretch_map() -> Colormap:
@@ -94,6 +106,27 @@ def stress_map() -> Colormap:
 def error_map() -> Colormap:
     """Colours of errors, pale where there are none; dark enough everywhere to be seen on paper."""
     return LinearSegmentedColormap.from_list("error", ["#f7ecc8", "#f2b563", "#dd6a4c", "#98305f", "#3b1150"])
+
+
+def entry(label: str, marker: str, **look: Any) -> Line2D:
+    """A marker of a legend."""
+    return Line2D([], [], ls="", marker=marker, label=label, **look)
+
+
+def key_below(figure: Figure, handles: Sequence[Any], **look: Any) -> None:
+    """A legend in one row below all panels."""
+    figure.legend(handles=handles, loc="outside lower center", ncols=len(handles), handletextpad=0.3, **look)
+
+
+def colour_bar(
+    figure: Figure, mapped: tuple[Normalize, Colormap] | ScalarMappable, label: str, **place: Any
+) -> Axes:
+    """A bar of colours with its label; `place` says where, as matplotlib's `colorbar` takes it."""
+    shown = ScalarMappable(*mapped) if isinstance(mapped, tuple) else mapped
+    bar = figure.colorbar(shown, **place)
+    bar.set_label(label)
+    bar.outline.set_visible(False)
+    return bar.ax
 
 
 def bare(axes: Any) -> None:
@@ -124,6 +157,22 @@ def round_length(target: float) -> float:
     return float(max(f * power for f in (1.0, 2.0, 5.0) if f * power <= target * (1 + 1e-9)))
 
 
-def _part(name: str, low: float, high: float) -> Colormap:
-    whole = matplotlib.colormaps[name]
-    return LinearSegmentedColormap.from_list(f"{name}-part", whole(np.linspace(low, high, 128)))
+COLOURS = 96
+NEAR_PAPER = 240
+HOUSE = (*SERIES, INK, SOFT, FAINT, PAPER)  # kept, however few pixels have them
+PALE = (1.0, 0.66, 0.33)  # the same mixed with paper: the edges of lines and letters
+
+
+def small_png(figure: Any) -> Png:
+    """The figure of many thin lines or dots as PNG bytes with a palette, a fraction of the bytes."""
+    whole = Image.open(io.BytesIO(png(figure).tobytes())).convert("RGB")
+    common = (whole.quantize(COLOURS, dither=Image.Dither.NONE).getpalette() or [])[: 3 * COLOURS]
+    # PIL looks colours up roughly: without others beside it, paper stays white.
+    bright = [min(common[k : k + 3]) > NEAR_PAPER for k in range(0, len(common), 3)]
+    palette = Image.new("P", (1, 1))
+    mixed = [[1 - share * (1 - c) for c in to_rgb(name)] for name in HOUSE for share in PALE]
+    own = [round(255 * c) for colour in mixed for c in colour]
+    palette.putpalette([*(255 if bright[k // 3] else c for k, c in enumerate(common)), *own])
+    buffer = io.BytesIO()
+    whole.quantize(palette=palette, dither=Image.Dither.NONE).save(buffer, format="PNG", optimize=True)
+    return np.frombuffer(buffer.getvalue(), dtype=np.uint8)

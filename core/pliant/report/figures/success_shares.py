@@ -29,7 +29,7 @@ def success_shares(conditions: Sequence[str], measured: Series, models: Sequence
     rows = len(conditions)
     colours = (style.INK, *style.SERIES)
     series = (measured, *models)
-    with style.canvas(1350, 62 * rows + 200) as figure:
+    with style.canvas(1350, 62 * rows + 200, pad=(0.06, 0.05)) as figure:
         axes = figure.subplots()
         for k, one in enumerate(series):
             shift = SPREAD * (k / max(len(series) - 1, 1) - 0.5)
@@ -51,14 +51,13 @@ def success_shares(conditions: Sequence[str], measured: Series, models: Sequence
         for row in range(1, rows):
             axes.axhline(row - 0.5, color="#e6e9ef", lw=0.7)
         axes.set_yticks(range(rows), conditions)
-        axes.set_ylim(rows - 0.5, -0.5)
-        axes.set_xlim(-1, 101)
-        axes.set_xlabel("successes (%), with 95 % intervals (Wilson)")
+        axes.set(
+            ylim=(rows - 0.5, -0.5), xlim=(-1, 101), xlabel="successes (%), with 95 % intervals (Wilson)"
+        )
         axes.grid(axis="y", visible=False)
         handles = [
             Line2D([], [], ls="", marker=MARKERS[k % len(MARKERS)], color=colours[k], label=one.label)
             for k, one in enumerate(series)
         ]
         figure.legend(handles=handles, loc="outside upper left", ncols=len(series))
-        figure.set_layout_engine("constrained", w_pad=0.06, h_pad=0.05)
         return style.png(figure)

@@ -99,7 +99,7 @@ class SearchProblem:
         config: SearchConfig = study.need("search", "'pliant optimize'")
         registry = with_files(registry, study.plugins)
         variables = search_variables(study, registry)
-        conditions, _ = search_conditions(study, registry)
+        conditions = search_conditions(study, registry)
         names = FormulaNames(study, registry, variables, conditions)
         constraints = tuple(
             parse(text, names.symbol, f"search.constraints.{number}", truth=True)

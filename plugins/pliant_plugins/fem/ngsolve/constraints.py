@@ -7,7 +7,6 @@ functions of two linked faces correspond is found by comparing their values.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -16,6 +15,7 @@ from pliant.errors import ContractError, UserError
 from pliant.meshing.hexahedra import FACES
 from pliant.records.design import Array
 from pliant.records.fem import IntArray, Link, ModuleMesh, ModuleProblem
+from pliant_plugins.fem.constraints import Constraints, Forest
 from pliant_plugins.fem.ngsolve.library import ngs
 from pliant_plugins.fem.ngsolve.mesh import FACE_CORNERS, LATTICE, node_unknowns, supports
 
@@ -24,68 +24,7 @@ SAME = 1e-8  # difference of two shape functions' values that is rounding
 SAMPLES = np.array([(a, b) for b in np.linspace(0.05, 0.95, 6) for a in np.linspace(0.05, 0.95, 6)])
 
 
-@dataclass(frozen=True, eq=False)
-class Elimination:
-    """Every unknown x_i = sign_i · y_master(i), or zero where master is −1; y has `size` entries."""
-
-    master: IntArray
-    sign: Array
-    size: int
-
-    def spread(self, y: Array) -> Array:
-        """All unknowns x (n,) from the remaining ones y (size,)."""
-        return np.asarray(np.where(self.master < 0, 0.0, self.sign * y[self.master]))
-
-    def gather(self, r: Array) -> Array:
-        """Generalised forces on y of those on x: (n,) or (n, k) to (size,) or (size, k)."""
-        kept = self.master >= 0
-        columns = r.reshape(len(r), -1)
-        found = [
-            np.bincount(self.master[kept], (self.sign * column)[kept], self.size) for column in columns.T
-        ]
-        return np.asarray(np.column_stack(found).astype(float).reshape(self.size, *r.shape[1:]))
-
-
-class _Groups:
-    """Unknowns that are equal but for a sign, merged one pair after the other."""
-
-    def __init__(self, count: int) -> None:
-        self.parent, self.sign = np.arange(count), np.ones(count)
-        self.zero = np.zeros(count, bool)
-
-    def root(self, i: int) -> tuple[int, float]:
-        sign = 1.0
-        while self.parent[i] != i:
-            sign *= self.sign[i]
-            i = int(self.parent[i])
-        return i, sign
-
-    def merge(self, first: int, second: int, sign: float) -> None:
-        """x_second = sign · x_first."""
-        (a, sa), (b, sb) = self.root(first), self.root(second)
-        if a == b:
-            # an unknown that is its own negative vanishes
-            self.zero[a] |= sa * sign != sb
-            return
-        self.parent[b], self.sign[b] = a, sign * sa * sb
-        self.zero[a] |= self.zero[b]
-
-    def fix(self, unknowns: IntArray) -> None:
-        for i in unknowns.tolist():
-            self.zero[self.root(i)[0]] = True
-
-    def done(self) -> Elimination:
-        roots = [self.root(i) for i in range(len(self.parent))]
-        root = np.array([r for r, _ in roots])
-        sign = np.array([s for _, s in roots])
-        kept = ~self.zero[root]
-        number = np.full(len(root), -1)
-        used = np.unique(root[kept])
-        number[used] = np.arange(len(used))
-        return Elimination(np.where(kept, number[root], -1), sign, len(used))
-
-
-def eliminate(problem: ModuleProblem, scalar: Any, count: int) -> Elimination:
+def eliminate(problem: ModuleProblem, scalar: Any, count: int) -> Constraints:
     """The unknowns left of `count`, of which the first 3 n are those of the displacement components.
 
     Args:
@@ -96,7 +35,7 @@ def eliminate(problem: ModuleProblem, scalar: Any, count: int) -> Elimination:
     Raises `ContractError` for a set that holds the middle of an edge or face but not its corners, `UserError` for
     links between other things than faces.
     """
-    mesh, groups = problem.mesh, _Groups(count)
+    mesh, groups = problem.mesh, Forest(count)
     owned, ends = node_unknowns(scalar, mesh), supports(mesh)
     for name, components in problem.tied.items():
         nodes = _closed(name, mesh, ends)
@@ -105,18 +44,18 @@ def eliminate(problem: ModuleProblem, scalar: Any, count: int) -> Elimination:
         for component in components:
             offset = component * scalar.ndof
             groups.fix(offset + inner)
-            for i in corner[1:]:
-                groups.merge(offset + corner[0], offset + i, 1.0)
+            others = offset + np.array(corner[1:], np.int64)
+            groups.join(np.full(len(others), offset + corner[0]), others, 1.0)
     for link in problem.links:
         for first, second, sign in _linked(link, mesh, scalar):
             for component, mirrored in link.signs.items():
                 offset = component * scalar.ndof
-                groups.merge(offset + first, offset + second, sign * mirrored)
+                groups.join(np.array([offset + first]), np.array([offset + second]), sign * mirrored)
     for name, components in problem.fixed.items():
         nodes = _closed(name, mesh, ends)
         for component in components:
             groups.fix(component * scalar.ndof + _joined(owned, nodes))
-    return groups.done()
+    return groups.constraints()
 
 
 def _joined(owned: list[IntArray], nodes: list[int]) -> IntArray:

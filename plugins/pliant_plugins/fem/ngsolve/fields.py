@@ -16,6 +16,7 @@ from pliant.records.design import Array
 from pliant.records.fem import IntArray, ModuleProblem
 from pliant_plugins.fem.ngsolve.library import ngs
 from pliant_plugins.fem.ngsolve.mesh import LATTICE
+from pliant_plugins.fem.rod_solver import field_values
 
 
 def deformation_gradients(
@@ -56,14 +57,6 @@ def nodal_fields(material: Material, F: Array, pressure: Array | None, cells: In
     seen = (ratio / J)[..., None, None] ** (1 / 3) * F
     law = material.evaluate(seen)
     stress = law.stress @ np.swapaxes(seen, -1, -2) / ratio[..., None, None]
-    mean = np.trace(stress, axis1=-2, axis2=-1) / 3
-    deviator = stress - mean[..., None, None] * np.eye(3)
-    values = {
-        "von_mises_pa": np.sqrt(1.5 * np.einsum("...ij,...ij->...", deviator, deviator)),
-        "hydrostatic_pa": mean,
-        "energy_j_m3": law.energy,
-        "volume_ratio": ratio,
-        "largest_stretch": np.linalg.svd(seen, compute_uv=False)[..., 0],
-    }
+    values = field_values(seen, stress, law.energy, ratio)
     count = np.bincount(cells.ravel())
     return {name: np.bincount(cells.ravel(), value.ravel()) / count for name, value in values.items()}

@@ -14,9 +14,7 @@ from scipy import sparse
 from scipy.sparse.linalg import splu
 
 from pliant.errors import ContractError
-from pliant.mechanics.rotations import exp_map, left_jacobian
 from pliant.meshing.hexahedra import jacobians, sample_points
-from pliant.records.design import Array
 from pliant.records.fem import IntArray, ModuleMesh
 from pliant_plugins.fem.ngsolve.library import netgen, ngs
 
@@ -130,17 +128,3 @@ def _between(mesh: ModuleMesh) -> dict[tuple[int, ...], int]:
         keys = np.sort(mesh.cells[:, ends], axis=1)
         found.update(zip(map(tuple, keys.tolist()), mesh.cells[:, place].tolist(), strict=True))
     return found
-
-
-def placed(points: Array, span_m: float, reference_z_m: float, turn: Array, strain: float) -> Array:
-    """Positions (n, 3) in space of section coordinates (s, y, z) (n, 3); see `ModuleProblem`.
-
-    R(s) = exp([k]× s) and r(s) = ∫ R e₁ ds = s J(k s) e₁, with J the left Jacobian of the rotation.
-    """
-    along = points[:, 0]
-    vectors = along[:, None] * turn / ((1 + strain) * span_m)
-    section = np.column_stack([np.zeros_like(along), points[:, 1], points[:, 2] - reference_z_m])
-    line = along[:, None] * left_jacobian(vectors)[:, :, 0]
-    position: Array = line + np.einsum("nij,nj->ni", exp_map(vectors), section)
-    position[:, 2] += reference_z_m
-    return position

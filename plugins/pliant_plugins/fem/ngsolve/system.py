@@ -1,10 +1,4 @@
-"""The discrete system: functionals to second order over the unknowns that are left, numbers apart; its linear solver.
-
-With y the fields' unknowns, g the numbers and Π = U − a W, one factorisation of K = Π_yy gives Z = K⁻¹ [r_y, Π_yg, W_y]
-and with it the system of the numbers alone:  S Δg = f − ρ + b Δa,
-
-    S = Π_gg − Π_gy K⁻¹ Π_yg,   ρ = r_g − Π_gy K⁻¹ r_y,   b = W_g − Π_gy K⁻¹ W_y.
-"""
+"""The discrete system: functionals over the unknowns that are left, numbers (the globals) apart; its linear solver."""
 
 from __future__ import annotations
 
@@ -12,15 +6,15 @@ import contextlib
 import threading
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy import sparse
 
 from pliant.records.design import Array
 from pliant.records.fem import IntArray
-from pliant_plugins.fem.newton import SingularMatrixError
-from pliant_plugins.fem.ngsolve.constraints import Elimination
+from pliant_plugins.fem.constraints import Constraints
+from pliant_plugins.fem.newton import Control, Point, Reduced, SingularMatrixError
 from pliant_plugins.fem.ngsolve.forms import Forms
 from pliant_plugins.fem.ngsolve.library import SparseMatrixd, ngs
 
@@ -29,34 +23,11 @@ ONE_AT_A_TIME = threading.RLock()
 ACCURATE = 1e-6  # relative residual of a linear solution; refined once where it is larger
 
 
-@dataclass(frozen=True, eq=False)
-class Point:
-    """A trial state: all unknowns x = (fields, numbers), the actuation, values and gradients of U and W.
+class Value(NamedTuple):
+    """A functional at x, with its gradient over the unknowns that are left and the numbers."""
 
-    `gradient` and `work` are over (y, g).
-    """
-
-    x: Array
-    actuation: float
-    energy_j: float
-    travel: float
+    value: float
     gradient: Array
-    work: Array
-
-    @property
-    def residual(self) -> Array:
-        """∂Π/∂(y, g)."""
-        return self.gradient - self.actuation * self.work
-
-
-@dataclass(frozen=True, eq=False)
-class Reduced:
-    """Z (n, k + 2) for k numbers, and the numbers' own system."""
-
-    solved: Array
-    stiffness: Array
-    residual: Array
-    actuation: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,9 +42,9 @@ class _Scatter:
 class System:
     """Functionals of one problem over the unknowns that its constraints leave."""
 
-    def __init__(self, forms: Forms, elimination: Elimination, threads: int) -> None:
+    def __init__(self, forms: Forms, elimination: Constraints, threads: int) -> None:
         self.forms, self.elimination, self.threads = forms, elimination, threads
-        self.numbers = len(forms.globals_)
+        self.count = len(forms.globals_)
         self.size = forms.space.ndof
         self._vector = ngs.GridFunction(forms.space).vec
         self._image = self._vector.CreateVector()
@@ -82,17 +53,20 @@ class System:
     @property
     def fields(self) -> int:
         """Unknowns that are no numbers, fixed ones too."""
-        return self.size - self.numbers
+        return self.size - self.count
 
-    def start(self) -> Array:
-        """x at rest."""
-        return np.zeros(self.size)
+    def step(self, inner: Array, globals_: Array) -> Array:
+        """The change of x."""
+        return np.concatenate([self.elimination.spread @ inner, globals_])
 
-    def step(self, y: Array, g: Array) -> Array:
-        """The change of x that belongs to one of (y, g)."""
-        return np.concatenate([self.elimination.spread(y), g])
+    def work(self, point: Point[Value], step: tuple[Array, Array], control: Control) -> float:
+        """Σ |r_i Δ_i| over what is free."""
+        residual, k = point.residual, self.count
+        efforts, free = residual[-k:] + control.effort, ~control.held
+        inner, change = np.abs(residual[:-k] * step[0]).sum(), np.abs(efforts[free] * step[1][free]).sum()
+        return float(inner + change)
 
-    def evaluate(self, x: Array, actuation: float) -> Point | None:
+    def evaluate(self, x: Array, actuation: float) -> Point[Value] | None:
         """Values and gradients at x; `None` where they do not exist (a cell is inverted)."""
         if not np.all(np.isfinite(x)):
             return None
@@ -102,20 +76,19 @@ class System:
             gradients = [self._applied(form) for form in (self.forms.stored, self.forms.worked)]
         if not (np.isfinite(energy) and all(np.all(np.isfinite(g)) for g in gradients)):
             return None
-        return Point(x, actuation, float(energy), float(travel), gradients[0], gradients[1])
+        return Point(x, actuation, Value(float(energy), gradients[0]), Value(float(travel), gradients[1]))
 
-    def reduce(self, point: Point) -> Reduced:
+    def reduce(self, point: Point[Value]) -> Reduced:
         """Assemble, factorise and condense at a point. Raises `SingularMatrixError`."""
         with self._at(point.x):
             self.forms.stored.AssembleLinearization(self._vector)
             self.forms.worked.AssembleLinearization(self._vector)
         parts = [self._entries(form.mat, s) for form, s in zip(self._both, self._scatters, strict=True)]
         values, borders, corner = (a - point.actuation * b for a, b in zip(*parts, strict=True))
-        n = self.elimination.size
-        residual = point.residual
-        right = np.column_stack([residual[:n], borders, point.work[:n]])
-        solved = self._solve(values, right)
-        tail = np.column_stack([residual[n:], corner, point.work[n:]])
+        n = len(self.elimination.first)
+        residual, work = point.residual, point.travel.gradient
+        solved = self._solve(values, np.column_stack([residual[:n], borders, work[:n]]))
+        tail = np.column_stack([residual[n:], corner, work[n:]])
         full = tail - borders.T @ solved
         return Reduced(solved, full[:, 1:-1], full[:, 0], full[:, -1])
 
@@ -139,14 +112,14 @@ class System:
         form.Apply(self._vector, self._image)
         full = self._image.FV().NumPy()
         n = self.fields
-        return np.concatenate([self.elimination.gather(full[:n]), full[n:]])
+        return np.concatenate([self.elimination.spread.T @ full[:n], full[n:]])
 
     def _pattern(self) -> None:
         """Slots of both forms' entries in one lower triangle over y."""
-        with self._at(self.start()):
+        with self._at(np.zeros(self.size)):
             for form in self._both:
                 form.AssembleLinearization(self._vector)
-        n, master, sign = self.elimination.size, self.elimination.master, self.elimination.sign
+        master, sign, n = self.elimination.number, self.elimination.sign, len(self.elimination.first)
         keys, parts = [], []
         for form in self._both:
             row, column = _places(form.mat)
@@ -177,11 +150,11 @@ class System:
             scatter.slot, scatter.weight * full.data[scatter.taken], len(self._keys)
         ).astype(float)
         edge = full[self.fields :].toarray().T
-        return lower, self.elimination.gather(edge[: self.fields]), edge[self.fields :]
+        return lower, self.elimination.spread.T @ edge[: self.fields], edge[self.fields :]
 
     def _solve(self, values: Array, right: Array) -> Array:
         """K⁻¹ B by NGSolve's sparse LDLᵀ, refined where needed. Raises `SingularMatrixError`."""
-        n = self.elimination.size
+        n = len(self.elimination.first)
         try:
             if self._inverse is None:
                 rows, columns = self._rows.astype(np.int32), self._columns.astype(np.int32)

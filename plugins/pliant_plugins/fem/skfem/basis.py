@@ -17,7 +17,7 @@ from skfem.refdom import RefQuad
 from pliant.errors import ContractError
 from pliant.records.design import Array
 from pliant.records.fem import IntArray, ModuleMesh
-from pliant_plugins.fem.skfem.config import Dilatation
+from pliant_plugins.fem.config import Dilatation
 from pliant_plugins.fem.skfem.dilatation import cell_modes
 
 ORDER = 5  # integrates with three Gauss points along each edge

@@ -7,6 +7,7 @@ from skfem import ElementHex1, ElementHex2
 
 from pliant.records.design import Array
 from pliant.records.fem import ModuleFields
+from pliant_plugins.fem.rod_solver import field_values
 from pliant_plugins.fem.skfem.assembly import Assembler
 
 
@@ -20,15 +21,7 @@ def module_fields(assembler: Assembler, x: Array, placed_m: Array) -> ModuleFiel
     F, energy, P = assembler.at_points(x)
     J, volume = np.linalg.det(F), assembler.volume_ratio(x)
     stress = P @ np.swapaxes(F, -1, -2) / J[..., None, None]
-    mean = np.trace(stress, axis1=-2, axis2=-1) / 3
-    deviator = stress - mean[..., None, None] * np.eye(3)
-    values = {
-        "von_mises_pa": np.sqrt(1.5 * np.sum(deviator**2, axis=(-2, -1))),
-        "hydrostatic_pa": mean,
-        "energy_j_m3": energy,
-        "volume_ratio": J if volume is None else volume,
-        "largest_stretch": np.linalg.svd(F, compute_uv=False)[..., 0],
-    }
+    values = field_values(F, stress, energy, J if volume is None else volume)
     return ModuleFields(
         points_m=mesh.nodes_m,
         displacement_m=placed_m - mesh.nodes_m,

@@ -148,30 +148,3 @@ def _slope(variables: Variables, at: Motion) -> Array:
         if variables.strain is not None:
             dF[..., 3 * i, variables.strain] = at.g[..., i] + (i == 0)
     return dF
-
-
-def placed(section: Array, k: Array, reference_z_m: float) -> Array:
-    """Positions (n, 3) in space of section coordinates (s, y, z) (n, 3); the section s = 0 stays at rest.
-
-    r(s) = ∫₀ˢ R e₁ and R = exp(s [k]×) in closed form (Rodrigues).
-    """
-    s, rho = section[:, 0], section[:, 1:] - np.array([0.0, reference_z_m])
-    curvature = float(np.linalg.norm(k))
-    angle = curvature * s
-    K = np.array([[0.0, -k[2], k[1]], [k[2], 0.0, -k[0]], [-k[1], k[0], 0.0]])
-    # sin φ/φ and (1 − cos φ)/φ² as sinc: regular in the straight piece
-    once, twice = np.sinc(angle / np.pi), 0.5 * np.sinc(angle / (2 * np.pi)) ** 2
-    offset = np.column_stack([np.zeros_like(s), rho])
-    turned = offset + (once * s)[:, None] * (offset @ K.T) + (twice * s**2)[:, None] * (offset @ (K @ K).T)
-    third = _third(angle)  # (φ − sin φ)/φ³
-    e = np.array([1.0, 0.0, 0.0])
-    line = s[:, None] * e + (twice * s**2)[:, None] * (K @ e) + (third * s**3)[:, None] * (K @ K @ e)
-    return turned + line + np.array([0.0, 0.0, reference_z_m])
-
-
-def _third(angle: Array) -> Array:
-    """(φ − sin φ) / φ³."""
-    small = np.abs(angle) < 0.1
-    safe = np.where(small, 1.0, angle)
-    series = 1 / 6 - angle**2 / 120 + angle**4 / 5040 - angle**6 / 362880
-    return np.where(small, series, (safe - np.sin(safe)) / safe**3)

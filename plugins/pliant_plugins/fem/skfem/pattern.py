@@ -9,7 +9,7 @@ from scipy import sparse
 
 from pliant.records.design import Array
 from pliant.records.fem import IntArray
-from pliant_plugins.fem.skfem.unknowns import Constraints
+from pliant_plugins.fem.constraints import Constraints
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,11 +9,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import sparse
 
 from pliant.errors import ContractError, UserError
 from pliant.records.design import Array
 from pliant.records.fem import IntArray, ModuleProblem
+from pliant_plugins.fem.constraints import Constraints, Forest
 from pliant_plugins.fem.skfem.basis import PressureData
 
 AXES = ("x", "y", "z")
@@ -101,38 +101,15 @@ class Globals:
         return np.concatenate([gradient[:-G], T.T @ gradient[-G:]]), border
 
 
-@dataclass(frozen=True, eq=False)
-class Constraints:
-    """Which unknown each displacement follows, and with which sign.
-
-    Attributes:
-        number: (size,) place of the unknown, −1 where the displacement is zero.
-        sign: (size,) 1 or −1.
-        first: (n,) one displacement of each unknown, with the sign 1.
-    """
-
-    number: IntArray
-    sign: Array
-    first: IntArray
-
-    @property
-    def spread(self) -> sparse.csr_matrix:
-        """(size, n): all displacements from the unknowns."""
-        rows = np.flatnonzero(self.number >= 0)
-        entries = (self.sign[rows], (rows, self.number[rows]))
-        return sparse.csr_matrix(entries, shape=(len(self.number), len(self.first)))
-
-
 def constraints(problem: ModuleProblem, pressures: PressureData | None = None) -> Constraints:
     """Fixed, tied and linked displacements as one signed map, then volumes and pressures of mixed cells.
 
-    A class of displacements that move alike is fixed where one of them is, or where v = −v follows. Volumes
-    and pressures at linked nodes are equal: a symmetry maps them to themselves.
+    Volumes and pressures at linked nodes are equal: a symmetry maps them to themselves.
     Raises `ContractError` for a node set that the mesh does not have.
     """
     first = problem.mesh.nodes_m.size
     size = first if pressures is None else first + 2 * pressures.count
-    forest = _Forest(size)
+    forest = Forest(size)
     for name, components in problem.tied.items():
         nodes = _node_set(problem, name)
         for c in components:
@@ -146,16 +123,10 @@ def constraints(problem: ModuleProblem, pressures: PressureData | None = None) -
             a, b = place[link.first], place[link.second]
             for begin in (first, first + pressures.count):
                 forest.join(begin + a[a >= 0], begin + b[a >= 0], 1.0)
-    root, signs = forest.roots()
-    fixed = np.zeros(size, bool)
-    fixed[root[forest.zero]] = True
     for name, components in problem.fixed.items():
         for c in components:
-            fixed[root[3 * _node_set(problem, name) + c]] = True
-    free = np.flatnonzero(~fixed & (root == np.arange(size)))
-    number = np.full(size, -1)
-    number[free] = np.arange(len(free))
-    return Constraints(number[root], signs, free)
+            forest.fix(3 * _node_set(problem, name) + c)
+    return forest.constraints()
 
 
 def _node_set(problem: ModuleProblem, name: str) -> IntArray:
@@ -163,40 +134,3 @@ def _node_set(problem: ModuleProblem, name: str) -> IntArray:
         known = ", ".join(sorted(problem.mesh.node_sets))
         raise ContractError(f"the problem constrains the node set '{name}'; the mesh has {known}.")
     return problem.mesh.node_sets[name]
-
-
-class _Forest:
-    """Union–find over displacements, with the sign of each relative to its parent."""
-
-    def __init__(self, size: int) -> None:
-        self.parent: IntArray = np.arange(size)
-        self.sign: Array = np.ones(size)
-        self.zero: list[int] = []
-
-    def join(self, first: IntArray, second: IntArray, sign: float) -> None:
-        """v(second) = sign · v(first), pairwise."""
-        for a, b in zip(first.tolist(), second.tolist(), strict=True):
-            (i, of_a), (j, of_b) = self._find(a), self._find(b)
-            if i != j:
-                self.parent[j], self.sign[j] = i, of_a * of_b * sign
-            elif of_a * sign != of_b:
-                self.zero.append(a)
-
-    def _find(self, i: int) -> tuple[int, float]:
-        """The root of i and i's sign relative to it."""
-        path = []
-        while self.parent[i] != i:
-            path.append(i)
-            i = int(self.parent[i])
-        sign = 1.0
-        for j in reversed(path):
-            sign *= float(self.sign[j])
-            self.parent[j] = i
-            self.sign[j] = sign
-        return i, sign
-
-    def roots(self) -> tuple[IntArray, Array]:
-        """Root and sign of every displacement."""
-        for i in np.flatnonzero(self.parent != np.arange(len(self.parent))).tolist():
-            self._find(i)
-        return self.parent, self.sign

@@ -51,8 +51,7 @@ class Network:
         p, u = points[:, :1], points[:, 1:]
         z = points @ self.weights.T + self.offsets
         quadratic = np.sum(u * (u @ self.stiffness) / 2 - u * (self.effort + p * self.gain), axis=1)
-        total: Array = np.sqrt(1 + z * z) @ self.factors + quadratic
-        return total
+        return np.sqrt(1 + z * z) @ self.factors + quadratic
 
     def efforts(self, points: Array) -> tuple[Array, Array, Array]:
         """τ = −∂Π/∂u (n, k), ∂τ/∂p (n, k) and the symmetric ∂τ/∂u (n, k, k) at points (n, 1 + k)."""

@@ -10,9 +10,8 @@ import math
 import numpy as np
 
 from pliant.records.design import Array
-from pliant_plugins.surrogates.neural.continuation import Continuation
-from pliant_plugins.surrogates.neural.network import Network
 
+# Parameters: number of units; coordinates, axes, then b, c and w of each unit.
 # Each coordinate's block: box low, box high, reach. Each axis's: rest, stiffness below and above, guard below and
 # above, gain below and above, then effort, gain and the row of the stiffness of the network's quadratic form.
 COORDINATE = 3
@@ -22,7 +21,7 @@ AXIS = 9
 def network_effort(
     actuation: float, deformation: Array, parameters: Array, tau: Array, dtau_dp: Array, dtau_du: Array
 ) -> None:
-    """Fill tau (k,), dtau_dp (k,) and dtau_du (k, k); `parameters` as `pack` makes them."""
+    """Fill tau (k,), dtau_dp (k,) and dtau_du (k, k); `parameters` as `NeuralLaw.scalar` makes them."""
     k = len(tau)
     p, rate_p = _bent(actuation, parameters, 1)
     for i in range(k):
@@ -133,14 +132,3 @@ def shared(parameters: Array, share: float, axes: int) -> Array:
     by_axis[:, [5, 6, 8]] *= share
     told[first + (AXIS + axes) * axes :].reshape(-1, 3 + axes)[:, 2] *= share
     return told
-
-
-def pack(network: Network, how: Continuation) -> Array:
-    """The numbers that `network_effort` reads: units, coordinates, axes, then b, c and w of each unit."""
-    coordinates = np.column_stack([how.box, how.reach])
-    axes = np.column_stack(
-        [how.rest, how.stiffness, how.guard, how.gain.T, network.effort, network.gain, network.stiffness]
-    )
-    units = np.column_stack([network.offsets, network.factors, network.weights])
-    count = np.array([float(len(network.offsets))])
-    return np.concatenate([count, coordinates.ravel(), axes.ravel(), units.ravel()])

@@ -1,4 +1,6 @@
-"""Training: Levenberg and Marquardt's steps, from a stiff network to ever more supple ones."""
+"""The states as equations of a network's parameters, and training by Levenberg and Marquardt's steps.
+
+torch differentiates the equations, unit by unit; networks go from stiff to ever more supple ones."""
 
 from __future__ import annotations
 
@@ -10,9 +12,182 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pliant.records.design import Array
+from pliant.records.law import Domain
 from pliant_plugins.native import load_torch
 from pliant_plugins.surrogates.neural.network import Network
-from pliant_plugins.surrogates.neural.system import Scales, States, System
+
+# As for polynomials: slopes are steeper than values, with equal weight they would rule the fit.
+SLOPE_WEIGHT = 0.2
+# Of the decay of a unit, that of the quadratic form: it is what a law is without units.
+PLAIN = 0.01
+
+
+@dataclass(frozen=True, eq=False)
+class States:
+    """n states of k axes: points (n, 1 + k), tau (n, k), gains (n, k), slopes (n, k, k); unknown slopes are NaN."""
+
+    points: Array
+    tau: Array
+    gain: Array
+    slope: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Scales:
+    """Centre and half-width of each coordinate, (1 + k,), and the range of each effort, (k,)."""
+
+    centre: Array
+    half: Array
+    ranges: Array
+
+    @staticmethod
+    def of(domain: Domain, ranges: Array) -> Scales:
+        """The scales of a box."""
+        box = np.concatenate([domain.actuation[None], domain.deformation])
+        return Scales(box.mean(axis=1), np.ptp(box, axis=1) / 2, ranges)
+
+    @property
+    def energy(self) -> float:
+        """J: the largest range times half-width."""
+        return float(np.max(self.ranges * self.half[1:]))
+
+
+class System:
+    """Residuals of the scaled states and their derivatives by the parameters θ (g, q) of g networks at once.
+
+    Each network sees the states that its row of a mask (g, n) chooses. θ is, one after another, w (1 + k), b, c of
+    each unit; then effort, gain and the upper triangle of the stiffness of the quadratic form.
+    """
+
+    def __init__(
+        self, torch: Any, states: States, scales: Scales, units: int, seen: NDArray[np.bool_]
+    ) -> None:
+        self.torch, self.scales, self.units = torch, scales, units
+        self.k = states.tau.shape[1]
+        self.upper = np.triu_indices(self.k)
+        self.width = self.k + 3
+        half, tau_unit = scales.half, scales.energy / scales.half[1:]
+        # second derivatives of Π that the data know: by p and u_i, by u_i and u_j
+        self.first = np.concatenate([np.zeros(self.k, int), 1 + self.upper[0]])
+        self.second = np.concatenate([1 + np.arange(self.k), 1 + self.upper[1]])
+        to_unit = np.concatenate(
+            [1 / tau_unit, half[0] / tau_unit, half[1 + self.upper[0]] / tau_unit[self.upper[1]]]
+        )
+        shares = tau_unit / scales.ranges
+        slope_shares = SLOPE_WEIGHT * np.concatenate(
+            [shares, np.sqrt(shares[self.upper[0]] * shares[self.upper[1]])]
+        )
+        wanted = np.concatenate([states.tau, states.gain, states.slope[:, *self.upper]], axis=1) * to_unit
+        known = np.isfinite(wanted)
+        of_state = seen / np.sqrt(seen.sum(axis=1, keepdims=True))
+        weights = of_state[:, :, None] * np.concatenate([shares, slope_shares])
+        as_tensor = torch.from_numpy
+        self.x = as_tensor((states.points - scales.centre) / half)
+        self.known = np.flatnonzero(known)
+        self.wanted = as_tensor(wanted[known])
+        self.weights = as_tensor(weights.reshape(len(seen), -1)[:, self.known])
+        self.plain = as_tensor(self._plain(self.x.numpy()).reshape(known.size, -1)[self.known])
+        share = np.ones(units * self.width + self.plain.shape[1])
+        share[units * self.width :] = PLAIN
+        self.share = as_tensor(share)
+
+    def start(self, seed: int) -> Any:
+        """(g, q): the same random units; of each network the factors and the form that fit best with them."""
+        torch, m = self.torch, self.units * self.width
+        random = torch.Generator().manual_seed(seed)
+        of_units = torch.zeros(self.units, self.width, dtype=torch.float64)
+        of_units[:, : self.k + 1] = torch.randn(self.units, self.k + 1, generator=random, dtype=torch.float64)
+        of_units[:, self.k + 1] = 3 * torch.rand(self.units, generator=random, dtype=torch.float64) - 1.5
+        theta = torch.cat([of_units.ravel(), torch.zeros(len(self.share) - m, dtype=torch.float64)])
+        theta = theta.repeat(len(self.weights), 1)
+        linear = torch.cat(
+            [torch.arange(self.units) * self.width + self.k + 2, torch.arange(m, theta.shape[1])]
+        )
+        matrix = self.jacobian(theta)[:, :, linear]
+        normal = matrix.mT @ matrix
+        normal.diagonal(dim1=1, dim2=2).add_(1e-4 / self.units)
+        theta[:, linear] = -torch.linalg.solve(normal, matrix.mT @ self.residual(theta)[..., None])[..., 0]
+        return theta
+
+    def values(self, theta: Any, points: Array) -> Any:
+        """(n, k, q) derivatives of τ, as shares of its range, at points (n, 1 + k), by one network's θ (q,)."""
+        torch, k = self.torch, self.k
+        x = torch.from_numpy((points - self.scales.centre) / self.scales.half)
+        of_units = self._of_units(theta[None], x)[0]
+        plain = torch.from_numpy(self._plain(x.numpy())).reshape(len(of_units), -1)
+        both = torch.cat([of_units, plain], dim=1).reshape(len(x), -1, len(self.share))[:, :k]
+        shares = self.scales.energy / (self.scales.half[1:] * self.scales.ranges)
+        return both * torch.from_numpy(shares)[:, None]
+
+    def residual(self, theta: Any, which: Any = slice(None)) -> Any:
+        """(g, m) of what the data know, as shares of the effort's range; 0 for what a network does not see.
+
+        `which` are the networks that θ (g, q) is of.
+        """
+        of_units = self.torch.func.vmap(lambda one: self._unit(one, self.x).ravel())(self._units(theta))
+        of_units = of_units.reshape(len(theta), self.units, -1).sum(dim=1)[:, self.known]
+        plain = theta[:, self.units * self.width :] @ self.plain.T
+        return (of_units + plain - self.wanted) * self.weights[which]
+
+    def jacobian(self, theta: Any, which: Any = slice(None)) -> Any:
+        """(g, m, q) derivatives of `residual`: each unit by its own parameters only."""
+        of_units = self._of_units(theta, self.x)[:, self.known]
+        plain = self.plain.expand(len(theta), -1, -1)
+        return self.torch.cat([of_units, plain], dim=2) * self.weights[which][..., None]
+
+    def network(self, theta: Any) -> Network:
+        """The network of one θ (q,) in SI."""
+        numbers, k, scales = theta.numpy(), self.k, self.scales
+        m = self.units * self.width
+        of_units = numbers[:m].reshape(self.units, self.width)
+        effort, gain, upper = np.split(numbers[m:], [k, 2 * k])
+        stiffness = np.zeros((k, k))
+        stiffness[self.upper] = upper
+        stiffness = np.triu(stiffness) + np.triu(stiffness, 1).T
+        half = scales.half[1:]
+        stiffness = scales.energy * stiffness / np.outer(half, half)
+        weights = of_units[:, : k + 1] / scales.half
+        gain = scales.energy * gain / (half * scales.half[0])
+        effort = scales.energy * effort / half - gain * scales.centre[0] + stiffness @ scales.centre[1:]
+        offsets = of_units[:, k + 1] - weights @ scales.centre
+        return Network(weights, offsets, scales.energy * of_units[:, k + 2], effort, gain, stiffness)
+
+    def _units(self, theta: Any) -> Any:
+        """(g · units, width)."""
+        return theta[:, : self.units * self.width].reshape(-1, self.width)
+
+    def _of_units(self, theta: Any, x: Any) -> Any:
+        """(g, n · r, units · width) derivatives of what `_unit` gives."""
+        func = self.torch.func
+        found = func.vmap(func.jacfwd(lambda one: self._unit(one, x).ravel()))(self._units(theta))
+        found = found.reshape(len(theta), self.units, -1, self.width).transpose(1, 2)
+        return found.reshape(len(theta), found.shape[1], -1)
+
+    def _unit(self, theta: Any, x: Any) -> Any:
+        """(n, r) what one unit adds to τ, to ∂τ/∂p and to the upper triangle of ∂τ/∂u."""
+        torch, k = self.torch, self.k
+        w = theta[: k + 1]
+        z = x @ w + theta[k + 1]
+        bell = torch.rsqrt(1 + z * z)
+        slopes = (z * bell)[:, None] * w[1:]
+        curvatures = (bell**3)[:, None] * (w[self.first] * w[self.second])
+        return -theta[k + 2] * torch.cat([slopes, curvatures], dim=1)
+
+    def _plain(self, x: Array) -> Array:
+        """(n, r, q) what the quadratic form adds to the same, by its q parameters."""
+        k = self.k
+        rows = np.zeros((len(x), 2 * k + len(self.upper[0]), 2 * k + len(self.upper[0])))
+        axes = np.arange(k)
+        rows[:, axes, axes] = 1.0
+        rows[:, axes, k + axes] = x[:, :1]
+        rows[:, k + axes, k + axes] = 1.0
+        for at, (i, j) in enumerate(zip(*self.upper, strict=True)):
+            rows[:, i, 2 * k + at] -= x[:, 1 + j]
+            if i != j:
+                rows[:, j, 2 * k + at] -= x[:, 1 + i]
+            rows[:, 2 * k + at, 2 * k + at] = -1.0
+        return rows
+
 
 # Shares of decay that are tried, from smooth to supple; each starts where the one before it ended.
 DECAYS = tuple(10.0**-e for e in range(3, 13))

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -75,10 +77,7 @@ class AxesLaw(JointLaw):
     def potential(self, actuation: Array, deformation: Array) -> Array:
         """Π(p, u) − Π(p, 0) in J, shape (n,), in closed form."""
         u = np.asarray(deformation, float)
-        total: Array = np.sum(
-            [law.potential(actuation, u[:, k : k + 1]) for k, law in enumerate(self.laws)], axis=0
-        )
-        return total
+        return np.sum([law.potential(actuation, u[:, k : k + 1]) for k, law in enumerate(self.laws)], axis=0)
 
     def scalar(self) -> ScalarLaw:
         """The same law for compiled engines."""
@@ -114,6 +113,33 @@ class AxesLaw(JointLaw):
             return of_axis(LawRecord(record.kind, record.values["of_axes"][axis], arrays))
 
         return AxesLaw((one("x"), one("y"), one("z")))
+
+
+class AxesSurrogate(Surrogate):
+    """A surrogate whose config may have `axes`, each with a surrogate of the same kind (`of_axes`)."""
+
+    @abstractmethod
+    def of_axes(self) -> Mapping[str, Surrogate]:
+        """The surrogates of the axes x, y, z; none where the config has no `axes`."""
+
+    def tables(self) -> dict[str, Path]:
+        """The table of the law, or of each axis that has one."""
+        own = dict(super().tables())
+        return own or {axis: path for axis, one in self.of_axes().items() for path in one.tables().values()}
+
+    def needs_fem(self) -> bool:
+        """Whether the law, or one of its axes, is neither stated nor has a table."""
+        each = self.of_axes().values()
+        return any(one.needs_fem() for one in each) if each else super().needs_fem()
+
+    def fit_axes(self, data: Mapping[str, FemDataset]) -> FittedLaw:
+        """The law of one axis, or of three: each stated, fitted to its table, or to the FEM states.
+
+        Where the FEM stage has three axes and the config does not name them, all are fitted alike.
+        """
+        if each := self.of_axes():
+            return fit_each(each, data)
+        return self.fit(data[""]) if "" in data else fit_each(dict.fromkeys(AXES, self), data)
 
 
 FEM = ""

@@ -101,8 +101,7 @@ def coupling_sets(parity: Parity, max_main: int) -> list[Coupling]:
 def terms_of(sets: Sequence[Main | Coupling], axes: int, main: int, with_rest: bool) -> Exponents:
     """(m, 1 + k) exponents; `with_rest` keeps terms of the actuation alone, which have no effort."""
     exponents = np.concatenate([_terms(one, axes, main) for one in sets])
-    kept: Exponents = exponents if with_rest else exponents[exponents[:, 1:].any(axis=1)]
-    return kept
+    return exponents if with_rest else exponents[exponents[:, 1:].any(axis=1)]
 
 
 def _terms(one: Main | Coupling, axes: int, main: int) -> Exponents:
@@ -120,5 +119,4 @@ def _terms(one: Main | Coupling, axes: int, main: int) -> Exponents:
             kept &= np.all(grid[:, lateral] % 2 == 0, axis=1)
         elif one.parity == "together":
             kept &= beside % 2 == 0
-    found: Exponents = grid[kept].astype(np.int64)
-    return found
+    return grid[kept].astype(np.int64)

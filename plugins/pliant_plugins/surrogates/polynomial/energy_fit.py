@@ -1,8 +1,8 @@
-"""A law of several axes from whole states: least squares of one energy, its terms chosen by leaving places out."""
+"""A law of several axes from whole states: one energy, its terms chosen by leaving places out, or three laws apart."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import product
@@ -13,8 +13,9 @@ import numpy as np
 from pliant.errors import UserError
 from pliant.interfaces.surrogate import FittedLaw
 from pliant.records.design import Array
-from pliant.records.fem import COUPLING, ModuleData
-from pliant.records.law import JointLaw
+from pliant.records.fem import COUPLING, FemDataset, ModuleData
+from pliant.records.law import Domain, JointLaw
+from pliant_plugins.surrogates.polynomial.axes import AXES, AxesLaw
 from pliant_plugins.surrogates.polynomial.energy import (
     PARITIES,
     Coupling,
@@ -24,18 +25,126 @@ from pliant_plugins.surrogates.polynomial.energy import (
     main_sets,
     terms_of,
 )
-from pliant_plugins.surrogates.polynomial.energy_apart import (
-    COUNTED,
-    choice_of,
-    compared,
-    fit_apart,
-    quality,
-)
 from pliant_plugins.surrogates.polynomial.energy_law import EnergyLaw
 from pliant_plugins.surrogates.polynomial.energy_system import EnergySystem, Solution, error_bar
+from pliant_plugins.surrogates.polynomial.fit import Candidate, fit_adaptive
 from pliant_plugins.surrogates.polynomial.scoring import report_axes
-from pliant_plugins.surrogates.polynomial.states import Mask, effort_ranges, split
-from pliant_plugins.surrogates.stability import affordable
+from pliant_plugins.surrogates.polynomial.states import MINIMUM_STATES, Mask, effort_ranges, split
+from pliant_plugins.surrogates.records import affordable, stable_choice
+
+# Degrees that are tried beside the largest of an energy: less, as many, more.
+DEGREES = (-5, -1, 3)
+LEAST_DEGREE = 2
+# Of the states left out, those that are missed most do not choose: on the box's border they show extrapolation.
+COUNTED = 0.9
+# Errors below this share of the range are all the same when laws of different forms are compared.
+ALIKE = 1e-3
+
+
+@dataclass(frozen=True, eq=False)
+class Apart:
+    """Three laws by themselves.
+
+    Attributes:
+        misses: (n, 3) predicted minus true τ: of states that explore an axis, that axis' τ with the state left out;
+            of states that hold several, all τ, for they are never fitted; NaN elsewhere.
+        terms: how many free terms the three laws are worth.
+        largest_slope: of ∂τ/∂u over the three boxes, N·m/rad: below zero where all are stable.
+    """
+
+    law: AxesLaw
+    misses: Array
+    terms: int
+    largest_slope: float
+    degrees: dict[str, int]
+
+
+def fit_apart(data: ModuleData, max_main: int) -> Apart | None:
+    """Each axis from the states that explore it, all others being free there; None where that cannot be done."""
+    if data.axes != AXES or data.joint != "spherical":
+        return None
+    misses, chosen = np.full(data.tau.shape, np.nan), {}
+    for k, axis in enumerate(AXES):
+        own = data.axis(axis)
+        if len(own) < MINIMUM_STATES or not all(map(np.ptp, (own.actuation, own.angle_rad, own.moment_n_m))):
+            return None
+        try:
+            best = _best(own, max_main)
+        except UserError:
+            return None
+        chosen[axis] = best
+        misses[data.explored == axis, k] = left_out(best)
+    x, y, z = (replace(one.law, error=one.posterior.error_bar()) for one in chosen.values())
+    law = AxesLaw((x, y, z))
+    several = data.explored == COUPLING
+    if several.any():
+        found = law.evaluate(data.actuation[several], data.deformation[several]).tau
+        misses[several] = found - data.tau[several]
+    return Apart(
+        law,
+        misses,
+        sum(one.n_terms for one in chosen.values()),
+        max(one.largest_slope for one in chosen.values()),
+        {axis: one.degree for axis, one in chosen.items()},
+    )
+
+
+def left_out(one: Candidate) -> Array:
+    """(n,) predicted minus true τ of each state left out in turn; NaN where the others do not determine it."""
+    own = one.posterior
+    return -own.misses() * own.system.range
+
+
+def quality(misses: Array, data: ModuleData, ranges: Array) -> dict[str, float]:
+    """RMS miss over the range, by axis over the states that explore it, and over those that hold several."""
+    shares = (misses / ranges) ** 2
+    groups: dict[str, Array] = {}
+    for k, axis in enumerate(data.axes):
+        groups[axis] = shares[data.explored == axis, k]
+    groups[COUPLING] = shares[data.explored == COUPLING].mean(axis=1)
+    return {name: _trimmed(squares) for name, squares in groups.items() if np.isfinite(squares).any()}
+
+
+def compared(one: dict[str, float], other: dict[str, float]) -> float:
+    """How many times larger the errors of `one` are, in the geometric mean over the groups that both have."""
+    common = [name for name in one if name in other]
+    logs = [np.log((one[name] + ALIKE) / (other[name] + ALIKE)) for name in common]
+    return float(np.exp(np.mean(logs))) if logs else np.inf
+
+
+def choice_of(apart: Apart, found: dict[str, float]) -> dict[str, Any]:
+    """What a report says of these laws."""
+    several = np.isfinite(apart.misses).all(axis=1)
+    return {
+        "form": "axes apart",
+        "degree": max(apart.degrees.values()),
+        "degrees": apart.degrees,
+        "terms": apart.terms,
+        "energies_fitted": False,
+        "left_out_rmse_of_range": float(np.sqrt(np.mean(np.square(list(found.values()))))),
+        "several_held": int(several.sum()),
+    }
+
+
+def _best(own: FemDataset, max_main: int) -> Candidate:
+    """Of several largest degrees the one that misses states left out least, stable if that costs little."""
+    side = np.array([[own.angle_rad.min(), own.angle_rad.max()]])
+    domain = Domain(np.array([own.actuation.min(), own.actuation.max()]), side)
+    found = list(_degrees_tried(own, domain, max_main))
+    size = float(np.ptp(own.moment_n_m))
+    errors = [_trimmed((left_out(one) / size) ** 2) for one in found]
+    return found[stable_choice(errors, [one.largest_slope for one in found])]
+
+
+def _degrees_tried(own: FemDataset, domain: Domain, max_main: int) -> Iterator[Candidate]:
+    for degree in sorted({max(LEAST_DEGREE, max_main + more) for more in DEGREES}):
+        yield fit_adaptive(own, domain, degree)[0]
+
+
+def _trimmed(squares: Array) -> float:
+    known = np.sort(squares[np.isfinite(squares)])
+    return float(np.sqrt(known[: max(1, int(COUNTED * len(known)))].mean())) if len(known) else np.inf
+
 
 # More terms than this share of the equations are never worth while.
 MOST_TERMS = 0.5
@@ -53,7 +162,7 @@ _UNDETERMINED = (
 
 
 @dataclass(frozen=True, eq=False)
-class Candidate:
+class EnergyCandidate:
     """A set of terms, its error on places left out as a share of the ranges, and the solution for all states.
 
     Places of the main axis alone and others count alike in `rmse`.
@@ -99,7 +208,7 @@ def fit_energy(data: ModuleData, max_main: int, with_energy: bool = True) -> Fit
     return FittedLaw(law, report_axes(law, states, choice, chosen.largest_slope()))
 
 
-def choose(system: EnergySystem, max_main: int) -> tuple[Candidate, list[Candidate]]:
+def choose(system: EnergySystem, max_main: int) -> tuple[EnergyCandidate, list[EnergyCandidate]]:
     """The chosen candidate and all that were tried with lateral terms (all, of one axis).
 
     First the terms of the main axis alone, by the states that hold or free only that; then, beside them, those of
@@ -133,12 +242,12 @@ def choose(system: EnergySystem, max_main: int) -> tuple[Candidate, list[Candida
 
 def _with_lateral(
     system: EnergySystem, base: tuple[Main | Coupling, ...], max_main: int
-) -> tuple[Candidate | None, list[Candidate]]:
+) -> tuple[EnergyCandidate | None, list[EnergyCandidate]]:
     """The best set of lateral terms beside those of the main axis, and all that were tried."""
     data = system.data
     symmetric = all(system.deformation_map[k, 0] == 0 for k, a in enumerate(data.axes) if a != data.main_axis)
-    chosen: Candidate | None = None
-    candidates: list[Candidate] = []
+    chosen: EnergyCandidate | None = None
+    candidates: list[EnergyCandidate] = []
     for parity in PARITIES if symmetric else PARITIES[-1:]:
         if chosen is not None:
             last = chosen.sets[-1]
@@ -168,7 +277,7 @@ def law_of(system: EnergySystem, terms: Exponents, coefficients: Array) -> Energ
 
 def _tried(
     system: EnergySystem, sets: Sequence[tuple[Main | Coupling, ...]], only: int | None = None
-) -> list[Candidate]:
+) -> list[EnergyCandidate]:
     """Candidates of those sets that the states determine; `only` scores, and keeps stable, one axis."""
     data = system.data
     main = data.axes.index(data.main_axis)
@@ -192,7 +301,7 @@ def _tried(
         rmse = float(np.sqrt(np.mean([square for square, _ in parts])))
         spread = float(np.sqrt(np.sum([se**2 for _, se in parts]))) / len(parts)
         slope = partial(largest_slope, law_of(system, t, solution.coefficients), only)
-        found.append(Candidate(one, t, rmse, spread / (2 * rmse) if rmse else 0.0, solution, slope))
+        found.append(EnergyCandidate(one, t, rmse, spread / (2 * rmse) if rmse else 0.0, solution, slope))
     return found
 
 
@@ -204,11 +313,11 @@ def _left_out(system: EnergySystem, squares: Array, part: Mask) -> tuple[float, 
     return float(counted.mean()), float(counted.std() / np.sqrt(len(counted)))
 
 
-def _better(one: Candidate, other: Candidate) -> bool:
+def _better(one: EnergyCandidate, other: EnergyCandidate) -> bool:
     return one.rmse + one.rmse_se + NEGLIGIBLE < other.rmse
 
 
-def _fewest(candidates: list[Candidate]) -> Candidate:
+def _fewest(candidates: list[EnergyCandidate]) -> EnergyCandidate:
     """The one-standard-error rule among laws that are stable over the box, if one of them is about as good."""
     by_error = sorted(candidates, key=lambda c: c.rmse)
     near = (c for c in by_error if c.rmse <= affordable(by_error[0].rmse))
@@ -238,7 +347,9 @@ def _ends(side: Array) -> tuple[float, float]:
     return float(side[0]), float(side[1])
 
 
-def _choice(chosen: Candidate, candidates: list[Candidate], system: EnergySystem) -> dict[str, Any]:
+def _choice(
+    chosen: EnergyCandidate, candidates: list[EnergyCandidate], system: EnergySystem
+) -> dict[str, Any]:
     """The chosen degrees and the table they were chosen from; errors are shares of the efforts' ranges."""
     table = [
         {
@@ -263,7 +374,7 @@ def _choice(chosen: Candidate, candidates: list[Candidate], system: EnergySystem
     }
 
 
-def _degrees(one: Candidate) -> dict[str, Any]:
+def _degrees(one: EnergyCandidate) -> dict[str, Any]:
     """Degrees of the energy; that of τ is one less."""
     own = one.sets[0]
     found: dict[str, Any] = {"degree": own.main, "actuation_degree": own.actuation}

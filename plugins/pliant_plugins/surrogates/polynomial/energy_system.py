@@ -165,8 +165,7 @@ class EnergySystem:
         x = (data.actuation - self.actuation_map[0]) / self.actuation_map[1]
         rounded = np.round(np.column_stack([x, u]) / SAME_PLACE).astype(np.int64)
         _, place = np.unique(rounded, axis=0, return_inverse=True)
-        found: NDArray[np.int64] = place.ravel()
-        return found
+        return place.ravel()
 
 
 def _centred(limits: Array) -> Array:

@@ -13,7 +13,7 @@ from pliant.records.law import Domain
 from pliant_plugins.surrogates.polynomial.law import PolynomialLaw, largest_slope
 from pliant_plugins.surrogates.polynomial.posterior import Posterior, Prior, all_terms, prior_of, solve
 from pliant_plugins.surrogates.polynomial.system import System, Terms
-from pliant_plugins.surrogates.stability import affordable
+from pliant_plugins.surrogates.records import affordable
 
 FAR_MORE = 5.0  # times the folds' error: such misses of fitted states count instead of it
 # Errors below this share of the effort's range are all the same to everyone.

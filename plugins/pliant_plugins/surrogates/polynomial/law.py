@@ -13,8 +13,7 @@ from pliant.records.design import Array
 from pliant.records.error_bar import ErrorBar
 from pliant.records.law import Domain, Effort, JointKind, JointLaw, LawRecord, ScalarLaw
 from pliant_plugins.surrogates.continued import ContinuedLaw
-from pliant_plugins.surrogates.polynomial.batch import effort
-from pliant_plugins.surrogates.polynomial.scalar import axes_effort, block, shared
+from pliant_plugins.surrogates.polynomial.kernel import axes_effort, block, effort, shared
 from pliant_plugins.surrogates.records import arrays_of, law_record, shared_fields
 
 KIND = "polynomial"
@@ -126,8 +125,7 @@ class PolynomialLaw(ContinuedLaw):
         columns[:, -1] = np.abs(u)
         columns[:, -2] = u * columns[:, -1]
         rows = np.vander(x, len(self.coefficients), increasing=True) @ self._table
-        result: Array = np.einsum("nkj,nj->nk", rows.reshape(len(u), 4, -1), columns)
-        return result
+        return np.einsum("nkj,nj->nk", rows.reshape(len(u), 4, -1), columns)
 
     def _least_reach(self) -> float:
         return 1e-3 * float(self.actuation_map[1])
@@ -144,8 +142,7 @@ class PolynomialLaw(ContinuedLaw):
             (p - self.actuation_map[0]) / self.actuation_map[1], len(self.coefficients), increasing=True
         )
         blocks = self._table.reshape(len(self.coefficients), 4, width + 2)[:, :2, :-1]
-        areas: Array = np.einsum("ni,ikj,nj->kn", x, blocks, columns)
-        return areas
+        return np.einsum("ni,ikj,nj->kn", x, blocks, columns)
 
 
 def largest_slope(law: JointLaw) -> float:

@@ -145,8 +145,7 @@ class Posterior:
     def shape(self, x: Array, v: Array) -> Array:
         """(n,) predictive deviation at points of [−1, 1]², for a noise of 1."""
         doubt = np.sum(self._whitened(values_at(self.terms, x, v)) ** 2, axis=1)
-        found: Array = np.sqrt(1 + doubt)
-        return found
+        return np.sqrt(1 + doubt)
 
     def scores(self) -> Array:
         """(s,) sizes of the misses of values left out, each over its predictive deviation for a noise of 1.
@@ -164,8 +163,7 @@ class Posterior:
         inside = np.maximum(np.abs(self.system.x), np.abs(self.system.v)) < 1 - BORDER
         keep = inside if self.potential and inside.sum() >= FEWEST_INNER else np.ones(n, bool)
         found = [_left_out(residuals, hats, np.flatnonzero(group[state]), keep) for group in groups]
-        together: Array = np.concatenate(found)
-        return together
+        return np.concatenate(found)
 
     def misses(self) -> Array:
         """(n,) value minus prediction of each state left out with all its rows; NaN where the others do not say."""
@@ -193,8 +191,7 @@ class Posterior:
     def _whitened(self, rows: Array) -> Array:
         """(m, k) rows R⁻¹, in the scaled coefficients."""
         scaled = rows * _scales(self.terms, self.prior)
-        found: Array = solve_triangular(self.root, scaled.T, trans="T").T
-        return found
+        return solve_triangular(self.root, scaled.T, trans="T").T
 
 
 def _scales(terms: Terms, prior: Prior | None) -> Array:
@@ -209,5 +206,4 @@ def _left_out(residuals: Array, hats: Array, rows: NDArray[np.int64], keep: NDAr
     covariance = np.linalg.inv(inner)
     values = rows < len(keep)
     values[values] = keep[rows[values]]
-    scores: Array = np.abs(covariance @ residuals[rows])[values] / np.sqrt(np.diag(covariance)[values])
-    return scores
+    return np.abs(covariance @ residuals[rows])[values] / np.sqrt(np.diag(covariance)[values])

@@ -12,7 +12,7 @@ from pliant.errors import UserError
 from pliant.records.design import Array
 from pliant.records.fem import COUPLING, FemDataset, ModuleData
 from pliant.records.law import Domain, FitReport, JointLaw
-from pliant_plugins.surrogates.polynomial.config import StudyCoefficients
+from pliant_plugins.surrogates.config import StudyCoefficients
 from pliant_plugins.surrogates.polynomial.states import Mask, Split
 from pliant_plugins.surrogates.polynomial.study import (
     energies_known,

@@ -36,7 +36,7 @@ from pliant.records.design import Array
 from pliant.records.error_bar import ErrorBar
 from pliant.records.fem import FemDataset
 from pliant.records.law import Domain, JointKind
-from pliant_plugins.surrogates.polynomial.config import StatedDomain, StudyCoefficients
+from pliant_plugins.surrogates.config import StatedDomain, StudyCoefficients
 from pliant_plugins.surrogates.polynomial.law import PolynomialLaw
 
 # A state that the others do not determine cannot be left out.

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
-from pliant.interfaces.surrogate import FittedLaw, Surrogate
+from pliant.interfaces.surrogate import FittedLaw
 from pliant.records.fem import FemDataset, ModuleData
 from pliant.records.law import LawRecord
+from pliant_plugins.surrogates.config import PolynomialConfig
 from pliant_plugins.surrogates.polynomial import scoring
-from pliant_plugins.surrogates.polynomial.axes import AXES, AxesLaw, axes_law, fit_each
-from pliant_plugins.surrogates.polynomial.config import PolynomialConfig
+from pliant_plugins.surrogates.polynomial.axes import AxesLaw, AxesSurrogate, axes_law
 from pliant_plugins.surrogates.polynomial.energy_fit import fit_energy
 from pliant_plugins.surrogates.polynomial.energy_law import EnergyLaw
 from pliant_plugins.surrogates.polynomial.fit import Candidate, fit_adaptive
@@ -32,7 +30,7 @@ from pliant_plugins.surrogates.records import require_kind
 MORE_IN_ENERGY = 5
 
 
-class Polynomial(Surrogate):
+class Polynomial(AxesSurrogate):
     """Joint laws that are polynomials in pressure and angle (`PolynomialLaw`).
 
     Form "adaptive" fits values and slopes by least squares, energies and travels of FEM states too where that
@@ -45,41 +43,17 @@ class Polynomial(Surrogate):
     config: PolynomialConfig
     couples = True
 
-    def __init__(self, config: PolynomialConfig) -> None:
-        super().__init__(config)
-
     def stated(self) -> PolynomialLaw | AxesLaw | None:
         """The law of the config's coefficients, or None."""
         config = self.config
-        if config.axes is not None:
-            laws = {axis: of_axis.stated() for axis, of_axis in self._of_axes().items()}
+        if each := self.of_axes():
+            laws = {axis: one.stated() for axis, one in each.items()}
             return axes_law(laws) if all(isinstance(law, PolynomialLaw) for law in laws.values()) else None
         if config.coefficients is None:
             return None
         axis = config.axis or ("x" if config.joint == "prismatic" else "y")
         domain = stated_domain(config.domain)
         return study_law(config.coefficients, config.odd, domain, config.actuation_name, axis, config.joint)
-
-    def tables(self) -> dict[str, Path]:
-        """The table of the law, or of each axis that has one."""
-        if self.config.axes is None:
-            return dict(super().tables())
-        return {axis: path for axis, one in self._of_axes().items() for path in one.tables().values()}
-
-    def needs_fem(self) -> bool:
-        """Whether the law, or one of its axes, is neither stated nor has a table."""
-        if self.config.axes is None:
-            return super().needs_fem()
-        return any(one.needs_fem() for one in self._of_axes().values())
-
-    def fit_axes(self, data: Mapping[str, FemDataset]) -> FittedLaw:
-        """The law of one axis, or of three: each stated, fitted to its table, or to the FEM states.
-
-        Where the FEM stage has three axes and the config does not name them, all are fitted alike.
-        """
-        if self.config.axes is not None:
-            return fit_each(self._of_axes(), data)
-        return self.fit(data[""]) if "" in data else fit_each(dict.fromkeys(AXES, self), data)
 
     def fit_module(self, data: ModuleData) -> FittedLaw:
         """Whole states of several axes as one energy; each axis by itself where the config has `axes` or form study."""
@@ -92,12 +66,12 @@ class Polynomial(Surrogate):
             else super().fit_module(data)
         )
 
-    def _of_axes(self) -> dict[str, Polynomial]:
-        """The surrogate of each axis of a spherical joint."""
-        assert self.config.axes is not None
+    def of_axes(self) -> dict[str, Polynomial]:
+        """The surrogates of the axes of a spherical joint, where the config has them."""
+        each = {} if self.config.axes is None else self.config.axes.each()
         return {
             axis: Polynomial(PolynomialConfig.model_validate({**one.model_dump(), "axis": axis}))
-            for axis, one in self.config.axes.each().items()
+            for axis, one in each.items()
         }
 
     def fit(self, data: FemDataset) -> FittedLaw:

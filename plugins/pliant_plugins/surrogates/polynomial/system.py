@@ -117,8 +117,7 @@ class System:
 def values_at(terms: Terms, x: Array, v: Array) -> Array:
     """(n, k) efforts of the terms at points of [−1, 1]²."""
     X, V = (chebyshev.chebvander(c, int(terms[:, k].max())) for k, c in enumerate((x, v)))
-    result: Array = X[:, terms[:, 0]] * V[:, np.maximum(terms[:, 1], 0)] * (terms[:, 1] >= 0)
-    return result
+    return X[:, terms[:, 0]] * V[:, np.maximum(terms[:, 1], 0)] * (terms[:, 1] >= 0)
 
 
 def joint_of(data: FemDataset) -> JointKind:

@@ -6,6 +6,8 @@ On cell k of n, at t ∈ [0, 1], a spline is Σ_{m=0..3} w_m(t) c_{k+m}; it has 
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -61,3 +63,104 @@ def rows(x: Array, cells: int, slopes: bool = False) -> Array:
     each = slope_weights(t) * cells if slopes else weights(t)
     matrix[np.arange(len(x))[:, None], cell[:, None] + np.arange(ORDER)] = each
     return matrix
+
+
+# Numbers before the coefficients in an axis's block of parameters: rows, columns, the box as p low, p high, u low,
+# u high, the reaches L and the reference gains on both sides in p.
+HEADER = 10
+# Stands for "without limit", so that parameters are finite numbers.
+UNBOUNDED = 1e300
+
+
+def weight(m: int, t: float) -> float:
+    """Weight m of a uniform cubic B-spline."""
+    s = 1.0 - t
+    if m == 0:
+        return s * s * s / 6.0
+    if m == 1:
+        return (4.0 - 6.0 * t * t + 3.0 * t * t * t) / 6.0
+    if m == 2:
+        return (4.0 - 6.0 * s * s + 3.0 * s * s * s) / 6.0
+    return t * t * t / 6.0
+
+
+def slope_weight(m: int, t: float) -> float:
+    """Its derivative by t."""
+    s = 1.0 - t
+    if m == 0:
+        return -s * s / 2.0
+    if m == 1:
+        return -2.0 * t + 1.5 * t * t
+    if m == 2:
+        return 2.0 * s - 1.5 * s * s
+    return t * t / 2.0
+
+
+def axes_effort(
+    actuation: float, deformation: Array, parameters: Array, tau: Array, dtau_dp: Array, dtau_du: Array
+) -> None:
+    """Fill tau (a,), dtau_dp (a,) and the diagonal dtau_du (a, a) of `a` independent axes.
+
+    `parameters` holds one block for each axis, as `block` writes it.
+    """
+    start = 0
+    for k in range(len(tau)):
+        rows, columns = int(parameters[start] + 0.5), int(parameters[start + 1] + 0.5)
+        table = start + HEADER
+        p_low, p_high = parameters[start + 2], parameters[start + 3]
+        u_low, u_high = parameters[start + 4], parameters[start + 5]
+        p = min(max(actuation, p_low), p_high)
+        u = min(max(deformation[k], u_low), u_high)
+        x = (p - p_low) / (p_high - p_low) * (rows - 3)
+        v = (u - u_low) / (u_high - u_low) * (columns - 3)
+        i, j = min(int(x), rows - 4), min(int(v), columns - 4)
+        value, gain, slope, cross = 0.0, 0.0, 0.0, 0.0
+        for m in range(4):
+            row, row_slope = 0.0, 0.0
+            for n in range(4):
+                c = parameters[table + (i + m) * columns + j + n]
+                row += weight(n, v - j) * c
+                row_slope += slope_weight(n, v - j) * c
+            in_x, in_x_slope = weight(m, x - i), slope_weight(m, x - i)
+            value += in_x * row
+            gain += in_x_slope * row
+            slope += in_x * row_slope
+            cross += in_x_slope * row_slope
+        by_p, by_u = (rows - 3) / (p_high - p_low), (columns - 3) / (u_high - u_low)
+        gain, slope, cross = gain * by_p, slope * by_u, cross * by_p * by_u
+        dp, du = actuation - p, deformation[k] - u
+        if dp != 0.0:
+            side = 1 if dp > 0.0 else 0
+            limit, reference = parameters[start + 6 + side], parameters[start + 8 + side]
+            reach, rate = dp, 1.0
+            if limit < UNBOUNDED:
+                bent = math.tanh(dp / limit)
+                reach, rate = limit * bent, 1.0 - bent * bent
+            value += reach * gain + (dp - reach) * reference
+            gain = rate * gain + (1.0 - rate) * reference
+            slope += reach * cross
+            cross *= rate
+        tau[k] = value + slope * du
+        dtau_dp[k] = gain + cross * du
+        for other in range(len(tau)):
+            dtau_du[k, other] = 0.0
+        dtau_du[k, k] = slope
+        start = table + rows * columns
+
+
+def shared(parameters: Array, share: float) -> Array:
+    """Parameters of the law whose actuation is `share` times what it is told."""
+    told, start = np.array(parameters, float), 0
+    while start < len(told):
+        for place in (2, 3, 6, 7):  # the box and the reaches in p
+            if abs(told[start + place]) < UNBOUNDED:
+                told[start + place] /= share
+        told[start + 8 : start + 10] *= share
+        start += HEADER + round(told[start]) * round(told[start + 1])
+    return told
+
+
+def block(coefficients: Array, box: Array, reach: Array, reference_gain: Array) -> Array:
+    """(HEADER + I·J,) parameters of one axis: coefficients (I, J), box (2, 2) of p and u."""
+    limits = np.minimum(reach, UNBOUNDED)
+    return np.concatenate([coefficients.shape, box.ravel(), limits, reference_gain, coefficients.ravel()])

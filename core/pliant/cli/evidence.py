@@ -1,0 +1,162 @@
+"""The verbs of a model and what was measured, as readings or as counts: compare, diagnose."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from pliant.cli.bars import fitting_bar
+from pliant.cli.options import Overrides, StudyFile, verb
+from pliant.cli.session import Session, check_writable
+from pliant.config.study import Study
+from pliant.diagnosis.counts_diagnosis import count_evidence, effect_parameters, judge_counts, task_parameters
+from pliant.diagnosis.diagnosis import diagnose as diagnose_with
+from pliant.errors import UserError
+from pliant.evidence.comparison import compare as compare_with
+from pliant.evidence.counts import CountedStudy, compare_counted, counted_study, is_counted
+from pliant.evidence.prediction import Predictor, measurement_of_study
+from pliant.execution.executors import checked_workers
+from pliant.experiments.experiment_catalogue import own_runs
+from pliant.experiments.planned_run import PlannedRun
+from pliant.experiments.protocol_file import write_protocol
+from pliant.formatting import listed
+from pliant.records.measurement import Measurement
+from pliant.report.comparison import comparison_document
+from pliant.report.counts import counts_diagnosis_document, counts_document
+from pliant.report.diagnosis import diagnosis_document
+
+DataFile = Annotated[
+    list[Path] | None,
+    typer.Option(
+        "--data",
+        metavar="CSV",
+        help="The measurement, instead of the one that the study names; several are read as one, in their order.",
+    ),
+]
+Workers = Annotated[
+    int,
+    typer.Option(
+        "--workers",
+        metavar="N",
+        help="Processes that fit hypotheses or simulate the conditions of counts; 1 by default.",
+    ),
+]
+Candidates = Annotated[
+    list[str] | None,
+    typer.Option("--effect", metavar="KIND", help="Candidate, may be repeated; all effects by default."),
+]
+NEXT_RUN = "next_run.csv"
+
+
+def report_folder(verb: str, option: str = "--out") -> typer.models.OptionInfo:
+    """The option for the folder of a verb's report."""
+    text = f"Folder of the report; runs/<name>-{verb} by default."
+    return typer.Option(option, metavar="DIR", help=text)
+
+
+@verb()
+def compare(
+    here: Session,
+    study: StudyFile,
+    overrides: Overrides = None,
+    data: DataFile = None,
+    out: Annotated[Path | None, report_folder("compare")] = None,
+    workers: Workers = 1,
+) -> None:
+    """Model against measurements: errors, noise floor, where it fails."""
+    loaded, bench = here.study(study, overrides), here.bench()
+    folder = out or Path("runs") / f"{loaded.name}-compare"
+    if (counted := _counted(here, loaded, data, workers)) is not None:
+        check_writable(folder)
+        here.show(
+            counts_document(loaded.name, counted.counts, compare_counted(bench, counted, workers)), folder
+        )
+        return
+    measurement = measurement_of_study(bench, loaded, data)
+    predictor = Predictor.of_study(bench, loaded, measurement)
+    check_writable(folder)
+    predicted = predictor.predict()
+    comparison = compare_with(measurement, predicted)
+    here.measured(loaded, measurement)
+    here.show(comparison_document(loaded.name, measurement, predicted, comparison), folder)
+
+
+@verb()
+def diagnose(
+    here: Session,
+    study: StudyFile,
+    overrides: Overrides = None,
+    data: DataFile = None,
+    effect: Candidates = None,
+    out: Annotated[Path | None, report_folder("diagnose")] = None,
+    workers: Workers = 1,
+) -> None:
+    """Which physical effect is missing, how sure, what to measure next."""
+    loaded, bench = here.study(study, overrides), here.bench()
+    name, folder = loaded.name, out or Path("runs") / f"{loaded.name}-diagnose"
+    if (counted := _counted(here, loaded, data, workers)) is not None:
+        ranges = loaded.measurements.plausible if loaded.measurements else ()
+        parameters = [*effect_parameters(bench.registry, effect), *task_parameters(counted, ranges)]
+        if not parameters:
+            raise UserError(
+                "nothing to try: no effect has a strength, and 'measurements.plausible' names no number."
+            )
+        check_writable(folder)
+        evidence = count_evidence(bench, counted, [(parameter,) for parameter in parameters], workers)
+        judged = judge_counts(evidence)
+        here.show(counts_diagnosis_document(name, counted.counts, evidence, judged, bench.registry), folder)
+        return
+    measurement = measurement_of_study(bench, loaded, data)
+    predictor = Predictor.of_study(bench, loaded, measurement)
+    check_writable(folder)
+    kinds = effect or here.registry.kinds("effect")
+    own = own_runs(loaded, predictor.chain, measurement)
+    with fitting_bar(here.progress, len(kinds)) as bar:
+        found = diagnose_with(predictor, kinds=kinds, runs=own, tick=bar.tick, workers=workers)
+    (folder / NEXT_RUN).unlink(missing_ok=True)  # of an earlier diagnosis
+    planned = found.next_run.planned if found.next_run is not None else None
+    runs = [(NEXT_RUN, planned)] if planned is not None else []
+    files = write_runs(folder, runs, measurement.outputs, study, loaded, measurement, data)
+    here.measured(loaded, measurement)
+    file = files[0] if files else None
+    document = diagnosis_document(name, measurement, found, here.registry, asked=effect or (), next_file=file)
+    here.show(document, folder)
+
+
+def _counted(here: Session, study: Study, data: Sequence[Path] | None, workers: int) -> CountedStudy | None:
+    """The study with its file of counts, which comes alone; None where it has readings."""
+    alone = data[0] if data else None
+    if not is_counted(study, alone):
+        return None
+    if data and len(data) > 1:
+        raise UserError(
+            f"{data[0]} is a file of counts, and {listed([str(file) for file in data[1:]])} would not be read; counts "
+            "come in one file: put the rows together, or give one --data."
+        )
+    checked_workers(workers)
+    counted = counted_study(study, alone)
+    here.measured(study, counted.counts)
+    return counted
+
+
+def write_runs(
+    folder: Path,
+    runs: Sequence[tuple[str, PlannedRun]],
+    outputs: Sequence[str],
+    study: Path,
+    loaded: Study,
+    measurement: Measurement | None = None,
+    data: Sequence[Path] | None = None,
+) -> list[str]:
+    """Write each run under its file's name; returns the paths. `data`: the measurement's files, if not the study's."""
+    notes, here = loaded.measurements, Path.cwd()
+    files = data or ([Path(notes.file)] if notes is not None else [])
+    old = [str(file.relative_to(here) if file.is_relative_to(here) else file) for file in files]
+    for name, run in runs:
+        write_protocol(
+            folder / name, run, outputs, measurement=measurement, notes=notes, study=str(study), data=old
+        )
+    return [str(folder / name) for name, _ in runs]

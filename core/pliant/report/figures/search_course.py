@@ -1,0 +1,266 @@
+"""A search as it went: every candidate's objective, the best of every branch, the front of several objectives."""
+
+from __future__ import annotations
+
+import itertools
+from typing import Any
+
+import numpy as np
+from matplotlib.colors import to_rgba
+from numpy.typing import NDArray
+
+from pliant.records.design import Array
+from pliant.records.search import STATUSES
+from pliant.report.figures import style
+from pliant.report.search_view import SearchView, log_suits
+
+WIDTH_PX, HEIGHT_PX = 1560, 620
+NAMED = 24  # branches that stand with their names; of more, the first few are named
+FIRST_NAMED = 5
+SHOWN_SHARE = 97.0  # percent of the candidates that a linear axis shows; the rest stands at its edge
+MOST_TICKS, BINS = 400, 240  # failures drawn one by one; beyond that, parts of the search
+WINDOW = 0.05  # of the search, over which a moving median is taken
+CAUSES = (("refused", style.SERIES[4]), ("failed", style.SERIES[1]), ("not_a_number", style.SERIES[3]))
+
+
+def search_history(read: SearchView) -> style.Png:
+    """Candidates against their number, failures at the rim, best so far; with contexts a moving median."""
+    scores, branches = read.scores(), len(read.result.branches)
+    x: Array = _within(read) if branches > 1 else np.arange(1.0, len(scores) + 1)
+    with style.canvas(WIDTH_PX, HEIGHT_PX, pad=(0.08, 0.06)) as figure:
+        axes = figure.subplots()
+        _limits(axes, read, scores)
+        if read.ok.any():
+            _candidates(axes, read, x, scores)
+            lines = _branch_lines if branches > 1 else _medians if read.contextual else _best_so_far
+            lines(axes, read, x, scores)
+        _rim(axes, read, x)
+        axes.set_xlim(0, max(float(x.max(initial=1)), 1) * 1.01)
+        each = " of its search" if branches > 1 else ""
+        axes.set(
+            xlabel=f"candidate{each}, in the order of evaluation",
+            ylabel=read.objective.title,
+            title=f"Objective of every candidate ({read.objective.best_word})",
+        )
+        figure.legend(loc="outside upper right", ncols=6, markerscale=1.6)
+        return style.small_png(figure)
+
+
+def branch_strip(read: SearchView) -> style.Png | None:
+    """The best of every branch, sorted; None for one branch, or where none has a design."""
+    found = read.best_of_branches()
+    if len(read.result.branches) < 2 or not found:
+        return None
+    names, scores = read.branch_names(), read.scores()
+    values = np.array([scores[row] for _, row in found])
+    labels = [names[branch] for branch, _ in found]
+    few = len(found) <= NAMED
+    with style.canvas(
+        WIDTH_PX if not few else 1300, 40 * len(found) + 200 if few else 560, pad=(0.08, 0.06)
+    ) as figure:
+        axes = figure.subplots()
+        (_named if few else _ranked)(axes, values, labels)
+        value = axes.xaxis if few else axes.yaxis
+        if log_suits(values):
+            (axes.set_xscale if few else axes.set_yscale)("log")
+            style.log_labels(value)
+        (axes.set_xlabel if few else axes.set_ylabel)(f"best {read.objective.title}")
+        axes.set_title(f"Best of each of {len(found)} searches ({read.branch_title()})")
+        return style.png(figure)
+
+
+def _named(axes: Any, values: Array, labels: list[str]) -> None:
+    rows = np.arange(len(values))
+    axes.plot(values, rows, "o", ms=7, color=style.SERIES[0])
+    axes.plot(values[:1], rows[:1], "o", ms=10, color=style.WARN)
+    axes.set_yticks(rows, labels)
+    axes.set_ylim(len(values) - 0.5, -0.5)
+
+
+def _ranked(axes: Any, values: Array, labels: list[str]) -> None:
+    """By rank; the first few are named beside a line to their dot, one below the other."""
+    rank = np.arange(1, len(values) + 1)
+    axes.plot(rank, values, "o", ms=4.5, color=style.SERIES[0])
+    axes.plot(rank[:1], values[:1], "o", ms=9, color=style.WARN)
+    text = "\n".join(f"{k + 1}.  {label}" for k, label in enumerate(labels[:FIRST_NAMED]))
+    upward = values[-1] > values[0]  # the free corner lies on the side where the curve is far from the best
+    axes.annotate(
+        text, (0.02, 0.95 if upward else 0.05), xycoords="axes fraction", va="top" if upward else "bottom", fontsize=9,
+        linespacing=1.5,
+    )  # fmt: skip
+    axes.set(xlim=(0, len(values) + 1), xlabel="rank of the search")
+
+
+def _limits(axes: Any, read: SearchView, scores: Array) -> None:
+    """A log axis where it helps; else the axis leaves out the worst few, which stand at its edge."""
+    finite = scores[np.isfinite(scores)]
+    if not len(finite):
+        axes.set_ylim(0, 1)
+        axes.set_yticks([])
+        return
+    if log_suits(scores):
+        axes.set(yscale="log", ylim=(finite.min() / 1.25, finite.max() * 1.9))
+        style.log_labels(axes.yaxis)
+        return
+    low, high = shown_range(scores, read.objective.maximised)
+    pad = 0.06 * (high - low) or 0.05 * max(abs(high), 1e-12)
+    axes.set_ylim(low - pad, high + 2.6 * pad)
+
+
+def shown_range(scores: Array, maximised: bool) -> tuple[float, float]:
+    """The range without the worst few, where these would take most of it."""
+    finite = scores[np.isfinite(scores)]
+    low, high = float(finite.min()), float(finite.max())
+    cut = float(np.percentile(finite, 100 - SHOWN_SHARE if maximised else SHOWN_SHARE))
+    if maximised:
+        return (cut, high) if high - low > 2.5 * (high - cut) > 0 else (low, high)
+    return (low, cut) if high - low > 2.5 * (cut - low) > 0 else (low, high)
+
+
+def _candidates(axes: Any, read: SearchView, x: Array, scores: Array) -> None:
+    n = int(np.isfinite(scores).sum())
+    size, alpha = (14, 0.8) if n < 500 else ((7, 0.5) if n < 6000 else (2.5, 0.25))
+    low, high = axes.get_ylim()
+    if read.contextual:
+        context = np.asarray(read.result.history.context)
+        for k in np.unique(context[context >= 0]).tolist():
+            mine = context == k
+            axes.scatter(
+                x[mine],
+                np.clip(scores[mine], low, high),
+                size,
+                color=style.SERIES[k % 6],
+                lw=0,
+                alpha=0.5 * alpha,
+            )
+        return
+    axes.scatter(x, np.clip(scores, low, high), size, color="#8fb3d0", lw=0, alpha=alpha, label="candidate")
+
+
+def _best_so_far(axes: Any, read: SearchView, x: Array, scores: Array) -> None:
+    better = np.fmax if read.objective.maximised else np.fmin
+    best = better.accumulate(scores)
+    axes.plot(x, best, color=style.SERIES[0], lw=1.8, drawstyle="steps-post", label="best so far")
+    if np.isfinite(best).any():
+        row = int(read.order()[0])
+        axes.plot([x[row]], [scores[row]], "*", ms=13, color=style.WARN, mec="white", zorder=6, label="best")
+
+
+def _branch_lines(axes: Any, read: SearchView, x: Array, scores: Array) -> None:
+    """Best so far of every branch, that of the winner in front."""
+    better = np.fmax if read.objective.maximised else np.fmin
+    branch = np.asarray(read.result.history.branch)
+    found = read.best_of_branches()
+    for order, (number, row) in enumerate(reversed(found)):
+        mine, first = branch == number, order == len(found) - 1
+        axes.plot(
+            x[mine], better.accumulate(scores[mine]), drawstyle="steps-post",
+            color=style.WARN if first else style.SERIES[0], lw=2.4 if first else 0.8, alpha=1 if first else 0.45,
+            label=f"best so far of the winning search ({read.branch_names()[number]})" if first else
+            ("best so far of each search" if order == 0 else None),
+        )  # fmt: skip
+        if first:
+            axes.plot([x[row]], [scores[row]], "*", ms=13, color=style.WARN, mec="white", zorder=6)
+
+
+def _medians(axes: Any, read: SearchView, x: Array, scores: Array) -> None:
+    """Moving median of each condition: what a policy would give at that time."""
+    context = np.asarray(read.result.history.context)
+    for k in np.unique(context[context >= 0]).tolist():
+        mine = np.flatnonzero((context == k) & np.isfinite(scores))
+        if len(mine):
+            axes.plot(*moving_median(x[mine], scores[mine]), color=style.SERIES[k % 6], lw=2.0,
+                      ls="-" if k < 6 else "--", label=read.condition(k))  # fmt: skip
+
+
+def moving_median(x: Array, values: Array) -> tuple[Array, Array]:
+    """Median over windows of a twentieth of the search (at least five candidates), at their middles."""
+    width = max(5, int(WINDOW * len(x)))
+    starts = np.unique(np.linspace(0, max(len(x) - width, 0), 60).astype(int))
+    return (
+        np.array([x[s : s + width].mean() for s in starts]),
+        np.array([np.median(values[s : s + width]) for s in starts]),
+    )
+
+
+def _rim(axes: Any, read: SearchView, x: Array) -> None:
+    """Candidates without an objective, as ticks at the upper rim: one row per status."""
+    status = np.asarray(read.result.history.status)
+    row = 0
+    kinds = [(name, colour, status == STATUSES.index(name)) for name, colour in CAUSES]
+    kinds.append(("breaks a constraint on metrics", style.SOFT, read.broken))
+    for name, colour, mine in kinds:
+        if not mine.any():
+            continue
+        label, top = f"{name.replace('_', ' ')} ({int(mine.sum())})", 0.985 - 0.035 * row
+        if mine.sum() > MOST_TICKS:
+            _shaded(axes, x, mine, top, colour, label)
+        else:
+            axes.plot(
+                x[mine], np.full(mine.sum(), top), "|", ms=6, mew=0.9, color=colour, clip_on=False, zorder=5,
+                transform=axes.get_xaxis_transform(), label=label,
+            )  # fmt: skip
+        row += 1
+
+
+def _shaded(axes: Any, x: Array, mine: NDArray[np.bool_], top: float, colour: str, label: str) -> None:
+    """Too many for ticks: a strip as dark as their share among the candidates there."""
+    edges = np.linspace(float(x.min()), float(x.max()) + 1, BINS + 1)
+    every, own = (np.histogram(values, edges)[0] for values in (x, x[mine]))
+    shares = own / np.maximum(every, 1)
+    shades = [to_rgba(colour, float(np.sqrt(share))) for share in shares]
+    axes.bar(
+        edges[:-1], 0.026, np.diff(edges), top - 0.013, align="edge", color=shades, lw=0, zorder=5, clip_on=False,
+        transform=axes.get_xaxis_transform(),
+    )  # fmt: skip
+    axes.plot([], [], "s", ms=4, color=colour, label=label)
+
+
+def _within(read: SearchView) -> Array:
+    """(n,) number of a candidate within its own branch, from 1."""
+    branch = np.asarray(read.result.history.branch)
+    number = np.zeros(len(branch))
+    for k in np.unique(branch):
+        mine = branch == k
+        number[mine] = np.arange(1, mine.sum() + 1)
+    return number
+
+
+MOST_PAIRS = 3
+
+
+def search_front(read: SearchView) -> style.Png | None:
+    """A panel per pair of objectives; None for one objective."""
+    pairs = list(itertools.combinations(range(len(read.objectives)), 2))[:MOST_PAIRS]
+    if not pairs or not read.result.best:
+        return None
+    with style.canvas(1000 if len(pairs) == 1 else 560 * len(pairs), 640) as figure:
+        for axes, pair in zip(figure.subplots(1, len(pairs), squeeze=False)[0], pairs, strict=True):
+            _panel(axes, read, pair)
+        figure.axes[0].legend(loc="best")
+        figure.axes[0].set_title("The front among all candidates")
+        return style.small_png(figure)
+
+
+def _panel(axes: Any, read: SearchView, pair: tuple[int, int]) -> None:
+    one, other = (read.objectives[k] for k in pair)
+    axes.scatter(
+        read.scores(pair[0]), read.scores(pair[1]), 10, color="#8fb3d0", lw=0, alpha=0.6, label="candidate"
+    )
+    points = np.array(
+        [[d.objectives[o.name] * o.unit.factor for o in (one, other)] for d in read.result.best]
+    )
+    points = points[np.argsort(points[:, 0])]
+    line = "-" if len(read.objectives) == 2 else ""
+    axes.plot(
+        *points.T, ls=line, marker="o", ms=6, color=style.WARN, lw=1.2, label=f"front ({len(points)} designs)"
+    )
+    for limit, objective, values in (
+        (axes.set_xlim, one, points[:, 0]),
+        (axes.set_ylim, other, points[:, 1]),
+    ):
+        low, high = shown_range(read.scores(objective.column), objective.maximised)
+        low, high = min(low, values.min()), max(high, values.max())
+        pad = 0.06 * (high - low) or 1e-9
+        limit(low - pad, high + pad)
+    axes.set(xlabel=f"{one.title}, {one.best_word}", ylabel=f"{other.title}, {other.best_word}")

@@ -1,1 +1,0 @@
-"""Neural meta-model: one network of design, actuation and deformation."""

@@ -1,0 +1,199 @@
+"""The polynomial law: one or three independent axes as a plain function for engines, one axis at many points at once.
+
+Formulas: `PolynomialLaw` and `ContinuedLaw`. The plain function allocates nothing. Nothing of other files is called
+here: numba's cache on disk looks only at the file of a function, so its machine code is never older than its source.
+No operation is reordered or fused: a point gives the same bits whatever stands beside it.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from pliant.records.design import Array
+
+# Numbers before the coefficients in an axis's block of parameters: rows, columns, p₀, p₁, u₀, u₁, the box as
+# p low, p high, u low, u high, the reaches L and the reference gains on both sides in p, and c_odd.
+HEADER = 15
+# Stands for "without limit", so that parameters are finite numbers.
+UNBOUNDED = 1e300
+
+
+def axes_effort(
+    actuation: float, deformation: Array, parameters: Array, tau: Array, dtau_dp: Array, dtau_du: Array
+) -> None:
+    """Fill tau (a,), dtau_dp (a,) and the diagonal dtau_du (a, a) of `a` independent polynomial axes.
+
+    `parameters` holds one block for each axis, as `block` writes it.
+    """
+    start = 0
+    for k in range(len(tau)):
+        rows, columns = int(parameters[start] + 0.5), int(parameters[start + 1] + 0.5)
+        table = start + HEADER
+        p = min(max(actuation, parameters[start + 6]), parameters[start + 7])
+        u = min(max(deformation[k], parameters[start + 8]), parameters[start + 9])
+        x = (p - parameters[start + 2]) / parameters[start + 3]
+        v = (u - parameters[start + 4]) / parameters[start + 5]
+        value, in_x, in_v, in_both = 0.0, 0.0, 0.0, 0.0
+        for i in range(rows - 1, -1, -1):
+            row, row_in_v = 0.0, 0.0
+            for j in range(columns - 1, -1, -1):
+                row_in_v = row_in_v * v + row
+                row = row * v + parameters[table + i * columns + j]
+            in_x = in_x * x + value
+            value = value * x + row
+            in_both = in_both * x + in_v
+            in_v = in_v * x + row_in_v
+        odd = parameters[start + 14]
+        value += odd * u * abs(u)
+        gain = in_x / parameters[start + 3]
+        slope = in_v / parameters[start + 5] + 2.0 * odd * abs(u)
+        cross = in_both / (parameters[start + 3] * parameters[start + 5])
+        dp, du = actuation - p, deformation[k] - u
+        if dp != 0.0:
+            side = 1 if dp > 0.0 else 0
+            limit, reference = parameters[start + 10 + side], parameters[start + 12 + side]
+            reach, rate = dp, 1.0
+            if limit < UNBOUNDED:
+                bent = math.tanh(dp / limit)
+                reach, rate = limit * bent, 1.0 - bent * bent
+            value += reach * gain + (dp - reach) * reference
+            gain = rate * gain + (1.0 - rate) * reference
+            slope += reach * cross
+            cross *= rate
+        tau[k] = value + slope * du
+        dtau_dp[k] = gain + cross * du
+        for other in range(len(tau)):
+            dtau_du[k, other] = 0.0
+        dtau_du[k, k] = slope
+        start = table + rows * columns
+
+
+def shared(parameters: Array, share: float) -> Array:
+    """Parameters of the law whose actuation is `share` times what it is told."""
+    told, start = np.array(parameters, float), 0
+    while start < len(told):
+        for place in (2, 3, 6, 7, 10, 11):  # p₀, p₁, the box and the reaches in p
+            if abs(told[start + place]) < UNBOUNDED:
+                told[start + place] /= share
+        told[start + 12 : start + 14] *= share
+        start += HEADER + round(told[start]) * round(told[start + 1])
+    return told
+
+
+def block(
+    coefficients: Array,
+    maps: tuple[Array, Array],
+    box: Array,
+    reach: Array,
+    reference_gain: Array,
+    odd: float,
+) -> Array:
+    """(HEADER + I·J,) parameters of one axis: coefficients (I, J), maps of p and u, box (2, 2) of p and u."""
+    limits = np.clip(np.concatenate([box.ravel(), reach]), -UNBOUNDED, UNBOUNDED)
+    header = np.concatenate([coefficients.shape, *maps, limits, reference_gain, [odd]])
+    return np.concatenate([header, coefficients.ravel()])
+
+
+# Points that go through the coefficients together: their partial sums stay in the first-level cache.
+BLOCK = 256
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def effort(p: Array, u: Array, coefficients: Array, widths: Array, numbers: Array, out: Array) -> None:
+    """Fill out (3, n) with τ, ∂τ/∂p and ∂τ/∂u at p (n,) and u (n,).
+
+    Args:
+        coefficients: (I, J) of x^i v^j.
+        widths: (I,) how many of each row are not zero.
+        numbers: p₀, p₁, u₀, u₁, the box as p low, p high, u low, u high, the reaches below and above in p, the
+            reference gains there, c_odd.
+    """
+    rows = len(coefficients)
+    x, v = np.empty(BLOCK), np.empty(BLOCK)
+    row, row_v = np.empty(BLOCK), np.empty(BLOCK)
+    value, by_x, by_v, by_both = np.empty(BLOCK), np.empty(BLOCK), np.empty(BLOCK), np.empty(BLOCK)
+    p_low, p_high, u_low, u_high = numbers[4], numbers[5], numbers[6], numbers[7]
+    odd = numbers[12]
+    for start in range(0, len(p), BLOCK):
+        n = min(BLOCK, len(p) - start)
+        part_p, part_u = p[start : start + n], u[start : start + n]
+        for k in range(n):
+            held_p = p_low if part_p[k] < p_low else part_p[k]
+            held_p = p_high if held_p > p_high else held_p
+            held_u = u_low if part_u[k] < u_low else part_u[k]
+            held_u = u_high if held_u > u_high else held_u
+            x[k] = (held_p - numbers[0]) / numbers[1]
+            v[k] = (held_u - numbers[2]) / numbers[3]
+            value[k] = 0.0
+            by_x[k] = 0.0
+            by_v[k] = 0.0
+            by_both[k] = 0.0
+        for i in range(rows - 1, -1, -1):
+            width = widths[i]
+            if width % 2 == 1:
+                first = coefficients[i, width - 1]
+                for k in range(n):
+                    row[k] = first
+                    row_v[k] = 0.0
+            elif width > 0:
+                first, second = coefficients[i, width - 1], coefficients[i, width - 2]
+                for k in range(n):
+                    row[k] = first * v[k] + second
+                    row_v[k] = first
+            else:
+                for k in range(n):
+                    row[k] = 0.0
+                    row_v[k] = 0.0
+            for j in range(width - 2 - (width % 2 == 0), 0, -2):
+                upper, lower = coefficients[i, j], coefficients[i, j - 1]
+                for k in range(n):
+                    between = row[k] * v[k] + upper
+                    row_v[k] = (row_v[k] * v[k] + row[k]) * v[k] + between
+                    row[k] = between * v[k] + lower
+            for k in range(n):
+                by_x[k] = by_x[k] * x[k] + value[k]
+                value[k] = value[k] * x[k] + row[k]
+                by_both[k] = by_both[k] * x[k] + by_v[k]
+                by_v[k] = by_v[k] * x[k] + row_v[k]
+        for k in range(n):
+            held_u = u_low if part_u[k] < u_low else part_u[k]
+            held_u = u_high if held_u > u_high else held_u
+            size = abs(held_u)
+            value[k] += odd * held_u * size
+            by_x[k] /= numbers[1]
+            by_v[k] = by_v[k] / numbers[3] + 2.0 * odd * size
+            by_both[k] /= numbers[1] * numbers[3]
+        outside = False
+        for k in range(n):
+            outside |= (part_p[k] < p_low) | (part_p[k] > p_high)
+        if outside:
+            _continue(part_p, numbers, value, by_x, by_v, by_both)
+        for k in range(n):
+            held_u = u_low if part_u[k] < u_low else part_u[k]
+            held_u = u_high if held_u > u_high else held_u
+            excess = part_u[k] - held_u
+            out[0, start + k] = value[k] + by_v[k] * excess
+            out[1, start + k] = by_x[k] + by_both[k] * excess
+            out[2, start + k] = by_v[k]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _continue(p: Array, numbers: Array, value: Array, by_p: Array, by_u: Array, by_both: Array) -> None:
+    """The step in p of points that are outside, in place."""
+    for k in range(len(p)):
+        side = 1 if p[k] > numbers[5] else 0
+        if side == 0 and not p[k] < numbers[4]:
+            continue
+        excess = p[k] - numbers[4 + side]
+        limit, reference = numbers[8 + side], numbers[10 + side]
+        reach, rate = excess, 1.0
+        if not math.isinf(limit):
+            bent = math.tanh(excess / limit)
+            reach, rate = limit * bent, 1.0 - bent * bent
+        value[k] += reach * by_p[k] + (excess - reach) * reference
+        by_u[k] += reach * by_both[k]
+        by_p[k] = rate * by_p[k] + (1.0 - rate) * reference
+        by_both[k] *= rate

@@ -1,0 +1,94 @@
+"""What the terminal shows: progress that is only estimated, bars of a diagnosis, tables in eighty characters."""
+
+from __future__ import annotations
+
+import io
+import re
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from rich.console import Console
+
+from pliant.cli import bars
+from pliant.execution import progress
+from pliant.report.improvement import steps_brief
+from pliant.report.render import rich_table
+
+
+def _console(terminal: bool) -> tuple[Console, io.StringIO]:
+    text = io.StringIO()
+    return Console(file=text, force_terminal=terminal, width=120, color_system=None), text
+
+
+def test_lines_never_state_a_negative_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(progress, "LINE_EVERY_S", -1.0)
+    console, text = _console(terminal=False)
+    task = bars.TerminalProgress(console, quiet=False).begin("FEM states", 2)
+    for _ in range(4):
+        task.advance()
+    task.expect(6)
+    task.advance()
+    lines = text.getvalue().splitlines()
+    assert "left" in lines[0]
+    assert [line.split(",")[0] for line in lines[1:4]] == [f"FEM states: {n}/{n}" for n in (2, 3, 4)]
+    assert not any("left" in line for line in lines[1:4])
+    assert lines[4].startswith("FEM states: 5/6") and "left" in lines[4]
+
+
+def test_the_bar_grows_with_the_steps_and_says_no_time_beyond_its_estimate() -> None:
+    console, text = _console(terminal=True)
+    task = bars.TerminalProgress(console, quiet=False).begin("FEM states", 2)
+    for _ in range(4):
+        task.advance()
+    task.finish()
+    drawn = text.getvalue()
+    assert "4/4" in drawn and "4/2" not in drawn
+    assert not re.search(r"-\d", drawn) and "left" not in drawn.splitlines()[-1]
+
+
+@pytest.mark.parametrize("kinds", [3, 9])
+def test_the_bar_ends_with_what_was_fitted(kinds) -> None:
+    said: list[tuple[str, int]] = []
+
+    class Bar:
+        def __getattr__(self, name):
+            return lambda value=1: said.append((name, value))
+
+    class Progress:
+        begin = staticmethod(lambda title, total: said.append((title, total)) or Bar())
+
+    with bars.fitting_bar(Progress(), kinds) as bar:
+        for name in ("nothing", "a", "b", "a + b", "nothing", "a"):
+            bar.tick(name)
+    titles = [entry for entry in said if entry[0].startswith("fitting")]
+    assert titles == [("fitting effects", 1 + kinds), ("fitting effects again", 1 + kinds)]
+    assert [value for name, value in said if name == "expect"] == [4, 4, 2]
+    assert sum(name == "advance" for name, _ in said) == 6
+
+
+def lines(names: list[str]) -> list[str]:
+    """The table of two steps that read these outputs, each off by 0.01 rad or m."""
+    rmse = dict.fromkeys(names, 0.01)
+    steps = [
+        SimpleNamespace(
+            named=kind, added=added, locked_se=0.34, locked=SimpleNamespace(rmse=rmse, over_floor=4.96)
+        )
+        for kind, added in (("", ()), ("viscoelastic", ("viscoelastic",)))
+    ]
+    floors = {name: SimpleNamespace(value=0.002) for name in names}
+    found: Any = SimpleNamespace(steps=steps, scored_on="runs put aside", floors=floors)
+    console = Console(width=80, record=True, file=io.StringIO())
+    console.print(rich_table(steps_brief(found)))
+    return console.export_text().splitlines()
+
+
+@pytest.mark.parametrize("joints", [1, 4, 8])
+def test_nothing_is_cut(joints: int) -> None:
+    names = [f"joint_{k}_angle_rad" for k in range(1, joints + 1)]
+    said = lines([*names, "tip_x_m"])
+    text = "\n".join(said)
+    assert "…" not in text and "error on runs put aside" in said[0]
+    assert all(f"joint {k} angle" in text for k in range(1, joints + 1))
+    assert text.count("4.96 ± 0.34") == 2 and text.count("0.573°") == 2 * joints
+    assert max(len(line.rstrip()) for line in said) <= 80

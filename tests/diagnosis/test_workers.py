@@ -1,0 +1,41 @@
+"""Hypotheses fitted by workers: what travels is pickled, and what is found is the same to the bit."""
+
+from __future__ import annotations
+
+import pickle
+from collections.abc import Callable
+from concurrent.futures import Future
+from typing import Any
+
+import numpy as np
+from tests.diagnosis.quick import effect, joint, measured, predictor_of, rich
+
+from pliant.diagnosis.diagnosis import diagnose
+from pliant.execution.executors import InlineExecutor
+
+KINDS = ("stiffness", "viscoelastic", "sensor_bias")
+
+
+class Far(InlineExecutor):
+    """What is submitted and what comes back goes through pickle, as to another process."""
+
+    calls = 0
+
+    def submit(self, function: Callable[..., Any], *values: Any) -> Future[Any]:
+        self.calls += 1
+        sent, given = pickle.loads(pickle.dumps((function, values)))
+        done: Future[Any] = Future()
+        done.set_result(pickle.loads(pickle.dumps(sent(*given))))
+        return done
+
+
+def test_workers_change_nothing() -> None:
+    chain = joint()
+    predictor = predictor_of(chain, measured(chain, rich(), effect("viscoelastic")))
+    far = Far()
+    here, there = diagnose(predictor, kinds=KINDS), diagnose(predictor, kinds=KINDS, workers=far)
+    assert far.calls >= len(KINDS) + 1
+    assert list(here.fits) == list(there.fits) and here.verdict == there.verdict
+    assert here.judgement.probability == there.judgement.probability
+    for kinds, fit in here.fits.items():
+        np.testing.assert_array_equal(fit.x, there.fits[kinds].x)
