@@ -15,6 +15,7 @@ from typing import Any, Literal
 import numpy as np
 from pydantic import create_model
 
+from pliant.config.search import SearchConfig
 from pliant.execution.executors import executor_for
 from pliant.execution.progress import Silent
 from pliant.interfaces.optimizer import (
@@ -245,10 +246,9 @@ def searched(
     """Run searches; the branches as they ended."""
     folder.mkdir(exist_ok=True)
     rules, axes = problem or ToyProblem(), space or Space(PLANE)
-    made = [
-        Branch(k, values, make, rules, axes, Journal(folder, f"branch-{k}"), seed, budget, generations)
-        for k, values in enumerate(branches)
-    ]
+    rules.config = SearchConfig.model_construct(seed=seed, budget=budget, generations=generations)
+    rules.branches = lambda: branches
+    made = [Branch(k, rules, make, axes, Journal(folder, f"branch-{k}")) for k in range(len(branches))]
     with (
         executor_for(executor or workers) as running,
         queue_of(running, setup_of(**settings), ToyEvaluator(**settings)) as queue,
