@@ -205,6 +205,7 @@ def test_the_reward_is_what_a_simulation_of_the_design_says(study):
     assert (reward, info["status"], info["cause"]) == (-1.0, "refused", "modules <= 7")
 
 
+@pytest.mark.slow
 def test_processes_of_their_own_step_a_study(study):
     """Fresh processes, which build the problem for themselves, say what this one says."""
     pytest.importorskip("stable_baselines3")

@@ -1,7 +1,7 @@
 """The loop: what is found depends on the seed alone; constraints, `until`, budgets and failures are kept apart."""
 
 import time
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -104,29 +104,6 @@ def test_contexts_are_tried_in_their_one_condition(tmp_path):
     assert [row.context for row in branch.trials[:4]] == [0, 1, 0, 1]
     best = [best_of(r for r in rows([branch]) if r[1].context == c)[1] for c in (0, 1)]
     assert [row.values["n"] for row in best] == [2, 3]
-
-
-class Cancelling(ThreadPoolExecutor):
-    """A cluster that cancels the third job that it gets."""
-
-    def __init__(self):
-        super().__init__(1)
-        self.jobs = 0
-
-    def submit(self, *args, **kwargs):
-        self.jobs += 1
-        if self.jobs != 3:
-            return super().submit(*args, **kwargs)
-        lost = Future()
-        lost.cancel()
-        lost.set_running_or_notify_cancel()
-        return lost
-
-
-def test_a_job_that_the_cluster_cancels_runs_again(tmp_path):
-    with Cancelling() as pool:
-        cancelled = searched(tmp_path / "a", branches=EACH[:2], budget=20, executor=pool)
-    assert told(cancelled) == told(searched(tmp_path / "b", branches=EACH[:2], budget=20))
 
 
 class Unruly(Narrowing):
