@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from abc import abstractmethod
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar, get_args
 
@@ -12,12 +11,11 @@ import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
-from pliant.api import DEFAULT_STORE, OpenStudy, open_study
+from pliant.api import DEFAULT_STORE, open_study
 from pliant.errors import UserError
-from pliant.interfaces.physics import PhysicsBackend
 from pliant.interfaces.viewer import Picture, View
-from pliant.pipeline.motion import highest_actuation, prepared_chain
-from pliant.pipeline.study import DEFAULT_PHYSICS, StudyRun, laws_of_study
+from pliant.pipeline.motion import drawn_chain, highest_actuation, prepared_chain
+from pliant.pipeline.study import StudyRun, laws_of_study
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
 from pliant.records.scene import Scene, SceneFrames
@@ -32,68 +30,6 @@ def stored() -> Path:
     return Path(os.environ.get("PLIANT_STORE") or DEFAULT_STORE)
 
 
-@dataclass(frozen=True, eq=False)
-class Plant:
-    """What an environment controls: a study's chain in its engine, and the range of its actuation.
-
-    Attributes:
-        opened: the study.
-        chain: with the task's own loads and the effects applied.
-        backend: its engine.
-        task: the built task, or None.
-        names: the chain's inputs.
-        highest: (k,) what action +1 means for each of them; −1 is 0.
-    """
-
-    opened: OpenStudy
-    chain: ChainModel
-    backend: PhysicsBackend
-    task: Any
-    names: tuple[str, ...]
-    highest: Array
-
-    @staticmethod
-    def of(study: str | Path | None, default: str, actuation_max: float | None) -> Plant:
-        """The plant of a study file, or of the default of this name.
-
-        Args:
-            study: path of a study; None takes `studies/<default>.yaml`.
-            default: name of the default study.
-            actuation_max: highest pressure (Pa) or tendon force (N); None takes the task's, else the law's domain.
-
-        Raises:
-            UserError: the study is wrong, or nothing says how far the actuation goes.
-        """
-        opened = open_study(study or STUDIES / f"{default}.yaml", store=stored())
-        bench, loaded = opened.bench, opened.study
-        chain, backend, task = prepared_chain(bench, loaded)
-        if not backend.capabilities.dynamic:
-            raise UserError(
-                f"an environment steps through time and physics '{backend.config.kind}' has equilibria only; "
-                "use 'mujoco' or 'pybullet' in the study."
-            )
-        names = tuple(dict.fromkeys(actuator.input for actuator in chain.actuators))
-        top = highest_actuation(loaded, chain) if actuation_max is None else actuation_max
-        if not (np.isfinite(top) and top > 0):
-            raise UserError(f"actuation_max is {top}; it needs a positive number of Pa or N.")
-        return Plant(opened, chain, backend, task, names, np.full(len(names), float(top)))
-
-    @property
-    def equilibria(self) -> PhysicsBackend:
-        """The engine that finds equilibria, with its defaults."""
-        component = self.opened.bench.registry.get("physics", DEFAULT_PHYSICS)
-        built: PhysicsBackend = component.build(component.config_model()(kind=DEFAULT_PHYSICS))
-        return built
-
-    def drawn(self) -> StudyRun:
-        """What the drawing of the chain is made from."""
-        return StudyRun(self.opened.study, laws_of_study(self.opened.bench, self.opened.study))
-
-    def actuation(self, share: Array) -> dict[str, float]:
-        """Inputs at shares (k,) of their highest values."""
-        return dict(zip(self.names, (share * self.highest).tolist(), strict=True))
-
-
 class SoftRobotEnv(gymnasium.Env[OBSERVED, NDArray[np.float32]]):
     """One episode: `steps` control steps of `control_s`, in each of which the action holds.
 
@@ -105,6 +41,14 @@ class SoftRobotEnv(gymnasium.Env[OBSERVED, NDArray[np.float32]]):
         render_mode: "rgb_array" or None.
         size: (width, height) of pictures.
         camera: "iso", "front", "side" or "top".
+
+    Attributes:
+        opened: the study; its `chain` has the task's own loads and the effects applied, in the engine `backend`.
+        task: the built task, or None.
+        inputs: of the chain; action +1 means the highest value of each, −1 is 0.
+
+    Raises:
+        UserError: an argument or the study is wrong, or nothing says how far the actuation goes.
     """
 
     metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 20}  # noqa: RUF012 - gymnasium's
@@ -138,9 +82,31 @@ class SoftRobotEnv(gymnasium.Env[OBSERVED, NDArray[np.float32]]):
         self.metadata = {**self.metadata, "render_fps": round(1 / control_s)}
         self._painter: Any = None
         self._taken = 0
-        self.plant = Plant.of(study, self.default_study, actuation_max)
-        self._share = self._before = np.zeros(len(self.plant.names))
+        self.opened = open_study(study or STUDIES / f"{self.default_study}.yaml", store=stored())
+        loaded = self.opened.study
+        self.task: Any  # a subclass may need a kind of its own
+        self.chain, self.backend, self.task = prepared_chain(self.opened.bench, loaded)
+        if not self.backend.capabilities.dynamic:
+            raise UserError(
+                f"an environment steps through time and physics '{self.backend.config.kind}' has equilibria only; "
+                "use 'mujoco' or 'pybullet' in the study."
+            )
+        self.inputs = tuple(dict.fromkeys(actuator.input for actuator in self.chain.actuators))
+        top = highest_actuation(loaded, self.chain) if actuation_max is None else actuation_max
+        if not (np.isfinite(top) and top > 0):
+            raise UserError(f"actuation_max is {top}; it needs a positive number of Pa or N.")
+        self._highest = np.full(len(self.inputs), float(top))
+        self._share = self._before = np.zeros(len(self.inputs))
         self._build()
+
+    def _actuation(self, share: Array) -> dict[str, float]:
+        """Inputs at shares (k,) of their highest values."""
+        return dict(zip(self.inputs, (share * self._highest).tolist(), strict=True))
+
+    def _looks(self) -> ChainModel:
+        """The chain as it is drawn."""
+        bench, study = self.opened.bench, self.opened.study
+        return drawn_chain(bench, StudyRun(study, laws_of_study(bench, study)))
 
     def _set_spaces(self, actions: int, observations: int) -> None:
         self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (actions,), np.float32)
@@ -158,7 +124,7 @@ class SoftRobotEnv(gymnasium.Env[OBSERVED, NDArray[np.float32]]):
                 f"unknown option '{unknown[0]}'; this environment takes {', '.join(self.option_names)}."
             )
         self._taken = 0
-        self._share = self._before = np.zeros(len(self.plant.names))
+        self._share = self._before = np.zeros(len(self.inputs))
         self._begin(options)
         return self._observed(), self._metrics()
 

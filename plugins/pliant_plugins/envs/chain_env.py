@@ -11,7 +11,9 @@ from typing import Any, ClassVar
 import numpy as np
 
 from pliant.errors import UserError
-from pliant.pipeline.motion import chain_frames, chain_scene, drawn_chain
+from pliant.interfaces.physics import PhysicsBackend
+from pliant.pipeline.motion import chain_frames, chain_scene
+from pliant.pipeline.study import DEFAULT_PHYSICS
 from pliant.records.design import Array
 from pliant.records.rollout import Equilibrium, Inputs
 from pliant.records.scene import Scene, SceneFrames
@@ -39,16 +41,17 @@ class ChainEnv(SoftRobotEnv):
     goal_size: ClassVar[int]
 
     def _build(self) -> None:
-        self.chain = self.plant.chain
-        self.simulation = self.plant.backend.build(self.chain)
+        self.simulation = self.backend.build(self.chain)
         self._rest = self.simulation.snapshot()
         # Equilibria, by which goals are drawn: the engines agree, and Newton is the quickest.
-        self._statics = self.plant.equilibria.build(self.chain)
+        component = self.opened.bench.registry.get("physics", DEFAULT_PHYSICS)
+        equilibria: PhysicsBackend = component.build(component.config_model()(kind=DEFAULT_PHYSICS))
+        self._statics = equilibria.build(self.chain)
         self._straight = self._statics.snapshot()
         self._length_m = self.chain.length_m
         self._markers = self.simulation.markers()
-        size_seen = 2 * self._rest.position.size + 3 + len(self.plant.names) + self.goal_size
-        self._set_spaces(len(self.plant.names), size_seen)
+        size_seen = 2 * self._rest.position.size + 3 + len(self.inputs) + self.goal_size
+        self._set_spaces(len(self.inputs), size_seen)
 
     def _begin(self, options: dict[str, Any]) -> None:
         self._ask(options)
@@ -84,12 +87,12 @@ class ChainEnv(SoftRobotEnv):
             "tip_m": np.array(self._markers[-1]),
             "error_m": error,
             "is_success": bool(error < REACHED * self._length_m),
-            **self.plant.actuation(self._share),
+            **self._actuation(self._share),
         }
 
     def _inputs(self, share: Array) -> Inputs:
         """Actuation with this episode's loads."""
-        return Inputs(self.plant.actuation(share))
+        return Inputs(self._actuation(share))
 
     def _in_lengths(self, points_m: Array) -> Array:
         """World points from the base, in chain lengths."""
@@ -106,9 +109,9 @@ class ChainEnv(SoftRobotEnv):
         return chain_frames(np.array([self._taken * self.control_s]), state.position[None])
 
     def _drawn(self) -> tuple[Scene, SceneFrames]:
-        looks = drawn_chain(self.plant.opened.bench, self.plant.drawn())
+        looks = self._looks()
         chain = self.chain.with_(shapes=looks.shapes)
-        levels = [np.full(len(self.plant.names), level) for level in (0.0, 0.5, 1.0)]
+        levels = [np.full(len(self.inputs), level) for level in (0.0, 0.5, 1.0)]
         poses = np.array([self._settled(share).joint_angles for share in levels])
         return chain_scene(chain), chain_frames(np.arange(3.0), poses)
 
@@ -170,7 +173,7 @@ class ReachEnv(ChainEnv):
         force, target = points_option(options, "tip_force_n"), points_option(options, "target_m")
         # Both are drawn in any case, so that one option does not change the other.
         drawn = self._draw_force()
-        share = self.np_random.uniform(LEAST_SHARE, 1.0, len(self.plant.names))
+        share = self.np_random.uniform(LEAST_SHARE, 1.0, len(self.inputs))
         self._force = drawn if force is None else force
         self._target = self._settled(share).tip_m.copy() if target is None else target
 
@@ -179,7 +182,7 @@ class ReachEnv(ChainEnv):
         return np.zeros(3)
 
     def _inputs(self, share: Array) -> Inputs:
-        return Inputs(self.plant.actuation(share), self._force)
+        return Inputs(self._actuation(share), self._force)
 
     def _goal(self) -> Array:
         return np.concatenate([self._in_lengths(self._target), self._force / self.force_scale_n])
@@ -219,7 +222,7 @@ class HelicalHangEnv(ReachEnv):
     force_scale_n: ClassVar[float] = TIP_LOADS_KG[-1] * WEIGHT_N_KG
 
     def _draw_force(self) -> Array:
-        config = getattr(self.plant.task, "config", None)
+        config = getattr(self.task, "config", None)
         loads = getattr(config, "loads_kg", TIP_LOADS_KG)
         return np.array([0.0, 0.0, -WEIGHT_N_KG * self.np_random.choice(loads)])
 
@@ -251,10 +254,10 @@ class FollowShapeEnv(ChainEnv):
 
     def _ask(self, options: dict[str, Any]) -> None:
         # Drawn in any case, so that an option does not change later episodes.
-        share = self.np_random.uniform(LEAST_SHARE, 1.0, len(self.plant.names))
+        share = self.np_random.uniform(LEAST_SHARE, 1.0, len(self.inputs))
         curve = points_option(options, "curve_m", curve=True)
-        if curve is None and isinstance(self.plant.task, FollowShape):
-            curve = self.chain.base_position_m + self.plant.task.target @ self.chain.base_rotation.T
+        if curve is None and isinstance(self.task, FollowShape):
+            curve = self.chain.base_position_m + self.task.target @ self.chain.base_rotation.T
         self._curve = resampled(self._settled(share).markers_m if curve is None else curve, COMPARED)
 
     def _goal(self) -> Array:

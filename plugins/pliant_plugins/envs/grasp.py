@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from pliant.errors import UserError
-from pliant.pipeline.motion import drawn_chain, with_surfaces
+from pliant.pipeline.motion import with_surfaces
 from pliant.records.design import Array
 from pliant.records.rollout import Inputs
 from pliant.records.scene import Scene, SceneFrames
@@ -53,22 +53,22 @@ class GraspEnv(SoftRobotEnv):
     option_names: ClassVar[tuple[str, ...]] = ("placement_m",)
 
     def _build(self) -> None:
-        task = self.plant.task
+        task = self.task
         if not isinstance(task, Grasp):
             raise UserError("pliant/Grasp-v0 needs a study with 'task: {kind: grasp, ...}'.")
-        if not self.plant.backend.capabilities.contacts:
-            kind = self.plant.backend.config.kind
+        if not self.backend.capabilities.contacts:
+            kind = self.backend.config.kind
             raise UserError(f"physics '{kind}' has no contacts, which a grasp needs; use 'mujoco'.")
-        self.task, self.config = task, task.config
-        self.scene: Scene = grasp_scene(self.plant.chain, task.config, task.target, Draw.none())
-        self.simulation = self.plant.backend.build_scene(self.scene)
+        self.config = task.config
+        self.scene: Scene = grasp_scene(self.chain, task.config, task.target, Draw.none())
+        self.simulation = self.backend.build_scene(self.scene)
         self._rest = self.simulation.snapshot()
-        self._length_m = self.plant.chain.length_m
+        self._length_m = self.chain.length_m
         body = task.target.body
         self._weight_n = body.mass.mass_kg * float(np.linalg.norm(self.scene.gravity_m_s2) or 9.81)
         self._offset = 0.0
         coordinates = sum(q.size for q in self._rest.coordinates)
-        self._set_spaces(len(self.plant.names) + 1, 2 * coordinates + 11 + len(self.plant.names))
+        self._set_spaces(len(self.inputs) + 1, 2 * coordinates + 11 + len(self.inputs))
         self._state, self._grip, self._lowest = self._rest, Grip(0.0, 0.0, 0.0), 0.0
 
     def _begin(self, options: dict[str, Any]) -> None:
@@ -142,7 +142,7 @@ class GraspEnv(SoftRobotEnv):
             "touching_share": self._grip.touching_share,
             "slip_ratio": self._slip,
             "is_success": bool(self._rise_m >= HELD_SHARE * self.config.lift_height_m),
-            **self.plant.actuation(self._share),
+            **self._actuation(self._share),
         }
 
     @property
@@ -163,7 +163,7 @@ class GraspEnv(SoftRobotEnv):
 
     def _inputs(self) -> Inputs:
         """Actuation with this episode's error of the pressure, where there is pressure at all."""
-        full = self.plant.actuation(self._share)
+        full = self._actuation(self._share)
         if self.config.pressure_pa is None:
             return Inputs(full)
         return Inputs(
@@ -174,7 +174,7 @@ class GraspEnv(SoftRobotEnv):
         return SceneFrames.of([self._state])
 
     def _drawn(self) -> tuple[Scene, SceneFrames]:
-        looks = drawn_chain(self.plant.opened.bench, self.plant.drawn())
+        looks = self._looks()
         heights = (0.0, -self.config.lower_height_m, self.config.lift_height_m)
         ends = [replace(self._rest, carriage_m=np.array([0.0, 0.0, height])) for height in heights]
         return with_surfaces(self.scene, looks), SceneFrames.of(ends)
