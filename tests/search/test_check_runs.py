@@ -4,7 +4,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 from tests.search.found_stand_ins import found
-from tests.search.test_verification import Problem, springs
+from tests.search.test_verification import RADIUS, Problem, springs
 
 from pliant.execution.executors import FuturesExecutor, InlineExecutor
 from pliant.pipeline import simulate
@@ -14,7 +14,6 @@ from pliant.search.verify.verification import verify
 
 CONDITIONS = {"soft": {"task.pressure": "5 kPa"}, "hard": {"task.pressure": "10 kPa"}}
 BOTH = ("physics: quasistatic", "physics: quasistatic\ncross_check: [mujoco]")
-RADIUS = {"family.radius": 4.7e-3}
 
 
 @pytest.fixture(autouse=True)

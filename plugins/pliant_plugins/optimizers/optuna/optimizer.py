@@ -6,6 +6,7 @@ import importlib.util
 import itertools
 import uuid
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -111,46 +112,33 @@ class Board:
     once. The sampler works on trials in memory; nothing here comes back to it, so a slow disk changes no proposal.
     """
 
-    def __init__(self, study: optuna.Study) -> None:
-        self._study = study
-        trials = study.get_trials(deepcopy=False)
-        self._written = {trial.user_attrs.get(CANDIDATE) for trial in trials}
+    def __init__(self, place: str, name: str, owner: str, objectives: int, again: bool = False) -> None:
+        """A study of this name, or of `name-2`, `name-3`, … where it is taken: every search has its own.
 
-    @classmethod
-    def new(cls, place: str, name: str, owner: str, objectives: int) -> Board:
-        """A study of this name, or of `name-2`, `name-3`, … where it is taken: every search has its own."""
-        storage = opened(place)
-        names = itertools.chain([name], (f"{name}-{k}" for k in itertools.count(2)))
-        with quiet():
-            for free in names:
-                try:
-                    study = optuna.create_study(
-                        storage=storage, study_name=free, directions=["minimize"] * objectives
-                    )
-                except DuplicatedStudyError:
-                    continue
-                study.set_user_attr(OWNER, owner)
-                return cls(study)
-        raise AssertionError("names do not end")
-
-    @classmethod
-    def again(cls, place: str, name: str, owner: str, objectives: int) -> Board:
-        """The study of a search that goes on; made anew where the storage has lost it.
+        With `again` that of a search that goes on; made anew where the storage has lost it.
 
         Raises:
-            UserError: another search has written the study of this name.
+            UserError: another search has written the study that is gone on with; or the storage cannot be used.
         """
-        storage = opened(place)
+        storage, directions = opened(place), ["minimize"] * objectives
         with quiet():
-            if name not in optuna.get_all_study_names(storage):
-                return cls.new(place, name, owner, objectives)
-            study = optuna.load_study(study_name=name, storage=storage)
-            if study.user_attrs.get(OWNER) != owner:
-                raise UserError(
-                    f"The search cannot go on in '{place}': its study '{name}' belongs to another search. "
-                    "Put the former file back, or move this one away and it is written anew."
-                )
-            return cls(study)
+            if again and name in optuna.get_all_study_names(storage):
+                self._study = optuna.load_study(study_name=name, storage=storage)
+                if self._study.user_attrs.get(OWNER) != owner:
+                    raise UserError(
+                        f"The search cannot go on in '{place}': its study '{name}' belongs to another search. "
+                        "Put the former file back, or move this one away and it is written anew."
+                    )
+            else:
+                for free in itertools.chain([name], (f"{name}-{k}" for k in itertools.count(2))):
+                    with suppress(DuplicatedStudyError):
+                        self._study = optuna.create_study(
+                            storage=storage, study_name=free, directions=directions
+                        )
+                        break
+                self._study.set_user_attr(OWNER, owner)
+        trials = self._study.get_trials(deepcopy=False)
+        self._written = {trial.user_attrs.get(CANDIDATE) for trial in trials}
 
     @property
     def name(self) -> str:
@@ -195,7 +183,7 @@ class Optuna(Optimizer):
             self._memory.guess(space.start)
         self._owner = uuid.uuid4().hex
         if self.config.storage is not None:
-            self._board = Board.new(self.config.storage, self.config.study, self._owner, space.objectives)
+            self._board = Board(self.config.storage, self.config.study, self._owner, space.objectives)
 
     def ask(self, count: int) -> Sequence[Trial]:
         """`count` candidates; those that are not told yet count as bad ones to tpe (a constant liar)."""
@@ -244,7 +232,7 @@ class Optuna(Optimizer):
         ]
         if self.config.storage is not None:
             name = state["study"] or self.config.study
-            self._board = Board.again(self.config.storage, name, self._owner, space.objectives)
+            self._board = Board(self.config.storage, name, self._owner, space.objectives, again=True)
             self._board.write(self._shown(*told) for told in self._told)
 
     def export(self, folder: Path) -> Sequence[Path]:
@@ -256,7 +244,7 @@ class Optuna(Optimizer):
             return ()
         path = folder / EXPORT
         path.unlink(missing_ok=True)
-        board = Board.new(f"journal:{path}", self.config.study, self._owner, self._space.objectives)
+        board = Board(f"journal:{path}", self.config.study, self._owner, self._space.objectives)
         board.write(self._shown(*told) for told in self._told)
         return (path,)
 
