@@ -72,9 +72,9 @@ bench-physics: $(VENV)/.bench  ## engines, the published baseline and a Cosserat
 	$(BIN)/python -m benchmarks.physics.ablation
 
 bench-grasp: $(VENV)/.run  ## grasps: speed, holding limits and creep, the measured table
-	$(BIN)/python benchmarks/grasp/speed.py
-	$(BIN)/python benchmarks/grasp/holding.py
-	$(BIN)/python benchmarks/grasp/experiment.py
+	$(BIN)/python -m benchmarks.grasp.speed
+	$(BIN)/python -m benchmarks.grasp.holding
+	$(BIN)/python -m benchmarks.grasp.experiment
 
 bench-evidence: $(VENV)/.run  ## hidden effects, diagnosed and judged: at most two hours on two cores, resumable
 	$(BIN)/python benchmarks/evidence/run_bench.py

@@ -10,33 +10,23 @@ one thread, compared as ratios to the quasi-static engine of the same run.
 
 from __future__ import annotations
 
-import os
 import statistics
-import time
 from itertools import combinations
 from typing import Any
 
-os.environ.setdefault("OMP_NUM_THREADS", "1")
+from benchmarks.physics import helix  # sets the number of threads before numpy is imported
 
+# isort: split
 import numpy as np
-from benchmarks.output import Bar, write
-from benchmarks.physics import helix
+from benchmarks.output import Bar, component, engine, largest_mm, settle, write
 
 from pliant.errors import MissingDependencyError
-from pliant.interfaces.physics import PhysicsBackend
 from pliant.records.chain import ChainModel, Joint, default_base_rotation
 from pliant.records.design import MassProperties
 from pliant.records.rollout import Equilibrium, Inputs
-from pliant_plugins.physics.mujoco.backend import Mujoco
-from pliant_plugins.physics.mujoco.config import MujocoConfig
-from pliant_plugins.physics.pybullet.backend import Pybullet
-from pliant_plugins.physics.pybullet.config import PybulletConfig
-from pliant_plugins.physics.quasistatic.backend import Quasistatic
-from pliant_plugins.physics.quasistatic.config import QuasistaticConfig
-from pliant_plugins.surrogates.config import PolynomialConfig, StudyCoefficients
-from pliant_plugins.surrogates.polynomial.surrogate import Polynomial
 
 MODULES, LENGTH_M, MODULE_KG, COM_OFFSET_M = 8, 0.011, 0.0016, 0.010
+LAW = {"k_n": 1.637e-6, "m_a": -1.704e-6, "m_e": 0.1012, "b_e": 0.0245}
 PRESSURE_PA = 15e3
 AGREE_MM = 0.01
 REPEATS = 3
@@ -44,11 +34,6 @@ REPEATS = 3
 
 def main() -> None:
     """Settle every chain in every engine that is installed."""
-    engines: list[PhysicsBackend] = [
-        Quasistatic(QuasistaticConfig()),
-        Mujoco(MujocoConfig()),
-        Pybullet(PybulletConfig()),
-    ]
     pressed = Inputs({"pressure_pa": PRESSURE_PA})
     cases = {
         "finger, own weight": (finger(0.0), pressed),
@@ -60,38 +45,28 @@ def main() -> None:
     results: dict[str, Any] = {}
     for name, (model, inputs) in cases.items():
         print(f"{name}:")
-        results[name] = compare(model, inputs, engines)
-    apart = [
-        distance
-        for name, result in results.items()
-        if name.startswith("helix")
-        for distance in result["largest_marker_distance_mm"].values()
-    ]
-    bar = Bar(
-        "settled rings of the helix, largest distance between engines",
-        max(apart),
-        AGREE_MM,
-        "mm",
-        at_most=True,
-    )
+        results[name] = compare(model, inputs)
+    of_helix = [results[name]["largest_marker_distance_mm"] for name in results if name.startswith("helix")]
+    apart = max(distance for distances in of_helix for distance in distances.values())
+    bar = Bar("settled rings of the helix, largest distance between engines", apart, AGREE_MM, "mm")
     write("engines_agree", {"cases": results}, [bar])
 
 
-def compare(chain: ChainModel, inputs: Inputs, engines: list[PhysicsBackend]) -> dict[str, Any]:
+def compare(chain: ChainModel, inputs: Inputs) -> dict[str, Any]:
     """Tips, residuals, times and pairwise distances of one chain; engines not installed are skipped."""
-    settled: dict[str, Equilibrium] = {}
-    seconds: dict[str, float] = {}
+    ends: dict[str, Equilibrium] = {}
     skipped: dict[str, str] = {}
-    for engine in engines:
-        kind = engine.config.kind
+    table: dict[str, Any] = {}
+    for kind in ("quasistatic", "mujoco", "pybullet"):
         try:
-            settled[kind], seconds[kind] = settle(engine, chain, inputs)
+            runs = [settle(engine(kind), chain, inputs) for _ in range(REPEATS)]
         except MissingDependencyError as error:
             skipped[kind] = str(error)
             print(f"  {kind:12s} skipped: {error}")
-    table = {}
-    for kind, final in settled.items():
-        ratio = seconds[kind] / seconds["quasistatic"]
+            continue
+        ends[kind] = final = runs[-1][0]
+        seconds = statistics.median(cpu_s for _, cpu_s in runs)
+        ratio = seconds / (table["quasistatic"]["cpu_s"] if table else seconds)
         tip = final.tip_m * 1e3
         print(
             f"  {kind:12s} tip ({tip[0]:.4f}, {tip[1]:.4f}, {tip[2]:.4f}) mm  residual {final.residual:.1e}"
@@ -102,36 +77,19 @@ def compare(chain: ChainModel, inputs: Inputs, engines: list[PhysicsBackend]) ->
             "residual_n_m": final.residual,
             "converged": final.converged,
             "iterations": final.iterations,
-            "cpu_s": seconds[kind],
+            "cpu_s": seconds,
             "cpu_over_quasistatic": ratio,
         }
-    distances = {
-        f"{one}-{other}": float(
-            np.linalg.norm(settled[one].markers_m - settled[other].markers_m, axis=1).max() * 1e3
-        )
-        for one, other in combinations(settled, 2)
-    }
+    pairs = combinations(ends, 2)
+    distances = {f"{a}-{b}": largest_mm(ends[a].markers_m, ends[b].markers_m) for a, b in pairs}
     for pair, distance in distances.items():
         print(f"  {pair}: largest marker distance {distance:.1e} mm")
     return {"engines": table, "largest_marker_distance_mm": distances, "skipped": skipped}
 
 
-def settle(engine: PhysicsBackend, chain: ChainModel, inputs: Inputs) -> tuple[Equilibrium, float]:
-    """The equilibrium reached from the straight chain, and the median time of `apply` and `settle`."""
-    times = []
-    for _ in range(REPEATS):
-        with engine.build(chain) as simulation:
-            start = time.process_time()
-            simulation.apply(inputs)
-            final = simulation.settle()
-            times.append(time.process_time() - start)
-    return final, statistics.median(times)
-
-
 def finger(payload_kg: float) -> ChainModel:
     """The chain; a module's mass is a 20 × 22 mm block, shared by its two halves."""
-    coefficients = StudyCoefficients(k_n=1.637e-6, m_a=-1.704e-6, m_e=0.1012, b_e=0.0245)
-    law = Polynomial(PolynomialConfig(form="study", coefficients=coefficients, odd=True)).stated()
+    law = component("surrogate", "polynomial", form="study", coefficients=LAW, odd=True).stated()
     assert law is not None
 
     def piece(modules: float, centre_m: float) -> MassProperties:

@@ -57,18 +57,11 @@ def fit_modulus(states: list[FemState], pressure: np.ndarray, published: np.ndar
     def relative(mu: float) -> np.ndarray:
         return np.asarray(curve(pressure / mu) - published)
 
-    size = np.linalg.norm(published)
-    best = minimize_scalar(
-        lambda mu: np.linalg.norm(relative(mu)) / size, bounds=(232e3, 280e3), method="bounded"
-    )
+    size, bounds = np.linalg.norm(published), (232e3, 280e3)
+    best = minimize_scalar(lambda mu: np.linalg.norm(relative(mu)) / size, bounds=bounds, method="bounded")
     at = {p: float(e / a) for p, e, a in zip(pressure, relative(best.x), published, strict=True) if a > 0}
-    return {
-        "shear_modulus_pa": float(best.x),
-        "relative_rms": float(best.fun),
-        "error_at_1_kpa": at[1e3],
-        "error_at_5_kpa": at[5e3],
-        "error_at_15_kpa": at[15e3],
-    }
+    errors = {f"error_at_{p}_kpa": at[1e3 * p] for p in (1, 5, 15)}
+    return {"shear_modulus_pa": float(best.x), "relative_rms": float(best.fun), **errors}
 
 
 def published_curve() -> tuple[np.ndarray, np.ndarray]:

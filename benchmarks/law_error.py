@@ -8,25 +8,20 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
-from benchmarks.output import ROOT, write
+from benchmarks.output import ROOT, registry, workbench, write
 
 from pliant.config.loading import load_study
 from pliant.errors import UserError
 from pliant.pipeline.study import fem_of_study
-from pliant.pipeline.workbench import Workbench
 from pliant.records.fem import FemDataset
-from pliant.registry.discovery import discover
-from pliant.store.store import ArtifactStore
 from pliant_plugins.surrogates.config import PolynomialConfig
 from pliant_plugins.surrogates.polynomial.surrogate import Polynomial
 
 
 def main() -> None:
     """Fit the demo's data set in several ways and print the worst errors of the torque range."""
-    registry = discover()
-    bench = Workbench(registry, ArtifactStore(ROOT / ".pliant" / "store"))
-    study = load_study(ROOT / "examples" / "first_finger" / "finger.yaml", registry, ["fem.sampling=grid"])
-    data: FemDataset = fem_of_study(bench, study)[0].value.axis("y")
+    study = load_study(ROOT / "examples" / "first_finger" / "finger.yaml", registry(), ["fem.sampling=grid"])
+    data: FemDataset = fem_of_study(workbench(), study)[0].value.axis("y")
     results = {"n_fitted": len(data.select("fit")), "n_heldout": len(data.select("check"))}
     print(f"{results['n_fitted']} states fitted, {results['n_heldout']} left out; worst error / range, R²")
     fits = {
@@ -43,7 +38,8 @@ def main() -> None:
         for name, source in (("with slopes", data), ("without", without_slopes(data))):
             worst[name] = spread_fit_error(source, count)
         results[f"{count} states"] = worst
-        cells = ", ".join(f"{name} {_percent(error)}" for name, error in worst.items())
+        shown = {name: "-" if error is None else f"{100 * error:.2g} %" for name, error in worst.items()}
+        cells = ", ".join(f"{name} {text}" for name, text in shown.items())
         print(f"{count:>2} states: {cells}")
     write("law_error", results)
 
@@ -57,10 +53,9 @@ def without_slopes(data: FemDataset) -> FemDataset:
 def spread_fit_error(data: FemDataset, count: int) -> float | None:
     """Worst error of the range when only `count` well-spread fit states are used; None if they are too few."""
     fit = np.flatnonzero(data.role == "fit")
-    points = np.stack([data.actuation, data.angle_rad], axis=1) / [
-        np.ptp(data.actuation),
-        np.ptp(data.angle_rad),
-    ]
+    points = np.stack(
+        [data.actuation / np.ptp(data.actuation), data.angle_rad / np.ptp(data.angle_rad)], axis=1
+    )
     chosen = [int(fit[0])]
     while len(chosen) < count:  # farthest point next
         distance = np.linalg.norm(points[fit][:, None] - points[chosen], axis=2).min(axis=1)
@@ -71,10 +66,6 @@ def spread_fit_error(data: FemDataset, count: int) -> float | None:
         return Polynomial(PolynomialConfig()).fit(subset).report.worst_of_range
     except UserError:  # too few states for any polynomial: a gap in this table
         return None
-
-
-def _percent(error: float | None) -> str:
-    return "-" if error is None else f"{100 * error:.2g} %"
 
 
 if __name__ == "__main__":

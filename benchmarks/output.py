@@ -1,4 +1,4 @@
-"""What benchmarks share: folders, options, bars with the figure reached, times, result files."""
+"""What benchmarks share: folders, options, engines, bars with the figure reached, tables, times, result files."""
 
 from __future__ import annotations
 
@@ -10,13 +10,20 @@ import statistics
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pliant.store.store import write_atomically
+from pliant.errors import MissingDependencyError
+from pliant.interfaces.physics import PhysicsBackend
+from pliant.pipeline.workbench import Workbench
+from pliant.records.chain import ChainModel
+from pliant.records.rollout import Equilibrium, Inputs
+from pliant.registry.discovery import Registry, discover
+from pliant.store.store import ArtifactStore, write_atomically
 
 ROOT = Path(__file__).resolve().parents[1]
 OUT = ROOT / "benchmarks" / "out"
@@ -81,6 +88,53 @@ def parser_of(doc: str | None, quick: str = "") -> argparse.ArgumentParser:
     if quick:
         parser.add_argument("--quick", action="store_true", help=quick)
     return parser
+
+
+@cache
+def registry() -> Registry:
+    """The installed plugins."""
+    return discover()
+
+
+def workbench() -> Workbench:
+    """With the store of this checkout."""
+    return Workbench(registry(), ArtifactStore(ROOT / ".pliant" / "store"))
+
+
+def component(interface: str, kind: str, **settings: Any) -> Any:
+    """A plugin's component with some settings, keys as in a study."""
+    found = registry().get(interface, kind)
+    return found.build(found.config_model().model_validate({"kind": kind, **settings}))
+
+
+def engine(kind: str, **settings: Any) -> PhysicsBackend:
+    """An engine: quasistatic, mujoco, pybullet."""
+    backend: PhysicsBackend = component("physics", kind, **settings)
+    return backend
+
+
+def known(kind: str) -> bool:
+    """Whether an engine is installed; says so where it is not."""
+    try:
+        engine(kind)
+    except MissingDependencyError as error:
+        print(f"{kind} skipped: {error}")
+        return False
+    return True
+
+
+def settle(backend: PhysicsBackend, chain: ChainModel, inputs: Inputs) -> tuple[Equilibrium, float]:
+    """The equilibrium from the straight chain, and CPU seconds of `apply` and `settle`."""
+    with backend.build(chain) as simulation:
+        begun = time.process_time()
+        simulation.apply(inputs)
+        end = simulation.settle()
+        return end, time.process_time() - begun
+
+
+def largest_mm(one: NDArray[np.float64], other: NDArray[np.float64]) -> float:
+    """Largest distance of a marker in one pose (n, 3), m, from its place in another."""
+    return 1e3 * float(np.linalg.norm(one - other, axis=-1).max())
 
 
 def ratio(baseline: Sequence[float], other: Sequence[float]) -> float:

@@ -1,6 +1,6 @@
 """The measured success table of the published gripper: measured, published simulation, ours, 30 trials a cell.
 
-python benchmarks/grasp/experiment.py [--quick]    prints, and writes benchmarks/out/grasp_experiment.json; resumes
+python -m benchmarks.grasp.experiment [--quick]    prints, and writes benchmarks/out/grasp_experiment.json; resumes
 
 Some values of the set-up are not published (`unknowns.py` lists them). ONE set serves all cells. It is chosen on the
 egg's cells only, by a rule: the most probable set given the egg's measured counts, in a probit model fitted to
@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import csv
 import os
-import sys
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
@@ -20,16 +19,13 @@ from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
-sys.path.insert(0, str(Path(__file__).parents[2]))
-
 import numpy as np
-from benchmarks.grasp.gripper import engine, finger, grasp, registry
+from benchmarks.grasp.gripper import code_of, finger, grasp
 from benchmarks.grasp.unknowns import NOMINAL, UNKNOWNS, Probit, drawn, setup_of, standardised
-from benchmarks.output import REFERENCE, read, write
+from benchmarks.output import REFERENCE, engine, parser_of, read, registry, write
 from scipy.stats import spearmanr
 
 from pliant.records.design import Array
-from pliant.store.fingerprint import code_fingerprint
 
 TABLE = REFERENCE / "grasp_experiment.csv"
 TRIALS, SCREENING = 30, 12
@@ -56,7 +52,8 @@ def main() -> None:
     if not TABLE.is_file():
         print(f"skipped: {TABLE} is not here")
         return
-    trials, screening, sets = (6, 3, 8) if "--quick" in sys.argv else (TRIALS, SCREENING, SETS)
+    quick = parser_of(__doc__, "few trials of few sets").parse_args().quick
+    trials, screening, sets = (6, 3, 8) if quick else (TRIALS, SCREENING, SETS)
     runs = Runs()
     cells = read_table(TABLE)
     egg = [cell for cell in cells if cell.object == "egg"]
@@ -85,8 +82,7 @@ class Runs:
     """Successes and mean rises by set and cell, kept in the output file while the code is the same."""
 
     def __init__(self) -> None:
-        modules = ["pliant_plugins.tasks.grasp.task", "pliant_plugins.physics.mujoco.backend"]
-        self.code = code_fingerprint(modules, {"pliant", "pliant_plugins"})
+        self.code = code_of("mujoco")
         earlier = read("grasp_experiment")
         self.found: dict[str, Any] = earlier.get("runs", {}) if earlier.get("code") == self.code else {}
 

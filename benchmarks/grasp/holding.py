@@ -1,6 +1,6 @@
 """Holding limits of egg and cylinder, MuJoCo against PyBullet under one friction rule, and the creep of what is held.
 
-python benchmarks/grasp/holding.py [--quick]    prints, and writes benchmarks/out/grasp_holding.json; resumes
+python -m benchmarks.grasp.holding [--quick]    prints, and writes benchmarks/out/grasp_holding.json; resumes
 
 The limit is the largest extra mass, at the object's centre, with which a grasp without noise is `stable`, by
 bisection from a mass that is held and one that is not.
@@ -8,19 +8,13 @@ bisection from a mass that is held and one that is not.
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path
 from typing import Any
 
-sys.path.insert(0, str(Path(__file__).parents[2]))
+from benchmarks.grasp.gripper import code_of, finger, grasp
+from benchmarks.output import engine, known, parser_of, read, write
 
-from benchmarks.grasp.gripper import engine, finger, grasp, held
-from benchmarks.output import read, write
-
-from pliant.errors import MissingDependencyError
 from pliant.interfaces.physics import PhysicsBackend
 from pliant.records.chain import ChainModel
-from pliant.store.fingerprint import code_fingerprint
 
 CASES = tuple((name, kpa) for name in ("egg", "cylinder") for kpa in (13, 15))
 WITHIN_SHARE, WITHIN_KG = 0.10, 0.020
@@ -28,11 +22,6 @@ CREEP_M_S = 1e-4
 CREEP_SHARE = 0.75  # of the limit: held by a margin, so that what moves is the engine's creep
 HEAVIEST_KG = 0.64
 HOLD_S = 4.0
-MODULES = (
-    "pliant_plugins.tasks.grasp.task",
-    "pliant_plugins.physics.mujoco.backend",
-    "pliant_plugins.physics.pybullet.backend",
-)
 # MuJoCo's defaults solref (0.02, 1) and solimp 0.95 in the engine's words, and friction as soft as pressing.
 MUJOCO_DEFAULTS = {
     "contact_stiffness": 1 / (0.95 * 0.02) ** 2,
@@ -44,33 +33,33 @@ MUJOCO_DEFAULTS = {
 
 def main() -> None:
     """Limits, then creep."""
-    quick = "--quick" in sys.argv
+    quick = parser_of(__doc__, "two cases, coarsely; nothing is taken over").parse_args().quick
     resolution = 0.010 if quick else 0.002
     chain = finger()
+    law = chain.laws[0].record()
+    numbers = [array.round(12).tolist() for array in law.arrays.values()]
+    # What a limit depends on: the law, and the code of task and engines.
+    made_of = f"{code_of('mujoco', 'pybullet')} {law.kind} {sorted(law.values.items())} {numbers}"
     found: dict[str, Any] = {} if quick else read("grasp_holding")
-    if found.get("chain") != fingerprint(chain):
-        found = {"chain": fingerprint(chain)}
+    if found.get("chain") != made_of:
+        found = {"chain": made_of}
+    engines = [kind for kind in ("mujoco", "pybullet") if known(kind)]
     print("object, pressure      MuJoCo  PyBullet  apart")
     for name, kpa in CASES[:: 2 if quick else 1]:
         limits = {}
-        for kind in ("mujoco", "pybullet"):
+        for kind in engines:
             key = f"{name}_{kpa}_{kind}_{resolution:g}"
-            try:
-                if key not in found:
-                    found[key] = limit_kg(engine(kind), chain, name, 1e3 * kpa, resolution)
-            except MissingDependencyError as error:
-                print(error)
-                continue
+            if key not in found:
+                found[key] = limit_kg(engine(kind), chain, name, 1e3 * kpa, resolution)
             limits[kind] = found[key]
             write("grasp_holding", found)
         print(_line(name, kpa, limits))
     for name, kpa in CASES:
         extra = CREEP_SHARE * found.get(f"{name}_{kpa}_mujoco_{resolution:g}", 0.0)
+        settings: dict[str, dict[str, float]] = {"ours": {}, "MuJoCo's defaults": MUJOCO_DEFAULTS}
         creeps = {
-            "ours": creep_m_s(engine("mujoco"), chain, name, 1e3 * kpa, extra),
-            "MuJoCo's defaults": creep_m_s(
-                engine("mujoco", **MUJOCO_DEFAULTS), chain, name, 1e3 * kpa, extra
-            ),
+            which: creep_m_s(engine("mujoco", **own), chain, name, 1e3 * kpa, extra)
+            for which, own in settings.items()
         }
         found[f"creep_{name}_{kpa}"] = {"extra_kg": extra, "creep_m_s": creeps}
         texts = ", ".join(f"{which} {_speed(value)}" for which, value in creeps.items())
@@ -84,17 +73,21 @@ def limit_kg(
     backend: PhysicsBackend, chain: ChainModel, name: str, pressure: float, within_kg: float
 ) -> float:
     """Largest extra mass held; 0 where not even the object itself is."""
+
+    def held(extra_kg: float) -> bool:
+        """Whether the object with this extra mass at its centre is lifted and stays."""
+        weights = {"extra_weights": 1, "weight_kg": extra_kg} if extra_kg > 0 else {}
+        task = grasp(object=name, pressure=pressure, **weights)
+        return bool(task.run(chain, backend.build_scene).metrics["mode"] == "stable")
+
     low, high = 0.0, 0.02
-    if not held(backend, chain, 0.0, object=name, pressure=pressure):
+    if not held(0.0):
         return 0.0
-    while high < HEAVIEST_KG and held(backend, chain, high, object=name, pressure=pressure):
+    while high < HEAVIEST_KG and held(high):
         low, high = high, 2 * high
     while high - low > within_kg:
         middle = 0.5 * (low + high)
-        if held(backend, chain, middle, object=name, pressure=pressure):
-            low = middle
-        else:
-            high = middle
+        low, high = (middle, high) if held(middle) else (low, middle)
     return low
 
 
@@ -112,13 +105,6 @@ def creep_m_s(
     time_s, height = result.frames.time_s, result.frames.positions_m[:, 0, 2]
     late = int(abs(time_s - (time_s[-1] - HOLD_S)).argmin())
     return float((height[late] - height[-1]) / (time_s[-1] - time_s[late]))
-
-
-def fingerprint(chain: ChainModel) -> str:
-    """What a limit depends on, as text: the law, and the code of task and engines."""
-    law = chain.laws[0].record()
-    code = code_fingerprint(MODULES, {"pliant", "pliant_plugins"})
-    return f"{code} {law.kind} {sorted(law.values.items())} {[a.round(12).tolist() for a in law.arrays.values()]}"
 
 
 def _speed(creep_m_s: float | None) -> str:

@@ -9,33 +9,20 @@ the joints, without and (last column) with its default drag; the published formu
 
 from __future__ import annotations
 
-import os
-
-os.environ.setdefault("OMP_NUM_THREADS", "1")
-
 import warnings
 from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
-from benchmarks.output import write
+from benchmarks.output import engine, known, largest_mm, settle, write
 from benchmarks.physics import published
-from benchmarks.physics.helix import helix, helix_law, inputs
-from benchmarks.physics.histories import Ended, away_mm, roll_history
+from benchmarks.physics.helix import Ended, efforts_of, helix, helix_law, inputs, roll_history
 
-from pliant.errors import MissingDependencyError
-from pliant.records.chain import ChainModel
 from pliant.records.design import Array
-from pliant_plugins.physics.mujoco.backend import Mujoco
-from pliant_plugins.physics.mujoco.config import MujocoConfig
-from pliant_plugins.physics.quasistatic.backend import Quasistatic
-from pliant_plugins.physics.quasistatic.config import QuasistaticConfig
 
 LOAD_KG = 0.020
 STEPS_S = (1e-3, 2e-3, 5e-3, 10e-3, 20e-3, 50e-3)
-DAMPINGS = (1e-4, 3e-4, 1e-3, 3e-3)
-DEFAULTS = "default"
-Damping = float | str
+DAMPINGS = (1e-4, 3e-4, 1e-3, 3e-3, "default")
 PUBLISHED_STEPS_S = (1 / 2400, 1 / 1200, 1 / 480)
 MOTORS_N_M = (3e-5, 1e-4, 1e-3)
 # Further from equilibrium than the helix is long: the motion has no bound.
@@ -46,38 +33,31 @@ def main() -> None:
     """Both tables."""
     law = helix_law()
     chain = helix(law)
-    with Quasistatic(QuasistaticConfig()).build(chain) as still:
-        still.apply(inputs(LOAD_KG))
-        rest = still.settle().markers_m
+    rest = settle(engine("quasistatic"), chain, inputs(LOAD_KG))[0].markers_m
 
-    def polynomial(pressure_pa: float, angles_rad: Array) -> Array:
-        return law.evaluate(np.full(len(angles_rad), pressure_pa), angles_rad).tau
+    def mujoco(step_s: float, damping: float | str) -> Ended:
+        own = {} if isinstance(damping, str) else {"joint_damping": damping, "drag_1_s": 0.0}
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", RuntimeWarning)  # that a motion diverged is what the table says
+            return roll_history(engine("mujoco", timestep_s=step_s, **own), chain, LOAD_KG, step_s)
 
-    mujoco = table(
-        "mujoco: joint damping, N·m·s/rad",
-        STEPS_S,
-        (*DAMPINGS, DEFAULTS),
-        rest,
-        lambda step, c: _mujoco(chain, step, c),
-    )
-    try:
-        script = table(
-            "published formulation: friction of the motors, N·m",
-            PUBLISHED_STEPS_S,
-            MOTORS_N_M,
-            rest,
-            lambda step, motor: _script(chain, polynomial, step, motor),
-        )
-    except MissingDependencyError as error:
-        print(f"skipped: {error}")
-        script = []
-    write("physics_ablation", {"load_kg": LOAD_KG, "mujoco": mujoco, "published": script})
+    def script(step_s: float, motor_n_m: float) -> Ended:
+        return published.run(chain, efforts_of(law), LOAD_KG, motor_n_m, step_s)
+
+    tables = {
+        "mujoco": table("mujoco: joint damping, N·m·s/rad", STEPS_S, DAMPINGS, rest, mujoco),
+        "published": [],
+    }
+    if known("pybullet"):
+        title = "published formulation: friction of the motors, N·m"
+        tables["published"] = table(title, PUBLISHED_STEPS_S, MOTORS_N_M, rest, script)
+    write("physics_ablation", {"load_kg": LOAD_KG, **tables})
 
 
 def table(
     title: str,
     steps: Sequence[float],
-    dampings: Sequence[Damping],
+    dampings: Sequence[Any],
     rest_m: Array,
     run: Callable[[float, Any], Ended],
 ) -> list[dict[str, Any]]:
@@ -89,34 +69,14 @@ def table(
         cells = []
         for damping in dampings:
             end = run(step, damping)
-            away = away_mm(end.markers_m, rest_m)
+            away = largest_mm(end.markers_m, rest_m)
             bounded = bool(np.isfinite(away)) and away < LOST_MM
-            rows.append(
-                {
-                    "step_s": step,
-                    "damping": damping,
-                    "away_mm": away if bounded else None,
-                    "cpu_s": end.cpu_s,
-                }
-            )
+            known_mm = away if bounded else None
+            rows.append({"step_s": step, "damping": damping, "away_mm": known_mm, "cpu_s": end.cpu_s})
             cells.append(f"{away:9.3f}" if bounded else f"{'diverged':>9}")
             cells.append(f" ({1e3 * end.cpu_s:6.1f})")
         print(f"{1e3 * step:9.2f} " + "".join(cells), flush=True)
     return rows
-
-
-def _mujoco(chain: ChainModel, step_s: float, damping: Damping) -> Ended:
-    config = MujocoConfig(timestep_s=step_s)
-    if isinstance(damping, float):
-        config = MujocoConfig(timestep_s=step_s, joint_damping=damping, drag_1_s=0.0)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RuntimeWarning)  # that a motion diverged is what the table says
-        return roll_history(Mujoco(config), chain, LOAD_KG, step_s)
-
-
-def _script(chain: ChainModel, efforts: published.Efforts, step_s: float, motor_n_m: float) -> Ended:
-    done = published.run(chain, efforts, LOAD_KG, motor_n_m, step_s)
-    return Ended(done.angles_rad, done.markers_m, done.cpu_s)
 
 
 if __name__ == "__main__":

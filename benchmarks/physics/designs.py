@@ -13,61 +13,47 @@ import time
 from collections import Counter
 
 import numpy as np
-from benchmarks.output import Bar, write
-from benchmarks.physics.random_designs import random_cases
+from benchmarks.output import Bar, engine, seconds_of, write
+from benchmarks.physics.helix import random_cases
 
 from pliant.interfaces.physics import Case
 from pliant.mechanics.statics import ChainStatics, Loads, unstable_mode
 from pliant.records.rollout import Equilibrium
-from pliant_plugins.physics.quasistatic.backend import Quasistatic
-from pliant_plugins.physics.quasistatic.config import QuasistaticConfig
 
 DESIGNS = 1000
 # The engine's residual and the statics' differ by rounding.
 TOLERANCE_N_M = 1.01e-9
+SOLVED = "stable equilibrium"
 
 
 def main() -> None:
     """Solve, judge, count."""
-    cases = random_cases(DESIGNS)
-    backend = Quasistatic(QuasistaticConfig())
+    cases, backend, ends = random_cases(DESIGNS), engine("quasistatic"), list[Equilibrium]()
     backend.settle_batch(cases[:2])  # compiles
-    start = time.perf_counter()
-    ends = backend.settle_batch(cases)
-    wall_s = time.perf_counter() - start
+    (wall_s,) = seconds_of(lambda: ends.extend(backend.settle_batch(cases)), clock=time.perf_counter)
     verdicts = [verdict(case, end) for case, end in zip(cases, ends, strict=True)]
     counts = Counter(verdicts)
     joints = statistics.mean(case.chain.n_joints for case in cases)
-    print(
-        f"{DESIGNS} designs of {joints:.0f} joints on average in {wall_s:.2f} s: {DESIGNS / wall_s:.0f} designs/s"
-    )
+    rate = DESIGNS / wall_s
+    print(f"{DESIGNS} designs of {joints:.0f} joints on average in {wall_s:.2f} s: {rate:.0f} designs/s")
     for text, count in counts.most_common():
         print(f"  {count:5d} {text}")
-    for number in [k for k, text in enumerate(verdicts) if text != "stable equilibrium"][:10]:
-        case, end = cases[number], ends[number]
-        print(
-            f"  design {number}: {verdicts[number]}; {case.chain.n_joints} joints, residual {end.residual:.1e}"
-        )
+    for number in [k for k, text in enumerate(verdicts) if text != SOLVED][:10]:
+        chain, residual = cases[number].chain, ends[number].residual
+        print(f"  design {number}: {verdicts[number]}; {chain.n_joints} joints, residual {residual:.1e}")
     iterations = [end.iterations for end in ends]
-    print(f"  iterations: median {statistics.median(iterations):.0f}, most {max(iterations)}")
-    bar = Bar(
-        "random designs in a stable equilibrium",
-        counts["stable equilibrium"],
-        DESIGNS,
-        "of 1000",
-        at_most=False,
-    )
-    results = {"verdicts": counts, "wall_s": wall_s, "median_iterations": statistics.median(iterations)}
-    write("physics_designs", results, [bar])
+    median = statistics.median(iterations)
+    print(f"  iterations: median {median:.0f}, most {max(iterations)}")
+    bar = Bar("random designs in a stable equilibrium", counts[SOLVED], DESIGNS, "of 1000", at_most=False)
+    write("physics_designs", {"verdicts": counts, "wall_s": wall_s, "median_iterations": median}, [bar])
 
 
 def verdict(case: Case, end: Equilibrium) -> str:
     """What the common statics say of an answer."""
     balance = ChainStatics(case.chain).balance(end.joint_angles, Loads.of(case.chain, case.inputs))
     balanced = np.abs(balance.residual).max() <= TOLERANCE_N_M
-    stable = unstable_mode(balance.stiffness) is None
-    if balanced and stable:
-        return "stable equilibrium" if end.converged else "stable equilibrium that the engine did not trust"
+    if balanced and unstable_mode(balance.stiffness) is None:
+        return SOLVED if end.converged else f"{SOLVED} that the engine did not trust"
     honest = "said so" if not end.converged else "NOT SAID"
     runs_away = any(entry.variable == "dtau_du" for entry in end.outside_domain)
     cause = "a law that runs away" if runs_away else "no balance" if not balanced else "a saddle"

@@ -10,11 +10,6 @@ one thread, which are those of the clock on an idle machine.
 
 from __future__ import annotations
 
-import os
-
-os.environ.setdefault("OMP_NUM_THREADS", "1")
-os.environ.setdefault("NUMBA_NUM_THREADS", "1")
-
 import statistics
 import time
 from collections.abc import Callable, Mapping
@@ -22,24 +17,25 @@ from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
 
-import numpy as np
-from benchmarks.output import Bar, ratio, write
+from benchmarks.output import Bar, engine, known, largest_mm, ratio, settle, write
 from benchmarks.physics import cosserat, published
-from benchmarks.physics.helix import LOADS_KG, helix, helix_law, inputs, linear_law
-from benchmarks.physics.histories import Ended, away_mm, residual_n_m, roll_history, run_history
-from benchmarks.physics.network import NetworkLaw, fit_errors, network_law
+from benchmarks.physics.helix import (
+    LOADS_KG,
+    Ended,
+    efforts_of,
+    helix,
+    helix_law,
+    inputs,
+    linear_law,
+    residual_n_m,
+    roll_history,
+    run_history,
+)
 
-from pliant.errors import MissingDependencyError
 from pliant.interfaces.physics import PhysicsBackend
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
-from pliant.records.law import Effort, JointLaw, LawRecord, ScalarLaw
-from pliant_plugins.physics.mujoco.backend import Mujoco
-from pliant_plugins.physics.mujoco.config import MujocoConfig
-from pliant_plugins.physics.pybullet.backend import Pybullet
-from pliant_plugins.physics.pybullet.config import PybulletConfig
-from pliant_plugins.physics.quasistatic.backend import Quasistatic
-from pliant_plugins.physics.quasistatic.config import QuasistaticConfig
+from pliant.records.law import Effort, JointLaw, LawRecord
 from pliant_plugins.surrogates.polynomial.axes import AxesLaw
 
 LOAD_KG = 0.020
@@ -69,95 +65,70 @@ class Uncompiled(JointLaw):
     def evaluate(self, actuation: Array, deformation: Array) -> Effort:
         return self.inner.evaluate(actuation, deformation)
 
-    def scalar(self) -> ScalarLaw | None:
-        return None
-
     def record(self) -> LawRecord:
         return self.inner.record()
 
 
-class Cases:
-    """Every contestant, as a function that runs it once and tells where it ended."""
-
-    def __init__(self) -> None:
-        self.law = helix_law()
-        self.networks: NetworkLaw = network_law(self.law)
-        self.chain = helix(self.law)
-        quasistatic = Quasistatic(QuasistaticConfig())
-        self.named: dict[str, Callable[[], Ended]] = {
-            BASELINE: lambda: self.script(self.networks.efforts),
-            "  the same, polynomial, all joints in one call": lambda: self.script(self.polynomial),
-            PRESET: self.preset,
-            COLD: lambda: settled(quasistatic, self.chain, False),
-            "quasi-static, building the chain's model included": lambda: settled(
-                quasistatic, self.chain, True
-            ),
-            "quasi-static, numpy instead of compiled": lambda: settled(
-                Quasistatic(QuasistaticConfig()), helix(Uncompiled(self.law)), False
-            ),
-        }
-        for step in MUJOCO_STEPS_S:
-            name = f"mujoco, the same history, steps of {1e3 * step:.4g} ms"
-            self.named[name] = partial(self.mujoco, step)
-        by_step = "mujoco, the same in a Python loop, steps of 12.5 ms"
-        self.named[by_step] = lambda: run_history(
-            Mujoco(MujocoConfig(timestep_s=12.5e-3)), self.chain, LOAD_KG, 12.5e-3
-        )
-        self.named["mujoco, settle"] = lambda: settled(Mujoco(MujocoConfig()), self.chain, False)
-        self.named["pybullet, settle"] = lambda: settled(Pybullet(PybulletConfig()), self.chain, False)
-
-    def script(self, efforts: published.Efforts) -> Ended:
-        done = published.run(self.chain, efforts, LOAD_KG)
-        return Ended(done.angles_rad, done.markers_m, done.cpu_s)
-
-    def polynomial(self, pressure_pa: float, angles_rad: Array) -> Array:
-        return self.law.evaluate(np.full(len(angles_rad), pressure_pa), angles_rad).tau
-
-    def preset(self) -> Ended:
-        backend = Pybullet(PybulletConfig(preset="published"))
-        return run_history(backend, self.chain, LOAD_KG, published.STEP_S)
-
-    def mujoco(self, step_s: float) -> Ended:
-        return roll_history(Mujoco(MujocoConfig(timestep_s=step_s)), self.chain, LOAD_KG, step_s)
-
-
-def settled(backend: PhysicsBackend, chain: ChainModel, with_build: bool) -> Ended:
+def settled(backend: PhysicsBackend, chain: ChainModel, with_build: bool = False) -> Ended:
     """The equilibrium from the straight chain, `apply` and `settle` counted, `build` if asked."""
     start = time.process_time()
-    with backend.build(chain) as simulation:
-        if not with_build:
-            start = time.process_time()
-        simulation.apply(inputs(LOAD_KG))
-        final = simulation.settle()
-        return Ended(final.joint_angles, final.markers_m, time.process_time() - start)
+    final, cpu_s = settle(backend, chain, inputs(LOAD_KG))
+    whole = time.process_time() - start
+    return Ended(final.joint_angles, final.markers_m, whole if with_build else cpu_s)
+
+
+def cases(law: AxesLaw, networks: published.NetworkLaw, chain: ChainModel) -> dict[str, Callable[[], Ended]]:
+    """Every contestant, as a function that runs it once and tells where it ended."""
+    still, by_step = engine("quasistatic"), "mujoco, the same in a Python loop, steps of 12.5 ms"
+    named: dict[str, Callable[[], Ended]] = {
+        BASELINE: partial(published.run, chain, networks.efforts, LOAD_KG),
+        "  the same, polynomial, all joints in one call": partial(
+            published.run, chain, efforts_of(law), LOAD_KG
+        ),
+        PRESET: lambda: run_history(engine("pybullet", preset="published"), chain, LOAD_KG, published.STEP_S),
+        COLD: partial(settled, still, chain),
+        "quasi-static, building the chain's model included": partial(settled, still, chain, True),
+        "quasi-static, numpy instead of compiled": lambda: settled(
+            engine("quasistatic"), helix(Uncompiled(law))
+        ),
+    }
+    for step in MUJOCO_STEPS_S:
+        backend = engine("mujoco", timestep_s=step)
+        named[f"mujoco, the same history, steps of {1e3 * step:.4g} ms"] = partial(
+            roll_history, backend, chain, LOAD_KG, step
+        )
+    named[by_step] = partial(run_history, engine("mujoco", timestep_s=12.5e-3), chain, LOAD_KG, 12.5e-3)
+    for kind in ("mujoco", "pybullet"):
+        named[f"{kind}, settle"] = partial(settled, engine(kind), chain)
+    return named
 
 
 def main() -> None:
     """Warm up, run the rounds, print the tables."""
-    cases = Cases()
-    errors = fit_errors(cases.law, cases.networks)
-    print(
-        "networks 2-64-64-1: RMS error of the range "
-        + ", ".join(f"{a} {100 * e:.2f} %" for a, e in errors.items())
-    )
-    equilibrium = settled(Quasistatic(QuasistaticConfig()), cases.chain, False)
-    for name, case in cases.named.items():  # compiles, and fills caches
+    law = helix_law()
+    networks, chain = published.network_law(law), helix(law)
+    errors = published.fit_errors(law, networks)
+    shown = ", ".join(f"{a} {100 * e:.2f} %" for a, e in errors.items())
+    print(f"networks 2-64-64-1: RMS error of the range {shown}")
+    equilibrium = settled(engine("quasistatic"), chain)
+    named = cases(law, networks, chain)
+    for name, case in named.items():  # compiles, and fills caches
         if not name.startswith(("pub", "  ")):
             case()
-    ends, seconds = rounds(cases.named)
-    bars, rows = table(cases.chain, equilibrium, ends, seconds)
+    ends, seconds = rounds(named)
+    bars, rows = table(chain, equilibrium, ends, seconds)
     rods = rod_rows(seconds[BASELINE])
-    histories, history_bar = mujoco_histories(cases, seconds[BASELINE])
+    histories, history_bar = mujoco_histories(chain, seconds[BASELINE])
     results = {"cases": rows, "rod": rods, "mujoco_histories": histories, "network_errors": errors}
     write("physics_engines", results, [*bars, history_bar])
 
 
-def rounds(cases: Mapping[str, Callable[[], Ended]]) -> tuple[dict[str, Ended], dict[str, list[float]]]:
+def rounds(named: Mapping[str, Callable[[], Ended]]) -> tuple[dict[str, Ended], dict[str, list[float]]]:
     """Where each case ends, and its seconds in every round."""
     ends: dict[str, Ended] = {}
-    seconds: dict[str, list[float]] = {name: [] for name in cases}
+    seconds: dict[str, list[float]] = {name: [] for name in named}
     for number in range(ROUNDS):
-        for name, case in cases.items():
+        for name, case in named.items():
             if name == PRESET and number:  # half a minute, and no ratio hangs on it
                 continue
             ends[name] = case()
@@ -174,44 +145,35 @@ def table(
     print(f"{'20 g at the tip, 15 kPa':52s} {'CPU s':>9} {'ratio':>9} {'residual N·m':>13} {'away mm':>9}")
     rows: dict[str, Any] = {}
     for name, end in ends.items():
-        residual = residual_n_m(chain, end.angles_rad, LOAD_KG)
-        row = {
+        rows[name] = row = {
             "median_s": statistics.median(seconds[name]),
             "ratio": ratio(seconds[BASELINE], seconds[name]),
-            "residual_n_m": residual,
-            "away_mm": away_mm(end.markers_m, equilibrium.markers_m),
+            "residual_n_m": residual_n_m(chain, end.angles_rad, LOAD_KG),
+            "away_mm": largest_mm(end.markers_m, equilibrium.markers_m),
             "seconds": seconds[name],
         }
-        rows[name] = row
-        print(
-            f"{name:52s} {row['median_s']:9.2g} {row['ratio']:9.1f} {residual:13.1e} {row['away_mm']:9.2g}",
-            flush=True,
-        )
-    cold = rows[COLD]
-    bars = [
-        Bar(
-            "quasi-static, cold start, against the published 2 s run", cold["ratio"], 1e4, "×", at_most=False
-        ),
-        Bar("its residual by the common statics", cold["residual_n_m"], 1e-9, "N·m", at_most=True),
-    ]
-    return bars, rows
+        cells = f"{row['residual_n_m']:13.1e} {row['away_mm']:9.2g}"
+        print(f"{name:52s} {row['median_s']:9.2g} {row['ratio']:9.1f} {cells}", flush=True)
+    cold, against = rows[COLD], "quasi-static, cold start, against the published 2 s run"
+    return [
+        Bar(against, cold["ratio"], 1e4, "×", at_most=False),
+        Bar("its residual by the common statics", cold["residual_n_m"], 1e-9, "N·m"),
+    ], rows
 
 
 def rod_rows(baseline: list[float]) -> dict[str, Any]:
     """PyElastica, tuned for speed, on the linear-law helix without its end cylinder, and the engines on the same."""
-    law = linear_law()
+    law, still = linear_law(), engine("quasistatic")
     chain = helix(law, end_cylinder=False)
     cosserat.settle_rod(law, LOAD_KG, cosserat.COMPILING)
-    quasistatic = Quasistatic(QuasistaticConfig())
-    settled(quasistatic, chain, False)
+    settled(still, chain)
     rows: dict[str, Any] = {"PyElastica": [], "quasi-static": []}
     for _ in range(ROUNDS):
         rod = cosserat.settle_rod(law, LOAD_KG, cosserat.FAST)
         rows["PyElastica"].append(rod.settled_after_s(1e-4))
-        quick = [settled(quasistatic, chain, False).cpu_s for _ in range(QUICK_REPEATS)]
+        quick = [settled(still, chain).cpu_s for _ in range(QUICK_REPEATS)]
         rows["quasi-static"].append(statistics.median(quick))
-    times = ratio(rows["PyElastica"], rows["quasi-static"])
-    rod_s = statistics.median(rows["PyElastica"])
+    times, rod_s = ratio(rows["PyElastica"], rows["quasi-static"]), statistics.median(rows["PyElastica"])
     print(
         f"linear law: PyElastica has its tip within 0.1 mm of rest after {rod_s:.2g} s, {times:.0f} × the "
         f"quasi-static engine and 1/{statistics.median(baseline) / rod_s:.0f} of the baseline"
@@ -219,49 +181,35 @@ def rod_rows(baseline: list[float]) -> dict[str, Any]:
     return {**rows, "rod_over_quasistatic": times}
 
 
-def mujoco_histories(cases: Cases, baseline: list[float]) -> tuple[list[dict[str, Any]], Bar]:
+def mujoco_histories(chain: ChainModel, baseline: list[float]) -> tuple[list[dict[str, Any]], Bar]:
     """MuJoCo's 2 s run under all loads at every step; the bar is on the fastest step that is close under all."""
     print(
         "MuJoCo with its defaults but for the step: mm from equilibrium after the same 2 s (ratio to the baseline)"
     )
     print(f"{'step':>8} " + "".join(f"{1e3 * load:14.0f} g" for load in LOADS_KG))
-    rest = {load: _rest(cases.chain, load) for load in LOADS_KG}
-    rows, reached = [], 0.0
+    still = engine("quasistatic")
+    rest = {load: settle(still, chain, inputs(load))[0].markers_m for load in LOADS_KG}
+    rows: list[dict[str, Any]] = []
+    reached = 0.0
     for step in MUJOCO_STEPS_S:
-        backend = Mujoco(MujocoConfig(timestep_s=step))
-        cells = []
+        backend, cells = engine("mujoco", timestep_s=step), []
         for load in LOADS_KG:
-            runs = [roll_history(backend, cases.chain, load, step) for _ in range(2 * ROUNDS + 1)]
-            wall = statistics.median(run.cpu_s for run in runs)
-            away = away_mm(runs[-1].markers_m, rest[load])
-            cells.append(
-                {
-                    "load_kg": load,
-                    "step_s": step,
-                    "cpu_s": wall,
-                    "away_mm": away,
-                    "ratio": statistics.median(baseline) / wall,
-                }
+            runs = [roll_history(backend, chain, load, step) for _ in range(2 * ROUNDS + 1)]
+            wall, away = (
+                statistics.median(run.cpu_s for run in runs),
+                largest_mm(runs[-1].markers_m, rest[load]),
             )
+            times = statistics.median(baseline) / wall
+            cells.append({"load_kg": load, "step_s": step, "cpu_s": wall, "away_mm": away, "ratio": times})
         rows += cells
-        print(
-            f"{1e3 * step:5.3g} ms " + "".join(f"{c['away_mm']:8.3f} ({c['ratio']:5.0f})" for c in cells),
-            flush=True,
-        )
+        shown = "".join(f"{c['away_mm']:8.3f} ({c['ratio']:5.0f})" for c in cells)
+        print(f"{1e3 * step:5.3g} ms {shown}", flush=True)
         if all(cell["away_mm"] <= CLOSE_MM for cell in cells):
             reached = max(reached, min(cell["ratio"] for cell in cells))
     text = "MuJoCo, the same history, within 0.1 mm under every load, slowest load"
     return rows, Bar(text, reached, 500.0, "×", at_most=False)
 
 
-def _rest(chain: ChainModel, load_kg: float) -> Array:
-    with Quasistatic(QuasistaticConfig()).build(chain) as still:
-        still.apply(inputs(load_kg))
-        return still.settle().markers_m
-
-
 if __name__ == "__main__":
-    try:
+    if known("pybullet"):  # all ratios are to it
         main()
-    except MissingDependencyError as error:
-        print(f"skipped, for all ratios are to PyBullet: {error}")

@@ -4,29 +4,39 @@ The law of the main axis y is the study's form, fitted by least squares to its F
 `../shared/data/reference` is there; elsewhere the coefficients of that fit are stated below. The laws of z
 and of the twist x are stated: the study's tables of them are not public. Tip loads are forces. Hinges stand on
 the axis of the modules, so that a rod is the same body; in examples/helix they stand beside it, as in the study.
+
+Beside it what the benchmarks do with it: the history of the published run, a law in a wrong frame, random designs.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from typing import NamedTuple
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Literal, NamedTuple
 
 import numpy as np
 from benchmarks.output import REFERENCE, reference_table
 
 from pliant.config.chain import BaseConfig, ChainConfig
+from pliant.interfaces.physics import Case, PhysicsBackend, Run
+from pliant.mechanics.rotations import left_jacobian, left_jacobian_transpose_slope
+from pliant.mechanics.statics import ChainStatics, Loads
 from pliant.pipeline.chain import Segment, build_chain, rigid_rod, rod_module
 from pliant.records.chain import ChainModel
-from pliant.records.design import Design
+from pliant.records.design import Array, Design
 from pliant.records.fem import FemDataset
-from pliant.records.law import Domain, JointLaw
+from pliant.records.history import History
+from pliant.records.law import Domain, Effort, JointKind, JointLaw, LawRecord
 from pliant.records.rollout import Inputs
 from pliant_plugins.surrogates.config import StudyCoefficients
 from pliant_plugins.surrogates.polynomial.axes import AxesLaw
 from pliant_plugins.surrogates.polynomial.law import PolynomialLaw
 from pliant_plugins.surrogates.polynomial.study import fit_study, study_law
 
+# Of the published run: 1 s of ramp and 1 s of hold.
+RAMP_S, DURATION_S = 1.0, 2.0
 FEM_TABLE = REFERENCE / "helical_y_fem_R5.66_l4.72.csv"
 PRESSURE_PA = 15e3
 LOADS_KG = (0.0, 0.010, 0.020, 0.050)
@@ -96,18 +106,14 @@ def helix_law() -> AxesLaw:
         y, box = FITTED_Y, FITTED_BOX
     else:
         y = fit_study(table, odd=False)
-        box = Domain(
-            np.array([table.actuation.min(), table.actuation.max()]),
-            np.array([[table.angle_rad.min(), table.angle_rad.max()]]),
-        )
+        p, u = table.actuation, table.angle_rad
+        box = Domain(np.array([p.min(), p.max()]), np.array([[u.min(), u.max()]]))
+    return _three_axes(STATED_X, study_law(y, False, box, axis="y"), STATED_Z)
+
+
+def _three_axes(x: StudyCoefficients, y: PolynomialLaw, z: StudyCoefficients, odd: bool = True) -> AxesLaw:
     everywhere = Domain.unbounded(1)
-    return AxesLaw(
-        (
-            study_law(STATED_X, True, everywhere, axis="x"),
-            study_law(y, False, box, axis="y"),
-            study_law(STATED_Z, True, everywhere, axis="z"),
-        )
-    )
+    return AxesLaw((study_law(x, odd, everywhere, axis="x"), y, study_law(z, odd, everywhere, axis="z")))
 
 
 def linear_law(pressure_pa: float = PRESSURE_PA, cells: int = 1) -> AxesLaw:
@@ -119,10 +125,8 @@ def linear_law(pressure_pa: float = PRESSURE_PA, cells: int = 1) -> AxesLaw:
     free = free_angle(y, pressure_pa)
     slope = -float(y.evaluate(np.array([pressure_pa]), np.array([[free]])).dtau_du[0, 0, 0])
     linear = StudyCoefficients(k_n=slope * free / pressure_pa, m_a=0.0, m_e=0.0, b_e=cells * slope)
-    everywhere = Domain.unbounded(1)
     x, z = (StudyCoefficients(k_n=0.0, m_a=0.0, m_e=0.0, b_e=cells * law.b_e) for law in (STATED_X, STATED_Z))
-    laws = [study_law(law, False, everywhere, axis=axis) for law, axis in ((x, "x"), (linear, "y"), (z, "z"))]
-    return AxesLaw((laws[0], laws[1], laws[2]))
+    return _three_axes(x, study_law(linear, False, Domain.unbounded(1), axis="y"), z, odd=False)
 
 
 def free_angle(law: PolynomialLaw, pressure_pa: float) -> float:
@@ -138,15 +142,18 @@ def helix(
     law: JointLaw | None = None, specs: Sequence[SegmentSpec] = SEGMENTS, end_cylinder: bool = True
 ) -> ChainModel:
     """The chain. Its axis leaves the base 28° below world +x; positive pressure bends the first segment upward."""
-    law = law or helix_law()
-    segments = [
-        Segment(rod_module(law, s.length_m, s.mass_kg, s.radius_m), s.modules, s.rotation_rad) for s in specs
-    ]
+    segments = _segments(law or helix_law(), specs)
     if end_cylinder:
         segments.append(Segment(rigid_rod(END_LENGTH_M, END_MASS_KG, END_RADIUS_M)))
     direction = (math.cos(DESCENT_RAD), 0.0, -math.sin(DESCENT_RAD))
     # build_chain takes the modules from the segments; of the config it reads base, gravity and loads.
     return build_chain(ChainConfig(modules=1, base=BaseConfig(direction=direction)), segments)
+
+
+def _segments(law: JointLaw, specs: Sequence[SegmentSpec]) -> list[Segment]:
+    return [
+        Segment(rod_module(law, s.length_m, s.mass_kg, s.radius_m), s.modules, s.rotation_rad) for s in specs
+    ]
 
 
 def cut(cells: int, specs: Sequence[SegmentSpec] = SEGMENTS) -> tuple[SegmentSpec, ...]:
@@ -166,3 +173,126 @@ def of_size(modules: int) -> tuple[SegmentSpec, ...]:
 def inputs(load_kg: float, pressure_pa: float = PRESSURE_PA) -> Inputs:
     """Pressure, and the weight of a tip load as a force."""
     return Inputs({"pressure_pa": pressure_pa}, tip_force_n=np.array([0.0, 0.0, -load_kg * G_M_S2]))
+
+
+@dataclass(frozen=True, eq=False)
+class UnmappedLaw(JointLaw):
+    """τ'(p, u) = J(u)ᵀ τ(p, u): the effort of `inner`, taken for a torque in the child's or parent's frame.
+
+    The published formulation hands τ(u), component by component, to the engine as a torque. In joint coordinates
+    that is the effort Jᵀ τ with J the Jacobian of the rotation vector in the frame in which the torque acts, which
+    derives from no energy. As a law it runs in every engine through the engine's own, correct map.
+    """
+
+    inner: JointLaw
+    frame: Literal["child", "parent"]
+    joint: JointKind = "spherical"
+    axes: tuple[str, ...] = field(init=False)
+    actuation_name: str = field(init=False)
+    domain: Domain = field(init=False)
+
+    def __post_init__(self) -> None:
+        for name in ("axes", "actuation_name", "domain"):
+            object.__setattr__(self, name, getattr(self.inner, name))
+
+    def evaluate(self, actuation: Array, deformation: Array) -> Effort:
+        """Effort and exact slopes; ∂τ'/∂u is not symmetric."""
+        effort = self.inner.evaluate(actuation, deformation)
+        side = 1.0 if self.frame == "parent" else -1.0
+        transposed = left_jacobian(side * np.asarray(deformation, float)).transpose(0, 2, 1)
+        turning = side * left_jacobian_transpose_slope(side * deformation, effort.tau)
+        return Effort(
+            np.einsum("nij,nj->ni", transposed, effort.tau),
+            np.einsum("nij,nj->ni", transposed, effort.dtau_dp),
+            transposed @ effort.dtau_du + turning,
+        )
+
+    def record(self) -> LawRecord:
+        inner = self.inner.record()
+        return LawRecord("unmapped_benchmark", {"frame": self.frame, **inner.values}, inner.arrays)
+
+
+@dataclass(frozen=True, eq=False)
+class Ended:
+    """Where a run ended, and the CPU time that it took."""
+
+    angles_rad: Array
+    markers_m: Array
+    cpu_s: float
+
+
+def efforts_of(law: JointLaw) -> Callable[[float, Array], Array]:
+    """τ (n, 3) at a pressure and joint angles (n, 3), all joints in one call."""
+    return lambda pressure_pa, angles: law.evaluate(np.full(len(angles), pressure_pa), angles).tau
+
+
+def run_history(backend: PhysicsBackend, chain: ChainModel, load_kg: float, step_s: float) -> Ended:
+    """1 s of pressure ramp, then hold, from the straight chain, step by step; building is not counted."""
+    with backend.build(chain) as simulation:
+        start = time.process_time()
+        for k in range(round(DURATION_S / step_s)):
+            pressure = PRESSURE_PA * min((k + 1) * step_s / RAMP_S, 1.0)
+            simulation.apply(inputs(load_kg, pressure))
+            simulation.step(step_s)
+        cpu_s = time.process_time() - start
+        return Ended(simulation.snapshot().position, simulation.markers(), cpu_s)
+
+
+def roll_history(backend: PhysicsBackend, chain: ChainModel, load_kg: float, step_s: float) -> Ended:
+    """The same in one call of the engine, which may stay in compiled code; here building the model is counted."""
+    time_s: Array = step_s * np.arange(round(DURATION_S / step_s) + 1.0)
+    still = inputs(load_kg)
+    pressure = PRESSURE_PA * np.minimum(time_s / RAMP_S, 1.0)
+    history = History.of({"pressure_pa": pressure}, time_s, tip_force_n=still.tip_force_n)
+    start = time.process_time()
+    (rollout,) = backend.rollout_batch((Run(chain, history),))
+    cpu_s = time.process_time() - start
+    return Ended(rollout.joint_angles[-1], rollout.markers_m[-1], cpu_s)
+
+
+def residual_n_m(chain: ChainModel, angles_rad: Array, load_kg: float) -> float:
+    """Largest unbalanced effort of a state by the common statics, N·m."""
+    loads = Loads.of(chain, inputs(load_kg))
+    return float(np.abs(ChainStatics(chain).residual(angles_rad, loads)).max())
+
+
+def random_cases(count: int, seed: int = 0, modules: tuple[int, int] = (6, 60)) -> list[Case]:
+    """Designs that differ in everything: number of modules, 1 to 6 segments, pose, law, pressure, tip load."""
+    random = np.random.default_rng(seed)
+    base = helix_law().laws[1]
+    return [_case(random, base, modules) for _ in range(count)]
+
+
+def _case(random: np.random.Generator, base: PolynomialLaw, modules: tuple[int, int]) -> Case:
+    law = _law(random, base)
+    specs = _specs(random, int(random.integers(*modules, endpoint=True)), int(random.integers(1, 7)))
+    rod = Segment(rigid_rod(float(random.uniform(0, 10e-3)) + 1e-3, 0.4e-3))
+    segments = [*_segments(law, specs), rod]
+    direction = random.normal(size=3)
+    config = ChainConfig(modules=1, base=BaseConfig(direction=tuple(float(x) for x in direction)))
+    force = np.array([0.0, 0.0, -G_M_S2 * random.choice([0.0, random.uniform(0.0, 0.06)])])
+    return Case(build_chain(config, segments), Inputs({"pressure_pa": PRESSURE_PA * random.random()}, force))
+
+
+def _specs(random: np.random.Generator, modules: int, segments: int) -> list[SegmentSpec]:
+    counts = 1 + random.multinomial(modules - segments, np.full(segments, 1 / segments))
+    length = float(random.uniform(4e-3, 6e-3))
+    rotations = np.concatenate([[0.0], np.cumsum(random.uniform(-math.pi / 2, math.pi / 2, segments - 1))])
+    mass = 0.88e-3 * length / 4.72e-3
+    return [
+        SegmentSpec(int(count), float(turn), length, mass, 5.7e-3)
+        for count, turn in zip(counts, rotations, strict=True)
+    ]
+
+
+def _law(random: np.random.Generator, base: PolynomialLaw) -> AxesLaw:
+    """The helix's laws, each axis between half and twice as stiff; y's push varies by a third."""
+    stiff = np.exp(random.uniform(-math.log(2), math.log(2), 3))
+    table = base.coefficients * stiff[1]
+    table[1, 0] *= random.uniform(0.7, 1.3)
+    y = PolynomialLaw(table, base.actuation_map, base.deformation_map, base.domain, base.odd, axes=("y",))
+    x, z = (
+        StudyCoefficients(k_n=0.0, m_a=0.0, m_e=stated.m_e * scale, b_e=stated.b_e * scale)
+        for stated, scale in ((STATED_X, stiff[0]), (STATED_Z, stiff[2]))
+    )
+    return _three_axes(x, y, z)

@@ -3,6 +3,11 @@
 Spherical joints with friction motors, steps of 1/2400 s, and at every step a law evaluated for each joint and
 axis, whose efforts, component by component, are handed over as torques. What this script does per step is what
 any script of that kind must do; it holds no check, no record and no conversion that could be left out.
+
+Its laws are per-axis networks of the study's size (2-64-64-1, ReLU, single precision), evaluated one sample at a
+time. The study trained them on FEM data. Here the hidden layers are random and the output layer is the least-squares
+fit to the true law on a grid, which takes a second instead of minutes: an evaluation costs what the study's
+costs, and the chain moves alike; `fit_errors` says how well they fit.
 """
 
 from __future__ import annotations
@@ -15,59 +20,44 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
-from benchmarks.physics.helix import PRESSURE_PA
+from benchmarks.physics.helix import DURATION_S, PRESSURE_PA, RAMP_S, Ended
+from numpy.typing import NDArray
 
-from pliant.mechanics.rotations import quaternion_of_matrix
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
-from pliant_plugins.physics.pybullet.loader import load_pybullet
+from pliant.records.law import Domain, Effort, JointKind, JointLaw, LawRecord
+from pliant_plugins.physics.pybullet.client import Client
+from pliant_plugins.surrogates.polynomial.axes import AxesLaw
 
 STEP_S = 1 / 2400
-RAMP_S, DURATION_S = 1.0, 2.0
 MOTOR_N_M = 1e-4
 # τ (n, 3) at a pressure and joint angles (n, 3).
 Efforts = Callable[[float, Array], Array]
 
 
-@dataclass(frozen=True, eq=False)
-class PublishedRun:
-    """Where the 2 s run ended and the CPU time of its steps; loading is not counted."""
-
-    angles_rad: Array
-    markers_m: Array
-    cpu_s: float
-
-
 def run(
     chain: ChainModel, efforts: Efforts, load_kg: float, motor_n_m: float = MOTOR_N_M, step_s: float = STEP_S
-) -> PublishedRun:
+) -> Ended:
     """1 s of pressure ramp and 1 s of hold from the straight chain.
 
     Raises:
         MissingDependencyError: PyBullet is not installed.
     """
-    pybullet = load_pybullet()
-    client = pybullet.connect(pybullet.DIRECT)
+    bullet = Client()
     try:
-        return _run(pybullet, client, chain, efforts, load_kg, motor_n_m, step_s)
+        return _run(bullet, chain, efforts, load_kg, motor_n_m, step_s)
     finally:
-        pybullet.disconnect(client)
+        bullet.close()
 
 
 def _run(
-    bullet: Any,
-    client: int,
-    chain: ChainModel,
-    efforts: Efforts,
-    load_kg: float,
-    motor_n_m: float,
-    step_s: float,
-) -> PublishedRun:
-    body = _load(bullet, client, chain)
+    bullet: Client, chain: ChainModel, efforts: Efforts, load_kg: float, motor_n_m: float, step_s: float
+) -> Ended:
+    body = bullet_body(bullet, chain)
     joints = list(range(chain.n_joints))
     tip = chain.n_joints
-    bullet.setGravity(*[float(g) for g in chain.gravity_m_s2], physicsClientId=client)
-    bullet.setTimeStep(step_s, physicsClientId=client)
+    bullet.setGravity(*[float(g) for g in chain.gravity_m_s2])
+    bullet.setTimeStep(step_s)
     for joint in joints:
         bullet.setJointMotorControlMultiDof(
             body,
@@ -78,26 +68,23 @@ def _run(
             positionGain=0,
             velocityGain=1,
             force=[motor_n_m] * 3,
-            physicsClientId=client,
         )
     weight = [0.0, 0.0, -load_kg * float(np.linalg.norm(chain.gravity_m_s2))]
     start = time.process_time()
     for k in range(round(DURATION_S / step_s)):
         pressure = PRESSURE_PA * min(k * step_s / RAMP_S, 1.0)
-        states = bullet.getJointStatesMultiDof(body, joints, physicsClientId=client)
+        states = bullet.getJointStatesMultiDof(body, joints)
         torque = efforts(pressure, rotation_vectors(np.array([state[0] for state in states])))
-        bullet.setJointMotorControlMultiDofArray(
-            body, joints, bullet.TORQUE_CONTROL, forces=torque.tolist(), physicsClientId=client
-        )
+        bullet.setJointMotorControlMultiDofArray(body, joints, bullet.TORQUE_CONTROL, forces=torque.tolist())
         if load_kg:
-            at = bullet.getLinkState(body, tip, physicsClientId=client)[4]
-            bullet.applyExternalForce(body, tip, weight, at, bullet.WORLD_FRAME, physicsClientId=client)
-        bullet.stepSimulation(physicsClientId=client)
+            at = bullet.getLinkState(body, tip)[4]
+            bullet.applyExternalForce(body, tip, weight, at, bullet.WORLD_FRAME)
+        bullet.stepSimulation()
     cpu_s = time.process_time() - start
-    states = bullet.getJointStatesMultiDof(body, joints, physicsClientId=client)
-    links = bullet.getLinkStates(body, [*joints, tip], computeForwardKinematics=1, physicsClientId=client)
+    states = bullet.getJointStatesMultiDof(body, joints)
+    links = bullet.getLinkStates(body, [*joints, tip], computeForwardKinematics=1)
     markers = np.array([chain.base_position_m, *(link[4] for link in links)], float)
-    return PublishedRun(rotation_vectors(np.array([state[0] for state in states])), markers, cpu_s)
+    return Ended(rotation_vectors(np.array([state[0] for state in states])), markers, cpu_s)
 
 
 def rotation_vectors(quaternions: Array) -> Array:
@@ -109,20 +96,12 @@ def rotation_vectors(quaternions: Array) -> Array:
     return vectors
 
 
-def _load(bullet: Any, client: int, chain: ChainModel) -> int:
+def bullet_body(bullet: Client, chain: ChainModel) -> int:
+    """The chain on a fixed base, without limits of velocity."""
     with TemporaryDirectory() as folder:
         path = Path(folder) / "helix.urdf"
-        path.write_text(_urdf(chain), encoding="utf-8")
-        body: int = bullet.loadURDF(
-            str(path),
-            [float(x) for x in chain.base_position_m],
-            _quaternion(chain.base_rotation),
-            useFixedBase=1,
-            flags=bullet.URDF_USE_INERTIA_FROM_FILE,
-            physicsClientId=client,
-        )
-    for link in range(bullet.getNumJoints(body, physicsClientId=client)):
-        bullet.changeDynamics(body, link, maxJointVelocity=1e6, physicsClientId=client)
+        body = bullet.load(path, _urdf(chain), chain.base_position_m, chain.base_rotation, fixed=True)
+    bullet.set_dynamics(body, range(bullet.getNumJoints(body)), maxJointVelocity=1e6)
     return body
 
 
@@ -150,6 +129,105 @@ def _inertia(diagonal: Any) -> str:
     return f'<inertia ixx="{ixx!r}" iyy="{iyy!r}" izz="{izz!r}" ixy="0" ixz="0" iyz="0"/>'
 
 
-def _quaternion(rotation: Array) -> list[float]:
-    w, x, y, z = quaternion_of_matrix(rotation)
-    return [float(x), float(y), float(z), float(w)]
+WIDTH = 64
+ANGLES_RAD = (-0.8, 0.9)
+Single = NDArray[np.float32]
+
+
+@dataclass(frozen=True, eq=False)
+class Network:
+    """y = W₃ᵀ relu(W₂ᵀ relu(W₁ᵀ x + b₁) + b₂) + b₃ of x = (p / 15 kPa, u)."""
+
+    weights: tuple[Single, Single, Single, Single, Single, Single]
+
+    def value(self, pressure_pa: float, angle_rad: float) -> float:
+        """τ of one sample, N·m."""
+        w1, b1, w2, b2, w3, b3 = self.weights
+        x = np.array([pressure_pa / PRESSURE_PA, angle_rad], np.float32)
+        hidden = np.maximum(x @ w1 + b1, 0)
+        hidden = np.maximum(hidden @ w2 + b2, 0)
+        return float((hidden @ w3 + b3)[0])
+
+    def slopes(self, pressure_pa: float, angle_rad: float) -> Array:
+        """(∂τ/∂p, ∂τ/∂u) of one sample."""
+        w1, b1, w2, b2, w3, _ = self.weights
+        first = np.array([pressure_pa / PRESSURE_PA, angle_rad], np.float32) @ w1 + b1
+        second = np.maximum(first, 0) @ w2 + b2
+        slopes = w1 @ ((first > 0) * (w2 @ ((second > 0) * w3[:, 0])))
+        return np.asarray(slopes / [PRESSURE_PA, 1.0], float)
+
+
+@dataclass(frozen=True, eq=False)
+class NetworkLaw(JointLaw):
+    """Three networks, one for each of x, y, z; no sample shares a call with another."""
+
+    networks: tuple[Network, Network, Network]
+    domain: Domain
+    joint: JointKind = "spherical"
+    axes: tuple[str, ...] = ("x", "y", "z")
+    actuation_name: str = "pressure_pa"
+
+    def efforts(self, pressure_pa: float, angles_rad: Array) -> Array:
+        """τ (n, 3) of n joints, as the study has them: one call per joint and axis, no slopes."""
+        return np.array([self.effort(pressure_pa, u) for u in angles_rad])
+
+    def effort(self, pressure_pa: float, angles_rad: Array) -> list[float]:
+        """τ (3,) of one joint."""
+        return [net.value(pressure_pa, u) for net, u in zip(self.networks, angles_rad, strict=True)]
+
+    def evaluate(self, actuation: Array, deformation: Array) -> Effort:
+        """τ and slopes, joint by joint and axis by axis."""
+        n = len(deformation)
+        tau, dtau_dp, dtau_du = np.empty((n, 3)), np.empty((n, 3)), np.zeros((n, 3, 3))
+        for i in range(n):
+            tau[i] = self.effort(actuation[i], deformation[i])
+            for k, net in enumerate(self.networks):
+                dtau_dp[i, k], dtau_du[i, k, k] = net.slopes(actuation[i], deformation[i, k])
+        return Effort(tau, dtau_dp, dtau_du)
+
+    def record(self) -> LawRecord:
+        """The weights."""
+        arrays = {
+            f"{axis}_{k}": np.asarray(weight, float)
+            for axis, net in zip(self.axes, self.networks, strict=True)
+            for k, weight in enumerate(net.weights)
+        }
+        return LawRecord("network_benchmark", {"axes": list(self.axes)}, arrays)
+
+
+def network_law(law: AxesLaw, seed: int = 0) -> NetworkLaw:
+    """Networks for the three axes of a law."""
+    random = np.random.default_rng(seed)
+    nets = [_fitted(law, axis, random) for axis in range(3)]
+    return NetworkLaw((nets[0], nets[1], nets[2]), law.domain)
+
+
+def fit_errors(law: AxesLaw, networks: NetworkLaw) -> dict[str, float]:
+    """RMS error over the range of the effort, per axis, on random samples that were not fitted."""
+    random = np.random.default_rng(1)
+    p, u = PRESSURE_PA * random.random(500), random.uniform(*ANGLES_RAD, 500)
+    errors = {}
+    for k, axis in enumerate(law.axes):
+        true = law.laws[k].evaluate(p, u[:, None]).tau[:, 0]
+        net = np.array([networks.networks[k].value(*sample) for sample in zip(p, u, strict=True)])
+        errors[axis] = float(np.sqrt(np.mean((net - true) ** 2)) / np.ptp(true))
+    return errors
+
+
+def _fitted(law: AxesLaw, axis: int, random: np.random.Generator) -> Network:
+    """Random hidden layers, output layer by ridge regression on a grid."""
+    grid = np.meshgrid(np.linspace(0, PRESSURE_PA, 31), np.linspace(*ANGLES_RAD, 121))
+    p, u = (values.ravel() for values in grid)
+    target = law.laws[axis].evaluate(p, u[:, None]).tau[:, 0]
+    w1 = random.normal(size=(2, WIDTH))
+    b1 = -(random.uniform([[0.0], [ANGLES_RAD[0]]], [[1.0], [ANGLES_RAD[1]]], (2, WIDTH)) * w1).sum(axis=0)
+    w2, b2 = random.normal(size=(WIDTH, WIDTH)) / 8, random.normal(size=WIDTH) / 4
+    hidden = np.maximum(np.stack([p / PRESSURE_PA, u], axis=1) @ w1 + b1, 0)
+    hidden = np.maximum(hidden @ w2 + b2, 0)
+    columns = np.column_stack([hidden, np.ones(len(u))])
+    ridge = 1e-5 * np.sqrt(len(u)) * np.eye(WIDTH + 1)
+    scale = np.abs(target).max()
+    right = np.concatenate([target / scale, np.zeros(WIDTH + 1)])
+    w3 = scale * np.linalg.lstsq(np.vstack([columns, ridge]), right, rcond=None)[0]
+    layers = [w1, b1, w2, b2, w3[:-1, None], w3[-1:]]
+    return Network(tuple(np.asarray(layer, np.float32) for layer in layers))  # type: ignore[arg-type]

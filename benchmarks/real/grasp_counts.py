@@ -13,24 +13,19 @@ Prints, and writes benchmarks/out/grasp_counts.json; with --picture also docs/pi
 from __future__ import annotations
 
 import csv
-import os
-import sys
 import tempfile
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-os.environ.setdefault("OMP_NUM_THREADS", "1")
-
 from benchmarks.grasp.gripper import STUDY
-from benchmarks.output import REFERENCE, ROOT, write
+from benchmarks.output import REFERENCE, ROOT, parser_of, write
 
 from pliant import api
 from pliant.config.measurements import PlausibleRange
 from pliant.diagnosis.counts_diagnosis import (
     CountEvidence,
-    VariedParameter,
     count_evidence,
     effect_parameters,
     task_parameters,
@@ -72,21 +67,18 @@ def main() -> None:
     if not TABLE.is_file():
         print(f"skipped: {TABLE} is not here")
         return
-    quick = "--quick" in sys.argv
-    whole, near = (
-        study_of(certain, 2 if quick else trials)
-        for certain, trials in ((True, TRIALS), (False, SCAN_TRIALS))
-    )
+    parser = parser_of(__doc__, "one number at two trials a condition")
+    parser.add_argument("--picture", action="store_true", help=f"draw {PICTURE.name} too")
+    asked = parser.parse_args()
+    quick = asked.quick
+    whole, near = study_of(True, 2 if quick else TRIALS), study_of(False, 2 if quick else SCAN_TRIALS)
     theirs = compare_counts(whole[1].counts, published())
     opened, counted = near
     effects = effect_parameters(opened.bench.registry, EFFECTS)
-    numbers = task_parameters(counted, ranges())
-    hypotheses = [
-        (parameter,)
-        for parameter in (
-            [*numbers, *effects][:1] if quick else [*numbers[:2], *effects[:2], *numbers[2:], *effects[2:]]
-        )
-    ]
+    # As a study's `measurements` block would hold them.
+    numbers = task_parameters(counted, [PlausibleRange.model_validate(one) for one in RANGES])
+    order = [*numbers[:2], *effects[:2], *numbers[2:], *effects[2:]]
+    hypotheses = [(parameter,) for parameter in (order[:1] if quick else order)]
     for number, hypothesis in enumerate(hypotheses, start=1):  # one by one, to be watched
         row = count_evidence(opened.bench, counted, [hypothesis]).rows[(hypothesis[0].name,)]
         likelihood = row.log_likelihood.sum(axis=1)
@@ -96,7 +88,7 @@ def main() -> None:
     print_ranking(found)
     judged = on_all(whole, found)
     print_conditions(theirs, judged)
-    if "--picture" in sys.argv:
+    if asked.picture:
         draw(judged)
     write("grasp_counts", result(theirs, found, judged, counted))
 
@@ -109,10 +101,15 @@ def study_of(certain: bool, trials: int) -> tuple[api.OpenStudy, CountedStudy]:
         return opened, counted_study(opened.study, write_counts(Path(folder) / "grasp_counts.csv", certain))
 
 
+def best_of(found: CountEvidence) -> tuple[str, ...]:
+    """The most probable explanation that is in the list."""
+    return next(kinds for kinds in found.probability if kinds not in (NOTHING, UNKNOWN))
+
+
 def on_all(whole: tuple[api.OpenStudy, CountedStudy], found: CountEvidence) -> CountEvidence:
     """The model as it is and the best explanation, at its best level, on all conditions with more trials."""
     opened, counted = whole
-    best = next(kinds for kinds in found.probability if kinds not in (NOTHING, UNKNOWN))
+    best = best_of(found)
     row = found.rows[best]
     parameters = [replace(k, levels=(v,)) for k, v in zip(row.parameters, row.grid[row.best], strict=True)]
     return count_evidence(opened.bench, counted, [parameters])
@@ -120,7 +117,7 @@ def on_all(whole: tuple[api.OpenStudy, CountedStudy], found: CountEvidence) -> C
 
 def draw(judged: CountEvidence) -> None:
     """Success by condition: measured, the model as it is, with the best explanation."""
-    best = next(kinds for kinds in judged.probability if kinds not in (NOTHING, UNKNOWN))
+    best = best_of(judged)
     plain, with_it = judged.comparison.conditions, judged.comparisons[best].conditions
     shown = {"model, published set-up": plain, f"with {level_text(judged.rows[best])}": with_it}
     png = success_shares(
@@ -132,11 +129,6 @@ def draw(judged: CountEvidence) -> None:
         ],
     )
     PICTURE.write_bytes(png.tobytes())
-
-
-def ranges() -> list[PlausibleRange]:
-    """The plausible ranges as a study's `measurements` block would hold them."""
-    return [PlausibleRange.model_validate(one) for one in RANGES]
 
 
 def write_counts(path: Path, certain: bool) -> Path:
@@ -164,7 +156,7 @@ def rows() -> list[dict[str, str]]:
 
 def print_conditions(theirs: CountComparison, found: CountEvidence) -> None:
     """Measured, published and ours, and with the best explanation."""
-    best = next(kinds for kinds in found.probability if kinds not in (NOTHING, UNKNOWN))
+    best = best_of(found)
     ours, moved = found.comparison, found.comparisons[best]
     print(f"\n{'condition':<32}{'measured':>10}{'published':>11}{'ours':>8}{'with ' + best[0]:>34}")
     for a, b, c in zip(theirs.conditions, ours.conditions, moved.conditions, strict=True):
@@ -234,17 +226,13 @@ def _row(kinds: Sequence[str], found: CountEvidence) -> dict[str, Any]:
     row = found.rows[key]
     return {
         **base,
-        "parameters": [_knob(parameter) for parameter in row.parameters],
+        "parameters": [{"name": p.name, "unit": p.unit, "levels": list(p.levels)} for p in row.parameters],
         "levels": [list(levels) for levels in row.grid],
         "simulated": [list(map(list, counts)) for counts in row.simulated],
         "log_likelihood": row.log_likelihood.sum(axis=1).tolist(),
         "unseen": float(row.unseen.sum()),
         "left_over": [one.condition.words for one in found.comparisons[key].disagreeing],
     }
-
-
-def _knob(parameter: VariedParameter) -> dict[str, Any]:
-    return {"name": parameter.name, "unit": parameter.unit, "levels": list(parameter.levels)}
 
 
 if __name__ == "__main__":

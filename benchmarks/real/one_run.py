@@ -11,7 +11,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from benchmarks.real.folds import BLOCK_S, folds, rms
+from benchmarks.real.two_bellow_data import BLOCK_S, folds, rms
 
 from pliant.calibration.law_of_runs import law_of_runs
 from pliant.config.study import Study
@@ -105,27 +105,16 @@ class OneRun:
     def _trials(
         self, study: Study, chosen: tuple[str, ...], fit: EffectFit, kinds: Sequence[str]
     ) -> list[Trial]:
-        found = []
+        trials = []
         for kind in kinds:
             tried = self._fit(study, (*chosen, kind), fit)
-            if not np.isfinite(tried.residual).all():
-                continue
-            stuck = [
-                k.name
-                for k, at in zip(tried.candidate.parameters, tried.at_limit, strict=True)
-                if at and k.kind == kind
-            ]
-            found.append(
-                Trial(
-                    kind=kind,
-                    training=SCALE_RAD * rms(tried.residual),
-                    blocked=self._blocked(tried),
-                    at_limit=tuple(stuck),
-                    study=study.model_copy(update={"effects": tried.candidate.configs(tried.x)}),
-                    fit=tried,
-                )
-            )
-        return sorted(found, key=lambda trial: trial.blocked)
+            if np.isfinite(tried.residual).all():
+                ends = zip(tried.candidate.parameters, tried.at_limit, strict=True)
+                stuck = tuple(k.name for k, at in ends if at and k.kind == kind)
+                whole = study.model_copy(update={"effects": tried.candidate.configs(tried.x)})
+                error = SCALE_RAD * rms(tried.residual)
+                trials.append(Trial(kind, error, self._blocked(tried), stuck, whole, tried))
+        return sorted(trials, key=lambda trial: trial.blocked)
 
     def _in_turn(self, study: Study, chosen: tuple[str, ...], fit: EffectFit) -> tuple[Study, EffectFit]:
         """The law with the effects in place, the effects with that law, a few times."""
@@ -138,11 +127,9 @@ class OneRun:
 
     def _fit(self, study: Study, kinds: tuple[str, ...], near: EffectFit | None = None) -> EffectFit:
         candidate = EffectSet.of(self.bench.registry, kinds)
-        known = (
-            {}
-            if near is None
-            else {k.name: float(x) for k, x in zip(near.candidate.parameters, near.x, strict=True)}
-        )
+        known: dict[str, float] = {}
+        if near is not None:
+            known = {k.name: float(x) for k, x in zip(near.candidate.parameters, near.x, strict=True)}
         predictor = Predictor.of_study(self.bench, study, self.measurement)
         return Fitter(predictor, self.readings).fit(candidate, candidate.starts(known))
 

@@ -16,13 +16,18 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-sys.path.insert(0, str(Path(__file__).parents[2]))
-
 from benchmarks.output import write
-from benchmarks.real.folds import BLOCK_S, rms
 from benchmarks.real.one_run import OneRun, Step
-from benchmarks.real.static_laws import StaticLaw, static_laws
-from benchmarks.real.two_bellow_data import ANGLE, FILE, Bench, open_bench
+from benchmarks.real.two_bellow_data import (
+    ANGLE,
+    BLOCK_S,
+    FILE,
+    Bench,
+    StaticLaw,
+    open_bench,
+    rms,
+    static_laws,
+)
 
 from pliant.config.study import Study
 from pliant.diagnosis.improvement import improve
@@ -32,30 +37,13 @@ DIRECTIONS = (("12V", "7V"), ("7V", "12V"))
 BAR = 2.5
 CLOSE = 0.03  # effects whose blocks left out are within this share of the best one's are not told apart
 OTHER_BLOCKS_S = (3.0, 8.0)
-SILENT = (
-    (
-        "repeatability",
-        "each voltage was run once: how far a second run would lie off is not known",
-        "each run again",
-    ),
-    (
-        "stiffness or gain",
-        "no run has a load; only ratios of the law's numbers show",
-        "passive_load_steps, blocked",
-    ),
-    (
-        "lag of the supply, damping, lag of the camera",
-        "pressures are read at the pumps",
-        "load_steps, closed_valve",
-    ),
-    (
-        "slow recovery: relaxation, set, friction",
-        "one filling of each chamber, each vented for 40 s",
-        "holds, vented_zero",
-    ),
-    ("temperature, orientation", "neither was varied nor written down", "warm, level"),
-    ("beyond 51 kPa", "from the 7V run, the law's curvature is an extrapolation", "a run to 80 kPa"),
-)
+SILENT = """\
+  repeatability: each voltage was run once: how far a second run would lie off is not known: each run again
+  stiffness or gain: no run has a load; only ratios of the law's numbers show: passive_load_steps, blocked
+  lag of the supply, damping, lag of the camera: pressures are read at the pumps: load_steps, closed_valve
+  slow recovery: relaxation, set, friction: one filling of each chamber, each vented for 40 s: holds, vented_zero
+  temperature, orientation: neither was varied nor written down: warm, level
+  beyond 51 kPa: from the 7V run, the law's curvature is an extrapolation: a run to 80 kPa"""
 
 
 def main() -> None:
@@ -75,9 +63,7 @@ def main() -> None:
     ):
         verdict = "met" if ratio >= BAR else "MISSED"
         print(f"bar: 12V -> 7V, {way}: error falls by {ratio:.2f} (at least {BAR}): {verdict}")
-    print("\nwhat two runs cannot judge, and the run of the default menu that would")
-    for what, why, run in SILENT:
-        print(f"  {what}: {why}: {run}")
+    print(f"\nwhat two runs cannot judge, and the run of the default menu that would\n{SILENT}")
     write("two_bellow", found)
 
 
@@ -87,8 +73,7 @@ def direction(bench: Bench, training: str, unseen: str, quick: bool) -> dict[str
     print(f"\n=== fitted on {training}, tested on {unseen}; rms errors in rad")
     print(f"{'':44s} training  blocks  {unseen:>6s}  common  beyond")
     laws = baselines(bench, training)
-    base = min((law for law in laws if not law.apart), key=lambda law: law.blocked)
-    apart = min((law for law in laws if law.apart), key=lambda law: law.blocked)
+    base, apart = best(laws), best(laws, apart=True)
     table = []
     for law in laws:
         mark = " (baseline)" if law is base else " (chosen)" if law is apart else ""
@@ -156,6 +141,11 @@ def baselines(bench: Bench, training: str) -> list[StaticLaw]:
     time_s = bench.history(training).time_s
     assert time_s is not None
     return static_laws(*bench.pressures(training), bench.measured(training), time_s)
+
+
+def best(laws: Sequence[StaticLaw], apart: bool = False) -> StaticLaw:
+    """The one that predicts blocks left out best."""
+    return min((law for law in laws if law.apart == apart), key=lambda law: law.blocked)
 
 
 def walk(

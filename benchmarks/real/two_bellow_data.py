@@ -1,7 +1,8 @@
-"""The two runs of a measured bending actuator with opposed bellows, as Pliant reads them.
+"""The two runs of a measured bending actuator with opposed bellows, as Pliant reads them, and static laws of them.
 
 `../shared/data/measured/two_bellow_bending.csv`: 12.5 readings a second, pressures at the pumps, the tip's angle from
-a camera. Chamber 1 is filled and vented, then chamber 2, then both.
+a camera. Chamber 1 is filled and vented, then chamber 2, then both. The static laws are what effects have to beat:
+polynomials of the pressures without any memory, their degree chosen on one run by blocks of it that are left out.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from benchmarks.output import REFERENCE
 from numpy.typing import NDArray
 
 from pliant import api
@@ -20,7 +22,7 @@ from pliant.records.design import Array
 from pliant.records.history import History
 from pliant.records.measurement import Measurement
 
-FILE = Path(__file__).parents[3] / "shared/data/measured/two_bellow_bending.csv"
+FILE = REFERENCE.parent / "measured/two_bellow_bending.csv"
 RUNS = ("12V", "7V")
 ANGLE = "angle_rad"
 CHAMBERS = ("pressure_1_pa", "pressure_2_pa")
@@ -45,6 +47,13 @@ measurements:
   outputs: [angle_rad]
   rename: {{bend_angle_rad: angle_rad}}
 """
+
+
+BLOCK_S = 5.0  # longer than the camera's jitter remembers, shorter than a filling
+FOLDS = 6
+
+DEGREES = (1, 2, 3)
+UNIT_PA = 5e4  # keeps the powers of the pressures near 1
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,3 +101,65 @@ def open_bench(folder: Path) -> Bench:
         settings = type(settings).model_validate({**settings.model_dump(mode="json"), "exclude": others})
         runs[name] = read_measurement(FILE, settings=settings, actuation=CHAMBERS)
     return Bench(opened, runs)
+
+
+def folds(time_s: Array, block_s: float = BLOCK_S) -> NDArray[np.intp]:
+    """(t,) number of the fold: blocks of the run are dealt out in turn."""
+    return np.asarray(np.floor(time_s / block_s).astype(np.intp) % FOLDS)
+
+
+def rms(values: Array) -> float:
+    """Root mean square; NaN of nothing."""
+    return float(np.sqrt(np.mean(values**2))) if len(values) else float("nan")
+
+
+@dataclass(frozen=True, eq=False)
+class StaticLaw:
+    """angle = polynomial of p₁ − p₂, or of p₁ and p₂ apart (total degree), fitted to one run.
+
+    Attributes:
+        apart: whether the chambers are two variables.
+        training, blocked: rms error of the run that was fitted, and of its blocks left out, rad.
+    """
+
+    degree: int
+    apart: bool
+    weights: Array
+    training: float
+    blocked: float
+
+    @property
+    def name(self) -> str:
+        return f"degree {self.degree} in {'p1 and p2' if self.apart else 'p1 - p2'}"
+
+    def predict(self, p1: Array, p2: Array) -> Array:
+        """(t,) angle, rad."""
+        return np.asarray(_columns(p1, p2, self.degree, self.apart) @ self.weights, float)
+
+
+def static_laws(p1: Array, p2: Array, angle: Array, time_s: Array) -> list[StaticLaw]:
+    """All degrees, chambers together and apart."""
+    number = folds(time_s)
+    laws = []
+    for apart in (False, True):
+        for degree in DEGREES:
+            columns = _columns(p1, p2, degree, apart)
+            left = np.empty_like(angle)
+            for fold in np.unique(number):
+                out = number == fold
+                left[out] = angle[out] - columns[out] @ _fit(columns[~out], angle[~out])
+            weights = _fit(columns, angle)
+            laws.append(StaticLaw(degree, apart, weights, rms(angle - columns @ weights), rms(left)))
+    return laws
+
+
+def _fit(columns: Array, angle: Array) -> Array:
+    return np.asarray(np.linalg.lstsq(columns, angle, rcond=None)[0], float)
+
+
+def _columns(p1: Array, p2: Array, degree: int, apart: bool) -> Array:
+    a, b = p1 / UNIT_PA, p2 / UNIT_PA
+    if not apart:
+        return np.stack([(a - b) ** k for k in range(degree + 1)], axis=1)
+    powers = [(i, j) for i in range(degree + 1) for j in range(degree + 1 - i)]
+    return np.stack([a**i * b**j for i, j in powers], axis=1)

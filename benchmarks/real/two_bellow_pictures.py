@@ -5,26 +5,23 @@ python -m benchmarks.real.two_bellow_pictures    writes docs/pictures/two_bellow
 
 from __future__ import annotations
 
-import sys
 import tempfile
 from collections.abc import Sequence
 from pathlib import Path
-
-sys.path.insert(0, str(Path(__file__).parents[2]))
 
 import matplotlib
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
+from benchmarks.output import ROOT
 from benchmarks.real.one_run import OneRun, Step
-from benchmarks.real.static_laws import StaticLaw
-from benchmarks.real.two_bellow import DIRECTIONS, baselines
-from benchmarks.real.two_bellow_data import FILE, Bench, open_bench
+from benchmarks.real.two_bellow import DIRECTIONS, baselines, best
+from benchmarks.real.two_bellow_data import FILE, Bench, StaticLaw, open_bench
 from matplotlib.axes import Axes
 
 from pliant.records.design import Array
 
-PICTURES = Path(__file__).parents[2] / "docs" / "pictures"
+PICTURES = ROOT / "docs" / "pictures"
 MEASURED, STATIC, IMPROVED = "black", "#d98c3f", "#2f6fb0"
 WIDTH = 9.0
 
@@ -38,9 +35,7 @@ def main() -> None:
         bench = open_bench(Path(folder))
         found = {}
         for training, unseen in DIRECTIONS:
-            law = min(
-                (law for law in baselines(bench, training) if not law.apart), key=lambda one: one.blocked
-            )
+            law = best(baselines(bench, training))
             kinds = bench.opened.bench.registry.kinds("effect")
             last = list(OneRun(bench.opened.bench, bench.runs[training], kinds).steps(bench.opened.study))[-1]
             found[unseen] = (training, law, last)

@@ -6,11 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from benchmarks.output import Bar, ratio
 from benchmarks.physics import closed_paths, cosserat, designs, helix, published
-from benchmarks.physics.frames import UnmappedLaw
-from benchmarks.physics.network import fit_errors, network_law
-from benchmarks.physics.random_designs import random_cases
+from benchmarks.physics.helix import UnmappedLaw, random_cases
+from benchmarks.physics.published import fit_errors, network_law
 
 from pliant.interfaces.physics import Simulation
 from pliant.mechanics.statics import ChainStatics
@@ -36,14 +34,6 @@ def test_the_stated_coefficients_are_those_of_the_published_table() -> None:
     np.testing.assert_allclose(box, [table.angle_rad.min(), table.angle_rad.max()], atol=1e-5)
 
 
-def test_without_the_table_the_law_is_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
-    with_table = helix.helix_law()
-    monkeypatch.setattr(helix, "read_table", lambda: None)
-    without = helix.helix_law()
-    p, u = np.array([3e3, 15e3]), np.array([[0.1, -0.3, 0.2], [0.0, 0.6, -0.1]])
-    np.testing.assert_allclose(without.evaluate(p, u).tau, with_table.evaluate(p, u).tau, rtol=1e-4)
-
-
 def test_the_helix_is_the_published_one() -> None:
     chain = helix.helix()
     assert chain.n_joints == 22
@@ -56,12 +46,6 @@ def test_the_helix_is_the_published_one() -> None:
     turns = [np.arctan2(j.rest_rotation[2, 1], j.rest_rotation[1, 1]) for j in chain.joints]
     np.testing.assert_allclose(np.cumsum(turns)[[0, 5, 10, 16]], [0, 0.85, 1.44, 2.45])
     assert sum(spec.modules for spec in helix.of_size(30)) == 30
-
-
-def test_a_law_cut_in_cells_bends_a_module_alike() -> None:
-    whole, cut = helix.linear_law(), helix.linear_law(cells=4)
-    p, u = np.array([15e3]), np.array([[0.02, 0.3, -0.1]])
-    np.testing.assert_allclose(cut.evaluate(p, u / 4).tau, whole.evaluate(p, u).tau, atol=1e-15)
 
 
 @pytest.mark.parametrize("frame", ["child", "parent"])
@@ -127,7 +111,7 @@ def test_the_bare_script_moves_as_the_engine_without_friction(monkeypatch: pytes
         )
 
     chain = heavy(law)
-    bare = published.run(chain, lambda p, u: law.evaluate(np.full(22, p), u).tau, 0.02, motor_n_m=0.0)
+    bare = published.run(chain, helix.efforts_of(law), 0.02, motor_n_m=0.0)
     with Pybullet(PybulletConfig(joint_damping=0.0)).build(heavy(UnmappedLaw(law, "child"))) as simulation:
         _ramp(simulation, 0.03)
         moved = simulation.markers()
@@ -165,10 +149,3 @@ def test_random_designs_repeat_and_wrong_answers_are_found_out() -> None:
         wrong = replace(end, joint_angles=end.joint_angles + 1e-3)
         assert designs.verdict(case, wrong) == "no balance (NOT SAID)"
         assert designs.verdict(case, replace(wrong, converged=False)) == "no balance (said so)"
-
-
-def test_bars_and_ratios() -> None:
-    assert Bar("speed", 12.0, 10.0, "×", at_most=False).met
-    missed = Bar("error", 12.0, 10.0, "mm", at_most=True)
-    assert not missed.met and "MISSED" in str(missed)
-    assert ratio([8.0, 10.0, 12.0], [1.0, 1.0, 4.0]) == 8.0

@@ -2,18 +2,12 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
-
-sys.path.insert(0, str(Path(__file__).parents[2]))
-
 from benchmarks.real import two_bellow
-from benchmarks.real.folds import FOLDS, folds
-from benchmarks.real.static_laws import static_laws
-from benchmarks.real.two_bellow_data import FILE, open_bench
+from benchmarks.real.two_bellow_data import FILE, FOLDS, folds, open_bench, static_laws
 
 
 def test_blocks_are_dealt_out_in_turn() -> None:

@@ -12,7 +12,8 @@ from pliant.interfaces.physics import PhysicsBackend
 from pliant.mechanics.rotations import exp_map
 from pliant.records.chain import ChainModel, Joint, default_base_rotation
 from pliant.records.design import Array, MassProperties
-from pliant.records.law import Domain, Effort, JointLaw, LawRecord
+from pliant.records.law import Domain, Effort, JointLaw, LawRecord, ScalarLaw
+from pliant.records.rollout import Equilibrium, Inputs
 from pliant_plugins.physics.mujoco.backend import Mujoco
 from pliant_plugins.physics.mujoco.config import MujocoConfig
 from pliant_plugins.physics.pybullet.backend import Pybullet
@@ -28,12 +29,58 @@ needs_pybullet = pytest.mark.skipif(
 )
 
 
-class StudyLaw(JointLaw):
+def study(p: float, u: Array, c: Array, tau: Array, dtau_dp: Array, dtau_du: Array) -> None:
     """τ = k_n p + (m_a p + b_a) u − (m_e u|u|/2 + b_e u), the odd form of docs/conventions.md."""
+    slope = c[1] * p + c[2]
+    tau[0] = c[0] * p + slope * u[0] - (c[3] * u[0] * abs(u[0]) / 2 + c[4] * u[0])
+    dtau_dp[0] = c[0] + c[1] * u[0]
+    dtau_du[0, 0] = slope - c[3] * abs(u[0]) - c[4]
 
-    joint = "revolute"
-    axes = ("y",)
+
+def spatial(p: float, u: Array, c: Array, tau: Array, dtau_dp: Array, dtau_du: Array) -> None:
+    """τ = p g − K u − c (u·u) u with a full symmetric K: pressure bends and twists."""
+    square = u[0] * u[0] + u[1] * u[1] + u[2] * u[2]
+    for a in range(3):
+        tau[a] = p * c[a] - c[12] * square * u[a]
+        dtau_dp[a] = c[a]
+        for b in range(3):
+            tau[a] -= c[3 + 3 * a + b] * u[b]
+            dtau_du[a, b] = -c[3 + 3 * a + b] - 2 * c[12] * u[a] * u[b]
+        dtau_du[a, a] -= c[12] * square
+
+
+def stretch(p: float, u: Array, c: Array, tau: Array, dtau_dp: Array, dtau_du: Array) -> None:
+    """τ = a p − k u − c u³ in newtons and metres."""
+    tau[0] = c[0] * p - c[1] * u[0] - c[2] * u[0] ** 3
+    dtau_dp[0] = c[0]
+    dtau_du[0, 0] = -c[1] - 3 * c[2] * u[0] ** 2
+
+
+class RowWise(JointLaw):
+    """A law by its scalar function; one that is not `compiled` hides it, so that engines take their Python paths."""
+
     actuation_name = "pressure_pa"
+    axes: tuple[str, ...] = ("y",)
+    compiled = True
+    form: ScalarLaw
+
+    def evaluate(self, actuation: Array, deformation: Array) -> Effort:
+        n, a = deformation.shape
+        effort = Effort(np.empty((n, a)), np.empty((n, a)), np.empty((n, a, a)))
+        for row, p in enumerate(actuation):
+            parts = (effort.tau[row], effort.dtau_dp[row], effort.dtau_du[row])
+            self.form.function(float(p), deformation[row], self.form.parameters, *parts)
+        return effort
+
+    def scalar(self) -> ScalarLaw | None:
+        return self.form if self.compiled else None
+
+    def record(self) -> LawRecord:
+        return LawRecord("of_tests", {}, {})
+
+
+class ScalarStudy(RowWise):
+    joint = "revolute"
 
     def __init__(
         self,
@@ -44,56 +91,40 @@ class StudyLaw(JointLaw):
         b_e: float = 0.0245,
         domain: Domain | None = None,
     ) -> None:
-        self.k_n, self.m_a, self.b_a, self.m_e, self.b_e = k_n, m_a, b_a, m_e, b_e
+        self.form = ScalarLaw(study, np.array([k_n, m_a, b_a, m_e, b_e]))
         self.domain = domain or Domain.unbounded(1)
 
-    def evaluate(self, actuation: Array, deformation: Array) -> Effort:
-        p, u = actuation[:, None], deformation
-        slope = self.m_a * p + self.b_a
-        tau = self.k_n * p + slope * u - (self.m_e * u * np.abs(u) / 2 + self.b_e * u)
-        return Effort(tau, self.k_n + self.m_a * u, (slope - self.m_e * np.abs(u) - self.b_e)[:, :, None])
 
-    def record(self) -> LawRecord:
-        return LawRecord("study", {}, {})
-
-
-class SpatialLaw(JointLaw):
-    """τ = p g − K u − c (u·u) u with a full symmetric K: pressure bends and twists."""
-
+class ScalarSpatial(RowWise):
     joint = "spherical"
     axes = ("x", "y", "z")
-    actuation_name = "pressure_pa"
     domain = Domain.unbounded(3)
+    function = staticmethod(spatial)
     gain = np.array([0.2, 1.0, -0.3]) * 1e-6
-    stiffness = np.diag([0.02, 0.05, 0.03]) + 0.004
-    cubic = 0.02
 
-    def evaluate(self, actuation: Array, deformation: Array) -> Effort:
-        u = deformation
-        square = np.einsum("na,na->n", u, u)[:, None]
-        tau = actuation[:, None] * self.gain - u @ self.stiffness - self.cubic * square * u
-        spread = square[:, :, None] * np.eye(3) + 2 * u[:, :, None] * u[:, None, :]
-        return Effort(tau, np.tile(self.gain, (len(u), 1)), -self.stiffness - self.cubic * spread)
-
-    def record(self) -> LawRecord:
-        return LawRecord("spatial", {}, {})
+    def __init__(self, stiffness: Array | None = None, gain: Array = gain, cubic: float = 0.02) -> None:
+        k = np.diag([0.02, 0.05, 0.03]) + 0.004 if stiffness is None else stiffness
+        self.form = ScalarLaw(self.function, np.concatenate([gain, k.ravel(), [cubic]]))
 
 
-class StretchLaw(JointLaw):
-    """τ = a p − k u − c u³ in newtons and metres."""
+class ScalarStretch(RowWise):
+    joint, axes, domain = "prismatic", ("x",), Domain.unbounded(1)
+    form = ScalarLaw(stretch, np.array([1e-4, 200.0, 1e5]))
 
-    joint = "prismatic"
-    axes = ("x",)
-    actuation_name = "pressure_pa"
-    domain = Domain.unbounded(1)
 
-    def evaluate(self, actuation: Array, deformation: Array) -> Effort:
-        u = deformation
-        tau = 1e-4 * actuation[:, None] - 200.0 * u - 1e5 * u**3
-        return Effort(tau, np.full_like(u, 1e-4), (-200.0 - 3e5 * u**2)[:, :, None])
+class StudyLaw(ScalarStudy):
+    compiled = False
 
-    def record(self) -> LawRecord:
-        return LawRecord("stretch", {}, {})
+
+class SpatialLaw(ScalarSpatial):
+    compiled = False
+
+
+class StretchLaw(ScalarStretch):
+    compiled = False
+
+
+SCALAR = {"revolute": ScalarStudy, "spherical": ScalarSpatial, "prismatic": ScalarStretch}
 
 
 def finger(
@@ -140,6 +171,13 @@ def random_chain(seed: int = 0, n: int = 6) -> ChainModel:
         base_rotation=exp_map(random.normal(size=3)),
         payload_kg=0.013,
     )
+
+
+def settle(engine: PhysicsBackend, chain: ChainModel, inputs: Inputs) -> Equilibrium:
+    """What a new simulation of this chain settles to."""
+    with engine.build(chain) as simulation:
+        simulation.apply(inputs)
+        return simulation.settle()
 
 
 ENGINES: dict[str, Callable[[], PhysicsBackend]] = {

@@ -3,27 +3,16 @@
 from __future__ import annotations
 
 import numpy as np
-from tests.physics.conftest import SpatialLaw
-from tests.physics.scalar_laws import ScalarStretch, ScalarStudy, spatial
+from tests.physics.conftest import ScalarSpatial, ScalarStretch, ScalarStudy
 
 from pliant.interfaces.physics import Case
 from pliant.mechanics.rotations import exp_map
 from pliant.records.chain import ChainModel, Joint, default_base_rotation
 from pliant.records.design import MassProperties
-from pliant.records.law import JointLaw, ScalarLaw
+from pliant.records.law import JointLaw
 from pliant.records.rollout import Cord, Inputs, PointForce
 
 WEIGHTS_N = 9.81 * np.array([0.0, 0.01, 0.02, 0.05])
-
-
-class SoftSpatial(SpatialLaw):
-    """The three-axis law of the tests with its own stiffness (3, 3) and gain (3,)."""
-
-    def __init__(self, stiffness: np.ndarray, gain: np.ndarray, cubic: float) -> None:
-        self.stiffness, self.gain, self.cubic = stiffness, gain, cubic
-
-    def scalar(self) -> ScalarLaw:
-        return ScalarLaw(spatial, np.concatenate([self.gain, self.stiffness.ravel(), [self.cubic]]))
 
 
 def random_law(random: np.random.Generator) -> JointLaw:
@@ -39,7 +28,7 @@ def random_law(random: np.random.Generator) -> JointLaw:
     stiffness = np.diag(factor[:3] * [0.03, 0.0245, 0.06])
     stiffness[0, 1] = stiffness[1, 0] = 0.002 * random.uniform(-1.0, 1.0)
     gain = np.array([random.uniform(-0.4, 0.4), factor[3], 0.1 * random.uniform(-1.0, 1.0)]) * 1.637e-6
-    return SoftSpatial(stiffness, gain, 0.05 * factor[4])
+    return ScalarSpatial(stiffness, gain, 0.05 * factor[4])
 
 
 def random_case(random: np.random.Generator) -> Case:

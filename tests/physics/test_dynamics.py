@@ -6,33 +6,20 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.physics.conftest import StudyLaw, finger, settle
 
 from pliant.interfaces.physics import PhysicsBackend, SimulationState
 from pliant.mechanics.inertia import mass_matrix
 from pliant.mechanics.statics import ChainStatics, Loads
 from pliant.records.chain import ChainModel
-from pliant.records.design import Array
-from pliant.records.law import Domain, Effort, JointLaw, LawRecord
 from pliant.records.rollout import Inputs
+from pliant.testing.samples import linear_law
 from pliant_plugins.physics.mujoco.backend import Mujoco
 from pliant_plugins.physics.mujoco.config import MujocoConfig
 from pliant_plugins.physics.pybullet.backend import Pybullet
 from pliant_plugins.physics.pybullet.config import PybulletConfig
 
-
-class LinearLaw(JointLaw):
-    """τ = p/1e6 − u/50, linear without end."""
-
-    joint, axes, actuation_name, domain = "revolute", ("y",), "pressure_pa", Domain.unbounded(1)
-
-    def evaluate(self, actuation: Array, deformation: Array) -> Effort:
-        slope = np.full((*deformation.shape, 1), -0.02)
-        return Effort(1e-6 * actuation[:, None] - 0.02 * deformation, np.full_like(deformation, 1e-6), slope)
-
-    def record(self) -> LawRecord:
-        return LawRecord("wall", {}, {})
-
-
+LINEAR = linear_law(gain=1e-6, stiffness=0.02)
 PUSH = Inputs({"pressure_pa": 10e3}, tip_force_n=np.array([0.02, 0.01, 0.0]))
 
 
@@ -77,11 +64,9 @@ def test_engines_move_alike(heavy_chain: ChainModel, dynamic_engine: PhysicsBack
     assert np.linalg.norm(paths[0] - paths[1], axis=1).max() < tolerance * moved
 
 
-def test_damped_motion_ends_in_the_equilibrium(
-    dynamic_engine: PhysicsBackend, loaded_finger: ChainModel
-) -> None:
-    config = type(dynamic_engine.config)(joint_damping=3e-3)
-    with type(dynamic_engine)(config).build(loaded_finger) as simulation:
+def test_damped_motion_ends_in_the_equilibrium(dynamic_engine: PhysicsBackend) -> None:
+    config, short = type(dynamic_engine.config)(joint_damping=3e-3), finger(StudyLaw(), 3, 0.02, 0.01)
+    with type(dynamic_engine)(config).build(short) as simulation:
         simulation.apply(Inputs({"pressure_pa": 15e3}))
         settled = simulation.settle().markers_m
         simulation.apply(Inputs({"pressure_pa": 14.5e3}))
@@ -89,14 +74,6 @@ def test_damped_motion_ends_in_the_equilibrium(
         simulation.apply(Inputs({"pressure_pa": 15e3}))
         simulation.step(0.6)
         np.testing.assert_allclose(simulation.markers(), settled, atol=2e-4)
-
-
-def test_time_advances_by_what_was_asked(engine: PhysicsBackend, massless_finger: ChainModel) -> None:
-    with engine.build(massless_finger) as simulation:
-        simulation.apply(Inputs({"pressure_pa": 1e3}))
-        simulation.step(0.0007)
-        simulation.step(0.0)
-        assert simulation.snapshot().time_s == 0.0007
 
 
 def test_a_step_shorter_than_any_clock_is_a_step(engine: PhysicsBackend, massless_finger: ChainModel) -> None:
@@ -112,9 +89,7 @@ def test_a_settling_that_is_cut_short_reports_the_state_it_leaves(
 ) -> None:
     config = type(dynamic_engine.config)(max_settle_steps=steps)
     inputs = Inputs({"pressure_pa": 15e3})
-    with type(dynamic_engine)(config).build(loaded_finger) as simulation:
-        simulation.apply(inputs)
-        settled = simulation.settle()
+    settled = settle(type(dynamic_engine)(config), loaded_finger, inputs)
     assert not settled.converged and not settled.stable
     assert settled.iterations == steps
     left = ChainStatics(loaded_finger).residual(settled.joint_angles, Loads.of(loaded_finger, inputs))
@@ -130,7 +105,7 @@ def test_a_settling_that_is_given_up_says_so_and_leaves_no_trace(
 ) -> None:
     """No step is short enough for this pressure: the count is of steps taken, MuJoCo's log stays unwritten."""
     monkeypatch.chdir(tmp_path)
-    with dynamic_engine.build(loaded_finger.with_(laws=(LinearLaw(),))) as simulation:
+    with dynamic_engine.build(loaded_finger.with_(laws=(LINEAR,))) as simulation:
         simulation.apply(Inputs({"pressure_pa": 1e300}))
         settled = simulation.settle()
         assert not settled.converged
@@ -145,7 +120,7 @@ def test_motion_that_mujoco_calls_unstable_is_a_warning(
     loaded_finger: ChainModel, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    with Mujoco(MujocoConfig()).build(loaded_finger.with_(laws=(LinearLaw(),))) as simulation:
+    with Mujoco(MujocoConfig()).build(loaded_finger.with_(laws=(LINEAR,))) as simulation:
         simulation.apply(Inputs({"pressure_pa": 1e300}))
         with pytest.warns(RuntimeWarning, match="mujoco: .*unstable"):
             simulation.step(0.01)
@@ -158,7 +133,7 @@ def test_mujoco_damps_an_oscillation_as_its_config_says(timestep_s: float, loade
     one = loaded_finger.with_(
         joints=loaded_finger.joints[:1],
         bodies=(loaded_finger.bodies[0], loaded_finger.bodies[-1]),
-        laws=(LinearLaw(),),
+        laws=(LINEAR,),
         gravity_m_s2=np.zeros(3),
     )
     inertia = float(mass_matrix(one, np.zeros((1, 1)))[0, 0])

@@ -16,10 +16,10 @@ from pliant.records.chain import Actuator, ChainModel
 from pliant.records.history import Followed, History
 from pliant.records.term import LawTerm
 from pliant.testing.samples import linear_law, linear_spherical_law, sample_chain, softening_law
-from pliant_plugins.physics.quasistatic import joint_effort
 from pliant_plugins.physics.quasistatic.backend import Quasistatic
 from pliant_plugins.physics.quasistatic.config import QuasistaticConfig
-from pliant_plugins.physics.quasistatic.packing import tabulate
+from pliant_plugins.physics.quasistatic.hinge import law_at
+from pliant_plugins.physics.quasistatic.histories import tabulate
 from pliant_plugins.physics.stepping import step_through
 
 STRENGTHS = {**VALUES, **MORE_VALUES}
@@ -35,15 +35,8 @@ def history(run: str = "a", **changes: object) -> History:
     t = 0.25 * np.arange(41)
     p = np.interp(t, [0.0, 3.0, 5.0, 10.0], [1e3, P, 2e3, 0.8 * P])
     force = 0.01 * np.stack([np.sin(t), 0.3 * np.cos(t), 0.5 * np.sin(0.7 * t)], axis=1)
-    made = History.of(
-        {"pressure_pa": p},
-        t,
-        run=run,
-        tip_force_n=force,
-        moment_n_m=1e-3 * np.sin(0.9 * t),
-        temperature_c=30.0,
-    )
-    return made.with_(**changes)
+    loads = {"tip_force_n": force, "moment_n_m": 1e-3 * np.sin(0.9 * t)}
+    return History.of({"pressure_pa": p}, t, run=run, temperature_c=30.0, **loads).with_(**changes)
 
 
 def with_effects(chain: ChainModel, *kinds: str) -> Model:
@@ -78,16 +71,11 @@ def test_a_base_that_turns_and_a_payload_that_grows_are_followed_sample_by_sampl
     chain = sample_chain(modules=4, payload=0.004)
     angles = np.linspace([0, 0, 0], [0.5, 1.2, -0.4], 41)
     load = np.linspace(0.0, 0.02, 41)
-    path, _ = ENGINE.follow(
-        chain, [history(base_angles_rad=angles, payload_kg=load, tip_force_n=np.zeros((41, 3)))]
-    )
+    free = history(tip_force_n=np.zeros((41, 3)))
+    path, _ = ENGINE.follow(chain, [free.with_(base_angles_rad=angles, payload_kg=load)])
     for k in (7, 23, 40):
-        still = history(
-            base_angles_rad=np.tile(angles[k], (41, 1)),
-            payload_kg=np.full(41, load[k]),
-            tip_force_n=np.zeros((41, 3)),
-        )
-        there, _ = ENGINE.follow(chain, [still])
+        turned, hung = np.tile(angles[k], (41, 1)), np.full(41, load[k])
+        there, _ = ENGINE.follow(chain, [free.with_(base_angles_rad=turned, payload_kg=hung)])
         np.testing.assert_allclose(path[0].joint_angles[k], there[0].joint_angles[k], atol=1e-8)
 
 
@@ -116,29 +104,8 @@ def test_every_effect_is_that_of_plain_stepping(kind: str) -> None:
 def test_a_long_chain_that_curls_and_snaps_is_followed() -> None:
     """22 joints turned level: the residual must grow on the way, which plain Newton steps refuse."""
     chain = sample_chain(modules=22, payload=0.03)
-    level = history(
-        base_angles_rad=np.tile([0.0, np.pi / 2, 0.0], (41, 1)),
-        tip_force_n=np.zeros((41, 3)),
-        moment_n_m=np.zeros(41),
-    )
-    agree(chain, [level])
-
-
-def test_no_clock_means_settled_states() -> None:
-    chain = with_effects(sample_chain(modules=3), "viscous_damping", "viscoelastic").chain
-    timed = history(time_s=None)
-    (path,), _ = ENGINE.follow(chain, [timed])
-    with ENGINE.build(sample_chain(modules=3)) as simulation:
-        for k in (0, 9, 40):
-            simulation.apply(timed.at(k))
-            np.testing.assert_allclose(path.joint_angles[k], simulation.settle().joint_angles, atol=1e-7)
-
-
-def test_a_run_begins_slowly_at_its_first_sample() -> None:
-    chain = with_effects(sample_chain(modules=1), "viscous_damping", "viscoelastic").chain
-    pressed = History.of({"pressure_pa": np.full(5, P)}, np.arange(5.0))
-    (path,), _ = ENGINE.follow(chain, [pressed])
-    np.testing.assert_allclose(path.joint_angles[:, 0, 0], path.joint_angles[0, 0, 0], atol=1e-8)
+    level, none = np.tile([0.0, np.pi / 2, 0.0], (41, 1)), np.zeros((41, 3))
+    agree(chain, [history(base_angles_rad=level, tip_force_n=none, moment_n_m=none[:, 0])])
 
 
 # -- time ---------------------------------------------------------------------------------------------
@@ -183,30 +150,24 @@ def differences(
     )
 
 
-def by_gravity(x: float) -> Variation:
-    chain = sample_chain(modules=3, payload=0.01)
-    return Variation(BASE.with_(gravity_m_s2=x * chain.gravity_m_s2), (history(), history("b")))
-
-
 BASE = sample_chain(modules=3, payload=0.01)
 DRIVES = {
     "gain": lambda x: history().with_actuation(pressure_pa=x * history().actuation["pressure_pa"]),
     "force": lambda x: history(tip_force_n=x * history().tip_force_n),
     "moment": lambda x: history(moment_n_m=x * history().moment_n_m),
     "payload": lambda x: history(payload_kg=np.full(41, 0.01 * x)),
+    "gravity": lambda x: history(),
 }
 
 
 @pytest.mark.parametrize("name", DRIVES)
 def test_derivatives_by_what_drives_the_chain(name: str) -> None:
-    got, wanted = differences(lambda x: Variation(BASE, (DRIVES[name](x),)), 1.0, 1e-3, 1e-6)
+    def of_gravity(x: float) -> ChainModel:
+        return BASE.with_(gravity_m_s2=x * BASE.gravity_m_s2) if name == "gravity" else BASE
+
+    got, wanted = differences(lambda x: Variation(of_gravity(x), (DRIVES[name](x),)), 1.0, 1e-3, 1e-6)
     np.testing.assert_allclose(got[0], wanted[0], atol=2e-5 * np.abs(wanted[0]).max())
     assert np.abs(wanted[0]).max() > 1e-4
-
-
-def test_derivatives_by_gravity() -> None:
-    got, wanted = differences(by_gravity, 1.0, 1e-3, 1e-6)
-    np.testing.assert_allclose(got[1], wanted[1], atol=2e-5 * np.abs(wanted[1]).max())
 
 
 def test_derivatives_by_temperature() -> None:
@@ -283,7 +244,7 @@ def test_a_table_is_the_law() -> None:
     p, u = rng.uniform(0, P, 400), rng.uniform(-1.0, 1.0, 400)
     got = np.array(
         [
-            joint_effort.law_at.py_func(table.cells.ravel(), table.grid[None], table.cells.shape[:2], 0, a, b)
+            law_at.py_func(table.cells.ravel(), table.grid[None], table.cells.shape[:2], 0, a, b)
             for a, b in zip(p, u, strict=True)
         ]
     )
@@ -299,7 +260,7 @@ def test_a_table_is_smooth_across_cells_and_straight_outside() -> None:
     cells, grid, size = table.cells.ravel(), table.grid[None], table.cells.shape[:2]
 
     def law(p: float, u: float) -> tuple[float, float]:
-        return joint_effort.law_at.py_func(cells, grid, size, 0, p, u)
+        return law_at.py_func(cells, grid, size, 0, p, u)
 
     u_node = table.grid[2] + 130 * table.grid[3]
     p_node = table.grid[0] + 11 * table.grid[1]
@@ -334,10 +295,6 @@ def clumsy(angle, rate, dt, p, t, old, new, c):  # type: ignore[no-untyped-def]
 
 def steady(angle, rate, dt_s, actuation, temperature_c, old, new, parameters):
     return parameters[0]
-
-
-def nothing(angle, rate, dt, p, t, old, new, c):  # type: ignore[no-untyped-def]
-    return 0.0
 
 
 def swept() -> History:
@@ -377,11 +334,6 @@ def test_a_term_that_cannot_be_compiled_names_its_file_and_line() -> None:
         ENGINE.follow(chain, [swept()])
 
 
-def test_a_missing_input_names_the_run() -> None:
-    with pytest.raises(UserError, match="run 'lost' has no pressure_pa"):
-        ENGINE.follow(BASE, [History.of({"tendon_force_n": np.ones(3)}, np.arange(3.0), run="lost")])
-
-
 @pytest.mark.parametrize("name", ["pressure_pa", "moment_n_m", "temperature_c", "base_angles_rad", "time_s"])
 def test_a_gap_in_what_drives_the_chain_names_run_and_sample(name: str) -> None:
     gap = history("gap")
@@ -399,14 +351,6 @@ def test_spatial_joints_feel_the_temperature() -> None:
     chain = with_effects(sample_chain(linear_spherical_law(), modules=2), "thermal_softening").chain
     (warm, cold), _ = ENGINE.follow(chain, [history(), history(temperature_c=np.full(41, 22.0))])
     assert np.abs(warm.joint_angles - cold.joint_angles).max() > 1e-3
-
-
-def test_damage_goes_on_from_run_to_run_of_spatial_joints() -> None:
-    chain = with_effects(sample_chain(linear_spherical_law(), modules=2), "mullins").chain
-    small = history("b", specimen="one").with_actuation(pressure_pa=0.5 * history().actuation["pressure_pa"])
-    paths, _ = ENGINE.follow(chain, [history(specimen="one"), small, small.with_(specimen="two")])
-    after, virgin = paths[1].joint_angles, paths[2].joint_angles
-    assert np.abs(after - virgin).max() > 1e-3
 
 
 def test_all_shipped_effects_are_tested_here() -> None:

@@ -19,6 +19,7 @@ from pliant.records.rollout import Inputs
 from pliant.records.scene import Arm, Scene
 from pliant.records.term import LawTerm
 from pliant.testing.physics import NO_GRAVITY
+from pliant.testing.physics_runs import dashpot
 from pliant.testing.samples import linear_law, linear_spherical_law, sample_chain
 from pliant_plugins.physics.mujoco.backend import Mujoco
 from pliant_plugins.physics.mujoco.config import MujocoConfig
@@ -136,13 +137,6 @@ def test_the_loop_of_friction_is_that_of_the_quasi_static_engine() -> None:
     np.testing.assert_allclose(u, slow.joint_angles[:, 0, 0], atol=0.01 * float(np.ptp(u)))
 
 
-def dashpot(
-    angle: float, rate: float, dt_s: float, actuation: float, temperature_c: float, old: Any, new: Any, c: Any
-) -> float:
-    """M = −c u'."""
-    return float(-c[0] * rate)
-
-
 def test_ball_joints_have_their_rates_in_all_axes() -> None:
     chain = sample_chain(linear_spherical_law(), modules=2)
     chain = chain.with_(terms=(LawTerm("moment", dashpot, (0.02,), needs_time=True),))
@@ -203,14 +197,6 @@ def test_arms_of_a_scene_remember_as_they_do_alone() -> None:
 
 
 # -- refusals -----------------------------------------------------------------------------------------
-
-
-def test_a_gap_in_a_history_is_named() -> None:
-    history = slow_history(4.0)
-    pressure = history.actuation["pressure_pa"].copy()
-    pressure[3] = np.nan
-    with pytest.raises(UserError, match="sample 4: pressure_pa is not a finite number"):
-        engine().follow(sample_chain(modules=1), [history.with_actuation(pressure_pa=pressure)])
 
 
 def test_an_old_mujoco_has_no_scenes(monkeypatch: pytest.MonkeyPatch) -> None:

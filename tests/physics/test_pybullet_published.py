@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import pytest
+from tests.physics.conftest import settle
 
 from pliant.errors import UserError
 from pliant.interfaces.physics import SimulationState
@@ -49,27 +50,17 @@ class Counting(LinearLaw):
         return super().evaluate(actuation, deformation)
 
 
-def test_the_law_is_called_for_every_joint_and_axis_at_every_step() -> None:
+def test_steps_are_fixed_and_the_law_is_called_for_every_joint_and_axis_at_each() -> None:
+    """Also where an explicit step of 1/2400 s cannot resolve the stiffness."""
     plain = linear_spherical_law()
-    law = Counting(plain.gain, plain.stiffness, plain.domain, plain.joint, plain.axes)
-    chain = sample_chain(law, modules=4)
-    with PUBLISHED.build(chain) as simulation:
-        simulation.apply(PRESSED)
-        law.calls.clear()
-        simulation.step(5 / 2400)
-    assert law.calls == [1] * (5 * 4 * 3)
-
-
-def test_the_step_is_fixed_whatever_the_stiffness() -> None:
-    """A joint that an explicit step of 1/2400 s cannot resolve gets no shorter one."""
-    calls: list[int] = []
-    law = Counting(np.array([8e-7]), np.array([[40.0]]), softening_law().domain, calls=calls)
-    chain = sample_chain(law, modules=1)
-    with PUBLISHED.build(chain) as simulation:
-        simulation.apply(PRESSED)
-        calls.clear()
-        simulation.step(0.01)
-    assert len(calls) == 24
+    soft = Counting(plain.gain, plain.stiffness, plain.domain, plain.joint, plain.axes)
+    stiff = Counting(np.array([8e-7]), np.array([[40.0]]), softening_law().domain)
+    for law, modules, steps, each in ((soft, 4, 5, 4 * 3), (stiff, 1, 24, 1)):
+        with PUBLISHED.build(sample_chain(law, modules=modules)) as simulation:
+            simulation.apply(PRESSED)
+            law.calls.clear()
+            simulation.step(steps / 2400)
+        assert law.calls == [1] * (steps * each)
 
 
 def test_friction_motors_hold_a_small_effort() -> None:
@@ -98,9 +89,7 @@ def test_efforts_are_applied_naively() -> None:
     law = linear_spherical_law()
     chain = sample_finger(law=law, modules=6, base={"direction": [1, 0, 0]})
     inputs = Inputs({"pressure_pa": 3 * PRESSURE_PA}, tip_force_n=np.array([0.0, 0.3, -0.2]))
-    with Quasistatic(QuasistaticConfig()).build(chain) as simulation:
-        simulation.apply(inputs)
-        wanted = simulation.settle()
+    wanted = settle(Quasistatic(QuasistaticConfig()), chain, inputs)
     at_rest = SimulationState(0.0, wanted.joint_angles, np.zeros_like(wanted.joint_angles))
     away = {}
     for preset, engine in (("published", PUBLISHED), ("pliant", PLIANT)):
@@ -111,17 +100,6 @@ def test_efforts_are_applied_naively() -> None:
             away[preset] = np.linalg.norm(simulation.markers()[-1] - wanted.tip_m)
     assert away["pliant"] < 1e-6
     assert away["published"] > 5e-4
-
-
-def test_a_planar_chain_ends_near_its_equilibrium() -> None:
-    """About one axis efforts are torques, and what remains is the motors' friction."""
-    chain = sample_finger(law=softening_law())
-    with PUBLISHED.build(chain) as simulation:
-        simulation.apply(PRESSED)
-        wanted = simulation.settle().tip_m
-        simulation.restore(simulation.snapshot())
-        simulation.step(0.3)
-        np.testing.assert_allclose(simulation.markers()[-1], wanted, atol=5e-4)
 
 
 def test_what_it_does_not_know_is_refused() -> None:

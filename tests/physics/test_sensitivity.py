@@ -7,12 +7,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from tests.physics.conftest import StudyLaw, finger, random_chain
-from tests.physics.random_designs import SoftSpatial
-from tests.physics.scalar_laws import SCALAR, ScalarSpatial, ScalarStudy
+from tests.physics.conftest import SCALAR, ScalarSpatial, ScalarStudy, StudyLaw, finger, random_chain, settle
 
 from pliant.errors import UserError
-from pliant.records.chain import Actuator, ChainModel, default_base_rotation
+from pliant.records.chain import ChainModel, default_base_rotation
 from pliant.records.rollout import Cord, Equilibrium, Inputs, PointForce, Sensitivity
 from pliant.records.term import LawTerm
 from pliant_plugins.physics.quasistatic.backend import Quasistatic
@@ -33,9 +31,7 @@ def chain_of(kind: str) -> ChainModel:
 
 
 def solve(chain: ChainModel, pressure: float = 9e3, force: Any = FORCE, moment: float = 0.0) -> Equilibrium:
-    simulation = BACKEND.build(chain)
-    simulation.apply(Inputs({"pressure_pa": pressure}, force, moment, **LOADS))
-    return simulation.settle()
+    return settle(BACKEND, chain, Inputs({"pressure_pa": pressure}, force, moment, **LOADS))
 
 
 def derivatives(chain: ChainModel) -> Sensitivity:
@@ -106,31 +102,6 @@ def test_parameters_of_each_law() -> None:
         step = 1e-3 * (abs(value) or 0.02)
         wanted = difference(lambda h, name=name, value=value: solve(chain(**{name: value + h})), step)
         agree(found, "law_1", (..., index), wanted)
-
-
-def test_a_law_of_three_axes() -> None:
-    stiffness, gain = np.diag([0.03, 0.04, 0.06]), np.array([0.3, 1.6, 0.1]) * 1e-6
-
-    def chain(h: float) -> ChainModel:
-        return finger(SoftSpatial(stiffness, gain, 0.05 + h), 6, 0.0016, 0.01)
-
-    found = derivatives(chain(0.0))
-    agree(found, "law_0", (..., 12), difference(lambda h: solve(chain(h)), 1e-4))
-
-
-def test_two_actuators_have_one_entry_each() -> None:
-    chain = chain_of("revolute").with_(actuators=(Actuator("pressure_1_pa"), Actuator("pressure_2_pa", -1.0)))
-
-    def at(one: float, two: float) -> Equilibrium:
-        simulation = BACKEND.build(chain)
-        simulation.apply(Inputs({"pressure_1_pa": one, "pressure_2_pa": two}))
-        return simulation.settle()
-
-    simulation = BACKEND.build(chain)
-    simulation.apply(Inputs({"pressure_1_pa": 9e3, "pressure_2_pa": 3e3}))
-    simulation.settle()
-    found = simulation.sensitivity()
-    agree(found, "pressure_2_pa", ..., difference(lambda h: at(9e3, 3e3 + h), 20.0))
 
 
 def _stiffer(angle: float, rate: float, dt: float, p: float, t: float, old: Any, new: Any, c: Any) -> float:

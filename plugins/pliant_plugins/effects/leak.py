@@ -18,12 +18,12 @@ from __future__ import annotations
 
 import math
 from functools import partial
-from typing import ClassVar, Literal
+from typing import Literal
 
 import numpy as np
 from pydantic import Field
 
-from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, Model, Place, parameter
+from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, Model, parameter
 from pliant.records.design import Array
 from pliant.records.history import PRESSURE, History
 from pliant.units import Time
@@ -49,21 +49,17 @@ class LeakConfig(EffectConfig):
 class Leak(Effect):
     """Lets gas out of every chamber."""
 
-    place: ClassVar[Place] = "input"
-    notes: ClassVar[EffectNotes] = EffectNotes(
-        signature=(
-            "with the valve closed the joint sinks back at a rate in proportion to its pressure; connected to the "
-            "supply it stands nearly still, a small share below the model."
-        ),
+    place = "input"
+    notes = EffectNotes(
+        signature="with the valve closed the joint sinks back at a rate in proportion to its pressure; connected to "
+        "the supply it stands nearly still, a small share below the model.",
         look_alike="viscoelastic",
-        told_apart=(
-            "a material that relaxes goes on bending under a pressure that is held by the regulator; a leak shows "
-            "only once the valve is closed, and always toward the straight joint."
-        ),
+        told_apart="a material that relaxes goes on bending under a pressure that is held by the regulator; a leak "
+        "shows only once the valve is closed, and always toward the straight joint.",
         excited_by="fill the chamber, close the valve and record for a minute.",
         where="families that a pressure drives, every engine; recordings with the column valve_open.",
     )
-    exciting: ClassVar[tuple[str, ...]] = ("closed_valve", "holds")
+    exciting = ("closed_valve", "holds")
     config: LeakConfig
 
     def apply(self, model: Model) -> Model:

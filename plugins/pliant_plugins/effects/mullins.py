@@ -11,9 +11,9 @@ the largest angle that takes. Rest does not heal it: the memory goes on from run
 from __future__ import annotations
 
 import math
-from typing import ClassVar, Literal
+from typing import Literal
 
-from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, Model, Place, parameter
+from pliant.interfaces.effect import Effect, EffectConfig, EffectNotes, Model, parameter
 from pliant.records.design import Array
 from pliant.records.term import LawTerm
 from pliant.units import Angle, Ratio
@@ -42,27 +42,19 @@ class MullinsConfig(EffectConfig):
 class Mullins(Effect):
     """Softens the elastic part below the largest past angle."""
 
-    place: ClassVar[Place] = "law"
-    notes: ClassVar[EffectNotes] = EffectNotes(
-        signature=(
-            "the first loading of a new specimen is stiffer than all that follow up to the same angle; "
-            "going beyond the largest past angle it is as stiff as new."
-        ),
+    place = "law"
+    notes = EffectNotes(
+        signature="the first loading of a new specimen is stiffer than all that follow up to the same angle; going "
+        "beyond the largest past angle it is as stiff as new.",
         look_alike="stiffness",
-        told_apart=(
-            "a stiffness is the same in the first and the second cycle; give cycle numbers and a virgin "
-            "specimen."
-        ),
-        excited_by=(
-            "take a specimen that was never loaded and cycle it three times each to a third, two thirds "
-            "and all of the range."
-        ),
-        where=(
-            "filled rubbers and silicones, with the order of runs and specimens recorded; engines that follow "
-            "histories: `quasistatic` and `mujoco`."
-        ),
+        told_apart="a stiffness is the same in the first and the second cycle; give cycle numbers and a virgin "
+        "specimen.",
+        excited_by="take a specimen that was never loaded and cycle it three times each to a third, two thirds and "
+        "all of the range.",
+        where="filled rubbers and silicones, with the order of runs and specimens recorded; engines that follow "
+        "histories: `quasistatic` and `mujoco`.",
     )
-    exciting: ClassVar[tuple[str, ...]] = ("virgin", "slow_cycles")
+    exciting = ("virgin", "slow_cycles")
     config: MullinsConfig
 
     def apply(self, model: Model) -> Model:
@@ -73,16 +65,9 @@ class Mullins(Effect):
 
 
 def _factor(
-    angle: float,
-    rate: float,
-    dt_s: float,
-    actuation: float,
-    temperature_c: float,
-    old: Array,
-    new: Array,
-    parameters: Array,
+    angle: float, rate: float, dt_s: float, actuation: float, temp_c: float, old: Array, new: Array, c: Array
 ) -> float:
     largest = max(old[0], abs(angle))
     new[0] = largest
-    below = (largest * largest - angle * angle) / (parameters[1] * parameters[1])
-    return 1.0 - parameters[0] * math.erf(below)
+    below = (largest * largest - angle * angle) / (c[1] * c[1])
+    return 1.0 - c[0] * math.erf(below)

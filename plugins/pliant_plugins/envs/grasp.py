@@ -15,7 +15,7 @@ from pliant.records.scene import Scene, SceneFrames
 from pliant_plugins.envs.base import OBSERVED, SoftRobotEnv
 from pliant_plugins.envs.chain_env import CHANGE_COST, RATE_S, points_option
 from pliant_plugins.tasks.grasp.metrics import HELD_SHARE, Grip
-from pliant_plugins.tasks.grasp.placement import Draw, grasp_scene
+from pliant_plugins.tasks.grasp.scene import Draw, grasp_scene
 from pliant_plugins.tasks.grasp.task import Grasp
 
 FASTEST_M_S = 0.06

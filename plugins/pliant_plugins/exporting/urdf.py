@@ -12,8 +12,7 @@ import numpy as np
 
 from pliant.records.chain import ChainModel
 from pliant.records.design import MassProperties
-from pliant_plugins.exporting.stiffness import THE_LAW, stiffness_at_rest
-from pliant_plugins.exporting.surfaces import SurfaceFiles, shapes_of
+from pliant_plugins.exporting.content import THE_LAW, SurfaceFiles, shapes_of, stiffness_at_rest
 from pliant_plugins.physics.pybullet.urdf import (
     CollisionWriter,
     add_joint,

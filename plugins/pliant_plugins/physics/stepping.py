@@ -6,14 +6,16 @@ import math
 from collections.abc import Callable, Sequence
 from contextlib import closing
 from dataclasses import replace
-from typing import Any, Protocol, TypeVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pliant.errors import UserError
-from pliant.interfaces.physics import SimulationState, Variation
+from pliant.interfaces.physics import Simulation, SimulationState, Variation
 from pliant.mechanics.kinematics import base_rotations
+from pliant.mechanics.statics import Loads
+from pliant.mechanics.terms import LawTerms
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
 from pliant.records.history import Followed, History
@@ -22,71 +24,45 @@ from pliant.records.rollout import Inputs
 Paths = tuple[tuple[Followed, ...], tuple[tuple[Followed, ...], ...]]
 
 
-class Reached(Protocol):
-    """What a simulation reports at the end of a step."""
+class Steppable(Simulation):
+    """A chain with a clock, and law terms that remember."""
 
-    @property
-    def converged(self) -> bool:
-        """The simulation can answer for where it is."""
-
-
-class Steppable(Protocol):
-    """A simulation that goes through histories."""
-
-    def apply(self, inputs: Inputs) -> None:
-        """Set actuation and loads from now on."""
+    def __init__(self, chain: ChainModel) -> None:
+        self.chain = chain
+        self._loads = Loads.unactuated(chain)
+        # Of law terms, before a step that takes for ever: engines put their own step in.
+        self._memory = LawTerms(chain.terms, (chain.n_joints, len(chain.axes))).rested()
+        self._time_s = 0.0
 
     def warm(self, temperature_c: float) -> None:
         """Set the temperature that law terms see from now on."""
+        self._memory = replace(self._memory, temperature_c=temperature_c)
 
-    def advance(self, duration_s: float) -> Reached:
-        """Go on to the end of a step of this duration; infinite where it is reached slowly."""
+    def advance(self, duration_s: float) -> bool:
+        """Go on to the end of a step of this duration, infinite where it is reached slowly.
 
-    def snapshot(self) -> SimulationState:
-        """The present state."""
+        Returns:
+            whether the simulation can answer for where it is.
+        """
+        raise NotImplementedError
 
-    def restore(self, state: SimulationState) -> None:
-        """Return to a snapshot."""
+    def _state(self, position: Array, velocity: Array) -> SimulationState:
+        memory = self._memory.states.copy() if self.chain.terms else None
+        return SimulationState(self._time_s, position, velocity, memory)
 
-    def close(self) -> None:
-        """Free the engine's resources."""
+    def _recall(self, state: SimulationState, terms: LawTerms) -> None:
+        """Take time and memory from a state; terms are rested where it has no memory."""
+        self._time_s = state.time_s
+        states = terms.rested().states if state.memory is None else state.memory.copy()
+        self._memory = replace(self._memory, previous=state.position.copy(), states=states)
 
 
-S = TypeVar("S", bound=Steppable)
 # Goes through one run in steps no longer than given: joint coordinates (t, n, a) and whether each was reached.
-Through = Callable[[S, History, float], tuple[Array, NDArray[np.bool_]]]
-
-
-def step_through(
-    build: Callable[[ChainModel], S],
-    chain: ChainModel,
-    histories: Sequence[History],
-    towards: Sequence[Variation],
-    longest_step_s: float = math.inf,
-    through: Through[S] | None = None,
-) -> Paths:
-    """See `PhysicsBackend.follow`; samples further apart than `longest_step_s` are reached in equal parts.
-
-    `through` goes through one run; `sample_by_sample` unless the engine has a faster way.
-
-    Raises:
-        UserError: a base or payload that changes within a run, an input that is missing or not a number.
-    """
-
-    def walk(chain: ChainModel, histories: Sequence[History]) -> tuple[Followed, ...]:
-        check_driven(chain, histories)
-        return _all(build, chain, histories, longest_step_s, through or sample_by_sample)
-
-    paths = walk(chain, histories)
-    return paths, tuple(_difference(walk(v.chain, v.histories), paths) for v in towards)
+Through = Callable[[Any, History, float], tuple[Array, NDArray[np.bool_]]]
 
 
 def sample_by_sample(
-    simulation: Steppable,
-    history: History,
-    longest_step_s: float,
-    first: int = 0,
-    last: int | None = None,
+    simulation: Steppable, history: History, longest_step_s: float, first: int = 0, last: int | None = None
 ) -> tuple[Array, NDArray[np.bool_]]:
     """Joint coordinates (t, n, a) at the samples from `first` to `last` (exclusive), and whether each was reached."""
     q: list[Array] = []
@@ -101,10 +77,50 @@ def sample_by_sample(
             inputs, temperature = _between(history, k, part / parts)
             simulation.apply(inputs)
             simulation.warm(temperature)
-            reached &= simulation.advance(duration / parts).converged
+            reached &= simulation.advance(duration / parts)
         converged.append(reached)
         q.append(simulation.snapshot().position)
     return np.array(q), np.array(converged)
+
+
+def step_through(
+    build: Callable[[ChainModel], Steppable],
+    chain: ChainModel,
+    histories: Sequence[History],
+    towards: Sequence[Variation],
+    longest_step_s: float = math.inf,
+    through: Through = sample_by_sample,
+) -> Paths:
+    """See `PhysicsBackend.follow`; samples further apart than `longest_step_s` are reached in equal parts.
+
+    `through` goes through one run.
+
+    Raises:
+        UserError: a base or payload that changes within a run, an input that is missing or not a number.
+    """
+
+    def walk(chain: ChainModel, histories: Sequence[History]) -> list[Followed]:
+        """One run after another; what terms keep goes on with the specimen."""
+        check_driven(chain, histories)
+        keeps = np.repeat([term.keeps for term in chain.terms], [term.n_states for term in chain.terms])
+        damage: dict[str, Array] = {}
+        paths = []
+        for history in histories:
+            with closing(build(_placed(chain, history))) as simulation:
+                if history.specimen in damage:
+                    simulation.restore(replace(simulation.snapshot(), memory=damage[history.specimen]))
+                paths.append(Followed(*through(simulation, history, longest_step_s)))
+                memory = simulation.snapshot().memory
+            if keeps.any() and memory is not None:
+                damage[history.specimen] = np.where(keeps, memory, 0.0)
+        return paths
+
+    paths = walk(chain, histories)
+    moved = [walk(v.chain, v.histories) for v in towards]
+    return tuple(paths), tuple(
+        tuple(Followed(a.joint_angles - b.joint_angles, b.converged) for a, b in zip(one, paths, strict=True))
+        for one in moved
+    )
 
 
 def n_parts(duration_s: Any, longest_step_s: float) -> Any:
@@ -114,51 +130,18 @@ def n_parts(duration_s: Any, longest_step_s: float) -> Any:
 
 def check_driven(chain: ChainModel, histories: Sequence[History]) -> None:
     """Raise `UserError` where a history lacks an input of the chain, or a number of it."""
+    names = ("time_s", "tip_force_n", "moment_n_m", "temperature_c", "base_angles_rad", "payload_kg")
     for history in histories:
         missing = [a.input for a in chain.actuators if a.input not in history.actuation]
         if missing:
             raise UserError(f"run '{history.run}' has no {missing[0]}, which drives the chain")
-        _check_finite(history)
-
-
-def _check_finite(history: History) -> None:
-    for name, values in {
-        **history.actuation,
-        "time_s": history.time_s,
-        "tip_force_n": history.tip_force_n,
-        "moment_n_m": history.moment_n_m,
-        "temperature_c": history.temperature_c,
-        "base_angles_rad": history.base_angles_rad,
-        "payload_kg": history.payload_kg,
-    }.items():
-        if values is not None and not np.all(np.isfinite(values)):
-            sample = int(np.flatnonzero(~np.isfinite(values).reshape(len(values), -1).all(axis=1))[0])
-            raise UserError(
-                f"run '{history.run}', sample {sample + 1}: {name} is not a finite number; a chain cannot be "
-                "followed over a gap in what drives it, so fill it or leave the sample out."
-            )
-
-
-def _all(
-    build: Callable[[ChainModel], S],
-    chain: ChainModel,
-    histories: Sequence[History],
-    longest_step_s: float,
-    through: Through[S],
-) -> tuple[Followed, ...]:
-    """One run after another; what terms keep goes on with the specimen."""
-    keeps = np.repeat([term.keeps for term in chain.terms], [term.n_states for term in chain.terms])
-    damage: dict[str, Array] = {}
-    paths = []
-    for history in histories:
-        with closing(build(_placed(chain, history))) as simulation:
-            if history.specimen in damage:
-                simulation.restore(replace(simulation.snapshot(), memory=damage[history.specimen]))
-            paths.append(Followed(*through(simulation, history, longest_step_s)))
-            memory = simulation.snapshot().memory
-        if keeps.any() and memory is not None:
-            damage[history.specimen] = np.where(keeps, memory, 0.0)
-    return tuple(paths)
+        for name, values in {**history.actuation, **{name: getattr(history, name) for name in names}}.items():
+            if values is not None and not np.all(np.isfinite(values)):
+                sample = int(np.flatnonzero(~np.isfinite(values).reshape(len(values), -1).all(axis=1))[0])
+                raise UserError(
+                    f"run '{history.run}', sample {sample + 1}: {name} is not a finite number; a chain cannot be "
+                    "followed over a gap in what drives it, so fill it or leave the sample out."
+                )
 
 
 def _placed(chain: ChainModel, history: History) -> ChainModel:
@@ -188,9 +171,3 @@ def _between(history: History, k: int, share: float) -> tuple[Inputs, float]:
         share * here.tip_force_n + (1.0 - share) * last.tip_force_n,
         mixed(last.moment_n_m, here.moment_n_m),
     ), mixed(before, float(history.temperature_c[k]))
-
-
-def _difference(moved: Sequence[Followed], paths: Sequence[Followed]) -> tuple[Followed, ...]:
-    return tuple(
-        Followed(a.joint_angles - b.joint_angles, b.converged) for a, b in zip(moved, paths, strict=True)
-    )

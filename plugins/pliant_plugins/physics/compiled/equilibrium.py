@@ -1,4 +1,18 @@
-"""Compiled: the equilibrium of one chain under one set of loads, as an engine calls it."""
+"""Compiled: Newton's method on the potential of a chain, globalised so that it ends in a minimum.
+
+Where the stiffness K is positive definite the step is Newton's; elsewhere K is shifted by a multiple of 1 until it
+is (Nocedal & Wright 2006, algorithm 3.3), so every step descends. A step that does not reduce the residual is cut
+back until the potential has decreased sufficiently. An equilibrium that is a saddle is left along its lowest mode.
+
+Cholesky's factors of a chain's stiffness take a time that grows with n, not n³. What lies beyond joint j is all that
+joints i < j feel of it, so off its diagonal blocks the stiffness has the rank of a force and a moment: K_ij = U_iᵀ Y_j
+for i < j, with U_i = ω_i, Y_j = −T_j ω_j (`pliant.mechanics.statics`), and three rows more for each cord, U_i = J_i,
+Y_j = (T/L)(1 − d dᵀ) J_j. Its factor then has the same form, L_ji = Y_jᵀ W_i, and with P_i = Σ_{k<i} W_k W_kᵀ
+
+    L_ii L_iiᵀ = K_ii + s 1 − Y_iᵀ P_i Y_i,   W_i L_iiᵀ = U_i − P_i Y_i.
+
+(Semiseparable matrices: Vandebril, Van Barel & Mastronardi 2008, chapter 4.)
+"""
 
 from __future__ import annotations
 
@@ -6,10 +20,288 @@ import numpy as np
 from numba import njit
 
 from pliant.mechanics.efforts import DOMAIN_ROUNDING
-from pliant_plugins.physics.compiled.chain_stiffness import new_factor
-from pliant_plugins.physics.compiled.cholesky import factorise
-from pliant_plugins.physics.compiled.descent import descend, relax
-from pliant_plugins.physics.compiled.statics import new_frame
+from pliant.mechanics.statics import NEUTRAL_SHARE
+from pliant_plugins.physics.compiled.statics import balance, new_frame, place, potential, stiffen
+
+SUFFICIENT_DECREASE = 1e-4
+MAX_HALVINGS = 30
+# Share of the longest step by which a saddle is left along its most negative mode.
+PUSH = 0.2
+# Difference of ∂τ/∂u to its transpose, relative to the stiffness, beyond which a law has no energy.
+ROUNDING = 1e-12
+RELAX_ITERATIONS = 400
+# Turn of a joint (share of the longest step) at which the first step of the relaxation aims.
+RELAX_SHARE = 0.1
+
+
+@njit(cache=True, nogil=True)
+def factorise(matrix, shift, factor):  # type: ignore[no-untyped-def]
+    """Fills the lower triangle of `factor` with L, L Lᵀ = matrix + shift · 1; False where that is not positive.
+
+    Of the matrix only the lower triangle is read.
+    """
+    for i in range(len(matrix)):
+        for j in range(i + 1):
+            rest = matrix[i, j] + (shift if i == j else 0.0)
+            for k in range(j):
+                rest -= factor[i, k] * factor[j, k]
+            if i > j:
+                factor[i, j] = rest / factor[j, j]
+            elif rest > 0.0:
+                factor[i, i] = np.sqrt(rest)
+            else:
+                return False
+    return True
+
+
+@njit(cache=True, nogil=True)
+def new_factor(n, a, rank):  # type: ignore[no-untyped-def]
+    """Generators U, Y and W (n, a, rank), diagonal blocks of K and of L (n, a, a), P (rank, rank), a row (rank,)."""
+    return (
+        np.zeros((n, a, rank)),
+        np.zeros((n, a, rank)),
+        np.zeros((n, a, rank)),
+        np.zeros((n, a, a)),
+        np.zeros((n, a, a)),
+        np.zeros((rank, rank)),
+        np.zeros(rank),
+    )
+
+
+@njit(cache=True, nogil=True)
+def factorise_chain(parts, shift):  # type: ignore[no-untyped-def]
+    """Fills W and L from U, Y and the diagonal blocks; False where K + shift · 1 is not positive."""
+    before, beyond, through, own, lower, total, _ = parts
+    n, a, rank = before.shape
+    block = np.empty((a, a))
+    total[:] = 0.0
+    for i in range(n):
+        for b in range(a):
+            for r in range(rank):
+                through[i, b, r] = 0.0
+                for s in range(rank):
+                    through[i, b, r] += total[r, s] * beyond[i, b, s]
+        for b in range(a):
+            for e in range(b + 1):
+                value = 0.5 * (own[i, b, e] + own[i, e, b])
+                for r in range(rank):
+                    value -= beyond[i, e, r] * through[i, b, r]
+                block[b, e] = value
+        if not factorise(block, shift, lower[i]):
+            return False
+        for b in range(a):
+            for r in range(rank):
+                value = before[i, b, r] - through[i, b, r]
+                for e in range(b):
+                    value -= lower[i, b, e] * through[i, e, r]
+                through[i, b, r] = value / lower[i, b, b]
+        for b in range(a):
+            for r in range(rank):
+                for s in range(rank):
+                    total[r, s] += through[i, b, r] * through[i, b, s]
+    return True
+
+
+@njit(cache=True, nogil=True)
+def solve_chain(parts, right):  # type: ignore[no-untyped-def]
+    """Overwrites right (n·a,) with the solution of L Lᵀ x = right."""
+    _, beyond, through, _, lower, _, carried = parts
+    n, a, rank = beyond.shape
+    carried[:] = 0.0
+    for i in range(n):
+        for b in range(a):
+            value = right[i * a + b]
+            for r in range(rank):
+                value -= beyond[i, b, r] * carried[r]
+            for e in range(b):
+                value -= lower[i, b, e] * right[i * a + e]
+            right[i * a + b] = value / lower[i, b, b]
+        for b in range(a):
+            for r in range(rank):
+                carried[r] += through[i, b, r] * right[i * a + b]
+    carried[:] = 0.0
+    for i in range(n - 1, -1, -1):
+        for b in range(a - 1, -1, -1):
+            value = right[i * a + b]
+            for r in range(rank):
+                value -= through[i, b, r] * carried[r]
+            for e in range(b + 1, a):
+                value -= lower[i, e, b] * right[i * a + e]
+            right[i * a + b] = value / lower[i, b, b]
+        for b in range(a):
+            for r in range(rank):
+                carried[r] += beyond[i, b, r] * right[i * a + b]
+
+
+@njit(cache=True, nogil=True)
+def fill_dense(parts, stiffness):  # type: ignore[no-untyped-def]
+    """Fills the whole stiffness (n·a, n·a)."""
+    before, beyond, _, own, _, _, _ = parts
+    n, a, rank = before.shape
+    for j in range(n):
+        for e in range(a):
+            for i in range(j):
+                for b in range(a):
+                    value = 0.0
+                    for r in range(rank):
+                        value += before[i, b, r] * beyond[j, e, r]
+                    stiffness[i * a + b, j * a + e] = stiffness[j * a + e, i * a + b] = value
+            for b in range(a):
+                stiffness[j * a + b, j * a + e] = own[j, b, e]
+
+
+@njit(cache=True, nogil=True)
+def _largest(values):  # type: ignore[no-untyped-def]
+    largest = 0.0
+    for value in values.flat:
+        largest = max(largest, abs(value))
+    return largest
+
+
+@njit(cache=True, nogil=True)
+def _dense(parts):  # type: ignore[no-untyped-def]
+    n, a, _ = parts[0].shape
+    stiffness = np.empty((n * a, n * a))
+    fill_dense(parts, stiffness)
+    return stiffness
+
+
+@njit(cache=True, nogil=True)
+def _leave_saddle(chain, q, mode, length, frame):  # type: ignore[no-untyped-def]
+    """Moves q along the mode, in the direction that goes lower."""
+    body, laws, loads = chain
+    push = (mode * (length / np.abs(mode).max())).reshape(q.shape)
+    place(body, q - push, frame)
+    down = potential(body, laws, loads, q - push, frame)
+    place(body, q + push, frame)
+    if potential(body, laws, loads, q + push, frame) <= down:
+        q += push
+    else:
+        q -= push
+
+
+@njit(cache=True, nogil=True)
+def _search(chain, q, step, share, positive, norm, above, frame):  # type: ignore[no-untyped-def]
+    """Moves q along the step (n, a), the `share` of a whole one, or less far.
+
+    `above` is the potential at q, or no number where nobody has needed it yet.
+
+    Returns:
+        largest residual, its norm, potential (or no number) where it ends; whether the step helped.
+    """
+    body, laws, loads = chain
+    slope = np.sum(frame[9] * step)
+    start = q.copy()
+    q += step
+    size, reached = balance(body, laws, loads, q, frame)
+    if positive and reached <= (1.0 - 0.1 * share) * norm:
+        return size, reached, np.nan, True
+    whole = reached
+    below = potential(body, laws, loads, q, frame) if np.isfinite(reached) else np.inf
+    moved = False
+    if np.isnan(above):
+        place(body, start, frame)
+        above = potential(body, laws, loads, start, frame)
+        moved = True
+    rounding = 1e-14 * max(abs(above), 1e-12)
+    part = 1.0
+    for _ in range(MAX_HALVINGS):
+        if above - below >= SUFFICIENT_DECREASE * part * slope - rounding:
+            if moved:
+                size, reached = balance(body, laws, loads, q, frame)
+            return size, reached, below, True
+        part *= 0.5
+        q[:] = start + part * step
+        place(body, q, frame)
+        below = potential(body, laws, loads, q, frame)
+        moved = True
+    q[:] = start + step if whole < norm else start
+    size, reached = balance(body, laws, loads, q, frame)
+    return size, reached, np.nan, whole < norm
+
+
+@njit(cache=True, nogil=True)
+def descend(chain, q, frame, parts, options):  # type: ignore[no-untyped-def]
+    """Moves q (n, a) to a stable equilibrium.
+
+    Args:
+        chain: `Body.arrays`, `CompiledLaws.arrays`, `load_arrays`.
+        frame: see `new_frame`; filled at the q where it ends.
+        parts: see `new_factor`, of rank 3 and 3 more for each cord.
+        options: tolerance on the largest residual, iterations allowed, longest move of a coordinate in one.
+
+    Returns:
+        whether it arrived, whether K is positive (semi-)definite at the end, the largest residual, iterations.
+    """
+    tolerance, max_iterations, max_step = options
+    body, laws, loads = chain
+    size, norm = balance(body, laws, loads, q, frame)
+    energy = np.nan
+    for iteration in range(max_iterations + 1):
+        if not np.isfinite(size):
+            return False, False, size, iteration
+        skewness = stiffen(body, loads, q, frame, parts)
+        positive = factorise_chain(parts, 0.0)
+        if size <= tolerance:
+            if positive:
+                return True, True, size, iteration
+            curvatures, modes = np.linalg.eigh(_dense(parts))
+            if curvatures[0] >= -NEUTRAL_SHARE * np.abs(curvatures).max():  # 0 within rounding
+                return True, True, size, iteration
+            if iteration < max_iterations:
+                _leave_saddle(chain, q, modes[:, 0].copy(), PUSH * max_step, frame)
+                size, norm = balance(body, laws, loads, q, frame)
+                energy = np.nan
+            continue
+        if iteration == max_iterations:
+            return False, positive, size, iteration
+        step, scale = frame[9].ravel().copy(), _largest(parts[3])
+        if positive and skewness > ROUNDING * scale:  # a law without an energy
+            step[:] = np.linalg.solve(_dense(parts), step)
+        elif positive or np.isfinite(scale):
+            # About the smallest shift that makes the stiffness positive.
+            shift = 0.0 if positive else 1e-3 * scale + 1e-300
+            while not positive and not factorise_chain(parts, shift):
+                shift *= 3.0
+            solve_chain(parts, step)
+        else:
+            return False, False, size, iteration
+        share = min(1.0, max_step / _largest(step))
+        moved = (share * step).reshape(q.shape)
+        size, norm, energy, helped = _search(chain, q, moved, share, positive, norm, energy, frame)
+        if not helped:
+            return False, positive, size, iteration + 1
+    return False, False, size, max_iterations
+
+
+@njit(cache=True, nogil=True)
+def relax(chain, q, frame, parts, options):  # type: ignore[no-untyped-def]
+    """Like `descend`, as an overdamped motion with ever longer steps, (K + δ 1) Δq = r.
+
+    Pseudo-transient continuation with switched evolution (Kelley & Keyes, SIAM J. Numer. Anal. 35, 1998): slow, but it
+    follows a long chain through curls and snaps, in which the residual must grow before it falls.
+    """
+    tolerance, _, max_step = options
+    body, laws, loads = chain
+    size, _ = balance(body, laws, loads, q, frame)
+    damping = size / (RELAX_SHARE * max_step)
+    done = 0
+    while done < RELAX_ITERATIONS:
+        done += 1
+        if size <= 1e3 * tolerance or not np.isfinite(size):
+            break
+        stiffen(body, loads, q, frame, parts)
+        shift = damping
+        while not factorise_chain(parts, shift) and np.isfinite(shift):
+            shift = 2.0 * shift + 1e-12
+        step = frame[9].ravel().copy()
+        solve_chain(parts, step)
+        q += (min(1.0, max_step / _largest(step)) * step).reshape(q.shape)
+        reached, _ = balance(body, laws, loads, q, frame)
+        damping *= min(max(reached / size, 0.1), 2.0)
+        size = reached
+    converged, stable, size, more = descend(chain, q, frame, parts, options)
+    return converged, stable, size, done + more
 
 
 @njit(cache=True, nogil=True)

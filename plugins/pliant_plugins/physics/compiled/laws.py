@@ -1,21 +1,128 @@
-"""The laws of a chain as arrays that compiled loops read."""
+"""Scalar Python functions of plugins as compiled function pointers; laws and law terms of a chain as arrays of them."""
 
 from __future__ import annotations
 
+import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
+from types import FunctionType
 from typing import Any
 
 import numpy as np
-from numba import types
+from numba import cfunc, types
+from numba.extending import register_jitable
 
+from pliant.errors import UserError
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
-from pliant.records.law import ScalarFunction
-from pliant_plugins.physics.compiled.functions import compile_function
+from pliant.records.term import LawTerm, numbers_of
 
 _F, _A, _M = types.float64, types.float64[::1], types.float64[:, ::1]
+# Of a law: actuation, u, parameters, and what it fills: τ, ∂τ/∂p, ∂τ/∂u.
 LAW_SIGNATURE = types.void(_F, _A, _A, _A, _A, _M)
+# Of a law term: u, rate, duration of the step, net input, temperature, old and new memory, parameters.
+TERM_SIGNATURE = _F(_F, _F, _F, _F, _F, _A, _A, _A)
+# The roles of law terms, as the compiled loops number them.
+ROLES = ("moment", "elastic", "actuation", "rest")
+
+
+@cache
+def compile_function(function: Any, signature: Any, what: str) -> Any:
+    """A `numba.cfunc` of a scalar function and of the functions of its own file that it calls.
+
+    It is kept on disk where the function stands at the top of a file.
+
+    Raises:
+        UserError: it cannot be compiled; `what` names it in the sentence ("law term").
+    """
+    try:
+        for helper in _helpers(function):
+            register_jitable(helper)
+        # Functions made inside others have no stable name on disk.
+        named = "<" not in function.__qualname__ and not function.__code__.co_filename.startswith("<")
+        return cfunc(signature, cache=named, error_model="numpy")(function)
+    except Exception as error:  # numba lets Python's own errors through beside its own
+        raise UserError(_why_not(function, error, what)) from error
+
+
+def _helpers(function: FunctionType) -> list[FunctionType]:
+    """Functions of its own file that a function calls, and those that they call."""
+    found: list[FunctionType] = []
+    queue: list[Any] = [function]
+    while queue:
+        caller = queue.pop()
+        for name in caller.__code__.co_names:
+            helper = caller.__globals__.get(name)
+            ours = isinstance(helper, FunctionType) and helper.__module__ == function.__module__
+            if ours and helper is not function and helper not in found:
+                found.append(helper)
+                queue.append(helper)
+    return found
+
+
+def _why_not(function: Any, error: Exception, what: str) -> str:
+    """Where and why a function cannot be compiled."""
+    code = getattr(function, "__code__", None)
+    if code is None:
+        return f"the {what} {function!r} is no plain function; write one with 'def' at the top of its file"
+    text = [line.strip() for line in str(error).splitlines() if line.strip()]
+    reason = next((line for line in text if not line.startswith("Failed in")), type(error).__name__)
+    lines = re.findall(r'File "[^"]*", line (\d+)', str(error)) or [code.co_firstlineno]
+    return (
+        f"{code.co_filename}, line {lines[0]}: the {what} '{function.__name__}' cannot be compiled "
+        f"({reason.rstrip('.:')}); it is scalar Python: arithmetic, 'if' and functions of math."
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class CompiledTerms:
+    """The law terms of a chain of n joints.
+
+    Attributes:
+        addresses: (m,) int64, machine code of each term; it lives as long as the process.
+        rows: (m, 5) int64: role, first and last (exclusive) parameter, first and last (exclusive) state.
+        parameters: (n, P) of all terms, one term after another, by joint.
+        keeps: (states,) whether a state outlasts the rest between runs.
+    """
+
+    addresses: Any
+    rows: Any
+    parameters: Array
+    keeps: Any
+
+    @staticmethod
+    def of(terms: Sequence[LawTerm], n_joints: int) -> CompiledTerms:
+        """Compiled once in a process and kept on disk.
+
+        Raises:
+            UserError: a term that cannot be compiled.
+        """
+        addresses = [
+            int(compile_function(term.function, TERM_SIGNATURE, "law term").address) for term in terms
+        ]
+        ends = np.cumsum([0, *(term.n_parameters for term in terms)])
+        states = np.cumsum([0, *(term.n_states for term in terms)])
+        rows = [[ROLES.index(t.role), *ends[k : k + 2], *states[k : k + 2]] for k, t in enumerate(terms)]
+        return CompiledTerms(
+            np.array(addresses, np.int64),
+            np.array(rows, np.int64).reshape(-1, 5),
+            numbers_of(terms, n_joints),
+            np.array([term.keeps for term in terms for _ in range(term.n_states)], np.bool_),
+        )
+
+    @property
+    def arrays(self) -> tuple[Any, Any, Array, int]:
+        """What `combine` takes: addresses, rows, parameters (n·P,), P."""
+        return self.addresses, self.rows, self.parameters.ravel(), self.parameters.shape[1]
+
+
+def compiled_terms(terms: Sequence[LawTerm], n_joints: int) -> tuple[Any, Any, Array, int] | None:
+    """What `combine` takes of a chain's terms; None where a term cannot be compiled."""
+    try:
+        return CompiledTerms.of(terms, n_joints).arrays
+    except UserError:  # it runs in plain Python then
+        return None
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,15 +173,10 @@ class CompiledLaws:
         return self.addresses, self.spans, self.parameters, self.signs
 
 
-@cache
-def _compiled(function: ScalarFunction) -> Any:
-    return compile_function(function, LAW_SIGNATURE, "law")
-
-
-def law_address(function: ScalarFunction) -> int:
+def law_address(function: Any) -> int:
     """Address of the compiled form of a law's scalar function, compiled once in a process and kept on disk.
 
     Raises:
         UserError: it cannot be compiled.
     """
-    return int(_compiled(function).address)
+    return int(compile_function(function, LAW_SIGNATURE, "law").address)

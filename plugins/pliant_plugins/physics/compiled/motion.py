@@ -1,11 +1,20 @@
-"""Compiled: a chain in MuJoCo through samples of its inputs, with no Python between the steps.
+"""Compiled: efforts of a chain as forces at MuJoCo's dofs, and whole motions with no Python between the steps.
 
-One call runs MuJoCo's own `mj_step` through its address, and the laws and law terms through theirs. It holds no lock
+A hinge's or slide's dof is its coordinate. A ball's dofs are the angular velocity ω in the child's frame,
+dφ/dt = Jᵣ⁻¹ ω, so an effort τ conjugate to φ is the torque there
+
+    Jᵣ⁻ᵀ τ = τ − ½ φ × τ + d (φ (φ·τ) − θ² τ),   d = (1 − (θ/2) cot(θ/2)) / θ².
+
+A slope k of −τ becomes the damping dt · k of the step to come: an engine that takes damping implicitly,
+M Δv = dt (τ − dt k v⁺), then takes the stiffness implicitly, and the force itself stays exactly τ.
+
+`move` runs MuJoCo's own `mj_step` through its address, and the laws and law terms through theirs. It holds no lock
 of Python, so several chains move beside each other on threads.
 """
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -14,21 +23,11 @@ from numba import njit, types
 from numba.extending import intrinsic
 
 from pliant.mechanics.terms import STEP as SLOPE_STEP
-from pliant_plugins.physics.compiled.dof_forces import drive_axes, drive_balls, rotation_vector, to_torque
 from pliant_plugins.physics.compiled.efforts import efforts
-from pliant_plugins.physics.compiled.functions import TERM_SIGNATURE
+from pliant_plugins.physics.compiled.terms import combine, net_input
 
-
-@intrinsic
-def call_term(typing_context, address, u, rate, dt, actuation, temperature, old, new, c):  # type: ignore[no-untyped-def]
-    """Calls the law term at an address."""
-
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        kinds = [context.get_value_type(kind) for kind in TERM_SIGNATURE.args]
-        function = ir.FunctionType(context.get_value_type(types.float64), kinds)
-        return builder.call(builder.inttoptr(arguments[0], function.as_pointer()), arguments[1:])
-
-    return types.float64(types.int64, *TERM_SIGNATURE.args), generate
+# Below this angle d cancels; its series to θ⁶ is then exact to rounding.
+SMALL_ANGLE = 0.1
 
 
 @intrinsic
@@ -44,24 +43,31 @@ def call_mujoco(typing_context, address, model, data):  # type: ignore[no-untype
 
 
 @njit(cache=True, nogil=True)
-def combine(terms, joint, u, before, dt, net, temperature, old, new, found):  # type: ignore[no-untyped-def]
-    """Fills found (4,) with Σ moment, Π elastic, Π actuation, Σ rest of one coordinate; `new` is its next memory.
+def rotation_vector(quaternion, phi):  # type: ignore[no-untyped-def]
+    """Fills φ (3,) with θ ≤ π of a unit quaternion w, x, y, z of either sign."""
+    sign = -1.0 if quaternion[0] < 0.0 else 1.0
+    length = math.sqrt(quaternion[1] ** 2 + quaternion[2] ** 2 + quaternion[3] ** 2)
+    ratio = 2.0 * sign
+    if length > 1e-9:
+        ratio = sign * 2.0 * math.atan2(length, sign * quaternion[0]) / length
+    for a in range(3):
+        phi[a] = ratio * quaternion[a + 1]
 
-    terms: addresses (m,), rows (m, 5) of role, first and last parameter, first and last state; numbers (n, P) of each
-    joint.
-    """
-    addresses, rows, numbers = terms
-    parameters = numbers[joint]
-    rate = (u - before) / dt if 0.0 < dt < np.inf else 0.0
-    found[0], found[1], found[2], found[3] = 0.0, 1.0, 1.0, 0.0
-    for k in range(len(addresses)):
-        c, first, last = parameters[rows[k, 1] : rows[k, 2]], rows[k, 3], rows[k, 4]
-        value = call_term(addresses[k], u, rate, dt, net, temperature, old[first:last], new[first:last], c)
-        role = rows[k, 0]
-        if role == 1 or role == 2:
-            found[role] *= value
-        else:
-            found[role] += value
+
+@njit(cache=True, nogil=True)
+def to_torque(phi, effort, torque):  # type: ignore[no-untyped-def]
+    """Fills Jᵣ⁻ᵀ τ (3,), the torque in the child's frame of an effort conjugate to φ."""
+    square = phi[0] ** 2 + phi[1] ** 2 + phi[2] ** 2
+    if square < SMALL_ANGLE**2:
+        d = 1 / 12 + square / 720 + square**2 / 30240 + square**3 / 1209600
+    else:
+        half = 0.5 * math.sqrt(square)
+        d = (1.0 - half / math.tan(half)) / square
+    along = phi[0] * effort[0] + phi[1] * effort[1] + phi[2] * effort[2]
+    for a in range(3):
+        b, c = (a + 1) % 3, (a + 2) % 3
+        turned = phi[b] * effort[c] - phi[c] * effort[b]
+        torque[a] = effort[a] - 0.5 * turned + d * (phi[a] * along - square * effort[a])
 
 
 @njit(cache=True, nogil=True)
@@ -96,24 +102,25 @@ def lead(qvel, ball, axes, dt, q):  # type: ignore[no-untyped-def]
 def drive_terms(laws, terms, q, before, old, new, now, dt, tau, slope):  # type: ignore[no-untyped-def]
     """Fills tau (n, a) and its slope (n, a, a) at q with law terms: `JointEfforts.evaluate`.
 
-    before (n, a), old (n, a, s): the memory; now: values of the actuators (k,) and temperature.
+    before (n, a), old (n·a·s,): the memory; now: values of the actuators (k,) and temperature.
     """
     p, temperature = now
     n, a = q.shape
-    net = 0.0
-    for k in range(len(p)):
-        net += laws[3][k] * p[k]
-    values, slopes = np.empty((n, a, 4)), np.empty((n, a, 4))
-    up, down, bent = np.empty(4), np.empty(4), q.copy()
+    net, states = net_input(laws[3], p), len(old) // (n * a)
+    values, slopes, bent = np.empty((n, a, 4)), np.empty((n, a, 4)), q.copy()
     for i in range(n):
         for b in range(a):
-            known = (before[i, b], dt, net, temperature, old[i, b], new[i, b])
-            combine(terms, i, q[i, b] + SLOPE_STEP, *known, up)
-            combine(terms, i, q[i, b] - SLOPE_STEP, *known, down)
-            combine(terms, i, q[i, b], *known, values[i, b])
+            at = (i * a + b) * states
+            known = (before[i, b], dt, net, temperature, old, at, new, at)
+            up = combine(terms, i, q[i, b] + SLOPE_STEP, *known)
+            down = combine(terms, i, q[i, b] - SLOPE_STEP, *known)
+            value = combine(terms, i, q[i, b], *known)
             for role in range(4):
-                slopes[i, b, role] = (up[role] - down[role]) / (2 * SLOPE_STEP)
-            bent[i, b] -= values[i, b, 3]
+                values[i, b, role], slopes[i, b, role] = (
+                    value[role],
+                    (up[role] - down[role]) / (2 * SLOPE_STEP),
+                )
+            bent[i, b] -= value[3]
     none, unused = np.zeros(len(p)), np.empty((len(p), n, a))
     straight, straight_u = np.empty((n, a)), np.empty((n, a, a))
     elastic, elastic_u = np.empty((n, a)), np.empty((n, a, a))
@@ -132,9 +139,34 @@ def drive_terms(laws, terms, q, before, old, new, now, dt, tau, slope):  # type:
 
 
 @njit(cache=True, nogil=True)
-def force_dofs(q, tau, slope, ball, axes, main, moment, dt, plain, qvel, force, damping):  # type: ignore[no-untyped-def]
-    """Fills force and damping of the dofs: T(u*) + h K v and c + h K of `ChainJoints`."""
-    n, a = q.shape
+def drive(laws, terms, joints, views, inputs, options, extra, memory):  # type: ignore[no-untyped-def]
+    """Fills force and damping of a chain's dofs for the step to come, with loads as they are during it.
+
+    With law terms these are T(u*) + h K v and c + h K of `ChainJoints`; slopes between axes count in full on both.
+
+    Args:
+        laws, terms: as in `efforts` and `combine`; `terms` may be empty.
+        joints: whether balls; positions of the law's axes among x, y, z (3,); the column of the main bending axis.
+        views: into the engine: qpos, qvel, force, damping of the chain.
+        inputs: values of the actuators (k,), end moment that opposes actuation, temperature.
+        options: step to come, physical damping of each coordinate, caution.
+        extra: (n,) the slope is taken as caution · (|k| + extra).
+        memory: coordinates (n, a) at the last step and states (n·a·s,) of the terms.
+    """
+    ball, axes, main = joints
+    qpos, qvel, force, damping = views
+    p, moment, temperature = inputs
+    dt, plain, caution = options
+    before, states = memory
+    n, a = before.shape
+    q, tau, slope = np.empty((n, a)), np.empty((n, a)), np.empty((n, a, a))
+    coordinates(qpos, ball, axes, q)
+    timed = len(terms[0]) > 0
+    if timed:
+        lead(qvel, ball, axes, dt, q)
+        drive_terms(laws, terms, q, before, states, states.copy(), (p, temperature), dt, tau, slope)
+    else:
+        efforts(laws, q, p, tau, np.empty((len(p), n, a)), slope)
     phi, effort, width = np.empty(3), np.empty(3), 3 if ball else 1
     for i in range(n):
         tau[i, main] -= moment
@@ -145,98 +177,86 @@ def force_dofs(q, tau, slope, ball, axes, main, moment, dt, plain, qvel, force, 
                     row += 0.5 * abs(slope[i, b, c] + slope[i, c, b])
             at = axes[b] if ball else 0
             phi[at], effort[at] = q[i, b], tau[i, b]
-            damping[width * i + at] = dt * row
+            damping[width * i + at] = dt * caution * (row + extra[i])
         if ball:
             to_torque(phi, effort, force[3 * i : 3 * i + 3])
         else:
             force[i] = effort[0]
     for i in range(width * n):
-        force[i] += damping[i] * qvel[i]
+        if timed:
+            force[i] += damping[i] * qvel[i]
         damping[i] += plain
 
 
 @njit(cache=True, nogil=True)
-def drive_step(laws, terms, joints, views, drive, options, memory):  # type: ignore[no-untyped-def]
-    """Fills force and damping of a chain with law terms for the step to come, with loads as they are during it.
+def drive_arms(laws, terms, arms, axes, inputs, plain, dt, engine):  # type: ignore[no-untyped-def]
+    """`drive` of all arms of a scene, which have no law terms, in one call.
 
     Args:
-        laws, terms: as in `efforts` and `combine`.
-        joints: as in `move`.
-        views: into the engine: qpos, qvel, force, damping of the chain.
-        drive: values of the actuators (k,), end moment, temperature.
-        options: step, damping of the joints.
-        memory: as in `move`, before the step.
+        laws: those of all joints, arm after arm; the actuators' signs are common.
+        arms: (m, 6) int64: first and last (exclusive) joint, first coordinate, first dof, whether balls, column of
+            the main axis.
+        axes: (m, 3) as in `drive`.
+        inputs: (m, k) and (m,): values of the actuators and end moment of each arm.
+        engine: qpos, qvel, force and damping of the whole model.
     """
-    ball, axes, main = joints
-    qpos, qvel, force, damping = views
-    p, moment, temperature = drive
-    dt, plain = options
-    before, states = memory
-    n, a = before.shape
-    q, tau, slope = np.empty((n, a)), np.empty((n, a)), np.empty((n, a, a))
-    coordinates(qpos, ball, axes, q)
-    lead(qvel, ball, axes, dt, q)
-    drive_terms(laws, terms, q, before, states, states.copy(), (p, temperature), dt, tau, slope)
-    force_dofs(q, tau, slope, ball, axes, main, moment, dt, plain, qvel, force, damping)
+    addresses, spans, parameters, signs = laws
+    qpos, qvel, force, damping = engine
+    for k in range(len(arms)):
+        first, last, at, dof, ball = arms[k, 0], arms[k, 1], arms[k, 2], arms[k, 3], arms[k, 4] > 0
+        n, a = last - first, 3 if ball else 1
+        own, dofs = (addresses[first:last], spans[first:last], parameters, signs), slice(dof, dof + a * n)
+        views = (qpos[at : at + (4 if ball else 1) * n], qvel[dofs], force[dofs], damping[dofs])
+        now, still = (inputs[0][k], inputs[1][k], 0.0), (np.zeros((n, a)), np.zeros(0))
+        drive(own, terms, (ball, axes[k], arms[k, 5]), views, now, (dt, plain, 1.0), np.zeros(n), still)
 
 
 @njit(cache=True, nogil=True)
-def remember_step(laws, terms, joints, qpos, drive, dt, memory):  # type: ignore[no-untyped-def]
-    """Brings the memory to the end of a step that ended at qpos; arguments as in `drive_step`."""
+def remember(laws, terms, joints, qpos, inputs, dt, memory):  # type: ignore[no-untyped-def]
+    """Brings the memory to the end of a step that ended at qpos; arguments as in `drive`."""
     ball, axes, _ = joints
-    p, _, temperature = drive
+    p, _, temperature = inputs
     before, states = memory
     n, a = before.shape
-    q, new, found = np.empty((n, a)), states.copy(), np.empty(4)
+    q, new, each = np.empty((n, a)), states.copy(), len(states) // (n * a)
     coordinates(qpos, ball, axes, q)
-    net = 0.0
-    for j in range(len(p)):
-        net += laws[3][j] * p[j]
+    net = net_input(laws[3], p)
     for i in range(n):
         for b in range(a):
-            known = (before[i, b], dt, net, temperature, states[i, b], new[i, b])
-            combine(terms, i, q[i, b], *known, found)
+            at = (i * a + b) * each
+            combine(terms, i, q[i, b], before[i, b], dt, net, temperature, states, at, new, at)
     states[:], before[:] = new, q
 
 
 @njit(cache=True, nogil=True)
-def move(mujoco, laws, terms, joints, views, drive, counts, options, memory, record):  # type: ignore[no-untyped-def]
+def move(mujoco, laws, terms, joints, views, inputs, counts, options, memory, record):  # type: ignore[no-untyped-def]
     """Goes through t samples in steps of one length; each sample's inputs hold for all steps that lead to it.
 
     Args:
         mujoco: addresses of mj_step, mj_kinematics, the model and the data.
-        laws, terms: as in `efforts` and `combine`.
-        joints: whether balls, `axes` (3,) and `main` as in `drive_balls`.
+        laws, terms, joints: as in `drive`.
         views: into the engine: qpos, qvel, force, damping of the chain, tip force (3,), positions of bodies (b, 3).
-        drive: values of actuators (t, k), end moments (t,), tip forces (t, 3), temperatures (t,).
+        inputs: values of actuators (t, k), end moments (t,), tip forces (t, 3), temperatures (t,).
         counts: (t,) steps to each sample.
         options: step, damping of the joints, share of its velocity that a step keeps.
-        memory: coordinates (n, a) at the last step and states (n, a, s), both updated.
+        memory: as in `drive`, updated.
         record: qpos (t, …) and positions of bodies (t, b, 3) at the samples, to be filled; the latter may be empty.
     """
     step, kinematics, model, data = mujoco
-    ball, axes, main = joints
     qpos, qvel, force, damping, tip, places = views
-    p, moments, tips, temperatures = drive
+    p, moments, tips, temperatures = inputs
     dt, plain, kept = options
-    n = len(memory[0])
-    none, own = np.zeros(n), (qpos, qvel, force, damping)
+    own, none = (qpos, qvel, force, damping), np.zeros(len(memory[0]))
     for k in range(len(counts)):
         tip[:] = tips[k]
         now = (p[k], moments[k], temperatures[k])
         for _ in range(counts[k]):
             for i in range(len(qvel)):
                 qvel[i] *= kept
-            if len(terms[0]):
-                drive_step(laws, terms, joints, own, now, (dt, plain), memory)
-            elif ball:
-                turns, f, d = qpos.reshape(n, 4), force.reshape(n, 3), damping.reshape(n, 3)
-                drive_balls(laws, turns, axes, main, p[k], moments[k], none, 1.0, dt, plain, f, d)
-            else:
-                drive_axes(laws, qpos, p[k], moments[k], none, 1.0, dt, plain, force, damping)
+            drive(laws, terms, joints, own, now, (dt, plain, 1.0), none, memory)
             call_mujoco(step, model, data)
             if len(terms[0]):
-                remember_step(laws, terms, joints, qpos, now, dt, memory)
+                remember(laws, terms, joints, qpos, now, dt, memory)
         record[0][k] = qpos
         if len(record[1]):
             call_mujoco(kinematics, model, data)

@@ -1,7 +1,7 @@
-"""Compiled: residual, stiffness and potential of a chain; equations and signs are those of `pliant.mechanics.statics`.
+"""Compiled: residual, stiffness and potential of a chain; equations and signs are those of `pliant.mechanics`.
 
 Arguments are `Body.arrays`, `CompiledLaws.arrays` and `load_arrays`. A frame holds everything that depends on q, in
-arrays made once; the stiffness is held in the parts of `chain_stiffness`.
+arrays made once; the stiffness is held in the parts of `equilibrium`.
 """
 
 from __future__ import annotations
@@ -11,13 +11,64 @@ from numba import njit
 
 from pliant.mechanics.statics import SHORTEST_CORD_M
 from pliant_plugins.physics.compiled.efforts import efforts, law_potential
-from pliant_plugins.physics.compiled.rotations import (
-    coefficients,
-    left_jacobian_transpose_slope,
-    polynomial_of_skew,
-)
 
-REVOLUTE, SPHERICAL, PRISMATIC = 0, 1, 2
+SPHERICAL, PRISMATIC = 1, 2
+# Below this angle the closed forms of rotations cancel; slopes of b and c cancel three times earlier.
+SMALL_ANGLE = 0.1
+
+
+@njit(cache=True, nogil=True)
+def _coefficients(x):  # type: ignore[no-untyped-def]
+    """a, b and c of R = 1 + a K + b K² and J = 1 + b K + c K² at θ² = x."""
+    theta = np.sqrt(x)
+    half = 0.5 * theta
+    half_sinc = np.sin(half) / half if theta > 1e-12 else 1.0
+    a, b = half_sinc * np.cos(half), 0.5 * half_sinc * half_sinc
+    if theta < SMALL_ANGLE:
+        c = 1 / 6 - x * (1 / 120 - x * (1 / 5040 - x / 362880))
+    else:
+        c = (1.0 - a) / x
+    return a, b, c
+
+
+@njit(cache=True, nogil=True)
+def _polynomial_of_skew(v, x, first, second, out):  # type: ignore[no-untyped-def]
+    """Fills out (3, 3) with 1 + first · [v]× + second · [v]×², with x = |v|²."""
+    for i in range(3):
+        for j in range(3):
+            out[i, j] = second * v[i] * v[j]
+        out[i, i] += 1.0 - second * x
+    out[0, 1] -= first * v[2]
+    out[0, 2] += first * v[1]
+    out[1, 0] += first * v[2]
+    out[1, 2] -= first * v[0]
+    out[2, 0] -= first * v[1]
+    out[2, 1] += first * v[0]
+
+
+@njit(cache=True, nogil=True)
+def left_jacobian_transpose_slope(v, g, out):  # type: ignore[no-untyped-def]
+    """Fills out (3, 3) with ∂(J(v)ᵀ g)/∂v at fixed g (3,): rows are components of Jᵀg."""
+    x = v[0] * v[0] + v[1] * v[1] + v[2] * v[2]
+    theta = np.sqrt(x)
+    _, b, c = _coefficients(x)
+    if theta < 3 * SMALL_ANGLE:
+        db = -1 / 12 + x * (1 / 180 - x * (1 / 6720 - x * (1 / 453600 - x / 47900160)))
+        dc = -1 / 60 + x * (1 / 1260 - x * (1 / 60480 - x * (1 / 4989600 - x / 622702080)))
+    else:
+        sine, cosine = np.sin(theta), np.cos(theta)
+        db = (theta * sine - 2.0 * (1.0 - cosine)) / (x * x)
+        dc = (theta * (1.0 - cosine) - 3.0 * (theta - sine)) / (x * x * theta)
+    along = v[0] * g[0] + v[1] * g[1] + v[2] * g[2]
+    for i in range(3):
+        j, k = (i + 1) % 3, (i + 2) % 3
+        turned = v[j] * g[k] - v[k] * g[j]
+        outward = v[i] * along - x * g[i]
+        for m in range(3):
+            out[i, m] = c * (v[i] * g[m] - 2.0 * g[i] * v[m]) + (dc * outward - db * turned) * v[m]
+        out[i, i] += c * along
+        out[i, j] -= b * g[k]
+        out[i, k] += b * g[j]
 
 
 @njit(cache=True, nogil=True)
@@ -78,11 +129,11 @@ def place(body, q, frame):  # type: ignore[no-untyped-def]
             rotations[i + 1] = rest
         else:
             x = phi[0] * phi[0] + phi[1] * phi[1] + phi[2] * phi[2]
-            first, second, third = coefficients(x)
-            polynomial_of_skew(phi, x, first, second, turn)
+            first, second, third = _coefficients(x)
+            _polynomial_of_skew(phi, x, first, second, turn)
             _times(rest, turn, rotations[i + 1])
             if kind == SPHERICAL:
-                polynomial_of_skew(phi, x, second, third, jacobian)
+                _polynomial_of_skew(phi, x, second, third, jacobian)
                 _times(rest, jacobian, seen)
                 rest = seen
         for b in range(a):
@@ -187,7 +238,7 @@ def balance(body, laws, loads, q, frame):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def stiffen(body, loads, q, frame, parts):  # type: ignore[no-untyped-def]
-    """Fills U, Y and the diagonal blocks of `chain_stiffness.new_factor` from a frame that `balance` filled.
+    """Fills U, Y and the diagonal blocks of `equilibrium.new_factor` from a frame that `balance` filled.
 
     Returns the largest difference of ∂τ/∂u to its transpose: 0 where the laws derive from an energy.
     """

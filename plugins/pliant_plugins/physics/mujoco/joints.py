@@ -28,10 +28,8 @@ from pliant.mechanics.statics import ChainStatics, Loads
 from pliant.mechanics.terms import Memory
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
-from pliant_plugins.physics.compiled.dof_forces import drive_axes, drive_balls
-from pliant_plugins.physics.compiled.functions import compiled_terms
-from pliant_plugins.physics.compiled.laws import CompiledLaws
-from pliant_plugins.physics.compiled.motion import drive_step, remember_step
+from pliant_plugins.physics.compiled.laws import CompiledLaws, compiled_terms
+from pliant_plugins.physics.compiled.motion import drive, remember
 
 NOT_NEEDED = np.empty(0)
 
@@ -62,12 +60,13 @@ class ChainJoints:
         if self.ball:
             self._qpos, self._qvel = self._qpos.reshape(n, 4), self._qvel.reshape(n, 3)
             self._applied, self._damping = self._applied.reshape(n, 3), self._damping.reshape(n, 3)
-        self.order, self._none = np.argmax(self._geometry.basis, axis=0), np.zeros(n)
-        # Compiled forms, None where a law or a term has none; `laws` those of a chain without terms.
-        self.compiled, self.terms = CompiledLaws.of(chain), compiled_terms(chain.terms, n)
-        self.laws = None if self.compiled is None or chain.terms else self.compiled.arrays
-        self.steps_compiled = bool(chain.terms) and self.compiled is not None and self.terms is not None
-        self.layout = (self.ball, np.resize(self.order, 3).astype(np.int64), self.main)
+        self.layout = (self.ball, np.resize(np.argmax(self._geometry.basis, axis=0), 3), self.main)
+        # Compiled forms, None where a law or a term has none.
+        compiled = CompiledLaws.of(chain)
+        self.laws = None if compiled is None else compiled.arrays
+        self.terms = compiled_terms(chain.terms, n)
+        self._has_terms, self._none = bool(chain.terms), np.zeros(n)
+        self._still = (np.zeros((n, len(chain.axes))), np.zeros(0))
         self._views = self.views()[:4]
         self._loads: Loads | None = None
         self._values = self._none
@@ -108,60 +107,38 @@ class ChainJoints:
         return (*flat, self._data.xfrc_applied[self.tip, :3], self._data.xpos[bodies])
 
     def drive(
-        self,
-        loads: Loads,
-        damping: float,
-        extra_stiffness: Array | None = None,
-        caution: float = 1.0,
+        self, loads: Loads, damping: float, extra_stiffness: Array | None = None, caution: float = 1.0
     ) -> None:
         """Forces of laws and loads for the next step, from where the chain is.
 
         The force at the joints is exactly the laws' τ. Their local slope k enters as a damping h k beside the
-        physical one, which MuJoCo takes implicitly, so the stiffness is implicit too (`dof_forces`). With
+        physical one, which MuJoCo takes implicitly, so the stiffness is implicit too (`compiled.motion`). With
         `extra_stiffness` (n,), k is `caution` times the slope's magnitude plus the extra. Law terms act as at
         the end of the step of `loads.memory`; where that is infinite, as in a slow motion.
         """
         extra = self._none if extra_stiffness is None else extra_stiffness
-        if self.steps_compiled and extra_stiffness is None and caution == 1.0 and _timed(loads):
-            self._drive_terms(loads, damping)
-        elif self.laws is None or loads.memory is not None:
+        plain_step = extra_stiffness is None and caution == 1.0 and _timed(loads)
+        if self.laws is None or self.terms is None or (self._has_terms and not plain_step):
             self._drive_plainly(loads, damping, extra, caution)
         else:
-            self._drive_compiled(loads, damping, extra, caution)
+            memory, step_s = self._still, self.model.opt.timestep
+            if loads.memory is not None:
+                memory, step_s = (loads.memory.previous, loads.memory.states.reshape(-1)), loads.memory.dt_s
+            options = (step_s, damping, caution)
+            drive(
+                self.laws, self.terms, self.layout, self._views, self._inputs(loads), options, extra, memory
+            )
         self._push(loads)
 
-    def _drive_compiled(self, loads: Loads, damping: float, extra: Array, caution: float) -> None:
+    def _inputs(self, loads: Loads) -> tuple[Array, float, float]:
+        """Values of the actuators, end moment, temperature."""
         if loads is not self._loads:
             self._loads, self._values = loads, self.statics.efforts.values(loads.actuation)
-        before = (self._values, loads.moment_n_m, extra, caution, self.model.opt.timestep, damping)
-        if self.ball:
-            order = (self.order, self.main)
-            drive_balls(self.laws, self._qpos, *order, *before, self._applied, self._damping)
-        else:
-            drive_axes(self.laws, self._qpos, *before, self._applied, self._damping)
-
-    def _drive_terms(self, loads: Loads, damping: float) -> None:
-        """Force and damping of the dofs for the step to come, with compiled laws and law terms."""
-        assert loads.memory is not None and self.compiled is not None
-        past, options = (loads.memory.previous, loads.memory.states), (loads.memory.dt_s, damping)
-        given = (self.layout, self._views, self._inputs(loads, loads.memory), options, past)
-        drive_step(self.compiled.arrays, self.terms, *given)
-
-    def _remember_terms(self, loads: Loads, memory: Memory) -> Memory:
-        """The memory after a step that ended where the chain is."""
-        assert self.compiled is not None
-        past = memory.previous.copy(), memory.states.copy()
-        given = (self.layout, self._views[0], self._inputs(loads, memory), memory.dt_s, past)
-        remember_step(self.compiled.arrays, self.terms, *given)
-        return replace(memory, previous=past[0], states=past[1])
-
-    def _inputs(self, loads: Loads, memory: Memory) -> tuple[Array, float, float]:
-        """Values of the actuators, end moment, temperature."""
-        values = self.statics.efforts.values(loads.actuation)
-        return values, float(loads.moment_n_m), float(memory.temperature_c)
+        temperature = 0.0 if loads.memory is None else float(loads.memory.temperature_c)
+        return self._values, float(loads.moment_n_m), temperature
 
     def _drive_plainly(self, loads: Loads, damping: float, extra: Array, caution: float) -> None:
-        """As `_drive_compiled` in Python: laws or terms without a compiled form, terms in a slow motion."""
+        """In Python: laws or terms without a compiled form, terms in a slow motion."""
         step_s, q, timed = self.model.opt.timestep, self.q, _timed(loads)
         if timed:
             q = q + step_s * self.rates
@@ -180,16 +157,19 @@ class ChainJoints:
 
     def rested(self) -> Memory | None:
         """What law terms know of the past in a virgin chain; None without terms."""
-        terms = self.statics.efforts.terms
-        return terms.rested() if terms.terms else None
+        return self.statics.efforts.terms.rested() if self._has_terms else None
 
     def remember(self, loads: Loads) -> Loads:
         """The loads after a step that ended where the chain is: with what law terms then know of the past."""
         if loads.memory is None:
             return loads
-        if self.steps_compiled and _timed(loads):
-            return loads.after(self._remember_terms(loads, loads.memory))
-        return loads.after(self.statics.efforts.advance(self.q, loads.actuation, loads.memory))
+        memory = loads.memory
+        if self.laws is None or self.terms is None or not _timed(loads):
+            return loads.after(self.statics.efforts.advance(self.q, loads.actuation, memory))
+        past, states = memory.previous.copy(), memory.states.copy()
+        given = (self._views[0], self._inputs(loads), memory.dt_s, (past, states.reshape(-1)))
+        remember(self.laws, self.terms, self.layout, *given)
+        return loads.after(replace(memory, previous=past, states=states))
 
     def _push(self, loads: Loads) -> None:
         """Forces of the loads on the bodies, where these are now."""

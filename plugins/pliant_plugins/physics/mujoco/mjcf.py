@@ -7,7 +7,7 @@ prescribed: unlike a mocap body's it is seen by the contact solver, so what is h
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from xml.etree.ElementTree import Element, SubElement, tostring
@@ -106,49 +106,12 @@ class Geom:
     friction: float
 
 
-@dataclass(frozen=True)
-class SceneDocument:
-    """The document, and its geoms in MuJoCo's order."""
+def scene_mjcf(scene: Scene, config: MujocoConfig) -> tuple[str, tuple[Geom, ...]]:
+    """The document of a scene with the config's contact settings, and its geoms in MuJoCo's order.
 
-    mjcf: str
-    geoms: tuple[Geom, ...]
-
-
-def arm_prefix(arm: int) -> str:
-    """What the names of an arm's bodies begin with."""
-    return f"arm_{arm}_"
-
-
-def object_name(index: int) -> str:
-    """The name of an object's body."""
-    return f"object_{index}"
-
-
-def scene_mjcf(scene: Scene, config: MujocoConfig) -> SceneDocument:
-    """The document of a scene with the config's contact settings."""
+    Names of the bodies of arm k begin with `arm_k_`; objects are `object_0`, `object_1`, …
+    """
     root = document("scene")
-    _add_options(root, scene, config)
-    assets, world = SubElement(root, "asset"), SubElement(root, "worldbody")
-    geoms = _Geoms(assets)
-    if scene.floor_m is not None:
-        geoms.add_floor(world, scene.floor_m, scene.floor_friction)
-    carriage = _add_carriage(world)
-    for number, arm in enumerate(scene.arms):
-        bodies = add_chain(carriage, arm.chain, arm_prefix(number))
-        for index, (body, shapes) in enumerate(zip(bodies, arm.chain.shapes, strict=False)):
-            geoms.add(body, Part("arm", number, index), shapes, arm.friction)
-    for number, free in enumerate(scene.objects):
-        body = add_body(world, object_name(number), free.position_m, free.rotation)
-        SubElement(body, "freejoint")
-        add_inertia(body, free.mass)
-        geoms.add(body, Part("object", number), free.shapes, free.friction)
-    contact = SubElement(root, "contact")
-    for one, other in _touching(geoms.found):
-        _add_pair(contact, one, other, config)
-    return SceneDocument(tostring(root, encoding="unicode"), tuple(geoms.found))
-
-
-def _add_options(root: Element, scene: Scene, config: MujocoConfig) -> None:
     option = SubElement(
         root,
         "option",
@@ -161,62 +124,55 @@ def _add_options(root: Element, scene: Scene, config: MujocoConfig) -> None:
         noslip_iterations=str(config.noslip_iterations),
     )
     SubElement(option, "flag", autoreset="disable")
+    assets, world = SubElement(root, "asset"), SubElement(root, "worldbody")
+    geoms: list[Geom] = []
 
-
-def _add_carriage(world: Element) -> Element:
-    body = SubElement(world, "body", name="carriage", gravcomp="1")
-    inertia = text([INERTIA_FLOOR_KG_M2] * 3)
-    SubElement(body, "inertial", pos="0 0 0", mass=repr(MASS_FLOOR_KG), diaginertia=inertia)
-    for axis in np.eye(CARRIAGE_DOFS):
-        SubElement(body, "joint", type="slide", axis=text(axis), armature=repr(CARRIAGE_KG))
-    return body
-
-
-class _Geoms:
-    """Adds shapes to bodies and remembers them in order."""
-
-    def __init__(self, assets: Element) -> None:
-        self.found: list[Geom] = []
-        self._assets = assets
-
-    def add_floor(self, world: Element, height_m: float, friction: float) -> None:
-        geom = self._element(world, Part("floor"), friction)
-        geom.set("type", "plane")
-        geom.set("size", "0 0 1")
-        geom.set("pos", text((0.0, 0.0, height_m)))
-
-    def add(self, body: Element, part: Part, shapes: Sequence[Shape], friction: float) -> None:
-        for shape in shapes:
-            geom = self._element(body, part, friction)
-            geom.set("type", shape.kind)
-            geom.set("pos", text(shape.position_m))
-            geom.set("quat", text(quaternion_of_matrix(np.asarray(shape.rotation, float))))
-            if shape.mesh is None:
-                geom.set("size", text(shape.size_m))
-            else:
-                geom.set("mesh", self._mesh(shape))
-
-    def _element(self, parent: Element, part: Part, friction: float) -> Element:
-        name = f"geom_{len(self.found)}"
-        self.found.append(Geom(name, part, friction))
+    def add(body: Element, part: Part, friction: float, **how: str) -> None:
+        geoms.append(Geom(f"geom_{len(geoms)}", part, friction))
         # contype 0: nothing touches but the pairs that are written out.
-        return SubElement(parent, "geom", name=name, mass="0", contype="0", conaffinity="0")
+        none = {"mass": "0", "contype": "0", "conaffinity": "0"}
+        SubElement(body, "geom", {"name": geoms[-1].name, **none, **how})
 
-    def _mesh(self, shape: Shape) -> str:
-        """A mesh stands for its convex hull; its faces are MuJoCo's own."""
-        assert shape.mesh is not None
-        name = f"mesh_{len(self.found)}"
-        vertices = text(np.asarray(shape.mesh.vertices_m, float).ravel())
-        SubElement(self._assets, "mesh", name=name, vertex=vertices, inertia="convex")
-        return name
+    def add_shapes(body: Element, part: Part, friction: float, shapes: Sequence[Shape]) -> None:
+        for shape in shapes:
+            if shape.mesh is None:
+                look = {"size": text(shape.size_m)}
+            else:  # a mesh stands for its convex hull; its faces are MuJoCo's own
+                look = {"mesh": f"mesh_{len(geoms) + 1}"}
+                vertices = text(np.asarray(shape.mesh.vertices_m, float).ravel())
+                SubElement(assets, "mesh", name=look["mesh"], vertex=vertices, inertia="convex")
+            add(body, part, friction, **placed(shape), **look)
 
-
-def _touching(geoms: Sequence[Geom]) -> Iterator[tuple[Geom, Geom]]:
-    """Pairs that collide: objects with arms, floor and other objects; arms with the floor."""
+    if scene.floor_m is not None:
+        how = {"type": "plane", "size": "0 0 1", "pos": text((0.0, 0.0, scene.floor_m))}
+        add(world, Part("floor"), scene.floor_friction, **how)
+    carriage = SubElement(world, "body", name="carriage", gravcomp="1")
+    inertia = text([INERTIA_FLOOR_KG_M2] * 3)
+    SubElement(carriage, "inertial", pos="0 0 0", mass=repr(MASS_FLOOR_KG), diaginertia=inertia)
+    for axis in np.eye(CARRIAGE_DOFS):
+        SubElement(carriage, "joint", type="slide", axis=text(axis), armature=repr(CARRIAGE_KG))
+    for number, arm in enumerate(scene.arms):
+        bodies = add_chain(carriage, arm.chain, f"arm_{number}_")
+        for index, (body, shapes) in enumerate(zip(bodies, arm.chain.shapes, strict=False)):
+            add_shapes(body, Part("arm", number, index), arm.friction, shapes)
+    for number, free in enumerate(scene.objects):
+        body = add_body(world, f"object_{number}", free.position_m, free.rotation)
+        SubElement(body, "freejoint")
+        add_inertia(body, free.mass)
+        add_shapes(body, Part("object", number), free.friction, free.shapes)
+    contact = SubElement(root, "contact")
     for one, other in combinations(geoms, 2):
         kinds = {one.part.kind, other.part.kind}
+        # Objects touch arms, floor and other objects; arms touch the floor.
         if ("object" in kinds and one.part != other.part) or kinds == {"arm", "floor"}:
-            yield one, other
+            _add_pair(contact, one, other, config)
+    return tostring(root, encoding="unicode"), tuple(geoms)
+
+
+def placed(shape: Shape) -> dict[str, str]:
+    """Kind and pose of a shape as a geom has them."""
+    rotation = text(quaternion_of_matrix(np.asarray(shape.rotation, float)))
+    return {"type": shape.kind, "pos": text(shape.position_m), "quat": rotation}
 
 
 def _add_pair(contact: Element, one: Geom, other: Geom, config: MujocoConfig) -> None:

@@ -14,29 +14,36 @@ from typing import Any
 
 import mujoco
 import numpy as np
+from numba import njit
 
 from pliant.errors import UserError
-from pliant.interfaces.physics import SceneSimulation
 from pliant.mechanics.rotations import matrix_of_quaternion, quaternion_of_matrix
-from pliant.mechanics.statics import ChainStatics, Loads
 from pliant.mechanics.terms import Memory
+from pliant.records.chain import ChainModel
 from pliant.records.design import Array
-from pliant.records.rollout import Inputs, OutsideDomain
-from pliant.records.scene import Contact, Part, Scene, SceneState
-from pliant_plugins.physics.compiled.dof_forces import drive_arms
-from pliant_plugins.physics.dynamic import arms_outside_domain, loads_of_arms
+from pliant.records.rollout import Inputs
+from pliant.records.scene import Contact, Scene, SceneState
+from pliant.records.shape import Shape
+from pliant_plugins.physics.compiled.motion import drive_arms
+from pliant_plugins.physics.dynamic import ArmsScene, contact_of
 from pliant_plugins.physics.mujoco.config import MujocoConfig
 from pliant_plugins.physics.mujoco.joints import ChainJoints
-from pliant_plugins.physics.mujoco.mjcf import CARRIAGE_DOFS, CARRIAGE_KG, Geom, arm_prefix, scene_mjcf
-from pliant_plugins.physics.mujoco.nearness import Nearness
+from pliant_plugins.physics.mujoco.mjcf import CARRIAGE_DOFS, CARRIAGE_KG, scene_mjcf
 from pliant_plugins.physics.mujoco.warned import silent, unstable
 
 # Everything that the next step depends on but inputs, which the snapshot's user gives again.
 STATE = mujoco.mjtState.mjSTATE_FULLPHYSICS | mujoco.mjtState.mjSTATE_WARMSTART
 OBJECT_DOFS = 6
+# An object that is slower rests.
+REST_M_S = 2e-3
+# Nothing may move further in a step than this share of the distance that counts as near: what is far in a
+# list that is one step old is then still apart after the next.
+SHARE = 0.5
+# What stands for bodies that are not objects; these are numbered from 0.
+ARM, FLOOR = -2, -1
 
 
-class MujocoScene(SceneSimulation):
+class MujocoScene(ArmsScene):
     """A scene in MuJoCo, its arms driven by their laws at every step; see `SceneSimulation`."""
 
     def __init__(self, scene: Scene, config: MujocoConfig) -> None:
@@ -46,40 +53,60 @@ class MujocoScene(SceneSimulation):
                 f"scenes need MuJoCo 3.13 or later, which has the integrator 'discrete'; here is {mujoco.__version__}. "
                 "Install it with: pip install --upgrade mujoco"
             )
-        self.scene = scene
+        super().__init__(scene, [arm.chain for arm in scene.arms])
         self._config = config
-        document = scene_mjcf(scene, config)
-        self._model = model = mujoco.MjModel.from_xml_string(document.mjcf)
+        mjcf, geoms = scene_mjcf(scene, config)
+        self._model = model = mujoco.MjModel.from_xml_string(mjcf)
         self._data = data = mujoco.MjData(model)
-        statics = [ChainStatics(arm.chain) for arm in scene.arms]
         self._arms = [
-            ChainJoints(model, data, arm.chain, one, arm_prefix(k))
-            for k, (arm, one) in enumerate(zip(scene.arms, statics, strict=True))
+            ChainJoints(model, data, chain, statics, f"arm_{k}_")
+            for k, (chain, statics) in enumerate(zip(self._chains, self._statics, strict=True))
         ]
-        self._driver = Arms(model, data, self._arms, config.joint_damping)
-        self._loads = [Loads.unactuated(arm.chain) for arm in scene.arms]
-        self._driver.apply(self._loads)
-        self._reader = ContactReader(model, data, document.geoms)
-        self._nearness = Nearness(scene, model, document.geoms, config)
+        # What law terms know of the past, arm by arm; None where an arm has none.
+        self._memories: list[Memory | None] = [arm.rested() for arm in self._arms]
+        self._engine = (data.qpos, data.qvel, data.qfrc_applied, model.dof_damping)
+        self._laws = _joined(self._arms)
+        ends = np.cumsum([0, *(arm.n_joints for arm in self._arms)])
+        of_arm = enumerate(self._arms)
+        table = [[*ends[k : k + 2], arm.coordinate, arm.dof, arm.ball, arm.main] for k, arm in of_arm]
+        axes = np.array([arm.layout[1] for arm in self._arms], np.int64).reshape(-1, 3)
+        self._table = (np.array(table, np.int64).reshape(-1, 6), axes)
+        self._take()
+        self._parts = {model.geom(geom.name).id: geom.part for geom in geoms}
+        self._bodies = np.full(model.ngeom, FLOOR)
+        for geom, part in self._parts.items():
+            self._bodies[geom] = {"arm": ARM, "floor": FLOOR}.get(part.kind, part.number)
+        reaches = [np.repeat(_reaches(chain), len(chain.axes)) for chain in self._chains]
+        self._reaches = np.concatenate([np.ones(CARRIAGE_DOFS), *reaches])
+        self._extents = np.array([_extent(free.shapes) for free in scene.objects])
         first = model.nv - OBJECT_DOFS * len(scene.objects)
         self._object_poses = data.qpos[model.nq - 7 * len(scene.objects) :].reshape(-1, 7)
         self._object_rates = data.qvel[first:].reshape(-1, OBJECT_DOFS)
         self._first_object = model.nbody - len(scene.objects)
         carriage = slice(0, CARRIAGE_DOFS)
         self._carriage = (data.qpos[carriage], data.qvel[carriage], data.qfrc_applied[carriage])
-        self._velocity = np.zeros(CARRIAGE_DOFS)
-        self._time_s = 0.0
         # Whether MuJoCo's contacts are those of the last step, and not of one before `restore`.
         self._has_contacts = False
         self._look()
-        self._near = self._nearness.is_near(data)
+        self._near = self._is_near()
+
+    @property
+    def joints(self) -> Sequence[ChainJoints]:
+        return self._arms
 
     def apply(self, inputs: Sequence[Inputs]) -> None:
-        self._loads = loads_of_arms(self.scene, [arm.chain for arm in self.scene.arms], inputs)
-        self._driver.apply(self._loads)
+        super().apply(inputs)
+        self._take()
 
-    def carry(self, velocity_m_s: Array) -> None:
-        self._velocity = np.array(velocity_m_s, float)
+    def _take(self) -> None:
+        """Loads of each arm from now on."""
+        self._pulled = any(loads.forces or loads.cords for loads in self._loads)
+        pairs = list(zip(self._arms, self._loads, strict=True))
+        for arm, loads in pairs:
+            arm.push_tip(loads)
+        if self._laws is not None:
+            values = np.array([arm.statics.efforts.values(loads.actuation) for arm, loads in pairs])
+            self._inputs = (values, np.array([loads.moment_n_m for _, loads in pairs]))
 
     def push(self, index: int, force_n: Array, moment_n_m: Array | None = None) -> None:
         moment = np.zeros(3) if moment_n_m is None else moment_n_m
@@ -90,7 +117,7 @@ class MujocoScene(SceneSimulation):
         pushed = bool(self._data.xfrc_applied[self._first_object :].any())
         with silent():
             while remaining > 0.0:
-                longest = self._nearness.longest_step(self._data.qvel, self._near or pushed)
+                longest = self._longest_step(self._near or pushed)
                 parts = math.ceil(remaining / longest - 1e-9)
                 step_s = remaining / max(parts, 1)
                 self._advance(step_s)
@@ -104,18 +131,47 @@ class MujocoScene(SceneSimulation):
                 "or look whether a law is used far outside its data"
             )
 
+    def _is_near(self) -> bool:
+        """Whether an arm is near an object by the last list of contacts, or an object touches nothing."""
+        contacts = self._data.contact
+        return bool(_is_near(contacts.geom, contacts.efc_address, self._bodies, len(self._extents)))
+
+    def _longest_step(self, near: bool) -> float:
+        """Longest step (s) from the present velocities of all dofs."""
+        config = self._config
+        short = min(config.contact_timestep_s, config.timestep_s)
+        if not len(self._extents):
+            return config.timestep_s
+        if near:
+            return short
+        arms, objects = _speeds(self._data.qvel, self._reaches, self._extents)
+        if objects > REST_M_S:
+            return short
+        return max(short, min(config.timestep_s, SHARE * config.near_m / max(arms + objects, 1e-9)))
+
     def _advance(self, step_s: float) -> None:
-        model, data = self._model, self._data
+        model, data, damping = self._model, self._data, self._config.joint_damping
         model.opt.timestep = step_s
-        self._driver.drive(step_s)
+        arms = list(zip(self._arms, self._loads, self._memories, strict=True))
+        if self._laws is None or self._pulled:
+            for arm, loads, memory in arms:
+                arm.drive(loads if memory is None else loads.after(memory.over(step_s)), damping)
+        else:
+            drive_arms(
+                self._laws, arms[0][0].terms, *self._table, self._inputs, damping, step_s, self._engine
+            )
         # A force that brings the carriage to its velocity in one step: the arms feel its acceleration.
         place, velocity, force = self._carriage
         force[:] = CARRIAGE_KG / step_s * (self._velocity - velocity)
         there = place + step_s * self._velocity
         mujoco.mj_step(model, data)
         place[:], velocity[:] = there, self._velocity
-        self._driver.remember(step_s)
-        self._near, self._has_contacts = self._nearness.is_near(data), True
+        # Law terms remember a step that has ended where the arms are.
+        self._memories = [
+            None if memory is None else arm.remember(loads.after(memory.over(step_s))).memory
+            for arm, loads, memory in arms
+        ]
+        self._near, self._has_contacts = self._is_near(), True
 
     def snapshot(self) -> SceneState:
         poses, rates = self._object_poses, self._object_rates
@@ -131,7 +187,7 @@ class MujocoScene(SceneSimulation):
             positions_m=poses[:, :3].copy(),
             rotations=rotations,
             velocities=np.concatenate([rates[:, :3], spins], axis=1),
-            memories=tuple(None if m is None else m.states.copy() for m in self._driver.memories),
+            memories=tuple(None if m is None else m.states.copy() for m in self._memories),
             private={"mujoco": private, "near": np.array([self._near])},
         )
 
@@ -141,13 +197,19 @@ class MujocoScene(SceneSimulation):
             mujoco.mj_setState(self._model, data, state.private["mujoco"], STATE)
         else:
             self._place(state)
-        self._driver.recall(state.memories)
+        # Rested where nothing is given.
+        self._memories = [arm.rested() for arm in self._arms]
+        for k, (arm, memory) in enumerate(zip(self._arms, self._memories, strict=True)):
+            known = state.memories[k] if k < len(state.memories) else None
+            if memory is not None:
+                given = memory.states if known is None else known.copy()
+                self._memories[k] = replace(memory, previous=arm.q, states=given)
         self._time_s, self._has_contacts = state.time_s, False
         if "near" in state.private:
             self._near = bool(state.private["near"][0])
         else:
             self._look()
-            self._near = self._nearness.is_near(data)
+            self._near = self._is_near()
 
     def _place(self, state: SceneState) -> None:
         """Return to a state that another engine left."""
@@ -178,109 +240,79 @@ class MujocoScene(SceneSimulation):
     def contacts(self) -> tuple[Contact, ...]:
         if not self._has_contacts:
             self._look()
-        return self._reader.read()
-
-    def outside_domain(self) -> tuple[OutsideDomain, ...]:
-        statics, coordinates = [arm.statics for arm in self._arms], [arm.q for arm in self._arms]
-        return arms_outside_domain(statics, coordinates, self._loads, self._time_s)
-
-
-# Which of two bodies comes first.
-RANK = {"arm": 0, "floor": 1, "object": 2}
-
-
-class ContactReader:
-    """Reads what the last solve left in `data`."""
-
-    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, geoms: Sequence[Geom]) -> None:
-        self._model, self._data = model, data
-        self._parts: dict[int, Part] = {model.geom(geom.name).id: geom.part for geom in geoms}
-
-    def read(self) -> tuple[Contact, ...]:
-        """Active contacts in MuJoCo's order; its normal and its force are those on the second geom."""
-        data = self._data
-        found = []
+        data, contacts = self._data, []
+        # In MuJoCo's order; its normal and its force are those on the second geom.
         for index in np.flatnonzero(data.contact.efc_address >= 0).tolist():
-            contact = data.contact[index]
-            first, second = (self._parts[int(geom)] for geom in contact.geom)
-            frame, force = contact.frame.reshape(3, 3), np.zeros(6)
+            contact, force = data.contact[index], np.zeros(6)
+            frame = contact.frame.reshape(3, 3)
             mujoco.mj_contactForce(self._model, data, index, force)
-            sign = 1.0
-            if (RANK[first.kind], first.number) > (RANK[second.kind], second.number):
-                first, second, sign = second, first, -1.0
-            found.append(
-                Contact(
-                    first,
-                    second,
-                    position_m=contact.pos.copy(),
-                    normal=sign * frame[0],
-                    normal_n=float(force[0]),
-                    friction_n=sign * (force[1:3] @ frame[1:]),
-                )
-            )
-        return tuple(found)
+            one, other = (self._parts[int(geom)] for geom in contact.geom)
+            place, friction = contact.pos.copy(), force[1:3] @ frame[1:]
+            order = "arm floor object"
+            contacts.append(contact_of(one, other, place, 1.0 * frame[0], float(force[0]), friction, order))
+        return tuple(contacts)
 
 
-class Arms:
-    """The arms of a scene as its steps drive them."""
+@njit(cache=True)
+def _is_near(geoms, rows, bodies, n_objects):  # type: ignore[no-untyped-def]
+    """See `MujocoScene._is_near`; `bodies` are the geoms' objects, ARM or FLOOR, `rows` ≥ 0 where forces act."""
+    touched = np.zeros(n_objects, np.bool_)
+    for k in range(len(geoms)):
+        for side in range(2):
+            body = bodies[geoms[k, side]]
+            if body == ARM:
+                return True
+            if body >= 0 and rows[k] >= 0:
+                touched[body] = True
+    return not touched.all()
 
-    def __init__(
-        self, model: mujoco.MjModel, data: mujoco.MjData, joints: Sequence[ChainJoints], damping: float
-    ) -> None:
-        self._joints, self._physical = joints, damping
-        self._model = model
-        self._qpos, self._applied, self._damping = data.qpos, data.qfrc_applied, model.dof_damping
-        self._laws = _joined(joints)
-        table, last = [], 0
-        for arm in joints:
-            first, last = last, last + arm.n_joints
-            table.append([first, last, arm.coordinate, arm.dof, arm.ball, arm.main])
-        self._table = np.array(table, np.int64).reshape(-1, 6)
-        self._axes = np.array([np.resize(arm.order, 3) for arm in joints], np.int64).reshape(-1, 3)
-        self._loads: Sequence[Loads] = ()
-        # What law terms know of the past, arm by arm; None where an arm has none.
-        self.memories: list[Memory | None] = [arm.rested() for arm in joints]
-        self._pulled = False
 
-    def apply(self, loads: Sequence[Loads]) -> None:
-        """Loads of each arm from now on."""
-        self._loads = loads
-        self._pulled = any(of_arm.forces or of_arm.cords for of_arm in loads)
-        for arm, of_arm in zip(self._joints, loads, strict=True):
-            arm.push_tip(of_arm)
-        if self._laws is not None:
-            pairs = zip(self._joints, loads, strict=True)
-            self._values = np.array([arm.statics.efforts.values(of_arm.actuation) for arm, of_arm in pairs])
-            self._moments = np.array([of_arm.moment_n_m for of_arm in loads])
+@njit(cache=True)
+def _speeds(rates, reaches, extents):  # type: ignore[no-untyped-def]
+    """Bounds of the speed of any point of carriage and arms, and of the objects."""
+    arms, objects = 0.0, 0.0
+    n = len(reaches)
+    for k in range(n):
+        arms += abs(rates[k]) * reaches[k]
+    for k in range(len(extents)):
+        v = rates[n + 6 * k : n + 6 * k + 6]
+        linear = np.sqrt(v[0] ** 2 + v[1] ** 2 + v[2] ** 2)
+        objects = max(objects, linear + extents[k] * np.sqrt(v[3] ** 2 + v[4] ** 2 + v[5] ** 2))
+    return arms, objects
 
-    def drive(self, step_s: float) -> None:
-        """Forces of laws and loads for a step of this length, which the model has too."""
-        if self._laws is None or self._pulled:
-            for arm, loads, memory in zip(self._joints, self._loads, self.memories, strict=True):
-                arm.drive(loads if memory is None else loads.after(memory.over(step_s)), self._physical)
-            return
-        given = (self._values, self._moments, self._physical, step_s)
-        drive_arms(self._laws, self._table, self._axes, *given, self._qpos, self._applied, self._damping)
 
-    def remember(self, step_s: float) -> None:
-        """Let law terms remember a step of this length that has ended where the arms are."""
-        for k, (arm, loads, memory) in enumerate(zip(self._joints, self._loads, self.memories, strict=True)):
-            if memory is not None:
-                self.memories[k] = arm.remember(loads.after(memory.over(step_s))).memory
+def _reaches(chain: ChainModel) -> Array:
+    """(n,) how far the farthest point beyond each joint is from it at most; 1 for prismatic joints."""
+    n = chain.n_joints
+    if chain.laws[0].joint == "prismatic":
+        return np.ones(n)
+    links = np.array([np.linalg.norm(joint.offset_m) for joint in chain.joints[1:]] + [0.0])
+    own = [float(np.linalg.norm(chain.tip_offset_m)) if i == n - 1 else 0.0 for i in range(n)]
+    if chain.shapes:
+        own = [max(o, _extent(shapes)) for o, shapes in zip(own, chain.shapes[1:], strict=True)]
+    reaches = np.empty(n)
+    beyond = 0.0
+    for i in range(n - 1, -1, -1):
+        beyond = max(own[i], links[i] + beyond)
+        reaches[i] = beyond
+    return reaches
 
-    def recall(self, states: Sequence[Array | None]) -> None:
-        """Set what law terms remember, for arms that are where they were then; rested where nothing is given."""
-        self.memories = [arm.rested() for arm in self._joints]
-        for k, (arm, memory) in enumerate(zip(self._joints, self.memories, strict=True)):
-            known = states[k] if k < len(states) else None
-            if memory is not None:
-                given = memory.states if known is None else known.copy()
-                self.memories[k] = replace(memory, previous=arm.q, states=given)
+
+def _extent(shapes: Sequence[Shape]) -> float:
+    """Farthest distance of any point of the shapes from the origin of their body, or a little more."""
+    found = [0.0]
+    for shape in shapes:
+        if shape.mesh is not None:
+            own = float(np.linalg.norm(shape.mesh.vertices_m, axis=1).max())
+        else:
+            own = float(np.linalg.norm(shape.size_m)) + (shape.size_m[0] if shape.kind == "capsule" else 0.0)
+        found.append(float(np.linalg.norm(shape.position_m)) + own)
+    return max(found)
 
 
 def _joined(joints: Sequence[ChainJoints]) -> Any:
-    """Laws of all arms in a row; None where one has none, or actuators differ."""
-    each = [arm.laws for arm in joints]
+    """Laws of all arms in a row; None where one has none or has terms, or actuators differ."""
+    each = [arm.laws if arm.rested() is None else None for arm in joints]
     known = [laws for laws in each if laws is not None]
     if not known or len(known) < len(each) or any(not np.array_equal(k[3], known[0][3]) for k in known):
         return None

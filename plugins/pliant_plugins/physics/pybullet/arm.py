@@ -7,7 +7,7 @@ frame: rotation, rate and torque of such a joint are turned by the principal axe
 
 from __future__ import annotations
 
-from types import ModuleType
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -19,14 +19,69 @@ from pliant.mechanics.rotations import (
     right_jacobian_inverse,
     vector_of_quaternion,
 )
+from pliant.mechanics.statics import ChainStatics, Loads
 from pliant.records.chain import ChainModel
-from pliant.records.design import Array
-from pliant_plugins.physics.pybullet.scaling import WorldScale
+from pliant.records.design import Array, MassProperties
+from pliant.records.shape import Shape, TriangleMesh
+from pliant_plugins.physics.pybullet.client import Client
 from pliant_plugins.physics.pybullet.urdf import principal
 
 UNLIMITED_VELOCITY = 1e9
 # Bullet's state of a body: seven numbers of the base, one of each hinge or slide, four of each ball joint.
 STATE_SIZE, BASE_SIZE = 128, 7
+
+
+@dataclass(frozen=True)
+class WorldScale:
+    """A world scaled in length: Bullet's contact margins and thresholds are made for bodies of a metre.
+
+    With lengths × s, densities and times unchanged: masses × s³, forces × s⁴, torques and inertias × s⁵, and
+    accelerations, gravity among them, × s. Angles and their rates stay.
+    """
+
+    length: float = 1.0
+
+    @property
+    def mass(self) -> float:
+        return self.length**3
+
+    @property
+    def force(self) -> float:
+        return self.length**4
+
+    @property
+    def torque(self) -> float:
+        return self.length**5
+
+    def chain(self, chain: ChainModel) -> ChainModel:
+        """The chain as the engine sees it; its laws are not scaled, because efforts are evaluated outside."""
+        return chain.with_(
+            joints=tuple(replace(j, offset_m=self.length * np.asarray(j.offset_m)) for j in chain.joints),
+            bodies=tuple(self.piece(body) for body in chain.bodies),
+            tip_offset_m=self.length * np.asarray(chain.tip_offset_m),
+            base_position_m=self.length * np.asarray(chain.base_position_m),
+            gravity_m_s2=self.length * np.asarray(chain.gravity_m_s2),
+            payload_kg=self.mass * chain.payload_kg,
+            shapes=tuple(tuple(self.shape(shape) for shape in shapes) for shapes in chain.shapes),
+        )
+
+    def piece(self, piece: MassProperties) -> MassProperties:
+        """A rigid piece as the engine sees it."""
+        return MassProperties(
+            self.mass * piece.mass_kg,
+            self.length * np.asarray(piece.com_m),
+            self.torque * np.asarray(piece.inertia_kg_m2),
+        )
+
+    def shape(self, shape: Shape) -> Shape:
+        """A collision shape as the engine sees it."""
+        mesh = shape.mesh
+        return replace(
+            shape,
+            size_m=tuple(self.length * size for size in shape.size_m),
+            position_m=self.length * np.asarray(shape.position_m),
+            mesh=TriangleMesh(self.length * mesh.vertices_m, mesh.faces) if mesh is not None else None,
+        )
 
 
 def check_size(geometry: ChainGeometry) -> None:
@@ -46,35 +101,39 @@ def check_size(geometry: ChainGeometry) -> None:
 class BulletArm:
     """Joints of one multibody, in SI outside and scaled inside. Link i − 1 is body i, link n the tip."""
 
-    def __init__(
-        self,
-        bullet: ModuleType,
-        client: int,
-        body: int,
-        chain: ChainModel,
-        scale: WorldScale | None = None,
-    ) -> None:
-        """Take hold of a loaded `chain_urdf` of exactly this `chain`, which is in the engine's scale."""
-        self._bullet, self._client, self.body = bullet, client, body
+    def __init__(self, client: Client, body: int, chain: ChainModel, scale: WorldScale | None = None) -> None:
+        """Take hold of a loaded `chain_tree` of exactly this `chain`, which is in the engine's scale."""
+        self._client, self.body = client, body
         self._geometry = ChainGeometry.of(chain)
         self.ball = self._geometry.kind == "spherical"
         self.joints = list(range(chain.n_joints))
         self.tip = chain.n_joints
         slides = self._geometry.kind == "prismatic"
-        scale = scale or WorldScale()
-        self._scale = scale
+        self._scale = scale = scale or WorldScale()
         self._coordinate = scale.length if slides else 1.0
         self._effort = scale.force if slides else scale.torque
         # (n, 3, 3) principal axes of the moving bodies, as columns, and their transposes.
         self._principal = np.array([principal(body)[1] for body in chain.bodies[1:]])
         self.to_principal = self._principal.transpose(0, 2, 1)
-        self._free()
+        # What PyBullet adds by default: link damping, velocity limits and joint motors.
+        links = range(-1, self.tip + 1)
+        client.set_dynamics(body, links, linearDamping=0.0, angularDamping=0.0, jointDamping=0.0)
+        client.set_dynamics(body, links, maxJointVelocity=UNLIMITED_VELOCITY)
+        self.hold(0.0)
+
+    @property
+    def q(self) -> Array:
+        """(n, a) joint coordinates."""
+        return self.state()[0]
+
+    @property
+    def rates(self) -> Array:
+        """(n, a) rates dq/dt of the joint coordinates."""
+        return self.state()[1]
 
     def state(self) -> tuple[Array, Array]:
         """Joint coordinates and their rates, both (n, a), read at once."""
-        states: tuple[tuple[tuple[float, ...], ...], ...] = self._bullet.getJointStatesMultiDof(
-            self.body, self.joints, physicsClientId=self._client
-        )
+        states = self._client.getJointStatesMultiDof(self.body, self.joints)
         positions = np.array([state[0] for state in states], float)
         velocity = np.array([state[1] for state in states], float)
         if not self.ball:
@@ -91,9 +150,7 @@ class BulletArm:
             rates = times(self.to_principal, times(right_jacobian(phi), phi_rates))
         else:
             positions, rates = self._coordinate * q, self._coordinate * rates
-        self._bullet.resetJointStatesMultiDof(
-            self.body, self.joints, positions.tolist(), rates.tolist(), physicsClientId=self._client
-        )
+        self._client.resetJointStatesMultiDof(self.body, self.joints, positions.tolist(), rates.tolist())
 
     def drive(self, effort: Array, q: Array) -> None:
         """Efforts (n, a) conjugate to the coordinates q (n, a) during the next step."""
@@ -105,30 +162,35 @@ class BulletArm:
 
     def drive_torques(self, torques: Array) -> None:
         """Torques (n, 1) or (n, 3) as Bullet takes them, during the next step."""
-        self._bullet.setJointMotorControlMultiDofArray(
-            self.body,
-            self.joints,
-            self._bullet.TORQUE_CONTROL,
-            forces=torques.tolist(),
-            physicsClientId=self._client,
+        control = self._client.TORQUE_CONTROL
+        self._client.setJointMotorControlMultiDofArray(
+            self.body, self.joints, control, forces=torques.tolist()
         )
 
     def pull(self, link: int, force_n: Array, point_m: Array) -> None:
         """A world force at a world point of a link (−1: the base) during the next step."""
-        self._bullet.applyExternalForce(
-            self.body,
-            link,
-            (self._scale.force * np.asarray(force_n, float)).tolist(),
-            (self._scale.length * np.asarray(point_m, float)).tolist(),
-            self._bullet.WORLD_FRAME,
-            physicsClientId=self._client,
-        )
+        force = (self._scale.force * np.asarray(force_n, float)).tolist()
+        point = (self._scale.length * np.asarray(point_m, float)).tolist()
+        self._client.applyExternalForce(self.body, link, force, point, self._client.WORLD_FRAME)
+
+    def pull_loads(
+        self, statics: ChainStatics, loads: Loads, q: Array, carriage: Array | None = None
+    ) -> None:
+        """Tip force, point forces and cords during the next step, from a base moved by the carriage (3,)."""
+        if loads.tip_force_n.any():
+            self.pull(self.tip, loads.tip_force_n, self.moving_markers()[-1])
+        if loads.forces or loads.cords:
+            pose = statics.geometry.forward(q)
+            if carriage is not None:
+                pose = replace(pose, origins=pose.origins + carriage)
+            for acting in statics.acting(pose, loads):
+                if acting.body:
+                    self.pull(acting.body - 1, acting.force_n, acting.point_m)
 
     def moving_markers(self) -> Array:
         """(n + 1, 3) joints and tip from Bullet's own kinematics."""
-        states = self._bullet.getLinkStates(
-            self.body, [*self.joints, self.tip], computeForwardKinematics=1, physicsClientId=self._client
-        )
+        links = [*self.joints, self.tip]
+        states = self._client.getLinkStates(self.body, links, computeForwardKinematics=1)
         # Entries 4 and 5 are the link's own frame; 0 and 1 would be its centre of mass.
         return np.array([state[4] for state in states], float) / self._scale.length
 
@@ -137,38 +199,21 @@ class BulletArm:
 
         Bullet gives every joint a motor of its own accord.
         """
+        client = self._client
         for joint in self.joints:
             if self.ball:
-                self._bullet.setJointMotorControlMultiDof(
+                client.setJointMotorControlMultiDof(
                     self.body,
                     joint,
-                    self._bullet.POSITION_CONTROL,
+                    client.POSITION_CONTROL,
                     targetPosition=[0.0, 0.0, 0.0, 1.0],
                     targetVelocity=[0.0, 0.0, 0.0],
                     positionGain=0.0,
                     velocityGain=1.0 if force else 0.0,
                     force=[force] * 3,
-                    physicsClientId=self._client,
                 )
             else:
-                self._bullet.setJointMotorControl2(
-                    self.body,
-                    joint,
-                    self._bullet.VELOCITY_CONTROL,
-                    force=force,
-                    physicsClientId=self._client,
-                )
-
-    def _free(self) -> None:
-        """Remove what PyBullet adds by default: link damping, velocity limits and joint motors."""
-        for link in range(-1, self.tip + 1):
-            # One property per call: some combinations in one call are lost.
-            for setting in ("linearDamping", "angularDamping", "jointDamping"):
-                self._bullet.changeDynamics(self.body, link, physicsClientId=self._client, **{setting: 0.0})
-            self._bullet.changeDynamics(
-                self.body, link, maxJointVelocity=UNLIMITED_VELOCITY, physicsClientId=self._client
-            )
-        self.hold(0.0)
+                client.setJointMotorControl2(self.body, joint, client.VELOCITY_CONTROL, force=force)
 
 
 def times(matrices: Array, vectors: Array) -> Array:

@@ -1,31 +1,40 @@
-"""A scene in PyBullet: arms on a carriage, free objects, a floor."""
+"""A scene in PyBullet: arms on a carriage, free objects and floor as multibodies of a scaled world.
+
+The carriage is the free base of every arm, so heavy that nothing on the arm moves it: contacts feel its
+velocity, which they do not on a fixed base that is moved by hand. Its own weight is held at every step.
+"""
 
 from __future__ import annotations
 
 import math
 import tempfile
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from itertools import pairwise
+from collections.abc import Iterable, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
 from pliant.errors import UserError
-from pliant.interfaces.physics import SceneSimulation
-from pliant.mechanics.efforts import JointEfforts
 from pliant.mechanics.inertia import longest_explicit_step, mass_matrix
-from pliant.mechanics.statics import ChainStatics, Loads
-from pliant.records.chain import ChainModel
-from pliant.records.design import Array
-from pliant.records.rollout import Inputs, OutsideDomain
-from pliant.records.scene import Contact, Scene, SceneState
+from pliant.mechanics.kinematics import ChainGeometry
+from pliant.mechanics.rotations import matrix_of_quaternion
+from pliant.records.design import Array, MassProperties
+from pliant.records.scene import Arm, Contact, FreeBody, Part, Scene, SceneState
 from pliant_plugins.physics.compiled.efforts import efforts
 from pliant_plugins.physics.compiled.laws import CompiledLaws
-from pliant_plugins.physics.dynamic import arms_outside_domain, loads_of_arms
+from pliant_plugins.physics.dynamic import ArmsScene, contact_of
+from pliant_plugins.physics.pybullet.arm import UNLIMITED_VELOCITY, BulletArm, WorldScale, check_size
+from pliant_plugins.physics.pybullet.client import Client, quaternion
 from pliant_plugins.physics.pybullet.config import PybulletConfig
-from pliant_plugins.physics.pybullet.urdf import floored
-from pliant_plugins.physics.pybullet.world import BulletWorld, read_contacts
+from pliant_plugins.physics.pybullet.urdf import (
+    CollisionWriter,
+    body_urdf,
+    chain_tree,
+    document,
+    floored,
+    moving,
+    principal,
+)
 
 # A joint beyond this has been thrown around, not bent.
 UNBOUNDED = 50.0
@@ -33,36 +42,53 @@ UNBOUNDED = 50.0
 STABLE_FOR_S = 0.05
 # Share of 1 / (fastest rate) that a step takes; explicit efforts are stable up to 2, their damping up to 1.
 COURANT = 0.8
+# How many times heavier than everything in the scene the carriage is.
+CARRIAGE_SHARE = 1e9
+ARMS, OBJECTS, FLOOR = 2, 4, 8
 
 
-class BulletScene(SceneSimulation):
-    """Explicit torques of the laws at every step; all arms' laws in one call."""
+class BulletObject(NamedTuple):
+    """A free body; Bullet's frame is its principal frame at the centre of mass."""
+
+    body: int
+    mass: MassProperties
+    axes: Array
+
+
+class BulletScene(ArmsScene):
+    """One client in DIRECT mode, explicit torques of the laws at every step."""
 
     def __init__(self, scene: Scene, config: PybulletConfig) -> None:
-        self.scene = scene
+        for arm in scene.arms:
+            check_size(ChainGeometry.of(arm.chain))
+        super().__init__(
+            scene, [floored(arm.chain.with_(gravity_m_s2=scene.gravity_m_s2)) for arm in scene.arms]
+        )
         self._config = config
-        chains = [arm.chain.with_(gravity_m_s2=scene.gravity_m_s2) for arm in scene.arms]
-        self._chains = [floored(chain) for chain in chains]
-        self._statics = [ChainStatics(chain) for chain in self._chains]
-        self._efforts = SceneEfforts(self._chains)
-        self._world = BulletWorld(scene, config)
-        self._time_s, self._carriage = 0.0, np.zeros(3)
-        self._velocity = np.zeros(3)
-        self._pushes: dict[int, tuple[Array, Array]] = {}
-        self._loads: list[Loads] = []
-        self._pulled: list[bool] = []
+        self._laws = [None if chain.terms else CompiledLaws.of(chain) for chain in self._chains]
+        self._carriage = np.zeros(3)
+        self._pushes: dict[int, tuple[list[float], list[float]]] = {}
         self._stable_s, self._stable_until = math.inf, -math.inf
-        self._take([Loads.unactuated(chain) for chain in self._chains])
+        self.scale = WorldScale(config.world_scale)
+        self._parts: dict[int, Part] = {}
+        self.client = Client()
+        try:
+            self._fill()
+        except BaseException:
+            self.close()
+            raise
 
-    def apply(self, inputs: Sequence[Inputs]) -> None:
-        self._take(loads_of_arms(self.scene, self._chains, inputs))
+    def close(self) -> None:
+        self.client.close()
 
-    def carry(self, velocity_m_s: Array) -> None:
-        self._velocity = np.array(velocity_m_s, float)
+    @property
+    def joints(self) -> Sequence[BulletArm]:
+        return self.arms
 
     def push(self, index: int, force_n: Array, moment_n_m: Array | None = None) -> None:
-        moment = np.zeros(3) if moment_n_m is None else np.array(moment_n_m, float)
-        self._pushes[range(len(self.scene.objects))[index]] = (np.array(force_n, float), moment)
+        force = self.scale.force * np.array(force_n, float)
+        moment = self.scale.torque * (np.zeros(3) if moment_n_m is None else np.array(moment_n_m, float))
+        self._pushes[range(len(self.scene.objects))[index]] = (force.tolist(), moment.tolist())
 
     def step(self, duration_s: float) -> None:
         parts = math.ceil(duration_s / STABLE_FOR_S - 1e-9)
@@ -70,8 +96,8 @@ class BulletScene(SceneSimulation):
             self._go_on(duration_s / parts)
 
     def snapshot(self) -> SceneState:
-        states = [arm.state() for arm in self._world.arms]
-        positions, rotations, velocities = self._world.object_states()
+        states = [arm.state() for arm in self.arms]
+        positions, rotations, velocities = self._object_states()
         return SceneState(
             time_s=self._time_s,
             carriage_m=self._carriage.copy(),
@@ -82,7 +108,7 @@ class BulletScene(SceneSimulation):
             velocities=velocities,
             memories=(None,) * len(states),
             private={
-                "bullet": self._saved(),
+                "bullet": self._world(),
                 "stable_step": np.array([self._stable_s, self._stable_until]),
             },
         )
@@ -90,33 +116,52 @@ class BulletScene(SceneSimulation):
     def restore(self, state: SceneState) -> None:
         self._time_s, self._carriage = state.time_s, state.carriage_m.copy()
         if "bullet" in state.private:
-            self._load(state.private["bullet"])
+            self._world(state.private["bullet"])
             self._stable_s, self._stable_until = state.private["stable_step"].tolist()
             return
         # A state of another engine: Bullet's contact points and their impulses begin anew.
         self._stable_until = -math.inf
-        self._world.place_bases(self.scene, self._carriage)
-        self._world.move_bases(self._velocity)
-        for arm, q, rates in zip(self._world.arms, state.coordinates, state.rates, strict=True):
+        for arm, chain in zip(self.arms, self._chains, strict=True):
+            place = self.scale.length * (np.asarray(chain.base_position_m, float) + self._carriage)
+            turned = quaternion(chain.base_rotation)
+            self.client.resetBasePositionAndOrientation(arm.body, place.tolist(), turned)
+        self._move_bases()
+        for arm, q, rates in zip(self.arms, state.coordinates, state.rates, strict=True):
             arm.place(q, rates)
-        objects = zip(state.positions_m, state.rotations, state.velocities, strict=True)
-        for k, (position, rotation, velocity) in enumerate(objects):
-            self._world.place_object(k, position, rotation, velocity)
+        objects = zip(self.objects, state.positions_m, state.rotations, state.velocities, strict=True)
+        for one, position, rotation, velocity in objects:
+            offset = rotation @ one.mass.com_m
+            centre = self.scale.length * (position + offset)
+            linear = self.scale.length * (velocity[:3] + np.cross(velocity[3:], offset))
+            turned = quaternion(rotation @ one.axes)
+            self.client.resetBasePositionAndOrientation(one.body, centre.tolist(), turned)
+            self.client.resetBaseVelocity(one.body, linear.tolist(), velocity[3:].tolist())
 
     def markers(self, arm: int) -> Array:
-        base = self._world.bases_m()[arm]
-        return np.concatenate([base[None], self._world.arms[arm].moving_markers()])
+        place = self.client.getBasePositionAndOrientation(self.arms[arm].body)[0]
+        base = np.reshape(place, (1, 3)) / self.scale.length
+        return np.concatenate([base, self.arms[arm].moving_markers()])
 
     def contacts(self) -> tuple[Contact, ...]:
-        world = self._world
-        return read_contacts(world.bullet, world.client, world.parts, world.scale)
+        contacts = []
+        for point in self.client.getContactPoints():
+            _, a, b, link_a, link_b, on_a, on_b, normal_on_b, distance, press, *friction = point
+            if press <= 0.0 and distance > 0.0:
+                continue
+            one, other = (self._part(body, link) for body, link in ((a, link_a), (b, link_b)))
+            # Bullet's normal points from b to a, and its forces are those on a.
+            along1, dir1, along2, dir2 = friction
+            on_one = along1 * np.asarray(dir1, float) + along2 * np.asarray(dir2, float)
+            middle = 0.5 * (np.asarray(on_a, float) + np.asarray(on_b, float)) / self.scale.length
+            normal, force = -1.0 * np.asarray(normal_on_b, float), -1.0 * on_one / self.scale.force
+            press_n, order = press / self.scale.force, "arm object floor"
+            contacts.append(contact_of(one, other, middle, normal, press_n, force, order))
+        return tuple(contacts)
 
-    def outside_domain(self) -> tuple[OutsideDomain, ...]:
-        coordinates = [arm.state()[0] for arm in self._world.arms]
-        return arms_outside_domain(self._statics, coordinates, self._loads, self._time_s)
-
-    def close(self) -> None:
-        self._world.close()
+    def _part(self, body: int, link: int) -> Part:
+        """Link −1 is body 0; the tip link has no shapes."""
+        part = self._parts[body]
+        return part._replace(body=link + 1) if part.kind == "arm" else part
 
     def _go_on(self, duration_s: float) -> None:
         """Advance by less than the time for which a stable step is trusted."""
@@ -124,162 +169,160 @@ class BulletScene(SceneSimulation):
             self._stable_s = self._stable_step()
             self._stable_until = self._time_s + STABLE_FOR_S
         n_steps = max(1, math.ceil(duration_s / min(self._config.timestep_s, self._stable_s) - 1e-9))
-        self._world.set_timestep(duration_s / n_steps)
-        self._world.move_bases(self._velocity)
+        self.client.setTimeStep(duration_s / n_steps)
+        self._move_bases()
+        client, origin = self.client, [0.0, 0.0, 0.0]
         for k in range(n_steps):
             self._drive(self._carriage + self._velocity * (duration_s * k / n_steps))
-            self._world.advance()
+            for arm, hold in zip(self.arms, self._holds, strict=True):
+                client.applyExternalForce(arm.body, -1, hold, origin, client.LINK_FRAME)
+            client.stepSimulation()
         self._carriage = self._carriage + self._velocity * duration_s
         self._time_s += duration_s
         self._check_bounds()
 
-    def _take(self, loads: list[Loads]) -> None:
-        self._loads = loads
-        self._pulled = [bool(one.tip_force_n.any() or one.forces or one.cords) for one in loads]
-        self._efforts.under(loads)
+    def _move_bases(self) -> None:
+        velocity = (self.scale.length * self._velocity).tolist()
+        for arm in self.arms:
+            self.client.resetBaseVelocity(arm.body, velocity, [0.0, 0.0, 0.0])
 
     def _drive(self, carriage: Array) -> None:
         """Torques and forces of the next step."""
-        states = [arm.state() for arm in self._world.arms]
-        efforts = self._efforts.evaluate([q for q, _ in states])
-        damping = self._config.joint_damping
-        for k, (arm, (q, rates), effort) in enumerate(zip(self._world.arms, states, efforts, strict=True)):
-            loads = self._loads[k]
+        states = [arm.state() for arm in self.arms]
+        for k, (arm, (q, rates)) in enumerate(zip(self.arms, states, strict=True)):
+            loads, effort = self._loads[k], self._effort(k, q)
             if loads.moment_n_m:
                 effort[:, self._statics[k].geometry.main] -= loads.moment_n_m
-            arm.drive(effort - damping * rates, q)
-            if self._pulled[k]:
-                self._pull(k, q, carriage)
-        for index, (force, moment) in self._pushes.items():
-            self._world.push(index, force, moment)
+            arm.drive(effort - self._config.joint_damping * rates, q)
+            arm.pull_loads(self._statics[k], loads, q, carriage)
+        for index, (force, moment) in self._pushes.items():  # at the centre of mass
+            body, frame = self.objects[index].body, self.client.WORLD_FRAME
+            centre = self.client.getBasePositionAndOrientation(body)[0]
+            self.client.applyExternalForce(body, -1, force, centre, frame)
+            self.client.applyExternalTorque(body, -1, moment, frame)
 
-    def _pull(self, k: int, q: Array, carriage: Array) -> None:
-        """Tip force, point forces and cords of an arm."""
-        loads, arm = self._loads[k], self._world.arms[k]
-        if loads.tip_force_n.any():
-            arm.pull(arm.tip, loads.tip_force_n, arm.moving_markers()[-1])
-        if loads.forces or loads.cords:
-            pose = self._statics[k].geometry.forward(q)
-            there = replace(pose, origins=pose.origins + carriage)
-            for acting in self._statics[k].acting(there, loads):
-                if acting.body:
-                    arm.pull(acting.body - 1, acting.force_n, acting.point_m)
+    def _effort(self, k: int, q: Array) -> Array:
+        """(n, a) efforts of an arm's laws, without end moment."""
+        laws, joint_efforts, actuation = self._laws[k], self._statics[k].efforts, self._loads[k].actuation
+        if laws is None:
+            return joint_efforts.evaluate(q, actuation).tau
+        values, (n, a) = joint_efforts.values(actuation), q.shape
+        tau = np.empty((n, a))
+        efforts(laws.arrays, q, values, tau, np.empty((len(values), n, a)), np.empty((n, a, a)))
+        return tau
 
     def _stable_step(self) -> float:
         """Longest step at which explicit efforts and damping of every arm are stable from the present state."""
         longest = math.inf
-        for chain, arm, statics, loads in zip(
-            self._chains, self._world.arms, self._statics, self._loads, strict=True
-        ):
-            q = arm.state()[0]
-            mass = mass_matrix(chain, q)
-            stiffness = statics.balance(q, loads).stiffness
-            longest = min(
-                longest, longest_explicit_step(mass, stiffness, self._config.joint_damping, COURANT)
-            )
+        arms = zip(self._chains, self.arms, self._statics, self._loads, strict=True)
+        for chain, arm, statics, loads in arms:
+            stiffness = statics.balance(arm.q, loads).stiffness
+            mass, damping = mass_matrix(chain, arm.q), self._config.joint_damping
+            longest = min(longest, longest_explicit_step(mass, stiffness, damping, COURANT))
         return longest
 
     def _check_bounds(self) -> None:
-        for number, arm in enumerate(self._world.arms):
-            q = arm.state()[0]
-            if not np.isfinite(q).all() or np.abs(q).max() > UNBOUNDED:
-                raise UserError(
-                    f"arm {number} of the scene moves without bounds at {self._time_s:.3g} s in physics 'pybullet': "
-                    "take a smaller 'timestep', more 'joint_damping', or check the law"
-                )
-        for number, place in enumerate(self._world.object_states()[0]):
-            if not np.isfinite(place).all():
-                name = self.scene.objects[number].name
-                raise UserError(
-                    f"object '{name}' moves without bounds at {self._time_s:.3g} s in physics 'pybullet': "
-                    "take a smaller 'timestep', or place it without overlap"
-                )
+        def complain(what: str, advice: str) -> None:
+            raise UserError(
+                f"{what} moves without bounds at {self._time_s:.3g} s in physics 'pybullet': take a smaller "
+                f"'timestep', {advice}"
+            )
 
-    def _saved(self) -> Array:
-        """Bullet's whole world, contact points with their impulses among it, as numbers of one byte each."""
-        world = self._world
+        for number, arm in enumerate(self.arms):
+            q = arm.q
+            if not np.isfinite(q).all() or np.abs(q).max() > UNBOUNDED:
+                complain(f"arm {number} of the scene", "more 'joint_damping', or check the law")
+        for one, place in zip(self.scene.objects, self._object_states()[0], strict=True):
+            if not np.isfinite(place).all():
+                complain(f"object '{one.name}'", "or place it without overlap")
+
+    def _object_states(self) -> tuple[Array, Array, Array]:
+        """positions_m (k, 3), rotations (k, 3, 3) and velocities (k, 6) of the objects' own frames."""
+        count = len(self.objects)
+        positions, rotations = np.empty((count, 3)), np.empty((count, 3, 3))
+        velocities = np.empty((count, 6))
+        for k, one in enumerate(self.objects):
+            centre, turned = self.client.getBasePositionAndOrientation(one.body)
+            linear, angular = self.client.getBaseVelocity(one.body)
+            rotations[k] = matrix_of_quaternion(np.roll(turned, 1)) @ one.axes.T
+            offset = rotations[k] @ one.mass.com_m
+            positions[k] = np.asarray(centre) / self.scale.length - offset
+            velocities[k, :3] = np.asarray(linear) / self.scale.length - np.cross(angular, offset)
+            velocities[k, 3:] = angular
+        return positions, rotations, velocities
+
+    def _world(self, state: Array | None = None) -> Array:
+        """Bullet's whole world, contact points with their impulses among it, as bytes; set first where given."""
         with tempfile.TemporaryDirectory() as folder:
             path = Path(folder) / "world.bullet"
-            world.bullet.saveBullet(str(path), physicsClientId=world.client)
+            if state is not None:
+                path.write_bytes(np.asarray(state, np.uint8).tobytes())
+                self.client.restoreState(fileName=str(path))
+                return state
+            self.client.saveBullet(str(path))
             return np.frombuffer(path.read_bytes(), np.uint8)
 
-    def _load(self, saved: Array) -> None:
-        world = self._world
+    # -- the bodies of the world ----------------------------------------------------------------------------
+
+    def _fill(self) -> None:
+        """Load arms, objects and floor."""
+        scene, client = self.scene, self.client
+        # Gravity acts on every body, on the carriage too.
+        gravity = self.scale.length * np.asarray(scene.gravity_m_s2, float)
+        client.setGravity(*gravity.tolist())
+        client.setPhysicsEngineParameter(numSolverIterations=self._config.solver_iterations)
+        arms = sum(b.mass_kg for arm in scene.arms for b in arm.chain.bodies)
+        payloads = sum(arm.chain.payload_kg for arm in scene.arms)
+        total = arms + payloads + sum(one.mass.mass_kg for one in scene.objects) + 1e-3
+        carriage_kg = CARRIAGE_SHARE * self.scale.mass * total
         with tempfile.TemporaryDirectory() as folder:
-            path = Path(folder) / "world.bullet"
-            path.write_bytes(np.asarray(saved, np.uint8).tobytes())
-            world.bullet.restoreState(fileName=str(path), physicsClientId=world.client)
+            writer = CollisionWriter(Path(folder))
+            self.arms = [self._arm(k, arm, carriage_kg, writer) for k, arm in enumerate(scene.arms)]
+            self.objects = [self._object(k, one, writer) for k, one in enumerate(scene.objects)]
+        if scene.floor_m is not None:
+            plane = client.createCollisionShape(client.GEOM_PLANE)
+            place = [0.0, 0.0, self.scale.length * scene.floor_m]
+            body = client.createMultiBody(0.0, plane, basePosition=place)
+            self._add(body, Part("floor"), [-1], scene.floor_friction, FLOOR, OBJECTS | ARMS)
+        # In the frame of each base, which does not turn: held there, no rounding of places enters.
+        weight = carriage_kg * gravity
+        self._holds = [(-arm.chain.base_rotation.T @ weight).tolist() for arm in scene.arms]
 
-
-class SceneEfforts:
-    """Evaluates the laws of all arms at once: arms under the same actuation are one list of joints.
-
-    Coordinates of an arm have shape (n, a).
-    """
-
-    def __init__(self, chains: Sequence[ChainModel]) -> None:
-        self._chains = chains
-        self._joined: dict[tuple[int, ...], _Joined] = {}
-        self._groups: list[tuple[tuple[int, ...], Loads]] = []
-
-    def under(self, loads: Sequence[Loads]) -> None:
-        """Actuation and end moments of every arm from now on."""
-        groups: list[tuple[list[int], Loads]] = []
-        for number, load in enumerate(loads):
-            for members, theirs in groups:
-                if self._alike(members[0], number) and theirs.actuation == load.actuation:
-                    members.append(number)
-                    break
-            else:
-                groups.append(([number], load))
-        self._groups = [(tuple(members), load) for members, load in groups]
-        for key, _ in self._groups:
-            if key not in self._joined:
-                self._joined[key] = _Joined.of([self._chains[k] for k in key])
-
-    def evaluate(self, coordinates: Sequence[Array]) -> list[Array]:
-        """(n, a) efforts of the laws of each arm, without end moments."""
-        found: list[Array] = [np.empty(0)] * len(coordinates)
-        for members, load in self._groups:
-            joined = self._joined[members]
-            tau = joined.evaluate(np.concatenate([coordinates[k] for k in members]), load)
-            for k, joints in zip(members, joined.joints, strict=True):
-                found[k] = tau[joints]
-        return found
-
-    def _alike(self, one: int, other: int) -> bool:
-        a, b = self._chains[one], self._chains[other]
-        same_joints = a.laws[0].joint == b.laws[0].joint and a.axes == b.axes
-        return same_joints and a.actuators == b.actuators and a.terms == b.terms
-
-
-@dataclass(frozen=True, eq=False)
-class _Joined:
-    """Joints of several arms as one list; `joints` are those of each arm in it."""
-
-    laws: CompiledLaws | None
-    efforts: JointEfforts
-    joints: tuple[slice, ...]
-
-    @staticmethod
-    def of(chains: Sequence[ChainModel]) -> _Joined:
-        laws = list(dict.fromkeys(law for chain in chains for law in chain.laws))
-        joints = tuple(
-            replace(joint, law=laws.index(chain.laws[joint.law]))
-            for chain in chains
-            for joint in chain.joints
+    def _arm(self, number: int, arm: Arm, carriage_kg: float, writer: CollisionWriter) -> BulletArm:
+        chain = self.scale.chain(floored(arm.chain))
+        base = MassProperties(carriage_kg, np.zeros(3), carriage_kg * np.eye(3))
+        body = self._load(
+            document(chain_tree(chain, base, writer)), chain.base_position_m, chain.base_rotation, writer
         )
-        joined = chains[0].with_(joints=joints, laws=tuple(laws))
-        compiled = None if joined.terms else CompiledLaws.of(joined)
-        ends = np.cumsum([0, *(chain.n_joints for chain in chains)]).tolist()
-        spans = tuple(slice(first, last) for first, last in pairwise(ends))
-        return _Joined(compiled, JointEfforts(joined), spans)
+        links = range(-1, chain.n_joints + 1)
+        self._add(body, Part("arm", number), links, arm.friction, ARMS, OBJECTS | FLOOR)
+        return BulletArm(self.client, body, chain, self.scale)
 
-    def evaluate(self, q: Array, load: Loads) -> Array:
-        if self.laws is None:
-            return self.efforts.evaluate(q, load.actuation).tau
-        n, a = q.shape
-        values = self.efforts.values(load.actuation)
-        tau = np.empty((n, a))
-        efforts(self.laws.arrays, q, values, tau, np.empty((len(values), n, a)), np.empty((n, a, a)))
-        return tau
+    def _object(self, number: int, given: FreeBody, writer: CollisionWriter) -> BulletObject:
+        piece = self.scale.piece(moving(given.mass))
+        shapes = [self.scale.shape(shape) for shape in given.shapes]
+        place = self.scale.length * np.asarray(given.position_m, float)
+        body = self._load(body_urdf(piece, shapes, writer), place, given.rotation, writer)
+        self._add(body, Part("object", number), [-1], given.friction, OBJECTS, ARMS | OBJECTS | FLOOR)
+        self.client.set_dynamics(body, [-1], linearDamping=0.0, angularDamping=0.0)
+        self.client.set_dynamics(body, [-1], maxJointVelocity=UNLIMITED_VELOCITY)
+        return BulletObject(body, given.mass, principal(moving(piece))[1])
+
+    def _load(self, urdf: str, place: Array, rotation: Array, writer: CollisionWriter) -> int:
+        return self.client.load(
+            writer.folder / f"body_{len(self._parts)}.urdf", urdf, place, rotation, fixed=False
+        )
+
+    def _add(
+        self, body: int, part: Part, links: Iterable[int], friction: float, group: int, mask: int
+    ) -> None:
+        """Friction and what collides with what. Bullet multiplies coefficients, as the scene's rule has it."""
+        self._parts[body] = part
+        none = {"rollingFriction": 0.0, "spinningFriction": 0.0, "restitution": 0.0}
+        for link in links:
+            # In one call with other settings friction would stay at 0.5.
+            self.client.set_dynamics(body, [link], lateralFriction=friction, **none)
+            self.client.set_dynamics(body, [link], frictionAnchor=self._config.friction_anchors)
+            self.client.setCollisionFilterGroupMask(body, link, group, mask)
+            kept = self.client.getDynamicsInfo(body, link)[1]
+            assert abs(kept - friction) < 1e-9, f"Bullet kept a friction of {kept} instead of {friction}"

@@ -141,13 +141,6 @@ MASS_FLOOR_KG = 1e-12
 INERTIA_FLOOR_KG_M2 = 1e-9
 
 
-def chain_urdf(
-    chain: ChainModel, base: MassProperties | None = None, collisions: CollisionWriter | None = None
-) -> str:
-    """The URDF document of `chain_tree`."""
-    return document(chain_tree(chain, base, collisions))
-
-
 def chain_tree(
     chain: ChainModel, base: MassProperties | None = None, collisions: CollisionWriter | None = None
 ) -> ElementTree.Element:

@@ -15,14 +15,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from pliant.errors import UserError
-from pliant.interfaces.physics import (
-    Capabilities,
-    Case,
-    PhysicsBackend,
-    Simulation,
-    SimulationState,
-    Variation,
-)
+from pliant.interfaces.physics import Capabilities, Case, PhysicsBackend, SimulationState, Variation
 from pliant.mechanics.efforts import actuation_values
 from pliant.mechanics.statics import ChainStatics, Loads
 from pliant.mechanics.terms import LawTerms
@@ -31,32 +24,31 @@ from pliant.records.design import Array
 from pliant.records.history import History
 from pliant.records.rollout import Equilibrium, Inputs, OutsideDomain, Sensitivity
 from pliant_plugins.physics.quasistatic.config import QuasistaticConfig
-from pliant_plugins.physics.quasistatic.newton import NewtonOptions, PlainSolver, Solution, Solver
-from pliant_plugins.physics.stepping import Paths, step_through
+from pliant_plugins.physics.quasistatic.newton import NewtonOptions, Solution, Solver, minimise, sensitivity
+from pliant_plugins.physics.stepping import Paths, Steppable, step_through
 
 if TYPE_CHECKING:
-    from pliant_plugins.physics.quasistatic.compiled_solver import CompiledSolver, Packs
+    from pliant_plugins.physics.quasistatic.compiled_solver import Packs
     from pliant_plugins.physics.quasistatic.histories import HingeFollower
 
 # Cases that a thread takes at a time.
 CASES_AT_ONCE = 16
 
 
-class QuasistaticSimulation(Simulation):
+class QuasistaticSimulation(Steppable):
     """A chain that is always in equilibrium; it has no velocity, but its law terms may have a memory.
 
     `settle` reaches the present inputs slowly, `step` within the time given.
     """
 
     def __init__(self, chain: ChainModel, config: QuasistaticConfig, solver: Solver | None = None) -> None:
-        self.chain = chain
+        super().__init__(chain)
         self._config = config
-        self._solver = solver or PlainSolver(self._statics, newton_options(chain, config))
-        self._time_s = 0.0
+        options = newton_options(chain, config)
+        self._solve = solver or (lambda q, loads: minimise(self._statics, loads, q, options))
         self._q = np.zeros((chain.n_joints, len(chain.axes)))
         # The last loads whose equilibrium is known: continuation starts there.
         self._settled_q, self._settled_loads = self._q, Loads.none(chain)
-        self._loads = Loads.unactuated(chain)
         self._memory = LawTerms(chain.terms, self._q.shape).rested()
         self._settled: Equilibrium | None = None
 
@@ -69,22 +61,21 @@ class QuasistaticSimulation(Simulation):
         self._loads = Loads.of(self.chain, inputs)
 
     def settle(self) -> Equilibrium:
-        return self.advance(math.inf)
+        return self._reach(math.inf)
 
     def step(self, duration_s: float) -> None:
         self._time_s += duration_s
-        self.advance(duration_s)
+        self._reach(duration_s)
 
-    def warm(self, temperature_c: float) -> None:
-        """Set the temperature that law terms see from now on."""
-        self._memory = replace(self._memory, temperature_c=temperature_c)
+    def advance(self, duration_s: float) -> bool:
+        return self._reach(duration_s).converged
 
-    def advance(self, duration_s: float) -> Equilibrium:
+    def _reach(self, duration_s: float) -> Equilibrium:
         """The equilibrium at the end of a step of this duration; infinite where it is reached slowly."""
         start = time.perf_counter()
         if self.chain.terms:
             self._loads = self._loads.after(self._memory.over(duration_s))
-        solution = self._solver.solve(self._q, self._loads)
+        solution = self._solve(self._q, self._loads)
         if not solution.converged:
             solution = self._continue(solution)
         self._q = solution.q
@@ -116,19 +107,14 @@ class QuasistaticSimulation(Simulation):
                 "the chain has not settled in an equilibrium, so its answer has no derivatives: call settle() "
                 "and see that it converged"
             )
-        from pliant_plugins.physics.quasistatic.sensitivity import sensitivity  # numba takes a second
-
         return sensitivity(self.chain, self._statics, self._settled_q, self._settled_loads)
 
     def snapshot(self) -> SimulationState:
-        memory = self._memory.states.copy()
-        return SimulationState(self._time_s, self._q.copy(), np.zeros_like(self._q), memory)
+        return self._state(self._q.copy(), np.zeros_like(self._q))
 
     def restore(self, state: SimulationState) -> None:
-        self._time_s, self._q = state.time_s, state.position.copy()
-        rested = self._statics.efforts.terms.rested()
-        states = rested.states if state.memory is None else state.memory.copy()
-        self._memory = replace(self._memory, previous=self._q.copy(), states=states)
+        self._q = state.position.copy()
+        self._recall(state, self._statics.efforts.terms)
 
     def markers(self) -> Array:
         return self._statics.geometry.markers(self._q)
@@ -143,7 +129,7 @@ class QuasistaticSimulation(Simulation):
         while done < 1.0 and step >= self._config.smallest_step:
             target = min(1.0, done + step)
             loads = self._settled_loads.between(self._loads, target)
-            last = self._solver.solve(q, loads)
+            last = self._solve(q, loads)
             iterations += last.iterations
             if last.converged:
                 q, done, step = last.q, target, 2.0 * step
@@ -180,17 +166,14 @@ class Quasistatic(PhysicsBackend):
     def build(self, chain: ChainModel) -> QuasistaticSimulation:
         return QuasistaticSimulation(chain, self.config, self._compiled(chain))
 
-    def _compiled(self, chain: ChainModel) -> CompiledSolver | None:
+    def _compiled(self, chain: ChainModel) -> Solver | None:
         """The compiled way; None for chains with law terms or laws that cannot be compiled."""
         if chain.terms or (self._packs is None and any(law.scalar() is None for law in chain.laws)):
             return None
-        from pliant_plugins.physics.quasistatic.compiled_solver import (
-            CompiledSolver,
-            Packs,  # numba takes a second
-        )
+        from pliant_plugins.physics.quasistatic import compiled_solver as compiled  # numba takes a second
 
-        self._packs = self._packs or Packs()
-        return CompiledSolver.of(chain, newton_options(chain, self.config), self._packs)
+        self._packs = self._packs or compiled.Packs()
+        return compiled.compiled_solver(chain, newton_options(chain, self.config), self._packs)
 
     def settle_batch(self, cases: Sequence[Case]) -> tuple[Equilibrium, ...]:
         """Each chain from its straight state, on all cores: compiled loops run beside each other."""
@@ -210,7 +193,7 @@ class Quasistatic(PhysicsBackend):
         followed = histories and chain.laws[0].joint == "revolute"
         if not followed and (chain.terms or any(law.scalar() is None for law in chain.laws)):
             return None
-        from pliant_plugins.physics.compiled.freshness import is_cached  # numba takes a second
+        from pliant_plugins.physics.compiled import is_cached  # numba takes a second
         from pliant_plugins.physics.quasistatic.kernel import is_compiled
 
         if is_compiled() if followed else is_cached("equilibrium", "settle"):

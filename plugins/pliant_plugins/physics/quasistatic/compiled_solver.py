@@ -3,23 +3,81 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from threading import Lock
-from typing import Any, TypeVar
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from pliant.mechanics.efforts import actuation_values
+from pliant.mechanics.kinematics import ChainGeometry
 from pliant.mechanics.statics import Loads
 from pliant.records.chain import ChainModel
 from pliant.records.design import Array
-from pliant_plugins.physics.compiled.body import Body, load_arrays
 from pliant_plugins.physics.compiled.equilibrium import settle
 from pliant_plugins.physics.compiled.laws import CompiledLaws
-from pliant_plugins.physics.quasistatic.newton import NewtonOptions, Solution
+from pliant_plugins.physics.quasistatic.newton import NewtonOptions, Solution, Solver
 
+KINDS = ("revolute", "spherical", "prismatic")
 MOST_PACKS = 256
-Packed = TypeVar("Packed")
+NO_ROWS, NO_BODIES = np.zeros((0, 3)), np.zeros(0, np.int64)
+
+
+class Body(NamedTuple):
+    """What of a chain does not move: kind of joint, its axes (a,), position, base rotation, offsets, rest rotations.
+
+    `arms` and `masses` have n + 1 entries: the moving bodies' centres of mass, then the tip without a mass.
+    """
+
+    kind: int
+    axes: Any
+    main: int
+    position: Array
+    rotation: Array
+    offsets: Array
+    rests: Array
+    arms: Array
+    masses: Array
+
+    @staticmethod
+    def of(chain: ChainModel) -> Body:
+        geometry = ChainGeometry.of(chain)
+        moving = chain.bodies[1:]
+        return Body(
+            KINDS.index(geometry.kind),
+            np.argmax(geometry.basis, axis=0).astype(np.int64),
+            geometry.main,
+            _plain(geometry.base_position),
+            _plain(geometry.base_rotation),
+            _plain(geometry.offsets),
+            _plain(geometry.rest_rotations),
+            np.array([*(b.com_m for b in moving), chain.tip_offset_m], float),
+            np.array([*(b.mass_kg for b in moving), 0.0], float),
+        )
+
+
+def load_arrays(loads: Loads, pressures: Array, payload_kg: float) -> tuple[Any, ...]:
+    """What the compiled statics take: pressures (k,), gravity, tip force, moment, payload, forces, cords.
+
+    Forces are bodies (m,), points (m, 3) and forces (m, 3); cords bodies, points, pulleys and tensions (c,).
+    """
+
+    def of_all(acting: Any, *names: str) -> tuple[Any, ...]:
+        bodies = np.array([load.body for load in acting], np.int64) if acting else NO_BODIES
+        rows = ([getattr(load, name) for load in acting] for name in names)
+        return bodies, *(np.array(row, float) if row else NO_ROWS for row in rows)
+
+    gravity, tip_force = _plain(loads.gravity_m_s2), _plain(loads.tip_force_n)
+    return (
+        *(pressures, gravity, tip_force, float(loads.moment_n_m), float(payload_kg)),
+        *of_all(loads.forces, "point_m", "force_n"),
+        *of_all(loads.cords, "point_m", "pulley_m"),
+        np.array([cord.tension_n for cord in loads.cords], float),
+    )
+
+
+def _plain(values: Array) -> Array:
+    """A copy: contiguous and writable, because numba compiles anew for arrays that are not."""
+    return np.array(values, float, order="C")
 
 
 class Packs:
@@ -29,64 +87,44 @@ class Packs:
         self._kept: dict[tuple[Any, ...], tuple[ChainModel, Any]] = {}
         self._lock = Lock()
 
-    def laws(self, chain: ChainModel) -> CompiledLaws | None:
-        """See `CompiledLaws.of`; loads, payload and pose of a chain do not matter."""
-        key = ("laws", *map(id, chain.laws), id(chain.joints), chain.actuators)
-        return self._keep(key, chain, CompiledLaws.of)
+    def of(self, chain: ChainModel) -> tuple[tuple[Any, ...], CompiledLaws | None]:
+        """`Body` and `CompiledLaws` of a chain, whose loads, payload and gravity do not matter."""
+        base = (chain.base_position_m, chain.base_rotation)
+        parts = (chain.joints, chain.bodies, chain.laws, chain.tip_offset_m, *base)
+        laws = ("laws", *map(id, chain.laws), id(chain.joints), chain.actuators)
+        body = self._keep(("body", *map(id, parts)), chain, lambda c: tuple(Body.of(c)))
+        return body, self._keep(laws, chain, CompiledLaws.of)
 
-    def body(self, chain: ChainModel) -> tuple[Any, ...]:
-        """See `Body.arrays`; loads, payload and gravity of a chain do not matter."""
-        parts = (
-            chain.joints,
-            chain.bodies,
-            chain.laws,
-            chain.tip_offset_m,
-            chain.base_position_m,
-            chain.base_rotation,
-        )
-        return self._keep(("body", *map(id, parts)), chain, lambda c: Body.of(c).arrays)
-
-    def _keep(self, key: tuple[Any, ...], chain: ChainModel, make: Callable[[ChainModel], Packed]) -> Packed:
-        found = self._kept.get(key)
-        if found is None:
+    def _keep(self, key: tuple[Any, ...], chain: ChainModel, make: Callable[[ChainModel], Any]) -> Any:
+        known = self._kept.get(key)
+        if known is None:
             # The chain is kept: the identities of its parts stay their own.
-            found = (chain, make(chain))
+            known = (chain, make(chain))
             with self._lock:
                 while len(self._kept) >= MOST_PACKS:
                     self._kept.pop(next(iter(self._kept)))
-                self._kept[key] = found
-        packed: Packed = found[1]
-        return packed
+                self._kept[key] = known
+        return known[1]
 
 
-@dataclass(frozen=True, eq=False)
-class CompiledSolver:
-    """`pliant_plugins.physics.compiled`: chains without law terms whose laws all have a scalar form."""
+def compiled_solver(chain: ChainModel, options: NewtonOptions, packs: Packs) -> Solver | None:
+    """The solver of a chain without law terms whose laws all have a scalar form; None for others.
 
-    chain: ChainModel
-    body: tuple[Any, ...]
-    laws: tuple[Any, ...]
-    boxes: Array
-    options: tuple[float, int, float]
+    Where Newton's way fails it follows the overdamped motion from q.
+    """
+    body, laws = packs.of(chain)
+    if chain.terms or laws is None:
+        return None
+    parts = (body, laws.arrays, laws.boxes)
 
-    @staticmethod
-    def of(chain: ChainModel, options: NewtonOptions, packs: Packs) -> CompiledSolver | None:
-        """None for a chain that it cannot solve."""
-        body, laws = packs.body(chain), packs.laws(chain)
-        if chain.terms or laws is None:
-            return None
-        numbers = (options.tolerance, options.max_iterations, options.max_step)
-        solver = CompiledSolver(chain, body, laws.arrays, laws.boxes, numbers)
-        if not settle.signatures:  # compile or load now, so that no equilibrium's time includes it
-            solver.solve(np.zeros((chain.n_joints, len(chain.axes))), Loads.none(chain))
-        return solver
-
-    def solve(self, q: Array, loads: Loads) -> Solution:
-        """See `Solver`; where Newton's way fails it follows the overdamped motion from q."""
-        pressures = actuation_values(self.chain.actuators, loads.actuation)
-        arrays = load_arrays(loads, pressures, self.chain.payload_kg)
+    def solve(q: Array, loads: Loads) -> Solution:
+        pressures = actuation_values(chain.actuators, loads.actuation)
+        arrays = load_arrays(loads, pressures, chain.payload_kg)
         q, markers = q.copy(), np.empty((len(q) + 2, 3))
-        converged, stable, size, iterations, outside = settle(
-            self.body, self.laws, self.boxes, arrays, q, markers, self.options, True
-        )
+        *found, outside = settle(*parts, arrays, q, markers, tuple(options), True)
+        converged, stable, size, iterations = found
         return Solution(q, size, converged, stable, iterations, markers, not outside)
+
+    if not settle.signatures:  # compile or load now, so that no equilibrium's time includes it
+        solve(np.zeros((chain.n_joints, len(chain.axes))), Loads.none(chain))
+    return solve

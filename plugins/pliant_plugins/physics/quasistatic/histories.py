@@ -1,11 +1,11 @@
-"""Histories of a hinge chain in the compiled loop."""
+"""Histories of a hinge chain in the compiled loop: chain and runs as arrays, laws as tables of bicubic cells."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -16,16 +16,127 @@ from pliant.records.design import Array
 from pliant.records.history import Followed, History
 from pliant.records.law import JointLaw
 from pliant.records.term import LawTerm
-from pliant_plugins.physics.compiled.body import Body
-from pliant_plugins.physics.compiled.functions import CompiledTerms
+from pliant_plugins.physics.compiled.laws import CompiledTerms
+from pliant_plugins.physics.quasistatic.compiled_solver import Body
 from pliant_plugins.physics.quasistatic.config import QuasistaticConfig
 from pliant_plugins.physics.quasistatic.kernel import follow
-from pliant_plugins.physics.quasistatic.packing import Clock, Drive, LawTable, tabulate
-from pliant_plugins.physics.stepping import Paths
+from pliant_plugins.physics.stepping import Paths, check_driven, n_parts
 
 # Tables reach this much beyond the actuation that occurs, so that fits may scale and shift it.
 MARGIN = 0.5
 MOST_TABLES = 64
+
+
+class Drive(NamedTuple):
+    """What changes from sample to sample, of all runs one after another: N samples, m actuators."""
+
+    pressure: Array
+    force: Array
+    moment: Array
+    payload: Array
+    temperature: Array
+    angles: Array
+
+    @staticmethod
+    def of(chain: ChainModel, histories: Sequence[History]) -> Drive:
+        """Raises `UserError` where a history lacks an input of the chain, or a number of it."""
+        join = np.concatenate
+        if any(a.input not in h.actuation for a in chain.actuators for h in histories):
+            check_driven(chain, histories)
+        pressures = [join([h.actuation[a.input] for h in histories]) for a in chain.actuators]
+        payloads = (
+            np.full(len(h), chain.payload_kg if h.payload_kg is None else h.payload_kg) for h in histories
+        )
+        drive = Drive(
+            np.stack(pressures, axis=1),
+            join([h.tip_force_n for h in histories]),
+            join([h.moment_n_m for h in histories]),
+            join(list(payloads)),
+            join([h.temperature_c for h in histories]),
+            join([h.base_angles_rad for h in histories]),
+        )
+        if not all(np.all(np.isfinite(values)) for values in drive):
+            check_driven(chain, histories)
+        return drive
+
+
+class Clock(NamedTuple):
+    """Time and order: duration of the step to each sample, whether a run starts there, whose specimen it is."""
+
+    duration: Array
+    start: Any
+    specimen: Any
+    n_specimens: int
+    substeps: Any
+
+    @staticmethod
+    def of(chain: ChainModel, histories: Sequence[History], longest_step_s: float) -> Clock:
+        """Steps longer than `longest_step_s` are cut into equal parts.
+
+        Raises:
+            UserError: a time that is not a number.
+        """
+        names = list(dict.fromkeys(h.specimen for h in histories))
+        lengths = [len(h) for h in histories]
+        first = np.cumsum([0, *lengths[:-1]])
+        timed = [h.time_s is not None for h in histories]
+        time = np.concatenate([np.zeros(len(h)) if h.time_s is None else h.time_s for h in histories])
+        if not np.all(np.isfinite(time)):
+            check_driven(chain, histories)
+        duration = np.diff(time, prepend=time[:1])
+        duration[first] = 0.0
+        duration[~np.repeat(timed, lengths)] = np.inf
+        start = np.zeros(len(duration), np.bool_)
+        start[first] = True
+        specimen = np.repeat([names.index(h.specimen) for h in histories], lengths)
+        finite = np.where(np.isfinite(duration), duration, 0.0)
+        return Clock(duration, start, specimen, len(names), n_parts(finite, longest_step_s))
+
+
+PRESSURE_NODES = 33
+ANGLE_NODES = 241
+# Cubic Hermite basis on [0, 1]: coefficients of 1, x, x², x³ from value and slope at both ends.
+HERMITE = np.array([[1, 0, 0, 0], [0, 0, 1, 0], [-3, 3, -2, -1], [2, -2, 1, 1]], float)
+
+
+class LawTable(NamedTuple):
+    """cells (p, u, 4, 4): coefficients of xᵃ yᵇ in each; grid: first p, step, first u, step."""
+
+    cells: Array
+    grid: Array
+
+
+def tabulate(law: JointLaw, actuation: tuple[float, float]) -> LawTable:
+    """Cells over the given actuation and the law's domain with as much again on both sides.
+
+    Values and first slopes of τ agree with the law at the nodes; between them the error is of fourth order in
+    the spacing. A law without a domain is tabulated over ±π.
+    """
+    p = np.linspace(*actuation, PRESSURE_NODES)
+    low, high = law.domain.deformation[0]
+    if np.isfinite(low) and np.isfinite(high):
+        width = high - low
+        low, high = max(-np.pi, low - width), min(np.pi, high + width)
+    else:
+        low, high = -np.pi, np.pi
+    u = np.linspace(low, high, ANGLE_NODES)
+    grid_p, grid_u = np.meshgrid(p, u, indexing="ij")
+    effort = law.evaluate(grid_p.ravel(), grid_u.reshape(-1, 1))
+    shape, dp, du = grid_p.shape, p[1] - p[0], u[1] - u[0]
+    value = effort.tau.reshape(shape)
+    in_p, in_u = effort.dtau_dp.reshape(shape) * dp, effort.dtau_du.reshape(shape) * du
+    mixed = np.gradient(in_u, axis=0, edge_order=2)
+    corners = np.empty((len(p) - 1, len(u) - 1, 4, 4))
+    for row, (by_value, by_u) in enumerate(((value, in_u), (in_p, mixed))):
+        for end in range(2):
+            rows = slice(end, len(p) - 1 + end)
+            for side in range(2):
+                columns = slice(side, len(u) - 1 + side)
+                corners[:, :, 2 * row + end, side] = by_value[rows, columns]
+                corners[:, :, 2 * row + end, 2 + side] = by_u[rows, columns]
+    # HERMITE @ corners @ HERMITE.T of every cell, as one product of two matrices: much faster.
+    cells = corners.reshape(-1, 16) @ np.kron(HERMITE, HERMITE).T
+    return LawTable(cells.reshape(corners.shape), np.array([p[0], dp, u[0], du]))
 
 
 @dataclass(eq=False)
@@ -52,47 +163,38 @@ class HingeFollower:
             and np.array_equal(drive.angles, changes[k].angles)
             and np.array_equal(clock.duration, clocks[k].duration)
         ]
-        q, dq, converged = self._run(
-            chain, drive, clock, [towards[k].chain for k in linear], [changes[k] for k in linear]
-        )
+        q, dq, converged = self._run(chain, drive, clock, [(towards[k].chain, changes[k]) for k in linear])
         paths = _split(histories, q, converged)
         differences: dict[int, tuple[Followed, ...]] = {}
         for row, k in enumerate(linear):
             differences[k] = _split(histories, dq[row], converged)
         for k in set(range(len(towards))) - set(linear):
-            there, _, _ = self._run(towards[k].chain, changes[k], clocks[k], [], [])
+            there, _, _ = self._run(towards[k].chain, changes[k], clocks[k], [])
             differences[k] = _split(histories, there - q, converged)
         return paths, tuple(differences[k] for k in range(len(towards)))
 
     def _run(
-        self,
-        chain: ChainModel,
-        drive: Drive,
-        clock: Clock,
-        towards: Sequence[ChainModel],
-        changes: Sequence[Drive],
+        self, chain: ChainModel, drive: Drive, clock: Clock, towards: Sequence[tuple[ChainModel, Drive]]
     ) -> tuple[Array, Array, Any]:
         body, terms = Body.of(chain), CompiledTerms.of(chain.terms, chain.n_joints)
         tables = [self._table(law, drive.pressure) for law in chain.laws]
-        n, m = drive.pressure.shape
         axis = int(body.axes[0])
         order = [(axis + 1) % 3, (axis + 2) % 3, axis]
         rests = np.ascontiguousarray(body.rests[:, order][:, :, order])
 
-        def stack(rows: list[Array], *shape: int) -> Array:
-            return np.ascontiguousarray(np.array(rows, float).reshape(len(rows), *shape))
+        def stack(rows: Sequence[Array], like: Array) -> Array:
+            return np.ascontiguousarray(np.array(rows, float).reshape(len(rows), *like.shape))
 
-        parameters = [CompiledTerms.of(c.terms, c.n_joints).parameters for c in towards]
+        gravity, flat = np.asarray(chain.gravity_m_s2, float), terms.arrays
+        parameters = [CompiledTerms.of(c.terms, c.n_joints).parameters for c, _ in towards]
+        gravities = [np.asarray(c.gravity_m_s2, float) for c, _ in towards]
+        cells = [table.cells.ravel() for table in tables]
         result: tuple[Array, Array, Any] = follow(
             (
-                terms.addresses,
-                terms.rows,
-                terms.parameters.ravel(),
-                tables[0].cells.ravel()
-                if len(tables) == 1
-                else np.concatenate([table.cells.ravel() for table in tables]),
+                flat,
+                cells[0] if len(cells) == 1 else np.concatenate(cells),
                 np.stack([table.grid for table in tables]),
-                (*tables[0].cells.shape[:2], terms.parameters.shape[1]),
+                tables[0].cells.shape[:2],
                 np.array([actuator.sign for actuator in chain.actuators], float),
                 any(term.role != "moment" for term in chain.terms),
             ),
@@ -107,17 +209,13 @@ class HingeFollower:
                 np.ascontiguousarray(body.arms[:, order]),
                 body.masses,
             ),
-            np.asarray(chain.gravity_m_s2, float),
-            (drive.pressure, drive.force, drive.moment, drive.payload, drive.temperature),
-            (clock.duration, clock.start, clock.specimen, clock.n_specimens, clock.substeps),
+            gravity,
+            tuple(drive[:5]),
+            tuple(clock),
             (
-                stack(parameters, terms.parameters.size),
-                stack([np.asarray(c.gravity_m_s2, float) for c in towards], 3),
-                stack([d.pressure for d in changes], n, m),
-                stack([d.force for d in changes], n, 3),
-                stack([d.moment for d in changes], n),
-                stack([d.payload for d in changes], n),
-                stack([d.temperature for d in changes], n),
+                stack(parameters, flat[2]),
+                stack(gravities, gravity),
+                *(stack([d[k] for _, d in towards], drive[k]) for k in range(5)),
             ),
             (self.config.tolerance, self.config.max_iterations, self.config.max_turn),
         )
@@ -138,29 +236,25 @@ class HingeFollower:
 
 def _same_body(chain: ChainModel, other: ChainModel) -> bool:
     """Whether two chains differ in gravity, payload and term parameters only."""
+
+    def alike(pieces: Sequence[object], others: Sequence[object]) -> bool:
+        """Joints or bodies, number by number: effects that change chains make new ones."""
+        pairs = zip(pieces, others, strict=True)
+        numbers = ((x, vars(b)[name]) for a, b in pairs for name, x in vars(a).items())
+        return pieces is others or all(np.array_equal(x, y) for x, y in numbers)
+
+    def forms(terms: Sequence[LawTerm]) -> list[tuple[object, ...]]:
+        return [(t.function, t.role, t.keeps, t.n_states, t.n_parameters) for t in terms]
+
+    bases = ("base_rotation", "base_position_m", "tip_offset_m")
     return (
         [id(law) for law in chain.laws] == [id(law) for law in other.laws]
         and chain.actuators == other.actuators
-        and _alike(chain.joints, other.joints)
-        and _alike(chain.bodies, other.bodies)
-        and np.array_equal(chain.base_rotation, other.base_rotation)
-        and np.array_equal(chain.base_position_m, other.base_position_m)
-        and np.array_equal(chain.tip_offset_m, other.tip_offset_m)
-        and [_form(term) for term in chain.terms] == [_form(term) for term in other.terms]
+        and alike(chain.joints, other.joints)
+        and alike(chain.bodies, other.bodies)
+        and all(np.array_equal(getattr(chain, name), getattr(other, name)) for name in bases)
+        and forms(chain.terms) == forms(other.terms)
     )
-
-
-def _alike(pieces: Sequence[object], others: Sequence[object]) -> bool:
-    """Whether joints or bodies are the same, number by number: effects that change chains make new ones."""
-    if pieces is others:
-        return True
-    numbers = ((x, vars(b)[name]) for a, b in zip(pieces, others, strict=True) for name, x in vars(a).items())
-    return all(np.array_equal(x, y) for x, y in numbers)
-
-
-def _form(term: LawTerm) -> tuple[object, ...]:
-    """What of a term must not change while its parameters do."""
-    return term.function, term.role, term.keeps, term.n_states, term.n_parameters
 
 
 def _split(histories: Sequence[History], q: Array, converged: Any) -> tuple[Followed, ...]:

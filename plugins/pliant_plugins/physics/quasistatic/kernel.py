@@ -16,24 +16,27 @@ cost more than the arithmetic.
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numba import njit
-from numba.core import cgutils
-from numba.extending import intrinsic
-from numba.np.arrayobj import make_array, populate_array
 
-from pliant_plugins.physics.compiled import functions
-from pliant_plugins.physics.compiled.freshness import discard_stale
-from pliant_plugins.physics.quasistatic.dense import copy, copy_rows, is_positive, solve, substitute
-from pliant_plugins.physics.quasistatic.joint_effort import combine, effort, net_input, slope
-from pliant_plugins.physics.quasistatic.loads import pose, weigh
-
-SOURCES = (
-    Path(functions.__file__),
-    *(Path(__file__).with_name(f"{name}.py") for name in ("kernel", "joint_effort", "loads", "dense")),
+from pliant_plugins.physics.compiled import discard_stale, laws, terms
+from pliant_plugins.physics.compiled.terms import combine, net_input
+from pliant_plugins.physics.quasistatic import hinge
+from pliant_plugins.physics.quasistatic.hinge import (
+    copy,
+    copy_rows,
+    effort,
+    is_positive,
+    lent,
+    pose,
+    slope,
+    solve,
+    substitute,
+    weigh,
 )
+
+SOURCES = tuple(Path(file) for file in (__file__, hinge.__file__, laws.__file__, terms.__file__))
 RAMP_STEPS = 4
 MAX_HALVINGS = 8
 # From a guess, steps that aim at this share of the tolerance.
@@ -43,21 +46,6 @@ RELAX_ITERATIONS = 300
 RELAX_TURN = 0.05
 # A joint that has turned so far (rad) has no equilibrium in reach.
 MOST_TURNED = 2.0 * np.pi
-
-
-@intrinsic
-def _lent(typing_context, array):  # type: ignore[no-untyped-def]
-    """The same array without a count of references, which costs more here than the arithmetic; its owner must live."""
-
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        kind = signature.args[0]
-        whole, view = make_array(kind)(context, builder, arguments[0]), make_array(kind)(context, builder)
-        shape = cgutils.unpack_tuple(builder, whole.shape)
-        strides = cgutils.unpack_tuple(builder, whole.strides)
-        populate_array(view, whole.data, shape, strides, whole.itemsize, meminfo=None)
-        return view._getvalue()
-
-    return array(array), generate
 
 
 @njit(cache=True, error_model="numpy")
@@ -239,13 +227,13 @@ def _differentiate(chain, then, now, q, memory, past, frame, square, lines, spar
     else:
         copy_rows(stiffness, work)
         solve(work, right)
-    net = net_input(model, p)
+    net = net_input(model[4], p)
     for i in range(len(q)):
         if states:
             at = i * states
             for s in range(states):
                 moved[s] = old[at + s] + old_v[at + s]
-            combine(model, i, q[i] + right[i], before[i] + before_v[i], dt, net, t, moved, 0, scratch, 0)
+            combine(model[0], i, q[i] + right[i], before[i] + before_v[i], dt, net, t, moved, 0, scratch, 0)
             for s in range(states):
                 old_v[at + s] = scratch[s] - new[at + s]
         before_v[i] = right[i]
@@ -296,36 +284,19 @@ def _distance(a, b):  # type: ignore[no-untyped-def]
 @njit(cache=True, error_model="numpy")
 def _walk(model, keeps, laws, body, gravity, drive, clock, others, options, space):  # type: ignore[no-untyped-def]
     """The loop of `follow`, over arrays that its caller owns."""
-    addresses, terms, numbers, cells, grid, size, signs, split = model
-    addresses, terms, numbers, cells = _lent(addresses), _lent(terms), _lent(numbers), _lent(cells)
-    grid, signs = _lent(grid), _lent(signs)
-    model = (addresses, terms, numbers, cells, grid, size, signs, split)
-    duration, start, specimen, _, substeps = clock
-    duration, start, specimen, substeps = _lent(duration), _lent(start), _lent(specimen), _lent(substeps)
-    keeps, laws, gravity = _lent(keeps), _lent(laws), _lent(gravity)
-    position, bases, offsets, rests, straight, arms, masses = body
-    bases = _lent(bases)
-    body = (_lent(position), bases, _lent(offsets), _lent(rests), _lent(straight), _lent(arms), _lent(masses))
-    pressure, force, moment, payload, temperature = drive
-    drive = (_lent(pressure), _lent(force), _lent(moment), _lent(payload), _lent(temperature))
-    numbers_v, gravity_v, pressure_v, force_v, moment_v, payload_v, temperature_v = others
-    numbers_v, gravity_v, pressure_v, force_v = (
-        _lent(numbers_v),
-        _lent(gravity_v),
-        _lent(pressure_v),
-        _lent(force_v),
+    model, keeps, laws, body, gravity, drive, clock, others, space = lent(
+        (model, keeps, laws, body, gravity, drive, clock, others, space)
     )
-    moment_v, payload_v, temperature_v = _lent(moment_v), _lent(payload_v), _lent(temperature_v)
+    duration, start, specimen, _, substeps = clock
+    bases = body[1]
+    numbers_v, gravity_v, pressure_v, force_v, moment_v, payload_v, temperature_v = others
     results, angles, memories, changes, places, scratch, square, rows, spare, inputs = space
-    q_all, dq_all, converged = _lent(results[0]), _lent(results[1]), _lent(results[2])
-    q, before, earlier, guess = _lent(angles[0]), _lent(angles[1]), _lent(angles[2]), _lent(angles[3])
-    old, new, kept = _lent(memories[0]), _lent(memories[1]), _lent(memories[2])
-    before_v, old_v, kept_v = _lent(changes[0]), _lent(changes[1]), _lent(changes[2])
-    pose_now = (_lent(places[0]), _lent(places[1]), _lent(places[2]), _lent(places[3]))
-    frame = (*pose_now, _lent(rows[0]), _lent(rows[1]), _lent(scratch[0]), _lent(scratch[1]))
-    square, lines = (_lent(square[0]), _lent(square[1])), (_lent(rows[2]), _lent(rows[3]))
-    spare = (_lent(spare[0]), _lent(spare[1]), _lent(spare[2]))
-    p, p_v, f, f_v = _lent(inputs[0]), _lent(inputs[1]), _lent(inputs[2]), _lent(inputs[3])
+    q_all, dq_all, converged = results
+    q, before, earlier, guess = angles
+    old, new, kept = memories
+    before_v, old_v, kept_v = changes
+    frame, lines = (*places, rows[0], rows[1], *scratch), (rows[2], rows[3])
+    p, p_v, f, f_v = inputs
     chain = (model, laws, body, gravity)
     n_samples, n, states, n_changes = len(start), len(laws), len(keeps), len(numbers_v)
     memory = (before, old, new, states)
@@ -361,7 +332,8 @@ def _walk(model, keeps, laws, body, gravity, drive, clock, others, options, spac
                 for k in range(n_changes):
                     drive_v = (pressure_v[k], force_v[k], moment_v[k], payload_v[k], temperature_v[k])
                     opposed_v, hung_v, t_v = _drive(drive_v, sample, share, begins, p_v, f_v)
-                    other = (addresses, terms, numbers_v[k], cells, grid, size, signs, split)
+                    terms_v = (model[0][0], model[0][1], numbers_v[k], model[0][3])
+                    other = (terms_v, model[1], model[2], model[3], model[4], model[5])
                     then = (other, gravity_v[k], p_v, f_v, opposed_v, hung_v, t_v)
                     past = (before_v[k], old_v[k])
                     _differentiate(chain, then, now, q, memory, past, frame, square, lines, spare, positive)
@@ -383,8 +355,8 @@ def follow(model, keeps, laws, body, gravity, drive, clock, others, options):  #
     the last step ended.
 
     Args:
-        model: addresses, terms, numbers (n·P,), cells, grid, size (cells by actuation and by angle, P), signs, split:
-            see `CompiledTerms` and `LawTable`; `split` where a term has another role than `moment`.
+        model: terms of `CompiledTerms.arrays`; cells, grid, size (cells by actuation and by angle) of `LawTable`; signs
+            of the actuators; whether a term has another role than `moment`.
         keeps: (states,) whether a memory outlasts the rest between runs.
         laws: (n,) the law of each joint.
         body: position, bases (N, 3, 3), offsets, rests, which rests are none (n,), arms, masses: see `Body`; the third
@@ -399,7 +371,7 @@ def follow(model, keeps, laws, body, gravity, drive, clock, others, options):  #
         q (N, n), its changes (K, N, n) to first order, and whether each sample converged (N,).
     """
     start, n_specimens = clock[1], clock[3]
-    n_samples, n, states, n_changes, m = len(start), len(laws), len(keeps), len(others[0]), len(model[6])
+    n_samples, n, states, n_changes, m = len(start), len(laws), len(keeps), len(others[0]), len(model[4])
     results = (
         np.zeros((n_samples, n)),
         np.zeros((n_changes, n_samples, n)),

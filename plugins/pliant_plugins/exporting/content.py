@@ -1,0 +1,51 @@
+"""What files say of a chain in any format: the law's stiffness at rest; surfaces as OBJ files beside them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from pliant.records.chain import ChainModel
+from pliant.records.design import Array
+from pliant.records.shape import Shape, TriangleMesh
+
+THE_LAW = (
+    " Written by Pliant. The joint law is not in this file: stiffness is that of the law at rest without actuation, "
+    "and nothing actuates the chain. SI units. "
+)
+
+
+def stiffness_at_rest(chain: ChainModel) -> Array:
+    """(n, a, a) −∂τ/∂u of every joint without actuation and deformation, all actuators together."""
+    a = len(chain.axes)
+    of_law = [law.evaluate(np.zeros(1), np.zeros((1, a))).dtau_du[0] for law in chain.laws]
+    squares = sum(actuator.sign**2 for actuator in chain.actuators)
+    return np.array([-squares * of_law[joint.law] for joint in chain.joints])
+
+
+class SurfaceFiles:
+    """Files in the folder `<name>_meshes` beside the file `path`: each distinct mesh once."""
+
+    def __init__(self, path: Path) -> None:
+        self.folder = path.with_name(f"{path.stem}_meshes")
+        self.written: list[Path] = []
+        self._known: dict[bytes, Path] = {}
+
+    def file(self, mesh: TriangleMesh) -> Path:
+        """The file of a mesh, written when it is first asked for."""
+        content = mesh.vertices_m.tobytes() + mesh.faces.tobytes()
+        if content not in self._known:
+            path = self.folder / f"surface_{len(self._known) + 1}.obj"
+            self.folder.mkdir(exist_ok=True)
+            lines = [f"v {x!r} {y!r} {z!r}" for x, y, z in mesh.vertices_m.tolist()]
+            lines += [f"f {a + 1} {b + 1} {c + 1}" for a, b, c in mesh.faces.tolist()]
+            path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+            self._known[content] = path
+            self.written.append(path)
+        return self._known[content]
+
+
+def shapes_of(chain: ChainModel | None, body: int) -> tuple[Shape, ...]:
+    """The shapes on a body, if the chain has any."""
+    return chain.shapes[body] if chain is not None and chain.shapes else ()

@@ -1,0 +1,253 @@
+"""Compiled: pieces of the loop of a hinge chain: effort of a joint, pose and loads, small systems of equations.
+
+Frames are turned so that every joint is a hinge about its own third axis. 3 × 3 products are written in scalars: the
+compiler keeps these in registers. Arrays are copied in loops: an assignment of slices makes numba compile its message
+about shapes that do not fit, and again in every function that leads to it; that was two thirds of the time that the
+kernel took to compile.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numba import njit, types
+from numba.core import cgutils
+from numba.extending import intrinsic
+from numba.np.arrayobj import make_array, populate_array
+
+from pliant.mechanics.terms import STEP as SLOPE_STEP
+from pliant_plugins.physics.compiled.terms import combine, net_input
+
+
+@njit(cache=True, forceinline=True, error_model="numpy")
+def law_at(cells, grid, size, law, p, u):  # type: ignore[no-untyped-def]
+    """τ and ∂τ/∂u of a tabulated law: bicubic inside the table, straight on outside."""
+    rows, columns = size[0], size[1]
+    s, r = (p - grid[law, 0]) / grid[law, 1], (u - grid[law, 2]) / grid[law, 3]
+    i = min(max(int(np.floor(s)), 0), rows - 1)
+    j = min(max(int(np.floor(r)), 0), columns - 1)
+    x, y = min(max(s - i, 0.0), 1.0), min(max(r - j, 0.0), 1.0)
+    first = 16 * ((law * rows + i) * columns + j)
+    value = in_p = in_u = 0.0
+    for a in range(3, -1, -1):
+        row = 0.0
+        slope = 0.0
+        for b in range(3, -1, -1):
+            slope = slope * y + row
+            row = row * y + cells[np.uintp(first + 4 * a + b)]
+        in_p = in_p * x + value
+        value = value * x + row
+        in_u = in_u * x + slope
+    value += in_p * (s - i - x) + in_u * (r - j - y)
+    return value, in_u / grid[law, 3]
+
+
+@njit(cache=True, forceinline=True, error_model="numpy")
+def effort(model, joint, law, u, before, dt, p, t, old, old_at, new, new_at):  # type: ignore[no-untyped-def]
+    """τ' of one joint at angle u, and what `slope` needs of it; writes its new memory.
+
+    Where all terms are moments the law is not split into its elastic and its actuation part.
+    """
+    terms, cells, grid, size, signs, split = model
+    net = net_input(signs, p)
+    moment, elastic, actuation, rest = combine(terms, joint, u, before, dt, net, t, old, old_at, new, new_at)
+    spring = driven = spring_u = driven_u = 0.0
+    for k in range(len(signs)):
+        s = signs[k]
+        own, own_u = law_at(cells, grid, size, law, p[k], s * u)
+        if split:
+            straight, straight_u = law_at(cells, grid, size, law, 0.0, s * u)
+            driven += s * (own - straight)
+            driven_u += s * s * (own_u - straight_u)
+            own, own_u = straight, straight_u
+            if rest != 0.0:
+                own, own_u = law_at(cells, grid, size, law, 0.0, s * (u - rest))
+        spring += s * own
+        spring_u += s * s * own_u
+    return moment + actuation * driven + elastic * spring, (
+        spring,
+        driven,
+        elastic * spring_u,
+        actuation * driven_u,
+    )
+
+
+@njit(cache=True, forceinline=True, error_model="numpy")
+def slope(model, joint, u, before, dt, p, t, old, old_at, scratch, parts):  # type: ignore[no-untyped-def]
+    """∂τ'/∂u of one joint: laws by the slopes of their tables, terms by central differences."""
+    spring, driven, spring_u, driven_u = parts
+    terms, h = model[0], SLOPE_STEP
+    if not len(terms[0]):
+        return spring_u
+    net = net_input(model[4], p)
+    m1, e1, a1, r1 = combine(terms, joint, u + h, before, dt, net, t, old, old_at, scratch, 0)
+    m0, e0, a0, r0 = combine(terms, joint, u - h, before, dt, net, t, old, old_at, scratch, 0)
+    of_terms = (m1 - m0) + (e1 - e0) * spring + (a1 - a0) * driven - spring_u * (r1 - r0)
+    return of_terms / (2.0 * h) + spring_u + driven_u
+
+
+@njit(cache=True, forceinline=True, error_model="numpy")
+def pose(q, base, body, axes, origins, points):  # type: ignore[no-untyped-def]
+    """Fills axes (n, 3), origins (n, 3) and points (n + 1, 3) of the moving bodies and the tip."""
+    position, _, offsets, rests, straight, arms, _ = body
+    n = len(q)
+    x, y, z = position[0], position[1], position[2]
+    xx, xy, xz = base[0, 0], base[0, 1], base[0, 2]
+    yx, yy, yz = base[1, 0], base[1, 1], base[1, 2]
+    zx, zy, zz = base[2, 0], base[2, 1], base[2, 2]
+    for i in range(n):
+        a, b, c = offsets[i, 0], offsets[i, 1], offsets[i, 2]
+        x, y, z = x + xx * a + xy * b + xz * c, y + yx * a + yy * b + yz * c, z + zx * a + zy * b + zz * c
+        if not straight[i]:
+            rest = rests[i]
+            a, b, c = rest[0, 0], rest[1, 0], rest[2, 0]
+            x0, y0, z0 = xx * a + xy * b + xz * c, yx * a + yy * b + yz * c, zx * a + zy * b + zz * c
+            a, b, c = rest[0, 1], rest[1, 1], rest[2, 1]
+            x1, y1, z1 = xx * a + xy * b + xz * c, yx * a + yy * b + yz * c, zx * a + zy * b + zz * c
+            a, b, c = rest[0, 2], rest[1, 2], rest[2, 2]
+            x2, y2, z2 = xx * a + xy * b + xz * c, yx * a + yy * b + yz * c, zx * a + zy * b + zz * c
+            xx, xy, xz, yx, yy, yz, zx, zy, zz = x0, x1, x2, y0, y1, y2, z0, z1, z2
+        cosine, sine = np.cos(q[i]), np.sin(q[i])
+        xx, xy = cosine * xx + sine * xy, cosine * xy - sine * xx
+        yx, yy = cosine * yx + sine * yy, cosine * yy - sine * yx
+        zx, zy = cosine * zx + sine * zy, cosine * zy - sine * zx
+        axes[i, 0], axes[i, 1], axes[i, 2] = xz, yz, zz
+        origins[i, 0], origins[i, 1], origins[i, 2] = x, y, z
+        a, b, c = arms[i, 0], arms[i, 1], arms[i, 2]
+        points[i, 0] = x + xx * a + xy * b + xz * c
+        points[i, 1] = y + yx * a + yy * b + yz * c
+        points[i, 2] = z + zx * a + zy * b + zz * c
+    a, b, c = arms[n, 0], arms[n, 1], arms[n, 2]
+    points[n, 0] = x + xx * a + xy * b + xz * c
+    points[n, 1] = y + yx * a + yy * b + yz * c
+    points[n, 2] = z + zx * a + zy * b + zz * c
+
+
+@njit(cache=True, forceinline=True, error_model="numpy")
+def weigh(axes, origins, points, masses, payload, gravity, force, load, turned):  # type: ignore[no-untyped-def]
+    """Fills the generalised loads (n,), and `turned` (n, 3), whose products with axes are their derivatives.
+
+    With T = Σ (x − o) Fᵀ of the points beyond joint i: load a · ax(T), turned (T − tr T) a.
+    """
+    n = len(load)
+    tx = ty = tz = xx = xy = xz = yx = yy = yz = zx = zy = zz = 0.0
+    for i in range(n, -1, -1):
+        mass = payload if i == n else masses[i]
+        fx, fy, fz = mass * gravity[0], mass * gravity[1], mass * gravity[2]
+        if i == n:
+            fx, fy, fz = fx + force[0], fy + force[1], fz + force[2]
+        tx, ty, tz = tx + fx, ty + fy, tz + fz
+        x, y, z = points[i, 0], points[i, 1], points[i, 2]
+        xx, xy, xz = xx + x * fx, xy + x * fy, xz + x * fz
+        yx, yy, yz = yx + y * fx, yy + y * fy, yz + y * fz
+        zx, zy, zz = zx + z * fx, zy + z * fy, zz + z * fz
+        if i == n:
+            continue
+        x, y, z = origins[i, 0], origins[i, 1], origins[i, 2]
+        a, b, c = axes[i, 0], axes[i, 1], axes[i, 2]
+        d, e, f = xx - x * tx, yy - y * ty, zz - z * tz
+        txy, txz, tyz = xy - x * ty, xz - x * tz, yz - y * tz
+        tyx, tzx, tzy = yx - y * tx, zx - z * tx, zy - z * ty
+        load[i] = a * (tyz - tzy) + b * (tzx - txz) + c * (txy - tyx)
+        turned[i, 0] = txy * b + txz * c - (e + f) * a
+        turned[i, 1] = tyx * a + tyz * c - (d + f) * b
+        turned[i, 2] = tzx * a + tzy * b - (d + e) * c
+
+
+@njit(cache=True, forceinline=True, error_model="numpy")
+def copy(source, target):  # type: ignore[no-untyped-def]
+    """Fills target (n,)."""
+    for i in range(len(source)):
+        target[i] = source[i]
+
+
+@njit(cache=True, forceinline=True, error_model="numpy")
+def copy_rows(source, target):  # type: ignore[no-untyped-def]
+    """Fills target (n, m)."""
+    for i in range(source.shape[0]):
+        for j in range(source.shape[1]):
+            target[i, j] = source[i, j]
+
+
+@njit(cache=True, error_model="numpy")
+def solve(matrix, right):  # type: ignore[no-untyped-def]
+    """matrix⁻¹ right by elimination with pivots; both are overwritten. Singular pivots become tiny ones."""
+    n = len(right)
+    for i in range(n):
+        best = i
+        for k in range(i + 1, n):
+            if abs(matrix[k, i]) > abs(matrix[best, i]):
+                best = k
+        if best != i:
+            for b in range(n):
+                matrix[i, b], matrix[best, b] = matrix[best, b], matrix[i, b]
+            right[i], right[best] = right[best], right[i]
+        pivot = matrix[i, i] if abs(matrix[i, i]) > 1e-300 else 1e-300
+        for k in range(i + 1, n):
+            ratio = matrix[k, i] / pivot
+            if ratio != 0.0:
+                for b in range(i, n):
+                    matrix[k, b] -= ratio * matrix[i, b]
+                right[k] -= ratio * right[i]
+    for i in range(n - 1, -1, -1):
+        for b in range(i + 1, n):
+            right[i] -= matrix[i, b] * right[b]
+        right[i] /= matrix[i, i] if abs(matrix[i, i]) > 1e-300 else 1e-300
+
+
+@njit(cache=True, error_model="numpy")
+def is_positive(matrix, shift, factor):  # type: ignore[no-untyped-def]
+    """Whether a symmetric matrix + shift · 1 is positive definite; fills Cholesky's factor, its diagonal inverted."""
+    n = len(matrix)
+    for i in range(n):
+        for j in range(i):
+            rest = matrix[i, j]
+            for k in range(j):
+                rest -= factor[i, k] * factor[j, k]
+            factor[i, j] = rest * factor[j, j]
+        rest = matrix[i, i] + shift
+        for k in range(i):
+            rest -= factor[i, k] * factor[i, k]
+        if not rest > 0.0:
+            return False
+        factor[i, i] = 1.0 / np.sqrt(rest)
+    return True
+
+
+@njit(cache=True, error_model="numpy")
+def substitute(factor, right):  # type: ignore[no-untyped-def]
+    """Solves in place with the factor of `is_positive`."""
+    n = len(right)
+    for i in range(n):
+        rest = right[i]
+        for k in range(i):
+            rest -= factor[i, k] * right[k]
+        right[i] = rest * factor[i, i]
+    for i in range(n - 1, -1, -1):
+        rest = right[i]
+        for k in range(i + 1, n):
+            rest -= factor[k, i] * right[k]
+        right[i] = rest * factor[i, i]
+
+
+@intrinsic
+def lent(typing_context, value):  # type: ignore[no-untyped-def]
+    """The same arrays, in a tuple of tuples, without a count of references; their owners must live."""
+
+    def lend(context: Any, builder: Any, kind: Any, whole: Any) -> Any:
+        if isinstance(kind, types.BaseTuple):
+            parts = zip(kind, cgutils.unpack_tuple(builder, whole, len(kind)), strict=True)
+            return context.make_tuple(builder, kind, [lend(context, builder, *part) for part in parts])
+        if not isinstance(kind, types.Array):
+            return whole
+        source, view = make_array(kind)(context, builder, whole), make_array(kind)(context, builder)
+        shape = cgutils.unpack_tuple(builder, source.shape)
+        strides = cgutils.unpack_tuple(builder, source.strides)
+        populate_array(view, source.data, shape, strides, source.itemsize, meminfo=None)
+        return view._getvalue()
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        return lend(context, builder, signature.args[0], arguments[0])
+
+    return value(value), generate
