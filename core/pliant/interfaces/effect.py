@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Literal, get_args
@@ -10,7 +10,7 @@ from typing import Any, ClassVar, Literal, get_args
 from pydantic import ConfigDict, Field
 from pydantic.fields import FieldInfo
 
-from pliant.interfaces.base import ComponentConfig
+from pliant.interfaces.base import ComponentConfig, Configured
 from pliant.records.chain import ChainModel
 from pliant.records.history import History, held
 from pliant.records.term import LawTerm
@@ -193,7 +193,7 @@ class Model:
         return readings
 
 
-class Effect(ABC):
+class Effect(Configured[EffectConfig]):
     """One effect at one of four places: input, joint law, chain, output.
 
     The simulate stage applies a study's `effects` in their order; an effect never changes a model in place and
@@ -207,9 +207,6 @@ class Effect(ABC):
     notes: ClassVar[EffectNotes] = EffectNotes()
     exciting: ClassVar[tuple[str, ...]] = ()
     actuation: ClassVar[str] = ""
-
-    def __init__(self, config: EffectConfig) -> None:
-        self.config = config
 
     @abstractmethod
     def apply(self, model: Model) -> Model:
