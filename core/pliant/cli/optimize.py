@@ -8,7 +8,7 @@ from json import dumps
 from pathlib import Path
 from typing import Any
 
-from pliant.cli.options import Overrides, Scheduler, StudyFile, Workers, verb, workers_or_scheduler
+from pliant.cli.options import Full, Overrides, Scheduler, StudyFile, Workers, verb, workers_or_scheduler
 from pliant.cli.session import Session, check_writable, plain
 from pliant.cli.studies import OutFolder
 from pliant.config.study import OF_OPTIMIZE, Study
@@ -43,6 +43,7 @@ def optimize(
     out: OutFolder = None,
     workers: Workers = None,
     scheduler: Scheduler = None,
+    full: Full = False,
 ) -> None:
     """The study's search, then the check of the winner by direct FEM; goes on where it was interrupted."""
     loaded = here.study(study, overrides, uses=OF_OPTIMIZE)
@@ -56,12 +57,14 @@ def optimize(
     made = search_study(bench, loaded, executor=chosen)
     here.result["study"], here.result["out"] = loaded.name, str(folder)
     here.result["stages"] = [{"stage": "search", "key": made.key, "cached": made.cached}]
-    _write_folder(here, bench, made, loaded, folder)
+    _write_folder(here, bench, made, loaded, folder, full)
     if not made.value.best:
         raise nothing_found(made.value)
 
 
-def _write_folder(here: Session, bench: Workbench, made: Artifact, study: Study, folder: Path) -> None:
+def _write_folder(
+    here: Session, bench: Workbench, made: Artifact, study: Study, folder: Path, full: bool
+) -> None:
     """Everything that the folder of a search holds, and the lines for people; an earlier search's files go."""
     result: SearchResult = made.value
     problem = problem_of(bench, study)
@@ -73,7 +76,7 @@ def _write_folder(here: Session, bench: Workbench, made: Artifact, study: Study,
     for old in (folder / BEST, *folder.glob("best-*.yaml")):
         old.unlink(missing_ok=True)
     if result.best:
-        _write_designs(here, folder, study, problem, result)
+        _write_designs(here, folder, study, problem, result, full)
         here.result["best_study"] = str(folder / BEST)
         here.say(f"study    {folder / BEST}, every candidate in {folder / HISTORY}")
         if not converged(result, study, engine):
@@ -85,7 +88,7 @@ def _write_folder(here: Session, bench: Workbench, made: Artifact, study: Study,
 
 
 def _write_designs(
-    here: Session, folder: Path, study: Study, problem: SearchProblem, result: SearchResult
+    here: Session, folder: Path, study: Study, problem: SearchProblem, result: SearchResult, full: bool
 ) -> None:
     """best.yaml, and where there are conditions one study for each of them."""
     named = len(problem.conditions) > 1
@@ -105,7 +108,7 @@ def _write_designs(
         targets = [folder / f"best-{stems[condition]}{alike}.yaml"] if named else []
         targets += [folder / BEST] if condition == 0 or design.context >= 0 else []
         for target in targets:
-            write_best(here.path, target, winner, keys, said, here.overrides, here.installed)
+            write_best(here.path, target, winner, keys, said, here.overrides, here.installed, full)
 
 
 OF_A_FRONT = 4
