@@ -51,7 +51,7 @@ def states_picture(data: ModuleData) -> style.Png:
             _held(place, data, name, norm)
         for place in grid[len(panels) :]:
             place.set_axis_off()
-        shown = (Normalize(0.0, norm.vmax * p_unit.factor), style.pressure_map())
+        shown = (Normalize(0.0, p_unit.factor * (float(data.actuation.max()) or 1.0)), style.pressure_map())
         label = f"{actuation_word(data)} ({p_unit.symbol})"
         style.colour_bar(figure, shown, label, ax=grid.tolist(), fraction=0.03, pad=0.015)
         _legend(figure, data)
