@@ -53,8 +53,7 @@ def family_of(kind: str) -> ActuatorFamily:
     """The family's reference design, or its manifest's example."""
     component = next(c for c in pliant_components() if c.interface == "family" and c.kind == kind)
     values = DESIGNS.get(kind, component.example)
-    built: ActuatorFamily = component.build(component.config_model().model_validate({"kind": kind, **values}))
-    return built
+    return component.build(component.config_model().model_validate({"kind": kind, **values}))
 
 
 def solve(family: ActuatorFamily, refinement: int, element: str) -> Figures:

@@ -98,5 +98,4 @@ def _row(state: FemState) -> list[float]:
 
 
 def _lobatto(low: float, high: float, n: int) -> Array:
-    nodes: Array = (low + high) / 2 - (high - low) / 2 * np.cos(np.pi * np.arange(n) / (n - 1))
-    return nodes
+    return (low + high) / 2 - (high - low) / 2 * np.cos(np.pi * np.arange(n) / (n - 1))

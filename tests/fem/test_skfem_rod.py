@@ -25,8 +25,7 @@ from pliant.testing.stand_ins import sample_material
 from pliant_plugins.fem.config import SkfemConfig
 from pliant_plugins.fem.rod_solver import placed
 from pliant_plugins.fem.skfem.assembly import Assembler
-from pliant_plugins.fem.skfem.backend import Skfem, SkfemSolver
-from pliant_plugins.fem.skfem.fields import at_nodes
+from pliant_plugins.fem.skfem.backend import Skfem, SkfemSolver, at_nodes
 from pliant_plugins.fem.skfem.pattern import Terms
 from pliant_plugins.fem.skfem.potentials import drawn
 from pliant_plugins.fem.skfem.unknowns import constraints

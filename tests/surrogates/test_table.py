@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.surrogates.laws import states
 
 from pliant.errors import UserError
 from pliant.tabular.fem_reading import read_table
@@ -31,20 +32,7 @@ def scattered(n: int, noise: float = 0.0, seed: int = 0):
     p = random.uniform(0, data.actuation.max(), n)
     u = random.uniform(data.angle_rad.min(), data.angle_rad.max(), n)
     tau = softening_law().evaluate(p, u[:, None]).tau[:, 0]
-    rows = data.rows(np.zeros(len(data), bool))
-    blank = np.full(n, np.nan)
-    return replace(
-        rows,
-        actuation=p,
-        angle_rad=u,
-        moment_n_m=tau + noise * np.ptp(tau) * random.normal(size=n),
-        dmoment_dp=blank,
-        dmoment_du=blank,
-        energy_j=blank,
-        branch=np.full(n, "constrained"),
-        status=np.full(n, "ok"),
-        role=np.full(n, "fit"),
-    )
+    return states(p, u, tau + noise * np.ptp(tau) * random.normal(size=n))
 
 
 def points(law: TableLaw, n: int = 400, reach: float = 0.0):

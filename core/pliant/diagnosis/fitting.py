@@ -15,6 +15,7 @@ the neutral strength or the typical shape, as a fit without G would have left it
 
 from __future__ import annotations
 
+import pickle
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, cast
@@ -26,8 +27,10 @@ from pliant.diagnosis.candidates import EffectSet
 from pliant.evidence.prediction import Predictor
 from pliant.least_squares import Point, Steps, descend
 from pliant.measurements.floors import Floor
+from pliant.pipeline.remote import registry_with
 from pliant.records.design import Array
 from pliant.records.measurement import Measurement
+from pliant.registry.files import loaded_files
 
 FEWEST_FOLDS = 3
 QUARTERS = 4
@@ -172,9 +175,9 @@ class Fitter:
         self.weights = np.ones(len(readings)) if weights is None else weights
         self._seen: dict[tuple[object, ...], _LinearPoint] = {}
 
-    def __getstate__(self) -> dict[str, Any]:
-        """Without the points: a worker has its own."""
-        return {**vars(self), "_seen": {}}
+    def __reduce__(self) -> tuple[Any, ...]:
+        """As it travels to a worker: without its points, and after the files with effects of the user's own."""
+        return _arrived, (loaded_files(), pickle.dumps((self.predictor, self.readings, self.weights)))
 
     def fit_from(self, asked: tuple[EffectSet, Sequence[Array]]) -> EffectFit:
         """`fit` of a candidate and its starts as one item of a `JobQueue`."""
@@ -227,6 +230,11 @@ class Fitter:
         misfit, steps = _Misfit(self, candidate), replace(STEPS, most=iterations)
         found, converged = descend(misfit, point, steps, candidate.limits(), self.weights, misfit.pulls)
         return cast(_LinearPoint, found), converged
+
+
+def _arrived(files: tuple[str, ...], model: bytes) -> Fitter:
+    registry_with(files)
+    return Fitter(*pickle.loads(model))
 
 
 class _LinearPoint(Point):

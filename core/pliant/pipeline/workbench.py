@@ -44,6 +44,10 @@ class Workbench:
     store: ArtifactStore
     progress: Progress = field(default_factory=Silent)
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """In another process nobody watches."""
+        return Workbench, (self.registry, self.store)
+
     def component(self, interface: str, config: ComponentConfig) -> Component:
         """The plugin of a config."""
         return self.registry.get(interface, config.kind)
