@@ -172,16 +172,10 @@ def scene_mjcf(scene: Scene, config: MujocoConfig) -> tuple[str, tuple[Geom, ...
         # Objects touch arms, floor and other objects; arms touch the floor.
         if ("object" in kinds and one.part != other.part) or kinds == {"arm", "floor"}:
             coefficient = one.friction * other.friction
-            SubElement(
-                contact,
-                "pair",
-                geom1=one.name,
-                geom2=other.name,
-                condim=str(POINT_FRICTION if coefficient > 0.0 else 1),
-                friction=text([coefficient, coefficient, 0.0, 0.0, 0.0]),
-                **stiffness,
-                gap=repr(config.near_m) if "arm" in kinds else "0",
-            )
+            pair = SubElement(contact, "pair", stiffness, geom1=one.name, geom2=other.name)
+            pair.set("condim", str(POINT_FRICTION if coefficient > 0.0 else 1))
+            pair.set("friction", text([coefficient, coefficient, 0.0, 0.0, 0.0]))
+            pair.set("gap", repr(config.near_m) if "arm" in kinds else "0")
     return tostring(root, encoding="unicode"), tuple(geoms)
 
 
