@@ -12,8 +12,7 @@ import pytest
 from pliant.errors import InvalidDesignError
 from pliant.meshing.hexahedra import enclosed_volume, quadrature
 from pliant_plugins.families.bellow_bending.family import BellowBending, BellowBendingConfig
-from pliant_plugins.families.bellow_bending.geometry import BellowGeometry
-from pliant_plugins.families.bellow_bending.mesh import build_mesh
+from pliant_plugins.families.bellow_bending.mesh import BellowGeometry, build_mesh
 
 COEFFICIENTS = Path(__file__).parents[3] / "shared/data/reference/gripper_poly_coefficients.csv"
 GRID = list(itertools.product((2, 5), (6, 7.5, 9), (1.5, 2), (8, 10, 12)))

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from pliant.cli.options import (
+    Full,
     Overrides,
     Scheduler,
     StudyFile,
@@ -51,6 +52,7 @@ def optimize(
     out: OutFolder = None,
     workers: Workers = None,
     scheduler: Scheduler = None,
+    full: Full = False,
 ) -> None:
     """The study's search, then the check of the winner by direct FEM; goes on where it was interrupted."""
     installed = here.registry
@@ -65,18 +67,19 @@ def optimize(
     made = search_study(bench, loaded, executor=chosen)
     here.result["study"], here.result["out"] = loaded.name, str(folder)
     here.result["stages"] = [{"stage": "search", "key": made.key, "cached": made.cached}]
-    _write_folder(here, bench, made, loaded, folder, _Source(study, tuple(overrides or ()), installed))
+    _write_folder(here, bench, made, loaded, folder, _Source(study, tuple(overrides or ()), installed, full))
     if not made.value.best:
         raise nothing_found(made.value)
 
 
 @dataclass(frozen=True)
 class _Source:
-    """The study's file, how it was read, and the plugins that were known before."""
+    """The study's file, how it was read, the plugins that were known before, and whether found studies stand alone."""
 
     path: Path
     overrides: tuple[str, ...]
     registry: Registry
+    full: bool
 
 
 def _write_folder(
@@ -120,7 +123,9 @@ def _write_designs(
         targets = [folder / f"best-{stems[condition]}{alike}.yaml"] if named else []
         targets += [folder / BEST] if condition == 0 or design.context >= 0 else []
         for target in targets:
-            write_best(source.path, target, winner, keys, said, source.overrides, source.registry)
+            write_best(
+                source.path, target, winner, keys, said, source.overrides, source.registry, source.full
+            )
 
 
 def _each(problem: SearchProblem, result: SearchResult) -> list[tuple[FoundDesign, int]]:
