@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Literal, get_args
 
-from pydantic import Field
+from pydantic import ConfigDict, Field
 from pydantic.fields import FieldInfo
 
 from pliant.interfaces.base import ComponentConfig, Configured
@@ -82,13 +82,18 @@ def parameter(
     (`play_rad: Angle`) has that quantity's unit; a plain float states its `unit`. `EffectConfig.fit_parameters` raises
     `TypeError` for a declaration that cannot be.
     """
-    field: FieldInfo = Field(default=neutral, ge=bounds[0], le=bounds[1], description=description)  # type: ignore[assignment]
+    field: FieldInfo = Field(default=neutral, ge=bounds[0], le=bounds[1], description=description or None)  # type: ignore[assignment]
     field.metadata.append(EffectParameter("", unit, neutral, bounds, plausible, role, prior))
     return field
 
 
 class EffectConfig(ComponentConfig):
-    """Base of an effect's config: a field for each number of the effect, by `parameter` where it may be fitted."""
+    """Base of an effect's config: a field for each number of the effect, by `parameter` where it may be fitted.
+
+    The string below a field describes it.
+    """
+
+    model_config = ConfigDict(use_attribute_docstrings=True)
 
     @classmethod
     def __pydantic_init_subclass__(cls, **kwargs: Any) -> None:

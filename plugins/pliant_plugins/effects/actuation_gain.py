@@ -21,9 +21,8 @@ class ActuationGainConfig(EffectConfig):
     """g, acting / commanded actuation."""
 
     kind: Literal["actuation_gain"] = "actuation_gain"
-    gain: Ratio = parameter(
-        neutral=1.0, bounds=(0.05, 20.0), plausible=(0.8, 1.2), description="true actuation / nominal"
-    )
+    gain: Ratio = parameter(neutral=1.0, bounds=(0.05, 20.0), plausible=(0.8, 1.2))
+    """true actuation / nominal"""
 
 
 class ActuationGain(Effect):

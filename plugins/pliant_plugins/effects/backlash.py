@@ -26,12 +26,8 @@ class BacklashConfig(EffectConfig):
     """w."""
 
     kind: Literal["backlash"] = "backlash"
-    play_rad: Angle = parameter(
-        neutral=0.0,
-        bounds=(0.0, 0.5),
-        plausible=(0.005, 0.1),
-        description="clearance between joint and sensor, whole width",
-    )
+    play_rad: Angle = parameter(neutral=0.0, bounds=(0.0, 0.5), plausible=(0.005, 0.1))
+    """clearance between joint and sensor, whole width"""
 
 
 class Backlash(Effect):

@@ -24,18 +24,10 @@ class BaseMisalignmentConfig(EffectConfig):
     """θ_y and θ_x."""
 
     kind: Literal["base_misalignment"] = "base_misalignment"
-    pitch_rad: Angle = parameter(
-        neutral=0.0,
-        bounds=(-0.5, 0.5),
-        plausible=(-0.05, 0.05),
-        description="tilt about world y, in the bending plane",
-    )
-    roll_rad: Angle = parameter(
-        neutral=0.0,
-        bounds=(-0.5, 0.5),
-        plausible=(-0.05, 0.05),
-        description="tilt about world x, out of the bending plane",
-    )
+    pitch_rad: Angle = parameter(neutral=0.0, bounds=(-0.5, 0.5), plausible=(-0.05, 0.05))
+    """tilt about world y, in the bending plane"""
+    roll_rad: Angle = parameter(neutral=0.0, bounds=(-0.5, 0.5), plausible=(-0.05, 0.05))
+    """tilt about world x, out of the bending plane"""
 
 
 class BaseMisalignment(Effect):

@@ -25,18 +25,10 @@ class BimodulusConfig(EffectConfig):
     """b and w."""
 
     kind: Literal["bimodulus"] = "bimodulus"
-    asymmetry: Ratio = parameter(
-        neutral=0.0,
-        bounds=(-0.9, 0.9),
-        plausible=(-0.3, 0.3),
-        description="(stiffness toward actuation − stiffness away from it) / their sum",
-    )
-    width_rad: Angle = Field(
-        default=0.02,
-        gt=0.0,
-        le=0.5,
-        description="angle over which one stiffness becomes the other, per joint",
-    )
+    asymmetry: Ratio = parameter(neutral=0.0, bounds=(-0.9, 0.9), plausible=(-0.3, 0.3))
+    """(stiffness toward actuation − stiffness away from it) / their sum"""
+    width_rad: Angle = Field(default=0.02, gt=0.0, le=0.5)
+    """angle over which one stiffness becomes the other, per joint"""
 
 
 class Bimodulus(Effect):

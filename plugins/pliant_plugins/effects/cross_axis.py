@@ -29,12 +29,8 @@ class CrossAxisConfig(EffectConfig):
     """α."""
 
     kind: Literal["cross_axis"] = "cross_axis"
-    turn_rad: Angle = parameter(
-        neutral=0.0,
-        bounds=(-1.5, 1.5),
-        plausible=(-0.2, 0.2),
-        description="turn of the bending axis about the chain axis",
-    )
+    turn_rad: Angle = parameter(neutral=0.0, bounds=(-1.5, 1.5), plausible=(-0.2, 0.2))
+    """turn of the bending axis about the chain axis"""
 
 
 class CrossAxis(Effect):

@@ -24,12 +24,8 @@ class DeadZoneConfig(EffectConfig):
     """p₀, the pressure that is lost before anything moves."""
 
     kind: Literal["dead_zone"] = "dead_zone"
-    threshold_pa: Pressure = parameter(
-        neutral=0.0,
-        bounds=(0.0, 1e5),
-        plausible=(100.0, 2e3),
-        description="pressure that is lost before anything moves",
-    )
+    threshold_pa: Pressure = parameter(neutral=0.0, bounds=(0.0, 1e5), plausible=(100.0, 2e3))
+    """pressure that is lost before anything moves"""
 
 
 class DeadZone(Effect):

@@ -25,20 +25,12 @@ class FrictionHysteresisConfig(EffectConfig):
     """w and δ."""
 
     kind: Literal["friction_hysteresis"] = "friction_hysteresis"
-    half_width_rad: Angle = parameter(
-        neutral=0.0,
-        bounds=(0.0, 0.5),
-        plausible=(0.005, 0.1),
-        description="friction moment / stiffness at rest, per joint",
-    )
+    half_width_rad: Angle = parameter(neutral=0.0, bounds=(0.0, 0.5), plausible=(0.005, 0.1))
+    """friction moment / stiffness at rest, per joint"""
     break_away_rad: Angle = parameter(
-        neutral=0.01,
-        bounds=(0.002, 0.05),
-        plausible=(0.003, 0.03),
-        role="shape",
-        prior="log_normal",
-        description="angle after which a joint slips",
+        neutral=0.01, bounds=(0.002, 0.05), plausible=(0.003, 0.03), role="shape", prior="log_normal"
     )
+    """angle after which a joint slips"""
 
 
 class FrictionHysteresis(Effect):

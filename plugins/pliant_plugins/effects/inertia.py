@@ -42,20 +42,12 @@ class InertiaConfig(EffectConfig):
     """f, acting / computed inertia, and ζ."""
 
     kind: Literal["inertia"] = "inertia"
-    scale: Ratio = parameter(
-        neutral=0.0,
-        bounds=(0.0, 20.0),
-        plausible=(0.3, 2.0),
-        description="inertia that acts / that of the chain's masses",
-    )
+    scale: Ratio = parameter(neutral=0.0, bounds=(0.0, 20.0), plausible=(0.3, 2.0))
+    """inertia that acts / that of the chain's masses"""
     damping_ratio: Ratio = parameter(
-        neutral=0.1,
-        bounds=(0.0, 0.5),
-        plausible=(0.02, 0.3),
-        role="shape",
-        prior="log_normal",
-        description="damping of the swing / critical, at scale 1",
+        neutral=0.1, bounds=(0.0, 0.5), plausible=(0.02, 0.3), role="shape", prior="log_normal"
     )
+    """damping of the swing / critical, at scale 1"""
 
 
 class Inertia(Effect):

@@ -31,12 +31,8 @@ class InterModuleComplianceConfig(EffectConfig):
     """κ."""
 
     kind: Literal["inter_module_compliance"] = "inter_module_compliance"
-    share: Ratio = parameter(
-        neutral=0.0,
-        bounds=(0.0, 3.0),
-        plausible=(0.02, 0.3),
-        description="compliance of one connection / that of a joint at rest",
-    )
+    share: Ratio = parameter(neutral=0.0, bounds=(0.0, 3.0), plausible=(0.02, 0.3))
+    """compliance of one connection / that of a joint at rest"""
 
 
 class InterModuleCompliance(Effect):

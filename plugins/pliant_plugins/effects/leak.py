@@ -34,16 +34,10 @@ class LeakConfig(EffectConfig):
     """λ and T_s."""
 
     kind: Literal["leak"] = "leak"
-    rate_1_s: float = parameter(
-        unit="s^-1",
-        neutral=0.0,
-        bounds=(0.0, 2.0),
-        plausible=(0.001, 0.1),
-        description="share of its pressure that a closed chamber loses, 1/s",
-    )
-    filling_time_s: Time = Field(
-        default=0.2, gt=0.0, le=60.0, description="time constant in which the supply fills the chamber"
-    )
+    rate_1_s: float = parameter(unit="s^-1", neutral=0.0, bounds=(0.0, 2.0), plausible=(0.001, 0.1))
+    """share of its pressure that a closed chamber loses, 1/s"""
+    filling_time_s: Time = Field(default=0.2, gt=0.0, le=60.0)
+    """time constant in which the supply fills the chamber"""
 
 
 class Leak(Effect):

@@ -23,20 +23,12 @@ class MullinsConfig(EffectConfig):
     """d and s."""
 
     kind: Literal["mullins"] = "mullins"
-    softening: Ratio = parameter(
-        neutral=0.0,
-        bounds=(0.0, 0.9),
-        plausible=(0.05, 0.4),
-        description="share of the elastic effort that is lost at most",
-    )
+    softening: Ratio = parameter(neutral=0.0, bounds=(0.0, 0.9), plausible=(0.05, 0.4))
+    """share of the elastic effort that is lost at most"""
     scale_rad: Angle = parameter(
-        neutral=0.2,
-        bounds=(0.05, 1.0),
-        plausible=(0.06, 0.6),
-        role="shape",
-        prior="log_normal",
-        description="angle over which the loss comes, per joint",
+        neutral=0.2, bounds=(0.05, 1.0), plausible=(0.06, 0.6), role="shape", prior="log_normal"
     )
+    """angle over which the loss comes, per joint"""
 
 
 class Mullins(Effect):

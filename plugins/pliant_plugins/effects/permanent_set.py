@@ -22,12 +22,8 @@ class PermanentSetConfig(EffectConfig):
     """s, residual / largest angle."""
 
     kind: Literal["permanent_set"] = "permanent_set"
-    share: Ratio = parameter(
-        neutral=0.0,
-        bounds=(0.0, 0.6),
-        plausible=(0.01, 0.15),
-        description="angle that stays / largest past angle",
-    )
+    share: Ratio = parameter(neutral=0.0, bounds=(0.0, 0.6), plausible=(0.01, 0.15))
+    """angle that stays / largest past angle"""
 
 
 class PermanentSet(Effect):

@@ -21,9 +21,8 @@ class PressureOffsetConfig(EffectConfig):
     """p₀, acting − commanded pressure."""
 
     kind: Literal["pressure_offset"] = "pressure_offset"
-    offset_pa: Pressure = parameter(
-        neutral=0.0, bounds=(-1e5, 1e5), plausible=(-1e3, 1e3), description="acting − commanded pressure"
-    )
+    offset_pa: Pressure = parameter(neutral=0.0, bounds=(-1e5, 1e5), plausible=(-1e3, 1e3))
+    """acting − commanded pressure"""
 
 
 class PressureOffset(Effect):

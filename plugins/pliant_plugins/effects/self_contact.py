@@ -22,20 +22,12 @@ class SelfContactConfig(EffectConfig):
     """c and u_c."""
 
     kind: Literal["self_contact"] = "self_contact"
-    stiffening: Ratio = parameter(
-        neutral=0.0,
-        bounds=(0.0, 100.0),
-        plausible=(0.3, 10.0),
-        description="stiffness of the contact / stiffness at rest",
-    )
+    stiffening: Ratio = parameter(neutral=0.0, bounds=(0.0, 100.0), plausible=(0.3, 10.0))
+    """stiffness of the contact / stiffness at rest"""
     contact_rad: Angle = parameter(
-        neutral=0.25,
-        bounds=(0.05, 2.0),
-        plausible=(0.1, 0.6),
-        role="shape",
-        prior="log_normal",
-        description="angle at which walls touch, per joint",
+        neutral=0.25, bounds=(0.05, 2.0), plausible=(0.1, 0.6), role="shape", prior="log_normal"
     )
+    """angle at which walls touch, per joint"""
 
 
 class SelfContact(Effect):

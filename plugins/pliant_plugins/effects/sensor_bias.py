@@ -25,9 +25,8 @@ class SensorBiasConfig(EffectConfig):
     """b, reported − true angle."""
 
     kind: Literal["sensor_bias"] = "sensor_bias"
-    bias_rad: Angle = parameter(
-        neutral=0.0, bounds=(-np.pi, np.pi), plausible=(-0.05, 0.05), description="reading − true angle"
-    )
+    bias_rad: Angle = parameter(neutral=0.0, bounds=(-np.pi, np.pi), plausible=(-0.05, 0.05))
+    """reading − true angle"""
 
 
 class SensorBias(Effect):

@@ -26,12 +26,8 @@ class SensorLagConfig(EffectConfig):
     """T, the time in which two thirds of a step are read."""
 
     kind: Literal["sensor_lag"] = "sensor_lag"
-    time_s: Time = parameter(
-        neutral=0.0,
-        bounds=(0.0, 60.0),
-        plausible=(0.05, 2.0),
-        description="time constant of the sensor's first-order lag",
-    )
+    time_s: Time = parameter(neutral=0.0, bounds=(0.0, 60.0), plausible=(0.05, 2.0))
+    """time constant of the sensor's first-order lag"""
 
 
 class SensorLag(Effect):

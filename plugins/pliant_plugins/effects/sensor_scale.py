@@ -22,9 +22,8 @@ class SensorScaleConfig(EffectConfig):
     """s, reading / true angle − 1."""
 
     kind: Literal["sensor_scale"] = "sensor_scale"
-    excess: Ratio = parameter(
-        neutral=0.0, bounds=(-0.8, 4.0), plausible=(-0.1, 0.1), description="reading / true angle − 1"
-    )
+    excess: Ratio = parameter(neutral=0.0, bounds=(-0.8, 4.0), plausible=(-0.1, 0.1))
+    """reading / true angle − 1"""
 
 
 class SensorScale(Effect):

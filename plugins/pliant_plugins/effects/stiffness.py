@@ -21,9 +21,8 @@ class StiffnessConfig(EffectConfig):
     """f, true passive stiffness / model's."""
 
     kind: Literal["stiffness"] = "stiffness"
-    factor: Ratio = parameter(
-        neutral=1.0, bounds=(0.05, 20.0), plausible=(0.7, 1.4), description="true passive stiffness / model's"
-    )
+    factor: Ratio = parameter(neutral=1.0, bounds=(0.05, 20.0), plausible=(0.7, 1.4))
+    """true passive stiffness / model's"""
 
 
 class Stiffness(Effect):

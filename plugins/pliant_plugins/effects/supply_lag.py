@@ -37,28 +37,16 @@ class SupplyLagConfig(EffectConfig):
     """T, in which the regulator has brought two thirds of a step up, and in shares of it: venting, the hose."""
 
     kind: Literal["supply_lag"] = "supply_lag"
-    time_s: Time = parameter(
-        neutral=0.0,
-        bounds=(0.0, 60.0),
-        plausible=(0.05, 2.0),
-        description="time constant of the supply's first stage, filling",
-    )
+    time_s: Time = parameter(neutral=0.0, bounds=(0.0, 60.0), plausible=(0.05, 2.0))
+    """time constant of the supply's first stage, filling"""
     vent_ratio: Ratio = parameter(
-        neutral=1.0,
-        bounds=(0.2, 5.0),
-        plausible=(0.5, 2.0),
-        role="shape",
-        prior="log_normal",
-        description="time constant of venting over that of filling",
+        neutral=1.0, bounds=(0.2, 5.0), plausible=(0.5, 2.0), role="shape", prior="log_normal"
     )
+    """time constant of venting over that of filling"""
     second_ratio: Ratio = parameter(
-        neutral=0.15,
-        bounds=(0.01, 1.0),
-        plausible=(0.05, 0.5),
-        role="shape",
-        prior="log_normal",
-        description="time constant of the second stage over that of the first, filling",
+        neutral=0.15, bounds=(0.01, 1.0), plausible=(0.05, 0.5), role="shape", prior="log_normal"
     )
+    """time constant of the second stage over that of the first, filling"""
 
 
 class SupplyLag(Effect):

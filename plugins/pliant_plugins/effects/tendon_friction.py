@@ -33,18 +33,12 @@ class TendonFrictionConfig(EffectConfig):
     """μ, w₀ and δ."""
 
     kind: Literal["tendon_friction"] = "tendon_friction"
-    friction: Ratio = parameter(
-        neutral=0.0,
-        bounds=(0.0, 1.5),
-        plausible=(0.05, 0.4),
-        description="coefficient of friction of the tendon in its guides",
-    )
-    wrap_at_rest_rad: Angle = Field(
-        default=0.0, ge=0.0, le=3.2, description="angle by which the tendon bends in each joint at rest"
-    )
-    break_away_rad: Angle = Field(
-        default=0.01, ge=0.002, le=0.05, description="angle of a joint in which friction turns over"
-    )
+    friction: Ratio = parameter(neutral=0.0, bounds=(0.0, 1.5), plausible=(0.05, 0.4))
+    """coefficient of friction of the tendon in its guides"""
+    wrap_at_rest_rad: Angle = Field(default=0.0, ge=0.0, le=3.2)
+    """angle by which the tendon bends in each joint at rest"""
+    break_away_rad: Angle = Field(default=0.01, ge=0.002, le=0.05)
+    """angle of a joint in which friction turns over"""
 
 
 class TendonFriction(Effect):

@@ -23,13 +23,8 @@ class ThermalSofteningConfig(EffectConfig):
     """c, loss of stiffness per kelvin."""
 
     kind: Literal["thermal_softening"] = "thermal_softening"
-    loss_per_k: float = parameter(
-        unit="K^-1",
-        neutral=0.0,
-        bounds=(-0.03, 0.03),
-        plausible=(-0.003, 0.01),
-        description="share of the stiffness lost per kelvin, 1/K",
-    )
+    loss_per_k: float = parameter(unit="K^-1", neutral=0.0, bounds=(-0.03, 0.03), plausible=(-0.003, 0.01))
+    """share of the stiffness lost per kelvin, 1/K"""
 
 
 class ThermalSoftening(Effect):

@@ -30,20 +30,12 @@ class ViscoelasticConfig(EffectConfig):
     """g and T of one branch."""
 
     kind: Literal["viscoelastic"] = "viscoelastic"
-    share: Ratio = parameter(
-        neutral=0.0,
-        bounds=(0.0, 5.0),
-        plausible=(0.05, 0.5),
-        description="stiffness that relaxes / stiffness at rest",
-    )
+    share: Ratio = parameter(neutral=0.0, bounds=(0.0, 5.0), plausible=(0.05, 0.5))
+    """stiffness that relaxes / stiffness at rest"""
     time_s: Time = parameter(
-        neutral=20.0,
-        bounds=(1.0, 1000.0),
-        plausible=(3.0, 200.0),
-        role="shape",
-        prior="log_normal",
-        description="time constant in which it relaxes",
+        neutral=20.0, bounds=(1.0, 1000.0), plausible=(3.0, 200.0), role="shape", prior="log_normal"
     )
+    """time constant in which it relaxes"""
 
 
 class Viscoelastic(Effect):

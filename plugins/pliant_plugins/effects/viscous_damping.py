@@ -22,12 +22,8 @@ class ViscousDampingConfig(EffectConfig):
     """T, retardation time: damping / stiffness at rest."""
 
     kind: Literal["viscous_damping"] = "viscous_damping"
-    time_s: Time = parameter(
-        neutral=0.0,
-        bounds=(0.0, 60.0),
-        plausible=(0.02, 1.0),
-        description="retardation time, damping / stiffness at rest",
-    )
+    time_s: Time = parameter(neutral=0.0, bounds=(0.0, 60.0), plausible=(0.02, 1.0))
+    """retardation time, damping / stiffness at rest"""
 
 
 class ViscousDamping(Effect):

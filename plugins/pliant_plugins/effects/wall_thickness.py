@@ -27,18 +27,12 @@ class WallThicknessConfig(EffectConfig):
     """s, a and b."""
 
     kind: Literal["wall_thickness"] = "wall_thickness"
-    ratio: Ratio = parameter(
-        neutral=1.0,
-        bounds=(0.5, 2.0),
-        plausible=(0.85, 1.15),
-        description="true thickness of the walls / nominal",
-    )
-    elastic_exponent: float = Field(
-        default=2.15, ge=0.0, le=4.0, description="a: the elastic part grows as thickness^a"
-    )
-    actuation_exponent: float = Field(
-        default=0.33, ge=-4.0, le=4.0, description="b: the actuation part grows as thickness^b"
-    )
+    ratio: Ratio = parameter(neutral=1.0, bounds=(0.5, 2.0), plausible=(0.85, 1.15))
+    """true thickness of the walls / nominal"""
+    elastic_exponent: float = Field(default=2.15, ge=0.0, le=4.0)
+    """a: the elastic part grows as thickness^a"""
+    actuation_exponent: float = Field(default=0.33, ge=-4.0, le=4.0)
+    """b: the actuation part grows as thickness^b"""
 
 
 class WallThickness(Effect):
