@@ -32,6 +32,7 @@ from pliant.interfaces.fem import ModuleSolver
 from pliant.records.design import Array
 from pliant.records.fem import FemState, ModuleProblem
 from pliant_plugins.families.bellow_helical.family import BellowHelical, BellowHelicalConfig
+from pliant_plugins.manifest import HELIX_MODULE
 
 MOMENTS = (3e-3, 6e-3)
 AXES = ("x", "y", "z")
@@ -129,12 +130,6 @@ def energy_error(solver: ModuleSolver, start: FemState, turn: dict[str, float]) 
     return abs((high.energy_j - low.energy_j - work) / work)
 
 
-DESIGN = {
-    "inner_radius": "3.09 mm",
-    "average_radius": "5.66 mm",
-    "wall": "1.51 mm",
-    "module_length": "4.72 mm",
-}
 VARIANTS: tuple[dict[str, Any], ...] = (
     {"constraint_offset": "2.45 mm"},
     {"constraint_offset": "2.5 mm"},
@@ -163,7 +158,7 @@ PRESSURES = (2.5e3, 5e3, 10e3, 15e3)
 
 def family(**parameters: Any) -> BellowHelical:
     """The published design with some parameters of its own."""
-    return BellowHelical(BellowHelicalConfig.model_validate({**DESIGN, **parameters}))
+    return BellowHelical(BellowHelicalConfig.model_validate({**HELIX_MODULE, **parameters}))
 
 
 def half_of(variant: dict[str, Any]) -> ModuleProblem:

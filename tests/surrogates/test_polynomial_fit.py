@@ -12,7 +12,6 @@ from tests.surrogates.laws import states
 
 from pliant.errors import UserError
 from pliant.records.fem import FemDataset
-from pliant.records.law import LawRecord
 from pliant_plugins.surrogates.config import PolynomialConfig
 from pliant_plugins.surrogates.polynomial.surrogate import Polynomial
 
@@ -140,28 +139,6 @@ def test_pressures_that_a_bench_meets_nearly_are_still_two_levels(seed: int) -> 
     missed = fitted.law.evaluate(middle, between[:, None]).tau[:, 0] - coupled(middle, between)
     assert fitted.report.details["actuation_degree"] == 1
     assert np.abs(missed).max() < 0.03 * np.ptp(coupled(p, u))
-
-
-def test_load_makes_the_fitted_law_and_refuses_another_kind() -> None:
-    law = fit(fem_like()).law
-    surrogate = Polynomial(PolynomialConfig())
-    p, u = np.linspace(-3e3, 20e3, 50), np.linspace(-0.5, 0.8, 50)[:, None]
-    np.testing.assert_array_equal(surrogate.load(law.record()).evaluate(p, u).tau, law.evaluate(p, u).tau)
-    with pytest.raises(UserError, match="cannot read a law of kind 'neural'"):
-        surrogate.load(LawRecord("neural", {}, {}))
-
-
-def test_report_fields_agree_with_its_residuals() -> None:
-    data = fem_like()
-    report = fit(data, max_degree=3).report
-    kept = report.details["residuals"]
-    missed = np.array(kept["predicted_n_m"]) - kept["moment_n_m"]
-    assert report.rmse == pytest.approx(np.sqrt(np.mean(missed**2)))
-    assert report.worst == pytest.approx(np.abs(missed).max())
-    assert report.effort_range == np.ptp(data.moment_n_m)
-    assert report.worst_of_range == report.worst / report.effort_range
-    assert report.details["study_form"]["rmse"] > report.rmse
-    assert kept["actuation"] == data.actuation[data.role == "check"].tolist()
 
 
 def test_data_without_check_states_hold_out_a_fifth() -> None:

@@ -72,21 +72,6 @@ def _second(F: Any, J: Any) -> Any:
     return J ** (-4 / 3) * 0.5 * (I1 * I1 - ngs.InnerProduct(C, C))
 
 
-def _neo_hookean(material: Material, F: Any, J: Any) -> Any:
-    return material.shear_modulus_pa / 2 * (_first(F, J) - 3)
-
-
-def _mooney_rivlin(material: Material, F: Any, J: Any) -> Any:
-    constants: Any = material.config
-    return constants.c10_pa * (_first(F, J) - 3) + constants.c01_pa * (_second(F, J) - 3)
-
-
-def _yeoh(material: Material, F: Any, J: Any) -> Any:
-    constants: Any = material.config
-    x = _first(F, J) - 3
-    return x * (constants.c10_pa + x * (constants.c20_pa + x * constants.c30_pa))
-
-
 def _ogden(material: Material, F: Any, J: Any) -> Any:
     """Even powers only: Σ λ^2n = tr Cⁿ. Others need the stretches, whose slopes do not exist where two are equal."""
     constants: Any = material.config
@@ -107,6 +92,20 @@ def _ogden(material: Material, F: Any, J: Any) -> Any:
     return total
 
 
+Law = Callable[[Material, Any, Any], Any]
+
+
+def _yeoh(material: Material, F: Any, J: Any) -> Any:
+    constants: Any = material.config
+    x = _first(F, J) - 3
+    return x * (constants.c10_pa + x * (constants.c20_pa + x * constants.c30_pa))
+
+
+def _mooney_rivlin(material: Material, F: Any, J: Any) -> Any:
+    constants: Any = material.config
+    return constants.c10_pa * (_first(F, J) - 3) + constants.c01_pa * (_second(F, J) - 3)
+
+
 def _ciarlet(material: Material, F: Any, J: Any) -> Any:
     """μ/2 (I₁ − 3 − 2 ln J) + λ/2 (ln J)², of the solid that the conformance checks use."""
     mu, K = material.shear_modulus_pa, material.bulk_modulus_pa
@@ -114,9 +113,8 @@ def _ciarlet(material: Material, F: Any, J: Any) -> Any:
     return mu / 2 * (ngs.InnerProduct(F, F) - 3 - 2 * log_j) + (K - 2 / 3 * mu) / 2 * log_j * log_j
 
 
-Law = Callable[[Material, Any, Any], Any]
 ISOCHORIC: dict[str, Law] = {
-    "neo_hookean": _neo_hookean,
+    "neo_hookean": lambda material, F, J: material.shear_modulus_pa / 2 * (_first(F, J) - 3),
     "mooney_rivlin": _mooney_rivlin,
     "yeoh": _yeoh,
     "ogden": _ogden,
