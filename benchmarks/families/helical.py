@@ -191,7 +191,7 @@ def printed(name: str, found: dict[str, Any]) -> None:
 
 
 def variants_table(data: Published) -> list[dict[str, Any]]:
-    """(a)"""
+    """Table (a): variants of the module."""
     print(
         "(a) variant; modulus by; μ kPa; free; 15 kPa |u| ≤ .3, |u/2| ≤ .3; predicted likewise; by pressure"
     )
@@ -205,7 +205,7 @@ def variants_table(data: Published) -> list[dict[str, Any]]:
 
 
 def spatial_table(mu_pa: float, secants: bool) -> list[dict[str, Any]]:
-    """(c)"""
+    """Table (c): rotations about all axes."""
     print("(c) variant; axis; pressure; main axis; mN·m/rad at M = 0, secants at 3 and 6 mN·m")
     rows = []
     for parameters in SPATIAL:

@@ -247,7 +247,7 @@ class Given:
 
     @property
     def folder(self) -> Path:
-        """Of the parts."""
+        """Folder of the study's finished parts."""
         return self.out / (f"{self.name}_small" if self.small else self.name)
 
     def parts(self, main: str) -> Parts:

@@ -77,7 +77,7 @@ def published(name: str) -> FemDataset:
 
 
 def fifth(data: FemDataset) -> Iterator[Mask]:
-    """One seeded fifth."""
+    """A fifth of the states, drawn with a seed."""
     chosen = np.zeros(len(data), bool)
     chosen[np.random.default_rng(SEED).permutation(len(data))[: len(data) // 5]] = True
     yield chosen

@@ -111,7 +111,7 @@ def left_out(model: MetaModel, designs: SolvedDesigns, folds: int) -> dict[str, 
 
 
 def line(name: str, scores: Scores) -> str:
-    """One printed row."""
+    """The scores as a printed row."""
     r2 = " ".join(f"{axis} {one.r2:.6f}" for axis, one in scores.axes.items())
     worst = " ".join(f"{100 * one.worst_of_range:.2f}" for one in scores.axes.values())
     free = f"free angle {100 * scores.free_median:.2f} % median, {100 * scores.free_worst:.2f} % worst"
@@ -120,5 +120,5 @@ def line(name: str, scores: Scores) -> str:
 
 
 def as_json(scores: dict[str, Scores]) -> dict[str, Any]:
-    """For benchmarks/out."""
+    """The scores as JSON for benchmarks/out."""
     return {place: one.as_values() for place, one in scores.items()}

@@ -32,7 +32,7 @@ class TaskKey:
 
     @property
     def dotted(self) -> str:
-        """``task.object.radius_m``."""
+        """The key as a study's dotted text, ``task.object.radius_m``."""
         return BLOCK + ".".join(self.path)
 
 

@@ -186,7 +186,7 @@ class Optimizer(Configured[OptimizerConfig]):
 
     @abstractmethod
     def start(self, space: Space, seed: int) -> None:
-        """Begin a search."""
+        """Begin a search of this space; the same seed gives the same trials."""
 
     @abstractmethod
     def ask(self, count: int) -> Sequence[Trial]:

@@ -100,7 +100,7 @@ def with_surfaces(scene: Scene, looks: ChainModel) -> Scene:
 
 
 def chain_scene(chain: ChainModel) -> Scene:
-    """A chain alone."""
+    """The scene of one chain without objects."""
     return Scene((Arm(chain),), gravity_m_s2=np.asarray(chain.gravity_m_s2, float))
 
 

@@ -72,7 +72,7 @@ class DesignStages:
 
     @property
     def family(self) -> FamilyConfig | None:
-        """The design's family."""
+        """The family's config with the design's parameters; None without a family."""
         return self.design.family
 
 

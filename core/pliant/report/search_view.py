@@ -96,7 +96,7 @@ class Objective:
 
     @property
     def title(self) -> str:
-        """Label and unit."""
+        """Label with the display unit, as an axis has it."""
         return f"{self.label} ({self.unit.symbol})" if self.unit.symbol else self.label
 
     @property
@@ -188,7 +188,7 @@ class SearchView:
 
     @property
     def objective(self) -> Objective:
-        """The first."""
+        """The first objective, which orders the designs."""
         return self.objectives[0]
 
     def scores(self, column: int = 0) -> Array:

@@ -68,7 +68,7 @@ class Artifact:
 
     @property
     def key(self) -> str:
-        """Content address."""
+        """The content address, which names the folder."""
         return self.folder.name
 
 

@@ -103,7 +103,7 @@ class Subject:
 
     @property
     def model(self) -> type[ComponentConfig]:
-        """The config model."""
+        """The component's config model."""
         return self.component.config_model()
 
     @property
@@ -126,7 +126,7 @@ class Subject:
         return self.model.model_validate(values)
 
     def build(self, config: ComponentConfig | None = None) -> Any:
-        """A new instance."""
+        """A new instance of the component, with the example's config by default."""
         return self.component.build(self.config if config is None else config)
 
 

@@ -23,7 +23,7 @@ from pliant_plugins.effects.angles import with_recorded_angles
 
 
 class BacklashConfig(EffectConfig):
-    """w."""
+    """Width w of the play."""
 
     kind: Literal["backlash"] = "backlash"
     play_rad: Angle = parameter(neutral=0.0, bounds=(0.0, 0.5), plausible=(0.005, 0.1))

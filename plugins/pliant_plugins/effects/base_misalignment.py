@@ -21,7 +21,7 @@ from pliant.units import Angle
 
 
 class BaseMisalignmentConfig(EffectConfig):
-    """θ_y and θ_x."""
+    """Turns θ_y (pitch) and θ_x (roll) of the mount."""
 
     kind: Literal["base_misalignment"] = "base_misalignment"
     pitch_rad: Angle = parameter(neutral=0.0, bounds=(-0.5, 0.5), plausible=(-0.05, 0.05))

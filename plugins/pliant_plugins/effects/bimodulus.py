@@ -22,7 +22,7 @@ from pliant.units import Angle, Ratio
 
 
 class BimodulusConfig(EffectConfig):
-    """b and w."""
+    """Asymmetry b of the elastic effort and width w of its transition."""
 
     kind: Literal["bimodulus"] = "bimodulus"
     asymmetry: Ratio = parameter(neutral=0.0, bounds=(-0.9, 0.9), plausible=(-0.3, 0.3))

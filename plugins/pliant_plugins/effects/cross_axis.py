@@ -26,7 +26,7 @@ from pliant.units import Angle
 
 
 class CrossAxisConfig(EffectConfig):
-    """α."""
+    """Turn α of the bending axis about the chain."""
 
     kind: Literal["cross_axis"] = "cross_axis"
     turn_rad: Angle = parameter(neutral=0.0, bounds=(-1.5, 1.5), plausible=(-0.2, 0.2))

@@ -22,7 +22,7 @@ from pliant_plugins.effects.scale import rest_stiffness
 
 
 class FrictionHysteresisConfig(EffectConfig):
-    """w and δ."""
+    """Half width w of the loop as an angle, and the distance δ over which friction builds up."""
 
     kind: Literal["friction_hysteresis"] = "friction_hysteresis"
     half_width_rad: Angle = parameter(neutral=0.0, bounds=(0.0, 0.5), plausible=(0.005, 0.1))

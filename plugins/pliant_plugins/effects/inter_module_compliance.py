@@ -28,7 +28,7 @@ from pliant_plugins.effects.series_law import SeriesLaw
 
 
 class InterModuleComplianceConfig(EffectConfig):
-    """κ."""
+    """Compliance κ of a connection over that of a module."""
 
     kind: Literal["inter_module_compliance"] = "inter_module_compliance"
     share: Ratio = parameter(neutral=0.0, bounds=(0.0, 3.0), plausible=(0.02, 0.3))

@@ -31,7 +31,7 @@ from pliant_plugins.effects.pressures import needs_pressure
 
 
 class LeakConfig(EffectConfig):
-    """λ and T_s."""
+    """Rate λ of the leak and time constant T_s of the supply that refills it."""
 
     kind: Literal["leak"] = "leak"
     rate_1_s: float = parameter(unit="s^-1", neutral=0.0, bounds=(0.0, 2.0), plausible=(0.001, 0.1))

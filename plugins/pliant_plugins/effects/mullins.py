@@ -20,7 +20,7 @@ from pliant.units import Angle, Ratio
 
 
 class MullinsConfig(EffectConfig):
-    """d and s."""
+    """Largest softening d and the angle s over which it fades."""
 
     kind: Literal["mullins"] = "mullins"
     softening: Ratio = parameter(neutral=0.0, bounds=(0.0, 0.9), plausible=(0.05, 0.4))

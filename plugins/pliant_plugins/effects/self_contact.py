@@ -19,7 +19,7 @@ from pliant_plugins.effects.scale import rest_stiffness
 
 
 class SelfContactConfig(EffectConfig):
-    """c and u_c."""
+    """Stiffening c beyond the angle u_c where walls touch."""
 
     kind: Literal["self_contact"] = "self_contact"
     stiffening: Ratio = parameter(neutral=0.0, bounds=(0.0, 100.0), plausible=(0.3, 10.0))

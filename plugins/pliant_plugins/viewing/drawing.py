@@ -41,7 +41,7 @@ class Extent:
 
     @property
     def size_m(self) -> float:
-        """Its diagonal."""
+        """Diagonal of the box around what is drawn, m."""
         return float(np.linalg.norm(self.box[1] - self.box[0]))
 
 

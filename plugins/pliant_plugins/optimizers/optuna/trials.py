@@ -150,7 +150,7 @@ class Memory:
         return None, violation
 
     def values(self, number: int) -> dict[str, Value]:
-        """Of a candidate."""
+        """A candidate's values by variable."""
         return plain_values(self._space, self._trials()[number].params)
 
     def is_open(self, number: int) -> bool:
@@ -159,7 +159,7 @@ class Memory:
         return 0 <= number < len(known) and known[number].state is TrialState.RUNNING
 
     def state(self) -> dict[str, Any]:
-        """As JSON values."""
+        """What `restore` takes, as JSON values."""
         return {
             "trials": [  # what a sampler reads of them; dates are left out
                 {

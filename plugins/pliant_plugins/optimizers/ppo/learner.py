@@ -193,7 +193,7 @@ class _Spaces(VecEnv):
         return [False] * self.num_envs
 
     def close(self) -> None:
-        """Nothing is open."""
+        """There is nothing to close."""
 
     def _refused(self, *given: Any, **named: Any) -> Any:
         raise NotImplementedError("this environment only carries spaces; episodes come through `Learner`")

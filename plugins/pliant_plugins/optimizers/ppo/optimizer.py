@@ -57,7 +57,7 @@ class Rewards:
         return np.where(np.isfinite(rewards), rewards, lowest)
 
     def state(self) -> dict[str, Any]:
-        """As JSON values."""
+        """What `restore` takes, as JSON values."""
         return {"known": [self._worst, self._best] if self._best >= self._worst else None}
 
     def restore(self, state: dict[str, Any]) -> None:
@@ -93,7 +93,7 @@ class UpdateLog:
         return sorted(folder.glob("events.out.tfevents.*"))
 
     def state(self) -> dict[str, Any]:
-        """As JSON values."""
+        """What `restore` takes, as JSON values."""
         return {"names": list(self._names), "rows": packed(np.array(self._rows, float))}
 
     def restore(self, state: Mapping[str, Any]) -> None:
